@@ -1,0 +1,80 @@
+//! Classes: code, name, colour.
+
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// One class: the code in files, its name and its colour in pictures.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Class {
+    /// Code in files, 0..=255.
+    pub code: u8,
+    /// Name for people.
+    pub name: String,
+    /// sRGB colour.
+    pub colour: [u8; 3],
+}
+
+/// Classes in ascending order of their codes; each code once.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<Class>", into = "Vec<Class>")]
+pub struct ClassTable {
+    classes: Vec<Class>,
+}
+
+impl ClassTable {
+    /// A table of classes; sorted by code. Fails if a code stands twice.
+    pub fn new(mut classes: Vec<Class>) -> Result<Self> {
+        classes.sort_by_key(|c| c.code);
+        match classes.windows(2).find(|w| w[0].code == w[1].code) {
+            Some(w) => {
+                Err(Error::input(format!("class code {} stands twice ({}, {})", w[0].code, w[0].name, w[1].name)))
+            }
+            None => Ok(Self { classes }),
+        }
+    }
+
+    /// A table of these codes, named and coloured by the ASPRS list where it knows them.
+    pub fn from_codes(codes: &[u8]) -> Self {
+        let mut codes = codes.to_vec();
+        codes.sort_unstable();
+        codes.dedup();
+        Self { classes: codes.into_iter().map(preset::asprs).collect() }
+    }
+
+    /// The classes in ascending order of code.
+    pub fn classes(&self) -> &[Class] {
+        &self.classes
+    }
+
+    /// Number of classes.
+    pub fn len(&self) -> usize {
+        self.classes.len()
+    }
+
+    /// True if there is no class.
+    pub fn is_empty(&self) -> bool {
+        self.classes.is_empty()
+    }
+
+    /// Position of a code in the table.
+    pub fn position(&self, code: u8) -> Option<usize> {
+        self.classes.binary_search_by_key(&code, |c| c.code).ok()
+    }
+}
+
+impl TryFrom<Vec<Class>> for ClassTable {
+    type Error = Error;
+    fn try_from(classes: Vec<Class>) -> Result<Self> {
+        Self::new(classes)
+    }
+}
+
+impl From<ClassTable> for Vec<Class> {
+    fn from(table: ClassTable) -> Self {
+        table.classes
+    }
+}
+
+pub mod preset;
+mod remap;
+pub use remap::LabelMap;

@@ -1,0 +1,1 @@
+//! Classification: learning names from examples, and naming.

@@ -1,0 +1,207 @@
+//! The cloud: coordinates as the file has them, and named columns beside them.
+
+mod column;
+mod points;
+
+pub use column::{Column, Values};
+pub use points::Points;
+
+use crate::error::{Error, Result};
+
+/// Names of the columns that have a meaning of their own (PDAL's dimension names).
+pub mod names {
+    /// Class code, u8.
+    pub const CLASSIFICATION: &str = "Classification";
+    /// Return strength, u16 in LAS.
+    pub const INTENSITY: &str = "Intensity";
+    /// Number of this return in its pulse, from 1.
+    pub const RETURN_NUMBER: &str = "ReturnNumber";
+    /// Returns of the pulse.
+    pub const NUMBER_OF_RETURNS: &str = "NumberOfReturns";
+    /// Red, green and blue.
+    pub const COLOUR: [&str; 3] = ["Red", "Green", "Blue"];
+    /// Highest class probability, f32 in 0..1.
+    pub const CONFIDENCE: &str = "Confidence";
+    /// Entropy of the class probabilities, f32, in nats.
+    pub const ENTROPY: &str = "Entropy";
+}
+
+/// Coordinates in one of the two forms that files have.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Coordinates {
+    /// `tick * scale + offset` per axis: the exact integers of LAS.
+    Scaled {
+        /// Integers per axis.
+        ticks: [Vec<i32>; 3],
+        /// Size of one tick, finite and above 0.
+        scale: [f64; 3],
+        /// Added after scaling, finite.
+        offset: [f64; 3],
+    },
+    /// Plain numbers per axis (PLY, text, numpy).
+    Float([Vec<f64>; 3]),
+}
+
+/// Points with named columns. Every column has one value (or row) a point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cloud {
+    coordinates: Coordinates,
+    columns: Vec<Column>,
+    /// Coordinate reference system as the file states it (WKT, or `EPSG:n`).
+    pub crs: Option<String>,
+    /// Metres in one unit of the coordinates, if the file says so (0.3048 for feet).
+    pub metres_per_unit: Option<f64>,
+}
+
+impl Cloud {
+    /// A cloud without columns. Fails if the axes differ in length, a scale is not finite and positive,
+    /// or there are 2^32 points or more.
+    pub fn new(coordinates: Coordinates) -> Result<Self> {
+        let [x, y, z] = match &coordinates {
+            Coordinates::Scaled { ticks: [x, y, z], .. } => [x.len(), y.len(), z.len()],
+            Coordinates::Float([x, y, z]) => [x.len(), y.len(), z.len()],
+        };
+        if x != y || x != z {
+            return Err(Error::input(format!("axes differ in length: x {x}, y {y}, z {z}")));
+        }
+        if x > u32::MAX as usize {
+            return Err(Error::input(format!("{x} points in one cloud; at most {} are possible", u32::MAX)));
+        }
+        if let Coordinates::Scaled { scale, offset, .. } = &coordinates {
+            if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) || offset.iter().any(|o| !o.is_finite()) {
+                return Err(Error::input(format!("scale {scale:?} must be positive and offset {offset:?} finite")));
+            }
+        }
+        Ok(Self { coordinates, columns: Vec::new(), crs: None, metres_per_unit: None })
+    }
+
+    /// A cloud from rows of x, y, z.
+    pub fn from_rows(rows: &[[f64; 3]]) -> Result<Self> {
+        Self::new(Coordinates::Float([0, 1, 2].map(|a| rows.iter().map(|r| r[a]).collect())))
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        match &self.coordinates {
+            Coordinates::Scaled { ticks, .. } => ticks[0].len(),
+            Coordinates::Float(axes) => axes[0].len(),
+        }
+    }
+
+    /// True if there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The coordinates as stored.
+    pub fn coordinates(&self) -> &Coordinates {
+        &self.coordinates
+    }
+
+    /// Coordinates of point `i` in the file's unit.
+    pub fn xyz(&self, i: usize) -> [f64; 3] {
+        match &self.coordinates {
+            Coordinates::Scaled { ticks, scale, offset } => {
+                [0, 1, 2].map(|a| f64::from(ticks[a][i]).mul_add(scale[a], offset[a]))
+            }
+            Coordinates::Float(axes) => [0, 1, 2].map(|a| axes[a][i]),
+        }
+    }
+
+    /// Smallest and largest finite coordinate per axis; `None` if no point is finite.
+    pub fn bounds(&self) -> Option<([f64; 3], [f64; 3])> {
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for i in 0..self.len() {
+            let p = self.xyz(i);
+            if p.iter().all(|v| v.is_finite()) {
+                for a in 0..3 {
+                    low[a] = low[a].min(p[a]);
+                    high[a] = high[a].max(p[a]);
+                }
+            }
+        }
+        (low[0] <= high[0]).then_some((low, high))
+    }
+
+    /// All columns in the file's order.
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// The column of that name.
+    pub fn column(&self, name: &str) -> Option<&Column> {
+        self.columns.iter().find(|c| c.name == name)
+    }
+
+    /// Adds a column or replaces the one of the same name. Fails if its length is not the number of points.
+    pub fn set_column(&mut self, column: Column) -> Result<()> {
+        if column.values.len() != self.len() {
+            return Err(Error::input(format!(
+                "column {} has {} values for {} points",
+                column.name,
+                column.values.len(),
+                self.len()
+            )));
+        }
+        match self.columns.iter_mut().find(|c| c.name == column.name) {
+            Some(slot) => *slot = column,
+            None => self.columns.push(column),
+        }
+        Ok(())
+    }
+
+    /// Removes a column and returns it.
+    pub fn take_column(&mut self, name: &str) -> Option<Column> {
+        let at = self.columns.iter().position(|c| c.name == name)?;
+        Some(self.columns.remove(at))
+    }
+
+    /// The points at `indices`, in that order, with all their columns.
+    pub fn select(&self, indices: &[u32]) -> Self {
+        let coordinates = match &self.coordinates {
+            Coordinates::Scaled { ticks, scale, offset } => Coordinates::Scaled {
+                ticks: [0, 1, 2].map(|a| indices.iter().map(|&i| ticks[a][i as usize]).collect()),
+                scale: *scale,
+                offset: *offset,
+            },
+            Coordinates::Float(axes) => {
+                Coordinates::Float([0, 1, 2].map(|a| indices.iter().map(|&i| axes[a][i as usize]).collect()))
+            }
+        };
+        Self {
+            coordinates,
+            columns: self.columns.iter().map(|c| c.select(indices)).collect(),
+            crs: self.crs.clone(),
+            metres_per_unit: self.metres_per_unit,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_skip_points_that_are_not_finite() {
+        let cloud = Cloud::from_rows(&[[1.0, 2.0, 3.0], [f64::NAN, 0.0, 0.0], [4.0, -1.0, 3.5]]).unwrap();
+        assert_eq!(cloud.bounds(), Some(([1.0, -1.0, 3.0], [4.0, 2.0, 3.5])));
+        assert_eq!(Cloud::from_rows(&[]).unwrap().bounds(), None);
+    }
+
+    #[test]
+    fn columns_must_have_one_value_a_point() {
+        let mut cloud = Cloud::from_rows(&[[0.0; 3], [1.0; 3]]).unwrap();
+        assert!(cloud.set_column(Column::new("Classification", Values::U8(vec![2]))).is_err());
+        cloud.set_column(Column::new("Classification", Values::U8(vec![2, 6]))).unwrap();
+        assert_eq!(cloud.select(&[1]).column("Classification").unwrap().values, Values::U8(vec![6]));
+    }
+
+    #[test]
+    fn scaled_coordinates_refuse_a_zero_scale() {
+        let scaled =
+            |s| Coordinates::Scaled { ticks: [vec![1], vec![2], vec![3]], scale: [s, 1.0, 1.0], offset: [0.0; 3] };
+        assert!(Cloud::new(scaled(0.0)).is_err());
+        assert_eq!(Cloud::new(scaled(0.5)).unwrap().xyz(0), [0.5, 2.0, 3.0]);
+    }
+}

@@ -1,0 +1,76 @@
+//! Local coordinates in metres: what kernels see.
+
+use super::Cloud;
+
+/// `f32` coordinates relative to an origin, axis by axis.
+///
+/// Only the finite points of a cloud are here; `index[i]` is the position in the cloud of local point `i`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// Metres east of the origin.
+    pub x: Vec<f32>,
+    /// Metres north of the origin.
+    pub y: Vec<f32>,
+    /// Metres above the origin.
+    pub z: Vec<f32>,
+    /// Position in the cloud of each point, ascending.
+    pub index: Vec<u32>,
+    /// What was subtracted, in metres.
+    pub origin: [f64; 3],
+}
+
+impl Points {
+    /// Local points of a cloud: finite ones only, in metres, the smallest corner (rounded down to whole metres)
+    /// subtracted in `f64` before rounding to `f32`.
+    pub fn from_cloud(cloud: &Cloud, metres_per_unit: f64) -> Self {
+        let Some((low, _)) = cloud.bounds() else { return Self::default() };
+        let origin = low.map(|v| (v * metres_per_unit).floor());
+        let mut points = Self { origin, ..Self::default() };
+        points.reserve(cloud.len());
+        for i in 0..cloud.len() {
+            let p = cloud.xyz(i);
+            if p.iter().all(|v| v.is_finite()) {
+                points.x.push((p[0] * metres_per_unit - origin[0]) as f32);
+                points.y.push((p[1] * metres_per_unit - origin[1]) as f32);
+                points.z.push((p[2] * metres_per_unit - origin[2]) as f32);
+                points.index.push(i as u32);
+            }
+        }
+        points
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// True if there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty()
+    }
+
+    fn reserve(&mut self, n: usize) {
+        self.x.reserve_exact(n);
+        self.y.reserve_exact(n);
+        self.z.reserve_exact(n);
+        self.index.reserve_exact(n);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_coordinates_keep_millimetres() {
+        let cloud = Cloud::from_rows(&[
+            [652_000.001, 6_862_000.002, 5e6],
+            [652_001.004, f64::INFINITY, 0.0],
+            [652_003.0, 6_862_001.0, 5e6 + 0.5],
+        ])
+        .unwrap();
+        let points = Points::from_cloud(&cloud, 1.0);
+        assert_eq!(points.index, [0, 2]);
+        assert!((points.x[0] - 0.001).abs() < 1e-6 && (points.z[1] - 0.5).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,99 @@
+//! The only file that speaks of chunks and threads: ordered map, cancel flag, progress.
+//!
+//! Core uses rayon's current pool; only the command line and the Python package create one. Results are always
+//! collected in the order of the items, so that they are the same bytes for any number of threads.
+
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// Shared by a long work and its caller: the caller may cancel and may watch how far it is.
+///
+/// Cloning shares the same state. `Monitor::default()` is never cancelled and watched by nobody.
+#[derive(Clone, Debug, Default)]
+pub struct Monitor(Arc<State>);
+
+#[derive(Debug, Default)]
+struct State {
+    cancelled: AtomicBool,
+    done: AtomicU64,
+    total: AtomicU64,
+    stage: std::sync::Mutex<&'static str>,
+}
+
+impl Monitor {
+    /// Asks the work to stop; it returns [`Error::Interrupted`] soon after.
+    pub fn cancel(&self) {
+        self.0.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// Fails once the work was cancelled. Call it at least every few milliseconds of work.
+    pub fn check(&self) -> Result<()> {
+        if self.0.cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// Begins a stage of `total` items (points, trees).
+    pub fn stage(&self, name: &'static str, total: u64) {
+        if let Ok(mut stage) = self.0.stage.lock() {
+            *stage = name;
+        }
+        self.0.done.store(0, Ordering::Relaxed);
+        self.0.total.store(total, Ordering::Relaxed);
+    }
+
+    /// Tells that `items` more are done.
+    pub fn advance(&self, items: u64) {
+        self.0.done.fetch_add(items, Ordering::Relaxed);
+    }
+
+    /// Name of the current stage, items done, items in all.
+    pub fn progress(&self) -> (&'static str, u64, u64) {
+        let stage = self.0.stage.lock().map(|s| *s).unwrap_or_default();
+        (stage, self.0.done.load(Ordering::Relaxed), self.0.total.load(Ordering::Relaxed))
+    }
+}
+
+/// Maps `0..count` in parallel; results in order; stops early when cancelled or at the first error in order.
+pub fn map_ordered<T: Send>(
+    count: usize,
+    monitor: &Monitor,
+    kernel: impl Fn(usize) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
+    let results: Vec<Result<T>> =
+        (0..count).into_par_iter().map(|i| monitor.check().and_then(|()| kernel(i))).collect();
+    results.into_iter().collect()
+}
+
+/// Maps fixed chunks of `0..len` in parallel and folds their results in order, whatever the number of threads.
+pub fn fold_ordered<T: Send>(
+    len: usize,
+    chunk: usize,
+    kernel: impl Fn(std::ops::Range<usize>) -> T + Sync,
+    mut fold: impl FnMut(T, T) -> T,
+) -> Option<T> {
+    let chunk = chunk.max(1);
+    let parts: Vec<T> =
+        (0..len.div_ceil(chunk)).into_par_iter().map(|c| kernel(c * chunk..((c + 1) * chunk).min(len))).collect();
+    parts.into_iter().reduce(&mut fold)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fold_gives_the_same_bits_for_any_pool() {
+        let values: Vec<f64> = (0..10_000).map(|i| 1.0 / (1.0 + f64::from(i))).collect();
+        let sum = || fold_ordered(values.len(), 128, |r| values[r].iter().sum::<f64>(), |a, b| a + b).unwrap();
+        let with = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(sum);
+        assert_eq!(with(1).to_bits(), with(3).to_bits());
+    }
+
+    #[test]
+    fn cancelled_work_returns_interrupted() {
+        let monitor = Monitor::default();
+        monitor.cancel();
+        assert!(matches!(map_ordered(3, &monitor, Ok), Err(Error::Interrupted)));
+    }
+}
