@@ -65,6 +65,21 @@ pub fn map_ordered<T: Send>(
     results.into_iter().collect()
 }
 
+/// Like [`map_ordered`], with a scratch value that a thread reuses from item to item; results must not depend on it.
+pub fn map_ordered_with<S, T: Send>(
+    items: std::ops::Range<usize>,
+    monitor: &Monitor,
+    scratch: impl Fn() -> S + Sync + Send,
+    kernel: impl Fn(&mut S, usize) -> Result<T> + Sync + Send,
+) -> Result<Vec<T>> {
+    let results: Vec<Result<T>> = items
+        .into_par_iter()
+        .with_max_len(4)
+        .map_init(scratch, |s, i| monitor.check().and_then(|()| kernel(s, i)))
+        .collect();
+    results.into_iter().collect()
+}
+
 /// Maps fixed chunks of `0..len` in parallel and folds their results in order, whatever the number of threads.
 pub fn fold_ordered<T: Send>(
     len: usize,

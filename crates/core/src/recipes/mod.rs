@@ -1,1 +1,15 @@
-//! One file per published system.
+//! One file per published system: each reads like the paper's method section and is saved as TOML.
+
+mod builtin;
+mod classify;
+mod labels;
+mod recipe;
+mod train;
+mod training;
+
+pub use labels::{LabelParams, Labels, read_labels};
+pub use builtin::{BUILTIN_MAP, default_model};
+pub use classify::{Classified, ClassifyParams, classify};
+pub use recipe::{Recipe, set_key};
+pub use train::train;
+pub use training::{ClassCount, TrainingParams, TrainingReport, planar_density};

@@ -1,0 +1,86 @@
+//! `scansion classify`: name every point, keep everything else of the file.
+
+use super::{Context, sources};
+use crate::args::Classify;
+use crate::exit_code::Failure;
+use scansion_core::classes::LabelMap;
+use scansion_core::classification::Model;
+use scansion_core::cloud::{Cloud, Column, Values, names};
+use scansion_core::io::{self, Columns, Edit, ReadOptions, WriteOptions};
+use scansion_core::recipes::{self, Classified, ClassifyParams};
+use std::path::Path;
+use std::time::Instant;
+
+pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
+    let model = sources::model(args.model.as_deref())?;
+    let map: LabelMap = args.map.parse()?;
+    let pairs = sources::outputs(&args.inputs, &args.output)?;
+    let mut failed = 0;
+    for (input, output) in &pairs {
+        match one(input, output, &model, &map, args, context) {
+            Err(failure) if pairs.len() == 1 => return Err(failure),
+            Err(Failure::Core(scansion_core::Error::Interrupted)) => return Err(scansion_core::Error::Interrupted.into()),
+            Err(failure) => {
+                context.printer.error(&failure.to_string());
+                failed += 1;
+            }
+            Ok(()) => {}
+        }
+    }
+    if failed > 0 { Err(Failure::Partly { failed, inputs: pairs.len() }) } else { Ok(()) }
+}
+
+fn one(input: &Path, output: &Path, model: &Model, map: &LabelMap, args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
+    sources::guard_input(input, output, args.overwrite)?;
+    let start = Instant::now();
+    let recipe = recipes::Recipe::from_toml(&model.recipe_toml)?;
+    let mut wanted: Vec<String> = recipe.features.columns().iter().map(ToString::to_string).collect();
+    if args.only_unclassified || !args.skip.is_empty() {
+        wanted.push(names::CLASSIFICATION.into());
+    }
+    let options = ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone() };
+    let cloud = io::read_with(input, &options)?;
+    let params = ClassifyParams { probabilities: args.probabilities, metres_per_unit: args.unit };
+    let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
+    result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
+    let points = cloud.len();
+    let codes = merge(&cloud, &result, map, args);
+    drop(cloud);
+    let edits = edits(codes, result, model, args)?;
+    let report = io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone() })?;
+    report.notes.iter().for_each(|n| context.printer.note(&format!("{}: {n}", output.display())));
+    let seconds = start.elapsed().as_secs_f64();
+    let rate = points as f64 / seconds.max(1e-9);
+    context.printer.note(&format!("{}: {points} points in {seconds:.1} s ({:.0} k points/s)", output.display(), rate / 1e3));
+    Ok(())
+}
+
+/// The codes to write: the model's, but what was there where the user wants it kept.
+fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Vec<u8> {
+    let old = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
+    let keep = |code: u8| args.skip.contains(&code) || (args.only_unclassified && code > 1);
+    let codes = result.codes.iter().enumerate();
+    codes
+        .map(|(i, &new)| match old.map(|v| v.get(i) as u8) {
+            Some(code) if keep(code) => code,
+            _ => map.apply(new),
+        })
+        .collect()
+}
+
+fn edits(codes: Vec<u8>, result: Classified, model: &Model, args: &Classify) -> Result<Vec<Edit>, Failure> {
+    let mut edits = vec![Edit::Classification(codes)];
+    if !args.no_extra {
+        edits.push(Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))));
+        edits.push(Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))));
+    }
+    if let Some(probabilities) = result.probabilities {
+        let classes = model.classes.classes();
+        for (c, class) in classes.iter().enumerate() {
+            let values = probabilities.chunks_exact(classes.len()).map(|p| p[c]).collect();
+            let name = format!("P_{}", class.name.replace(|ch: char| !ch.is_ascii_alphanumeric(), "_"));
+            edits.push(Edit::Dimension(Column::new(name.chars().take(31).collect::<String>(), Values::F32(values))));
+        }
+    }
+    Ok(edits)
+}

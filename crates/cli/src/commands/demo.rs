@@ -1,0 +1,59 @@
+//! `scansion demo`: the whole way on a small real scan that is built in.
+
+use super::{Context, render, sources};
+use crate::args::Demo;
+use crate::exit_code::Failure;
+use scansion_core::Error;
+use scansion_core::cloud::{Column, Values, names};
+use scansion_core::evaluation::{Confusion, report};
+use scansion_core::images::{self, ColourBy, RenderParams, View};
+use scansion_core::io::{self, Edit, WriteOptions, atomic};
+use scansion_core::recipes::{self, ClassifyParams, LabelParams, read_labels};
+
+/// A crop of IGN's LiDAR HD (MIT licence, see `assets/README.md`) that the built-in model has not learned from.
+const SCAN: &[u8] = include_bytes!("../../assets/demo.laz");
+
+pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
+    let folder = &args.output;
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let (scan, named) = (folder.join("scan.laz"), folder.join("named.laz"));
+    atomic::write_bytes(&scan, SCAN)?;
+
+    let mut cloud = io::read(&scan)?;
+    let params = LabelParams { map: recipes::BUILTIN_MAP.parse()?, ..LabelParams::default() };
+    let truth = read_labels(&cloud, &params)?.codes;
+    let model = sources::model(None)?;
+    let result = recipes::classify(&cloud, &model, &ClassifyParams::default(), &context.monitor)?;
+    let confusion = Confusion::from_options(&truth, &result.codes)?;
+
+    let edits = [
+        Edit::Classification(result.codes.clone()),
+        Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))),
+        Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))),
+    ];
+    io::rewrite(&scan, &named, &edits, &WriteOptions { monitor: context.monitor.clone() })?;
+    cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(result.codes)))?;
+    let views = [("map.png", View::Map), ("oblique.png", View::Oblique { azimuth_deg: 30.0, elevation_deg: 35.0 })];
+    for (name, view) in views {
+        let title = Some("Named by scansion's built-in model".to_string());
+        let picture = RenderParams { view, by: ColourBy::Class, title, ..RenderParams::default() };
+        let image = images::render(&cloud, &render::classes(&cloud), &picture)?;
+        atomic::write_bytes(&folder.join(name), &image.to_png()?)?;
+    }
+    atomic::write_bytes(&folder.join("scores.json"), report::to_json(&confusion)?.as_bytes())?;
+    context.printer.data(&report::to_table(&confusion))?;
+    context.printer.data(&next(folder))
+}
+
+fn next(folder: &std::path::Path) -> String {
+    let f = folder.display();
+    format!(
+        "\nIn {f}: scan.laz (as scanned), named.laz (named, with Confidence and Entropy), map.png, oblique.png, scores.json
+
+What to do next:
+  scansion classify my.laz -o named.laz               name every point of your own scan
+  scansion train labelled.laz -o my.model             learn from your own labels
+  scansion classify my.laz -o named.laz -m my.model   and use what was learned
+  scansion render named.laz -o named.png --view oblique"
+    )
+}

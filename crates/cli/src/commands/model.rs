@@ -1,0 +1,70 @@
+//! `scansion model show`: look into a model.
+
+use super::{Context, sources};
+use crate::args::{Format, Model};
+use crate::exit_code::Failure;
+use scansion_core::classification::Model as ModelFile;
+use std::fmt::Write;
+
+pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
+    let Model::Show { model, recipe } = args;
+    let model = sources::model(model.as_deref())?;
+    if *recipe {
+        return context.printer.data(&model.recipe_toml);
+    }
+    let ranked = ranked(&model);
+    context.printer.data(&match context.printer.format {
+        Format::Json => json(&model, &ranked),
+        Format::Csv => csv(&ranked),
+        Format::Table => table(&model, &ranked),
+    })
+}
+
+/// Features by falling impurity importance.
+fn ranked(model: &ModelFile) -> Vec<(&str, f64)> {
+    let mut ranked: Vec<(&str, f64)> =
+        model.feature_names.iter().map(String::as_str).zip(model.forest.importance().iter().copied()).collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(b.0)));
+    ranked
+}
+
+fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
+    let mut text = format!(
+        "{} trees, {} nodes, {} features, trained at {:.1} points per square metre\n\n{:>5}  {:<20} {:>12}\n",
+        model.forest.trees(),
+        model.forest.nodes(),
+        model.feature_names.len(),
+        model.fingerprint.density,
+        "code",
+        "class",
+        "samples"
+    );
+    for (class, samples) in model.classes.classes().iter().zip(&model.fingerprint.class_counts) {
+        let _ = writeln!(text, "{:>5}  {:<20} {samples:>12}", class.code, class.name);
+    }
+    let _ = writeln!(text, "\nmost important features (share of the impurity removed)");
+    for (name, importance) in ranked.iter().take(20) {
+        let bar = "#".repeat((importance * 400.0).round().clamp(0.0, 60.0) as usize);
+        let _ = writeln!(text, "{name:>32} {:>6.2} %  {bar}", 100.0 * importance);
+    }
+    text
+}
+
+fn csv(ranked: &[(&str, f64)]) -> String {
+    let lines = ranked.iter().map(|(name, importance)| format!("{name},{importance}\n"));
+    std::iter::once("feature,importance\n".to_string()).chain(lines).collect()
+}
+
+fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
+    serde_json::json!({
+        "trees": model.forest.trees(),
+        "nodes": model.forest.nodes(),
+        "seed": model.seed,
+        "classes": model.classes.classes(),
+        "samples": model.fingerprint.class_counts,
+        "density": model.fingerprint.density,
+        "features": ranked.iter().map(|(name, importance)| serde_json::json!({"name": name, "importance": importance})).collect::<Vec<_>>(),
+        "recipe": model.recipe_toml,
+    })
+    .to_string()
+}

@@ -1,0 +1,68 @@
+//! `scansion render`: a map or an oblique view as PNG.
+
+use super::Context;
+use crate::args::{Render, ViewArg};
+use crate::exit_code::Failure;
+use scansion_core::classes::ClassTable;
+use scansion_core::cloud::{Cloud, names};
+use scansion_core::images::{self, ColourBy, RenderParams, View};
+use scansion_core::io::{self, atomic};
+
+pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
+    if args.output.extension().and_then(|e| e.to_str()) != Some("png") {
+        return Err(Failure::Usage(format!("{}: pictures are written as .png", args.output.display())));
+    }
+    let range = args.range.as_deref().map(range).transpose()?;
+    let cloud = io::read(&args.input)?;
+    let params = RenderParams {
+        view: match args.view {
+            ViewArg::Map => View::Map,
+            ViewArg::Oblique => View::Oblique { azimuth_deg: args.azimuth, elevation_deg: args.elevation },
+        },
+        by: colour_by(args.by.as_deref(), &cloud),
+        width: args.width,
+        height: args.height,
+        shading: !args.no_shading,
+        legend: !args.no_legend,
+        title: args.title.clone(),
+        range,
+        ..RenderParams::default()
+    };
+    let image = images::render(&cloud, &classes(&cloud), &params)?;
+    context.monitor.check()?;
+    atomic::write_bytes(&args.output, &image.to_png()?)?;
+    if let Some(world) = image.world_file() {
+        atomic::write_bytes(&args.output.with_extension("pgw"), world.as_bytes())?;
+    }
+    context.printer.note(&format!("{}: {} x {} pixels, {} points", args.output.display(), image.width, image.height, cloud.len()));
+    Ok(())
+}
+
+fn range(text: &str) -> Result<(f64, f64), Failure> {
+    let parsed = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    match parsed {
+        Some((low, high)) if low < high => Ok((low, high)),
+        _ => Err(Failure::Usage(format!("--range {text}: give LOW,HIGH with LOW below HIGH"))),
+    }
+}
+
+fn colour_by(asked: Option<&str>, cloud: &Cloud) -> ColourBy {
+    match asked {
+        Some("class") => ColourBy::Class,
+        Some("height") => ColourBy::Height,
+        Some("rgb") => ColourBy::Colour,
+        Some(name) => ColourBy::Dimension(name.to_string()),
+        None if cloud.column(names::CLASSIFICATION).is_some() => ColourBy::Class,
+        None => ColourBy::Height,
+    }
+}
+
+/// The classes that the cloud holds.
+pub(crate) fn classes(cloud: &Cloud) -> ClassTable {
+    let mut seen = [false; 256];
+    if let Some(column) = cloud.column(names::CLASSIFICATION) {
+        (0..cloud.len()).for_each(|i| seen[usize::from(column.values.get(i) as u8)] = true);
+    }
+    let codes: Vec<u8> = (0..=255u8).filter(|&c| seen[usize::from(c)]).collect();
+    ClassTable::from_codes(&codes)
+}

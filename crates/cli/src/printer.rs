@@ -1,0 +1,65 @@
+//! The one place that writes to the terminal.
+
+use crate::args::{Format, Global};
+use crate::exit_code::Failure;
+use scansion_core::Error;
+use std::io::{IsTerminal, Write};
+use std::path::Path;
+
+/// Data to stdout, everything else to stderr.
+#[derive(Debug)]
+pub(crate) struct Printer {
+    verbosity: i8,
+    colour: bool,
+    /// Form of the data on stdout.
+    pub(crate) format: Format,
+}
+
+impl Printer {
+    pub(crate) fn new(global: &Global) -> Self {
+        let plain = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
+        let verbosity = if global.quiet { -1 } else { i8::try_from(global.verbose).unwrap_or(i8::MAX) };
+        Self { verbosity, colour: !plain && std::io::stderr().is_terminal(), format: global.format }
+    }
+
+    /// Data for the next program or the reader's eyes. A closed pipe is not an error.
+    pub(crate) fn data(&self, text: &str) -> Result<(), Failure> {
+        let mut out = std::io::stdout().lock();
+        let end = if text.ends_with('\n') { "" } else { "\n" };
+        match out.write_all(text.as_bytes()).and_then(|()| out.write_all(end.as_bytes())).and_then(|()| out.flush()) {
+            Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::io(Path::new("stdout"), e).into()),
+            _ => Ok(()),
+        }
+    }
+
+    /// What is being done; silent with `--quiet`.
+    pub(crate) fn note(&self, text: &str) {
+        if self.verbosity >= 0 {
+            self.line("", text);
+        }
+    }
+
+    /// Detail; only with `-v`.
+    pub(crate) fn detail(&self, text: &str) {
+        if self.verbosity >= 1 {
+            self.line("", text);
+        }
+    }
+
+    /// Something the user should know; shown unless `--quiet`.
+    pub(crate) fn warning(&self, text: &str) {
+        if self.verbosity >= 0 {
+            self.line(if self.colour { "\x1b[33mwarning:\x1b[0m " } else { "warning: " }, text);
+        }
+    }
+
+    /// Why the run failed; always shown.
+    pub(crate) fn error(&self, text: &str) {
+        self.line(if self.colour { "\x1b[31merror:\x1b[0m " } else { "error: " }, text);
+    }
+
+    fn line(&self, prefix: &str, text: &str) {
+        // Nothing can be done if stderr is closed.
+        let _ = writeln!(std::io::stderr().lock(), "{prefix}{text}");
+    }
+}

@@ -1,0 +1,31 @@
+//! How many threads: flag, then environment, then what the machine (and its cgroup quota) gives.
+
+use crate::exit_code::Failure;
+
+/// Runs `work` in a pool of the asked size.
+pub(crate) fn with_pool<T: Send>(asked: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(count(asked))
+        .build()
+        .map_err(|e| Failure::Usage(format!("cannot start {} threads: {e}", count(asked))))?;
+    Ok(pool.install(work))
+}
+
+/// The number of threads in force.
+pub(crate) fn count(asked: Option<usize>) -> usize {
+    let environment = ["RAYON_NUM_THREADS", "SLURM_CPUS_PER_TASK"];
+    let named = environment.iter().find_map(|name| std::env::var(name).ok()?.parse::<usize>().ok().filter(|&n| n > 0));
+    let machine = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    asked.or(named).unwrap_or_else(machine).clamp(1, 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pool_has_the_asked_size() {
+        assert_eq!(with_pool(Some(3), rayon::current_num_threads).unwrap(), 3);
+        assert!(count(None) >= 1);
+    }
+}

@@ -1,0 +1,147 @@
+//! Naming every point of a cloud with a model, block by block.
+
+use super::recipe::Recipe;
+use super::training::planar_density;
+use crate::classification::{Model, PredictScratch};
+use crate::cloud::Cloud;
+use crate::error::{Error, Result};
+use crate::features::{Extractor, Scratch, Selection};
+use crate::parallel::{Monitor, map_ordered_with};
+
+/// Blocks of points whose results are held before they are put in the cloud's order.
+const BLOCKS_AT_ONCE: usize = 256;
+
+/// Settings of [`classify`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClassifyParams {
+    /// Return the probability of every class too (4 bytes a point and class).
+    pub probabilities: bool,
+    /// Metres in one unit of the coordinates; `None` takes the cloud's own, else 1.
+    pub metres_per_unit: Option<f64>,
+}
+
+/// One answer a point, in the cloud's order. Points that are not finite get code 1, confidence 0 and entropy ln(classes).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Classified {
+    /// Most probable class.
+    pub codes: Vec<u8>,
+    /// Its probability, 0..1.
+    pub confidence: Vec<f32>,
+    /// Entropy of the probabilities in nats, 0..ln(classes).
+    pub entropy: Vec<f32>,
+    /// Row-major `points x classes`, if asked for.
+    pub probabilities: Option<Vec<f32>>,
+    /// What the user should know: density outside the training's, points that are not finite.
+    pub warnings: Vec<String>,
+}
+
+/// Names every point of a cloud. Features are computed and forgotten block by block.
+///
+/// # Errors
+/// The model asks for a feature that this version or this cloud cannot give.
+pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<Classified> {
+    let mut set = Recipe::from_toml(&model.recipe_toml)?.features;
+    set.metres_per_unit = params.metres_per_unit.or(set.metres_per_unit);
+    let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
+    result.warnings = warnings(cloud, model, set.metres(cloud));
+    let extractor = Extractor::prepare(cloud, &set, monitor)?;
+    let selection = select(&extractor, &model.feature_names)?;
+    monitor.stage("classify", extractor.len() as u64);
+    let blocks = extractor.blocks();
+    for first in (0..blocks).step_by(BLOCKS_AT_ONCE) {
+        let range = first..(first + BLOCKS_AT_ONCE).min(blocks);
+        let parts = map_ordered_with(range, monitor, Workspace::default, |w, b| w.block(b, &extractor, &selection, model, monitor))?;
+        parts.iter().for_each(|part| result.place(part, model));
+    }
+    Ok(result)
+}
+
+/// The columns of the extractor that the model wants, in the model's order.
+fn select(extractor: &Extractor<'_>, wanted: &[String]) -> Result<Selection> {
+    let known = extractor.names();
+    let columns = wanted.iter().map(|name| {
+        known.iter().position(|k| k == name).ok_or_else(|| {
+            Error::ModelMismatch(format!("it needs the feature {name}; its recipe gives {} others", known.len()))
+        })
+    });
+    extractor.select(&columns.collect::<Result<Vec<usize>>>()?)
+}
+
+#[derive(Default)]
+struct Workspace {
+    scratch: Scratch,
+    rows: Vec<f32>,
+    forest: PredictScratch,
+}
+
+/// Points of one block and their class probabilities.
+struct Part {
+    points: Vec<u32>,
+    probabilities: Vec<f32>,
+}
+
+impl Workspace {
+    fn block(&mut self, b: usize, extractor: &Extractor<'_>, selection: &Selection, model: &Model, monitor: &Monitor) -> Result<Part> {
+        let points = extractor.block(b, selection, &mut self.scratch, &mut self.rows)?.to_vec();
+        let mut probabilities = vec![0.0; points.len() * model.classes.len()];
+        model.forest.predict_block(&self.rows, &mut self.forest, &mut probabilities)?;
+        monitor.advance(points.len() as u64);
+        Ok(Part { points, probabilities })
+    }
+}
+
+impl Classified {
+    fn unknown(points: usize, classes: usize, probabilities: bool) -> Self {
+        Self {
+            codes: vec![1; points],
+            confidence: vec![0.0; points],
+            entropy: vec![(classes as f32).ln(); points],
+            probabilities: probabilities.then(|| vec![1.0 / classes as f32; points * classes]),
+            warnings: Vec::new(),
+        }
+    }
+
+    fn place(&mut self, part: &Part, model: &Model) {
+        let classes = model.classes.classes();
+        for (&point, row) in part.points.iter().zip(part.probabilities.chunks_exact(classes.len())) {
+            let point = point as usize;
+            let best = (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best });
+            self.codes[point] = classes[best].code;
+            self.confidence[point] = row[best].clamp(0.0, 1.0);
+            self.entropy[point] = entropy(row);
+            if let Some(all) = &mut self.probabilities {
+                all[point * row.len()..(point + 1) * row.len()].copy_from_slice(row);
+            }
+        }
+    }
+}
+
+/// Entropy in nats of probabilities that sum to 1; 0 ln 0 = 0.
+fn entropy(row: &[f32]) -> f32 {
+    row.iter().filter(|&&p| p > 0.0).map(|&p| -p * p.ln()).sum::<f32>().max(0.0)
+}
+
+/// "Does this model fit this cloud?": what differs from the training.
+fn warnings(cloud: &Cloud, model: &Model, metres: f64) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let finite = (0..cloud.len()).filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
+    if finite < cloud.len() {
+        warnings.push(format!("{} points have coordinates that are not finite; they stay unclassified", cloud.len() - finite));
+    }
+    let (here, there) = (planar_density(cloud, metres), model.fingerprint.density);
+    if finite > 1000 && there > 0.0 && (here > 8.0 * there || here < 0.02 * there) {
+        warnings.push(format!("{here:.1} points per square metre here, {there:.1} in training: check the unit of the coordinates and the result"));
+    }
+    warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entropy_of_known_distributions() {
+        assert!((entropy(&[0.5, 0.5, 0.0]) - std::f32::consts::LN_2).abs() < 1e-6);
+        assert!(entropy(&[1.0, 0.0]).abs() < 1e-9);
+    }
+}

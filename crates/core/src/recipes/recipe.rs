@@ -1,0 +1,133 @@
+//! A recipe: everything that decides a result, saved as TOML.
+
+use super::TrainingParams;
+use crate::classification::ForestParams;
+use crate::error::{Error, Result};
+use crate::features::FeatureSet;
+use serde::{Deserialize, Serialize};
+
+/// The settings of the pyramid recipe (document 004, chapter 4.4); every default is the paper's.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Recipe {
+    /// Seed of everything that is drawn by chance.
+    pub seed: u64,
+    /// Which features, on which scales.
+    pub features: FeatureSet,
+    /// Which points are learned from.
+    pub training: TrainingParams,
+    /// The forest.
+    pub forest: ForestParams,
+}
+
+impl Recipe {
+    /// Reads TOML; a wrong key is named with its line and the nearest valid key.
+    pub fn from_toml(text: &str) -> Result<Self> {
+        toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
+    }
+
+    /// The recipe as TOML, all values resolved.
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string(self).map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
+    }
+
+    /// Checks every part.
+    pub fn validate(&self) -> Result<()> {
+        self.features.validate()?;
+        self.training.validate()?;
+        self.forest.validate()
+    }
+
+    /// Applies `section.key=value` settings, each value read as TOML (a bare word counts as text).
+    pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
+        let mut table: toml::Table =
+            self.to_toml()?.parse().map_err(|e| Error::input(format!("recipe: {e}")))?;
+        for setting in settings {
+            set_key(&mut table, setting)?;
+        }
+        Self::from_toml(&table.to_string())
+    }
+}
+
+/// Sets one `a.b.c=value` in a TOML table.
+pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
+    let bad = || Error::parameter("set", setting, "key=value, e.g. forest.trees=100");
+    let (key, value) = setting.split_once('=').ok_or_else(bad)?;
+    let value = parse_value(value.trim());
+    let mut parts: Vec<&str> = key.trim().split('.').collect();
+    let last = parts.pop().filter(|k| !k.is_empty()).ok_or_else(bad)?;
+    let mut here = table;
+    for part in parts {
+        let next = here.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        here = next.as_table_mut().ok_or_else(bad)?;
+    }
+    here.insert(last.to_string(), value);
+    Ok(())
+}
+
+fn parse_value(text: &str) -> toml::Value {
+    format!("v = {text}")
+        .parse::<toml::Table>()
+        .ok()
+        .and_then(|mut t| t.remove("v"))
+        .unwrap_or_else(|| toml::Value::String(text.to_string()))
+}
+
+/// Adds "did you mean" to serde's message about an unknown field.
+fn explain(message: &str) -> String {
+    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    match (message.contains("unknown field"), quoted.split_first()) {
+        (true, Some((wrong, valid))) => match valid.iter().min_by_key(|v| edit_distance(wrong, v)) {
+            Some(near) => format!("{}\nhelp: did you mean `{near}`?", message.trim_end()),
+            None => message.to_string(),
+        },
+        _ => message.to_string(),
+    }
+}
+
+/// Levenshtein's distance in characters.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let change = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = change.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recipe_survives_toml() {
+        let recipe = Recipe { seed: 7, ..Recipe::default() };
+        assert_eq!(Recipe::from_toml(&recipe.to_toml().unwrap()).unwrap(), recipe);
+    }
+
+    #[test]
+    fn a_wrong_key_names_itself_its_line_and_the_nearest() {
+        let message = Recipe::from_toml("seed = 1\n[forest]\ntreees = 3\n").unwrap_err().to_string();
+        assert!(message.contains("treees") && message.contains("line 3") && message.contains("did you mean `trees`"), "{message}");
+    }
+
+    #[test]
+    fn settings_reach_nested_keys() {
+        let recipe = Recipe::default().with_settings(["forest.trees=7", "seed=3"]).unwrap();
+        assert_eq!((recipe.forest.trees, recipe.seed), (7, 3));
+        assert!(Recipe::default().with_settings(["forest.trees"]).is_err());
+        assert!(Recipe::default().with_settings(["forest.trees=many"]).is_err());
+    }
+
+    #[test]
+    fn edit_distance_matches_known_pairs() {
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "abc"), 3);
+    }
+}

@@ -1,0 +1,194 @@
+//! Which labelled points are learned from: voxel sub-sampling, thinned copies, class balance.
+//!
+//! Document 004, chapters 4.4.3 and 4.6.1: training data are voxel-filtered so that their density does not depend on
+//! the scanner's position; then the largest class gets at most 4 times the samples of the smallest.
+
+use super::labels::Labels;
+use crate::cloud::{Cloud, Points};
+use crate::error::{Error, Result};
+use crate::random::{Stream, stream};
+use serde::{Deserialize, Serialize};
+
+/// Which points are learned from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainingParams {
+    /// One sample a voxel of this size, metres, with the voxel's majority label; 0 takes every point.
+    pub voxel: f64,
+    /// The largest class keeps at most this many times the samples of the smallest; at least 1.
+    pub max_ratio: f64,
+    /// Samples in all; every class is thinned by the same factor above it.
+    pub max_samples: usize,
+    /// Besides the cloud as it is, learn from copies thinned to these densities in points per square metre.
+    pub densities: Vec<f64>,
+    /// Boxes `[x min, y min, x max, y max]` in the file's coordinates that are not learned from.
+    pub exclude: Vec<[f64; 4]>,
+}
+
+impl Default for TrainingParams {
+    fn default() -> Self {
+        Self { voxel: 0.01, max_ratio: 4.0, max_samples: 1_000_000, densities: Vec::new(), exclude: Vec::new() }
+    }
+}
+
+impl TrainingParams {
+    /// Checks the ranges of all fields.
+    pub fn validate(&self) -> Result<()> {
+        if !self.voxel.is_finite() || self.voxel < 0.0 {
+            return Err(Error::parameter("training.voxel", self.voxel, "a size in metres, 0 or more"));
+        }
+        if self.max_ratio.is_nan() || self.max_ratio < 1.0 {
+            return Err(Error::parameter("training.max_ratio", self.max_ratio, "1 or more"));
+        }
+        if self.max_samples == 0 {
+            return Err(Error::parameter("training.max_samples", 0, "1 or more"));
+        }
+        match self.densities.iter().find(|d| !d.is_finite() || **d <= 0.0) {
+            Some(d) => Err(Error::parameter("training.densities", d, "points per square metre, above 0")),
+            None => Ok(()),
+        }
+    }
+
+    fn excludes(&self, x: f64, y: f64) -> bool {
+        self.exclude.iter().any(|b| x >= b[0] && y >= b[1] && x <= b[2] && y <= b[3])
+    }
+}
+
+/// How many points of a class were there and were used.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ClassCount {
+    /// Class code.
+    pub code: u8,
+    /// Labelled points in all clouds.
+    pub points: u64,
+    /// Samples that the forest learned from.
+    pub samples: u64,
+}
+
+/// What training did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrainingReport {
+    /// Per class, ascending by code.
+    pub classes: Vec<ClassCount>,
+    /// Points that were skipped because nobody named them.
+    pub unlabelled: u64,
+    /// Out-of-bag accuracy, 0..1, if bagging left samples out.
+    pub out_of_bag_accuracy: Option<f64>,
+    /// Size of the finest voxel, metres.
+    pub first_scale: f64,
+    /// Features that some tree uses, of all that were offered.
+    pub used_features: usize,
+    /// Features that were offered.
+    pub features: usize,
+}
+
+/// A point that may be learned from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Candidate {
+    /// Position in the cloud (or its thinned copy).
+    pub(super) point: u32,
+    /// Class code.
+    pub(super) code: u8,
+}
+
+/// One candidate for each voxel: its first point that carries the voxel's majority label (ties: smallest code).
+///
+/// O(n log n) time, 28 bytes a labelled point.
+pub(super) fn candidates(cloud: &Cloud, labels: &Labels, params: &TrainingParams, metres: f64) -> Vec<Candidate> {
+    let points = Points::from_cloud(cloud, metres);
+    let mut keyed: Vec<([i32; 3], Candidate)> = Vec::new();
+    for (i, &point) in points.index.iter().enumerate() {
+        let xyz = cloud.xyz(point as usize);
+        let Some(code) = labels.codes[point as usize].filter(|_| !params.excludes(xyz[0], xyz[1])) else { continue };
+        let key = [points.x[i], points.y[i], points.z[i]].map(|v| cell(v, params.voxel, point));
+        keyed.push((key, Candidate { point, code }));
+    }
+    keyed.sort_unstable_by_key(|(key, c)| (*key, c.code, c.point));
+    keyed.chunk_by(|a, b| a.0 == b.0).filter_map(majority).collect()
+}
+
+/// Cell of a coordinate; with voxel 0 every point has a cell of its own.
+fn cell(value: f32, voxel: f64, point: u32) -> i32 {
+    if voxel > 0.0 { (f64::from(value) / voxel).floor() as i32 } else { point as i32 }
+}
+
+/// The voxel's members are sorted by code, then by point.
+fn majority(voxel: &[([i32; 3], Candidate)]) -> Option<Candidate> {
+    let runs = voxel.chunk_by(|a, b| a.1.code == b.1.code);
+    runs.fold(None, |best: Option<&[([i32; 3], Candidate)]>, run| match best {
+        Some(b) if b.len() >= run.len() => Some(b),
+        _ => Some(run),
+    })
+    .map(|run| run[0].1)
+}
+
+/// The cloud as it is, then its thinned copies: for each the positions of its points. `None` stands for all points.
+///
+/// A density is only thinned to if the cloud is at least a quarter denser.
+pub(super) fn copies(cloud: &Cloud, params: &TrainingParams, metres: f64, seed: u64) -> Vec<Option<Vec<u32>>> {
+    let mut copies = vec![None];
+    let density = planar_density(cloud, metres);
+    for (c, &target) in params.densities.iter().enumerate() {
+        if density > 1.25 * target {
+            let mut random = stream(seed, 0x7468_696e ^ (c as u64) << 32);
+            copies.push(Some(thin(cloud.len(), target / density, &mut random)));
+        }
+    }
+    copies
+}
+
+fn thin(points: usize, share: f64, random: &mut Stream) -> Vec<u32> {
+    (0..points as u32).filter(|_| random.uniform() < share).collect()
+}
+
+/// Points per occupied square metre, measured on cells of 2 m. 0 for an empty cloud.
+pub fn planar_density(cloud: &Cloud, metres: f64) -> f64 {
+    let points = Points::from_cloud(cloud, metres);
+    let mut cells: Vec<(i32, i32)> =
+        points.x.iter().zip(&points.y).map(|(&x, &y)| ((x / 2.0).floor() as i32, (y / 2.0).floor() as i32)).collect();
+    let n = cells.len();
+    cells.sort_unstable();
+    cells.dedup();
+    if cells.is_empty() { 0.0 } else { n as f64 / (4.0 * cells.len() as f64) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(codes: &[u8]) -> Labels {
+        Labels { codes: codes.iter().map(|&c| (c > 0).then_some(c)).collect(), unlabelled: 0 }
+    }
+
+    #[test]
+    fn a_voxel_gives_its_first_point_of_the_majority_label() {
+        let rows = [[0.1, 0.1, 0.1], [0.2, 0.2, 0.2], [0.3, 0.1, 0.2], [1.5, 0.0, 0.0]];
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let params = TrainingParams { voxel: 1.0, ..TrainingParams::default() };
+        let found = candidates(&cloud, &labels(&[5, 2, 2, 0]), &params, 1.0);
+        assert_eq!(found, [Candidate { point: 1, code: 2 }]);
+        let all = TrainingParams { voxel: 0.0, ..params.clone() };
+        assert_eq!(candidates(&cloud, &labels(&[5, 2, 2, 6]), &all, 1.0).len(), 4);
+        let boxed = TrainingParams { exclude: vec![[0.0, 0.0, 1.0, 1.0]], ..params };
+        assert_eq!(candidates(&cloud, &labels(&[5, 2, 2, 6]), &boxed, 1.0), [Candidate { point: 3, code: 6 }]);
+    }
+
+    #[test]
+    fn copies_reach_the_asked_density() {
+        let rows: Vec<[f64; 3]> = (0..10_000).map(|i| [f64::from(i % 100) * 0.2, f64::from(i / 100) * 0.2, 0.0]).collect();
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        assert!((planar_density(&cloud, 1.0) - 25.0).abs() < 1e-9);
+        let params = TrainingParams { densities: vec![5.0, 24.0], ..TrainingParams::default() };
+        let copies = copies(&cloud, &params, 1.0, 0);
+        assert_eq!(copies.len(), 2);
+        let thinned = copies[1].as_ref().unwrap().len();
+        assert!((1800..2200).contains(&thinned), "{thinned}");
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        let bad = TrainingParams { max_ratio: 0.5, ..TrainingParams::default() };
+        assert!(bad.validate().unwrap_err().to_string().contains("max_ratio"));
+        assert!(TrainingParams { voxel: f64::NAN, ..TrainingParams::default() }.validate().is_err());
+    }
+}
