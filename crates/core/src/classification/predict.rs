@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use rayon::prelude::*;
 
 /// Rows of a block: enough that a tree is worth loading, few enough that the codes stay in the cache.
-const BLOCK: usize = 2048;
+const BLOCK: usize = 512;
 
 /// Working memory of [`Forest::predict_block`], to be used again for the next block.
 #[derive(Clone, Debug, Default)]
@@ -114,10 +114,11 @@ impl Forest {
             for i in 0..count {
                 let (row, at) = walk.moving[i];
                 let node = self.node(at);
-                let code: u16 = codes[row as usize * width + usize::from(node.feature)].into();
+                let code: u16 =
+                    codes[(row as usize).wrapping_mul(width).wrapping_add(usize::from(node.feature))].into();
                 walk.leaves[row as usize] = node.left;
                 walk.moving[kept] = (row, node.left.wrapping_add(u32::from(code > node.cut)));
-                kept += usize::from(node.cut != LEAF_CUT);
+                kept = kept.wrapping_add(usize::from(node.cut != LEAF_CUT));
             }
             count = kept;
         }
