@@ -406,7 +406,7 @@ mod tests {
             (head.to_string() + "1.5 2.5 3.5\n1 2\n", "line 9"),
             (head.to_string() + "1.5 2.5 3.5\n1 2 q\n", "line 9"),
             (head.replace("property float z\n", ""), "no `z`"),
-            (head.replace("float z", "float x"), "twice"),
+            (head.replace("float z\n", "float z\nproperty float x\n"), "twice"),
             ("ply\nformat ascii 1.0\n".into(), "end_header"),
         ];
         for (text, expected) in cases {
