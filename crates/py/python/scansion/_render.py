@@ -1,0 +1,74 @@
+"""Pictures of clouds, without a display."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._cloud import as_cloud
+
+
+def render(
+    cloud: Any,
+    path: str | os.PathLike[str] | None = None,
+    by: str = "class",
+    view: Literal["map", "oblique"] = "map",
+    *,
+    azimuth: float = 225.0,
+    elevation: float = 35.0,
+    width: int = 1600,
+    height: int | None = None,
+    shading: bool = True,
+    legend: bool = True,
+    title: str | None = None,
+    value_range: tuple[float, float] | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.uint8]:
+    """Draws a cloud from above or at a slant.
+
+    Parameters
+    ----------
+    cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+    path : path, optional
+        Also write the picture there as PNG.
+    by : str
+        What the colour tells: "class", "height", "rgb" (the points' own colour) or the name of a column.
+    view : {"map", "oblique"}
+    azimuth, elevation : float
+        Where the oblique view looks from, degrees: clockwise from north, above the horizon.
+    width, height : int
+        Pixels; without a height it follows from the cloud's shape.
+    shading : bool
+        Show relief.
+    legend : bool
+        Draw legend, scale bar and north arrow.
+    title : str, optional
+    value_range : (float, float), optional
+        Ends of the colour bar; the cloud's own by default.
+    n_jobs : int, optional
+        Threads; None and -1 take all.
+
+    Returns
+    -------
+    array of shape (height, width, 3)
+        sRGB.
+    """
+    if view not in ("map", "oblique"):
+        raise ValueError(f"view: found {view!r}, expected 'map' or 'oblique'")
+    settings = {
+        "by": by,
+        "angles": (azimuth, elevation) if view == "oblique" else None,
+        "width": width,
+        "height": height,
+        "shading": shading,
+        "legend": legend,
+        "title": title,
+        "range": value_range,
+    }
+    target = None if path is None else os.fspath(path)
+    return _core.render(as_cloud(cloud)._core, json.dumps(settings, default=lambda v: v.item()), target, n_jobs)
