@@ -12,14 +12,9 @@ pub mod parallel;
 pub mod random;
 
 pub mod classes;
-pub mod classification;
 pub mod cloud;
-pub mod evaluation;
-pub mod features;
-pub mod images;
-pub mod io;
 pub mod neighbours;
-pub mod recipes;
+pub mod features;
 
 pub use cloud::Cloud;
 pub use error::{Error, Result};

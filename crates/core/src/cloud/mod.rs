@@ -1,6 +1,7 @@
 //! The cloud: coordinates as the file has them, and named columns beside them.
 
 mod column;
+pub mod morton;
 mod points;
 
 pub use column::{Column, Values};

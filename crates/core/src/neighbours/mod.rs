@@ -1,1 +1,12 @@
-//! Who is near whom.
+//! Who is near whom: a voxel pyramid with an exact search for the k nearest points of each level.
+
+mod blocks;
+mod columns;
+mod level;
+mod order;
+mod search;
+
+pub use columns::{ColumnSearch, Columns};
+pub use level::{Level, build_levels};
+pub use order::{Grid, sorted};
+pub use search::{Neighbour, Search};

@@ -1,0 +1,54 @@
+//! Morton order: the bits of three cell indices interleaved, so that cells near in space are near in the order.
+//!
+//! A code shifted right by 3 is the code of the cell of twice the size that holds the cell.
+
+/// Cell indices per axis are below this.
+pub const LIMIT: u32 = 1 << 21;
+
+/// Interleaves three indices below [`LIMIT`]; x takes the lowest bit.
+#[inline(always)]
+pub fn encode(cell: [u32; 3]) -> u64 {
+    spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
+}
+
+/// The three indices of a code.
+#[inline(always)]
+pub fn decode(code: u64) -> [u32; 3] {
+    [gather(code), gather(code >> 1), gather(code >> 2)]
+}
+
+#[inline(always)]
+fn spread(index: u32) -> u64 {
+    let mut v = u64::from(index) & 0x1f_ffff;
+    v = (v | v << 32) & 0x001f_0000_0000_ffff;
+    v = (v | v << 16) & 0x001f_0000_ff00_00ff;
+    v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
+    v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
+    (v | v << 2) & 0x1249_2492_4924_9249
+}
+
+#[inline(always)]
+fn gather(code: u64) -> u32 {
+    let mut v = code & 0x1249_2492_4924_9249;
+    v = (v | v >> 2) & 0x10c3_0c30_c30c_30c3;
+    v = (v | v >> 4) & 0x100f_00f0_0f00_f00f;
+    v = (v | v >> 8) & 0x001f_0000_ff00_00ff;
+    v = (v | v >> 16) & 0x001f_0000_0000_ffff;
+    ((v | v >> 32) & 0x1f_ffff) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_interleave_bits_and_come_back() {
+        assert_eq!(encode([1, 0, 0]), 1);
+        assert_eq!(encode([0, 1, 0]), 2);
+        assert_eq!(encode([3, 0, 1]), 0b1101);
+        for cell in [[0, 0, 0], [LIMIT - 1, 5, 77], [123_456, LIMIT - 1, 2_000_000]] {
+            assert_eq!(decode(encode(cell)), cell);
+            assert_eq!(decode(encode(cell) >> 3), cell.map(|c| c >> 1));
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! The contour features of document 004: moments along e2 (eq. 4.1), how normals differ across e1 (R, eq. 4.2) and how
+//! curvature differs near to and far from it (Q, eq. 4.3). 16 neighbourhoods at once, no branches.
+
+use super::tensor::{Batch, LANES, Lane, MOST};
+
+/// Surface variations below this are rounding of a plane in `f32`: they count as 0 in Q.
+const FLAT: f32 = 2e-6;
+/// Q where only the far half is flat.
+const MOST_Q: f32 = 1000.0;
+/// A spread along e2 below this share of the whole extent is rounding: both moments are 0.
+const THIN: f32 = 1e-10;
+
+/// Normals and surface variations of the neighbours.
+#[derive(Clone, Debug)]
+pub(super) struct Surfaces {
+    pub(super) normal: [[Lane; MOST]; 3],
+    pub(super) variation: [Lane; MOST],
+}
+
+impl Default for Surfaces {
+    fn default() -> Self {
+        let zero = [[0.0; LANES]; MOST];
+        Self { normal: [zero; 3], variation: zero }
+    }
+}
+
+/// O, m2, R and Q of the first `count` rows; `second` is e2, `near` the size of the near set.
+#[inline(always)]
+pub(super) fn contour_features(batch: &Batch, surfaces: &Surfaces, count: usize, second: &[Lane; 3], near: usize) -> [Lane; 4] {
+    let mut along = [[0.0; LANES]; MOST];
+    for j in 0..count {
+        for l in 0..LANES {
+            along[j][l] = batch.x[j][l] * second[0][l] + batch.y[j][l] * second[1][l] + batch.z[j][l] * second[2][l];
+        }
+    }
+    let [first, moment] = moments(batch, &along, count);
+    let orientation = orientation(&along, surfaces, count);
+    [first, moment, orientation, line(&along, surfaces, count, near)]
+}
+
+/// O = (Σ d)² / Σ d² and m2 = Σ d².
+#[inline(always)]
+fn moments(batch: &Batch, along: &[Lane; MOST], count: usize) -> [Lane; 2] {
+    let (mut first, mut second, mut extent) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    for j in 0..count {
+        for l in 0..LANES {
+            let d = along[j][l];
+            first[l] += d;
+            second[l] += d * d;
+            extent[l] += batch.x[j][l] * batch.x[j][l] + batch.y[j][l] * batch.y[j][l] + batch.z[j][l] * batch.z[j][l];
+        }
+    }
+    let mut out = [[0.0; LANES]; 2];
+    for l in 0..LANES {
+        let thick = second[l] > THIN * extent[l];
+        let safe = if thick { second[l] } else { 1.0 };
+        out[0][l] = if thick { first[l] * first[l] / safe } else { 0.0 };
+        out[1][l] = second[l];
+    }
+    out
+}
+
+/// |n⁻ · n⁺| of the medoids of the normals on both sides under 1 − |n · n'|; 1 if a side is empty.
+#[inline(always)]
+fn orientation(along: &[Lane; MOST], surfaces: &Surfaces, count: usize) -> Lane {
+    let [x, y, z] = &surfaces.normal;
+    let mut totals = [[0.0f32; LANES]; MOST];
+    for i in 0..count {
+        for j in i + 1..count {
+            for l in 0..LANES {
+                let apart = 1.0 - (x[i][l] * x[j][l] + y[i][l] * y[j][l] + z[i][l] * z[j][l]).abs();
+                let same = (along[i][l] < 0.0) == (along[j][l] < 0.0);
+                let counted = if same { apart } else { 0.0 };
+                totals[i][l] += counted;
+                totals[j][l] += counted;
+            }
+        }
+    }
+    let mut least = [[f32::INFINITY; LANES]; 2];
+    let mut medoid = [[[0.0; LANES]; 3]; 2];
+    for j in 0..count {
+        for (side, negative) in [(0, true), (1, false)] {
+            for l in 0..LANES {
+                let better = ((along[j][l] < 0.0) == negative) & (totals[j][l] < least[side][l]);
+                least[side][l] = if better { totals[j][l] } else { least[side][l] };
+                medoid[side][0][l] = if better { x[j][l] } else { medoid[side][0][l] };
+                medoid[side][1][l] = if better { y[j][l] } else { medoid[side][1][l] };
+                medoid[side][2][l] = if better { z[j][l] } else { medoid[side][2][l] };
+            }
+        }
+    }
+    let mut out = [1.0; LANES];
+    for l in 0..LANES {
+        let both = (least[0][l] < f32::INFINITY) & (least[1][l] < f32::INFINITY);
+        let cosine = (0..3).map(|a| medoid[0][a][l] * medoid[1][a][l]).sum::<f32>().abs();
+        let bounded = if cosine < 1.0 { cosine } else { 1.0 };
+        out[l] = if both { bounded } else { 1.0 };
+    }
+    out
+}
+
+/// Mean variation of the `near` rows nearest to e1 over the mean of the others; ties go to the earlier row.
+#[inline(always)]
+fn line(along: &[Lane; MOST], surfaces: &Surfaces, count: usize, near: usize) -> Lane {
+    let mut rank = [[0u32; LANES]; MOST];
+    for i in 0..count {
+        for j in i + 1..count {
+            for l in 0..LANES {
+                let earlier = along[i][l].abs() <= along[j][l].abs();
+                rank[j][l] = rank[j][l].wrapping_add(u32::from(earlier));
+                rank[i][l] = rank[i][l].wrapping_add(u32::from(!earlier));
+            }
+        }
+    }
+    let (mut close, mut far) = ([0.0; LANES], [0.0; LANES]);
+    for j in 0..count {
+        for l in 0..LANES {
+            let v = surfaces.variation[j][l];
+            let v = if v > FLAT { v } else { 0.0 };
+            let is_near = rank[j][l] < near as u32;
+            close[l] += if is_near { v } else { 0.0 };
+            far[l] += if is_near { 0.0 } else { v };
+        }
+    }
+    let mut out = [1.0; LANES];
+    let share = count.saturating_sub(near) as f32 / near.max(1) as f32;
+    for l in 0..LANES {
+        let safe = if far[l] > 0.0 { far[l] } else { 1.0 };
+        let ratio = close[l] * share / safe;
+        let bounded = if ratio < MOST_Q { ratio } else { MOST_Q };
+        let without_far = if close[l] > 0.0 { MOST_Q } else { 1.0 };
+        out[l] = if far[l] > 0.0 { bounded } else { without_far };
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// e2 = y.
+    const SECOND: [Lane; 3] = [[0.0; LANES], [1.0; LANES], [0.0; LANES]];
+
+    fn along_y(y: &[f32]) -> Batch {
+        let mut batch = Batch::default();
+        y.iter().enumerate().for_each(|(j, &v)| batch.y[j] = [v; LANES]);
+        batch
+    }
+
+    #[test]
+    fn points_on_one_side_give_k_minus_one_and_symmetric_ones_zero() {
+        let mut y = [0.5; 10];
+        y[9] = 0.0;
+        let f = contour_features(&along_y(&y), &Surfaces::default(), 10, &SECOND, 5);
+        assert!((f[0][0] - 9.0).abs() < 1e-5 && (f[1][0] - 2.25).abs() < 1e-6);
+        let f = contour_features(&along_y(&[1.0, -1.0, 2.0, -2.0, 0.0]), &Surfaces::default(), 5, &SECOND, 3);
+        assert!(f[0][0].abs() < 1e-6 && (f[1][0] - 10.0).abs() < 1e-6);
+        let f = contour_features(&along_y(&[0.0; 5]), &Surfaces::default(), 5, &SECOND, 3);
+        assert_eq!((f[0][0], f[1][0], f[2][0]), (0.0, 0.0, 1.0), "no spread, one side only");
+    }
+
+    #[test]
+    fn a_dihedral_gives_the_cosine_of_its_angle() {
+        for degrees in [0.0f32, 30.0, 90.0, 120.0] {
+            let mut surfaces = Surfaces::default();
+            let y = [-0.3, -0.2, -0.1, 0.1, 0.2, 0.3];
+            for (j, v) in y.iter().enumerate() {
+                let angle = if *v < 0.0 { 0.0 } else { degrees.to_radians() };
+                // Normals have no orientation: every second one points the other way.
+                let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
+                surfaces.normal[1][j] = [sign * angle.sin(); LANES];
+                surfaces.normal[2][j] = [sign * angle.cos(); LANES];
+            }
+            let f = contour_features(&along_y(&y), &surfaces, 6, &SECOND, 3);
+            assert!((f[2][5] - degrees.to_radians().cos().abs()).abs() < 1e-6, "{degrees}");
+        }
+    }
+
+    #[test]
+    fn the_line_feature_is_one_on_a_plane_above_one_along_a_crease_and_capped() {
+        let y = [-0.2, -0.1, 0.0, 0.1, 0.2];
+        let with = |variation: [f32; 5]| {
+            let mut surfaces = Surfaces::default();
+            variation.iter().enumerate().for_each(|(j, &v)| surfaces.variation[j] = [v; LANES]);
+            contour_features(&along_y(&y), &surfaces, 5, &SECOND, 3)[3][2]
+        };
+        assert_eq!(with([0.0; 5]), 1.0);
+        assert_eq!(with([1e-7; 5]), 1.0, "rounding of a plane");
+        assert!((with([0.01, 0.06, 0.06, 0.06, 0.01]) - 6.0).abs() < 1e-5);
+        assert_eq!(with([0.0, 0.1, 0.1, 0.1, 0.0]), MOST_Q);
+    }
+}

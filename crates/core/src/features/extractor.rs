@@ -1,0 +1,154 @@
+//! The extractor: a cloud's pyramid, ready to give the features of its points block by block.
+
+use super::definition::PER_LEVEL;
+use super::extras::{Source, sources};
+use super::params::FeatureSet;
+use super::pyramid::{Job, NOWHERE, Stage};
+use super::spacing::{scale_of, spacing};
+use crate::cloud::{Cloud, Points};
+use crate::error::{Error, Result};
+use crate::neighbours::{Grid, build_levels, sorted};
+use crate::parallel::Monitor;
+
+pub use super::pyramid::Scratch;
+
+/// Points of a block: their rows stay in the second-level cache while 144 features are computed and used.
+const BLOCK: usize = 1024;
+
+/// Which features are computed.
+#[derive(Clone, Copy, Debug)]
+pub enum Wanted<'a> {
+    /// All of the set, in its order.
+    All,
+    /// These, in this order; the others and what only they need are not computed.
+    Names(&'a [String]),
+}
+
+/// A cloud's pyramid and what else the wanted features need.
+///
+/// Points stand in Morton order, so that the points of a block lie close together.
+pub struct Extractor<'a> {
+    set: FeatureSet,
+    first_scale: f64,
+    names: Vec<String>,
+    stages: Vec<Stage>,
+    own: Vec<(usize, Source<'a>)>,
+    queries: Points,
+}
+
+impl<'a> Extractor<'a> {
+    /// Builds the pyramid of all finite points; the features will be those of all of them, or of the points `at`
+    /// (indices into the cloud, each once).
+    ///
+    /// O(n log n) time; about 40 bytes a point while it lives.
+    ///
+    /// # Errors
+    /// A parameter out of range, an unknown feature name, a column that a feature needs is absent, voxels too small for
+    /// the extent.
+    pub fn prepare(cloud: &'a Cloud, set: &FeatureSet, (wanted, at): (Wanted<'_>, Option<&[u32]>), monitor: &Monitor) -> Result<Self> {
+        set.validate()?;
+        let points = Points::from_cloud(cloud, set.metres(cloud));
+        let first_scale = match set.pyramid.first_scale {
+            Some(scale) => scale,
+            None => scale_of(spacing(&points)?),
+        };
+        let all = set.names(first_scale);
+        let names = match wanted {
+            Wanted::All => all.clone(),
+            Wanted::Names(names) => names.to_vec(),
+        };
+        let slots = slots(&all, &names)?;
+        let own = sources(cloud, set)?.into_iter().zip(&slots[set.pyramid.levels * PER_LEVEL..]);
+        let own = own.filter(|(_, slot)| **slot != NOWHERE).map(|(source, &slot)| (slot, source)).collect();
+        monitor.stage("pyramid", points.len() as u64);
+        let grid = Grid::new(&points, first_scale)?;
+        let points = sorted(&points, &grid);
+        let mut stages = Vec::with_capacity(set.pyramid.levels);
+        for (level, slots) in build_levels(&points, &grid, set.pyramid.levels).into_iter().zip(slots.chunks_exact(PER_LEVEL)) {
+            monitor.check()?;
+            let mut own_slots = [NOWHERE; PER_LEVEL];
+            own_slots.copy_from_slice(slots);
+            stages.push(Stage::new(level, own_slots, &set.pyramid, monitor)?);
+        }
+        let queries = match at {
+            Some(at) => subset(points, at, cloud.len())?,
+            None => points,
+        };
+        Ok(Self { set: set.clone(), first_scale, names, stages, own, queries })
+    }
+
+    /// Edge of the finest voxel, metres.
+    pub fn first_scale(&self) -> f64 {
+        self.first_scale
+    }
+
+    /// Names of the columns.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Points whose features can be asked for.
+    pub fn len(&self) -> usize {
+        self.queries.len()
+    }
+
+    /// True if there is no such point.
+    pub fn is_empty(&self) -> bool {
+        self.queries.is_empty()
+    }
+
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.queries.len().div_ceil(BLOCK)
+    }
+
+    /// Computes the features of a block into `rows` (row-major, replaced) and returns the cloud index of each row.
+    ///
+    /// May be called from many threads, each with its own scratch.
+    pub fn block(&self, block: usize, scratch: &mut Scratch, rows: &mut Vec<f32>) -> &[u32] {
+        let first = (block * BLOCK).min(self.queries.len());
+        let range = first..(first + BLOCK).min(self.queries.len());
+        rows.clear();
+        rows.resize(range.len() * self.names.len(), 0.0);
+        let mut job = Job { points: &self.queries, range: range.clone(), width: self.names.len(), out: rows };
+        for stage in &self.stages {
+            stage.describe(&mut job, &self.set.pyramid, scratch);
+        }
+        let points = &self.queries.index[range];
+        for (slot, source) in &self.own {
+            let column = rows.chunks_exact_mut(self.names.len());
+            column.zip(points).for_each(|(row, &point)| row[*slot] = source.get(point));
+        }
+        points
+    }
+}
+
+/// For each feature of the set its column among the wanted names.
+fn slots(all: &[String], names: &[String]) -> Result<Vec<usize>> {
+    let mut slots = vec![NOWHERE; all.len()];
+    for (column, name) in names.iter().enumerate() {
+        match all.iter().position(|a| a == name) {
+            Some(i) if slots[i] == NOWHERE => slots[i] = column,
+            Some(_) => return Err(Error::parameter("features", name, "each feature once")),
+            None => return Err(Error::parameter("features", name, format!("one of {}", all.join(", ")))),
+        }
+    }
+    Ok(slots)
+}
+
+/// The points with these cloud indices, in the order that they have.
+fn subset(points: Points, at: &[u32], cloud: usize) -> Result<Points> {
+    let mut wanted = vec![false; cloud];
+    for &index in at {
+        *wanted.get_mut(index as usize).ok_or_else(|| Error::input(format!("point {index} of a cloud of {cloud}")))? = true;
+    }
+    let kept: Vec<usize> = (0..points.len()).filter(|&i| wanted[points.index[i] as usize]).collect();
+    let pick = |axis: &[f32]| kept.iter().map(|&i| axis[i]).collect();
+    Ok(Points {
+        x: pick(&points.x),
+        y: pick(&points.y),
+        z: pick(&points.z),
+        index: kept.iter().map(|&i| points.index[i]).collect(),
+        origin: points.origin,
+    })
+}

@@ -1,0 +1,127 @@
+//! Features of the point itself: colour, intensity, returns.
+
+use super::definition::Definition;
+use super::params::FeatureSet;
+use crate::cloud::{Cloud, Values, names};
+use crate::error::{Error, Result};
+
+/// One feature of the points themselves, ready to be read.
+#[derive(Clone, Debug)]
+pub(super) struct Own<'a> {
+    values: &'a Values,
+    form: Form,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Form {
+    Times(f64),
+    /// v / (v + median).
+    Relative(f64),
+}
+
+impl Own<'_> {
+    /// The feature of a point of the cloud.
+    pub(super) fn get(&self, point: u32) -> f32 {
+        let value = self.values.get(point as usize);
+        match self.form {
+            Form::Times(factor) => (value * factor) as f32,
+            Form::Relative(median) if value + median > 0.0 => (value / (value + median)) as f32,
+            Form::Relative(_) => 0.0,
+        }
+    }
+}
+
+/// A feature of the points themselves, by definition.
+pub(super) enum Source<'a> {
+    /// One column, transformed.
+    One(Own<'a>),
+    /// The quotient of two columns.
+    Ratio(&'a Values, &'a Values),
+}
+
+impl Source<'_> {
+    /// The feature of a point of the cloud.
+    pub(super) fn get(&self, point: u32) -> f32 {
+        match self {
+            Self::One(own) => own.get(point),
+            Self::Ratio(a, b) => {
+                let below = b.get(point as usize);
+                if below > 0.0 { (a.get(point as usize) / below) as f32 } else { 0.0 }
+            }
+        }
+    }
+}
+
+/// The sources of all wanted features of the points themselves.
+///
+/// # Errors
+/// The cloud lacks a column; the message names it and lists those that are there.
+pub(super) fn sources<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<Source<'a>>> {
+    set.own().map(|definition| source(cloud, definition)).collect()
+}
+
+fn source<'a>(cloud: &'a Cloud, definition: &Definition) -> Result<Source<'a>> {
+    let plain = |name| Ok(Source::One(Own { values: column(cloud, name)?, form: Form::Times(1.0) }));
+    match definition.name {
+        "Red" => colour(cloud, 0),
+        "Green" => colour(cloud, 1),
+        "Blue" => colour(cloud, 2),
+        "RelativeIntensity" => {
+            let values = column(cloud, names::INTENSITY)?;
+            Ok(Source::One(Own { values, form: Form::Relative(median(values)) }))
+        }
+        "ReturnRatio" => Ok(Source::Ratio(column(cloud, names::RETURN_NUMBER)?, column(cloud, names::NUMBER_OF_RETURNS)?)),
+        name => plain(name),
+    }
+}
+
+/// Colours are scaled by the range of their type; 16-bit colours that stay below 256 are 8-bit ones.
+fn colour(cloud: &Cloud, channel: usize) -> Result<Source<'_>> {
+    let mut largest = 0.0f64;
+    for name in names::COLOUR {
+        let values = column(cloud, name)?;
+        largest = (0..values.len()).map(|i| values.get(i)).fold(largest, f64::max);
+    }
+    let full = if largest <= 1.0 { 1.0 } else if largest < 256.0 { 255.0 } else { 65535.0 };
+    Ok(Source::One(Own { values: column(cloud, names::COLOUR[channel])?, form: Form::Times(1.0 / full) }))
+}
+
+fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
+    cloud.column(name).map(|c| &c.values).ok_or_else(|| {
+        let known: Vec<&str> = cloud.columns().iter().map(|c| c.name.as_str()).collect();
+        Error::input(format!("a feature needs the column {name}; the cloud has: {}", known.join(", ")))
+    })
+}
+
+fn median(values: &Values) -> f64 {
+    let mut all: Vec<f64> = values.to_f64().into_iter().filter(|v| v.is_finite()).collect();
+    if all.is_empty() {
+        return 0.0;
+    }
+    let middle = all.len() / 2;
+    *all.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Column;
+
+    #[test]
+    fn own_features_have_known_values_and_missing_columns_are_named() {
+        let mut cloud = Cloud::from_rows(&[[0.0; 3], [1.0; 3], [2.0; 3]]).unwrap();
+        let set = FeatureSet { colour: true, intensity: true, returns: true, ..FeatureSet::default() };
+        let message = sources(&cloud, &set).err().unwrap().to_string();
+        assert!(message.contains("Red"), "{message}");
+        for name in names::COLOUR {
+            cloud.set_column(Column::new(name, Values::U16(vec![0, 51, 255]))).unwrap();
+        }
+        cloud.set_column(Column::new("Intensity", Values::U16(vec![100, 300, 200]))).unwrap();
+        cloud.set_column(Column::new("ReturnNumber", Values::U8(vec![1, 1, 0]))).unwrap();
+        cloud.set_column(Column::new("NumberOfReturns", Values::U8(vec![1, 2, 0]))).unwrap();
+        let features = sources(&cloud, &set).unwrap();
+        let row = |point| features.iter().map(|s| s.get(point)).collect::<Vec<f32>>();
+        assert_eq!(row(1), [0.2, 0.2, 0.2, 0.6, 1.0, 2.0, 0.5]);
+        assert_eq!(row(2)[6], 0.0, "no returns at all");
+    }
+}

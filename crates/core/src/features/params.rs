@@ -1,0 +1,202 @@
+//! Which features are wanted and by which conventions; the defaults are document 004's.
+
+use super::definition::{self, ALL, Definition, Group, PER_LEVEL};
+use crate::cloud::{Cloud, names};
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// The point that differences are taken from in the structure tensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Centre {
+    /// The member with the least sum of distances to the others (document 004).
+    #[default]
+    Medoid,
+    /// The arithmetic mean (most other software).
+    Mean,
+}
+
+/// What the structure tensor is divided by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Divisor {
+    /// The number of points (document 004).
+    #[default]
+    #[serde(rename = "n")]
+    N,
+    /// One less (the unbiased estimate; jakteristics).
+    #[serde(rename = "n-1")]
+    NMinusOne,
+}
+
+/// Shape of the vertical column.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Column {
+    /// Points within the radius horizontally (document 004: "cylindrical").
+    #[default]
+    Cylinder,
+    /// Points in the same cell of a horizontal grid (faster, steps at the cells' edges).
+    Cell,
+}
+
+/// Settings of the multi-scale pyramid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PyramidParams {
+    /// Edge of the finest voxel in metres; if absent it comes from the cloud's own spacing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_scale: Option<f64>,
+    /// Levels, each of twice the voxel; 1..=16.
+    pub levels: usize,
+    /// Points of a neighbourhood; 3..=32.
+    pub k: usize,
+    /// Whether the point itself is one of the k (else k points of the level).
+    pub include_query: bool,
+    /// Centre of the structure tensor.
+    pub centre: Centre,
+    /// Divisor of the structure tensor.
+    pub divisor: Divisor,
+    /// Whether eigenvalues are divided by their sum before omnivariance and entropy.
+    pub normalise: bool,
+    /// Shape of the vertical column.
+    pub column: Column,
+    /// Radius (cylinder) or edge (cell) of the column in voxels; 0.25..=8.
+    pub column_radius: f64,
+    /// Share of the neighbourhood that counts as near in the line feature (α of eq. 4.3); above 0, below 1.
+    pub near_share: f64,
+}
+
+impl Default for PyramidParams {
+    fn default() -> Self {
+        Self {
+            first_scale: Some(0.025),
+            levels: 9,
+            k: 10,
+            include_query: true,
+            centre: Centre::Medoid,
+            divisor: Divisor::N,
+            normalise: false,
+            column: Column::Cylinder,
+            column_radius: 1.0,
+            near_share: 0.5,
+        }
+    }
+}
+
+impl PyramidParams {
+    /// Names of the presets of conventions.
+    pub const PRESETS: [&'static str; 3] = ["hackel", "jakteristics", "pgeof"];
+
+    /// Conventions by name: `hackel` (document 004), `jakteristics` (mean, n − 1), `pgeof` (mean, n, normalised).
+    pub fn preset(name: &str) -> Result<Self> {
+        let base = Self::default();
+        match name {
+            "hackel" => Ok(base),
+            "jakteristics" => Ok(Self { include_query: false, centre: Centre::Mean, divisor: Divisor::NMinusOne, ..base }),
+            "pgeof" => Ok(Self { include_query: false, centre: Centre::Mean, normalise: true, ..base }),
+            _ => Err(Error::parameter("preset", name, Self::PRESETS.join(", "))),
+        }
+    }
+
+    /// Checks the ranges of all fields.
+    pub fn validate(&self) -> Result<()> {
+        let range = |fine: bool, name, value: &dyn std::fmt::Display, expected: &str| match fine {
+            true => Ok(()),
+            false => Err(Error::parameter(name, value, expected)),
+        };
+        let first = self.first_scale.unwrap_or(1.0);
+        range((1e-4..=1e4).contains(&first), "first_scale", &first, "0.0001..10000 metres")?;
+        range((1..=16).contains(&self.levels), "levels", &self.levels, "1..16")?;
+        range((3..=32).contains(&self.k), "k", &self.k, "3..32")?;
+        range((0.25..=8.0).contains(&self.column_radius), "column_radius", &self.column_radius, "0.25..8 voxels")?;
+        range(self.near_share > 0.0 && self.near_share < 1.0, "near_share", &self.near_share, "above 0 and below 1")
+    }
+
+    /// Voxel size of each level.
+    pub fn scales(&self, first_scale: f64) -> Vec<f64> {
+        (0..self.levels).map(|l| first_scale * f64::from(1u32 << l)).collect()
+    }
+}
+
+/// All features that a recipe uses.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FeatureSet {
+    /// Use the point's colour.
+    pub colour: bool,
+    /// Use the point's intensity.
+    pub intensity: bool,
+    /// Use the point's place among the returns of its pulse.
+    pub returns: bool,
+    /// Metres in one unit of the coordinates; if absent what the cloud says, else 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metres_per_unit: Option<f64>,
+    /// The pyramid.
+    pub pyramid: PyramidParams,
+}
+
+impl FeatureSet {
+    /// Checks the ranges of all fields.
+    pub fn validate(&self) -> Result<()> {
+        match self.metres_per_unit {
+            Some(m) if !(m.is_finite() && m > 0.0) => Err(Error::parameter("metres_per_unit", m, "metres, above 0")),
+            _ => self.pyramid.validate(),
+        }
+    }
+
+    /// Metres in one unit of this cloud's coordinates.
+    pub fn metres(&self, cloud: &Cloud) -> f64 {
+        self.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0)
+    }
+
+    /// Names of all features: level by level, then those of the point itself.
+    pub fn names(&self, first_scale: f64) -> Vec<String> {
+        let scales = self.pyramid.scales(first_scale);
+        let levels = scales.iter().flat_map(|&s| ALL[..PER_LEVEL].iter().map(move |d| definition::scaled_name(d, s)));
+        levels.chain(self.own().map(|d| d.name.to_string())).collect()
+    }
+
+    /// Columns of the cloud that the features need.
+    pub fn columns(&self) -> Vec<&'static str> {
+        let mut columns = Vec::new();
+        if self.colour {
+            columns.extend(names::COLOUR);
+        }
+        if self.intensity {
+            columns.push(names::INTENSITY);
+        }
+        if self.returns {
+            columns.extend([names::RETURN_NUMBER, names::NUMBER_OF_RETURNS]);
+        }
+        columns
+    }
+
+    /// The wanted features of the point itself.
+    pub(super) fn own(&self) -> impl Iterator<Item = &'static Definition> {
+        let wanted = [(Group::Colour, self.colour), (Group::Intensity, self.intensity), (Group::Returns, self.returns)];
+        ALL[PER_LEVEL..].iter().filter(move |d| wanted.contains(&(d.group, true)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_has_144_features_on_the_scales_of_the_thesis() {
+        let set = FeatureSet::default();
+        let names = set.names(0.025);
+        assert_eq!(names.len(), 144);
+        assert_eq!((names[0].as_str(), names[143].as_str()), ("Sum_r0p025", "HeightAbove_r6p4"));
+        let more = FeatureSet { returns: true, ..set };
+        assert_eq!(more.names(0.025)[144..], ["ReturnNumber", "NumberOfReturns", "ReturnRatio"]);
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        let bad = |p: PyramidParams| p.validate().unwrap_err().to_string();
+        assert!(bad(PyramidParams { k: 2, ..PyramidParams::default() }).contains("parameter k: found 2"));
+        assert!(bad(PyramidParams { first_scale: Some(f64::NAN), ..PyramidParams::default() }).contains("first_scale"));
+        assert!(PyramidParams::preset("cgal").unwrap_err().to_string().contains("jakteristics"));
+    }
+}

@@ -1,0 +1,230 @@
+//! One level of the pyramid made ready for queries, and the 16 features of query points on it.
+
+use super::contour::{Surfaces, contour_features};
+use super::definition::PER_LEVEL;
+use super::params::{Column, PyramidParams};
+use super::tensor::{Batch, Convention, LANES, MOST, Tensor, covariance_features, tensor};
+use crate::cloud::Points;
+use crate::error::Result;
+use crate::neighbours::{ColumnSearch, Columns, Level, Search};
+use crate::parallel::{Monitor, map_ordered};
+use pulp::Arch;
+use std::ops::Range;
+
+/// Level points whose surfaces are computed by one task.
+const CHUNK: usize = 4096;
+
+/// Where the features of a level go: the column of each of the 16, or [`NOWHERE`].
+pub(super) type Slots = [usize; PER_LEVEL];
+/// This feature is not wanted.
+pub(super) const NOWHERE: usize = usize::MAX;
+
+/// Normal (three numbers in -32767..=32767) and surface variation (0..=1/3 as 0..=65535) of a level point.
+type Packed = [u16; 4];
+
+/// A level with what the wanted features need.
+#[derive(Clone, Debug)]
+pub(super) struct Stage {
+    level: Level,
+    surfaces: Vec<Packed>,
+    columns: Option<Columns>,
+    slots: Slots,
+}
+
+/// Reusable state of one thread.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    search: Search,
+    columns: ColumnSearch,
+    batch: Batch,
+    surfaces: Surfaces,
+    found: Vec<u32>,
+}
+
+/// Query points and where their features go: row `r` of `out` is that of point `range.start + r`.
+pub(super) struct Job<'a> {
+    pub(super) points: &'a Points,
+    pub(super) range: Range<usize>,
+    pub(super) width: usize,
+    pub(super) out: &'a mut [f32],
+}
+
+impl Stage {
+    /// Prepares a level; surfaces and columns only if some wanted feature needs them.
+    pub(super) fn new(level: Level, slots: Slots, params: &PyramidParams, monitor: &Monitor) -> Result<Self> {
+        let wants = |range: Range<usize>| slots[range].iter().any(|&s| s != NOWHERE);
+        let columns = wants(13..16).then(|| Columns::new(&level, params.column_radius * level.size));
+        let surfaces = if wants(9..13) { surfaces(&level, params, monitor)? } else { Vec::new() };
+        Ok(Self { level, surfaces, columns, slots })
+    }
+
+    /// Computes the wanted features of the queries.
+    pub(super) fn describe(&self, job: &mut Job<'_>, params: &PyramidParams, scratch: &mut Scratch) {
+        if self.slots.iter().all(|&s| s == NOWHERE) {
+            return;
+        }
+        scratch.search.reset();
+        scratch.columns.reset();
+        Arch::new().dispatch(
+            #[inline(always)]
+            || self.all_batches(job, params, scratch),
+        );
+    }
+
+    #[inline(always)]
+    fn all_batches(&self, job: &mut Job<'_>, params: &PyramidParams, scratch: &mut Scratch) {
+        let points = job.points;
+        for first in job.range.clone().step_by(LANES) {
+            let lanes = first..(first + LANES).min(job.range.end);
+            let row = first - job.range.start;
+            if self.columns.is_some() {
+                self.heights(lanes.clone(), job, row, (params, &mut *scratch));
+            }
+            if self.slots[..13].iter().any(|&s| s != NOWHERE) {
+                let count = fill(&self.level, &self.surfaces, points, lanes.clone(), (params, &mut *scratch));
+                self.shape(count, lanes.len(), job, row, (params, &mut *scratch));
+            }
+        }
+    }
+
+    /// Covariance and contour features of the filled batch.
+    #[inline(always)]
+    fn shape(&self, count: usize, lanes: usize, job: &mut Job<'_>, row: usize, (params, scratch): (&PyramidParams, &mut Scratch)) {
+        let convention = Convention { centre: params.centre, divisor: params.divisor };
+        // The common size is a constant of its own, so that its loops unroll.
+        let tensor = if count == 10 { tensor(&scratch.batch, 10, convention) } else { tensor(&scratch.batch, count, convention) };
+        let covariance = covariance_features(&tensor, params.normalise);
+        store(&covariance, &self.slots[..9], lanes, job, row);
+        if self.surfaces.is_empty() {
+            return;
+        }
+        if params.include_query {
+            own_surface(&tensor, &covariance[6], count - 1, &mut scratch.surfaces);
+        }
+        let near = (params.near_share * count as f64).ceil() as usize;
+        let contour = if count == 10 && near == 5 {
+            contour_features(&scratch.batch, &scratch.surfaces, 10, &tensor.second, 5)
+        } else {
+            contour_features(&scratch.batch, &scratch.surfaces, count, &tensor.second, near)
+        };
+        store(&contour, &self.slots[9..13], lanes, job, row);
+    }
+
+    #[inline(always)]
+    fn heights(&self, lanes: Range<usize>, job: &mut Job<'_>, row: usize, (params, scratch): (&PyramidParams, &mut Scratch)) {
+        let Some(columns) = &self.columns else { return };
+        let mut features = [[0.0; LANES]; 3];
+        for (l, i) in lanes.clone().enumerate() {
+            let at = [job.points.x[i], job.points.y[i], job.points.z[i]];
+            let (low, high) = match params.column {
+                Column::Cylinder => scratch.columns.cylinder(&self.level, columns, at),
+                Column::Cell => scratch.columns.grid_cell(&self.level, columns, at),
+            };
+            features[0][l] = high - low;
+            features[1][l] = at[2] - low;
+            features[2][l] = high - at[2];
+        }
+        store(&features, &self.slots[13..], lanes.len(), job, row);
+    }
+}
+
+/// Writes the lanes of each wanted feature into its column.
+#[inline(always)]
+fn store(features: &[[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job<'_>, row: usize) {
+    for (feature, &slot) in features.iter().zip(slots) {
+        if slot != NOWHERE {
+            let rows = job.out[row * job.width..].chunks_exact_mut(job.width);
+            rows.zip(&feature[..lanes]).for_each(|(out, &value)| out[slot] = value);
+        }
+    }
+}
+
+/// The point itself has the normal and the variation of its own tensor.
+#[inline(always)]
+fn own_surface(tensor: &Tensor, variation: &[f32; LANES], row: usize, surfaces: &mut Surfaces) {
+    (0..3).for_each(|a| surfaces.normal[a][row] = tensor.normal[a]);
+    surfaces.variation[row] = *variation;
+}
+
+/// Finds the neighbours of up to 16 points, lays them out by lanes, and returns the size of a neighbourhood.
+#[inline(always)]
+fn fill(level: &Level, packed: &[Packed], points: &Points, lanes: Range<usize>, (params, scratch): (&PyramidParams, &mut Scratch)) -> usize {
+    let wanted = params.k.min(MOST - 1) - usize::from(params.include_query);
+    scratch.found.resize(wanted, 0);
+    let mut count = 0;
+    for (l, i) in lanes.enumerate() {
+        let at = [points.x[i], points.y[i], points.z[i]];
+        count = scratch.search.nearest(level, at, &mut scratch.found);
+        lay_out(level, at, &scratch.found[..count], l, &mut scratch.batch);
+        if !packed.is_empty() {
+            unpack(packed, &scratch.found[..count], l, &mut scratch.surfaces);
+        }
+    }
+    if params.include_query {
+        scratch.batch.x[count] = [0.0; LANES];
+        scratch.batch.y[count] = [0.0; LANES];
+        scratch.batch.z[count] = [0.0; LANES];
+        count += 1;
+    }
+    count
+}
+
+#[inline(always)]
+fn lay_out(level: &Level, at: [f32; 3], found: &[u32], l: usize, batch: &mut Batch) {
+    let rows = batch.x.iter_mut().zip(&mut batch.y).zip(&mut batch.z);
+    for (((x, y), z), &n) in rows.zip(found) {
+        x[l] = level.x[n as usize] - at[0];
+        y[l] = level.y[n as usize] - at[1];
+        z[l] = level.z[n as usize] - at[2];
+    }
+}
+
+#[inline(always)]
+fn unpack(packed: &[Packed], found: &[u32], l: usize, surfaces: &mut Surfaces) {
+    let [x, y, z] = &mut surfaces.normal;
+    let rows = x.iter_mut().zip(y).zip(z).zip(&mut surfaces.variation);
+    for ((((x, y), z), variation), &n) in rows.zip(found) {
+        let p = packed[n as usize];
+        x[l] = f32::from(p[0] as i16) * (1.0 / 32767.0);
+        y[l] = f32::from(p[1] as i16) * (1.0 / 32767.0);
+        z[l] = f32::from(p[2] as i16) * (1.0 / 32767.0);
+        variation[l] = f32::from(p[3]) * (1.0 / 196_605.0);
+    }
+}
+
+/// First pass: normal and surface variation of every point of the level, from its k nearest on the level (itself one).
+fn surfaces(level: &Level, params: &PyramidParams, monitor: &Monitor) -> Result<Vec<Packed>> {
+    let params = PyramidParams { include_query: false, ..params.clone() };
+    let chunks = map_ordered(level.len().div_ceil(CHUNK), monitor, |c| {
+        let range = c * CHUNK..((c + 1) * CHUNK).min(level.len());
+        let points = Points {
+            x: level.x[range.clone()].to_vec(),
+            y: level.y[range.clone()].to_vec(),
+            z: level.z[range.clone()].to_vec(),
+            ..Points::default()
+        };
+        let mut packed = vec![[0; 4]; range.len()];
+        Arch::new().dispatch(
+            #[inline(always)]
+            || pack_all(level, &points, &params, &mut packed),
+        );
+        Ok(packed)
+    })?;
+    Ok(chunks.concat())
+}
+
+#[inline(always)]
+fn pack_all(level: &Level, points: &Points, params: &PyramidParams, packed: &mut [Packed]) {
+    let mut scratch = Scratch::default();
+    let convention = Convention { centre: params.centre, divisor: params.divisor };
+    for first in (0..points.len()).step_by(LANES) {
+        let lanes = first..(first + LANES).min(points.len());
+        let count = fill(level, &[], points, lanes.clone(), (params, &mut scratch));
+        let found = if count == 10 { tensor(&scratch.batch, 10, convention) } else { tensor(&scratch.batch, count, convention) };
+        let variation = covariance_features(&found, false)[6];
+        for (l, slot) in packed[lanes].iter_mut().enumerate() {
+            let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
+            *slot = [part(0), part(1), part(2), (variation[l] * 196_605.0).round() as u16];
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! The spacing of a cloud: the first scale where nobody gave one.
+
+use crate::cloud::Points;
+use crate::error::Result;
+use crate::neighbours::{Grid, Search, build_levels, sorted};
+
+/// Points whose neighbours are looked at.
+const SAMPLES: usize = 10_000;
+/// On a plane of even density this neighbour is about one spacing away: π r² ρ = 4.
+const NEIGHBOUR: usize = 4;
+
+/// Median distance, in metres, to the fourth nearest other place; 0 if all points stand in fewer than five places.
+///
+/// O(n log n).
+pub fn spacing(points: &Points) -> Result<f64> {
+    let far = [&points.x, &points.y, &points.z].into_iter().flatten().fold(0.0f32, |m, &v| m.max(v));
+    let grid = Grid::new(points, f64::from(far).max(1e-3) / f64::from(1u32 << 20))?;
+    let points = sorted(points, &grid);
+    let levels = build_levels(&points, &grid, 1);
+    let (Some(level), true) = (levels.first(), points.len() > NEIGHBOUR) else { return Ok(0.0) };
+    let mut search = Search::default();
+    let mut found = [0; NEIGHBOUR + 1];
+    let mut distances = Vec::new();
+    for i in (0..points.len()).step_by(points.len().div_ceil(SAMPLES)) {
+        let at = [points.x[i], points.y[i], points.z[i]];
+        let n = search.nearest(level, at, &mut found);
+        let distance = |&j: &u32| {
+            let d = [level.x[j as usize] - at[0], level.y[j as usize] - at[1], level.z[j as usize] - at[2]];
+            f64::from(d.iter().map(|v| v * v).sum::<f32>()).sqrt()
+        };
+        if n > NEIGHBOUR {
+            distances.push(found.iter().map(distance).fold(0.0, f64::max));
+        }
+    }
+    distances.sort_by(f64::total_cmp);
+    Ok(distances.get(distances.len() / 2).copied().unwrap_or(0.0))
+}
+
+/// The scale 0.025 m times a power of two that is nearest to a spacing (by ratio), from 1/64 of it to 16384 times.
+pub(super) fn scale_of(spacing: f64) -> f64 {
+    if spacing > 0.0 { 0.025 * (spacing / 0.025).log2().round().clamp(-6.0, 14.0).exp2() } else { 0.025 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+
+    #[test]
+    fn the_spacing_of_a_lattice_is_its_step() {
+        let rows: Vec<[f64; 3]> = (0..2500).map(|i| [f64::from(i % 50) * 0.3, f64::from(i / 50) * 0.3, 2.0]).collect();
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let found = spacing(&points).unwrap();
+        assert!((found - 0.3).abs() < 1e-4, "{found}");
+        assert!((scale_of(found) - 0.4).abs() < 1e-12);
+        let one = Points::from_cloud(&Cloud::from_rows(&[[5.0; 3]; 9]).unwrap(), 1.0);
+        assert_eq!(scale_of(spacing(&one).unwrap()), 0.025);
+    }
+}

@@ -1,0 +1,74 @@
+//! Features of many points at once, as a table.
+
+use super::extractor::{Extractor, Scratch, Wanted};
+use super::params::FeatureSet;
+use crate::cloud::Cloud;
+use crate::error::Result;
+use crate::parallel::{Monitor, map_ordered_with};
+
+/// Feature values, one row a point, with the name of each column.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FeatureTable {
+    /// Name of each column, e.g. `Planarity_r0p4`.
+    pub names: Vec<String>,
+    /// Row-major: `values[row * names.len() + column]`.
+    pub values: Vec<f32>,
+}
+
+impl FeatureTable {
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        if self.names.is_empty() { 0 } else { self.values.len() / self.names.len() }
+    }
+
+    /// Values of one row.
+    pub fn row(&self, row: usize) -> &[f32] {
+        &self.values[row * self.width()..(row + 1) * self.width()]
+    }
+}
+
+/// Features of all points in the cloud's order; rows of points that are not finite are NaN.
+///
+/// 4 bytes a point and feature: classification never asks for it.
+pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<FeatureTable> {
+    let extractor = Extractor::prepare(cloud, set, (Wanted::All, None), monitor)?;
+    collect(&extractor, cloud.len(), |point| point as usize, monitor)
+}
+
+/// Features of the points `at` (indices into the cloud, each once) in that order, and the first scale.
+/// The pyramid is that of the whole cloud.
+pub fn table_at(cloud: &Cloud, set: &FeatureSet, at: &[u32], monitor: &Monitor) -> Result<(FeatureTable, f64)> {
+    let extractor = Extractor::prepare(cloud, set, (Wanted::All, Some(at)), monitor)?;
+    let mut row = vec![0; cloud.len()];
+    at.iter().enumerate().for_each(|(r, &point)| row[point as usize] = r);
+    let table = collect(&extractor, at.len(), |point| row[point as usize], monitor)?;
+    Ok((table, extractor.first_scale()))
+}
+
+fn collect(extractor: &Extractor<'_>, rows: usize, row_of: impl Fn(u32) -> usize, monitor: &Monitor) -> Result<FeatureTable> {
+    let names = extractor.names().to_vec();
+    let width = names.len();
+    let mut values = vec![f32::NAN; rows * width];
+    monitor.stage("features", extractor.len() as u64);
+    let at_once = 64 * rayon::current_num_threads();
+    for first in (0..extractor.blocks()).step_by(at_once) {
+        let range = first..(first + at_once).min(extractor.blocks());
+        let parts = map_ordered_with(range, monitor, Scratch::default, |scratch, block| {
+            let mut rows = Vec::new();
+            let points = extractor.block(block, scratch, &mut rows);
+            monitor.advance(points.len() as u64);
+            Ok((points, rows))
+        })?;
+        for (points, rows) in parts {
+            for (&point, row) in points.iter().zip(rows.chunks_exact(width)) {
+                values[row_of(point) * width..][..width].copy_from_slice(row);
+            }
+        }
+    }
+    Ok(FeatureTable { names, values })
+}

@@ -1,0 +1,361 @@
+//! Structure tensors of 16 neighbourhoods at once: one lane each, no branches.
+//!
+//! Every loop over lanes is written so that the compiler turns it into vector instructions; operations and their order are
+//! the same on every machine.
+
+use super::params::{Centre, Divisor};
+
+/// Neighbourhoods that are computed together.
+pub(super) const LANES: usize = 16;
+/// Most points of a neighbourhood.
+pub(super) const MOST: usize = 33;
+
+/// One number a lane.
+pub(super) type Lane = [f32; LANES];
+
+/// Neighbours of 16 points, relative to the point; only the first `count` rows are valid.
+#[derive(Clone, Debug)]
+pub(super) struct Batch {
+    pub(super) x: [Lane; MOST],
+    pub(super) y: [Lane; MOST],
+    pub(super) z: [Lane; MOST],
+}
+
+impl Default for Batch {
+    fn default() -> Self {
+        let zero = [[0.0; LANES]; MOST];
+        Self { x: zero, y: zero, z: zero }
+    }
+}
+
+/// Eigenvalues λ1 ≥ λ2 ≥ λ3 ≥ 0 and e2, e3; a neighbourhood without extent has zeros and axes of the coordinate system.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tensor {
+    pub(super) values: [Lane; 3],
+    pub(super) second: [Lane; 3],
+    pub(super) normal: [Lane; 3],
+}
+
+/// How the tensor is formed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Convention {
+    pub(super) centre: Centre,
+    pub(super) divisor: Divisor,
+}
+
+/// The structure tensor's eigen-system of the first `count` rows.
+#[inline(always)]
+pub(super) fn tensor(batch: &Batch, count: usize, convention: Convention) -> Tensor {
+    let mut matrix = covariance(batch, count);
+    if convention.centre == Centre::Medoid {
+        add_medoid(batch, count, &mut matrix);
+    }
+    if convention.divisor == Divisor::NMinusOne && count > 1 {
+        let factor = count as f32 / (count as f32 - 1.0);
+        matrix.iter_mut().flatten().for_each(|v| *v *= factor);
+    }
+    eigen(matrix)
+}
+
+/// xx, yy, zz, xy, xz, yz around the mean, divided by the count.
+#[inline(always)]
+fn covariance(batch: &Batch, count: usize) -> [Lane; 6] {
+    let mean = mean(batch, count);
+    let mut sums = [[0.0; LANES]; 6];
+    for j in 0..count {
+        for l in 0..LANES {
+            let (x, y, z) = (batch.x[j][l] - mean[0][l], batch.y[j][l] - mean[1][l], batch.z[j][l] - mean[2][l]);
+            sums[0][l] += x * x;
+            sums[1][l] += y * y;
+            sums[2][l] += z * z;
+            sums[3][l] += x * y;
+            sums[4][l] += x * z;
+            sums[5][l] += y * z;
+        }
+    }
+    let share = 1.0 / count.max(1) as f32;
+    sums.map(|lane| lane.map(|v| v * share))
+}
+
+#[inline(always)]
+fn mean(batch: &Batch, count: usize) -> [Lane; 3] {
+    let mut sums = [[0.0; LANES]; 3];
+    for j in 0..count {
+        for l in 0..LANES {
+            sums[0][l] += batch.x[j][l];
+            sums[1][l] += batch.y[j][l];
+            sums[2][l] += batch.z[j][l];
+        }
+    }
+    let share = 1.0 / count.max(1) as f32;
+    sums.map(|lane| lane.map(|v| v * share))
+}
+
+/// C around the medoid = C around the mean + (mean − medoid)(mean − medoid)ᵀ.
+#[inline(always)]
+fn add_medoid(batch: &Batch, count: usize, matrix: &mut [Lane; 6]) {
+    let mut totals = [[0.0f32; LANES]; MOST];
+    for i in 0..count {
+        for j in i + 1..count {
+            for l in 0..LANES {
+                let (x, y, z) = (batch.x[i][l] - batch.x[j][l], batch.y[i][l] - batch.y[j][l], batch.z[i][l] - batch.z[j][l]);
+                let distance = (x * x + y * y + z * z).sqrt();
+                totals[i][l] += distance;
+                totals[j][l] += distance;
+            }
+        }
+    }
+    let (mut least, mut at) = (totals[0], [batch.x[0], batch.y[0], batch.z[0]]);
+    for j in 1..count {
+        for l in 0..LANES {
+            let nearer = totals[j][l] < least[l];
+            least[l] = if nearer { totals[j][l] } else { least[l] };
+            at[0][l] = if nearer { batch.x[j][l] } else { at[0][l] };
+            at[1][l] = if nearer { batch.y[j][l] } else { at[1][l] };
+            at[2][l] = if nearer { batch.z[j][l] } else { at[2][l] };
+        }
+    }
+    let mean = mean(batch, count);
+    for l in 0..LANES {
+        let (x, y, z) = (mean[0][l] - at[0][l], mean[1][l] - at[1][l], mean[2][l] - at[2][l]);
+        matrix[0][l] += x * x;
+        matrix[1][l] += y * y;
+        matrix[2][l] += z * z;
+        matrix[3][l] += x * y;
+        matrix[4][l] += x * z;
+        matrix[5][l] += y * z;
+    }
+}
+
+/// Jacobi's method: four sweeps bring every off-diagonal entry below the rounding of `f32`.
+#[inline(always)]
+fn eigen(matrix: [Lane; 6]) -> Tensor {
+    let [xx, yy, zz, xy, xz, yz] = matrix;
+    let mut diagonal = [xx, yy, zz];
+    // off[i] couples the two axes other than i.
+    let mut off = [yz, xz, xy];
+    let one = [1.0; LANES];
+    let zero = [0.0; LANES];
+    let mut vectors = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];
+    for _ in 0..4 {
+        for (p, q, r) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
+            rotate(&mut diagonal, &mut off, &mut vectors, (p, q, r));
+        }
+    }
+    sorted(diagonal, vectors)
+}
+
+/// Makes the entry that couples axes p and q zero; r is the third axis.
+#[inline(always)]
+fn rotate(diagonal: &mut [Lane; 3], off: &mut [Lane; 3], vectors: &mut [[Lane; 3]; 3], (p, q, r): (usize, usize, usize)) {
+    for l in 0..LANES {
+        let coupling = off[r][l];
+        let (a, b) = (diagonal[p][l], diagonal[q][l]);
+        let half = 0.5 * (b - a);
+        let root = (half * half + coupling * coupling).sqrt();
+        let denominator = half.abs() + root;
+        let safe = if denominator > 0.0 { denominator } else { 1.0 };
+        let t = if half < 0.0 { -coupling / safe } else { coupling / safe };
+        let c = 1.0 / (1.0 + t * t).sqrt();
+        let s = t * c;
+        diagonal[p][l] = a - t * coupling;
+        diagonal[q][l] = b + t * coupling;
+        off[r][l] = 0.0;
+        // off[q] couples p and r, off[p] couples q and r.
+        let (pr, qr) = (off[q][l], off[p][l]);
+        off[q][l] = c * pr - s * qr;
+        off[p][l] = s * pr + c * qr;
+        for axis in 0..3 {
+            let (u, v) = (vectors[p][axis][l], vectors[q][axis][l]);
+            vectors[p][axis][l] = c * u - s * v;
+            vectors[q][axis][l] = s * u + c * v;
+        }
+    }
+}
+
+#[inline(always)]
+fn sorted(mut values: [Lane; 3], mut vectors: [[Lane; 3]; 3]) -> Tensor {
+    for (a, b) in [(0, 1), (1, 2), (0, 1)] {
+        for l in 0..LANES {
+            let swap = values[a][l] < values[b][l];
+            let (u, v) = (values[a][l], values[b][l]);
+            values[a][l] = if swap { v } else { u };
+            values[b][l] = if swap { u } else { v };
+            for axis in 0..3 {
+                let (u, v) = (vectors[a][axis][l], vectors[b][axis][l]);
+                vectors[a][axis][l] = if swap { v } else { u };
+                vectors[b][axis][l] = if swap { u } else { v };
+            }
+        }
+    }
+    values.iter_mut().flatten().for_each(|v| *v = if *v > 0.0 { *v } else { 0.0 });
+    Tensor { values, second: with_fixed_sign(vectors[1]), normal: vectors[2] }
+}
+
+/// The largest component becomes positive (ties: the first of them).
+#[inline(always)]
+fn with_fixed_sign(mut v: [Lane; 3]) -> [Lane; 3] {
+    for l in 0..LANES {
+        let (x, y, z) = (v[0][l], v[1][l], v[2][l]);
+        let xy = if y.abs() > x.abs() { y } else { x };
+        let largest = if z.abs() > xy.abs() { z } else { xy };
+        let sign = if largest < 0.0 { -1.0 } else { 1.0 };
+        v[0][l] = sign * x;
+        v[1][l] = sign * y;
+        v[2][l] = sign * z;
+    }
+    v
+}
+
+/// The nine covariance features, in the order of the table of definitions.
+#[inline(always)]
+pub(super) fn covariance_features(tensor: &Tensor, normalise: bool) -> [Lane; 9] {
+    let mut out = [[0.0; LANES]; 9];
+    for l in 0..LANES {
+        let [a, b, c] = [tensor.values[0][l], tensor.values[1][l], tensor.values[2][l]];
+        let sum = a + b + c;
+        let per_largest = if a > 0.0 { 1.0 / a } else { 0.0 };
+        let per_sum = if sum > 0.0 { 1.0 / sum } else { 0.0 };
+        let unit = if normalise { per_sum } else { 1.0 };
+        let (u, v, w) = (a * unit, b * unit, c * unit);
+        out[0][l] = sum;
+        out[1][l] = cbrt(u) * cbrt(v) * cbrt(w);
+        out[2][l] = -(u * ln(u) + v * ln(v) + w * ln(w));
+        out[3][l] = (a - c) * per_largest;
+        out[4][l] = (b - c) * per_largest;
+        out[5][l] = (a - b) * per_largest;
+        out[6][l] = c * per_sum;
+        out[7][l] = c * per_largest;
+        let upright = 1.0 - tensor.normal[2][l].abs();
+        out[8][l] = if a > 0.0 && upright > 0.0 { upright } else { 0.0 };
+    }
+    out
+}
+
+/// Natural logarithm of a number that is not negative, relative error below 3e-7; 0 for 0 and denormal numbers.
+#[inline(always)]
+pub(super) fn ln(x: f32) -> f32 {
+    let bits = x.to_bits();
+    // Mantissa in sqrt(1/2)..sqrt(2).
+    let shifted = bits.wrapping_sub(0x3f35_04f3);
+    let exponent = (shifted as i32 >> 23) as f32;
+    let m = f32::from_bits((shifted & 0x007f_ffff).wrapping_add(0x3f35_04f3)) - 1.0;
+    // 2 atanh(m / (2 + m)), by its series.
+    let r = m / (2.0 + m);
+    let s = r * r;
+    let series = 2.0 + s * (0.666_666_7 + s * (0.4 + s * (0.285_714_3 + s * 0.222_222_2)));
+    let value = exponent * std::f32::consts::LN_2 + r * series;
+    if x >= f32::MIN_POSITIVE { value } else { 0.0 }
+}
+
+/// Cube root of a number that is not negative, relative error below 3e-7.
+#[inline(always)]
+pub(super) fn cbrt(x: f32) -> f32 {
+    let mut y = f32::from_bits((x.to_bits() as f32 * (1.0 / 3.0)) as u32 + 0x2a51_4067);
+    for _ in 0..3 {
+        let cube = y * y * y;
+        y *= (cube + 2.0 * x) / (2.0 * cube + x);
+    }
+    if x >= f32::MIN_POSITIVE { y } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::{self, Sym3};
+    use crate::random::{Stream, stream};
+
+    pub(crate) fn points_of(batch: &Batch, count: usize, lane: usize) -> Vec<[f64; 3]> {
+        (0..count).map(|j| [batch.x[j][lane], batch.y[j][lane], batch.z[j][lane]].map(f64::from)).collect()
+    }
+
+    fn random_batch(s: &mut Stream, count: usize, extent: [f64; 3]) -> Batch {
+        let mut batch = Batch::default();
+        for j in 0..count {
+            for l in 0..LANES {
+                batch.x[j][l] = ((s.uniform() - 0.5) * extent[0]) as f32;
+                batch.y[j][l] = ((s.uniform() - 0.5) * extent[1]) as f32;
+                batch.z[j][l] = ((s.uniform() - 0.5) * extent[2]) as f32;
+            }
+        }
+        batch
+    }
+
+    fn reference(points: &[[f64; 3]], convention: Convention) -> linalg::Eigen3 {
+        let centre = match convention.centre {
+            Centre::Mean => linalg::mean(points),
+            Centre::Medoid => points[linalg::medoid(points)],
+        };
+        let divisor = points.len() as f64 - if convention.divisor == Divisor::N { 0.0 } else { 1.0 };
+        Sym3::scatter(points, centre, divisor).eigen()
+    }
+
+    #[test]
+    fn lanes_equal_the_scalar_reference() {
+        let mut s = stream(1, 1);
+        for extent in [[1.0, 1.0, 1.0], [8.0, 6.0, 0.02], [50.0, 0.1, 0.1], [0.01, 0.01, 0.03]] {
+            for (centre, divisor) in [(Centre::Medoid, Divisor::N), (Centre::Mean, Divisor::NMinusOne)] {
+                let convention = Convention { centre, divisor };
+                let batch = random_batch(&mut s, 10, extent);
+                let found = tensor(&batch, 10, convention);
+                for l in 0..LANES {
+                    let expected = reference(&points_of(&batch, 10, l), convention);
+                    for i in 0..3 {
+                        let error = (f64::from(found.values[i][l]) - expected.values[i]).abs();
+                        assert!(error < 2e-6 * expected.values[0], "λ{i} {error} of {:?}", expected.values);
+                    }
+                    let cosine: f64 = (0..3).map(|a| f64::from(found.normal[a][l]) * expected.vectors[2][a]).sum();
+                    let gap = (expected.values[1] - expected.values[2]) / expected.values[0];
+                    assert!(cosine.abs() > 1.0 - 1e-5 || gap < 1e-2, "normal {cosine}, gap {gap}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn ratios_obey_their_identities() {
+        let batch = random_batch(&mut stream(2, 0), 10, [3.0, 2.0, 1.0]);
+        let convention = Convention { centre: Centre::Medoid, divisor: Divisor::N };
+        let f = covariance_features(&tensor(&batch, 10, convention), true);
+        for l in 0..LANES {
+            assert!((f[5][l] + f[4][l] + f[7][l] - 1.0).abs() < 1e-6);
+            assert!((f[3][l] - f[5][l] - f[4][l]).abs() < 1e-6);
+            assert!((0.0..=1.0 / 3.0 + 1e-6).contains(&f[6][l]));
+            assert!((0.0..=3f32.ln() + 1e-5).contains(&f[2][l]));
+        }
+    }
+
+    #[test]
+    fn a_plane_a_line_and_a_single_place_have_known_features() {
+        let mut batch = Batch::default();
+        for j in 0..10 {
+            batch.x[j][0] = (j % 5) as f32;
+            batch.y[j][0] = (j / 5) as f32;
+            batch.x[j][1] = j as f32;
+            batch.y[j][1] = j as f32;
+            batch.z[j][1] = j as f32;
+            batch.z[j][2] = (j % 5) as f32;
+            batch.x[j][2] = (j / 5) as f32;
+        }
+        let convention = Convention { centre: Centre::Mean, divisor: Divisor::N };
+        let f = covariance_features(&tensor(&batch, 10, convention), false);
+        assert!((f[0][0] - 2.25).abs() < 1e-6 && f[6][0] == 0.0 && f[8][0] < 1e-6, "horizontal plane: λ = 2, 1/4, 0");
+        assert!((f[5][0] - 0.875).abs() < 1e-6 && (f[4][0] - 0.125).abs() < 1e-6);
+        let entropy = -(2.0f32 * 2.0f32.ln() + 0.25 * 0.25f32.ln());
+        assert!((f[2][0] - entropy).abs() < 1e-6);
+        assert!((f[5][1] - 1.0).abs() < 1e-5 && f[4][1] < 1e-5, "a line");
+        assert!((f[8][2] - 1.0).abs() < 1e-6, "a vertical plane");
+        assert!((0..9).all(|i| f[i][3] == 0.0), "all points in one place");
+    }
+
+    #[test]
+    fn logarithm_and_cube_root_are_accurate() {
+        let mut x = 1e-30f32;
+        while x < 1e30 {
+            assert!((ln(x) - x.ln()).abs() <= 3e-7 * x.ln().abs().max(0.1), "ln {x}");
+            assert!((cbrt(x) - x.cbrt()).abs() <= 3e-7 * x.cbrt(), "cbrt {x}");
+            x *= 1.0173;
+        }
+        assert_eq!((ln(0.0), cbrt(0.0), ln(1.0)), (0.0, 0.0, 0.0));
+    }
+}

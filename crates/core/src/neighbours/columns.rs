@@ -1,0 +1,148 @@
+//! The lowest and highest point of a level in a vertical column.
+
+use super::blocks::{Around, Blocks};
+use super::level::Level;
+use super::order::Grid;
+use crate::cloud::morton;
+use rayon::prelude::*;
+
+/// A level's points by the cell of a horizontal grid whose cells are as wide as the column's radius.
+#[derive(Clone, Debug)]
+pub struct Columns {
+    radius: f64,
+    blocks: Blocks,
+    /// Points in the order of the cells.
+    order: Vec<u32>,
+}
+
+impl Columns {
+    /// Columns of that radius in metres (also the edge of the grid's cells). O(n log n).
+    pub fn new(level: &Level, radius: f64) -> Self {
+        let grid = Grid { size: radius };
+        let key = |i: usize| (grid.code(level.x[i], level.y[i], 0.0), i as u32);
+        let mut keyed: Vec<(u64, u32)> = (0..level.len()).into_par_iter().map(key).collect();
+        keyed.par_sort_unstable();
+        let codes: Vec<u64> = keyed.iter().map(|k| k.0).collect();
+        Self { radius, blocks: Blocks::new(&codes, 0), order: keyed.iter().map(|k| k.1).collect() }
+    }
+
+    /// Whether all cell indices fit, for coordinates up to `far`.
+    pub fn fits(radius: f64, far: f32) -> bool {
+        f64::from(far) / radius < f64::from(morton::LIMIT - 64)
+    }
+}
+
+/// Reusable state of the column searches of one thread.
+#[derive(Clone, Debug, Default)]
+pub struct ColumnSearch {
+    around: Around,
+    cell: Option<[u32; 2]>,
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    /// Range of z in the cell of the query alone.
+    own: (f32, f32),
+}
+
+impl ColumnSearch {
+    /// Forgets the gathered cells; call it before another level is searched.
+    pub fn reset(&mut self) {
+        self.cell = None;
+        self.around = Around::default();
+    }
+
+    /// Lowest and highest z of the level's points within the radius of `at` horizontally, and of `at` itself.
+    #[inline(always)]
+    pub fn cylinder(&mut self, level: &Level, columns: &Columns, at: [f32; 3]) -> (f32, f32) {
+        self.move_to(level, columns, at);
+        let limit = (columns.radius * columns.radius) as f32;
+        let (mut low, mut high) = ([at[2]; 8], [at[2]; 8]);
+        let chunks = self.x.chunks_exact(8).zip(self.y.chunks_exact(8)).zip(self.z.chunks_exact(8));
+        for ((x, y), z) in chunks {
+            for l in 0..8 {
+                let (dx, dy) = (x[l] - at[0], y[l] - at[1]);
+                let inside = dx * dx + dy * dy <= limit;
+                low[l] = if inside & (z[l] < low[l]) { z[l] } else { low[l] };
+                high[l] = if inside & (z[l] > high[l]) { z[l] } else { high[l] };
+            }
+        }
+        (low.into_iter().fold(at[2], f32::min), high.into_iter().fold(at[2], f32::max))
+    }
+
+    /// Lowest and highest z of the level's points in the grid cell of `at`, and of `at` itself.
+    #[inline(always)]
+    pub fn grid_cell(&mut self, level: &Level, columns: &Columns, at: [f32; 3]) -> (f32, f32) {
+        self.move_to(level, columns, at);
+        (self.own.0.min(at[2]), self.own.1.max(at[2]))
+    }
+
+    #[inline(always)]
+    fn move_to(&mut self, level: &Level, columns: &Columns, at: [f32; 3]) {
+        let cell = [at[0], at[1]].map(|v| (f64::from(v) / columns.radius) as u32);
+        if self.cell != Some(cell) {
+            self.cell = Some(cell);
+            self.gather(level, columns, cell);
+        }
+    }
+
+    #[inline(never)]
+    fn gather(&mut self, level: &Level, columns: &Columns, cell: [u32; 2]) {
+        self.around.move_to(&columns.blocks, [cell[0], cell[1], 0]);
+        self.x.clear();
+        self.y.clear();
+        self.z.clear();
+        self.own = (f32::INFINITY, f32::NEG_INFINITY);
+        for i in 0..9u32 {
+            let near = [(cell[0] + i % 3).wrapping_sub(1), (cell[1] + i / 3).wrapping_sub(1), 0];
+            for &p in &columns.order[self.around.cell(&columns.blocks, near)] {
+                let (x, y, z) = (level.x[p as usize], level.y[p as usize], level.z[p as usize]);
+                self.x.push(x);
+                self.y.push(y);
+                self.z.push(z);
+                if i == 4 {
+                    self.own = (self.own.0.min(z), self.own.1.max(z));
+                }
+            }
+        }
+        // Padding that no column contains, so that the loop runs over whole lanes.
+        let full = self.x.len().next_multiple_of(8);
+        self.x.resize(full, f32::INFINITY);
+        self.y.resize(full, f32::INFINITY);
+        self.z.resize(full, 0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{Cloud, Points};
+    use crate::neighbours::{build_levels, sorted};
+    use crate::random::stream;
+
+    #[test]
+    fn columns_equal_brute_force() {
+        let mut s = stream(5, 0);
+        let rows: Vec<[f64; 3]> = (0..3000).map(|_| [s.uniform() * 30.0, s.uniform() * 20.0, s.uniform() * 9.0]).collect();
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let grid = Grid::new(&points, 0.5).unwrap();
+        let points = sorted(&points, &grid);
+        for level in build_levels(&points, &grid, 4) {
+            for radius in [level.size, 1.7 * level.size] {
+                let columns = Columns::new(&level, radius);
+                let mut search = ColumnSearch::default();
+                for i in (0..points.len()).step_by(11) {
+                    let at = [points.x[i], points.y[i], points.z[i]];
+                    let inside = |j: &usize| {
+                        let (dx, dy) = (level.x[*j] - at[0], level.y[*j] - at[1]);
+                        dx * dx + dy * dy <= (radius * radius) as f32
+                    };
+                    let zs = (0..level.len()).filter(inside).map(|j| level.z[j]);
+                    let expected = zs.fold((at[2], at[2]), |(lo, hi), z| (z.min(lo), z.max(hi)));
+                    assert_eq!(search.cylinder(&level, &columns, at), expected);
+                    let own = search.grid_cell(&level, &columns, at);
+                    assert!(own.0 <= at[2] && own.1 >= at[2]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! Levels of the voxel pyramid: the means of the points in voxels of size s, 2s, 4s, ...
+//!
+//! Because all grids share one origin they nest, and the count-weighted mean of the finer level's means is the mean of the
+//! original points (document 004, chapter 4.4.1; METHODS 0.2).
+
+use super::blocks::Blocks;
+use super::order::Grid;
+use crate::cloud::Points;
+
+/// Cells of the search grid hold at least this many points on average.
+const POINTS_PER_CELL: usize = 4;
+
+/// One level: its points in Morton order, and the grid that finds them.
+#[derive(Clone, Debug)]
+pub struct Level {
+    /// Edge of a voxel, metres.
+    pub size: f64,
+    /// Means of the voxels.
+    pub x: Vec<f32>,
+    /// Means of the voxels.
+    pub y: Vec<f32>,
+    /// Means of the voxels.
+    pub z: Vec<f32>,
+    /// Edge of a cell of the search grid: a power of two times the voxel.
+    pub(super) cell_size: f64,
+    pub(super) blocks: Blocks,
+    /// Groups of blocks: key and blocks, for far searches.
+    pub(super) groups: Vec<(u64, std::ops::Range<usize>)>,
+    /// Largest error of a coordinate that is rounded to `f32`.
+    pub(super) rounding: f32,
+}
+
+impl Level {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// True if there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty()
+    }
+}
+
+/// Means of voxels with their codes and counts, while the pyramid is built.
+struct Means {
+    codes: Vec<u64>,
+    sums: Vec<[f64; 3]>,
+    counts: Vec<u32>,
+}
+
+impl Means {
+    /// Means of the finest voxels.
+    fn finest(points: &Points, grid: &Grid) -> Self {
+        let mut means = Self { codes: Vec::new(), sums: Vec::new(), counts: Vec::new() };
+        for i in 0..points.len() {
+            let code = grid.code(points.x[i], points.y[i], points.z[i]);
+            means.add(code, [points.x[i], points.y[i], points.z[i]].map(f64::from), 1);
+        }
+        means
+    }
+
+    /// Means of voxels of twice the size.
+    fn coarser(&self) -> Self {
+        let mut means = Self { codes: Vec::new(), sums: Vec::new(), counts: Vec::new() };
+        for ((&code, &sum), &count) in self.codes.iter().zip(&self.sums).zip(&self.counts) {
+            means.add(code >> 3, sum, count);
+        }
+        means
+    }
+
+    fn add(&mut self, code: u64, sum: [f64; 3], count: u32) {
+        match (self.codes.last(), self.sums.last_mut(), self.counts.last_mut()) {
+            (Some(&last), Some(total), Some(n)) if last == code => {
+                (0..3).for_each(|a| total[a] += sum[a]);
+                *n += count;
+            }
+            _ => {
+                self.codes.push(code);
+                self.sums.push(sum);
+                self.counts.push(count);
+            }
+        }
+    }
+
+    fn axis(&self, a: usize) -> Vec<f32> {
+        self.sums.iter().zip(&self.counts).map(|(sum, &n)| (sum[a] / f64::from(n)) as f32).collect()
+    }
+
+    /// How often to double the voxel so that occupied cells hold [`POINTS_PER_CELL`] points on average.
+    fn doublings(&self) -> u32 {
+        (1..20).find(|&j| self.codes.chunk_by(|a, b| a >> (3 * j) == b >> (3 * j)).count() * POINTS_PER_CELL <= self.codes.len() + 8).unwrap_or(20)
+    }
+
+    fn level(&self, size: f64) -> Level {
+        let doublings = self.doublings();
+        let [x, y, z] = [0, 1, 2].map(|a| self.axis(a));
+        let far = [&x, &y, &z].into_iter().flatten().fold(0.0f32, |m, &v| m.max(v));
+        let blocks = Blocks::new(&self.codes, doublings);
+        Level {
+            size,
+            groups: blocks.groups().collect(),
+            cell_size: size * f64::from(1u32 << doublings),
+            blocks,
+            rounding: far * f32::EPSILON,
+            x,
+            y,
+            z,
+        }
+    }
+}
+
+/// Levels 0..count of points that stand in the grid's Morton order. O(n) time a level.
+pub fn build_levels(points: &Points, grid: &Grid, count: usize) -> Vec<Level> {
+    let mut means = Means::finest(points, grid);
+    let mut levels = Vec::with_capacity(count);
+    for l in 0..count {
+        levels.push(means.level(grid.size * f64::from(1u32 << l)));
+        if l + 1 < count {
+            means = means.coarser();
+        }
+    }
+    levels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::neighbours::sorted;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn the_cascade_equals_direct_filtering_on_every_level() {
+        let rows: Vec<[f64; 3]> = (0..3000).map(|i| [f64::from(i * 7919 % 997) * 0.01, f64::from(i * 104_729 % 883) * 0.01, f64::from(i % 131) * 0.02]).collect();
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let grid = Grid::new(&points, 0.1).unwrap();
+        let points = sorted(&points, &grid);
+        for (l, level) in build_levels(&points, &grid, 6).iter().enumerate() {
+            let mut voxels: BTreeMap<[i64; 3], (f64, [f64; 3])> = BTreeMap::new();
+            for i in 0..points.len() {
+                let p = [points.x[i], points.y[i], points.z[i]].map(f64::from);
+                let voxel = voxels.entry(p.map(|v| (v / (0.1 * f64::from(1 << l))).floor() as i64)).or_default();
+                voxel.0 += 1.0;
+                (0..3).for_each(|a| voxel.1[a] += p[a]);
+            }
+            let mut direct: Vec<[f32; 3]> = voxels.values().map(|(n, sum)| sum.map(|s| (s / n) as f32)).collect();
+            let mut cascade: Vec<[f32; 3]> = (0..level.len()).map(|i| [level.x[i], level.y[i], level.z[i]]).collect();
+            direct.sort_by(|a, b| a.partial_cmp(b).unwrap());
+            cascade.sort_by(|a, b| a.partial_cmp(b).unwrap());
+            assert_eq!(direct.len(), cascade.len());
+            assert!(direct.iter().flatten().zip(cascade.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-5));
+        }
+    }
+}
