@@ -8,7 +8,7 @@ use scansion_core::cloud::{Cloud as CoreCloud, Column, Coordinates};
 use std::sync::Arc;
 
 /// Points with named columns, in the core's memory.
-#[pyclass(module = "scansion._core", skip_from_py_object)]
+#[pyclass(module = "scansion._core")]
 #[derive(Clone)]
 pub(crate) struct Cloud {
     pub(crate) inner: Arc<CoreCloud>,

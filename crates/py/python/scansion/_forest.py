@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core, _validation
+from scansion._arrays import choice
 from scansion._base import Classifier
 
 BAG = 0.632
@@ -194,11 +195,11 @@ class RandomForestClassifier(Classifier):
 
     def _settings(self, classes: NDArray[Any]) -> dict[str, Any]:
         """The parameters under the core's names."""
-        if self.trainer not in ("breiman", "ethz"):
-            raise ValueError(f"trainer: found {self.trainer!r}, expected 'breiman' or 'ethz'")
+        choice(self.trainer, "trainer", ("breiman", "ethz"))
+        choice(self.criterion, "criterion", ("gini", "entropy"))
         return {
             "trees": _whole(self.n_estimators, "n_estimators"),
-            "max_depth": None if self.max_depth is None else _whole(self.max_depth, "max_depth"),
+            "max_depth": 0 if self.max_depth is None else _whole(self.max_depth, "max_depth"),
             "trainer": self.trainer,
             "criterion": self.criterion,
             "max_features": _max_features(self.max_features),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from typing import Any, Literal
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
+from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
 
 
@@ -58,8 +58,7 @@ def render(
     array of shape (height, width, 3)
         sRGB.
     """
-    if view not in ("map", "oblique"):
-        raise ValueError(f"view: found {view!r}, expected 'map' or 'oblique'")
+    choice(view, "view", ("map", "oblique"))
     settings = {
         "by": by,
         "angles": (azimuth, elevation) if view == "oblique" else None,
@@ -71,4 +70,4 @@ def render(
         "range": value_range,
     }
     target = None if path is None else os.fspath(path)
-    return _core.render(as_cloud(cloud)._core, json.dumps(settings, default=lambda v: v.item()), target, n_jobs)
+    return _core.render(as_cloud(cloud)._core, to_json(settings), target, n_jobs)

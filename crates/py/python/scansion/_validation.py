@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scansion._arrays import native
 from scansion._base import DataConversionWarning, from_sklearn
 
 
@@ -25,7 +26,7 @@ def table(values: Any, name: str) -> NDArray[np.float32]:
     if array.dtype.kind not in "fiub":
         array = array.astype(np.float64)
     with np.errstate(over="ignore"):
-        result = np.ascontiguousarray(array, dtype=np.float32)
+        result = native(array, np.float32)
     _check_finite(result, "X", "float32")
     return result
 
@@ -101,7 +102,7 @@ def weights(values: Any, rows: int) -> NDArray[np.float32] | None:
         raise ValueError(f"Sample weights must be 1D array or scalar, got {array.ndim}D array.")
     if len(array) != rows:
         raise ValueError(f"sample_weight.shape == {array.shape}, expected {(rows,)}!")
-    result = np.ascontiguousarray(array, dtype=np.float32)
+    result = native(array, np.float32)
     _check_finite(result, "sample_weight", "float32")
     if (result < 0).any():
         raise ValueError(f"Negative values in data passed to `sample_weight`: found {result.min()}, expected >= 0")

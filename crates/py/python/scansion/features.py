@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
+from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
 
 __all__ = ["definitions", "multiscale", "names", "preset"]
@@ -85,6 +86,9 @@ def multiscale(
     >>> float(table[:, features.names(first_scale=1.0, levels=2).index("SurfaceVariation_r1")].max())
     0.0
     """
+    choice(centre, "centre", ("medoid", "mean"))
+    choice(divisor, "divisor", ("n", "n-1"))
+    choice(column, "column", ("cylinder", "cell"))
     pyramid = {
         "first_scale": first_scale,
         "levels": levels,
@@ -97,9 +101,8 @@ def multiscale(
         "column_radius": column_radius,
         "near_share": near_share,
     }
-    settings = _settings(
-        pyramid=pyramid, colour=colour, intensity=intensity, returns=returns, metres_per_unit=metres_per_unit
-    )
+    point = {"colour": colour, "intensity": intensity, "returns": returns, "metres_per_unit": metres_per_unit}
+    settings = to_json({"pyramid": pyramid, **point})
     cloud = as_cloud(xyz, columns=_core.feature_columns(settings))
     return _core.multiscale(cloud._core, settings, n_jobs)
 
@@ -130,7 +133,7 @@ def names(
     ('Sum_r0p025', 144)
     """
     pyramid = {"first_scale": first_scale, "levels": levels}
-    settings = _settings(pyramid=pyramid, colour=colour, intensity=intensity, returns=returns)
+    settings = to_json({"pyramid": pyramid, "colour": colour, "intensity": intensity, "returns": returns})
     return _core.feature_names(settings, first_scale)
 
 
@@ -164,7 +167,3 @@ def preset(name: str) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(_core.feature_preset(name))
     return found
 
-
-def _settings(**values: Any) -> str:
-    """Settings as JSON, numpy's numbers included."""
-    return json.dumps(values, default=lambda v: v.item())
