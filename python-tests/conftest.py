@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 import scansion
 
 ROOT = Path(__file__).resolve().parent.parent

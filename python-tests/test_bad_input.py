@@ -8,7 +8,6 @@ import time
 
 import numpy as np
 import pytest
-
 import scansion
 from scansion import RandomForestClassifier, features
 
@@ -28,10 +27,11 @@ def table(xyz):
         pytest.param(lambda x: x.astype(">f8"), id="byte-swapped"),
         pytest.param(lambda x: np.frombuffer(x.tobytes()).reshape(-1, 3), id="read-only"),
         pytest.param(lambda x: x.tolist(), id="list"),
-        pytest.param(lambda x: np.frombuffer(b"\0" + x.tobytes(), np.uint8)[1:].view("f8").reshape(-1, 3), id="odd address"),
         pytest.param(
-            lambda x: np.rec.fromarrays(list(x.T), names="x,y,z"), id="structured"
+            lambda x: np.frombuffer(b"\0" + x.tobytes(), np.uint8)[1:].view("f8").reshape(-1, 3),
+            id="odd address",
         ),
+        pytest.param(lambda x: np.rec.fromarrays(list(x.T), names="x,y,z"), id="structured"),
     ],
 )
 def test_layouts_of_the_same_numbers_give_the_same_bytes(make):
@@ -118,7 +118,9 @@ def test_columns_keep_their_type():
 
 
 def test_clouds_survive_pickle_and_copies_are_their_own():
-    cloud = scansion.PointCloud(XYZ, crs="EPSG:2056", metres_per_unit=0.3048, Classification=np.ones(300, "u1"))
+    cloud = scansion.PointCloud(
+        XYZ, crs="EPSG:2056", metres_per_unit=0.3048, Classification=np.ones(300, "u1")
+    )
     again = pickle.loads(pickle.dumps(cloud))
     assert (again.xyz == cloud.xyz).all() and again.columns == cloud.columns
     assert (again.crs, again.metres_per_unit) == ("EPSG:2056", 0.3048)

@@ -6,9 +6,8 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import street
-
 import scansion
+from conftest import street
 from scansion import PointClassifier
 
 RECIPE = {"features.pyramid.first_scale": 0.4, "features.pyramid.levels": 5, "forest.trees": 20}
@@ -117,7 +116,11 @@ def test_pictures_have_the_asked_size(labelled, tmp_path):
     picture = scansion.render(labelled, tmp_path / "a.png", width=400)
     assert picture.shape[1:] == (400, 3) and picture.dtype == np.uint8 and picture.std() > 0
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
-    assert scansion.render(labelled, by="height", view="oblique", width=300, height=200).shape == (200, 300, 3)
+    assert scansion.render(labelled, by="height", view="oblique", width=300, height=200).shape == (
+        200,
+        300,
+        3,
+    )
     with pytest.raises(ValueError, match="view"):
         scansion.render(labelled, view="side")
     with pytest.raises(ValueError, match="Absent"):

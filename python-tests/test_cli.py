@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 import scansion
 
 SCRIPT = shutil.which("scansion", path=str(Path(sys.executable).parent)) or shutil.which("scansion")

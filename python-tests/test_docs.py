@@ -8,11 +8,16 @@ import subprocess
 import sys
 
 import pytest
-
 import scansion
 
-MODULES = ["scansion"] + [f"scansion.{m.name}" for m in pkgutil.iter_modules(scansion.__path__) if m.name[0] != "_"]
-PRIVATE = [f"scansion.{m.name}" for m in pkgutil.iter_modules(scansion.__path__) if m.name not in ("_core", "__main__")]
+MODULES = ["scansion"] + [
+    f"scansion.{m.name}" for m in pkgutil.iter_modules(scansion.__path__) if m.name[0] != "_"
+]
+PRIVATE = [
+    f"scansion.{m.name}"
+    for m in pkgutil.iter_modules(scansion.__path__)
+    if m.name not in ("_core", "__main__")
+]
 
 
 def public():
@@ -22,7 +27,9 @@ def public():
             thing = getattr(module, member)
             if inspect.isfunction(thing):
                 yield f"{name}.{member}", thing
-            elif inspect.isclass(thing) and issubclass(thing, (scansion.PointCloud, scansion._base.Classifier)):
+            elif inspect.isclass(thing) and issubclass(
+                thing, (scansion.PointCloud, scansion._base.Classifier)
+            ):
                 yield f"{name}.{member}", thing
                 for key, method in inspect.getmembers(thing):
                     if key[0] != "_" and (inspect.isfunction(method) or inspect.ismethod(method)):
@@ -38,7 +45,9 @@ def test_every_public_name_is_documented_and_typed(name, thing):
     signature = inspect.signature(call)
     for parameter in signature.parameters.values():
         if parameter.name not in ("self", "cls", "deep", "parameters"):
-            assert parameter.annotation is not inspect.Parameter.empty, f"{name}: {parameter.name} is not annotated"
+            assert parameter.annotation is not inspect.Parameter.empty, (
+                f"{name}: {parameter.name} is not annotated"
+            )
             assert parameter.name in inspect.getdoc(thing), f"{name}: {parameter.name} is not documented"
     if not inspect.isclass(thing):
         assert signature.return_annotation is not inspect.Signature.empty, f"{name} has no return annotation"

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from sklearn import metrics
-
 from scansion import evaluation
+from sklearn import metrics
 
 RANDOM = np.random.default_rng(0)
 TRUTH = RANDOM.choice([2, 5, 6, 9], 2000, p=[0.6, 0.2, 0.15, 0.05]).astype(np.uint8)

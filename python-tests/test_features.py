@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 import scansion
 from scansion import features
 
@@ -69,7 +68,13 @@ def test_the_definitions_hold_by_brute_force():
             found = table[:, names.index(f"{name}_{suffix}")]
             near = np.isclose(found, expected, rtol=1e-3, atol=2e-4)
             # A tie of two medoids or neighbours may fall either way in float32.
-            assert near.mean() > 0.995, (name, suffix, np.flatnonzero(~near)[:5], found[~near][:5], expected[~near][:5])
+            assert near.mean() > 0.995, (
+                name,
+                suffix,
+                np.flatnonzero(~near)[:5],
+                found[~near][:5],
+                expected[~near][:5],
+            )
 
 
 def clusters():
@@ -112,7 +117,10 @@ def test_pgeof_agrees_under_its_own_convention():
     neighbours = np.arange(len(xyz)).reshape(-1, 20).repeat(20, axis=0)
     pointers = np.arange(0, neighbours.size + 1, 20)
     peer = pgeof.compute_features(
-        xyz.astype(np.float32), neighbours.ravel().astype(np.uint32), pointers.astype(np.uint32), verbose=False
+        xyz.astype(np.float32),
+        neighbours.ravel().astype(np.uint32),
+        pointers.astype(np.uint32),
+        verbose=False,
     )
     ours = one_level(xyz, "pgeof")
     # pgeof takes roots of eigenvalues in linearity, planarity and scattering and adds 1e-3 below; its entropy and its
@@ -129,7 +137,10 @@ def test_pgeof_agrees_under_its_own_convention():
 def test_the_same_bytes_for_any_number_of_threads():
     xyz = np.random.default_rng(1).uniform(0, 30, (20_000, 3))
     first = features.multiscale(xyz, first_scale=0.4, levels=4, n_jobs=1).tobytes()
-    assert all(features.multiscale(xyz, first_scale=0.4, levels=4, n_jobs=n).tobytes() == first for n in (2, 3, 8, -1))
+    assert all(
+        features.multiscale(xyz, first_scale=0.4, levels=4, n_jobs=n).tobytes() == first
+        for n in (2, 3, 8, -1)
+    )
 
 
 def test_a_plane_is_flat_on_every_level():
@@ -148,7 +159,9 @@ def test_points_that_are_not_finite_get_rows_of_nan():
 
 
 def test_features_of_the_point_itself_need_their_columns():
-    cloud = scansion.PointCloud(np.random.default_rng(0).uniform(0, 5, (50, 3)), Intensity=np.arange(50, dtype="u2"))
+    cloud = scansion.PointCloud(
+        np.random.default_rng(0).uniform(0, 5, (50, 3)), Intensity=np.arange(50, dtype="u2")
+    )
     table = features.multiscale(cloud, first_scale=0.4, levels=1, intensity=True)
     assert table.shape == (50, 17) and table[:, 16].max() <= 1
     assert features.names(first_scale=0.4, levels=1, intensity=True)[16] == "RelativeIntensity"

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scansion import RandomForestClassifier
 from sklearn.base import clone, is_classifier
 from sklearn.datasets import load_digits, load_iris, load_wine
 from sklearn.ensemble import RandomForestClassifier as Peer
@@ -11,8 +12,6 @@ from sklearn.model_selection import GridSearchCV, cross_val_score, train_test_sp
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
-
-from scansion import RandomForestClassifier
 
 SAMPLED = "bootstrap samples differ where rows are repeated, as in scikit-learn's own forest"
 

@@ -5,7 +5,6 @@ import errno
 import laspy
 import numpy as np
 import pytest
-
 import scansion
 
 FIELDS = {
@@ -63,7 +62,10 @@ def test_we_read_what_laspy_writes(tmp_path, suffix, version, point_format):
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
 def test_laspy_reads_what_we_write(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
-    columns = {ours: values(kind, 7 if "eturn" in ours else 31, i) for i, (ours, (_, kind)) in enumerate(FIELDS.items())}
+    columns = {
+        ours: values(kind, 7 if "eturn" in ours else 31, i)
+        for i, (ours, (_, kind)) in enumerate(FIELDS.items())
+    }
     xyz = np.random.default_rng(0).uniform(0, 1000, (N, 3)) + [500_000, 5_000_000, 0]
     cloud = scansion.PointCloud(xyz, Confidence=np.random.default_rng(1).random(N).astype("f4"), **columns)
     scansion.write(path, cloud)
@@ -123,7 +125,9 @@ def test_ply_goes_both_ways(tmp_path):
     np.testing.assert_array_equal(np.column_stack([vertex["x"], vertex["y"], vertex["z"]]), xyz)
     for text, order in ((True, "="), (False, "<"), (False, ">")):
         path = tmp_path / "b.ply"
-        plyfile.PlyData([plyfile.PlyElement.describe(vertex.data, "vertex")], text=text, byte_order=order).write(path)
+        plyfile.PlyData(
+            [plyfile.PlyElement.describe(vertex.data, "vertex")], text=text, byte_order=order
+        ).write(path)
         cloud = scansion.read(path)
         np.testing.assert_allclose(cloud.xyz, xyz, rtol=1e-12)
         np.testing.assert_array_equal(cloud["Classification"], values("u1", 9, 0))

@@ -5,6 +5,7 @@ use crate::convert::{matrix, to_matrix, vector};
 use crate::error::raise;
 use crate::json;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classification::{Forest as CoreForest, ForestParams, Samples};
@@ -15,9 +16,10 @@ pub(crate) struct Forest {
     inner: CoreForest,
 }
 
-/// Fits a forest; returns it and its out-of-bag accuracy if some samples were out of a bag.
+/// Fits a forest; returns it and, if asked for, its out-of-bag accuracy.
 #[pyfunction]
-#[pyo3(signature = (table, labels, weights, classes, params, n_jobs = None))]
+#[pyo3(signature = (table, labels, weights, classes, params, oob_score = false, n_jobs = None))]
+#[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
 pub(crate) fn fit_forest(
     py: Python<'_>,
     table: PyReadonlyArray2<'_, f32>,
@@ -25,6 +27,7 @@ pub(crate) fn fit_forest(
     weights: Option<PyReadonlyArray1<'_, f32>>,
     classes: usize,
     params: &str,
+    oob_score: bool,
     n_jobs: Option<i64>,
 ) -> PyResult<(Forest, Option<f64>)> {
     let params: ForestParams = json::settings(params)?;
@@ -35,8 +38,11 @@ pub(crate) fn fit_forest(
         weights: weights.as_ref().map(|w| vector(w, "weights")).transpose()?,
         classes,
     };
-    let (inner, report) = call(py, n_jobs, |monitor| CoreForest::fit_with_report(&samples, &params, monitor))?;
-    Ok((Forest { inner }, report.oob_score))
+    let fit = |monitor: &_| match oob_score {
+        true => CoreForest::fit_with_report(&samples, &params, monitor).map(|(forest, report)| (forest, report.oob_score)),
+        false => CoreForest::fit(&samples, &params, monitor).map(|forest| (forest, None)),
+    };
+    call(py, n_jobs, fit).map(|(inner, score)| (Forest { inner }, score))
 }
 
 #[pymethods]
@@ -60,13 +66,16 @@ impl Forest {
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let (rows, width) = (table.shape()[0], table.shape()[1]);
         let values = matrix(&table, "table")?;
-        self.inner.check_width(width).map_err(raise)?;
+        if width != self.inner.width() {
+            let message = format!("table: found {width} columns, expected {}", self.inner.width());
+            return Err(PyValueError::new_err(message));
+        }
         let mut result = vec![0.0; rows * self.inner.classes()];
-        call(py, n_jobs, |_| self.inner.predict_proba(values, rows, &mut result))?;
+        call(py, n_jobs, |_| self.inner.predict_proba(values, &mut result))?;
         to_matrix(py, result, self.inner.classes())
     }
 
     fn importance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_vec(py, self.inner.importance())
+        PyArray1::from_slice(py, self.inner.importance())
     }
 }

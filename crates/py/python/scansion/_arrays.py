@@ -79,4 +79,6 @@ def to_json(settings: Mapping[str, Any]) -> str:
 def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
-    raise TypeError(f"found {value!r} of type {type(value).__name__}, expected a number, text, True, False or None")
+    raise TypeError(
+        f"found {value!r} of type {type(value).__name__}, expected a number, text, True, False or None"
+    )

@@ -50,7 +50,9 @@ class Classifier:
         valid = self._parameter_names()
         for name, value in parameters.items():
             if name not in valid:
-                raise ValueError(f"Invalid parameter {name!r} for estimator {self!r}. Valid parameters are: {valid}.")
+                raise ValueError(
+                    f"Invalid parameter {name!r} for estimator {self!r}. Valid parameters are: {valid}."
+                )
             setattr(self, name, value)
         return self
 

@@ -161,10 +161,10 @@ class PointClassifier(Classifier):
         """
         self._check_is_fitted()
         points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
-        *found, notes = self._model.classify(points._core, probabilities, self.n_jobs)
-        for note in notes:
+        found = self._model.classify(points._core, probabilities, self.n_jobs)
+        for note in found[4]:
             warnings.warn(note, stacklevel=2)
-        return Classified(*found)
+        return Classified(*found[:4])
 
     def predict(self, cloud: Any) -> NDArray[np.uint8]:
         """The class code of every point, in the cloud's order.

@@ -158,7 +158,9 @@ class PointCloud:
     def from_laspy(cls, las: Any) -> PointCloud:
         """A cloud from a ``laspy.LasData``: its exact integers, its dimensions and its reference system."""
         ticks = np.column_stack([np.asarray(las.X), np.asarray(las.Y), np.asarray(las.Z)]).astype(np.int32)
-        scale, offset = (tuple(float(v) for v in values) for values in (las.header.scales, las.header.offsets))
+        scale, offset = (
+            tuple(float(v) for v in values) for values in (las.header.scales, las.header.offsets)
+        )
         cloud = cls._wrap(_core.Cloud.from_ticks(np.ascontiguousarray(ticks), scale, offset))
         for name in las.point_format.dimension_names:
             if name in ("X", "Y", "Z"):

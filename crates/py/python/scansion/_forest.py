@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import numbers
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -112,7 +111,9 @@ class RandomForestClassifier(Classifier):
         self.random_state = random_state
         self.n_jobs = n_jobs
 
-    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> RandomForestClassifier:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> RandomForestClassifier:
         """Grows the trees.
 
         Parameters
@@ -134,14 +135,15 @@ class RandomForestClassifier(Classifier):
             raise ValueError(f"y: found {len(classes)} classes, expected at most 65535")
         params = json.dumps(self._settings(classes))
         indices = positions.astype(np.uint16)
-        forest, oob = _core.fit_forest(table, indices, weights, len(classes), params, self.n_jobs)
+        asked = bool(self.oob_score and self.bootstrap)
+        forest, oob = _core.fit_forest(table, indices, weights, len(classes), params, asked, self.n_jobs)
         self._forest = forest
         self.classes_, self.n_classes_, self.n_features_in_ = classes, len(classes), table.shape[1]
         for stale in ("feature_names_in_", "oob_score_"):
             self.__dict__.pop(stale, None)
         if names is not None:
             self.feature_names_in_ = names
-        if self.oob_score and oob is not None:
+        if oob is not None:
             self.oob_score_ = oob
         return self
 
@@ -173,7 +175,8 @@ class RandomForestClassifier(Classifier):
         X : array_like of shape (n_samples, n_features)
         """
         probabilities = self.predict_proba(X)
-        return self.classes_[probabilities.argmax(axis=1)]
+        labels: NDArray[Any] = self.classes_[probabilities.argmax(axis=1)]
+        return labels
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Share of rows that are named rightly (accuracy), 0..1.
@@ -197,6 +200,10 @@ class RandomForestClassifier(Classifier):
         """The parameters under the core's names."""
         choice(self.trainer, "trainer", ("breiman", "ethz"))
         choice(self.criterion, "criterion", ("gini", "entropy"))
+        if self.oob_score and not self.bootstrap:
+            raise ValueError(
+                "oob_score: found True, expected False without bootstrap (every tree sees every sample)"
+            )
         return {
             "trees": _whole(self.n_estimators, "n_estimators"),
             "max_depth": 0 if self.max_depth is None else _whole(self.max_depth, "max_depth"),
@@ -216,17 +223,19 @@ def seed(random_state: Any) -> int:
     """A seed from what scikit-learn calls ``random_state``; None stands for 0."""
     if random_state is None:
         return 0
-    if isinstance(random_state, numbers.Integral) and 0 <= random_state < 2**63:
+    if isinstance(random_state, (int, np.integer)) and 0 <= random_state < 2**63:
         return int(random_state)
     if isinstance(random_state, np.random.RandomState):
         return int(random_state.randint(0, 2**31 - 1))
     if isinstance(random_state, np.random.Generator):
         return int(random_state.integers(0, 2**63))
-    raise ValueError(f"random_state: found {random_state!r}, expected a whole number in 0..2^63, a RandomState or None")
+    raise ValueError(
+        f"random_state: found {random_state!r}, expected a whole number in 0..2^63, a RandomState or None"
+    )
 
 
 def _whole(value: Any, name: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
         raise ValueError(f"{name}: found {value!r}, expected a whole number, 1 or more")
     return int(value)
 
@@ -236,11 +245,13 @@ def _max_features(value: Any) -> Any:
         return "all"
     if value in ("sqrt", "log2"):
         return value
-    if isinstance(value, numbers.Integral) and value > 0:
+    if isinstance(value, (int, np.integer)) and value > 0:
         return {"count": int(value)}
-    if isinstance(value, numbers.Real) and 0 < value <= 1:
+    if isinstance(value, (int, float, np.floating)) and 0 < value <= 1:
         return {"fraction": float(value)}
-    raise ValueError(f"max_features: found {value!r}, expected 'sqrt', 'log2', a count, a share in 0..1 or None")
+    raise ValueError(
+        f"max_features: found {value!r}, expected 'sqrt', 'log2', a count, a share in 0..1 or None"
+    )
 
 
 def _bootstrap(value: Any, trainer: str) -> Any:
@@ -255,7 +266,9 @@ def _class_weight(value: Any, classes: NDArray[Any]) -> Any:
     if isinstance(value, str) and value == "balanced":
         return "balanced"
     if not isinstance(value, Mapping):
-        raise ValueError(f"class_weight: found {value!r}, expected None, 'balanced' or a dict of label to weight")
+        raise ValueError(
+            f"class_weight: found {value!r}, expected None, 'balanced' or a dict of label to weight"
+        )
     known = classes.tolist()
     unknown = [label for label in value if label not in known]
     if unknown:

@@ -44,7 +44,9 @@ def _check_shape(array: NDArray[Any], name: str) -> None:
     for count, what in zip(array.shape, ("sample", "feature"), strict=True):
         if count == 0:
             shape = f"(shape={array.shape})"
-            raise ValueError(f"Found array with 0 {what}(s) {shape} while a minimum of 1 is required by {name}.")
+            raise ValueError(
+                f"Found array with 0 {what}(s) {shape} while a minimum of 1 is required by {name}."
+            )
 
 
 def _check_finite(array: NDArray[Any], what: str, dtype: str) -> None:
@@ -105,7 +107,9 @@ def weights(values: Any, rows: int) -> NDArray[np.float32] | None:
     result = native(array, np.float32)
     _check_finite(result, "sample_weight", "float32")
     if (result < 0).any():
-        raise ValueError(f"Negative values in data passed to `sample_weight`: found {result.min()}, expected >= 0")
+        raise ValueError(
+            f"Negative values in data passed to `sample_weight`: found {result.min()}, expected >= 0"
+        )
     if not result.any():
         raise ValueError("Sample weights must contain at least one non-zero number.")
     return result
@@ -129,14 +133,18 @@ def feature_names(values: Any) -> NDArray[np.object_] | None:
     return None
 
 
-def check_feature_names(given: NDArray[np.object_] | None, fitted: NDArray[np.object_] | None, name: str) -> None:
+def check_feature_names(
+    given: NDArray[np.object_] | None, fitted: NDArray[np.object_] | None, name: str
+) -> None:
     """Refuses columns that are not those of ``fit``; warns if only one side has names."""
     if given is None and fitted is None:
         return
     if fitted is None:
         warnings.warn(f"X has feature names, but {name} was fitted without feature names", stacklevel=3)
     elif given is None:
-        warnings.warn(f"X does not have valid feature names, but {name} was fitted with feature names", stacklevel=3)
+        warnings.warn(
+            f"X does not have valid feature names, but {name} was fitted with feature names", stacklevel=3
+        )
     elif list(given) != list(fitted):
         raise ValueError(_names_differ(set(given), set(fitted)))
 

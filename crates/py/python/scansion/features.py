@@ -166,4 +166,3 @@ def preset(name: str) -> dict[str, Any]:
     """
     found: dict[str, Any] = json.loads(_core.feature_preset(name))
     return found
-
