@@ -15,6 +15,7 @@ pub mod classes;
 pub mod cloud;
 pub mod neighbours;
 pub mod features;
+pub mod evaluation;
 
 pub use cloud::Cloud;
 pub use error::{Error, Result};

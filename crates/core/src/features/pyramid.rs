@@ -8,7 +8,7 @@ use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::{ColumnSearch, Columns, Level, Search};
 use crate::parallel::{Monitor, map_ordered};
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
 /// Level points whose surfaces are computed by one task.
@@ -65,14 +65,11 @@ impl Stage {
         }
         scratch.search.reset();
         scratch.columns.reset();
-        Arch::new().dispatch(
-            #[inline(always)]
-            || self.all_batches(job, params, scratch),
-        );
+        Arch::new().dispatch(Describe { stage: self, job, params, scratch });
     }
 
     #[inline(always)]
-    fn all_batches(&self, job: &mut Job<'_>, params: &PyramidParams, scratch: &mut Scratch) {
+    fn all_batches<S: Simd>(&self, simd: S, job: &mut Job<'_>, params: &PyramidParams, scratch: &mut Scratch) {
         let points = job.points;
         for first in job.range.clone().step_by(LANES) {
             let lanes = first..(first + LANES).min(job.range.end);
@@ -81,7 +78,7 @@ impl Stage {
                 self.heights(lanes.clone(), job, row, (params, &mut *scratch));
             }
             if self.slots[..13].iter().any(|&s| s != NOWHERE) {
-                let count = fill(&self.level, &self.surfaces, points, lanes.clone(), (params, &mut *scratch));
+                let count = fill(simd, (&self.level, &self.surfaces), points, lanes.clone(), (params, &mut *scratch));
                 self.shape(count, lanes.len(), job, row, (params, &mut *scratch));
             }
         }
@@ -128,6 +125,40 @@ impl Stage {
     }
 }
 
+/// The work on a block, compiled for each instruction set. (A closure would be called, not inlined, and stay scalar.)
+struct Describe<'a, 'b> {
+    stage: &'a Stage,
+    job: &'a mut Job<'b>,
+    params: &'a PyramidParams,
+    scratch: &'a mut Scratch,
+}
+
+impl WithSimd for Describe<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.stage.all_batches(simd, self.job, self.params, self.scratch);
+    }
+}
+
+/// The first pass on a chunk of a level, compiled for each instruction set.
+struct Pack<'a> {
+    level: &'a Level,
+    points: &'a Points,
+    params: &'a PyramidParams,
+    packed: &'a mut [Packed],
+}
+
+impl WithSimd for Pack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        pack_all(simd, self.level, self.points, self.params, self.packed);
+    }
+}
+
 /// Writes the lanes of each wanted feature into its column.
 #[inline(always)]
 fn store(features: &[[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job<'_>, row: usize) {
@@ -148,13 +179,13 @@ fn own_surface(tensor: &Tensor, variation: &[f32; LANES], row: usize, surfaces: 
 
 /// Finds the neighbours of up to 16 points, lays them out by lanes, and returns the size of a neighbourhood.
 #[inline(always)]
-fn fill(level: &Level, packed: &[Packed], points: &Points, lanes: Range<usize>, (params, scratch): (&PyramidParams, &mut Scratch)) -> usize {
+fn fill<S: Simd>(simd: S, (level, packed): (&Level, &[Packed]), points: &Points, lanes: Range<usize>, (params, scratch): (&PyramidParams, &mut Scratch)) -> usize {
     let wanted = params.k.min(MOST - 1) - usize::from(params.include_query);
     scratch.found.resize(wanted, 0);
     let mut count = 0;
     for (l, i) in lanes.enumerate() {
         let at = [points.x[i], points.y[i], points.z[i]];
-        count = scratch.search.nearest(level, at, &mut scratch.found);
+        count = scratch.search.nearest_with(simd, level, at, &mut scratch.found);
         lay_out(level, at, &scratch.found[..count], l, &mut scratch.batch);
         if !packed.is_empty() {
             unpack(packed, &scratch.found[..count], l, &mut scratch.surfaces);
@@ -204,22 +235,19 @@ fn surfaces(level: &Level, params: &PyramidParams, monitor: &Monitor) -> Result<
             ..Points::default()
         };
         let mut packed = vec![[0; 4]; range.len()];
-        Arch::new().dispatch(
-            #[inline(always)]
-            || pack_all(level, &points, &params, &mut packed),
-        );
+        Arch::new().dispatch(Pack { level, points: &points, params: &params, packed: &mut packed });
         Ok(packed)
     })?;
     Ok(chunks.concat())
 }
 
 #[inline(always)]
-fn pack_all(level: &Level, points: &Points, params: &PyramidParams, packed: &mut [Packed]) {
+fn pack_all<S: Simd>(simd: S, level: &Level, points: &Points, params: &PyramidParams, packed: &mut [Packed]) {
     let mut scratch = Scratch::default();
     let convention = Convention { centre: params.centre, divisor: params.divisor };
     for first in (0..points.len()).step_by(LANES) {
         let lanes = first..(first + LANES).min(points.len());
-        let count = fill(level, &[], points, lanes.clone(), (params, &mut scratch));
+        let count = fill(simd, (level, &[]), points, lanes.clone(), (params, &mut scratch));
         let found = if count == 10 { tensor(&scratch.batch, 10, convention) } else { tensor(&scratch.batch, count, convention) };
         let variation = covariance_features(&found, false)[6];
         for (l, slot) in packed[lanes].iter_mut().enumerate() {

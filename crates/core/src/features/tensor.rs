@@ -219,7 +219,7 @@ pub(super) fn covariance_features(tensor: &Tensor, normalise: bool) -> [Lane; 9]
         let unit = if normalise { per_sum } else { 1.0 };
         let (u, v, w) = (a * unit, b * unit, c * unit);
         out[0][l] = sum;
-        out[1][l] = cbrt(u) * cbrt(v) * cbrt(w);
+        out[1][l] = cbrt(u * v * w);
         out[2][l] = -(u * ln(u) + v * ln(v) + w * ln(w));
         out[3][l] = (a - c) * per_largest;
         out[4][l] = (b - c) * per_largest;
@@ -251,7 +251,7 @@ pub(super) fn ln(x: f32) -> f32 {
 /// Cube root of a number that is not negative, relative error below 3e-7.
 #[inline(always)]
 pub(super) fn cbrt(x: f32) -> f32 {
-    let mut y = f32::from_bits((x.to_bits() as f32 * (1.0 / 3.0)) as u32 + 0x2a51_4067);
+    let mut y = f32::from_bits((x.to_bits() / 3).wrapping_add(0x2a51_4067));
     for _ in 0..3 {
         let cube = y * y * y;
         y *= (cube + 2.0 * x) / (2.0 * cube + x);

@@ -6,6 +6,7 @@
 use super::blocks::Around;
 use super::level::Level;
 use crate::cloud::morton;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Squared distance and index of a level's point.
 pub type Neighbour = (f32, u32);
@@ -39,8 +40,13 @@ impl Search {
     /// fewer only if the level has fewer. Coordinates are not negative.
     ///
     /// Expected O(1) on data whose density varies little, O(blocks) for far outliers.
-    #[inline(always)]
     pub fn nearest(&mut self, level: &Level, at: [f32; 3], out: &mut [u32]) -> usize {
+        Arch::new().dispatch(Nearest { search: self, level, at, out })
+    }
+
+    /// [`Search::nearest`] for callers that have dispatched to an instruction set already.
+    #[inline(always)]
+    pub fn nearest_with<S: Simd>(&mut self, simd: S, level: &Level, at: [f32; 3], out: &mut [u32]) -> usize {
         let cell = at.map(|v| (f64::from(v) / level.cell_size) as u32);
         if self.cell != Some(cell) {
             self.cell = Some(cell);
@@ -58,7 +64,7 @@ impl Search {
             out.iter_mut().zip(&self.best).for_each(|(slot, &(_, index))| *slot = index);
             return wanted;
         }
-        if self.certain.len() > RANKED || !self.rank(wanted, out) {
+        if self.certain.len() > RANKED || !self.rank(simd, wanted, out) {
             self.sort(wanted, out);
         }
         wanted
@@ -106,28 +112,19 @@ impl Search {
 
     /// Chooses by counting, for each candidate, those that are nearer. False if a tie makes the choice ambiguous.
     #[inline(always)]
-    fn rank(&self, wanted: usize, out: &mut [u32]) -> bool {
+    fn rank<S: Simd>(&self, simd: S, wanted: usize, out: &mut [u32]) -> bool {
         let mut distance = [f32::INFINITY; RANKED];
-        let mut nearer = [0u32; RANKED];
         let n = self.certain.len();
         for (slot, &i) in distance.iter_mut().zip(&self.certain) {
             *slot = self.distance[i as usize];
         }
-        let used = n.div_ceil(LANES) * LANES;
-        for &d in &distance[..n] {
-            for (count, other) in nearer[..used].chunks_exact_mut(LANES).zip(distance[..used].chunks_exact(LANES)) {
-                for l in 0..LANES {
-                    count[l] = count[l].wrapping_add(u32::from(d < other[l]));
-                }
-            }
-        }
+        let nearer = count_nearer(simd, &distance, n);
         let mut chosen = 0usize;
         for (&rank, &i) in nearer.iter().zip(&self.certain) {
-            let fits = (rank as usize) < wanted;
             if let Some(slot) = out.get_mut(chosen) {
                 *slot = self.index[i as usize];
             }
-            chosen = chosen.wrapping_add(usize::from(fits));
+            chosen = chosen.wrapping_add(usize::from((rank as usize) < wanted));
         }
         chosen == wanted
     }
@@ -181,6 +178,42 @@ impl Search {
         }
         shrink(&mut self.best, wanted);
         self.best.iter().fold(0.0, |m, b| b.0.max(m))
+    }
+}
+
+/// For each of the distances how many of the first `n` are smaller.
+#[inline(always)]
+fn count_nearer<S: Simd>(simd: S, distance: &[f32; RANKED], n: usize) -> [u32; RANKED] {
+    let mut nearer = [0u32; RANKED];
+    let used = n.next_multiple_of(LANES);
+    let (lanes, _) = S::as_simd_f32s(&distance[..used]);
+    let (counts, _) = S::as_mut_simd_u32s(&mut nearer[..used]);
+    let (one, none) = (simd.splat_u32s(1), simd.splat_u32s(0));
+    for (count, &other) in counts.iter_mut().zip(lanes) {
+        let mut sum = none;
+        for &d in &distance[..n] {
+            let is_nearer = simd.less_than_f32s(simd.splat_f32s(d), other);
+            sum = simd.add_u32s(sum, simd.select_u32s(is_nearer, one, none));
+        }
+        *count = sum;
+    }
+    nearer
+}
+
+/// A single search, compiled for each instruction set.
+struct Nearest<'a> {
+    search: &'a mut Search,
+    level: &'a Level,
+    at: [f32; 3],
+    out: &'a mut [u32],
+}
+
+impl WithSimd for Nearest<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        self.search.nearest_with(simd, self.level, self.at, self.out)
     }
 }
 

@@ -1,0 +1,57 @@
+//! Times learning and prediction on a table of features, for the comparison with other toolkits.
+//!
+//! `SCANSION_FEATURES` (raw little-endian f32, row-major) and `SCANSION_LABELS` (one byte a row) name the table,
+//! `SCANSION_WIDTH` its features a row, `SCANSION_TREES` the number of trees. Every fifth row is held out.
+
+#![allow(clippy::print_stdout, reason = "a program for people")]
+
+use scansion_core::classification::{Forest, ForestParams, Samples};
+use scansion_core::parallel::Monitor;
+use std::time::Instant;
+
+fn number(name: &str, default: usize) -> usize {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
+
+fn file(name: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+    let path = std::env::var(name).map_err(|_| format!("{name} is not set"))?;
+    Ok(std::fs::read(path)?)
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let values: Vec<f32> =
+        file("SCANSION_FEATURES")?.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    let labels: Vec<u16> = file("SCANSION_LABELS")?.into_iter().map(u16::from).collect();
+    let width = number("SCANSION_WIDTH", 144);
+    let classes = labels.iter().max().map_or(1, |&l| usize::from(l) + 1);
+    let trees = number("SCANSION_TREES", 4);
+    let weights: Vec<f32> = (0..labels.len()).map(|i| f32::from(u8::from(i % 5 != 0))).collect();
+    let all = Samples { features: &values, width, labels: &labels, weights: None, classes };
+    let held = Samples { weights: Some(&weights), ..all };
+    let breiman = ForestParams { trees, max_depth: Some(30), ..ForestParams::breiman() };
+    let ethz = ForestParams { trees, ..ForestParams::ethz() };
+    let mut sets = vec![("breiman, all rows", all, &breiman)];
+    if number("SCANSION_ALL", 1) == 1 {
+        sets.extend([("breiman, 4 of 5", held, &breiman), ("ethz, 4 of 5", held, &ethz)]);
+    }
+    for (name, samples, params) in sets {
+        let start = Instant::now();
+        let forest = Forest::fit(&samples, params, &Monitor::default())?;
+        let fit = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let mut out = vec![0.0; labels.len() * classes];
+        forest.predict_proba(&values, &mut out)?;
+        let predict = start.elapsed().as_secs_f64();
+        let best = |row: &[f32]| (1..row.len()).fold(0, |b, c| if row[c] > row[b] { c } else { b });
+        let right = (0..labels.len()).step_by(5).filter(|&i| best(&out[i * classes..][..classes]) == usize::from(labels[i]));
+        let accuracy = right.count() as f64 / labels.len().div_ceil(5) as f64;
+        println!(
+            "{name}: fit {:.3} s a tree, predict {:.3} s ({:.0} rows/s/tree), {} nodes, accuracy on every fifth row {accuracy:.4}",
+            fit / trees as f64,
+            predict,
+            (labels.len() * trees) as f64 / predict,
+            forest.nodes()
+        );
+    }
+    Ok(())
+}

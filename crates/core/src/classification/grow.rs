@@ -1,0 +1,253 @@
+//! Growing one tree: nodes are split depth-first, their samples partitioned stably in place.
+
+use super::exact::Sorter;
+use super::histogram::{Histogram, draw};
+use super::impurity::{Best, Entry, Search, Weight};
+use super::params::ForestParams;
+use crate::error::Result;
+use crate::parallel::Monitor;
+use crate::random::Stream;
+
+/// Nodes of at most this many samples are copied into a small table that stays in the cache.
+const LOCAL: usize = 4096;
+
+/// Feature of a leaf.
+pub(super) const LEAF: u16 = u16::MAX;
+
+/// The samples' codes, feature-major: `columns()[f * samples + i]`.
+pub(super) trait Columns: Sync {
+    type Code: Copy + Default + Ord + Send;
+    fn width(&self) -> usize;
+    fn columns(&self) -> &[Self::Code];
+    /// Codes of one sample, if they are kept by row too.
+    fn row(&self, row: usize) -> Option<&[Self::Code]>;
+    /// The code and the value above which samples go right, somewhere in the gap.
+    fn threshold(&self, feature: usize, gap: (Self::Code, Self::Code), draw: Option<f64>) -> (Self::Code, f32);
+}
+
+/// Feeds the groups of equal codes of one column to the search, in ascending order.
+pub(super) trait Scan<C, W> {
+    fn scan(&mut self, column: &[C], entries: &[Entry<W>], search: &mut Search<C>);
+}
+
+impl<W: Weight> Scan<u8, W> for Histogram<W> {
+    fn scan(&mut self, column: &[u8], entries: &[Entry<W>], search: &mut Search<u8>) {
+        Self::scan(self, column, entries, search);
+    }
+}
+
+impl<W: Weight> Scan<u32, W> for Sorter<W> {
+    fn scan(&mut self, column: &[u32], entries: &[Entry<W>], search: &mut Search<u32>) {
+        Self::scan(self, column, entries, search);
+    }
+}
+
+/// A node: samples with value > threshold go to `left + 1`; for a leaf, `left` is its row of probabilities.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grown {
+    pub(super) feature: u16,
+    pub(super) threshold: f32,
+    pub(super) left: u32,
+}
+
+/// One learned tree. Leaf rows `0..classes` stand for pure leaves; `leaves` holds the rows from `classes` up.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tree {
+    pub(super) nodes: Vec<Grown>,
+    pub(super) leaves: Vec<f32>,
+    /// Impurity x weight removed by every feature.
+    pub(super) importance: Vec<f64>,
+}
+
+/// A node waiting to be split, and its range of samples.
+#[derive(Clone, Copy)]
+struct Task {
+    node: usize,
+    begin: usize,
+    end: usize,
+    depth: usize,
+}
+
+/// Codes of the samples at hand, feature-major.
+#[derive(Clone, Copy)]
+struct Table<'a, C> {
+    codes: &'a [C],
+    stride: usize,
+    local: bool,
+}
+
+impl<'a, C> Table<'a, C> {
+    fn column(&self, feature: usize) -> &'a [C] {
+        &self.codes[feature * self.stride..(feature + 1) * self.stride]
+    }
+}
+
+/// What growing a tree needs.
+pub(super) struct Grower<'a, D: Columns, S, W> {
+    columns: &'a D,
+    params: &'a ForestParams,
+    monitor: &'a Monitor,
+    random: Stream,
+    scan: S,
+    search: Search<D::Code>,
+    order: Vec<u16>,
+    buffer: Vec<Entry<W>>,
+    tree: Tree,
+}
+
+impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
+    pub(super) fn new(
+        columns: &'a D,
+        params: &'a ForestParams,
+        monitor: &'a Monitor,
+        (classes, scan, random): (usize, S, Stream),
+    ) -> Self {
+        Self {
+            columns,
+            params,
+            monitor,
+            random,
+            scan,
+            search: Search::new(classes, params.criterion, params.min_samples_leaf),
+            order: (0..columns.width() as u16).collect(),
+            buffer: Vec::new(),
+            tree: Tree { importance: vec![0.0; columns.width()], ..Tree::default() },
+        }
+    }
+
+    /// Grows the tree of these samples (at least one; `row` counts rows of the columns).
+    pub(super) fn grow(mut self, mut entries: Vec<Entry<W>>) -> Result<Tree> {
+        let codes = self.columns.columns();
+        let table = Table { codes, stride: codes.len() / self.columns.width(), local: false };
+        self.tree.nodes.push(Grown { feature: LEAF, threshold: 0.0, left: 0 });
+        let all = entries.len();
+        self.subtree(table, &mut entries, Task { node: 0, begin: 0, end: all, depth: 0 })?;
+        Ok(self.tree)
+    }
+
+    fn subtree(&mut self, table: Table<'_, D::Code>, entries: &mut [Entry<W>], top: Task) -> Result<()> {
+        let mut stack = vec![top];
+        while let Some(task) = stack.pop() {
+            self.monitor.check()?;
+            let here = &mut entries[task.begin..task.end];
+            self.search.open(here);
+            if self.must_stop(here.len(), task.depth) {
+                self.leaf(task.node);
+            } else if !table.local && here.len() <= LOCAL && self.columns.row(0).is_some() {
+                self.copied(here, task)?;
+            } else {
+                match self.best(table, here)? {
+                    None => self.leaf(task.node),
+                    Some(best) => {
+                        let left = self.split(table, here, (task.node, best));
+                        let (first, middle) = (self.tree.nodes.len() - 2, task.begin + left);
+                        stack.push(Task { node: first + 1, begin: middle, depth: task.depth + 1, ..task });
+                        stack.push(Task { node: first, end: middle, depth: task.depth + 1, ..task });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn must_stop(&self, samples: usize, depth: usize) -> bool {
+        samples < self.params.min_samples_split.max(2 * self.params.min_samples_leaf)
+            || depth >= self.params.depth_limit()
+            || self.search.only_class().is_some()
+    }
+
+    /// Grows the subtree of few samples on a table of their own.
+    fn copied(&mut self, entries: &mut [Entry<W>], task: Task) -> Result<()> {
+        let (count, width) = (entries.len(), self.columns.width());
+        let mut codes = vec![D::Code::default(); count * width];
+        for (i, entry) in entries.iter_mut().enumerate() {
+            let row = self.columns.row(entry.row as usize).unwrap_or_default();
+            codes[i..].iter_mut().step_by(count).zip(row).for_each(|(to, &code)| *to = code);
+            entry.row = i as u32;
+        }
+        let table = Table { codes: &codes, stride: count, local: true };
+        self.subtree(table, entries, Task { begin: 0, end: count, ..task })
+    }
+
+    /// Tries features in random order: `max_features` of them, and on until one is not constant.
+    fn best(&mut self, table: Table<'_, D::Code>, entries: &[Entry<W>]) -> Result<Option<Best<D::Code>>> {
+        let width = self.order.len();
+        let wanted = self.params.max_features.resolve(width);
+        let mut varied = false;
+        for i in 0..width {
+            if i >= wanted && varied {
+                break;
+            }
+            self.monitor.check()?;
+            self.order.swap(i, i + self.random.below(width - i));
+            let feature = usize::from(self.order[i]);
+            self.search.begin(feature);
+            self.scan.scan(table.column(feature), entries, &mut self.search);
+            varied |= self.search.varies();
+        }
+        Ok(self.search.best)
+    }
+
+    /// Writes the node, appends its children and partitions the samples; returns how many go left.
+    fn split(
+        &mut self,
+        table: Table<'_, D::Code>,
+        entries: &mut [Entry<W>],
+        (node, best): (usize, Best<D::Code>),
+    ) -> usize {
+        let draw = draw(self.params.trainer, &mut self.random);
+        let (cut, threshold) = self.columns.threshold(best.feature, (best.low, best.high), draw);
+        self.tree.importance[best.feature] += (best.score - self.search.parent_score()).max(0.0);
+        let left = self.tree.nodes.len() as u32;
+        self.tree.nodes[node] = Grown { feature: best.feature as u16, threshold, left };
+        let empty = Grown { feature: LEAF, threshold: 0.0, left: 0 };
+        self.tree.nodes.extend([empty, empty]);
+        partition(table.column(best.feature), cut, entries, &mut self.buffer)
+    }
+
+    fn leaf(&mut self, node: usize) {
+        let totals = self.search.totals();
+        let row = self.search.only_class().unwrap_or_else(|| {
+            let sum: f64 = totals.iter().sum();
+            let row = totals.len() + self.tree.leaves.len() / totals.len();
+            self.tree.leaves.extend(totals.iter().map(|t| (t / sum) as f32));
+            row
+        });
+        self.tree.nodes[node] = Grown { feature: LEAF, threshold: 0.0, left: row as u32 };
+    }
+}
+
+/// Moves samples with codes above `cut` behind the others, keeping the order on both sides; returns the number in front.
+fn partition<C: Copy + Ord, W: Weight>(
+    column: &[C],
+    cut: C,
+    entries: &mut [Entry<W>],
+    buffer: &mut Vec<Entry<W>>,
+) -> usize {
+    buffer.clear();
+    let mut left = 0;
+    for i in 0..entries.len() {
+        let entry = entries[i];
+        if column[entry.row as usize] > cut {
+            buffer.push(entry);
+        } else {
+            entries[left] = entry;
+            left += 1;
+        }
+    }
+    entries[left..].copy_from_slice(buffer);
+    left
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn partition_keeps_the_order_on_both_sides() {
+        let column = [5u8, 1, 9, 3, 7, 2];
+        let mut entries: Vec<Entry<u32>> = (0..6).map(|row| Entry { row, class: 0, weight: 1 }).collect();
+        assert_eq!(partition(&column, 4, &mut entries, &mut Vec::new()), 3);
+        assert_eq!(entries.iter().map(|e| e.row).collect::<Vec<_>>(), [1, 3, 5, 0, 2, 4]);
+    }
+}

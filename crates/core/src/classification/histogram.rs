@@ -1,0 +1,102 @@
+//! Columns of quantised features, and the split search by histograms.
+
+use super::binning::Binning;
+use super::grow::Columns;
+use super::impurity::{Entry, Search, Weight};
+use super::params::Trainer;
+use super::samples::Samples;
+use crate::error::Result;
+use rayon::prelude::*;
+
+/// Rows transposed at a time.
+const BLOCK: usize = 4096;
+
+/// The samples' codes twice: by feature for large nodes, by row to copy small ones.
+pub(super) struct Codes {
+    binning: Binning,
+    rows: Vec<u8>,
+    columns: Vec<u8>,
+}
+
+impl Codes {
+    pub(super) fn new(samples: &Samples<'_>, binning: Binning) -> Result<Self> {
+        let mut rows = vec![0u8; samples.features.len()];
+        rows.par_chunks_mut(BLOCK * samples.width)
+            .zip(samples.features.par_chunks(BLOCK * samples.width))
+            .try_for_each(|(codes, values)| binning.bin_block(values, codes))?;
+        let mut columns = vec![0u8; rows.len()];
+        columns.par_chunks_mut(samples.len()).enumerate().for_each(|(f, column)| {
+            column.iter_mut().zip(rows.chunks_exact(samples.width)).for_each(|(to, row)| *to = row[f]);
+        });
+        Ok(Self { binning, rows, columns })
+    }
+}
+
+impl Columns for Codes {
+    type Code = u8;
+
+    fn width(&self) -> usize {
+        self.binning.width()
+    }
+
+    fn columns(&self) -> &[u8] {
+        &self.columns
+    }
+
+    fn row(&self, row: usize) -> Option<&[u8]> {
+        let width = self.width();
+        self.rows.get(row * width..(row + 1) * width)
+    }
+
+    fn threshold(&self, feature: usize, gap: (u8, u8), draw: Option<f64>) -> (u8, f32) {
+        let (low, high) = (usize::from(gap.0), usize::from(gap.1));
+        let cut = match draw {
+            None => (low + high - 1) / 2,
+            Some(u) => low + (u * (high - low) as f64) as usize,
+        };
+        (cut as u8, self.binning.cuts(feature)[cut])
+    }
+}
+
+/// Weights by code and class, kept at zero between features; occupied codes in a bit set.
+pub(super) struct Histogram<W> {
+    classes: usize,
+    weights: Vec<W>,
+    rows: [u32; 256],
+    occupied: [u64; 4],
+}
+
+impl<W: Weight> Histogram<W> {
+    pub(super) fn new(classes: usize) -> Self {
+        Self { classes, weights: vec![W::default(); 256 * classes], rows: [0; 256], occupied: [0; 4] }
+    }
+
+    /// Feeds the groups of equal codes to the search.
+    pub(super) fn scan(&mut self, column: &[u8], entries: &[Entry<W>], search: &mut Search<u8>) {
+        for entry in entries {
+            let code = usize::from(column[entry.row as usize]);
+            self.weights[code * self.classes + entry.class as usize] += entry.weight;
+            self.rows[code] += 1;
+            self.occupied[code >> 6] |= 1 << (code & 63);
+        }
+        for word in 0..4 {
+            let mut bits = std::mem::take(&mut self.occupied[word]);
+            while bits != 0 {
+                let code = word * 64 + bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                let cells = &mut self.weights[code * self.classes..(code + 1) * self.classes];
+                search.group(code as u8, cells, self.rows[code] as usize);
+                cells.fill(W::default());
+                self.rows[code] = 0;
+            }
+        }
+    }
+}
+
+/// A number in [0, 1) where thresholds are drawn.
+pub(super) fn draw(trainer: Trainer, random: &mut crate::random::Stream) -> Option<f64> {
+    match trainer {
+        Trainer::Breiman => None,
+        Trainer::Ethz => Some(random.uniform()),
+    }
+}

@@ -1,0 +1,256 @@
+//! Settings of the forest.
+
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Where the threshold stands in the gap between two neighbouring values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Trainer {
+    /// In the middle of the gap (Breiman 2001; CART).
+    Breiman,
+    /// Uniformly drawn inside the gap (template library of ETH Zurich, used by Hackel 2018).
+    Ethz,
+}
+
+/// Impurity that splits reduce.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Criterion {
+    /// Gini: sum of p (1 - p).
+    Gini,
+    /// Entropy: -sum of p ln p (Hackel 2018, eq. 3.6 with its sign put right).
+    Entropy,
+}
+
+/// Number of features tried at a node. Drawing goes on until one of them is not constant.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MaxFeatures {
+    /// Square root of the number of features, rounded down.
+    Sqrt,
+    /// Logarithm to base 2, rounded down.
+    Log2,
+    /// Every feature.
+    All,
+    /// This many, 1 or more; capped at all.
+    Count(usize),
+    /// This share of them, in (0, 1], rounded down, at least 1.
+    Fraction(f64),
+}
+
+impl MaxFeatures {
+    /// The number for `width` features, `1..=width`.
+    pub fn resolve(self, width: usize) -> usize {
+        let count = match self {
+            Self::Sqrt => width.isqrt(),
+            Self::Log2 => width.max(1).ilog2() as usize,
+            Self::All => width,
+            Self::Count(count) => count,
+            Self::Fraction(share) => (share * width as f64) as usize,
+        };
+        count.clamp(1, width.max(1))
+    }
+}
+
+/// Which samples a tree sees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Bootstrap {
+    /// As many as there are, drawn with replacement (Breiman 2001).
+    WithReplacement,
+    /// This share of them, in (0, 1], each at most once.
+    WithoutReplacement(f64),
+    /// All of them.
+    None,
+}
+
+/// Weight of the classes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ClassWeight {
+    /// Every sample counts as it is.
+    None,
+    /// Inversely to the class's number of samples: n / (present classes x n of the class).
+    Balanced,
+    /// One positive weight a class.
+    PerClass(Vec<f32>),
+}
+
+/// How thresholds are searched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Splitter {
+    /// On values quantised to at most `max_bins` bins: the fast way.
+    Histogram,
+    /// On the sorted raw values: the slow reference. At most 65535 different thresholds a feature in a forest.
+    Exact,
+}
+
+/// Settings of [`Forest::fit`](super::Forest::fit). The default is [`ForestParams::ethz`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ForestParams {
+    /// Number of trees, 1..=10000.
+    pub trees: usize,
+    /// Splits on the longest way from root to leaf, 1..=4096; `None` (written as 0) stands for 4096.
+    #[serde(with = "zero_is_none")]
+    pub max_depth: Option<usize>,
+    /// Where thresholds stand in their gap.
+    pub trainer: Trainer,
+    /// Impurity.
+    pub criterion: Criterion,
+    /// Features tried at a node.
+    pub max_features: MaxFeatures,
+    /// Nodes with fewer different samples are not split, 2 or more.
+    pub min_samples_split: usize,
+    /// No child gets fewer different samples, 1 or more.
+    pub min_samples_leaf: usize,
+    /// The samples of a tree.
+    pub bootstrap: Bootstrap,
+    /// Weight of the classes.
+    pub class_weight: ClassWeight,
+    /// Search for thresholds.
+    pub splitter: Splitter,
+    /// Bins a feature with [`Splitter::Histogram`], 2..=255.
+    pub max_bins: usize,
+    /// Seed of everything drawn by chance.
+    pub seed: u64,
+}
+
+impl Default for ForestParams {
+    fn default() -> Self {
+        Self::ethz()
+    }
+}
+
+impl ForestParams {
+    /// Breiman, *Random forests*, 2001, with the common 100 trees grown to purity.
+    pub fn breiman() -> Self {
+        Self {
+            trees: 100,
+            max_depth: None,
+            trainer: Trainer::Breiman,
+            min_samples_split: 2,
+            bootstrap: Bootstrap::WithReplacement,
+            ..Self::ethz()
+        }
+    }
+
+    /// The forest of Hackel, thesis 2018, chapter 4.4.3: 50 trees of depth 30, ETH template library's defaults else.
+    pub fn ethz() -> Self {
+        Self {
+            trees: 50,
+            max_depth: Some(30),
+            trainer: Trainer::Ethz,
+            criterion: Criterion::Gini,
+            max_features: MaxFeatures::Sqrt,
+            min_samples_split: 5,
+            min_samples_leaf: 1,
+            bootstrap: Bootstrap::WithoutReplacement(0.632),
+            class_weight: ClassWeight::None,
+            splitter: Splitter::Histogram,
+            max_bins: 255,
+            seed: 0,
+        }
+    }
+
+    /// The depth limit as a number.
+    pub fn depth_limit(&self) -> usize {
+        self.max_depth.unwrap_or(MAX_DEPTH)
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] naming the field.
+    pub fn validate(&self) -> Result<()> {
+        within("trees", self.trees, 1, 10_000)?;
+        within("max_depth", self.depth_limit(), 1, MAX_DEPTH)?;
+        within("min_samples_split", self.min_samples_split, 2, usize::MAX)?;
+        within("min_samples_leaf", self.min_samples_leaf, 1, usize::MAX)?;
+        within("max_bins", self.max_bins, 2, 255)?;
+        if let MaxFeatures::Count(count) = self.max_features {
+            within("max_features", count, 1, usize::MAX)?;
+        }
+        if let MaxFeatures::Fraction(share) = self.max_features {
+            share_in_range("max_features", share)?;
+        }
+        if let Bootstrap::WithoutReplacement(share) = self.bootstrap {
+            share_in_range("bootstrap", share)?;
+        }
+        match &self.class_weight {
+            ClassWeight::PerClass(weights) => match weights.iter().find(|w| !(w.is_finite() && **w > 0.0)) {
+                Some(w) => Err(Error::parameter("class_weight", w, "a finite number above 0")),
+                None => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Depth of the deepest tree that is learned or read.
+pub(super) const MAX_DEPTH: usize = 4096;
+
+fn within(name: &'static str, value: usize, low: usize, high: usize) -> Result<()> {
+    let expected = || if high == usize::MAX { format!("{low} or more") } else { format!("{low} to {high}") };
+    if (low..=high).contains(&value) { Ok(()) } else { Err(Error::parameter(name, value, expected())) }
+}
+
+fn share_in_range(name: &'static str, share: f64) -> Result<()> {
+    if share > 0.0 && share <= 1.0 { Ok(()) } else { Err(Error::parameter(name, share, "a share above 0, at most 1")) }
+}
+
+/// TOML has no null: no limit is written as 0.
+mod zero_is_none {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[expect(clippy::ref_option, reason = "the signature that serde asks for")]
+    pub(super) fn serialize<S: Serializer>(value: &Option<usize>, serializer: S) -> Result<S::Ok, S::Error> {
+        value.unwrap_or(0).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<usize>, D::Error> {
+        usize::deserialize(deserializer).map(|depth| (depth > 0).then_some(depth))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn toml_carries_every_setting_there_and_back() {
+        let mut params = ForestParams::breiman();
+        params.max_features = MaxFeatures::Fraction(0.25);
+        params.class_weight = ClassWeight::PerClass(vec![1.0, 2.5]);
+        for params in [params, ForestParams::ethz()] {
+            let text = toml::to_string(&params).unwrap();
+            assert_eq!(toml::from_str::<ForestParams>(&text).unwrap(), params, "{text}");
+        }
+        assert!(toml::from_str::<ForestParams>("tree = 5").is_err());
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused() {
+        let default = ForestParams::default();
+        default.validate().unwrap();
+        assert!(ForestParams { trees: 0, ..default.clone() }.validate().is_err());
+        assert!(ForestParams { max_depth: Some(0), ..default.clone() }.validate().is_err());
+        assert!(ForestParams { max_bins: 256, ..default.clone() }.validate().is_err());
+        assert!(ForestParams { min_samples_split: 1, ..default.clone() }.validate().is_err());
+        assert!(
+            ForestParams { bootstrap: Bootstrap::WithoutReplacement(f64::NAN), ..default.clone() }.validate().is_err()
+        );
+        assert!(ForestParams { max_features: MaxFeatures::Fraction(0.0), ..default }.validate().is_err());
+    }
+
+    #[test]
+    fn numbers_of_features_follow_their_rules() {
+        assert_eq!(MaxFeatures::Sqrt.resolve(144), 12);
+        assert_eq!(MaxFeatures::Log2.resolve(144), 7);
+        assert_eq!(MaxFeatures::Log2.resolve(1), 1);
+        assert_eq!(MaxFeatures::Count(500).resolve(144), 144);
+        assert_eq!(MaxFeatures::Fraction(0.5).resolve(9), 4);
+    }
+}

@@ -1,0 +1,136 @@
+//! Prediction: a block of rows is quantised once, then every tree sends several rows down at a time.
+
+use super::forest::{Forest, LEAF_CUT, Node};
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+
+/// Rows of a block: enough that a tree is worth loading, few enough that the codes stay in the cache.
+const BLOCK: usize = 2048;
+
+/// Rows that go down a tree together, to hide the waiting for memory.
+const LANES: usize = 16;
+
+/// Working memory of [`Forest::predict_block`], to be used again for the next block.
+#[derive(Clone, Debug, Default)]
+pub struct PredictScratch {
+    narrow: Vec<u8>,
+    wide: Vec<u16>,
+}
+
+impl Forest {
+    /// Class probabilities of `rows` (row-major, [`Forest::width`] values a row), written row-major to `out`
+    /// ([`Forest::classes`] values a row). Serial; for callers that are parallel by block.
+    ///
+    /// # Errors
+    /// Lengths that do not fit.
+    pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
+        self.check_lengths(rows, out)?;
+        out.fill(0.0);
+        for (rows, out) in rows.chunks(BLOCK * self.width()).zip(out.chunks_mut(BLOCK * self.classes)) {
+            if self.binning.fits_u8() {
+                scratch.narrow.resize(rows.len(), 0);
+                self.binning.bin_block(rows, &mut scratch.narrow)?;
+                self.add_trees(&scratch.narrow, out);
+            } else {
+                scratch.wide.resize(rows.len(), 0);
+                self.binning.bin_wide(rows, &mut scratch.wide);
+                self.add_trees(&scratch.wide, out);
+            }
+            let trees = self.trees().max(1) as f32;
+            out.iter_mut().for_each(|p| *p /= trees);
+        }
+        Ok(())
+    }
+
+    /// As [`Forest::predict_block`], in parallel over blocks.
+    pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
+        self.check_lengths(rows, out)?;
+        rows.par_chunks(BLOCK * self.width())
+            .zip(out.par_chunks_mut(BLOCK * self.classes))
+            .try_for_each_init(PredictScratch::default, |scratch, (rows, out)| self.predict_block(rows, scratch, out))
+    }
+
+    /// The most probable class of every row; the smaller class where two are equal.
+    ///
+    /// # Errors
+    /// A length that does not fit.
+    pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
+        if self.width() == 0 || !rows.len().is_multiple_of(self.width()) {
+            return Err(Error::ModelMismatch(format!(
+                "{} values are not whole rows of {} features",
+                rows.len(),
+                self.width()
+            )));
+        }
+        let mut probabilities = vec![0.0; rows.len() / self.width() * self.classes];
+        self.predict_proba(rows, &mut probabilities)?;
+        Ok(probabilities.chunks_exact(self.classes).map(|row| largest(row) as u16).collect())
+    }
+
+    fn check_lengths(&self, rows: &[f32], out: &[f32]) -> Result<()> {
+        let count = rows.len() / self.width().max(1);
+        if count * self.width() == rows.len() && count * self.classes == out.len() {
+            return Ok(());
+        }
+        Err(Error::ModelMismatch(format!(
+            "{} feature values and {} probabilities do not make whole rows of {} features and {} classes",
+            rows.len(),
+            out.len(),
+            self.width(),
+            self.classes
+        )))
+    }
+
+    fn add_trees<C: Copy + Into<u16>>(&self, codes: &[C], out: &mut [f32]) {
+        for &root in &self.roots {
+            let groups = codes.chunks(LANES * self.width()).zip(out.chunks_mut(LANES * self.classes));
+            for (codes, out) in groups {
+                let mut at = [root; LANES];
+                self.descend(codes, &mut at);
+                for (out, &row) in out.chunks_exact_mut(self.classes).zip(&at) {
+                    let row = row as usize * self.classes;
+                    let leaf = self.leaves.get(row..row + self.classes).unwrap_or_default();
+                    out.iter_mut().zip(leaf).for_each(|(p, &l)| *p += l);
+                }
+            }
+        }
+    }
+
+    /// Takes the rows of a group from node `at` down; `at` becomes the row of their leaves.
+    fn descend<C: Copy + Into<u16>>(&self, codes: &[C], at: &mut [u32; LANES]) {
+        let width = self.width();
+        let rows = codes.len() / width;
+        let mut moving = true;
+        while std::mem::take(&mut moving) {
+            for (lane, at) in at[..rows].iter_mut().enumerate() {
+                let node = self.node(*at);
+                let inner = node.cut != LEAF_CUT;
+                let code: u16 = codes[lane * width + usize::from(node.feature)].into();
+                let next = node.left + u32::from(code > node.cut);
+                *at = if inner { next } else { *at };
+                moving |= inner;
+            }
+        }
+        at[..rows].iter_mut().for_each(|at| *at = self.node(*at).left);
+    }
+
+    #[inline]
+    pub(super) fn node(&self, at: u32) -> Node {
+        self.nodes[at as usize]
+    }
+
+    /// The leaf row that one row of codes falls into.
+    pub(super) fn leaf_of(&self, root: u32, code: impl Fn(usize) -> u16) -> &[f32] {
+        let mut node = self.node(root);
+        while node.cut != LEAF_CUT {
+            node = self.node(node.left + u32::from(code(usize::from(node.feature)) > node.cut));
+        }
+        let row = node.left as usize * self.classes;
+        &self.leaves[row..row + self.classes]
+    }
+}
+
+/// Index of the largest value, the first of equals.
+pub(super) fn largest(row: &[f32]) -> usize {
+    (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best })
+}

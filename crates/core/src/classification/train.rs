@@ -1,0 +1,135 @@
+//! Learning: trees in parallel, each from its own random stream.
+
+use super::bag::bag;
+use super::binning::{Binning, BinningParams};
+use super::exact::{Ranks, Sorter};
+use super::forest::Forest;
+use super::grow::{Columns, Grower, Scan, Tree};
+use super::histogram::{Codes, Histogram};
+use super::impurity::{Entry, Weight};
+use super::out_of_bag::{self, BagSet};
+use super::params::{Bootstrap, ClassWeight, ForestParams, Splitter};
+use super::samples::Samples;
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
+use crate::random::stream;
+
+/// What learning tells about itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FitReport {
+    /// Share of samples named right by the trees that did not see them; `None` without bootstrap or where no sample was
+    /// left out.
+    pub oob_score: Option<f64>,
+    /// Row-major `samples x classes`: mean of the trees that did not see the sample, NaN where every tree saw it. Empty
+    /// without bootstrap.
+    pub oob_probabilities: Vec<f32>,
+}
+
+impl Forest {
+    /// Learns a forest. The result is the same bytes for any number of threads.
+    ///
+    /// # Errors
+    /// Samples that do not fit together, a parameter out of range, cancellation.
+    pub fn fit(samples: &Samples<'_>, params: &ForestParams, monitor: &Monitor) -> Result<Self> {
+        learn(samples, params, monitor).map(|(forest, _)| forest)
+    }
+
+    /// As [`Forest::fit`], with the out-of-bag score.
+    pub fn fit_with_report(
+        samples: &Samples<'_>,
+        params: &ForestParams,
+        monitor: &Monitor,
+    ) -> Result<(Self, FitReport)> {
+        let (forest, bags) = learn(samples, params, monitor)?;
+        if params.bootstrap == Bootstrap::None {
+            return Ok((forest, FitReport::default()));
+        }
+        let report = out_of_bag::report(&forest, samples, &bags, monitor)?;
+        Ok((forest, report))
+    }
+}
+
+/// The active samples and their weights, before any bag.
+struct Lesson<'a> {
+    samples: &'a Samples<'a>,
+    params: &'a ForestParams,
+    monitor: &'a Monitor,
+    active: Vec<u32>,
+    /// Weight of every active sample; `None` if all are 1.
+    weights: Option<Vec<f64>>,
+}
+
+fn learn(samples: &Samples<'_>, params: &ForestParams, monitor: &Monitor) -> Result<(Forest, Vec<BagSet>)> {
+    params.validate()?;
+    samples.check()?;
+    let active = samples.active();
+    let weights = weights(samples, &active, &params.class_weight)?;
+    let lesson = Lesson { samples, params, monitor, active, weights };
+    monitor.stage("forest", params.trees as u64);
+    let grown = match params.splitter {
+        Splitter::Histogram => {
+            let binning = BinningParams { max_bins: params.max_bins, seed: params.seed, ..BinningParams::default() };
+            let codes = Codes::new(samples, Binning::fit(samples, &binning)?)?;
+            match lesson.weights.is_none() {
+                true => lesson.trees(&codes, |_, times| times, Histogram::<u32>::new)?,
+                false => lesson.trees(&codes, |w, times| w * f64::from(times), Histogram::<f64>::new)?,
+            }
+        }
+        Splitter::Exact => {
+            let ranks = Ranks::new(samples);
+            lesson.trees(&ranks, |w, times| w * f64::from(times), Sorter::<f64>::new)?
+        }
+    };
+    let (trees, bags): (Vec<_>, Vec<_>) = grown.into_iter().unzip();
+    Ok((Forest::assemble(&trees, samples.width, samples.classes)?, bags))
+}
+
+impl Lesson<'_> {
+    fn trees<D: Columns, S: Scan<D::Code, W>, W: Weight>(
+        &self,
+        columns: &D,
+        weight: impl Fn(f64, u32) -> W + Sync,
+        scan: impl Fn(usize) -> S + Sync,
+    ) -> Result<Vec<(Tree, BagSet)>> {
+        map_ordered(self.params.trees, self.monitor, |t| {
+            let mut random = stream(self.params.seed, t as u64);
+            let times = bag(self.params.bootstrap, self.active.len(), &mut random);
+            let weigh = |i: usize| self.weights.as_ref().map_or(1.0, |w| w[i]);
+            let entries = (0..times.len()).filter(|&i| times[i] > 0).map(|i| Entry {
+                row: self.active[i],
+                class: u32::from(self.samples.labels[self.active[i] as usize]),
+                weight: weight(weigh(i), times[i]),
+            });
+            let entries: Vec<Entry<W>> = entries.collect();
+            let set = BagSet::new(self.samples.len(), entries.iter().map(|e| e.row));
+            let parts = (self.samples.classes, scan(self.samples.classes), random);
+            let tree = Grower::new(columns, self.params, self.monitor, parts).grow(entries)?;
+            self.monitor.advance(1);
+            Ok((tree, set))
+        })
+    }
+}
+
+/// Weight of every active sample: its own times its class's.
+fn weights(samples: &Samples<'_>, active: &[u32], class_weight: &ClassWeight) -> Result<Option<Vec<f64>>> {
+    let own = |i: u32| samples.weight(i as usize);
+    let label = |i: u32| usize::from(samples.labels[i as usize]);
+    let by_class: Vec<f64> = match class_weight {
+        ClassWeight::None => vec![1.0; samples.classes],
+        ClassWeight::Balanced => {
+            let mut counts = vec![0.0f64; samples.classes];
+            active.iter().for_each(|&i| counts[label(i)] += 1.0);
+            let present = counts.iter().filter(|&&c| c > 0.0).count() as f64;
+            counts.iter().map(|&c| active.len() as f64 / (present * c.max(1.0))).collect()
+        }
+        ClassWeight::PerClass(weights) if weights.len() == samples.classes => {
+            weights.iter().map(|&w| f64::from(w)).collect()
+        }
+        ClassWeight::PerClass(weights) => {
+            return Err(Error::parameter("class_weight", weights.len(), format!("{} weights", samples.classes)));
+        }
+    };
+    let all: Vec<f64> = active.iter().map(|&i| own(i) * by_class[label(i)]).collect();
+    let plain = all.iter().all(|w| w.to_bits() == 1.0f64.to_bits());
+    Ok((!plain).then_some(all))
+}

@@ -1,0 +1,133 @@
+//! The confusion matrix: how often which class was called what.
+
+use crate::classes::ClassTable;
+use crate::error::{Error, Result};
+
+/// Counts of points by true and predicted class. Row = truth, column = prediction.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Confusion {
+    classes: ClassTable,
+    counts: Vec<u64>,
+    skipped: u64,
+}
+
+impl Confusion {
+    /// An empty matrix over these classes.
+    pub fn new(classes: ClassTable) -> Self {
+        let n = classes.len();
+        Self { classes, counts: vec![0; n * n], skipped: 0 }
+    }
+
+    /// Compares codes point by point. Points whose truth is `None` are skipped and counted. The classes are all codes that
+    /// occur in the truth or, where there is a truth, in the prediction.
+    ///
+    /// # Errors
+    /// Truth and prediction differ in length.
+    pub fn from_options(truth: &[Option<u8>], predicted: &[u8]) -> Result<Self> {
+        if truth.len() != predicted.len() {
+            return Err(Error::input(format!("{} true labels for {} predicted ones", truth.len(), predicted.len())));
+        }
+        let mut pairs = vec![0u64; 256 * 256];
+        let mut skipped = 0;
+        for (t, &p) in truth.iter().zip(predicted) {
+            match t {
+                Some(t) => pairs[usize::from(*t) * 256 + usize::from(p)] += 1,
+                None => skipped += 1,
+            }
+        }
+        let occurs = |&c: &u8| (0..256).any(|o| pairs[usize::from(c) * 256 + o] + pairs[o * 256 + usize::from(c)] > 0);
+        let codes: Vec<u8> = (0..=255).filter(occurs).collect();
+        let counts = codes.iter().flat_map(|&t| codes.iter().map(move |&p| usize::from(t) * 256 + usize::from(p)));
+        let counts = counts.map(|at| pairs[at]).collect();
+        Ok(Self { classes: ClassTable::from_codes(&codes), counts, skipped })
+    }
+
+    /// Like [`Confusion::from_options`], with the codes that mean "no label" given.
+    pub fn from_labels(truth: &[u8], predicted: &[u8], unlabelled: &[u8]) -> Result<Self> {
+        let truth: Vec<Option<u8>> = truth.iter().map(|t| Some(*t).filter(|t| !unlabelled.contains(t))).collect();
+        Self::from_options(&truth, predicted)
+    }
+
+    /// Counts one point.
+    ///
+    /// # Errors
+    /// A code is not in the table of classes.
+    pub fn add(&mut self, truth: u8, predicted: u8) -> Result<()> {
+        let place = |code| self.classes.position(code).ok_or_else(|| Error::input(format!("class code {code} is not in the table")));
+        let at = place(truth)? * self.classes.len() + place(predicted)?;
+        self.counts[at] += 1;
+        Ok(())
+    }
+
+    /// The classes of rows and columns.
+    pub fn classes(&self) -> &ClassTable {
+        &self.classes
+    }
+
+    /// Points of class `truth` that were called `predicted` (positions in the table).
+    pub fn count(&self, truth: usize, predicted: usize) -> u64 {
+        self.counts[truth * self.classes.len() + predicted]
+    }
+
+    /// Points of true class `truth`.
+    pub fn support(&self, truth: usize) -> u64 {
+        (0..self.classes.len()).map(|p| self.count(truth, p)).sum()
+    }
+
+    /// Points that were called `predicted`.
+    pub fn predicted(&self, predicted: usize) -> u64 {
+        (0..self.classes.len()).map(|t| self.count(t, predicted)).sum()
+    }
+
+    /// Points compared.
+    pub fn points(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+
+    /// Points skipped because they have no true label.
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// The sum of two matrices over the union of their classes.
+    pub fn merge(&self, other: &Self) -> Self {
+        let codes: Vec<u8> = self.classes.classes().iter().chain(other.classes.classes()).map(|c| c.code).collect();
+        let mut sum = Self::new(ClassTable::from_codes(&codes));
+        sum.skipped = self.skipped + other.skipped;
+        let n = sum.classes.len();
+        for part in [self, other] {
+            let places: Vec<usize> = part.classes.classes().iter().filter_map(|c| sum.classes.position(c.code)).collect();
+            for (t, &row) in places.iter().enumerate() {
+                places.iter().enumerate().for_each(|(p, &column)| sum.counts[row * n + column] += part.count(t, p));
+            }
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_the_truth_and_columns_the_prediction() {
+        let c = Confusion::from_labels(&[2, 2, 2, 6, 0], &[2, 6, 6, 2, 5], &[0]).unwrap();
+        assert_eq!(c.classes().classes().iter().map(|c| c.code).collect::<Vec<_>>(), [2, 6]);
+        assert_eq!([c.count(0, 0), c.count(0, 1), c.count(1, 0), c.count(1, 1)], [1, 2, 1, 0]);
+        assert_eq!((c.support(0), c.predicted(0), c.points(), c.skipped()), (3, 2, 4, 1));
+        assert!(Confusion::from_labels(&[2], &[], &[]).is_err());
+    }
+
+    #[test]
+    fn merging_takes_the_union_of_the_classes() {
+        let a = Confusion::from_labels(&[2, 6], &[2, 2], &[]).unwrap();
+        let b = Confusion::from_labels(&[5, 6, 6], &[6, 6, 2], &[]).unwrap();
+        let sum = a.merge(&b);
+        let direct = Confusion::from_labels(&[2, 6, 5, 6, 6], &[2, 2, 6, 6, 2], &[]).unwrap();
+        assert_eq!(sum, direct);
+        let mut added = Confusion::new(direct.classes().clone());
+        [(2, 2), (6, 2), (5, 6), (6, 6), (6, 2)].into_iter().for_each(|(t, p)| added.add(t, p).unwrap());
+        assert_eq!(added, direct);
+        assert!(added.add(9, 2).is_err());
+    }
+}

@@ -1,0 +1,84 @@
+//! A confusion matrix and its scores as text, JSON and CSV.
+
+use super::Confusion;
+use crate::error::{Error, Result};
+use std::fmt::Write;
+
+/// Aligned plain text: scores per class, means, then the matrix in percent of each true class.
+pub fn to_table(confusion: &Confusion) -> String {
+    let s = confusion.scores();
+    let width = s.labels.iter().map(|l| l.name.len()).max().unwrap_or(5).max(5);
+    let mut text = format!("{:>4}  {:<width$} {:>9} {:>9} {:>9} {:>9} {:>12}\n", "code", "class", "IoU", "precision", "recall", "F1", "points");
+    for l in &s.labels {
+        let values = [l.intersection_over_union, l.precision, l.recall, l.f1_score].map(|v| format!("{:>9.2}", 100.0 * v)).join(" ");
+        let _ = writeln!(text, "{:>4}  {:<width$} {values} {:>12}", l.code, l.name, l.support);
+    }
+    let means = [
+        ("overall accuracy", s.overall_accuracy),
+        ("mean IoU", s.mean_intersection_over_union),
+        ("mean F1", s.mean_f1_score),
+        ("kappa", s.kappa),
+    ];
+    let means = means.map(|(name, value)| format!("{name} {:.2}", 100.0 * value));
+    let _ = writeln!(text, "\n{}  (all in percent, {} points, {} skipped as unlabelled)", means.join(", "), s.points, s.skipped);
+    let _ = writeln!(text, "\nrow: true class, column: named so, percent of the row");
+    text + &matrix(confusion, width)
+}
+
+fn matrix(confusion: &Confusion, width: usize) -> String {
+    let classes = confusion.classes().classes();
+    let mut text = format!("{:>4}  {:<width$}", "", "");
+    classes.iter().for_each(|c| {
+        let _ = write!(text, " {:>7}", c.code);
+    });
+    text.push('\n');
+    for (t, class) in classes.iter().enumerate() {
+        let _ = write!(text, "{:>4}  {:<width$}", class.code, class.name);
+        for p in 0..classes.len() {
+            let share = 100.0 * confusion.count(t, p) as f64 / confusion.support(t).max(1) as f64;
+            let _ = write!(text, " {share:>7.2}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// All scores as JSON.
+pub fn to_json(confusion: &Confusion) -> Result<String> {
+    serde_json::to_string_pretty(&confusion.scores()).map_err(|e| Error::input(format!("scores cannot be written as JSON: {e}")))
+}
+
+/// One line a class, then the means.
+pub fn to_csv(confusion: &Confusion) -> String {
+    let s = confusion.scores();
+    let mut text = "code,class,precision,recall,f1_score,intersection_over_union,support\n".to_string();
+    for l in &s.labels {
+        let _ = writeln!(text, "{},{},{},{},{},{},{}", l.code, l.name, l.precision, l.recall, l.f1_score, l.intersection_over_union, l.support);
+    }
+    let _ = writeln!(text, ",overall_accuracy,{0},{0},,,{1}", s.overall_accuracy, s.points);
+    let _ = writeln!(text, ",mean,,,{},{},", s.mean_f1_score, s.mean_intersection_over_union);
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reports_hold_the_numbers_and_the_documented_keys() {
+        let confusion = Confusion::from_labels(&[2, 2, 2, 6, 1], &[2, 2, 6, 6, 2], &[1]).unwrap();
+        let table = to_table(&confusion);
+        assert!(table.contains("overall accuracy 75.00") && table.contains("1 skipped"), "{table}");
+        let ground: Vec<&str> = table.lines().find(|l| l.contains("ground")).unwrap().split_whitespace().collect();
+        assert_eq!(ground, ["2", "ground", "66.67", "100.00", "66.67", "80.00", "3"]);
+        let json: serde_json::Value = serde_json::from_str(&to_json(&confusion).unwrap()).unwrap();
+        assert_eq!(json["confusion_matrix"], serde_json::json!([[2, 1], [0, 1]]));
+        for key in ["precision", "recall", "f1_score", "intersection_over_union", "support"] {
+            assert!(json["labels"][0][key].is_number(), "{key}");
+        }
+        for key in ["overall_accuracy", "mean_intersection_over_union", "mean_f1_score", "kappa"] {
+            assert!(json[key].is_number(), "{key}");
+        }
+        assert_eq!(to_csv(&confusion).lines().count(), 5);
+    }
+}

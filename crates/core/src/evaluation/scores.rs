@@ -1,0 +1,140 @@
+//! Scores derived from a confusion matrix. Where a quotient is undefined it is 0.
+
+use super::Confusion;
+use serde::Serialize;
+
+/// Scores of one class.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ClassScores {
+    /// Class code.
+    pub code: u8,
+    /// Class name.
+    pub name: String,
+    /// Correct share of what was called this class.
+    pub precision: f64,
+    /// Found share of what is this class.
+    pub recall: f64,
+    /// Harmonic mean of precision and recall.
+    pub f1_score: f64,
+    /// Correct / (true or called so).
+    pub intersection_over_union: f64,
+    /// Points of this true class.
+    pub support: u64,
+    /// Points called this class.
+    pub predicted: u64,
+}
+
+/// Scores of a classification; the keys are those that other software writes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Scores {
+    /// Points compared.
+    pub points: u64,
+    /// Points without a true label.
+    pub skipped: u64,
+    /// Correct share of all points.
+    pub overall_accuracy: f64,
+    /// Mean recall of the classes that occur in the truth.
+    pub balanced_accuracy: f64,
+    /// Unweighted mean over the classes that occur in truth or prediction.
+    pub mean_intersection_over_union: f64,
+    /// Unweighted mean over the classes that occur in truth or prediction.
+    pub mean_f1_score: f64,
+    /// Mean F1 weighted by support.
+    pub weighted_f1_score: f64,
+    /// Cohen's κ: agreement beyond chance.
+    pub kappa: f64,
+    /// One entry a class.
+    pub labels: Vec<ClassScores>,
+    /// Counts; row = truth, column = prediction, both in the order of `labels`.
+    pub confusion_matrix: Vec<Vec<u64>>,
+}
+
+fn quotient(a: f64, b: f64) -> f64 {
+    if b > 0.0 { a / b } else { 0.0 }
+}
+
+impl Confusion {
+    /// All scores. O(classes²).
+    pub fn scores(&self) -> Scores {
+        let n = self.classes().len();
+        let labels: Vec<ClassScores> = (0..n).map(|i| self.class_scores(i)).collect();
+        let points = self.points() as f64;
+        let mean = |value: fn(&ClassScores) -> f64| quotient(labels.iter().map(value).sum(), n as f64);
+        let weighted: f64 = labels.iter().map(|l| l.f1_score * l.support as f64).sum();
+        let true_classes: Vec<f64> = labels.iter().filter(|l| l.support > 0).map(|l| l.recall).collect();
+        let agreement = quotient((0..n).map(|i| self.count(i, i)).sum::<u64>() as f64, points);
+        let chance: f64 = labels.iter().map(|l| quotient(l.support as f64, points) * quotient(l.predicted as f64, points)).sum();
+        Scores {
+            points: self.points(),
+            skipped: self.skipped(),
+            overall_accuracy: agreement,
+            balanced_accuracy: quotient(true_classes.iter().sum(), true_classes.len() as f64),
+            mean_intersection_over_union: mean(|l| l.intersection_over_union),
+            mean_f1_score: mean(|l| l.f1_score),
+            weighted_f1_score: quotient(weighted, points),
+            kappa: quotient(agreement - chance, 1.0 - chance),
+            confusion_matrix: (0..n).map(|t| (0..n).map(|p| self.count(t, p)).collect()).collect(),
+            labels,
+        }
+    }
+
+    fn class_scores(&self, i: usize) -> ClassScores {
+        let class = &self.classes().classes()[i];
+        let (correct, support, predicted) = (self.count(i, i) as f64, self.support(i), self.predicted(i));
+        ClassScores {
+            code: class.code,
+            name: class.name.clone(),
+            precision: quotient(correct, predicted as f64),
+            recall: quotient(correct, support as f64),
+            f1_score: quotient(2.0 * correct, (support + predicted) as f64),
+            intersection_over_union: quotient(correct, (support + predicted) as f64 - correct),
+            support,
+            predicted,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    /// scikit-learn 1.9 on the same labels: precision_recall_fscore_support, jaccard_score, cohen_kappa_score,
+    /// balanced_accuracy_score.
+    #[test]
+    fn scores_of_a_worked_example() {
+        let truth = [0, 0, 0, 0, 1, 1, 1, 2, 2, 2];
+        let predicted = [0, 0, 1, 2, 1, 1, 0, 2, 2, 1];
+        let s = Confusion::from_labels(&truth, &predicted, &[]).unwrap().scores();
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        near(s.overall_accuracy, 0.6);
+        near(s.labels[0].precision, 2.0 / 3.0);
+        near(s.labels[0].recall, 0.5);
+        near(s.labels[0].f1_score, 4.0 / 7.0);
+        near(s.labels[1].intersection_over_union, 0.4);
+        near(s.balanced_accuracy, (0.5 + 2.0 / 3.0 + 2.0 / 3.0) / 3.0);
+        near(s.kappa, (0.6 - 0.33) / (1.0 - 0.33));
+    }
+
+    #[test]
+    fn identities_hold_on_random_labels() {
+        for seed in 0..50 {
+            let mut random = stream(seed, 0);
+            let truth: Vec<u8> = (0..300).map(|_| random.below(5) as u8).collect();
+            let predicted: Vec<u8> = truth.iter().map(|&t| if random.below(3) == 0 { random.below(7) as u8 } else { t }).collect();
+            let s = Confusion::from_labels(&truth, &predicted, &[]).unwrap().scores();
+            let recall: f64 = s.labels.iter().map(|l| l.recall * l.support as f64).sum::<f64>() / s.points as f64;
+            assert!((recall - s.overall_accuracy).abs() < 1e-12);
+            for l in &s.labels {
+                let iou = l.intersection_over_union;
+                assert!((l.f1_score - 2.0 * iou / (1.0 + iou)).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_to_compare_gives_zeros() {
+        let s = Confusion::from_labels(&[0, 0], &[2, 3], &[0]).unwrap().scores();
+        assert_eq!((s.points, s.skipped, s.overall_accuracy.to_bits(), s.kappa.to_bits()), (0, 2, 0, 0));
+    }
+}
