@@ -16,6 +16,7 @@ pub mod cloud;
 pub mod neighbours;
 pub mod features;
 pub mod evaluation;
+pub mod classification;
 
 pub use cloud::Cloud;
 pub use error::{Error, Result};

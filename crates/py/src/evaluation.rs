@@ -2,10 +2,9 @@
 
 use crate::convert::{to_matrix, vector};
 use crate::error::raise;
-use crate::json;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
-use scansion_core::evaluation::{Confusion, EvaluationParams, report as table};
+use scansion_core::evaluation::{Confusion, report as texts};
 
 fn confusion(
     py: Python<'_>,
@@ -14,8 +13,7 @@ fn confusion(
     unlabelled: Vec<u8>,
 ) -> PyResult<Confusion> {
     let (truth, predicted) = (vector(truth, "truth")?, vector(predicted, "predicted")?);
-    let params = EvaluationParams { unlabelled, classes: None };
-    py.detach(|| Confusion::from_labels(truth, predicted, &params)).map_err(raise)
+    py.detach(|| Confusion::from_labels(truth, predicted, &unlabelled)).map_err(raise)
 }
 
 /// Counts by true (row) and predicted (column) class, and the code of each row.
@@ -30,7 +28,8 @@ pub(crate) fn confusion_matrix<'py>(
     let confusion = confusion(py, &truth, &predicted, unlabelled)?;
     let codes: Vec<u8> = confusion.classes().classes().iter().map(|c| c.code).collect();
     let width = codes.len();
-    Ok((to_matrix(py, confusion.counts().to_vec(), width)?, PyArray1::from_vec(py, codes)))
+    let counts = (0..width * width).map(|i| confusion.count(i / width, i % width)).collect();
+    Ok((to_matrix(py, counts, width)?, PyArray1::from_vec(py, codes)))
 }
 
 /// All scores as JSON.
@@ -41,7 +40,7 @@ pub(crate) fn scores(
     predicted: PyReadonlyArray1<'_, u8>,
     unlabelled: Vec<u8>,
 ) -> PyResult<String> {
-    json::text(&confusion(py, &truth, &predicted, unlabelled)?.scores()).map_err(raise)
+    texts::to_json(&confusion(py, &truth, &predicted, unlabelled)?).map_err(raise)
 }
 
 /// The scores as a table for people.
@@ -52,5 +51,5 @@ pub(crate) fn report(
     predicted: PyReadonlyArray1<'_, u8>,
     unlabelled: Vec<u8>,
 ) -> PyResult<String> {
-    Ok(table::table(&confusion(py, &truth, &predicted, unlabelled)?))
+    confusion(py, &truth, &predicted, unlabelled).map(|confusion| texts::to_table(&confusion))
 }
