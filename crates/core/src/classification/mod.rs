@@ -5,21 +5,30 @@
 
 mod bag;
 mod binning;
+mod codec;
+pub mod cross_validation;
 mod exact;
+mod fingerprint;
 mod forest;
 mod grow;
 mod histogram;
+mod importance;
 mod impurity;
+mod model;
 mod out_of_bag;
 mod params;
 mod predict;
 mod samples;
+pub mod sampling;
 #[cfg(test)]
 mod testing;
 mod train;
 
 pub use binning::{Binning, BinningParams};
+pub use fingerprint::Fingerprint;
 pub use forest::Forest;
+pub use importance::{Importance, permutation_importance};
+pub use model::Model;
 pub use params::{Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Splitter, Trainer};
 pub use predict::PredictScratch;
 pub use samples::Samples;

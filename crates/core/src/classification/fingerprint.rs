@@ -1,0 +1,72 @@
+//! What the training data looked like, so that a user can see whether a model fits other data.
+
+use super::samples::Samples;
+
+/// Summary of the training samples.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fingerprint {
+    /// For every feature the values at [`Fingerprint::LEVELS`] of its finite values, row-major `features x 5`; NaN where a
+    /// feature had none.
+    pub quantiles: Vec<f32>,
+    /// Mean of the finite values of every feature, NaN where it had none.
+    pub means: Vec<f64>,
+    /// Points a square metre.
+    pub density: f64,
+    /// Samples of every class.
+    pub class_counts: Vec<u64>,
+}
+
+impl Fingerprint {
+    /// Levels of the quantiles (nearest rank).
+    pub const LEVELS: [f64; 5] = [0.0, 0.05, 0.5, 0.95, 1.0];
+
+    /// Summarises the samples; `density` in points a square metre.
+    pub fn of(samples: &Samples<'_>, density: f64) -> Self {
+        let mut class_counts = vec![0; samples.classes];
+        for &label in samples.labels {
+            if let Some(count) = class_counts.get_mut(usize::from(label)) {
+                *count += 1;
+            }
+        }
+        let (mut quantiles, mut means) = (Vec::new(), Vec::new());
+        for f in 0..samples.width.min(samples.features.len()) {
+            let column = samples.features[f..].iter().step_by(samples.width).copied();
+            let mut values: Vec<f32> = column.filter(|v| v.is_finite()).collect();
+            values.sort_unstable_by(f32::total_cmp);
+            let last = values.len().saturating_sub(1) as f64;
+            quantiles
+                .extend(Self::LEVELS.map(|q| values.get((q * last).round() as usize).copied().unwrap_or(f32::NAN)));
+            means.push(values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64);
+        }
+        Self { quantiles, means, density, class_counts }
+    }
+
+    /// The summary of these features only, as they remain in a model (see [`super::Forest::retain_used`]).
+    #[must_use]
+    pub fn select(&self, features: &[usize]) -> Self {
+        let levels = Self::LEVELS.len();
+        Self {
+            quantiles: features.iter().flat_map(|&f| &self.quantiles[f * levels..(f + 1) * levels]).copied().collect(),
+            means: features.iter().map(|&f| self.means[f]).collect(),
+            ..self.clone()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_means_and_counts_of_known_values() {
+        let features: Vec<f32> = (0..101).flat_map(|i| [i as f32, f32::NAN]).collect();
+        let labels: Vec<u16> = (0..101).map(|i| u16::from(i > 90)).collect();
+        let samples = Samples { features: &features, width: 2, labels: &labels, weights: None, classes: 3 };
+        let print = Fingerprint::of(&samples, 4.0);
+        assert_eq!(print.quantiles[..5], [0.0, 5.0, 50.0, 95.0, 100.0]);
+        assert!(print.quantiles[5..].iter().all(|q| q.is_nan()) && print.means[1].is_nan());
+        assert!((print.means[0] - 50.0).abs() < 1e-12);
+        assert_eq!(print.class_counts, [91, 10, 0]);
+        assert_eq!(print.select(&[0]).quantiles, print.quantiles[..5]);
+    }
+}

@@ -1,0 +1,291 @@
+//! The model file: forest, recipe, classes, names of the features and what the training data looked like.
+//!
+//! Safetensors with one metadata entry, a JSON object. Its SHA-256 is that of the whole file with 64 zeros in its place.
+
+use super::codec::{Reader, encode, malformed};
+use super::fingerprint::Fingerprint;
+use super::forest::Forest;
+use crate::classes::ClassTable;
+use crate::error::{Error, Result};
+use safetensors::SafeTensors;
+use safetensors::tensor::TensorView;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Newest version of the file format that this version reads, and the one it writes.
+const VERSION: u64 = 1;
+const FORMAT: &str = "scansion model";
+const KEY: &str = "scansion";
+
+/// Everything needed to name the points of a cloud.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// The recipe that computes the features, as TOML.
+    pub recipe_toml: String,
+    /// The classes, in the order of the probabilities.
+    pub classes: ClassTable,
+    /// Names of the features in the order of the forest's columns; each once.
+    pub feature_names: Vec<String>,
+    /// Seed of the training.
+    pub seed: u64,
+    /// Summary of the training samples, of the features in `feature_names`.
+    pub fingerprint: Fingerprint,
+    /// The forest.
+    pub forest: Forest,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    format: String,
+    version: u64,
+    sha256: String,
+    seed: u64,
+    recipe: String,
+    classes: ClassTable,
+    features: Vec<String>,
+}
+
+impl Model {
+    /// The bytes of the model file; the same model gives the same bytes.
+    ///
+    /// # Errors
+    /// Classes, names, fingerprint and forest that do not fit together.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        self.check_shape()?;
+        let header = Header {
+            format: FORMAT.into(),
+            version: VERSION,
+            sha256: "0".repeat(64),
+            seed: self.seed,
+            recipe: self.recipe_toml.clone(),
+            classes: self.classes.clone(),
+            features: self.feature_names.clone(),
+        };
+        let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
+        let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
+        let arrays = encode(&self.forest, &self.fingerprint);
+        let views = arrays.iter().map(|(name, dtype, len, bytes)| {
+            TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
+        });
+        let views = views.collect::<Result<Vec<_>>>()?;
+        let metadata = Some(HashMap::from([(KEY.to_string(), header)]));
+        let mut bytes = safetensors::serialize(views, metadata).map_err(|e| refused(&e))?;
+        let place = find(&bytes, &[b'0'; 64]).ok_or_else(|| refused(&"no place for the checksum"))?;
+        let sum = checksum(&bytes, place);
+        bytes[place..place + 64].copy_from_slice(sum.as_bytes());
+        Ok(bytes)
+    }
+
+    /// Reads a model from the bytes of its file; `path` is named in errors.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] naming the field; [`Error::Unsupported`] for a newer version.
+    pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
+        let header = read_header(bytes, path)?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(|e| malformed(path, "arrays", e, "safetensors"))?;
+        let reader = Reader { path, tensors };
+        let (width, classes) = (header.features.len(), header.classes.len());
+        if !(1..=65_534).contains(&width) || classes == 0 {
+            return Err(malformed(
+                path,
+                "features",
+                format!("{width} features, {classes} classes"),
+                "1 or more of each",
+            ));
+        }
+        let model = Self {
+            forest: reader.forest(width, classes)?,
+            fingerprint: reader.fingerprint(width, classes)?,
+            recipe_toml: header.recipe,
+            classes: header.classes,
+            feature_names: header.features,
+            seed: header.seed,
+        };
+        model.check_shape().map_err(|e| malformed(path, "features", e, "names that differ"))?;
+        Ok(model)
+    }
+
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// As [`Model::from_bytes`]; [`Error::Io`] if the file cannot be read.
+    pub fn load(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        Self::from_bytes(&bytes, path)
+    }
+
+    /// Writes the model file.
+    ///
+    /// # Errors
+    /// As [`Model::to_bytes`]; [`Error::Io`] if the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        std::fs::write(path, self.to_bytes()?).map_err(|e| Error::io(path, e))
+    }
+
+    fn check_shape(&self) -> Result<()> {
+        let (width, classes) = (self.forest.width(), self.forest.classes());
+        let print = &self.fingerprint;
+        if self.feature_names.len() != width || self.classes.len() != classes {
+            return Err(Error::input(format!(
+                "{} feature names and {} classes for a forest of {width} features and {classes} classes",
+                self.feature_names.len(),
+                self.classes.len()
+            )));
+        }
+        let levels = Fingerprint::LEVELS.len();
+        if print.means.len() != width || print.quantiles.len() != width * levels || print.class_counts.len() != classes
+        {
+            return Err(Error::input(format!(
+                "a fingerprint of {} features and {} classes for a forest of {width} and {classes}",
+                print.means.len(),
+                print.class_counts.len()
+            )));
+        }
+        let mut names: Vec<&str> = self.feature_names.iter().map(String::as_str).collect();
+        names.sort_unstable();
+        match names.windows(2).find(|w| w[0] == w[1]) {
+            Some(twice) => Err(Error::input(format!("the feature name {} stands twice", twice[0]))),
+            None => Ok(()),
+        }
+    }
+}
+
+fn read_header(bytes: &[u8], path: &Path) -> Result<Header> {
+    let wrong = |e: &dyn std::fmt::Display| malformed(path, "header", e, "the header of a Scansion model");
+    let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| wrong(&e))?;
+    let entries = metadata.metadata().as_ref();
+    let text = entries.and_then(|m| m.get(KEY)).ok_or_else(|| wrong(&"no entry \"scansion\""))?;
+    let value: serde_json::Value = serde_json::from_str(text).map_err(|e| wrong(&e))?;
+    if value.get("format").and_then(serde_json::Value::as_str) != Some(FORMAT) {
+        return Err(wrong(&"another format"));
+    }
+    match value.get("version").and_then(serde_json::Value::as_u64) {
+        Some(VERSION) => {}
+        Some(version) if version > VERSION => {
+            let reason = format!("model version {version} is newer than this program, which reads version {VERSION}");
+            return Err(Error::Unsupported { path: path.to_path_buf(), reason });
+        }
+        other => return Err(malformed(path, "version", format!("{other:?}"), VERSION.to_string())),
+    }
+    let header: Header = serde_json::from_value(value).map_err(|e| wrong(&e))?;
+    let place = find(bytes, header.sha256.as_bytes()).filter(|_| header.sha256.len() == 64);
+    let actual = place.map(|place| checksum(bytes, place)).unwrap_or_default();
+    match actual == header.sha256 {
+        true => Ok(header),
+        false => Err(malformed(path, "sha256", actual, header.sha256)),
+    }
+}
+
+fn find(bytes: &[u8], part: &[u8]) -> Option<usize> {
+    if part.is_empty() { None } else { bytes.windows(part.len()).position(|w| w == part) }
+}
+
+/// SHA-256 in hexadecimal of the bytes with 64 zeros at `place`.
+fn checksum(bytes: &[u8], place: usize) -> String {
+    let mut sum = Sha256::new();
+    sum.update(&bytes[..place]);
+    sum.update([b'0'; 64]);
+    sum.update(&bytes[place + 64..]);
+    sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::blobs;
+    use super::super::{ForestParams, Samples};
+    use super::*;
+    use crate::parallel::Monitor;
+
+    fn model(samples: &Samples<'_>) -> Model {
+        let params = ForestParams { trees: 2, max_depth: Some(3), ..ForestParams::default() };
+        Model {
+            recipe_toml: "seed = 1\n".into(),
+            classes: ClassTable::from_codes(&[2, 5, 6]),
+            feature_names: vec!["height".into(), "roughness \"r\"".into()],
+            seed: u64::MAX,
+            fingerprint: Fingerprint::of(samples, 7.5),
+            forest: Forest::fit(samples, &params, &Monitor::default()).unwrap(),
+        }
+    }
+
+    fn small() -> Model {
+        let data = blobs(60, 2, 3, 0.0);
+        model(&data.samples())
+    }
+
+    fn read(bytes: &[u8]) -> Result<Model> {
+        Model::from_bytes(bytes, Path::new("test.model"))
+    }
+
+    /// A file with a right checksum around a forest that was tampered with.
+    fn tampered(change: impl FnOnce(&mut Forest)) -> Error {
+        let mut model = small();
+        change(&mut model.forest);
+        read(&model.to_bytes().unwrap()).unwrap_err()
+    }
+
+    #[test]
+    fn a_model_comes_back_from_its_file_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.model");
+        let model = small();
+        model.save(&path).unwrap();
+        assert_eq!(Model::load(&path).unwrap(), model);
+        assert_eq!(model.to_bytes().unwrap(), small().to_bytes().unwrap());
+        assert!(matches!(Model::load(&folder.path().join("none")), Err(Error::Io { .. })));
+    }
+
+    #[test]
+    fn every_flipped_bit_and_every_cut_is_noticed() {
+        let bytes = small().to_bytes().unwrap();
+        for i in 0..bytes.len() {
+            for mask in [1, 0x20, 0x80, 0xff] {
+                let mut broken = bytes.clone();
+                broken[i] ^= mask;
+                assert!(read(&broken).is_err(), "byte {i} with {mask:#x}");
+            }
+            assert!(read(&bytes[..i]).is_err(), "cut at {i}");
+        }
+        assert!(read(&[bytes.as_slice(), &[0]].concat()).is_err());
+    }
+
+    #[test]
+    fn indices_out_of_range_and_cycles_are_named() {
+        let message = |change: fn(&mut Forest)| tampered(change).to_string();
+        let inner = |f: &Forest| f.nodes.iter().position(|n| n.cut != LEAF).unwrap();
+        const LEAF: u16 = u16::MAX;
+        assert!(inner(&small().forest) == 0);
+        assert!(message(|f| f.nodes[0].left = 0).contains("node_left at node 0"));
+        assert!(message(|f| f.nodes[0].left = 1_000_000).contains("node_left at node 0"));
+        assert!(message(|f| f.nodes[0].left += 2).contains("node_left"));
+        assert!(message(|f| f.nodes[0].feature = 9).contains("node_feature at node 0"));
+        assert!(message(|f| f.nodes[0].cut = 999).contains("node_cut at node 0"));
+        assert!(message(|f| f.roots[1] = 0).contains("roots"));
+        assert!(message(|f| f.roots.clear()).contains("roots"));
+        assert!(message(|f| f.leaves[0] = f32::NAN).contains("leaves at row 0"));
+        assert!(message(|f| f.leaves.truncate(4)).contains("leaves"));
+        assert!(message(|f| f.importance[0] = f64::NAN).contains("importance"));
+        assert!(message(|f| f.nodes.truncate(3)).contains("roots"));
+    }
+
+    #[test]
+    fn a_newer_version_is_refused_by_its_number() {
+        let bytes = small().to_bytes().unwrap();
+        let text = br#"\"version\":1"#;
+        let place = find(&bytes, text).unwrap() + text.len() - 1;
+        let mut newer = bytes;
+        newer[place] = b'2';
+        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 2")));
+    }
+
+    #[test]
+    fn names_that_do_not_fit_are_refused_when_written() {
+        let model = small();
+        assert!(Model { feature_names: vec!["a".into()], ..model.clone() }.to_bytes().is_err());
+        assert!(Model { feature_names: vec!["a".into(), "a".into()], ..model.clone() }.to_bytes().is_err());
+        assert!(Model { fingerprint: Fingerprint::default(), ..model }.to_bytes().is_err());
+    }
+}
