@@ -21,6 +21,7 @@ PRIVATE = [
 
 
 def public():
+    """Name and object of everything that users are meant to call."""
     for name in MODULES:
         module = importlib.import_module(name)
         for member in getattr(module, "__all__", []):
@@ -38,7 +39,7 @@ def public():
                         yield f"{name}.{member}.{key}", method.fget
 
 
-@pytest.mark.parametrize(("name", "thing"), public())
+@pytest.mark.parametrize(("name", "thing"), list(public()))
 def test_every_public_name_is_documented_and_typed(name, thing):
     assert inspect.getdoc(thing), f"{name} has no docstring"
     call = thing.__init__ if inspect.isclass(thing) else thing

@@ -2,16 +2,12 @@
 
 mod call;
 mod classification;
-mod cli;
 mod cloud;
 mod convert;
 mod error;
 mod evaluation;
 mod features;
-mod images;
-mod io;
 mod json;
-mod recipes;
 
 use pyo3::prelude::*;
 
@@ -20,8 +16,6 @@ mod _core {
     #[pymodule_export]
     use crate::classification::{Forest, fit_forest};
     #[pymodule_export]
-    use crate::cli::run;
-    #[pymodule_export]
     use crate::cloud::Cloud;
     #[pymodule_export]
     use crate::error::FileFormatError;
@@ -29,13 +23,6 @@ mod _core {
     use crate::evaluation::{confusion_matrix, report, scores};
     #[pymodule_export]
     use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale};
-    #[pymodule_export]
-    use crate::images::render;
-    #[pymodule_export]
-    use crate::io::{inspect, read, rewrite, write};
-    #[pymodule_export]
-    use crate::recipes::{Model, recipe_columns};
-
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
