@@ -9,6 +9,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classification::{Forest as CoreForest, ForestParams, Samples};
+use scansion_core::parallel::Monitor;
+
+/// Rows between two looks at whether the user has cancelled.
+const BLOCK: usize = 1 << 16;
 
 /// A fitted forest.
 #[pyclass(module = "scansion._core", frozen)]
@@ -70,9 +74,14 @@ impl Forest {
             let message = format!("table: found {width} columns, expected {}", self.inner.width());
             return Err(PyValueError::new_err(message));
         }
-        let mut result = vec![0.0; rows * self.inner.classes()];
-        call(py, n_jobs, |_| self.inner.predict_proba(values, &mut result))?;
-        to_matrix(py, result, self.inner.classes())
+        let classes = self.inner.classes();
+        let mut result = vec![0.0; rows * classes];
+        let mut blocks = values.chunks(BLOCK * width).zip(result.chunks_mut(BLOCK * classes));
+        let predict = |monitor: &Monitor| {
+            blocks.try_for_each(|(rows, out)| monitor.check().and_then(|()| self.inner.predict_proba(rows, out)))
+        };
+        call::<()>(py, n_jobs, predict)?;
+        to_matrix(py, result, classes)
     }
 
     fn importance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {

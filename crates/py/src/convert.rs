@@ -29,7 +29,7 @@ pub(crate) fn axes<T: Element + Copy>(array: &PyReadonlyArray2<'_, T>, name: &st
 
 /// Row-major values as a matrix without a copy.
 pub(crate) fn to_matrix<T: Element>(py: Python<'_>, values: Vec<T>, width: usize) -> PyResult<Bound<'_, PyArray2<T>>> {
-    let rows = if width == 0 { 0 } else { values.len() / width };
+    let rows = values.len().checked_div(width).unwrap_or(0);
     PyArray1::from_vec(py, values).reshape([rows, width])
 }
 

@@ -3,6 +3,7 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
+__all__: list[str]
 __version__: Final[str]
 
 class FileFormatError(ValueError): ...
