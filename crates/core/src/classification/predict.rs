@@ -1,4 +1,4 @@
-//! Prediction: a block of rows is quantised once, then every tree sends several rows down at a time.
+//! Prediction: a block of rows is quantised once, then every tree sends all of them down level by level.
 
 use super::forest::{Forest, LEAF_CUT, Node};
 use crate::error::{Error, Result};
@@ -7,14 +7,21 @@ use rayon::prelude::*;
 /// Rows of a block: enough that a tree is worth loading, few enough that the codes stay in the cache.
 const BLOCK: usize = 2048;
 
-/// Rows that go down a tree together, to hide the waiting for memory.
-const LANES: usize = 16;
-
 /// Working memory of [`Forest::predict_block`], to be used again for the next block.
 #[derive(Clone, Debug, Default)]
 pub struct PredictScratch {
     narrow: Vec<u8>,
     wide: Vec<u16>,
+    walk: Walk,
+}
+
+/// Rows on their way down a tree.
+#[derive(Clone, Debug, Default)]
+struct Walk {
+    /// Row and node of those that have not reached a leaf.
+    moving: Vec<(u32, u32)>,
+    /// The leaf of every row.
+    leaves: Vec<u32>,
 }
 
 impl Forest {
@@ -30,11 +37,11 @@ impl Forest {
             if self.binning.fits_u8() {
                 scratch.narrow.resize(rows.len(), 0);
                 self.binning.bin_block(rows, &mut scratch.narrow)?;
-                self.add_trees(&scratch.narrow, out);
+                self.add_trees(&scratch.narrow, &mut scratch.walk, out);
             } else {
                 scratch.wide.resize(rows.len(), 0);
                 self.binning.bin_wide(rows, &mut scratch.wide);
-                self.add_trees(&scratch.wide, out);
+                self.add_trees(&scratch.wide, &mut scratch.walk, out);
             }
             let trees = self.trees().max(1) as f32;
             out.iter_mut().for_each(|p| *p /= trees);
@@ -81,37 +88,39 @@ impl Forest {
         )))
     }
 
-    fn add_trees<C: Copy + Into<u16>>(&self, codes: &[C], out: &mut [f32]) {
+    fn add_trees<C: Copy + Into<u16>>(&self, codes: &[C], walk: &mut Walk, out: &mut [f32]) {
         for &root in &self.roots {
-            let groups = codes.chunks(LANES * self.width()).zip(out.chunks_mut(LANES * self.classes));
-            for (codes, out) in groups {
-                let mut at = [root; LANES];
-                self.descend(codes, &mut at);
-                for (out, &row) in out.chunks_exact_mut(self.classes).zip(&at) {
-                    let row = row as usize * self.classes;
-                    let leaf = self.leaves.get(row..row + self.classes).unwrap_or_default();
-                    out.iter_mut().zip(leaf).for_each(|(p, &l)| *p += l);
-                }
+            self.descend(codes, root, walk);
+            for (out, &row) in out.chunks_exact_mut(self.classes).zip(&walk.leaves) {
+                let row = row as usize * self.classes;
+                let leaf = self.leaves.get(row..row + self.classes).unwrap_or_default();
+                out.iter_mut().zip(leaf).for_each(|(p, &l)| *p += l);
             }
         }
     }
 
-    /// Takes the rows of a group from node `at` down; `at` becomes the row of their leaves.
-    fn descend<C: Copy + Into<u16>>(&self, codes: &[C], at: &mut [u32; LANES]) {
+    /// Takes all rows of a block down a tree, level by level, those that have reached a leaf dropping out: the rows are
+    /// independent, so that the processor waits for the memory of many at once.
+    fn descend<C: Copy + Into<u16>>(&self, codes: &[C], root: u32, walk: &mut Walk) {
         let width = self.width();
         let rows = codes.len() / width;
-        let mut moving = true;
-        while std::mem::take(&mut moving) {
-            for (lane, at) in at[..rows].iter_mut().enumerate() {
-                let node = self.node(*at);
-                let inner = node.cut != LEAF_CUT;
-                let code: u16 = codes[lane * width + usize::from(node.feature)].into();
-                let next = node.left + u32::from(code > node.cut);
-                *at = if inner { next } else { *at };
-                moving |= inner;
+        walk.leaves.clear();
+        walk.leaves.resize(rows, 0);
+        walk.moving.clear();
+        walk.moving.extend((0..rows as u32).map(|row| (row, root)));
+        let mut count = rows;
+        while count > 0 {
+            let mut kept = 0;
+            for i in 0..count {
+                let (row, at) = walk.moving[i];
+                let node = self.node(at);
+                let code: u16 = codes[row as usize * width + usize::from(node.feature)].into();
+                walk.leaves[row as usize] = node.left;
+                walk.moving[kept] = (row, node.left.wrapping_add(u32::from(code > node.cut)));
+                kept += usize::from(node.cut != LEAF_CUT);
             }
+            count = kept;
         }
-        at[..rows].iter_mut().for_each(|at| *at = self.node(*at).left);
     }
 
     #[inline]
