@@ -14,15 +14,11 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 SAMPLED = "bootstrap samples differ where rows are repeated, as in scikit-learn's own forest"
-PURE = "needs min_weight_fraction_leaf, which is not offered: leaves of one class ignore class weights"
 
 
 def expected_failures(estimator):
-    """Checks that a forest of full-grown trees on random samples cannot pass."""
-    return {
-        "check_sample_weight_equivalence_on_dense_data": SAMPLED,
-        "check_class_weight_classifiers": PURE,
-    }
+    """What scikit-learn expects of its own forests too."""
+    return {"check_sample_weight_equivalence_on_dense_data": SAMPLED}
 
 
 @parametrize_with_checks(
@@ -113,6 +109,7 @@ def test_what_cannot_be_learned_from_is_refused_by_name():
         ("max_bins", 1),
         ("min_samples_split", 1),
         ("min_samples_leaf", 0),
+        ("min_weight_fraction_leaf", 0.7),
         ("criterion", "mse"),
         ("max_features", 0),
         ("max_features", 1.5),

@@ -34,6 +34,8 @@ class RandomForestClassifier(Classifier):
         Nodes with fewer samples become leaves.
     min_samples_leaf : int
         Splits that leave fewer samples on a side are not made.
+    min_weight_fraction_leaf : float
+        Splits that leave a smaller share of the weight on a side are not made; 0..0.5.
     max_features : {"sqrt", "log2"}, int, float or None
         Features drawn at each node: a rule, a count, a share, or all (None).
     bootstrap : bool
@@ -88,6 +90,7 @@ class RandomForestClassifier(Classifier):
         max_depth: int | None = None,
         min_samples_split: int = 2,
         min_samples_leaf: int = 1,
+        min_weight_fraction_leaf: float = 0.0,
         max_features: Literal["sqrt", "log2"] | int | float | None = "sqrt",
         bootstrap: bool = True,
         trainer: Literal["breiman", "ethz"] = "breiman",
@@ -102,6 +105,7 @@ class RandomForestClassifier(Classifier):
         self.max_depth = max_depth
         self.min_samples_split = min_samples_split
         self.min_samples_leaf = min_samples_leaf
+        self.min_weight_fraction_leaf = min_weight_fraction_leaf
         self.max_features = max_features
         self.bootstrap = bootstrap
         self.trainer = trainer
@@ -212,6 +216,7 @@ class RandomForestClassifier(Classifier):
             "max_features": _max_features(self.max_features),
             "min_samples_split": _whole(self.min_samples_split, "min_samples_split"),
             "min_samples_leaf": _whole(self.min_samples_leaf, "min_samples_leaf"),
+            "min_weight_leaf": _half(self.min_weight_fraction_leaf, "min_weight_fraction_leaf"),
             "bootstrap": _bootstrap(self.bootstrap, self.trainer),
             "class_weight": _class_weight(self.class_weight, classes),
             "max_bins": _whole(self.max_bins, "max_bins"),
@@ -238,6 +243,12 @@ def _whole(value: Any, name: str) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
         raise ValueError(f"{name}: found {value!r}, expected a whole number, 1 or more")
     return int(value)
+
+
+def _half(value: Any, name: str) -> float:
+    if not isinstance(value, (int, float, np.floating)) or not 0 <= value <= 0.5:
+        raise ValueError(f"{name}: found {value!r}, expected a share in 0..0.5")
+    return float(value)
 
 
 def _max_features(value: Any) -> Any:
