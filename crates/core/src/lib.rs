@@ -13,10 +13,10 @@ pub mod random;
 
 pub mod classes;
 pub mod cloud;
-pub mod neighbours;
-pub mod features;
 pub mod evaluation;
-pub mod classification;
+pub mod features;
+pub mod io;
+pub mod neighbours;
 
 pub use cloud::Cloud;
 pub use error::{Error, Result};

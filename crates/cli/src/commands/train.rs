@@ -16,9 +16,14 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     let clouds = args.inputs.iter().map(|path| read(path, &labels, &recipe, context)).collect::<Result<Vec<_>, Failure>>()?;
     if !args.grid_depth.is_empty() || args.cross_validate.is_some() {
         let folds = usize::from(args.cross_validate.unwrap_or(5));
-        let scores = recipes::cross_validate(&clouds, &recipe, &args.grid_depth, folds, &context.monitor)?;
+        let scores = recipes::cross_validate(&clouds, &recipe, (&args.grid_depth, folds), &context.monitor)?;
         for score in &scores {
-            context.printer.note(&format!("depth {}: {folds}-fold accuracy {:.4}, mean F1 {:.4}", score.depth, score.accuracy, score.mean_f1));
+            let depth = score.max_depth.map_or("unlimited".into(), |d| d.to_string());
+            context.printer.note(&format!(
+                "depth {depth}: {folds}-fold accuracy {:.2} %, mean F1 {:.2} % (folds of 50 m squares)",
+                100.0 * score.accuracy,
+                100.0 * score.mean_f1
+            ));
         }
         if let Some(best) = scores.iter().rev().max_by(|a, b| a.mean_f1.total_cmp(&b.mean_f1)) {
             recipe.forest.max_depth = best.max_depth;

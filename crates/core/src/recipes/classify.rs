@@ -5,7 +5,7 @@ use super::training::planar_density;
 use crate::classification::{Model, PredictScratch};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
-use crate::features::{Extractor, Scratch, Selection};
+use crate::features::{Extractor, FeatureSet, Scratch, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
 
 /// Blocks of points whose results are held before they are put in the cloud's order.
@@ -44,27 +44,24 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
     set.metres_per_unit = params.metres_per_unit.or(set.metres_per_unit);
     let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
     result.warnings = warnings(cloud, model, set.metres(cloud));
-    let extractor = Extractor::prepare(cloud, &set, monitor)?;
-    let selection = select(&extractor, &model.feature_names)?;
+    let extractor = prepare(cloud, &set, model, monitor)?;
     monitor.stage("classify", extractor.len() as u64);
     let blocks = extractor.blocks();
     for first in (0..blocks).step_by(BLOCKS_AT_ONCE) {
         let range = first..(first + BLOCKS_AT_ONCE).min(blocks);
-        let parts = map_ordered_with(range, monitor, Workspace::default, |w, b| w.block(b, &extractor, &selection, model, monitor))?;
+        let parts = map_ordered_with(range, monitor, Workspace::default, |w, b| w.block(b, &extractor, model, monitor))?;
         parts.iter().for_each(|part| result.place(part, model));
     }
     Ok(result)
 }
 
-/// The columns of the extractor that the model wants, in the model's order.
-fn select(extractor: &Extractor<'_>, wanted: &[String]) -> Result<Selection> {
-    let known = extractor.names();
-    let columns = wanted.iter().map(|name| {
-        known.iter().position(|k| k == name).ok_or_else(|| {
-            Error::ModelMismatch(format!("it needs the feature {name}; its recipe gives {} others", known.len()))
-        })
-    });
-    extractor.select(&columns.collect::<Result<Vec<usize>>>()?)
+/// The pyramid with just the features that the model's trees use.
+fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Monitor) -> Result<Extractor<'a>> {
+    let known = set.names(set.pyramid.first_scale.unwrap_or_default());
+    if let Some(name) = model.feature_names.iter().find(|name| !known.contains(name)) {
+        return Err(Error::ModelMismatch(format!("it needs the feature {name}; its recipe gives {} others", known.len())));
+    }
+    Extractor::prepare(cloud, set, (Wanted::Names(&model.feature_names), None), monitor)
 }
 
 #[derive(Default)]
@@ -81,8 +78,8 @@ struct Part {
 }
 
 impl Workspace {
-    fn block(&mut self, b: usize, extractor: &Extractor<'_>, selection: &Selection, model: &Model, monitor: &Monitor) -> Result<Part> {
-        let points = extractor.block(b, selection, &mut self.scratch, &mut self.rows)?.to_vec();
+    fn block(&mut self, b: usize, extractor: &Extractor<'_>, model: &Model, monitor: &Monitor) -> Result<Part> {
+        let points = extractor.block(b, &mut self.scratch, &mut self.rows).to_vec();
         let mut probabilities = vec![0.0; points.len() * model.classes.len()];
         model.forest.predict_block(&self.rows, &mut self.forest, &mut probabilities)?;
         monitor.advance(points.len() as u64);

@@ -7,11 +7,15 @@ use super::labels::Labels;
 use super::recipe::Recipe;
 use super::training::{Candidate, ClassCount, TrainingReport, candidates, copies, planar_density};
 use crate::classes::ClassTable;
-use crate::classification::{Fingerprint, Forest, Model, Samples, sampling};
+use crate::classification::{BalanceParams, Fingerprint, Forest, ForestParams, Model, Samples, balance, grid_search, grouped_folds};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::features;
 use crate::parallel::Monitor;
+use serde::Serialize;
+
+/// Edge of the squares that cross-validation holds out, metres.
+const BLOCK: f64 = 50.0;
 
 /// Samples of one cloud or thinned copy.
 struct Source {
@@ -28,29 +32,68 @@ struct Source {
 /// # Errors
 /// A parameter out of range; fewer than one labelled point; a column that the features need is absent.
 pub fn train(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<(Model, TrainingReport)> {
-    recipe.validate()?;
-    let mut sources = gather(clouds, recipe);
-    let classes = class_table(&sources)?;
-    choose(&mut sources, &classes, recipe)?;
-    let mut recipe = recipe.clone();
-    let (values, labels, names) = describe(clouds, &sources, &classes, &mut recipe, monitor)?;
+    let (sources, described, recipe) = prepare(clouds, recipe, monitor)?;
     let mut params = recipe.forest.clone();
     params.seed = params.seed.wrapping_add(recipe.seed);
-    let samples = Samples { features: &values, width: names.len(), labels: &labels, weights: None, classes: classes.len() };
-    let (forest, fit) = Forest::fit_with_report(&samples, &params, monitor)?;
+    let (forest, fit) = Forest::fit_with_report(&described.samples(), &params, monitor)?;
     let (forest, used) = forest.retain_used();
     let report = TrainingReport {
-        classes: count(clouds, &sources, &classes),
+        classes: count(clouds, &sources, &described.classes),
         unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
         out_of_bag_accuracy: fit.oob_score,
         first_scale: recipe.features.pyramid.first_scale.unwrap_or_default(),
         used_features: used.len(),
-        features: names.len(),
+        features: described.names.len(),
     };
-    let fingerprint = Fingerprint::of(&samples, mean_density(clouds, &recipe));
-    let feature_names = used.iter().map(|&f| names[f].clone()).collect();
-    let model = Model { recipe_toml: recipe.to_toml()?, classes, feature_names, seed: recipe.seed, fingerprint, forest };
-    Ok((model, report))
+    let fingerprint = Fingerprint::of(&described.samples(), mean_density(clouds, &recipe)).select(&used);
+    let feature_names = used.iter().map(|&f| described.names[f].clone()).collect();
+    let (recipe_toml, seed) = (recipe.to_toml()?, recipe.seed);
+    Ok((Model { recipe_toml, classes: described.classes, feature_names, seed, fingerprint, forest }, report))
+}
+
+/// Scores of one maximum depth, each the mean over the folds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DepthScore {
+    /// The depth; `None` is unlimited.
+    pub max_depth: Option<usize>,
+    /// Mean accuracy, 0..1.
+    pub accuracy: f64,
+    /// Mean of the folds' mean F1, 0..1.
+    pub mean_f1: f64,
+}
+
+/// k-fold cross-validation of the recipe for each depth (of the recipe's own depth if there are none), on spatially
+/// disjoint folds: whole squares of 50 m are held out.
+///
+/// # Errors
+/// As [`train`]; fewer squares than folds.
+pub fn cross_validate(
+    clouds: &[(Cloud, Labels)],
+    recipe: &Recipe,
+    (depths, folds): (&[usize], usize),
+    monitor: &Monitor,
+) -> Result<Vec<DepthScore>> {
+    let (_, described, recipe) = prepare(clouds, recipe, monitor)?;
+    let folds = grouped_folds(&described.blocks, folds)?;
+    let mut grid: Vec<ForestParams> =
+        depths.iter().map(|&d| ForestParams { max_depth: Some(d), ..recipe.forest.clone() }).collect();
+    if grid.is_empty() {
+        grid.push(recipe.forest.clone());
+    }
+    let scores = grid_search(&described.samples(), &grid, &folds, monitor)?;
+    let pairs = grid.iter().zip(scores);
+    Ok(pairs.map(|(p, s)| DepthScore { max_depth: p.max_depth, accuracy: s.accuracy, mean_f1: s.mean_f1 }).collect())
+}
+
+/// Steps 1 to 3; returns the recipe with its first scale fixed.
+fn prepare(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<(Vec<Source>, Described, Recipe)> {
+    recipe.validate()?;
+    let mut recipe = recipe.clone();
+    let mut sources = gather(clouds, &recipe);
+    let classes = class_table(&sources)?;
+    choose(&mut sources, &classes, &recipe)?;
+    let described = describe(clouds, &sources, &mut recipe, monitor)?;
+    Ok((sources, described, recipe))
 }
 
 /// Step 1: what could be learned from, for every cloud and its thinned copies.
@@ -81,12 +124,12 @@ fn class_table(sources: &[Source]) -> Result<ClassTable> {
 fn choose(sources: &mut [Source], classes: &ClassTable, recipe: &Recipe) -> Result<()> {
     let all = sources.iter().flat_map(|s| &s.candidates);
     let labels: Vec<u16> = all.filter_map(|c| classes.position(c.code).map(|p| p as u16)).collect();
-    let params = sampling::BalanceParams {
+    let params = BalanceParams {
         max_ratio: recipe.training.max_ratio,
         max_samples: recipe.training.max_samples,
         seed: recipe.seed,
     };
-    let chosen = sampling::balance(&labels, &params)?;
+    let chosen = balance(&labels, &params)?;
     let mut keep = vec![false; labels.len()];
     chosen.iter().for_each(|&i| keep[i as usize] = true);
     let mut keep = keep.into_iter();
@@ -97,26 +140,47 @@ fn choose(sources: &mut [Source], classes: &ClassTable, recipe: &Recipe) -> Resu
     Ok(())
 }
 
-/// Step 3: feature vectors and class positions of the chosen points; fixes the first scale in the recipe.
-fn describe(
-    clouds: &[(Cloud, Labels)],
-    sources: &[Source],
-    classes: &ClassTable,
-    recipe: &mut Recipe,
-    monitor: &Monitor,
-) -> Result<(Vec<f32>, Vec<u16>, Vec<String>)> {
-    let (mut values, mut labels, mut names) = (Vec::new(), Vec::new(), Vec::new());
+/// Feature vectors of the chosen points, the position of their class, and the block that they stand in.
+#[derive(Default)]
+pub(super) struct Described {
+    pub(super) values: Vec<f32>,
+    pub(super) labels: Vec<u16>,
+    pub(super) blocks: Vec<u32>,
+    pub(super) names: Vec<String>,
+    pub(super) classes: ClassTable,
+}
+
+impl Described {
+    pub(super) fn samples(&self) -> Samples<'_> {
+        let (features, labels) = (&self.values[..], &self.labels[..]);
+        Samples { features, width: self.names.len(), labels, weights: None, classes: self.classes.len() }
+    }
+}
+
+/// Step 3: feature vectors of the chosen points; fixes the first scale in the recipe.
+fn describe(clouds: &[(Cloud, Labels)], sources: &[Source], recipe: &mut Recipe, monitor: &Monitor) -> Result<Described> {
+    let mut described = Described { classes: class_table(sources)?, ..Described::default() };
     for source in sources {
         let whole = &clouds[source.cloud].0;
         let thinned = source.copy.as_ref().map(|kept| whole.select(kept));
+        let cloud = thinned.as_ref().unwrap_or(whole);
         let points: Vec<u32> = source.candidates.iter().map(|c| c.point).collect();
-        let (table, first_scale) = features::table_at(thinned.as_ref().unwrap_or(whole), &recipe.features, &points, monitor)?;
+        let (table, first_scale) = features::table_at(cloud, &recipe.features, &points, monitor)?;
         recipe.features.pyramid.first_scale = Some(first_scale);
-        values.extend_from_slice(&table.values);
-        labels.extend(source.candidates.iter().filter_map(|c| classes.position(c.code)).map(|p| p as u16));
-        names = table.names;
+        described.values.extend_from_slice(&table.values);
+        described.labels.extend(source.candidates.iter().filter_map(|c| described.classes.position(c.code)).map(|p| p as u16));
+        let metres = recipe.features.metres(cloud);
+        described.blocks.extend(points.iter().map(|&p| block_of(source.cloud, cloud.xyz(p as usize), metres)));
+        described.names = table.names;
     }
-    Ok((values, labels, names))
+    Ok(described)
+}
+
+/// A number for the 50 m square of the cloud that holds a point (collisions only join squares).
+fn block_of(cloud: usize, xyz: [f64; 3], metres: f64) -> u32 {
+    let [x, y] = [xyz[0], xyz[1]].map(|v| (v * metres / BLOCK).floor() as i64 as u32);
+    let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ (cloud as u32).wrapping_mul(0xc2b2_ae3d);
+    mixed.wrapping_mul(0x27d4_eb2f) >> 8
 }
 
 fn count(clouds: &[(Cloud, Labels)], sources: &[Source], classes: &ClassTable) -> Vec<ClassCount> {

@@ -1,0 +1,125 @@
+//! The one writer of all outputs: a temporary name in the same folder, fsync, rename, fsync of the folder.
+//!
+//! Until the rename the old file stays as it is; whatever fails before it leaves no trace.
+
+use crate::error::{Error, Result};
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+static SERIAL: AtomicU64 = AtomicU64::new(0);
+
+/// A file that appears under its name only when it is complete.
+#[derive(Debug)]
+pub struct AtomicFile {
+    target: PathBuf,
+    partial: PathBuf,
+    writer: Option<BufWriter<File>>,
+}
+
+impl AtomicFile {
+    /// Opens `.NAME.PID.partial` beside `target`.
+    ///
+    /// # Errors
+    /// The folder does not exist or cannot be written; the target is a folder or a partial file.
+    pub fn create(target: &Path) -> Result<Self> {
+        let name = target.file_name().ok_or_else(|| Error::io(target, std::io::ErrorKind::InvalidInput.into()))?;
+        if target.is_dir() {
+            return Err(Error::io(target, std::io::ErrorKind::IsADirectory.into()));
+        }
+        let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
+        let suffix = if serial == 0 { String::new() } else { format!("-{serial}") };
+        let partial = target.with_file_name(format!(".{}.{}{suffix}.partial", name.to_string_lossy(), std::process::id()));
+        let file = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&partial).map_err(|e| Error::io(target, e))?;
+        Ok(Self { target: target.to_path_buf(), partial, writer: Some(BufWriter::with_capacity(1 << 20, file)) })
+    }
+
+    /// The name under which the file is written now, for checks before [`AtomicFile::finish`].
+    pub fn partial(&self) -> &Path {
+        &self.partial
+    }
+
+    /// Where bytes go.
+    ///
+    /// # Errors
+    /// The file is finished already.
+    pub fn writer(&mut self) -> Result<&mut BufWriter<File>> {
+        self.writer.as_mut().ok_or_else(|| Error::io(&self.target, std::io::ErrorKind::NotConnected.into()))
+    }
+
+    /// Appends bytes.
+    pub fn write_all(&mut self, bytes: &[u8]) -> Result<()> {
+        let target = self.target.clone();
+        self.writer()?.write_all(bytes).map_err(|e| Error::io(&target, e))
+    }
+
+    /// Hands everything to the operating system, so that the partial file can be checked.
+    pub fn flush(&mut self) -> Result<()> {
+        let target = self.target.clone();
+        self.writer()?.flush().map_err(|e| Error::io(&target, e))
+    }
+
+    /// Syncs and renames. After an error the target is what it was.
+    pub fn finish(mut self) -> Result<()> {
+        self.flush()?;
+        let sync = |file: &File| file.sync_all();
+        if let Some(writer) = &self.writer {
+            sync(writer.get_ref()).map_err(|e| Error::io(&self.target, e))?;
+        }
+        self.writer = None;
+        std::fs::rename(&self.partial, &self.target).map_err(|e| Error::io(&self.target, e))?;
+        let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // Some file systems cannot sync a folder; the file itself is safe by now.
+        let _ = File::open(folder).and_then(|f| f.sync_all());
+        self.partial = PathBuf::new();
+        Ok(())
+    }
+}
+
+impl Drop for AtomicFile {
+    fn drop(&mut self) {
+        if !self.partial.as_os_str().is_empty() {
+            // Taken apart, not dropped: dropping a buffered writer would write once more.
+            if let Some(writer) = self.writer.take() {
+                let _ = writer.into_parts();
+            }
+            let _ = std::fs::remove_file(&self.partial);
+        }
+    }
+}
+
+/// Writes a whole file atomically.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes)?;
+    file.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_old_file_stays_until_the_new_one_is_finished() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        write_bytes(&path, b"old").unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(b"new").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        drop(file);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the partial file is gone");
+        write_bytes(&path, b"new").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_missing_folder_is_an_error_that_names_the_target() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("absent").join("a.txt");
+        let message = write_bytes(&path, b"x").unwrap_err().to_string();
+        assert!(message.contains("absent/a.txt"), "{message}");
+        assert!(write_bytes(folder.path(), b"x").is_err(), "a folder is no target");
+    }
+}

@@ -1,0 +1,163 @@
+//! The fields of a point record as columns with PDAL's names.
+
+use super::header::{array, put, u16_at};
+use crate::cloud::{Values, names};
+
+/// A field of the point formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::io) enum Field {
+    Intensity,
+    ReturnNumber,
+    NumberOfReturns,
+    ScanDirectionFlag,
+    EdgeOfFlightLine,
+    Classification,
+    Synthetic,
+    KeyPoint,
+    Withheld,
+    Overlap,
+    ScanChannel,
+    ScanAngle,
+    UserData,
+    PointSourceId,
+    GpsTime,
+    Red,
+    Green,
+    Blue,
+    Infrared,
+}
+
+const ALL: [(Field, &str); 19] = [
+    (Field::Intensity, names::INTENSITY),
+    (Field::ReturnNumber, names::RETURN_NUMBER),
+    (Field::NumberOfReturns, names::NUMBER_OF_RETURNS),
+    (Field::ScanDirectionFlag, "ScanDirectionFlag"),
+    (Field::EdgeOfFlightLine, "EdgeOfFlightLine"),
+    (Field::Classification, names::CLASSIFICATION),
+    (Field::Synthetic, "Synthetic"),
+    (Field::KeyPoint, "KeyPoint"),
+    (Field::Withheld, "Withheld"),
+    (Field::Overlap, "Overlap"),
+    (Field::ScanChannel, "ScanChannel"),
+    (Field::ScanAngle, "ScanAngle"),
+    (Field::UserData, "UserData"),
+    (Field::PointSourceId, "PointSourceId"),
+    (Field::GpsTime, "GpsTime"),
+    (Field::Red, names::COLOUR[0]),
+    (Field::Green, names::COLOUR[1]),
+    (Field::Blue, names::COLOUR[2]),
+    (Field::Infrared, "Infrared"),
+];
+
+/// Fields of a point format with their names.
+pub(in crate::io) fn of_format(format: u8) -> impl Iterator<Item = (Field, &'static str)> {
+    ALL.into_iter().filter(move |(field, _)| field.exists(format))
+}
+
+impl Field {
+    /// The field of that name in that point format.
+    pub(in crate::io) fn named(name: &str, format: u8) -> Option<Self> {
+        of_format(format).find(|(_, n)| *n == name).map(|(f, _)| f)
+    }
+
+    fn exists(self, format: u8) -> bool {
+        match self {
+            Self::Overlap | Self::ScanChannel => format >= 6,
+            Self::GpsTime => !matches!(format, 0 | 2),
+            Self::Red | Self::Green | Self::Blue => matches!(format, 2 | 3 | 5 | 7 | 8 | 10),
+            Self::Infrared => matches!(format, 8 | 10),
+            _ => true,
+        }
+    }
+
+    /// The values of this field, empty, with room for `n`.
+    pub(in crate::io) fn values(self, n: usize) -> Values {
+        match self {
+            Self::Intensity | Self::PointSourceId | Self::Red | Self::Green | Self::Blue | Self::Infrared => Values::U16(vec![0; n]),
+            Self::ScanAngle => Values::F32(vec![0.0; n]),
+            Self::GpsTime => Values::F64(vec![0.0; n]),
+            _ => Values::U8(vec![0; n]),
+        }
+    }
+
+    /// Takes the value of a record into position `i`.
+    pub(in crate::io) fn take(self, format: u8, record: &[u8], i: usize, values: &mut Values) {
+        match values {
+            Values::U8(v) => v[i] = self.byte(format, record),
+            Values::U16(v) => v[i] = u16_at(record, self.place(format)),
+            Values::F32(v) if format >= 6 => v[i] = f32::from(i16::from_le_bytes(array(record, 18))) * 0.006,
+            Values::F32(v) => v[i] = f32::from(record[16] as i8),
+            Values::F64(v) => v[i] = f64::from_le_bytes(array(record, self.place(format))),
+            _ => {}
+        }
+    }
+
+    fn byte(self, format: u8, record: &[u8]) -> u8 {
+        let (at, shift, bits) = self.bits(format);
+        record[at] >> shift & (0xffu16 >> (8 - bits)) as u8
+    }
+
+    /// Byte, shift and width of a field of at most 8 bits.
+    fn bits(self, format: u8) -> (usize, u32, u32) {
+        match (self, format >= 6) {
+            (Self::ReturnNumber, false) => (14, 0, 3),
+            (Self::NumberOfReturns, false) => (14, 3, 3),
+            (Self::ScanDirectionFlag, false) => (14, 6, 1),
+            (Self::EdgeOfFlightLine, false) => (14, 7, 1),
+            (Self::Classification, false) => (15, 0, 5),
+            (Self::Synthetic, false) => (15, 5, 1),
+            (Self::KeyPoint, false) => (15, 6, 1),
+            (Self::Withheld, false) => (15, 7, 1),
+            (Self::ReturnNumber, true) => (14, 0, 4),
+            (Self::NumberOfReturns, true) => (14, 4, 4),
+            (Self::Synthetic, true) => (15, 0, 1),
+            (Self::KeyPoint, true) => (15, 1, 1),
+            (Self::Withheld, true) => (15, 2, 1),
+            (Self::Overlap, true) => (15, 3, 1),
+            (Self::ScanChannel, true) => (15, 4, 2),
+            (Self::ScanDirectionFlag, true) => (15, 6, 1),
+            (Self::EdgeOfFlightLine, true) => (15, 7, 1),
+            (Self::Classification, true) => (16, 0, 8),
+            _ => (17, 0, 8),
+        }
+    }
+
+    /// First byte of a field of more than 8 bits.
+    fn place(self, format: u8) -> usize {
+        let colour = match format {
+            2 => 20,
+            3 | 5 => 28,
+            _ => 30,
+        };
+        match self {
+            Self::Intensity => 12,
+            Self::PointSourceId if format >= 6 => 20,
+            Self::PointSourceId => 18,
+            Self::GpsTime if format >= 6 => 22,
+            Self::GpsTime => 20,
+            Self::Red => colour,
+            Self::Green => colour + 2,
+            Self::Blue => colour + 4,
+            _ => 36,
+        }
+    }
+
+    /// Writes a value into a record; it is rounded and clamped to what the field can hold.
+    pub(in crate::io) fn store(self, format: u8, record: &mut [u8], value: f64) {
+        let place = self.place(format);
+        match self {
+            Self::Intensity | Self::PointSourceId | Self::Red | Self::Green | Self::Blue | Self::Infrared => {
+                put(record, place, &(value.round() as u16).to_le_bytes());
+            }
+            Self::ScanAngle if format >= 6 => put(record, 18, &((value / 0.006).round() as i16).to_le_bytes()),
+            Self::ScanAngle => record[16] = value.round() as i8 as u8,
+            Self::GpsTime => put(record, place, &value.to_le_bytes()),
+            _ => {
+                let (at, shift, bits) = self.bits(format);
+                let mask = (0xffu16 >> (8 - bits)) as u8;
+                let byte = (value.round() as u8).min(mask);
+                record[at] = record[at] & !(mask << shift) | byte << shift;
+            }
+        }
+    }
+}

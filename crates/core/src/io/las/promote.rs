@@ -1,0 +1,93 @@
+//! From point formats 0..=5 to 6, 7, 9, 10 of LAS 1.4: class codes above 31 need it.
+
+use super::fields::{Field, of_format};
+use super::header::{Header, RECORD_SIZES, put};
+use crate::cloud::Values;
+
+/// The format of LAS 1.4 that has all fields of a legacy format.
+pub(super) fn target(format: u8) -> u8 {
+    match format {
+        0 | 1 => 6,
+        2 | 3 => 7,
+        4 => 9,
+        _ => 10,
+    }
+}
+
+/// Converts a record: every field is carried over, extra bytes follow.
+pub(super) fn record(format: u8, old: &[u8], new: &mut [u8]) {
+    let to = target(format);
+    new[..14].copy_from_slice(&old[..14]);
+    for (field, _) in of_format(format) {
+        let mut value = field.values(1);
+        field.take(format, old, 0, &mut value);
+        field.store(to, new, number(&value));
+    }
+    let (old_base, new_base) = (usize::from(RECORD_SIZES[usize::from(format)]), usize::from(RECORD_SIZES[usize::from(to)]));
+    if format >= 4 {
+        // 29 bytes of the wave packet close both records.
+        new[new_base - 29..new_base].copy_from_slice(&old[old_base - 29..old_base]);
+    }
+    let extra = old.len() - old_base;
+    new[new_base..new_base + extra].copy_from_slice(&old[old_base..]);
+}
+
+fn number(value: &Values) -> f64 {
+    value.get(0)
+}
+
+/// The header of LAS 1.4 with everything that the old one says; `wkt` tells whether a WKT record stands in the file.
+pub(super) fn header(old: &Header, wkt: bool) -> Vec<u8> {
+    let mut raw = vec![0; 375];
+    raw[..227].copy_from_slice(&old.raw[..227]);
+    if old.minor >= 3 {
+        raw[227..235].copy_from_slice(&old.raw[227..235]);
+    }
+    if wkt {
+        raw[6] |= 16;
+    }
+    raw[25] = 4;
+    put(&mut raw, 94, &375u16.to_le_bytes());
+    let to = target(old.format);
+    raw[104] = to | old.raw[104] & 0xc0;
+    let length = RECORD_SIZES[usize::from(to)] + old.extra() as u16;
+    put(&mut raw, 105, &length.to_le_bytes());
+    let returns: Vec<[u8; 4]> = (0..5).map(|r| super::header::array(&old.raw, 111 + 4 * r)).collect();
+    // The legacy counters are 0 with formats from 6 on.
+    raw[107..131].fill(0);
+    put(&mut raw, 247, &old.points.to_le_bytes());
+    returns.iter().enumerate().for_each(|(r, n)| put(&mut raw, 255 + 8 * r, &u64::from(u32::from_le_bytes(*n)).to_le_bytes()));
+    raw
+}
+
+/// Whether a field is the class (written by the caller, not carried over).
+#[cfg(test)]
+pub(super) fn is_class(field: Field) -> bool {
+    field == Field::Classification
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_field_survives_promotion() {
+        for format in 0..=5u8 {
+            let size = usize::from(RECORD_SIZES[usize::from(format)]);
+            let old: Vec<u8> = (0..size + 3).map(|i| (i * 37 + 11) as u8).collect();
+            let to = target(format);
+            let mut new = vec![0; usize::from(RECORD_SIZES[usize::from(to)]) + 3];
+            record(format, &old, &mut new);
+            for (field, name) in of_format(format) {
+                let (mut a, mut b) = (field.values(1), field.values(1));
+                field.take(format, &old, 0, &mut a);
+                field.take(to, &new, 0, &mut b);
+                let close = (a.get(0) - b.get(0)).abs() < 0.004 || a.get(0).to_bits() == b.get(0).to_bits();
+                assert!(close, "{name} of format {format}: {a:?} {b:?}");
+                assert!(!is_class(field) || a == b);
+            }
+            assert_eq!(old[..14], new[..14]);
+            assert_eq!(old[size..], new[new.len() - 3..]);
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! The raw records of a LAS or LAZ file, slab by slab, in the file's order.
+
+use super::chunks::{self, Chunks};
+use super::header::{Header, bad};
+use super::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
+use rayon::prelude::*;
+use std::fs::File;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Points of a slab of an uncompressed file.
+const SLAB: u64 = 100_000;
+/// EVLRs above this are not held in memory.
+const MOST_EVLR: u64 = 64 << 20;
+
+/// An opened LAS or LAZ file whose header, records and chunk table have been checked.
+#[derive(Debug)]
+pub(in crate::io) struct Records {
+    pub(in crate::io) path: PathBuf,
+    pub(super) file: File,
+    pub(in crate::io) size: u64,
+    pub(in crate::io) header: Header,
+    pub(in crate::io) vlrs: Vec<Vlr>,
+    /// Bytes between the last VLR and the points.
+    pub(super) gap: Vec<u8>,
+    pub(in crate::io) evlrs: Vec<Vlr>,
+    pub(super) chunks: Option<Chunks>,
+}
+
+/// A run of records: those of the points `points`.
+pub(in crate::io) struct Slab<'a> {
+    pub(in crate::io) points: Range<usize>,
+    pub(in crate::io) bytes: &'a mut [u8],
+}
+
+impl Records {
+    /// Opens a file and checks everything but the points.
+    pub(in crate::io) fn open(path: &Path) -> Result<Self> {
+        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
+        let header = Header::read(path, &mut file, size)?;
+        let (vlrs, gap) = read_vlrs(path, &mut file, &header)?;
+        let evlrs = read_evlrs(path, &mut file, &header, (size, MOST_EVLR))?;
+        let chunks = match header.compressed {
+            true => Some(chunks::read_table(path, &mut file, (&header, &vlrs), size)?),
+            false => None,
+        };
+        Ok(Self { path: path.to_path_buf(), file, size, header, vlrs, gap, evlrs, chunks })
+    }
+
+    /// Number of points.
+    ///
+    /// # Errors
+    /// 2^32 - 1 or more: such files are read in parts.
+    pub(in crate::io) fn len(&self) -> Result<usize> {
+        match u32::try_from(self.header.points) {
+            Ok(n) if n < u32::MAX => Ok(n as usize),
+            _ => Err(bad(&self.path, "number of points", 247, (self.header.points, format!("fewer than {} for one cloud", u32::MAX)))),
+        }
+    }
+
+    /// All records in order. Chunks are decoded in parallel; memory is that of a few chunks a thread.
+    pub(in crate::io) fn for_each(&mut self, monitor: &Monitor, mut work: impl FnMut(Slab<'_>) -> Result<()>) -> Result<()> {
+        let total = self.len()?;
+        let length = usize::from(self.header.record_length);
+        if self.chunks.is_some() {
+            return self.for_each_chunk(monitor, work);
+        }
+        for first in (0..total).step_by(SLAB as usize) {
+            monitor.check()?;
+            let points = first..(first + SLAB as usize).min(total);
+            let at = self.header.points_at + (first * length) as u64;
+            let mut bytes = read_at(&self.path, &mut self.file, at, points.len() * length)?;
+            work(Slab { points, bytes: &mut bytes })?;
+        }
+        Ok(())
+    }
+
+    fn for_each_chunk(&mut self, monitor: &Monitor, mut work: impl FnMut(Slab<'_>) -> Result<()>) -> Result<()> {
+        let Some(Chunks { vlr, list }) = &self.chunks else { return Ok(()) };
+        let length = usize::from(self.header.record_length);
+        let mut first = 0;
+        let mut begin = 0;
+        while begin < list.len() {
+            let end = (begin + rayon::current_num_threads()).min(list.len());
+            let mut packed = Vec::with_capacity(end - begin);
+            for chunk in &list[begin..end] {
+                packed.push(read_at(&self.path, &mut self.file, chunk.at, chunk.bytes as usize)?);
+            }
+            let path = &self.path;
+            let decoded = map_ordered(end - begin, monitor, |i| {
+                let mut bytes = vec![0; list[begin + i].points as usize * length];
+                let place = (begin + i, &packed[i][..]);
+                chunks::decode(path, vlr, place, &mut bytes).map(|()| bytes)
+            })?;
+            for mut bytes in decoded {
+                let points = first..first + bytes.len() / length;
+                first = points.end;
+                work(Slab { points, bytes: &mut bytes })?;
+            }
+            begin = end;
+        }
+        Ok(())
+    }
+}
+
+/// Records of a slab, each with its position in the cloud, in parallel where that pays.
+pub(in crate::io) fn par_records<'a>(slab: Slab<'a>, length: usize) -> impl IndexedParallelIterator<Item = (usize, &'a mut [u8])> {
+    let first = slab.points.start;
+    slab.bytes.par_chunks_exact_mut(length).with_min_len(8192).enumerate().map(move |(i, record)| (first + i, record))
+}

@@ -1,0 +1,171 @@
+//! Variable length records, before and after the points. Lengths are checked before anything is allocated.
+
+use super::header::{Header, array, bad, u16_at, u32_at, u64_at};
+use crate::error::{Error, Result};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// One record, its header as it stands in the file.
+#[derive(Clone, Debug)]
+pub(in crate::io) struct Vlr {
+    /// 54 bytes (60 of an extended record).
+    pub(in crate::io) head: Vec<u8>,
+    pub(in crate::io) data: Vec<u8>,
+}
+
+impl Vlr {
+    /// A record of our own.
+    pub(in crate::io) fn new(user: &str, id: u16, description: &str, data: Vec<u8>) -> Self {
+        let mut head = vec![0; 54];
+        head[2..2 + user.len().min(16)].copy_from_slice(&user.as_bytes()[..user.len().min(16)]);
+        head[18..20].copy_from_slice(&id.to_le_bytes());
+        head[22..22 + description.len().min(32)].copy_from_slice(&description.as_bytes()[..description.len().min(32)]);
+        let mut vlr = Self { head, data: Vec::new() };
+        vlr.set_data(data);
+        vlr
+    }
+
+    /// User id up to its first zero.
+    pub(in crate::io) fn user(&self) -> String {
+        let bytes: [u8; 16] = array(&self.head, 2);
+        String::from_utf8_lossy(bytes.split(|&b| b == 0).next().unwrap_or_default()).into_owned()
+    }
+
+    pub(in crate::io) fn is(&self, user: &str, id: u16) -> bool {
+        u16_at(&self.head, 18) == id && self.user() == user
+    }
+
+    /// Replaces the content and its length (at most 65535 bytes in a record before the points).
+    pub(in crate::io) fn set_data(&mut self, data: Vec<u8>) {
+        if self.head.len() == 54 {
+            self.head[20..22].copy_from_slice(&(data.len().min(65_535) as u16).to_le_bytes());
+        }
+        self.data = data;
+    }
+}
+
+/// Reads the records between header and points, and the bytes between the last of them and the points.
+pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) -> Result<(Vec<Vlr>, Vec<u8>)> {
+    let start = header.raw.len();
+    let room = header.points_at as usize - start;
+    if u64::from(header.vlrs) * 54 > room as u64 {
+        return Err(bad(path, "number of VLRs", 100, (header.vlrs, format!("at most {}: {room} bytes stand before the points", room / 54))));
+    }
+    let bytes = read_at(path, file, start as u64, room)?;
+    let mut vlrs = Vec::with_capacity(header.vlrs as usize);
+    let mut at = 0;
+    for _ in 0..header.vlrs {
+        let Some(head) = bytes.get(at..at + 54) else {
+            return Err(bad(path, "VLR header", (start + at) as u64, ("the points", "54 bytes")));
+        };
+        let length = usize::from(u16_at(head, 20));
+        let Some(data) = bytes.get(at + 54..at + 54 + length) else {
+            let left = room - at - 54;
+            return Err(bad(path, "VLR length", (start + at + 20) as u64, (length, format!("at most {left} bytes before the points"))));
+        };
+        vlrs.push(Vlr { head: head.to_vec(), data: data.to_vec() });
+        at += 54 + length;
+    }
+    Ok((vlrs, bytes[at..].to_vec()))
+}
+
+/// Reads the extended records of LAS 1.4; content above `most` bytes is left out (waveforms).
+pub(in crate::io) fn read_evlrs(path: &Path, file: &mut File, header: &Header, (size, most): (u64, u64)) -> Result<Vec<Vlr>> {
+    let mut evlrs = Vec::new();
+    let mut at = header.evlrs_at;
+    if header.evlrs > 0 && (at < header.points_at || at > size) {
+        return Err(bad(path, "start of EVLRs", 235, (at, format!("{} to {size}", header.points_at))));
+    }
+    if u64::from(header.evlrs) * 60 > size.saturating_sub(at) && header.evlrs > 0 {
+        return Err(bad(path, "number of EVLRs", 243, (header.evlrs, format!("at most {}", (size - at) / 60))));
+    }
+    for _ in 0..header.evlrs {
+        if size - at < 60 {
+            return Err(bad(path, "EVLR header", at, (format!("{} bytes", size - at), "60 bytes")));
+        }
+        let head = read_at(path, file, at, 60)?;
+        let length = u64_at(&head, 20);
+        if length > size - at - 60 {
+            return Err(bad(path, "EVLR length", at + 20, (length, format!("at most the {} bytes that are left", size - at - 60))));
+        }
+        let data = if length <= most { read_at(path, file, at + 60, length as usize)? } else { Vec::new() };
+        evlrs.push(Vlr { head, data });
+        at += 60 + length;
+    }
+    Ok(evlrs)
+}
+
+/// Bytes at a place; the caller has checked that they are in the file.
+pub(in crate::io) fn read_at(path: &Path, file: &mut File, at: u64, length: usize) -> Result<Vec<u8>> {
+    let mut bytes = vec![0; length];
+    file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(&mut bytes)).map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
+/// The CRS as WKT or `EPSG:n`, and metres per unit, from WKT or GeoTIFF keys.
+pub(in crate::io) fn crs<'a>(header: &Header, vlrs: impl Iterator<Item = &'a Vlr> + Clone) -> (Option<String>, Option<f64>) {
+    let find = |id| vlrs.clone().find(|v| v.is("LASF_Projection", id)).map(|v| &v.data[..]);
+    let wkt = find(2112).map(|d| String::from_utf8_lossy(d).trim_end_matches('\0').to_string()).filter(|w| !w.is_empty());
+    let keys = find(34735);
+    match (wkt, keys) {
+        (Some(wkt), keys) if header.wkt() || keys.is_none() => {
+            let metres = wkt_metres(&wkt);
+            (Some(wkt), metres)
+        }
+        (_, Some(keys)) => (geo_key(keys, 3072).filter(|&k| k != 32767 && k > 0).map(|k| format!("EPSG:{k}")), geo_metres(keys)),
+        _ => (None, None),
+    }
+}
+
+/// Value of a short GeoTIFF key.
+fn geo_key(keys: &[u8], wanted: u16) -> Option<u16> {
+    let entries = keys.chunks_exact(8).skip(1);
+    entries.filter(|e| u16_at(e, 0) == wanted && u16_at(e, 2) == 0).map(|e| u16_at(e, 6)).next()
+}
+
+fn geo_metres(keys: &[u8]) -> Option<f64> {
+    match geo_key(keys, 3076)? {
+        9001 => Some(1.0),
+        9002 => Some(0.3048),
+        9003 => Some(1200.0 / 3937.0),
+        _ => None,
+    }
+}
+
+/// The factor of the projected system's own length unit. Geographic systems have none.
+fn wkt_metres(wkt: &str) -> Option<f64> {
+    let start = ["PROJCS[", "PROJCRS["].iter().find_map(|k| wkt.find(k))?;
+    let end = ["VERT_CS[", "VERTCRS["].iter().filter_map(|k| wkt[start..].find(k)).min().map_or(wkt.len(), |e| start + e);
+    let part = &wkt[start..end];
+    let unit = ["LENGTHUNIT[", "UNIT["].iter().find_map(|k| part.rfind(k).map(|at| &part[at..]))?;
+    let factor: f64 = unit.split([',', ']']).nth(1)?.trim().parse().ok()?;
+    (factor.is_finite() && factor > 0.0).then_some(factor)
+}
+
+/// Number of bytes that records take in a file.
+pub(in crate::io) fn size_of(vlrs: &[Vlr]) -> usize {
+    vlrs.iter().map(|v| v.head.len() + v.data.len()).sum()
+}
+
+/// Content of the LAZ record as far as sizes go: its chunk size.
+pub(in crate::io) fn laz_chunk_size(vlr: &Vlr) -> u32 {
+    u32_at(&vlr.data, 12)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_come_from_the_projected_system() {
+        let wkt = r#"COMPD_CS["x",PROJCS["y",GEOGCS["z",UNIT["degree",0.0174]],UNIT["US survey foot",0.3048006]],VERT_CS["v",UNIT["metre",1]]]"#;
+        assert_eq!(wkt_metres(wkt), Some(0.3048006));
+        assert_eq!(wkt_metres(r#"GEOGCS["z",UNIT["degree",0.0174]]"#), None);
+        let mut keys = Vec::new();
+        for v in [1u16, 1, 0, 2, 3072, 0, 1, 26910, 3076, 0, 1, 9002] {
+            keys.extend(v.to_le_bytes());
+        }
+        assert_eq!((geo_key(&keys, 3072), geo_metres(&keys)), (Some(26910), Some(0.3048)));
+    }
+}

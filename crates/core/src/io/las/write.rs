@@ -1,0 +1,148 @@
+//! Writing a cloud of our own as LAS 1.4 or LAZ.
+
+use super::extra;
+use super::fields::Field;
+use super::header::{RECORD_SIZES, put};
+use super::vlr::Vlr;
+use super::writer::{CHUNK, Front, Writer};
+use crate::cloud::{Cloud, Column, Coordinates, names};
+use crate::error::{Error, Result};
+use crate::io::WriteOptions;
+use std::path::Path;
+
+/// Points that are encoded at once.
+const SLAB: usize = 100_000;
+
+/// Scale and offset per axis.
+type Frame = ([f64; 3], [f64; 3]);
+
+/// Writes LAS or LAZ by the extension; the point format is the smallest of 6, 7 and 8 that has the cloud's colours.
+pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+    let frame = frame(cloud)?;
+    let has = |name| cloud.column(name).is_some();
+    let format = if has("Infrared") { 8 } else if names::COLOUR.iter().any(|n| has(n)) { 7 } else { 6 };
+    let (fields, extras): (Vec<_>, Vec<_>) = cloud.columns().iter().partition(|c| Field::named(&c.name, format).is_some());
+    let fields: Vec<(Field, &Column)> = fields.into_iter().filter_map(|c| Some((Field::named(&c.name, format)?, c))).collect();
+    check(&fields)?;
+    let base = usize::from(RECORD_SIZES[usize::from(format)]);
+    let length = base + extras.iter().map(|c| extra::size_of(extra::kind_of(&c.values))).sum::<usize>();
+    let length16 = u16::try_from(length).map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
+    let laz = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("laz"));
+    let vlrs = vlrs(cloud, &extras)?;
+    let front = Front { header: header(cloud, format, length16, &frame), vlrs, gap: Vec::new(), chunk: laz.then_some(CHUNK) };
+    let mut writer = Writer::create(path, front)?;
+    options.monitor.stage("write", cloud.len() as u64);
+    for first in (0..cloud.len()).step_by(SLAB) {
+        let points = first..(first + SLAB).min(cloud.len());
+        let mut records = vec![0; points.len() * length];
+        for (record, i) in records.chunks_exact_mut(length).zip(points.clone()) {
+            let ticks = ticks(cloud, i, &frame)?;
+            (0..3).for_each(|a| put(record, 4 * a, &ticks[a].to_le_bytes()));
+            fields.iter().for_each(|(field, column)| field.store(format, record, column.values.get(i)));
+            let mut at = base;
+            for column in &extras {
+                extra::store(&column.values, i, &mut record[at..]);
+                at += extra::size_of(extra::kind_of(&column.values));
+            }
+        }
+        writer.push(&records, &options.monitor)?;
+        options.monitor.advance(points.len() as u64);
+    }
+    writer.finish(&[], &options.monitor, |_, _| {})
+}
+
+/// A class code or return number that its field cannot hold is an error, not a clamped value.
+fn check(fields: &[(Field, &Column)]) -> Result<()> {
+    for (field, column) in fields {
+        let most = match field {
+            Field::Classification | Field::UserData => 255.0,
+            Field::ReturnNumber | Field::NumberOfReturns => 15.0,
+            _ => continue,
+        };
+        let outside = |i: &usize| !(0.0..=most).contains(&column.values.get(*i));
+        if let Some(i) = (0..column.values.len()).find(outside) {
+            return Err(Error::input(format!("{} of point {i} is {}; LAS holds 0..={most}", column.name, column.values.get(i))));
+        }
+    }
+    Ok(())
+}
+
+/// The cloud's own integers if it has them; else millimetres, or finer for small units, that fit the extent.
+fn frame(cloud: &Cloud) -> Result<Frame> {
+    if let Coordinates::Scaled { scale, offset, .. } = cloud.coordinates() {
+        return Ok((*scale, *offset));
+    }
+    let (low, high) = cloud.bounds().unwrap_or(([0.0; 3], [0.0; 3]));
+    let degrees = cloud.crs.as_deref().is_some_and(|c| c.starts_with("GEOG"));
+    let scale = [0, 1, 2].map(|a| if degrees && a < 2 { 1e-7 } else { 1e-3 });
+    let offset = low.map(f64::floor);
+    for a in 0..3 {
+        if (high[a] - offset[a]) / scale[a] > f64::from(i32::MAX) {
+            let text = format!("axis {a} reaches from {} to {}; with a scale of {} that does not fit LAS", low[a], high[a], scale[a]);
+            return Err(Error::input(text));
+        }
+    }
+    Ok((scale, offset))
+}
+
+fn ticks(cloud: &Cloud, i: usize, (scale, offset): &Frame) -> Result<[i32; 3]> {
+    if let Coordinates::Scaled { ticks, .. } = cloud.coordinates() {
+        return Ok([0, 1, 2].map(|a| ticks[a][i]));
+    }
+    let p = cloud.xyz(i);
+    match p.iter().all(|v| v.is_finite()) {
+        true => Ok([0, 1, 2].map(|a| ((p[a] - offset[a]) / scale[a]).round() as i32)),
+        false => Err(Error::input(format!("point {i} has coordinates {p:?}; LAS holds finite ones only"))),
+    }
+}
+
+fn vlrs(cloud: &Cloud, extras: &[&Column]) -> Result<Vec<Vlr>> {
+    let mut vlrs = Vec::new();
+    if let Some(wkt) = cloud.crs.as_deref().filter(|c| !c.starts_with("EPSG:")) {
+        let mut data = wkt.as_bytes().to_vec();
+        data.push(0);
+        if data.len() <= 65_535 {
+            vlrs.push(Vlr::new("LASF_Projection", 2112, "OGC coordinate system WKT", data));
+        }
+    }
+    let mut data = Vec::new();
+    for column in extras {
+        data.extend(extra::descriptor(column)?);
+    }
+    if data.len() > 65_535 {
+        return Err(Error::input(format!("{} extra dimensions; at most 341 are possible", extras.len())));
+    }
+    if !data.is_empty() {
+        vlrs.push(Vlr::new("LASF_Spec", 4, "Extra Bytes Record", data));
+    }
+    Ok(vlrs)
+}
+
+fn header(cloud: &Cloud, format: u8, length: u16, (scale, offset): &Frame) -> Vec<u8> {
+    let mut raw = vec![0; 375];
+    put(&mut raw, 0, b"LASF");
+    let wkt = cloud.crs.as_deref().is_some_and(|c| !c.starts_with("EPSG:"));
+    // Adjusted standard GPS time, and WKT where there is one (formats from 6 on know no other CRS).
+    put(&mut raw, 6, &(1u16 | if wkt { 16 } else { 0 }).to_le_bytes());
+    raw[24] = 1;
+    raw[25] = 4;
+    put(&mut raw, 26, b"scansion");
+    put(&mut raw, 58, concat!("scansion ", env!("CARGO_PKG_VERSION")).as_bytes());
+    put(&mut raw, 94, &375u16.to_le_bytes());
+    raw[104] = format;
+    put(&mut raw, 105, &length.to_le_bytes());
+    put(&mut raw, 247, &(cloud.len() as u64).to_le_bytes());
+    let (low, high) = cloud.bounds().unwrap_or(([0.0; 3], [0.0; 3]));
+    for a in 0..3 {
+        put(&mut raw, 131 + 8 * a, &scale[a].to_le_bytes());
+        put(&mut raw, 155 + 8 * a, &offset[a].to_le_bytes());
+        put(&mut raw, 179 + 16 * a, &high[a].to_le_bytes());
+        put(&mut raw, 187 + 16 * a, &low[a].to_le_bytes());
+    }
+    if let Some(returns) = cloud.column(names::RETURN_NUMBER) {
+        let mut counts = [0u64; 16];
+        (0..cloud.len()).for_each(|i| counts[(returns.values.get(i) as usize).min(15)] += 1);
+        (1..=15).for_each(|r| put(&mut raw, 247 + 8 * r, &counts[r].to_le_bytes()));
+    }
+    raw
+}

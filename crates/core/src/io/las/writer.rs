@@ -1,0 +1,150 @@
+//! Writing a LAS or LAZ file record by record, atomically.
+
+use super::chunks::{encode, encode_table};
+use super::header::{RECORD_SIZES, put};
+use super::vlr::{Vlr, size_of};
+use crate::error::{Error, Result};
+use crate::io::atomic::AtomicFile;
+use crate::parallel::{Monitor, map_ordered};
+use laz::{LazItemRecordBuilder, LazVlr, LazVlrBuilder};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::Path;
+
+/// Points of a chunk where the input does not say.
+pub(super) const CHUNK: u32 = 50_000;
+
+/// What stands before the points.
+pub(super) struct Front {
+    /// Header; counts and offsets in it are filled in here.
+    pub(super) header: Vec<u8>,
+    pub(super) vlrs: Vec<Vlr>,
+    /// Bytes between the VLRs and the points.
+    pub(super) gap: Vec<u8>,
+    /// Points of a LAZ chunk; `None` writes LAS.
+    pub(super) chunk: Option<u32>,
+}
+
+/// A file that is being written.
+pub(super) struct Writer {
+    file: AtomicFile,
+    laz: Option<LazVlr>,
+    record: usize,
+    points_at: u64,
+    header: Vec<u8>,
+    pending: Vec<u8>,
+    sizes: Vec<(u64, u64)>,
+    points: u64,
+    path: std::path::PathBuf,
+}
+
+impl Writer {
+    /// Writes header and VLRs.
+    pub(super) fn create(path: &Path, mut front: Front) -> Result<Self> {
+        let format = front.header[104] & 0x3f;
+        let record = usize::from(u16::from_le_bytes(super::header::array(&front.header, 105)));
+        let extra = (record - usize::from(RECORD_SIZES[usize::from(format)])) as u16;
+        front.vlrs.retain(|v| !v.is("laszip encoded", 22204));
+        let laz = match front.chunk {
+            Some(chunk) => {
+                let items = LazItemRecordBuilder::default_for_point_format_id(format, extra)
+                    .map_err(|e| Error::Unsupported { path: path.to_path_buf(), reason: e.to_string() })?;
+                let vlr = LazVlrBuilder::new(items).with_fixed_chunk_size(chunk).build();
+                let mut data = Vec::new();
+                vlr.write_to(&mut data).map_err(|e| Error::io(path, e))?;
+                front.vlrs.push(Vlr::new("laszip encoded", 22204, "LASzip by https://laszip.org", data));
+                Some(vlr)
+            }
+            None => None,
+        };
+        front.header[104] = format | if laz.is_some() { 0x80 } else { 0 };
+        let points_at = (front.header.len() + size_of(&front.vlrs) + front.gap.len()) as u64;
+        let at = u32::try_from(points_at).map_err(|_| Error::input(format!("{points_at} bytes of VLRs; at most 4 GiB fit before the points")))?;
+        put(&mut front.header, 96, &at.to_le_bytes());
+        put(&mut front.header, 100, &(front.vlrs.len() as u32).to_le_bytes());
+        let mut file = AtomicFile::create(path)?;
+        file.write_all(&front.header)?;
+        for vlr in &front.vlrs {
+            file.write_all(&vlr.head)?;
+            file.write_all(&vlr.data)?;
+        }
+        file.write_all(&front.gap)?;
+        if laz.is_some() {
+            file.write_all(&[0; 8])?;
+        }
+        let path = path.to_path_buf();
+        Ok(Self { file, laz, record, points_at, header: front.header, pending: Vec::new(), sizes: Vec::new(), points: 0, path })
+    }
+
+    /// Appends records. Chunks are encoded in parallel as soon as there is one for every thread.
+    pub(super) fn push(&mut self, records: &[u8], monitor: &Monitor) -> Result<()> {
+        self.points += (records.len() / self.record) as u64;
+        match &self.laz {
+            None => self.file.write_all(records),
+            Some(vlr) => {
+                let chunk = vlr.chunk_size() as usize * self.record;
+                self.pending.extend_from_slice(records);
+                let full = self.pending.len() / chunk;
+                if full >= rayon::current_num_threads() { self.encode(full * chunk, monitor) } else { Ok(()) }
+            }
+        }
+    }
+
+    /// Encodes the first `bytes` of what is pending.
+    fn encode(&mut self, bytes: usize, monitor: &Monitor) -> Result<()> {
+        let Some(vlr) = &self.laz else { return Ok(()) };
+        let chunk = vlr.chunk_size() as usize * self.record;
+        let parts: Vec<&[u8]> = self.pending[..bytes].chunks(chunk).collect();
+        let encoded = map_ordered(parts.len(), monitor, |i| encode(&self.path, vlr, parts[i]))?;
+        for (part, bytes) in parts.iter().zip(&encoded) {
+            self.file.write_all(bytes)?;
+            self.sizes.push(((part.len() / self.record) as u64, bytes.len() as u64));
+        }
+        self.pending.drain(..bytes);
+        Ok(())
+    }
+
+    /// Writes the rest, the chunk table, what follows the points, and the header again; checks and renames.
+    ///
+    /// `tail` is written right after the points and its place is told to `patch`, which may change the header.
+    pub(super) fn finish(mut self, tail: &[u8], monitor: &Monitor, patch: impl FnOnce(&mut [u8], u64)) -> Result<()> {
+        self.encode(self.pending.len(), monitor)?;
+        let mut end = self.points_at + self.points * self.record as u64;
+        if let Some(vlr) = &self.laz {
+            let table_at = self.points_at + 8 + self.sizes.iter().map(|s| s.1).sum::<u64>();
+            let table = encode_table(&self.path, vlr, &self.sizes)?;
+            end = table_at + table.len() as u64;
+            self.file.write_all(&table)?;
+            self.overwrite(self.points_at, &table_at.to_le_bytes())?;
+        }
+        patch(&mut self.header, end);
+        let header = std::mem::take(&mut self.header);
+        self.overwrite(0, &header)?;
+        self.file.write_all(tail)?;
+        self.file.flush()?;
+        self.verify(end + tail.len() as u64)?;
+        self.file.finish()
+    }
+
+    fn overwrite(&mut self, at: u64, bytes: &[u8]) -> Result<()> {
+        let path = self.path.clone();
+        let writer = self.file.writer()?;
+        let back = writer.seek(SeekFrom::Start(at)).and_then(|_| writer.write_all(bytes)).and_then(|()| writer.seek(SeekFrom::End(0)));
+        back.map(|_| ()).map_err(|e| Error::io(&path, e))
+    }
+
+    /// Opens what was written and compares counts and sizes.
+    fn verify(&self, size: u64) -> Result<()> {
+        let written = super::records::Records::open(self.file.partial())?;
+        let expected = if written.header.points == self.points { size } else { u64::MAX };
+        match written.size == expected {
+            true => Ok(()),
+            false => Err(Error::input(format!(
+                "{}: wrote {} points and {} bytes, expected {} points and {size} bytes",
+                self.path.display(),
+                written.header.points,
+                written.size,
+                self.points
+            ))),
+        }
+    }
+}
