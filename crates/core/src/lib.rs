@@ -12,6 +12,7 @@ pub mod parallel;
 pub mod random;
 
 pub mod classes;
+pub mod classification;
 pub mod cloud;
 pub mod evaluation;
 pub mod features;

@@ -7,6 +7,7 @@ mod convert;
 mod error;
 mod evaluation;
 mod features;
+mod io;
 mod json;
 
 use pyo3::prelude::*;
@@ -23,6 +24,9 @@ mod _core {
     use crate::evaluation::{confusion_matrix, report, scores};
     #[pymodule_export]
     use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale};
+    #[pymodule_export]
+    use crate::io::{inspect, read, rewrite, write};
+
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
