@@ -43,7 +43,9 @@ pub(crate) fn fit_forest(
         classes,
     };
     let fit = |monitor: &_| match oob_score {
-        true => CoreForest::fit_with_report(&samples, &params, monitor).map(|(forest, report)| (forest, report.oob_score)),
+        true => {
+            CoreForest::fit_with_report(&samples, &params, monitor).map(|(forest, report)| (forest, report.oob_score))
+        }
         false => CoreForest::fit(&samples, &params, monitor).map(|forest| (forest, None)),
     };
     call(py, n_jobs, fit).map(|(inner, score)| (Forest { inner }, score))

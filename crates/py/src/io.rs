@@ -13,7 +13,12 @@ use std::sync::Arc;
 /// Reads a file; `columns` limits what is kept beside the coordinates.
 #[pyfunction]
 #[pyo3(signature = (path, columns = None, n_jobs = None))]
-pub(crate) fn read(py: Python<'_>, path: PathBuf, columns: Option<Vec<String>>, n_jobs: Option<i64>) -> PyResult<Cloud> {
+pub(crate) fn read(
+    py: Python<'_>,
+    path: PathBuf,
+    columns: Option<Vec<String>>,
+    n_jobs: Option<i64>,
+) -> PyResult<Cloud> {
     let columns = columns.map_or(Columns::All, Columns::Only);
     call(py, n_jobs, |monitor| io::read_with(&path, &ReadOptions { columns, monitor: monitor.clone() })).map(Cloud::of)
 }

@@ -9,6 +9,7 @@ mod evaluation;
 mod features;
 mod io;
 mod json;
+mod recipes;
 
 use pyo3::prelude::*;
 
@@ -26,6 +27,9 @@ mod _core {
     use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale};
     #[pymodule_export]
     use crate::io::{inspect, read, rewrite, write};
+
+    #[pymodule_export]
+    use crate::recipes::{Model, recipe_columns};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]

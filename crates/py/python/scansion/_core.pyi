@@ -3,7 +3,30 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__: list[str]
+__all__ = [
+    "Cloud",
+    "FileFormatError",
+    "Forest",
+    "Model",
+    "__version__",
+    "confusion_matrix",
+    "feature_columns",
+    "feature_definitions",
+    "feature_names",
+    "feature_preset",
+    "fit_forest",
+    "inspect",
+    "multiscale",
+    "read",
+    "recipe_columns",
+    "render",
+    "report",
+    "rewrite",
+    "run",
+    "scores",
+    "write",
+]
+
 __version__: Final[str]
 
 class FileFormatError(ValueError): ...
