@@ -19,8 +19,8 @@ use std::sync::Arc;
 struct Settings {
     by: String,
     angles: Option<(f64, f64)>,
-    width: usize,
-    height: Option<usize>,
+    width: u32,
+    height: Option<u32>,
     shading: bool,
     legend: bool,
     title: Option<String>,
@@ -73,7 +73,6 @@ impl Settings {
             legend: self.legend,
             title: self.title,
             range: self.range,
-            ..RenderParams::default()
         }
     }
 }

@@ -40,16 +40,17 @@ def render(
         What the colour tells: "class", "height", "rgb" (the points' own colour) or the name of a column.
     view : {"map", "oblique"}
     azimuth, elevation : float
-        Where the oblique view looks from, degrees: clockwise from north, above the horizon.
+        Direction that the oblique view looks to, degrees from north over east, and the height of the viewer above
+        the horizon, 0..90 degrees.
     width, height : int
-        Pixels; without a height it follows from the cloud's shape.
+        Pixels, 200..8000; without a height it follows from the cloud's shape.
     shading : bool
         Show relief.
     legend : bool
         Draw legend, scale bar and north arrow.
     title : str, optional
     value_range : (float, float), optional
-        Ends of the colour bar; the cloud's own by default.
+        Ends of the colour bar; the 2nd and 98th percentile by default.
     n_jobs : int, optional
         Threads; None and -1 take all.
 
