@@ -2,11 +2,13 @@
 
 mod call;
 mod classification;
+mod cli;
 mod cloud;
 mod convert;
 mod error;
 mod evaluation;
 mod features;
+mod images;
 mod io;
 mod json;
 mod recipes;
@@ -18,6 +20,8 @@ mod _core {
     #[pymodule_export]
     use crate::classification::{Forest, fit_forest};
     #[pymodule_export]
+    use crate::cli::run;
+    #[pymodule_export]
     use crate::cloud::Cloud;
     #[pymodule_export]
     use crate::error::FileFormatError;
@@ -26,8 +30,9 @@ mod _core {
     #[pymodule_export]
     use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale};
     #[pymodule_export]
+    use crate::images::render;
+    #[pymodule_export]
     use crate::io::{inspect, read, rewrite, write};
-
     #[pymodule_export]
     use crate::recipes::{Model, recipe_columns};
 

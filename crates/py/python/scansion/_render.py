@@ -19,7 +19,7 @@ def render(
     by: str = "class",
     view: Literal["map", "oblique"] = "map",
     *,
-    azimuth: float = 225.0,
+    azimuth: float = 30.0,
     elevation: float = 35.0,
     width: int = 1600,
     height: int | None = None,
