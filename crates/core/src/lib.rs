@@ -16,8 +16,10 @@ pub mod classification;
 pub mod cloud;
 pub mod evaluation;
 pub mod features;
+pub mod images;
 pub mod io;
 pub mod neighbours;
+pub mod recipes;
 
 pub use cloud::Cloud;
 pub use error::{Error, Result};

@@ -66,7 +66,7 @@ impl Table {
     #[inline(always)]
     fn code(&self, x: f32) -> u8 {
         let block = count_below(&self.coarse, x);
-        (16 * block + count_below(&self.fine[(block & 15) as usize], x)) as u8
+        (block.wrapping_mul(16).wrapping_add(count_below(&self.fine[(block & 15) as usize], x))) as u8
     }
 }
 
@@ -76,15 +76,26 @@ fn count_below(cuts: &[f32; 16], x: f32) -> u32 {
     for (count, &cut) in counts.iter_mut().zip(cuts) {
         *count = u32::from(x > cut);
     }
-    counts.iter().sum()
+    counts.iter().fold(0, |sum, count| sum.wrapping_add(*count))
 }
 
-/// Codes of whole rows.
-#[inline(always)]
-fn bin_rows(tables: &[Table], values: &[f32], codes: &mut [u8]) {
-    for (values, codes) in values.chunks_exact(tables.len()).zip(codes.chunks_exact_mut(tables.len())) {
-        for ((code, &x), table) in codes.iter_mut().zip(values).zip(tables) {
-            *code = table.code(x);
+/// Codes of whole rows, compiled for each instruction set.
+struct BinRows<'a> {
+    tables: &'a [Table],
+    values: &'a [f32],
+    codes: &'a mut [u8],
+}
+
+impl pulp::WithSimd for BinRows<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let width = self.tables.len();
+        for (values, codes) in self.values.chunks_exact(width).zip(self.codes.chunks_exact_mut(width)) {
+            for ((code, &x), table) in codes.iter_mut().zip(values).zip(self.tables) {
+                *code = table.code(x);
+            }
         }
     }
 }
@@ -168,10 +179,7 @@ impl Binning {
                 self.width()
             )));
         }
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || bin_rows(&self.tables, values, codes),
-        );
+        pulp::Arch::new().dispatch(BinRows { tables: &self.tables, values, codes });
         Ok(())
     }
 

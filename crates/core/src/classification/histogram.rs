@@ -75,7 +75,7 @@ impl<W: Weight> Histogram<W> {
     pub(super) fn scan(&mut self, column: &[u8], entries: &[Entry<W>], search: &mut Search<u8>) {
         for entry in entries {
             let code = usize::from(column[entry.row as usize]);
-            self.weights[code * self.classes + entry.class as usize] += entry.weight;
+            self.weights[code.wrapping_mul(self.classes).wrapping_add(entry.class as usize)] += entry.weight;
             self.rows[code] += 1;
             self.occupied[code >> 6] |= 1 << (code & 63);
         }

@@ -122,7 +122,7 @@ impl Model {
     /// # Errors
     /// As [`Model::to_bytes`]; [`Error::Io`] if the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
-        std::fs::write(path, self.to_bytes()?).map_err(|e| Error::io(path, e))
+        crate::io::atomic::write_bytes(path, &self.to_bytes()?)
     }
 
     fn check_shape(&self) -> Result<()> {

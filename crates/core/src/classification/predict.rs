@@ -1,4 +1,4 @@
-//! Prediction: a block of rows is quantised once, then every tree sends all of them down level by level.
+//! Prediction: a block of rows is quantised once, then every tree sends several rows down at a time.
 
 use super::forest::{Forest, LEAF_CUT, Node};
 use crate::error::{Error, Result};
@@ -7,21 +7,14 @@ use rayon::prelude::*;
 /// Rows of a block: enough that a tree is worth loading, few enough that the codes stay in the cache.
 const BLOCK: usize = 2048;
 
+/// Rows that go down a tree together.
+const LANES: usize = 16;
+
 /// Working memory of [`Forest::predict_block`], to be used again for the next block.
 #[derive(Clone, Debug, Default)]
 pub struct PredictScratch {
     narrow: Vec<u8>,
     wide: Vec<u16>,
-    walk: Walk,
-}
-
-/// Rows on their way down a tree.
-#[derive(Clone, Debug, Default)]
-struct Walk {
-    /// Row and node of those that have not reached a leaf.
-    moving: Vec<(u32, u32)>,
-    /// The leaf of every row.
-    leaves: Vec<u32>,
 }
 
 impl Forest {
@@ -37,11 +30,11 @@ impl Forest {
             if self.binning.fits_u8() {
                 scratch.narrow.resize(rows.len(), 0);
                 self.binning.bin_block(rows, &mut scratch.narrow)?;
-                self.add_trees(&scratch.narrow, &mut scratch.walk, out);
+                self.add_trees(&scratch.narrow, out);
             } else {
                 scratch.wide.resize(rows.len(), 0);
                 self.binning.bin_wide(rows, &mut scratch.wide);
-                self.add_trees(&scratch.wide, &mut scratch.walk, out);
+                self.add_trees(&scratch.wide, out);
             }
             let trees = self.trees().max(1) as f32;
             out.iter_mut().for_each(|p| *p /= trees);
@@ -88,38 +81,19 @@ impl Forest {
         )))
     }
 
-    fn add_trees<C: Copy + Into<u16>>(&self, codes: &[C], walk: &mut Walk, out: &mut [f32]) {
-        for &root in &self.roots {
-            self.descend(codes, root, walk);
-            for (out, &row) in out.chunks_exact_mut(self.classes).zip(&walk.leaves) {
-                let row = row as usize * self.classes;
-                let leaf = self.leaves.get(row..row + self.classes).unwrap_or_default();
-                out.iter_mut().zip(leaf).for_each(|(p, &l)| *p += l);
-            }
-        }
-    }
-
-    /// Takes all rows of a block down a tree, level by level, those that have reached a leaf dropping out: the rows are
-    /// independent, so that the processor waits for the memory of many at once.
-    fn descend<C: Copy + Into<u16>>(&self, codes: &[C], root: u32, walk: &mut Walk) {
+    fn add_trees<C: Copy + Default + Into<u16>>(&self, codes: &[C], out: &mut [f32]) {
         let width = self.width();
-        let rows = codes.len() / width;
-        walk.leaves.clear();
-        walk.leaves.resize(rows, 0);
-        walk.moving.clear();
-        walk.moving.extend((0..rows as u32).map(|row| (row, root)));
-        let mut count = rows;
-        while count > 0 {
-            let mut kept = 0;
-            for i in 0..count {
-                let (row, at) = walk.moving[i];
-                let node = self.node(at);
-                let code: u16 = codes[row as usize * width + usize::from(node.feature)].into();
-                walk.leaves[row as usize] = node.left;
-                walk.moving[kept] = (row, node.left.wrapping_add(u32::from(code > node.cut)));
-                kept += usize::from(node.cut != LEAF_CUT);
+        for &root in &self.roots {
+            for (codes, out) in codes.chunks(LANES * width).zip(out.chunks_mut(LANES * self.classes)) {
+                let mut rows = [&codes[..width]; LANES];
+                rows.iter_mut().zip(codes.chunks_exact(width)).for_each(|(row, codes)| *row = codes);
+                let leaves = descend(&self.nodes, &rows, root);
+                for (out, row) in out.chunks_exact_mut(self.classes).zip(leaves) {
+                    let row = row as usize * self.classes;
+                    let leaf = self.leaves.get(row..row + self.classes).unwrap_or_default();
+                    out.iter_mut().zip(leaf).for_each(|(p, &l)| *p += l);
+                }
             }
-            count = kept;
         }
     }
 
@@ -137,6 +111,29 @@ impl Forest {
         let row = node.left as usize * self.classes;
         &self.leaves[row..row + self.classes]
     }
+}
+
+/// Takes rows of codes from a root down to their leaves; returns the rows of probabilities there.
+///
+/// The rows advance in turn, so that the processor waits for the memory of many at once; a row that has arrived stays.
+#[inline]
+fn descend<C: Copy + Default + Into<u16>>(nodes: &[Node], rows: &[&[C]; LANES], root: u32) -> [u32; LANES] {
+    let mut at = [root; LANES];
+    let mut leaves = [0u32; LANES];
+    let mut moving = true;
+    while moving {
+        moving = false;
+        for lane in 0..LANES {
+            let node = nodes.get(at[lane] as usize).copied().unwrap_or(Node { left: 0, feature: 0, cut: LEAF_CUT });
+            let code: u16 = rows[lane].get(usize::from(node.feature)).copied().unwrap_or_default().into();
+            let inner = node.cut != LEAF_CUT;
+            let next = node.left.wrapping_add(u32::from(code > node.cut));
+            at[lane] = if inner { next } else { at[lane] };
+            leaves[lane] = node.left;
+            moving |= inner;
+        }
+    }
+    leaves
 }
 
 /// Index of the largest value, the first of equals.

@@ -403,8 +403,8 @@ mod tests {
         let cases = [
             (head.replace("vertex 2", "vertex 99999999999999"), "number of vertices"),
             (head.to_string() + "1 2 3\n", "at most 1"),
-            (head.to_string() + "1 2 3\n1 2\n", "line 9"),
-            (head.to_string() + "1 2 3\n1 2 q\n", "line 9"),
+            (head.to_string() + "1.5 2.5 3.5\n1 2\n", "line 9"),
+            (head.to_string() + "1.5 2.5 3.5\n1 2 q\n", "line 9"),
             (head.replace("property float z\n", ""), "no `z`"),
             (head.replace("float z", "float x"), "twice"),
             ("ply\nformat ascii 1.0\n".into(), "end_header"),

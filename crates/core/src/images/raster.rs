@@ -1,0 +1,77 @@
+//! Which point is seen at each place of the fine grid: a depth buffer with square splats.
+
+use super::camera::Camera;
+use super::canvas::{FINER, Frame};
+use crate::cloud::Cloud;
+
+/// No point is seen here.
+pub(super) const NOTHING: u32 = u32::MAX;
+/// Half edge of the largest splat, in places.
+const MOST: f64 = 9.0;
+
+/// The fine grid.
+#[derive(Clone, Debug)]
+pub(super) struct Raster {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// The point seen at each place.
+    pub(super) points: Vec<u32>,
+    /// Its distance from the viewer, in units of the coordinates.
+    pub(super) depth: Vec<f32>,
+    /// Units of the coordinates in one place.
+    pub(super) unit: f32,
+}
+
+impl Raster {
+    pub(super) fn new(cloud: &Cloud, camera: &Camera, frame: &Frame) -> Self {
+        let (width, height) = (frame.w as usize * FINER, frame.h as usize * FINER);
+        let unit = frame.unit / FINER as f64;
+        let mut raster =
+            Self { width, height, points: vec![NOTHING; width * height], depth: vec![f32::INFINITY; width * height], unit: unit as f32 };
+        let half = raster.splat(cloud, camera, frame);
+        for i in 0..cloud.len() {
+            let p = cloud.xyz(i);
+            if p.iter().all(|v| v.is_finite()) {
+                let (u, v, away) = camera.project(p);
+                let place = [(u - frame.corner[0]) / unit, (v - frame.corner[1]) / unit];
+                raster.put(place, half, (away as f32, i as u32));
+            }
+        }
+        raster
+    }
+
+    /// Half edge of a splat that closes the gaps between points: from the number of coarse places that hold any.
+    fn splat(&self, cloud: &Cloud, camera: &Camera, frame: &Frame) -> i64 {
+        let block = 16.0 * f64::from(self.unit);
+        let (columns, rows) = (self.width / 16 + 1, self.height / 16 + 1);
+        let mut counts = vec![0u32; columns * rows];
+        for i in 0..cloud.len() {
+            let (u, v, _) = camera.project(cloud.xyz(i));
+            let (c, r) = ((u - frame.corner[0]) / block, (v - frame.corner[1]) / block);
+            if c >= 0.0 && r >= 0.0 && (c as usize) < columns && (r as usize) < rows {
+                counts[r as usize * columns + c as usize] += 1;
+            }
+        }
+        let mut held: Vec<u32> = counts.into_iter().filter(|&n| n > 0).collect();
+        held.sort_unstable();
+        let usual = held.get(held.len() / 2).copied().unwrap_or(1);
+        let spacing = 16.0 / f64::from(usual.max(1)).sqrt();
+        (0.75 * spacing).ceil().clamp(1.0, MOST) as i64
+    }
+
+    fn put(&mut self, [u, v]: [f64; 2], half: i64, (depth, point): (f32, u32)) {
+        let (u, v) = (u.floor() as i64, v.floor() as i64);
+        for y in (v - half).max(0)..=(v + half).min(self.height as i64 - 1) {
+            for x in (u - half).max(0)..=(u + half).min(self.width as i64 - 1) {
+                // A splat is a shallow cone, so that the nearer of two points side by side wins.
+                let apart = ((x - u) * (x - u) + (y - v) * (y - v)) as f32;
+                let at = y as usize * self.width + x as usize;
+                let depth = depth + 0.3 * self.unit * apart.sqrt();
+                if depth < self.depth[at] {
+                    self.depth[at] = depth;
+                    self.points[at] = point;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! The colour of a point, by what the picture shows.
+
+use super::palette::ramp;
+use super::{ColourBy, RenderParams};
+use crate::classes::{Class, ClassTable, preset};
+use crate::cloud::{Cloud, Values, names};
+use crate::error::{Error, Result};
+
+/// Points whose values decide the ends of the ramp.
+const SAMPLES: usize = 200_000;
+const RIGHT: [u8; 3] = [205, 208, 210];
+const WRONG: [u8; 3] = [200, 30, 45];
+
+/// What the colours show, with everything that is needed to find them.
+#[derive(Clone, Debug)]
+pub(super) enum Paint<'a> {
+    /// Classes by code, and how many points each has.
+    Classes { values: Option<&'a Values>, table: Vec<Class>, counts: Vec<u64> },
+    /// Numbers on a ramp.
+    Ramp { name: String, values: Option<&'a Values>, low: f64, high: f64 },
+    /// Own colours, with the factor to 0..=255.
+    Own { channels: [&'a Values; 3], factor: f64 },
+    /// Right or wrong.
+    Agreement { truth: &'a Values, prediction: &'a Values, wrong: u64, points: u64 },
+}
+
+fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
+    cloud.column(name).map(|c| &c.values).ok_or_else(|| {
+        let known: Vec<&str> = cloud.columns().iter().map(|c| c.name.as_str()).collect();
+        Error::input(format!("no column {name} to draw; the cloud has: {}", known.join(", ")))
+    })
+}
+
+impl<'a> Paint<'a> {
+    pub(super) fn new(cloud: &'a Cloud, classes: &ClassTable, params: &RenderParams) -> Result<Self> {
+        match &params.by {
+            ColourBy::Class => Ok(Self::classes(cloud, classes)),
+            ColourBy::Height => Ok(Self::on_ramp("height".into(), None, cloud, params)),
+            ColourBy::Dimension(name) => Ok(Self::on_ramp(name.clone(), Some(column(cloud, name)?), cloud, params)),
+            ColourBy::Colour => Self::own(cloud),
+            ColourBy::Agreement { truth, prediction } => {
+                let (truth, prediction) = (column(cloud, truth)?, column(cloud, prediction)?);
+                let wrong = (0..cloud.len()).filter(|&i| truth.get(i) as u8 != prediction.get(i) as u8).count() as u64;
+                Ok(Self::Agreement { truth, prediction, wrong, points: cloud.len() as u64 })
+            }
+        }
+    }
+
+    fn classes(cloud: &'a Cloud, classes: &ClassTable) -> Self {
+        let values = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
+        let mut counts = vec![0u64; 256];
+        (0..cloud.len()).for_each(|i| counts[values.map_or(0, |v| usize::from(v.get(i) as u8))] += 1);
+        let of = |code: u8| classes.classes().iter().find(|c| c.code == code).cloned().unwrap_or_else(|| preset::asprs(code));
+        Self::Classes { values, table: (0..=255).map(of).collect(), counts }
+    }
+
+    fn on_ramp(name: String, values: Option<&'a Values>, cloud: &Cloud, params: &RenderParams) -> Self {
+        let value = |i: usize| values.map_or_else(|| cloud.xyz(i)[2], |v| v.get(i));
+        let step = cloud.len().div_ceil(SAMPLES).max(1);
+        let mut sample: Vec<f64> = (0..cloud.len()).step_by(step).map(value).filter(|v| v.is_finite()).collect();
+        sample.sort_by(f64::total_cmp);
+        let at = |share: f64| sample.get((share * sample.len().saturating_sub(1) as f64).round() as usize).copied();
+        let (low, high) = params.range.unwrap_or((at(0.02).unwrap_or(0.0), at(0.98).unwrap_or(1.0)));
+        Self::Ramp { name, values, low, high: if high > low { high } else { low + 1.0 } }
+    }
+
+    fn own(cloud: &'a Cloud) -> Result<Self> {
+        let [r, g, b] = names::COLOUR;
+        let channels = [column(cloud, r)?, column(cloud, g)?, column(cloud, b)?];
+        let largest = channels.iter().flat_map(|v| (0..v.len()).map(|i| v.get(i))).fold(0.0, f64::max);
+        Ok(Self::Own { channels, factor: if largest > 255.0 { 255.0 / 65535.0 } else { 1.0 } })
+    }
+
+    /// Colour of a point, 0..=255.
+    pub(super) fn colour(&self, cloud: &Cloud, point: u32) -> [f32; 3] {
+        let i = point as usize;
+        match self {
+            Self::Classes { values, table, .. } => table[values.map_or(0, |v| usize::from(v.get(i) as u8))].colour.map(f32::from),
+            Self::Ramp { values, low, high, .. } => {
+                let value = values.map_or_else(|| cloud.xyz(i)[2], |v| v.get(i));
+                ramp((value - low) / (high - low))
+            }
+            Self::Own { channels, factor } => channels.map(|v| (v.get(i) * factor) as f32),
+            Self::Agreement { truth, prediction, .. } => {
+                let right = truth.get(i) as u8 == prediction.get(i) as u8;
+                (if right { RIGHT } else { WRONG }).map(f32::from)
+            }
+        }
+    }
+
+    /// Lines of the legend: colour, name, and share of the points in percent.
+    pub(super) fn entries(&self) -> Vec<([u8; 3], String, String)> {
+        let percent = |n: u64, all: u64| format!("{:.1} %", 100.0 * n as f64 / all.max(1) as f64);
+        match self {
+            Self::Classes { table, counts, values: Some(_) } => {
+                let all: u64 = counts.iter().sum();
+                let seen = table.iter().zip(counts).filter(|(_, n)| **n > 0);
+                seen.map(|(class, &n)| (class.colour, format!("{} {}", class.code, class.name), percent(n, all))).collect()
+            }
+            Self::Agreement { wrong, points, .. } => vec![
+                (RIGHT, "as in the truth".into(), percent(points - wrong, *points)),
+                (WRONG, "different".into(), percent(*wrong, *points)),
+            ],
+            _ => Vec::new(),
+        }
+    }
+}
