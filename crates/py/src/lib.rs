@@ -1,1 +1,42 @@
-//! x
+//! The Python package's native module `scansion._core`: registration only; one file for each room of the core.
+
+mod call;
+mod classification;
+mod cli;
+mod cloud;
+mod convert;
+mod error;
+mod evaluation;
+mod features;
+mod images;
+mod io;
+mod json;
+mod recipes;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use crate::classification::{Forest, fit_forest};
+    #[pymodule_export]
+    use crate::cli::run;
+    #[pymodule_export]
+    use crate::cloud::Cloud;
+    #[pymodule_export]
+    use crate::error::FileFormatError;
+    #[pymodule_export]
+    use crate::evaluation::{confusion_matrix, report, scores};
+    #[pymodule_export]
+    use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale};
+    #[pymodule_export]
+    use crate::images::render;
+    #[pymodule_export]
+    use crate::io::{inspect, read, rewrite, write};
+    #[pymodule_export]
+    use crate::recipes::{Model, recipe_columns};
+
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "the name that Python expects")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

@@ -121,6 +121,8 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
         let table = Table { codes, stride: codes.len() / self.columns.width(), local: false };
         self.tree.nodes.push(Grown { feature: LEAF, threshold: 0.0, left: 0 });
         let all = entries.len();
+        let weight: f64 = entries.iter().map(|e| e.weight.get()).sum();
+        self.search.min_weight = self.params.min_weight_leaf * weight;
         self.subtree(table, &mut entries, Task { node: 0, begin: 0, end: all, depth: 0 })?;
         Ok(self.tree)
     }

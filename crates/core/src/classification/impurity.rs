@@ -45,6 +45,8 @@ pub(super) struct Best<C> {
 pub(super) struct Search<C> {
     criterion: Criterion,
     min_leaf: usize,
+    /// No child gets less weight.
+    pub(super) min_weight: f64,
     totals: Vec<f64>,
     total: f64,
     rows: usize,
@@ -62,6 +64,7 @@ impl<C: Copy> Search<C> {
         Self {
             criterion,
             min_leaf,
+            min_weight: 0.0,
             totals: vec![0.0; classes],
             total: 0.0,
             rows: 0,
@@ -119,7 +122,8 @@ impl<C: Copy> Search<C> {
     pub(super) fn group<W: Weight>(&mut self, code: C, weights: &[W], rows: usize) {
         if let Some(low) = self.previous {
             self.varies = true;
-            if self.left_rows >= self.min_leaf && self.rows - self.left_rows >= self.min_leaf {
+            let (rows, weight) = (self.rows - self.left_rows, self.total - self.left_total);
+            if self.left_rows.min(rows) >= self.min_leaf && self.left_total.min(weight) >= self.min_weight {
                 self.evaluate(low, code);
             }
         }

@@ -10,6 +10,7 @@ pub mod cross_validation;
 mod exact;
 mod fingerprint;
 mod forest;
+mod forest_bytes;
 mod grow;
 mod histogram;
 mod importance;

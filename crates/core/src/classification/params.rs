@@ -106,6 +106,8 @@ pub struct ForestParams {
     pub min_samples_split: usize,
     /// No child gets fewer different samples, 1 or more.
     pub min_samples_leaf: usize,
+    /// No child gets a smaller share of the tree's weight, 0..=0.5.
+    pub min_weight_leaf: f64,
     /// The samples of a tree.
     pub bootstrap: Bootstrap,
     /// Weight of the classes.
@@ -147,6 +149,7 @@ impl ForestParams {
             max_features: MaxFeatures::Sqrt,
             min_samples_split: 5,
             min_samples_leaf: 1,
+            min_weight_leaf: 0.0,
             bootstrap: Bootstrap::WithoutReplacement(0.632),
             class_weight: ClassWeight::None,
             splitter: Splitter::Histogram,
@@ -170,6 +173,9 @@ impl ForestParams {
         within("min_samples_split", self.min_samples_split, 2, usize::MAX)?;
         within("min_samples_leaf", self.min_samples_leaf, 1, usize::MAX)?;
         within("max_bins", self.max_bins, 2, 255)?;
+        if !(0.0..=0.5).contains(&self.min_weight_leaf) {
+            return Err(Error::parameter("min_weight_leaf", self.min_weight_leaf, "a share, 0 to 0.5"));
+        }
         if let MaxFeatures::Count(count) = self.max_features {
             within("max_features", count, 1, usize::MAX)?;
         }
@@ -237,6 +243,7 @@ mod tests {
         default.validate().unwrap();
         assert!(ForestParams { trees: 0, ..default.clone() }.validate().is_err());
         assert!(ForestParams { max_depth: Some(0), ..default.clone() }.validate().is_err());
+        assert!(ForestParams { min_weight_leaf: 0.6, ..default.clone() }.validate().is_err());
         assert!(ForestParams { max_bins: 256, ..default.clone() }.validate().is_err());
         assert!(ForestParams { min_samples_split: 1, ..default.clone() }.validate().is_err());
         assert!(

@@ -1,0 +1,84 @@
+"""Bringing what people have to what the core takes: native, C-ordered numpy arrays."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+NUMBERS = "fiub"
+"""numpy's kinds of real numbers: floats, signed and unsigned integers, booleans."""
+
+_COLUMN_TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
+
+
+def native(array: NDArray[Any], dtype: Any) -> NDArray[Any]:
+    """The array in this type, C-ordered and aligned; not copied if it is so already."""
+    return np.require(array, dtype, ["C_CONTIGUOUS", "ALIGNED"])
+
+
+def coordinates(points: Any) -> NDArray[np.float64]:
+    """``points`` as an ``(n, 3)`` array of float64, not copied if it is one already."""
+    array = np.asarray(points)
+    if array.dtype.kind not in NUMBERS:
+        raise TypeError(f"coordinates: expected an (n, 3) array of numbers, found dtype {array.dtype}")
+    if array.size == 0 and array.ndim < 2:
+        array = array.reshape(0, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"coordinates: expected shape (n, 3), found {array.shape}")
+    return native(array, np.float64)
+
+
+def column(values: Any, name: str, length: int | None = None) -> NDArray[Any]:
+    """``values`` as one number a point, in a type that the core has."""
+    array = np.asarray(values)
+    if array.dtype.kind not in NUMBERS:
+        raise TypeError(f"{name}: expected a one-dimensional array of numbers, found dtype {array.dtype}")
+    if array.ndim != 1 or (length is not None and len(array) != length):
+        expected = "(n,)" if length is None else f"({length},)"
+        raise ValueError(f"{name}: expected shape {expected}, found {array.shape}")
+    if array.dtype.kind == "b":
+        return native(array, np.uint8)
+    if array.dtype == np.float16:
+        return native(array, np.float32)
+    kind = array.dtype.newbyteorder("=")
+    return native(array, kind if kind.str[1:] in _COLUMN_TYPES else np.float64)
+
+
+def codes(values: Any, name: str, length: int | None = None) -> NDArray[np.uint8]:
+    """``values`` as class codes 0..255, one a point."""
+    array = column(values, name, length)
+    if array.dtype == np.uint8:
+        return array
+    wrong = ~((array >= 0) & (array <= 255) & (array == np.floor(array)))
+    if wrong.any():
+        first = int(np.flatnonzero(wrong)[0])
+        raise ValueError(f"{name}: expected whole numbers in 0..255, found {array[first]} at index {first}")
+    return array.astype(np.uint8)
+
+
+def choice(value: Any, name: str, allowed: tuple[str, ...]) -> None:
+    """Refuses a value that is not one of ``allowed``."""
+    if not isinstance(value, str) or value not in allowed:
+        raise ValueError(f"{name}: found {value!r}, expected {' or '.join(repr(a) for a in allowed)}")
+
+
+def to_json(settings: Mapping[str, Any]) -> str:
+    """Settings as JSON, numpy's numbers included; numbers that are not finite are refused by name."""
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            to_json(value)
+        elif isinstance(value, (float, np.floating)) and not np.isfinite(value):
+            raise ValueError(f"{name}: found {value}, expected a finite number")
+    return json.dumps(settings, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(
+        f"found {value!r} of type {type(value).__name__}, expected a number, text, True, False or None"
+    )

@@ -1,0 +1,85 @@
+"""The scikit-learn protocol without scikit-learn: parameters, tags, errors.
+
+scikit-learn is looked for only when it asks for tags or is loaded already, so that importing scansion stays quick and
+numpy is all it needs.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from typing import Any, TypeVar
+
+Self = TypeVar("Self", bound="Classifier")
+
+
+class NotFittedError(ValueError, AttributeError):
+    """The estimator was used before ``fit``."""
+
+
+class DataConversionWarning(UserWarning):
+    """An input was brought to another shape or type."""
+
+
+def from_sklearn(own: type[Any]) -> type[Any]:
+    """scikit-learn's class of that name if it is loaded, so that its users catch what they expect; else ours."""
+    exceptions = sys.modules.get("sklearn.exceptions")
+    found: type[Any] = getattr(exceptions, own.__name__, own)
+    return found
+
+
+class Classifier:
+    """A classifier that scikit-learn can clone, search and pipe. Parameters are the arguments of ``__init__``."""
+
+    @classmethod
+    def _parameter_names(cls) -> list[str]:
+        return sorted(name for name in inspect.signature(cls.__init__).parameters if name != "self")
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The parameters by name.
+
+        Parameters
+        ----------
+        deep : bool
+            Without effect: no parameter is itself an estimator.
+        """
+        return {name: getattr(self, name) for name in self._parameter_names()}
+
+    def set_params(self: Self, **parameters: Any) -> Self:
+        """Sets parameters by name; an unknown name is refused with the list of valid ones."""
+        valid = self._parameter_names()
+        for name, value in parameters.items():
+            if name not in valid:
+                raise ValueError(
+                    f"Invalid parameter {name!r} for estimator {self!r}. Valid parameters are: {valid}."
+                )
+            setattr(self, name, value)
+        return self
+
+    def __repr__(self) -> str:
+        defaults = {name: p.default for name, p in inspect.signature(type(self).__init__).parameters.items()}
+        given = self.get_params().items()
+        changed = ", ".join(f"{k}={v!r}" for k, v in given if repr(v) != repr(defaults[k]))
+        return f"{type(self).__name__}({changed})"
+
+    def __sklearn_tags__(self) -> Any:
+        from sklearn.utils import ClassifierTags, Tags, TargetTags
+
+        return Tags(
+            estimator_type="classifier",
+            target_tags=TargetTags(required=True),
+            classifier_tags=ClassifierTags(),
+            transformer_tags=None,
+            regressor_tags=None,
+        )
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "classes_")
+
+    def _check_is_fitted(self) -> None:
+        if not self.__sklearn_is_fitted__():
+            name = type(self).__name__
+            raise from_sklearn(NotFittedError)(
+                f"This {name} instance is not fitted yet. Call 'fit' with appropriate arguments before using this "
+                "estimator."
+            )

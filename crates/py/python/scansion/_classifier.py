@@ -1,0 +1,243 @@
+"""The whole way from labelled clouds to a named cloud."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scansion import _core
+from scansion._arrays import codes, column
+from scansion._base import Classifier
+from scansion._cloud import PointCloud, as_cloud
+from scansion._forest import seed
+
+_LABELS = "Classification"
+
+
+class Classified(NamedTuple):
+    """One answer a point, in the cloud's order."""
+
+    codes: NDArray[np.uint8]
+    """Most probable class; 1 (unclassified) where coordinates are not finite."""
+    confidence: NDArray[np.float32]
+    """Its probability, 0..1."""
+    entropy: NDArray[np.float32]
+    """Entropy of the probabilities in nats, 0..ln(classes)."""
+    probabilities: NDArray[np.float32] | None
+    """Probability of every class, shape (n, classes), if asked for."""
+
+
+class PointClassifier(Classifier):
+    """Names every point of a cloud: multi-scale features and a random forest (Hackel 2018, chapter 4.4).
+
+    Parameters
+    ----------
+    recipe : path, str or mapping, optional
+        A TOML recipe: its path, its text, or a mapping of dotted keys to values, as in
+        ``{"forest.trees": 100, "features.intensity": True}``. Without one the paper's values hold.
+    unlabelled : iterable of int
+        Codes that mean "nobody has said"; such points are not learned from. Negative labels never are.
+    class_map : str
+        Changes of codes before learning, as in ``"3-4=5"``.
+    random_state : int, numpy.random.RandomState or None
+        Seed; None takes the recipe's (0 if it has none).
+    n_jobs : int, optional
+        Threads; None and -1 take all. Results do not depend on it.
+
+    Attributes
+    ----------
+    classes_ : array of shape (n_classes,)
+        Class codes, ascending.
+    class_names_ : list of str
+    feature_names_in_ : array of shape (n_features,)
+        Features that the forest uses.
+    feature_importances_ : array of shape (n_features,)
+        Mean decrease of impurity, summing to 1.
+    recipe_ : str
+        The recipe as TOML, all values resolved.
+    report_ : dict
+        What training did; only after ``fit``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import PointClassifier
+    >>> ground = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), -1).reshape(-1, 3)
+    >>> wall = np.stack(np.meshgrid([0.0], np.arange(20.0), np.arange(1.0, 21.0)), -1).reshape(-1, 3)
+    >>> cloud = np.concatenate([ground, wall])
+    >>> labels = np.repeat([2, 6], 400)
+    >>> recipe = {"features.pyramid.first_scale": 1.0, "features.pyramid.levels": 2, "forest.trees": 10}
+    >>> classifier = PointClassifier(recipe).fit(cloud, labels)
+    >>> bool((classifier.predict(cloud) == labels).mean() > 0.95)
+    True
+    """
+
+    classes_: NDArray[np.uint8]
+    class_names_: list[str]
+    feature_names_in_: NDArray[np.object_]
+    recipe_: str
+    report_: dict[str, Any]
+
+    def __init__(
+        self,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        *,
+        unlabelled: Iterable[int] = (0, 1),
+        class_map: str = "",
+        random_state: int | np.random.RandomState | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.recipe = recipe
+        self.unlabelled = unlabelled
+        self.class_map = class_map
+        self.random_state = random_state
+        self.n_jobs = n_jobs
+
+    @classmethod
+    def default(cls) -> PointClassifier:
+        """The built-in model for airborne scans: ground (2), vegetation (5), building (6)."""
+        return cls()._take(_core.Model.default())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> PointClassifier:
+        """A classifier from a model file, as ``save`` or ``scansion train`` wrote it.
+
+        Parameters
+        ----------
+        path : path
+        """
+        return cls()._take(_core.Model.load(os.fspath(path)))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the model to a file that ``scansion classify --model`` takes too.
+
+        Parameters
+        ----------
+        path : path
+        """
+        self._check_is_fitted()
+        self._model.save(os.fspath(path))
+
+    def fit(self, clouds: Any, labels: Any = None) -> PointClassifier:
+        """Learns from labelled clouds.
+
+        Parameters
+        ----------
+        clouds : cloud or list of clouds
+            Each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
+        labels : array_like of shape (n,) or list of such, optional
+            Class codes 0..255, negative where there is none; without them each cloud's column Classification.
+        """
+        recipe, settings = self._recipe()
+        several = isinstance(clouds, (list, tuple)) and not _is_rows(clouds)
+        clouds = list(clouds) if several else [clouds]
+        given = [None] * len(clouds) if labels is None else list(labels) if several else [labels]
+        if len(given) != len(clouds):
+            raise ValueError(f"labels: found {len(given)} arrays for {len(clouds)} clouds")
+        wanted = _core.recipe_columns(recipe, settings)
+        prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
+        unlabelled = codes(np.asarray(list(self.unlabelled), dtype=np.int64), "unlabelled").tobytes()
+        model, report = _core.Model.train(
+            prepared, recipe, settings, _LABELS, self.class_map, unlabelled, self.n_jobs
+        )
+        self._take(model)
+        self.report_ = json.loads(report)
+        return self
+
+    def classify(self, cloud: Any, *, probabilities: bool = False) -> Classified:
+        """Class, confidence and entropy of every point.
+
+        Parameters
+        ----------
+        cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        probabilities : bool
+            Return the probability of every class too.
+        """
+        self._check_is_fitted()
+        points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
+        found = self._model.classify(points._core, probabilities, self.n_jobs)
+        for note in found[4]:
+            warnings.warn(note, stacklevel=2)
+        return Classified(*found[:4])
+
+    def predict(self, cloud: Any) -> NDArray[np.uint8]:
+        """The class code of every point, in the cloud's order.
+
+        Parameters
+        ----------
+        cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        """
+        return self.classify(cloud).codes
+
+    def predict_proba(self, cloud: Any) -> NDArray[np.float32]:
+        """Probability of each class for every point, columns in the order of ``classes_``.
+
+        Parameters
+        ----------
+        cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        """
+        found = self.classify(cloud, probabilities=True).probabilities
+        assert found is not None
+        return found
+
+    def score(self, cloud: Any, labels: ArrayLike | None = None) -> float:
+        """Share of labelled points that are named rightly, 0..1.
+
+        Parameters
+        ----------
+        cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        labels : array_like of shape (n,), optional
+            Class codes; without them the cloud's column Classification.
+        """
+        points = as_cloud(cloud)
+        truth = points[_LABELS] if labels is None else column(labels, "labels", len(points))
+        known = (truth >= 0) & ~np.isin(truth, list(self.unlabelled))
+        return float(np.mean(self.predict(points)[known] == truth[known]))
+
+    @property
+    def feature_importances_(self) -> NDArray[np.float64]:
+        """Mean decrease of impurity by feature, summing to 1."""
+        self._check_is_fitted()
+        return self._model.importance()
+
+    def _take(self, model: _core.Model) -> PointClassifier:
+        self._model = model
+        self.classes_ = np.array(model.codes(), dtype=np.uint8)
+        self.class_names_ = model.class_names()
+        self.feature_names_in_ = np.array(model.feature_names(), dtype=object)
+        self.recipe_ = model.recipe()
+        return self
+
+    def _recipe(self) -> tuple[str, list[str]]:
+        """The recipe's TOML and the settings on top of it."""
+        text, settings = "", []
+        if isinstance(self.recipe, Mapping):
+            settings = [f"{key}={json.dumps(value)}" for key, value in self.recipe.items()]
+        elif isinstance(self.recipe, str) and ("\n" in self.recipe or "=" in self.recipe):
+            text = self.recipe
+        elif self.recipe is not None:
+            with open(self.recipe, encoding="utf-8") as file:
+                text = file.read()
+        if self.random_state is not None:
+            settings.append(f"seed={seed(self.random_state)}")
+        return text, settings
+
+
+def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:
+    """Whether a list is one cloud written as rows of x, y, z."""
+    return len(values) > 0 and np.ndim(values[0]) == 1 and np.shape(values[0]) == (3,)
+
+
+def _labelled(cloud: Any, labels: Any, wanted: list[str]) -> PointCloud:
+    """The cloud with its labels in the column Classification."""
+    points = as_cloud(cloud, columns=[*wanted, _LABELS])
+    if labels is not None:
+        points = points.copy()
+        points[_LABELS] = labels
+    return points

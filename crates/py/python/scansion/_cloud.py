@@ -1,0 +1,335 @@
+"""Clouds and files."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scansion import _core
+from scansion._arrays import codes, column, coordinates
+
+_LASPY_NAMES = {
+    "intensity": "Intensity",
+    "return_number": "ReturnNumber",
+    "number_of_returns": "NumberOfReturns",
+    "synthetic": "Synthetic",
+    "key_point": "KeyPoint",
+    "withheld": "Withheld",
+    "overlap": "Overlap",
+    "scanner_channel": "ScanChannel",
+    "scan_direction_flag": "ScanDirectionFlag",
+    "edge_of_flight_line": "EdgeOfFlightLine",
+    "classification": "Classification",
+    "user_data": "UserData",
+    "point_source_id": "PointSourceId",
+    "gps_time": "GpsTime",
+    "red": "Red",
+    "green": "Green",
+    "blue": "Blue",
+    "nir": "Infrared",
+}
+"""laspy's dimension names and ours (PDAL's)."""
+
+_SCAN_ANGLE = "ScanAngle"
+_SCAN_ANGLE_UNIT = 0.006
+"""Degrees in one unit of the scan angle of point formats 6 to 10 (LAS 1.4 R15)."""
+
+
+class PointCloud:
+    """Points with named columns, one value a point.
+
+    Coordinates of LAS files stay the integers that the file has, so that writing gives the same bytes.
+
+    Parameters
+    ----------
+    xyz : array_like of shape (n, 3)
+        Coordinates in the unit of the reference system.
+    crs : str, optional
+        Coordinate reference system, as WKT or ``EPSG:n``.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates (0.3048 for feet).
+    **columns : array_like of shape (n,)
+        One column each, e.g. ``Classification=...``. Names are PDAL's where it has one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import scansion
+    >>> cloud = scansion.PointCloud(np.zeros((2, 3)), Classification=np.array([2, 6], dtype=np.uint8))
+    >>> len(cloud), cloud.columns
+    (2, ['Classification'])
+    >>> cloud["Classification"]
+    array([2, 6], dtype=uint8)
+    """
+
+    __slots__ = ("_core",)
+
+    def __init__(
+        self,
+        xyz: ArrayLike,
+        *,
+        crs: str | None = None,
+        metres_per_unit: float | None = None,
+        **columns: ArrayLike,
+    ) -> None:
+        self._core = _core.Cloud.from_xyz(coordinates(xyz))
+        self._fill(crs, metres_per_unit, columns)
+
+    def _fill(self, crs: str | None, metres_per_unit: float | None, columns: Mapping[str, ArrayLike]) -> None:
+        self._core.crs = crs
+        self._core.metres_per_unit = metres_per_unit
+        for name, values in columns.items():
+            self[name] = values
+
+    @classmethod
+    def _wrap(cls, core: _core.Cloud) -> PointCloud:
+        cloud = cls.__new__(cls)
+        cloud._core = core
+        return cloud
+
+    @property
+    def xyz(self) -> NDArray[np.float64]:
+        """Coordinates, a new ``(n, 3)`` array."""
+        return self._core.xyz()
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns in the file's order."""
+        return self._core.columns()
+
+    @property
+    def crs(self) -> str | None:
+        """Coordinate reference system as the file states it (WKT, or ``EPSG:n``)."""
+        return self._core.crs
+
+    @crs.setter
+    def crs(self, crs: str | None) -> None:
+        self._core.crs = crs
+
+    @property
+    def metres_per_unit(self) -> float | None:
+        """Metres in one unit of the coordinates, if the file says so."""
+        return self._core.metres_per_unit
+
+    @metres_per_unit.setter
+    def metres_per_unit(self, metres: float | None) -> None:
+        self._core.metres_per_unit = metres
+
+    def __len__(self) -> int:
+        return len(self._core)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        values = self._core.column(name)
+        if values is None:
+            raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
+        return values
+
+    def __setitem__(self, name: str, values: ArrayLike) -> None:
+        self._core.set_column(name, column(values, name, len(self)))
+
+    def __delitem__(self, name: str) -> None:
+        if not self._core.remove_column(name):
+            raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
+
+    def __repr__(self) -> str:
+        return f"PointCloud({len(self)} points; columns: {', '.join(self.columns) or 'none'})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        columns = {name: self[name] for name in self.columns}
+        ticks = self._core.ticks()
+        return _restore, (self.xyz if ticks is None else ticks, self.crs, self.metres_per_unit, columns)
+
+    def copy(self) -> PointCloud:
+        """A copy that may be changed without changing this cloud."""
+        return self._wrap(self._core.copy())
+
+    @classmethod
+    def from_laspy(cls, las: Any) -> PointCloud:
+        """A cloud from a ``laspy.LasData``: its exact integers, its dimensions and its reference system."""
+        ticks = np.column_stack([np.asarray(las.X), np.asarray(las.Y), np.asarray(las.Z)]).astype(np.int32)
+        scale, offset = (
+            tuple(float(v) for v in values) for values in (las.header.scales, las.header.offsets)
+        )
+        cloud = cls._wrap(_core.Cloud.from_ticks(np.ascontiguousarray(ticks), scale, offset))
+        for name in las.point_format.dimension_names:
+            if name in ("X", "Y", "Z"):
+                continue
+            values = np.asarray(las[name])
+            if name in ("scan_angle", "scan_angle_rank"):
+                unit = _SCAN_ANGLE_UNIT if name == "scan_angle" else 1.0
+                cloud[_SCAN_ANGLE] = (values * unit).astype(np.float32)
+            elif values.ndim == 1 and values.dtype.kind in "fiub":
+                cloud[_LASPY_NAMES.get(name, name)] = values
+        parsed = _laspy_crs(las.header)
+        cloud.crs = parsed
+        return cloud
+
+    def to_laspy(self) -> Any:
+        """The cloud as ``laspy.LasData`` of LAS 1.4; needs the extra ``scansion[las]``."""
+        import laspy
+
+        colour, infrared = "Red" in self, "Infrared" in self
+        header = laspy.LasHeader(version="1.4", point_format=8 if infrared else 7 if colour else 6)
+        ticks = self._core.ticks()
+        xyz = self.xyz
+        if ticks is not None:
+            header.scales, header.offsets = np.array(ticks[1]), np.array(ticks[2])
+        else:
+            finite = xyz[np.isfinite(xyz).all(axis=1)]
+            header.scales = np.full(3, 0.001)
+            header.offsets = np.floor(finite.min(axis=0)) if len(finite) else np.zeros(3)
+        las = laspy.LasData(header)
+        las.x, las.y, las.z = xyz[:, 0], xyz[:, 1], xyz[:, 2]
+        if ticks is not None:
+            las.X, las.Y, las.Z = ticks[0][:, 0], ticks[0][:, 1], ticks[0][:, 2]
+        known = {ours: theirs for theirs, ours in _LASPY_NAMES.items()}
+        for name in self.columns:
+            values = self[name]
+            if name == _SCAN_ANGLE:
+                las.scan_angle = np.round(values / _SCAN_ANGLE_UNIT).astype(np.int16)
+            elif known.get(name) in set(header.point_format.dimension_names):
+                las[known[name]] = values
+            else:
+                las.add_extra_dim(laspy.ExtraBytesParams(name=name, type=values.dtype))
+                las[name] = values
+        return las
+
+
+def _restore(
+    place: Any, crs: str | None, metres_per_unit: float | None, columns: Mapping[str, NDArray[Any]]
+) -> PointCloud:
+    """Undoes ``PointCloud.__reduce__``."""
+    core = _core.Cloud.from_ticks(*place) if isinstance(place, tuple) else _core.Cloud.from_xyz(place)
+    cloud = PointCloud._wrap(core)
+    cloud._fill(crs, metres_per_unit, columns)
+    return cloud
+
+
+def _laspy_crs(header: Any) -> str | None:
+    for vlr in header.vlrs:
+        text = getattr(vlr, "string", None)
+        if getattr(vlr, "record_id", None) == 2112 and text:
+            return str(text).rstrip("\0")
+    return None
+
+
+def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
+    """Anything that holds points as a `PointCloud`.
+
+    Parameters
+    ----------
+    points : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        A structured array needs the fields X, Y, Z (or x, y, z); its other fields become columns.
+    columns : list of str, optional
+        Columns to read if ``points`` is a path; all by default.
+    """
+    if isinstance(points, PointCloud):
+        return points
+    if isinstance(points, (str, os.PathLike)):
+        return read(points, columns=columns)
+    if hasattr(points, "point_format") and hasattr(points, "header") and hasattr(points, "X"):
+        return PointCloud.from_laspy(points)
+    fields = getattr(getattr(points, "dtype", None), "names", None)
+    if fields is None:
+        return PointCloud(points)
+    for axes in ("XYZ", "xyz"):
+        if all(axis in fields for axis in axes):
+            cloud = PointCloud(np.column_stack([np.asarray(points[axis], dtype=np.float64) for axis in axes]))
+            for name in fields:
+                if name not in axes:
+                    cloud[name] = points[name]
+            return cloud
+    raise ValueError(f"structured array: expected the fields X, Y, Z or x, y, z, found {', '.join(fields)}")
+
+
+def read(path: str | os.PathLike[str], columns: list[str] | None = None) -> PointCloud:
+    """Reads LAS, LAZ, PLY or text.
+
+    Parameters
+    ----------
+    path : path
+        The file; its content decides on the format, then its extension.
+    columns : list of str, optional
+        Columns to keep beside the coordinates; all by default. Fewer columns take less memory.
+
+    Returns
+    -------
+    PointCloud
+        In the file's order, with the file's types.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError, OSError
+        The file cannot be read.
+    FileFormatError
+        The file is malformed (the message names the place) or its format is not supported.
+    """
+    return PointCloud._wrap(_core.read(os.fspath(path), columns))
+
+
+def write(path: str | os.PathLike[str], cloud: Any) -> None:
+    """Writes points as LAS, LAZ, PLY or text, by the extension; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        ``.las``, ``.laz``, ``.ply``, ``.txt``, ``.xyz`` or ``.csv``.
+    cloud : PointCloud, laspy.LasData, structured array or array_like of shape (n, 3)
+        What to write.
+    """
+    _core.write(os.fspath(path), as_cloud(cloud)._core)
+
+
+def rewrite(
+    input: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    classification: ArrayLike | None = None,
+    dimensions: Mapping[str, ArrayLike] | None = None,
+) -> list[str]:
+    """Copies a file with other classes or more dimensions; every other byte stays as it is.
+
+    Parameters
+    ----------
+    input, output : path
+        May be the same file.
+    classification : array_like of shape (n,), optional
+        Class codes 0..255 in the file's order.
+    dimensions : mapping of str to array_like of shape (n,), optional
+        Dimensions to add or replace (Extra Bytes in LAS).
+
+    Returns
+    -------
+    list of str
+        What could not stay as it was, e.g. that LAS was promoted to 1.4 for classes above 31.
+    """
+    labels = None if classification is None else codes(classification, "classification")
+    extra = [(name, column(values, name)) for name, values in (dimensions or {}).items()]
+    return _core.rewrite(os.fspath(input), os.fspath(output), labels, extra)
+
+
+def info(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What a file's header says: format, version, point count, bounds, reference system, dimensions, warnings.
+
+    Parameters
+    ----------
+    path : path
+        The file; the points of LAS and LAZ are not read.
+
+    Returns
+    -------
+    dict
+        Only what JSON can hold: text, numbers, lists, dicts.
+    """
+    found: dict[str, Any] = json.loads(_core.inspect(os.fspath(path)))
+    return found

@@ -1,0 +1,74 @@
+"""Pictures of clouds, without a display."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import choice, to_json
+from scansion._cloud import as_cloud
+
+
+def render(
+    cloud: Any,
+    path: str | os.PathLike[str] | None = None,
+    by: str = "class",
+    view: Literal["map", "oblique"] = "map",
+    *,
+    azimuth: float = 30.0,
+    elevation: float = 35.0,
+    width: int = 1600,
+    height: int | None = None,
+    shading: bool = True,
+    legend: bool = True,
+    title: str | None = None,
+    value_range: tuple[float, float] | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.uint8]:
+    """Draws a cloud from above or at a slant.
+
+    Parameters
+    ----------
+    cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+    path : path, optional
+        Also write the picture there as PNG.
+    by : str
+        What the colour tells: "class", "height", "rgb" (the points' own colour) or the name of a column.
+    view : {"map", "oblique"}
+    azimuth, elevation : float
+        Direction that the oblique view looks to, degrees from north over east, and the height of the viewer above
+        the horizon, 0..90 degrees.
+    width, height : int
+        Pixels, 200..8000; without a height it follows from the cloud's shape.
+    shading : bool
+        Show relief.
+    legend : bool
+        Draw legend, scale bar and north arrow.
+    title : str, optional
+    value_range : (float, float), optional
+        Ends of the colour bar; the 2nd and 98th percentile by default.
+    n_jobs : int, optional
+        Threads; None and -1 take all.
+
+    Returns
+    -------
+    array of shape (height, width, 3)
+        sRGB.
+    """
+    choice(view, "view", ("map", "oblique"))
+    settings = {
+        "by": by,
+        "angles": (azimuth, elevation) if view == "oblique" else None,
+        "width": width,
+        "height": height,
+        "shading": shading,
+        "legend": legend,
+        "title": title,
+        "range": value_range,
+    }
+    target = None if path is None else os.fspath(path)
+    return _core.render(as_cloud(cloud)._core, to_json(settings), target, n_jobs)

@@ -1,0 +1,168 @@
+"""Multi-scale features: what a point's surroundings look like on each level of a voxel pyramid.
+
+After T. Hackel, *Large-scale machine learning for point cloud processing*, ETH Zurich 2018, chapter 4.4.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import choice, to_json
+from scansion._cloud import as_cloud
+
+__all__ = ["definitions", "multiscale", "names", "preset"]
+
+
+def multiscale(
+    xyz: Any,
+    *,
+    first_scale: float | None = 0.025,
+    levels: int = 9,
+    k: int = 10,
+    include_query: bool = True,
+    centre: Literal["medoid", "mean"] = "medoid",
+    divisor: Literal["n", "n-1"] = "n",
+    normalise: bool = False,
+    column: Literal["cylinder", "cell"] = "cylinder",
+    column_radius: float = 1.0,
+    near_share: float = 0.5,
+    colour: bool = False,
+    intensity: bool = False,
+    returns: bool = False,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.float32]:
+    """Features of every point on every level.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud.
+    first_scale : float, optional
+        Edge of the finest voxel in metres; None takes the cloud's own spacing.
+    levels : int
+        Levels, each of twice the voxel; 1..16.
+    k : int
+        Points of a neighbourhood; 3..32.
+    include_query : bool
+        Whether the point itself is one of the k.
+    centre : {"medoid", "mean"}
+        The point that differences are taken from in the structure tensor.
+    divisor : {"n", "n-1"}
+        What the structure tensor is divided by.
+    normalise : bool
+        Whether eigenvalues are divided by their sum before omnivariance and entropy.
+    column : {"cylinder", "cell"}
+        Shape of the vertical column.
+    column_radius : float
+        Radius (cylinder) or edge (cell) of the column in voxels; 0.25..8.
+    near_share : float
+        Share of the neighbourhood that counts as near in the line feature; above 0, below 1.
+    colour, intensity, returns : bool
+        Add features of the point itself; the cloud needs the columns.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    array of shape (n, 16 * levels + point features)
+        Columns as `names` gives them; rows of points with NaN or infinite coordinates are NaN.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import features
+    >>> plane = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), -1).reshape(-1, 3)
+    >>> table = features.multiscale(plane, first_scale=1.0, levels=2)
+    >>> table.shape
+    (400, 32)
+    >>> float(table[:, features.names(first_scale=1.0, levels=2).index("SurfaceVariation_r1")].max())
+    0.0
+    """
+    choice(centre, "centre", ("medoid", "mean"))
+    choice(divisor, "divisor", ("n", "n-1"))
+    choice(column, "column", ("cylinder", "cell"))
+    pyramid = {
+        "first_scale": first_scale,
+        "levels": levels,
+        "k": k,
+        "include_query": include_query,
+        "centre": centre,
+        "divisor": divisor,
+        "normalise": normalise,
+        "column": column,
+        "column_radius": column_radius,
+        "near_share": near_share,
+    }
+    point = {"colour": colour, "intensity": intensity, "returns": returns, "metres_per_unit": metres_per_unit}
+    settings = to_json({"pyramid": pyramid, **point})
+    cloud = as_cloud(xyz, columns=_core.feature_columns(settings))
+    return _core.multiscale(cloud._core, settings, n_jobs)
+
+
+def names(
+    *,
+    first_scale: float = 0.025,
+    levels: int = 9,
+    colour: bool = False,
+    intensity: bool = False,
+    returns: bool = False,
+) -> list[str]:
+    """Names of the columns of `multiscale`, e.g. ``Planarity_r0p4``: level by level, then those of the point itself.
+
+    Parameters
+    ----------
+    first_scale : float
+        Edge of the finest voxel in metres.
+    levels : int
+        Levels, each of twice the voxel.
+    colour, intensity, returns : bool
+        Whether features of the point itself are there.
+
+    Examples
+    --------
+    >>> from scansion import features
+    >>> features.names()[0], len(features.names())
+    ('Sum_r0p025', 144)
+    """
+    pyramid = {"first_scale": first_scale, "levels": levels}
+    settings = to_json({"pyramid": pyramid, "colour": colour, "intensity": intensity, "returns": returns})
+    return _core.feature_names(settings, first_scale)
+
+
+def definitions() -> list[dict[str, str]]:
+    """Every feature there is: its name, group, formula and range.
+
+    Examples
+    --------
+    >>> from scansion import features
+    >>> next(d["formula"] for d in features.definitions() if d["name"] == "Planarity")
+    '(l2 - l3) / l1'
+    """
+    found: list[dict[str, str]] = json.loads(_core.feature_definitions())
+    return found
+
+
+def preset(name: str) -> dict[str, Any]:
+    """Keywords of `multiscale` that follow the conventions of other software.
+
+    Parameters
+    ----------
+    name : {"hackel", "jakteristics", "pgeof"}
+        "hackel" is the default.
+
+    Examples
+    --------
+    >>> from scansion import features
+    >>> features.preset("jakteristics")["divisor"]
+    'n-1'
+    """
+    found: dict[str, Any] = json.loads(_core.feature_preset(name))
+    return found

@@ -1,0 +1,58 @@
+//! Long calls of the core: without the GIL, on a pool of their own, ended by Ctrl-C.
+//!
+//! The pool lives as long as the call, so that a process that forks afterwards never waits for threads it has not got.
+
+use crate::error::raise;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use scansion_core::parallel::Monitor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+/// Signals are looked for this often.
+const POLL: Duration = Duration::from_millis(30);
+
+/// Runs `work` on `n_jobs` threads while this thread watches for signals.
+pub(crate) fn call<T: Send>(
+    py: Python<'_>,
+    n_jobs: Option<i64>,
+    work: impl FnOnce(&Monitor) -> scansion_core::Result<T> + Send,
+) -> PyResult<T> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads(n_jobs)?).build();
+    let pool = pool.map_err(|e| PyRuntimeError::new_err(format!("threads cannot be started: {e}")))?;
+    let (monitor, done, caller) = (Monitor::default(), AtomicBool::new(false), thread::current());
+    thread::scope(|scope| {
+        let worker = scope.spawn(|| {
+            let result = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(&monitor))));
+            done.store(true, Ordering::Release);
+            caller.unpark();
+            result
+        });
+        let signal = watch(py, &done, &monitor);
+        let result = py.detach(|| worker.join()).and_then(|caught| caught);
+        signal?;
+        result.map_err(|_| PyRuntimeError::new_err("internal error in scansion; please report it"))?.map_err(raise)
+    })
+}
+
+/// Waits until the work is done; a signal's exception (`KeyboardInterrupt`) cancels the work and is returned.
+fn watch(py: Python<'_>, done: &AtomicBool, monitor: &Monitor) -> PyResult<()> {
+    while !done.load(Ordering::Acquire) {
+        py.detach(|| thread::park_timeout(POLL));
+        py.check_signals().inspect_err(|_| monitor.cancel())?;
+    }
+    Ok(())
+}
+
+/// Threads for scikit-learn's `n_jobs`: `None` and -1 take all, -2 all but one. 0 stands for all to rayon.
+fn threads(n_jobs: Option<i64>) -> PyResult<usize> {
+    let all = || thread::available_parallelism().map_or(1, std::num::NonZero::get) as i64;
+    match n_jobs {
+        None | Some(-1) => Ok(0),
+        Some(0) => Err(PyValueError::new_err("n_jobs: found 0, expected 1 or more, -1 (all) or None (all)")),
+        Some(n) if n > 0 => Ok(n.min(1024) as usize),
+        Some(n) => Ok(all().saturating_add(1).saturating_add(n).max(1) as usize),
+    }
+}

@@ -1,0 +1,101 @@
+//! Room `cloud`: the handle that Python's `PointCloud` holds.
+
+use crate::convert::{axes, to_matrix, to_vector, values};
+use crate::error::raise;
+use numpy::{PyArray2, PyReadonlyArray2};
+use pyo3::prelude::*;
+use scansion_core::cloud::{Cloud as CoreCloud, Column, Coordinates};
+use std::sync::Arc;
+
+/// Points with named columns, in the core's memory.
+#[pyclass(module = "scansion._core")]
+#[derive(Clone)]
+pub(crate) struct Cloud {
+    pub(crate) inner: Arc<CoreCloud>,
+}
+
+/// `(ticks, scale, offset)` of a cloud that came from LAS.
+type Ticks<'py> = (Bound<'py, PyArray2<i32>>, [f64; 3], [f64; 3]);
+
+#[pymethods]
+impl Cloud {
+    #[staticmethod]
+    fn from_xyz(xyz: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
+        Self::new(Coordinates::Float(axes(&xyz, "xyz")?))
+    }
+
+    #[staticmethod]
+    fn from_ticks(ticks: PyReadonlyArray2<'_, i32>, scale: [f64; 3], offset: [f64; 3]) -> PyResult<Self> {
+        Self::new(Coordinates::Scaled { ticks: axes(&ticks, "ticks")?, scale, offset })
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.len()
+    }
+
+    fn copy(&self) -> Self {
+        self.clone()
+    }
+
+    fn xyz<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = py.detach(|| (0..self.inner.len()).flat_map(|i| self.inner.xyz(i)).collect());
+        to_matrix(py, rows, 3)
+    }
+
+    fn ticks<'py>(&self, py: Python<'py>) -> PyResult<Option<Ticks<'py>>> {
+        match self.inner.coordinates() {
+            Coordinates::Float(_) => Ok(None),
+            Coordinates::Scaled { ticks: [x, y, z], scale, offset } => {
+                let rows = (0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).collect();
+                Ok(Some((to_matrix(py, rows, 3)?, *scale, *offset)))
+            }
+        }
+    }
+
+    fn columns(&self) -> Vec<String> {
+        self.inner.columns().iter().map(|c| c.name.clone()).collect()
+    }
+
+    fn column<'py>(&self, py: Python<'py>, name: &str) -> Option<Bound<'py, PyAny>> {
+        self.inner.column(name).map(|c| to_vector(py, &c.values))
+    }
+
+    fn set_column(&mut self, name: &str, array: &Bound<'_, PyAny>) -> PyResult<()> {
+        let column = Column::new(name, values(array, name)?);
+        Arc::make_mut(&mut self.inner).set_column(column).map_err(raise)
+    }
+
+    fn remove_column(&mut self, name: &str) -> bool {
+        Arc::make_mut(&mut self.inner).take_column(name).is_some()
+    }
+
+    #[getter]
+    fn crs(&self) -> Option<String> {
+        self.inner.crs.clone()
+    }
+
+    #[setter]
+    fn set_crs(&mut self, crs: Option<String>) {
+        Arc::make_mut(&mut self.inner).crs = crs;
+    }
+
+    #[getter]
+    fn metres_per_unit(&self) -> Option<f64> {
+        self.inner.metres_per_unit
+    }
+
+    #[setter]
+    fn set_metres_per_unit(&mut self, metres: Option<f64>) {
+        Arc::make_mut(&mut self.inner).metres_per_unit = metres;
+    }
+}
+
+impl Cloud {
+    pub(crate) fn of(cloud: CoreCloud) -> Self {
+        Self { inner: Arc::new(cloud) }
+    }
+
+    fn new(coordinates: Coordinates) -> PyResult<Self> {
+        CoreCloud::new(coordinates).map(Self::of).map_err(raise)
+    }
+}

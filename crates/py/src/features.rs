@@ -1,0 +1,53 @@
+//! Room `features`: the multi-scale features of a cloud.
+
+use crate::call::call;
+use crate::cloud::Cloud;
+use crate::convert::to_matrix;
+use crate::error::raise;
+use crate::json;
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use scansion_core::features::{self, FeatureSet, PyramidParams};
+use std::sync::Arc;
+
+/// Features of every point, one row a point.
+#[pyfunction]
+#[pyo3(signature = (cloud, settings, n_jobs = None))]
+pub(crate) fn multiscale<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    settings: &str,
+    n_jobs: Option<i64>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let set: FeatureSet = json::settings(settings)?;
+    let cloud = Arc::clone(&cloud.inner);
+    let table = call(py, n_jobs, |monitor| features::table(&cloud, &set, monitor))?;
+    let width = table.width();
+    to_matrix(py, table.values, width)
+}
+
+/// Names of the columns of `multiscale`.
+#[pyfunction]
+pub(crate) fn feature_names(settings: &str, first_scale: f64) -> PyResult<Vec<String>> {
+    let set: FeatureSet = json::settings(settings)?;
+    set.validate().map_err(raise)?;
+    Ok(set.names(first_scale))
+}
+
+/// Columns of the cloud that the features need.
+#[pyfunction]
+pub(crate) fn feature_columns(settings: &str) -> PyResult<Vec<&'static str>> {
+    json::settings::<FeatureSet>(settings).map(|set| set.columns())
+}
+
+/// The table of definitions as JSON.
+#[pyfunction]
+pub(crate) fn feature_definitions() -> PyResult<String> {
+    json::text(&features::definition::ALL).map_err(raise)
+}
+
+/// A preset's settings as JSON.
+#[pyfunction]
+pub(crate) fn feature_preset(name: &str) -> PyResult<String> {
+    PyramidParams::preset(name).and_then(|params| json::text(&params)).map_err(raise)
+}

@@ -1,0 +1,86 @@
+//! Room `images`: pictures of clouds.
+
+use crate::call::call;
+use crate::cloud::Cloud;
+use crate::json;
+use numpy::{PyArray1, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+use scansion_core::classes::ClassTable;
+use scansion_core::cloud::{Cloud as CoreCloud, names};
+use scansion_core::images::{self, ColourBy, Image, RenderParams, View};
+use scansion_core::io::atomic;
+use serde::Deserialize;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What Python asks for.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Settings {
+    by: String,
+    angles: Option<(f64, f64)>,
+    width: u32,
+    height: Option<u32>,
+    shading: bool,
+    legend: bool,
+    title: Option<String>,
+    range: Option<(f64, f64)>,
+}
+
+/// Draws a cloud; writes it as PNG too if a path is given.
+#[pyfunction]
+#[pyo3(signature = (cloud, settings, path = None, n_jobs = None))]
+pub(crate) fn render<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    settings: &str,
+    path: Option<PathBuf>,
+    n_jobs: Option<i64>,
+) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let params = json::settings::<Settings>(settings)?.params();
+    let cloud = Arc::clone(&cloud.inner);
+    let image = call(py, n_jobs, |monitor| {
+        let image = images::render(&cloud, &classes(&cloud), &params)?;
+        monitor.check()?;
+        path.map_or(Ok(()), |path| save(&image, path)).map(|()| image)
+    })?;
+    let shape = [image.height as usize, image.width as usize, 3];
+    PyArray1::from_vec(py, image.rgb).reshape(shape)
+}
+
+fn save(image: &Image, path: PathBuf) -> scansion_core::Result<()> {
+    atomic::write_bytes(&path, &image.to_png()?)?;
+    match image.world_file() {
+        Some(world) => atomic::write_bytes(&path.with_extension("pgw"), world.as_bytes()),
+        None => Ok(()),
+    }
+}
+
+impl Settings {
+    fn params(self) -> RenderParams {
+        let oblique = |(azimuth_deg, elevation_deg)| View::Oblique { azimuth_deg, elevation_deg };
+        RenderParams {
+            view: self.angles.map_or(View::Map, oblique),
+            by: match self.by.as_str() {
+                "class" => ColourBy::Class,
+                "height" => ColourBy::Height,
+                "rgb" => ColourBy::Colour,
+                _ => ColourBy::Dimension(self.by),
+            },
+            width: self.width,
+            height: self.height,
+            shading: self.shading,
+            legend: self.legend,
+            title: self.title,
+            range: self.range,
+        }
+    }
+}
+
+/// The classes that the cloud holds.
+fn classes(cloud: &CoreCloud) -> ClassTable {
+    let Some(column) = cloud.column(names::CLASSIFICATION) else { return ClassTable::default() };
+    let mut seen = [false; 256];
+    (0..cloud.len()).for_each(|i| seen[usize::from(column.values.get(i) as u8)] = true);
+    ClassTable::from_codes(&(0..=255).filter(|&c| seen[usize::from(c)]).collect::<Vec<u8>>())
+}

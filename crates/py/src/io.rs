@@ -1,0 +1,60 @@
+//! Room `io`: files in and out.
+
+use crate::call::call;
+use crate::cloud::Cloud;
+use crate::convert::{values, vector};
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+use scansion_core::cloud::Column;
+use scansion_core::io::{self, Columns, Edit, ReadOptions, WriteOptions};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Reads a file; `columns` limits what is kept beside the coordinates.
+#[pyfunction]
+#[pyo3(signature = (path, columns = None, n_jobs = None))]
+pub(crate) fn read(
+    py: Python<'_>,
+    path: PathBuf,
+    columns: Option<Vec<String>>,
+    n_jobs: Option<i64>,
+) -> PyResult<Cloud> {
+    let columns = columns.map_or(Columns::All, Columns::Only);
+    call(py, n_jobs, |monitor| io::read_with(&path, &ReadOptions { columns, monitor: monitor.clone() })).map(Cloud::of)
+}
+
+/// Writes a cloud in the format of the path's extension.
+#[pyfunction]
+#[pyo3(signature = (path, cloud, n_jobs = None))]
+pub(crate) fn write(py: Python<'_>, path: PathBuf, cloud: &Cloud, n_jobs: Option<i64>) -> PyResult<()> {
+    let cloud = Arc::clone(&cloud.inner);
+    call(py, n_jobs, |monitor| io::write(&path, &cloud, &WriteOptions { monitor: monitor.clone() }))
+}
+
+/// Copies a file with other classes or more dimensions; returns notes on what could not stay as it was.
+#[pyfunction]
+#[pyo3(signature = (input, output, classification = None, dimensions = Vec::new(), n_jobs = None))]
+pub(crate) fn rewrite(
+    py: Python<'_>,
+    input: PathBuf,
+    output: PathBuf,
+    classification: Option<PyReadonlyArray1<'_, u8>>,
+    dimensions: Vec<(String, Bound<'_, PyAny>)>,
+    n_jobs: Option<i64>,
+) -> PyResult<Vec<String>> {
+    let mut edits = Vec::new();
+    if let Some(codes) = &classification {
+        edits.push(Edit::Classification(vector(codes, "classification")?.to_vec()));
+    }
+    for (name, array) in &dimensions {
+        edits.push(Edit::Dimension(Column::new(name, values(array, name)?)));
+    }
+    let write = |monitor: &_| io::rewrite(&input, &output, &edits, &WriteOptions { monitor: Clone::clone(monitor) });
+    call(py, n_jobs, write).map(|report| report.notes)
+}
+
+/// What a file's header says, as JSON.
+#[pyfunction]
+pub(crate) fn inspect(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    call(py, Some(1), |_| crate::json::text(&io::inspect(&path)?))
+}

@@ -1,0 +1,142 @@
+//! Room `recipes`: from labelled clouds to a model, and from a model to a named cloud.
+
+use crate::call::call;
+use crate::cloud::Cloud;
+use crate::convert::to_matrix;
+use crate::error::raise;
+use crate::json;
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use scansion_core::classification::Model as CoreModel;
+use scansion_core::cloud::Cloud as CoreCloud;
+use scansion_core::recipes::{self, ClassifyParams, LabelParams, Recipe, read_labels};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A trained model: recipe, classes and forest.
+#[pyclass(module = "scansion._core", frozen)]
+pub(crate) struct Model {
+    inner: CoreModel,
+}
+
+/// Codes, confidence, entropy, probabilities, warnings.
+type Answer<'py> = (
+    Bound<'py, PyArray1<u8>>,
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<f32>>,
+    Option<Bound<'py, PyArray2<f32>>>,
+    Vec<String>,
+);
+
+/// Columns of a cloud that a recipe needs (beside its labels).
+#[pyfunction]
+pub(crate) fn recipe_columns(recipe: &str, settings: Vec<String>) -> PyResult<Vec<String>> {
+    let recipe = resolve(recipe, &settings).map_err(raise)?;
+    Ok(recipe.features.columns().into_iter().map(String::from).collect())
+}
+
+fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<Recipe> {
+    Recipe::from_toml(recipe)?.with_settings(settings.iter().map(String::as_str))
+}
+
+#[pymethods]
+impl Model {
+    #[staticmethod]
+    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled, n_jobs = None))]
+    #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
+    fn train(
+        py: Python<'_>,
+        clouds: Vec<PyRef<'_, Cloud>>,
+        recipe: &str,
+        settings: Vec<String>,
+        dimension: String,
+        map: &str,
+        unlabelled: Vec<u8>,
+        n_jobs: Option<i64>,
+    ) -> PyResult<(Self, String)> {
+        let clouds: Vec<_> = clouds.iter().map(|c| Arc::clone(&c.inner)).collect();
+        let recipe = resolve(recipe, &settings).map_err(raise)?;
+        let labels = LabelParams { dimension, map: map.parse().map_err(raise)?, unlabelled, classes: Vec::new() };
+        let train = |monitor: &_| {
+            let read = |cloud: Arc<CoreCloud>| read_labels(&cloud, &labels).map(|l| (Arc::unwrap_or_clone(cloud), l));
+            let pairs = clouds.into_iter().map(read).collect::<scansion_core::Result<Vec<_>>>()?;
+            recipes::train(&pairs, &recipe, monitor)
+        };
+        let (inner, report) = call(py, n_jobs, train)?;
+        Ok((Self { inner }, json::text(&report).map_err(raise)?))
+    }
+
+    #[staticmethod]
+    fn default(py: Python<'_>) -> PyResult<Self> {
+        Self::of(py.detach(recipes::default_model))
+    }
+
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        Self::of(py.detach(|| CoreModel::load(&path)))
+    }
+
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+        Self::of(py.detach(|| CoreModel::from_bytes(data, Path::new("pickled model"))))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let bytes = slf.get().inner.to_bytes().map_err(raise)?;
+        Ok((slf.getattr("from_bytes")?, (PyBytes::new(slf.py(), &bytes),)))
+    }
+
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.inner.save(&path)).map_err(raise)
+    }
+
+    #[pyo3(signature = (cloud, probabilities = false, n_jobs = None))]
+    fn classify<'py>(
+        &self,
+        py: Python<'py>,
+        cloud: &Cloud,
+        probabilities: bool,
+        n_jobs: Option<i64>,
+    ) -> PyResult<Answer<'py>> {
+        let cloud = Arc::clone(&cloud.inner);
+        let params = ClassifyParams { probabilities, metres_per_unit: None };
+        let found = call(py, n_jobs, |monitor| recipes::classify(&cloud, &self.inner, &params, monitor))?;
+        let classes = self.inner.classes.len();
+        let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;
+        Ok((
+            PyArray1::from_vec(py, found.codes),
+            PyArray1::from_vec(py, found.confidence),
+            PyArray1::from_vec(py, found.entropy),
+            probabilities,
+            found.warnings,
+        ))
+    }
+
+    /// A list, not `bytes`, for Python.
+    fn codes(&self) -> Vec<u16> {
+        self.inner.classes.classes().iter().map(|c| u16::from(c.code)).collect()
+    }
+
+    fn class_names(&self) -> Vec<String> {
+        self.inner.classes.classes().iter().map(|c| c.name.clone()).collect()
+    }
+
+    fn feature_names(&self) -> Vec<String> {
+        self.inner.feature_names.clone()
+    }
+
+    fn recipe(&self) -> String {
+        self.inner.recipe_toml.clone()
+    }
+
+    fn importance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.inner.forest.importance())
+    }
+}
+
+impl Model {
+    fn of(model: scansion_core::Result<CoreModel>) -> PyResult<Self> {
+        model.map(|inner| Self { inner }).map_err(raise)
+    }
+}

@@ -1,0 +1,193 @@
+"""FAULTS 29: arrays of every kind, Ctrl-C, fork; the right result or a named error, never a hang."""
+
+import os
+import pickle
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+import scansion
+from scansion import RandomForestClassifier, features
+
+XYZ = np.random.default_rng(0).uniform(0, 10, (300, 3))
+
+
+def table(xyz):
+    return features.multiscale(xyz, first_scale=0.5, levels=2)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(np.asfortranarray, id="columns first"),
+        pytest.param(lambda x: np.repeat(x, 2, axis=0)[::2], id="strided"),
+        pytest.param(lambda x: x[::-1].copy()[::-1], id="negative stride"),
+        pytest.param(lambda x: x.astype(">f8"), id="byte-swapped"),
+        pytest.param(lambda x: np.frombuffer(x.tobytes()).reshape(-1, 3), id="read-only"),
+        pytest.param(lambda x: x.tolist(), id="list"),
+        pytest.param(
+            lambda x: np.frombuffer(b"\0" + x.tobytes(), np.uint8)[1:].view("f8").reshape(-1, 3),
+            id="odd address",
+        ),
+        pytest.param(lambda x: np.rec.fromarrays(list(x.T), names="x,y,z"), id="structured"),
+    ],
+)
+def test_layouts_of_the_same_numbers_give_the_same_bytes(make):
+    assert table(make(XYZ)).tobytes() == table(XYZ.copy()).tobytes()
+
+
+@pytest.mark.parametrize("kind", ["f2", "f4", "i4", "u1", ">i2", "?", "g"])
+def test_other_number_types_are_taken_at_their_value(kind):
+    other = XYZ.astype(kind)
+    assert table(other).tobytes() == table(other.astype(np.float64)).tobytes()
+
+
+def test_empty_arrays_give_empty_results():
+    for empty in (np.empty((0, 3)), np.empty((0, 3), np.float16), []):
+        assert table(empty).shape == (0, 32)
+
+
+@pytest.mark.parametrize(
+    ("bad", "error"),
+    [
+        (XYZ[:, :2], ValueError),
+        (XYZ.ravel(), ValueError),
+        (XYZ[None], ValueError),
+        (3.0, ValueError),
+        (XYZ.astype(object), TypeError),
+        (XYZ.astype(str), TypeError),
+        (XYZ + 1j, TypeError),
+        (None, TypeError),
+        (np.zeros(3, dtype=[("a", "f8"), ("b", "f8")]), ValueError),
+    ],
+)
+def test_what_is_no_cloud_is_refused_with_the_shape_and_type_that_are_expected(bad, error):
+    with pytest.raises(error, match=r"\(n, 3\)|X, Y, Z"):
+        table(bad)
+
+
+@pytest.mark.parametrize(
+    "keywords",
+    [
+        {"k": 2},
+        {"levels": 0},
+        {"levels": 99},
+        {"first_scale": 0.0},
+        {"first_scale": float("nan")},
+        {"first_scale": float("inf")},
+        {"near_share": 1.0},
+        {"column_radius": -1.0},
+        {"centre": "median"},
+        {"divisor": "n-2"},
+        {"column": 3},
+        {"n_jobs": 0},
+        {"metres_per_unit": -1.0},
+    ],
+)
+def test_parameters_out_of_range_are_named(keywords):
+    with pytest.raises(ValueError, match=next(iter(keywords))):
+        features.multiscale(XYZ, **keywords)
+
+
+def test_parameters_of_the_wrong_type_are_refused():
+    for keywords in ({"levels": 2.5}, {"k": "ten"}, {"normalise": 3}, {"levels": object()}):
+        with pytest.raises((ValueError, TypeError)):
+            features.multiscale(XYZ, **keywords)
+
+
+def test_columns_must_fit_the_points():
+    cloud = scansion.PointCloud(XYZ)
+    with pytest.raises(ValueError, match=r"\(300,\)"):
+        cloud["Intensity"] = np.zeros(299)
+    with pytest.raises(TypeError, match="object"):
+        cloud["Intensity"] = np.zeros(300, dtype=object)
+    with pytest.raises(KeyError, match="Intensity"):
+        cloud["Intensity"]
+
+
+def test_columns_keep_their_type():
+    cloud = scansion.PointCloud(XYZ[:3])
+    for kind in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"):
+        cloud[kind] = np.array([1, 2, 3], dtype=kind)
+        assert cloud[kind].dtype == np.dtype(kind) and cloud[kind].tolist() == [1, 2, 3]
+    cloud["half"] = np.array([1, 2, 3], dtype="f2")
+    cloud["swapped"] = np.array([1, 2, 300], dtype=">u2")[::-1]
+    assert cloud["half"].dtype == np.float32 and cloud["swapped"].tolist() == [300, 2, 1]
+
+
+def test_clouds_survive_pickle_and_copies_are_their_own():
+    cloud = scansion.PointCloud(
+        XYZ, crs="EPSG:2056", metres_per_unit=0.3048, Classification=np.ones(300, "u1")
+    )
+    again = pickle.loads(pickle.dumps(cloud))
+    assert (again.xyz == cloud.xyz).all() and again.columns == cloud.columns
+    assert (again.crs, again.metres_per_unit) == ("EPSG:2056", 0.3048)
+    other = cloud.copy()
+    other["Classification"] = np.zeros(300, "u1")
+    del other["Classification"]
+    assert cloud["Classification"].all() and "Classification" not in other
+
+
+def interrupted_after(seconds, work):
+    """Seconds from Ctrl-C to the exception."""
+    sent = []
+
+    def press():
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(seconds, press)
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            work()
+        return time.monotonic() - sent[0]
+    finally:
+        timer.cancel()
+
+
+def test_ctrl_c_ends_features_within_a_fifth_of_a_second():
+    xyz = np.random.default_rng(0).uniform(0, 300, (1_500_000, 3)) * [1, 1, 0.1]
+    assert interrupted_after(0.7, lambda: features.multiscale(xyz, first_scale=0.4)) < 0.2
+
+
+def test_ctrl_c_ends_a_forest_within_a_fifth_of_a_second():
+    random = np.random.default_rng(0)
+    X, y = random.normal(size=(200_000, 40)).astype(np.float32), random.integers(0, 5, 200_000)
+    assert interrupted_after(0.7, lambda: RandomForestClassifier(500).fit(X, y)) < 0.2
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_process_that_forks_after_use_works_in_the_child():
+    expected = table(XYZ).tobytes()
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if table(XYZ).tobytes() == expected else 1)
+    for _ in range(200):
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            assert status == 0
+            return
+        time.sleep(0.05)
+    os.kill(child, signal.SIGKILL)
+    pytest.fail("the child hangs")
+
+
+def test_other_threads_run_while_the_core_works():
+    xyz = np.random.default_rng(0).uniform(0, 100, (200_000, 3))
+    ticks, stop = [], threading.Event()
+
+    def tick():
+        while not stop.is_set():
+            ticks.append(time.monotonic())
+            time.sleep(0.005)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    features.multiscale(xyz, first_scale=0.4, levels=5, n_jobs=1)
+    stop.set()
+    thread.join()
+    assert len(ticks) > 10

@@ -1,0 +1,132 @@
+"""Room `recipes`: from labelled clouds to a named cloud."""
+
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import scansion
+from conftest import street
+from scansion import PointClassifier
+
+RECIPE = {"features.pyramid.first_scale": 0.4, "features.pyramid.levels": 5, "forest.trees": 20}
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    xyz, labels = street(0)
+    return PointClassifier(RECIPE).fit(xyz, labels)
+
+
+def test_a_new_street_is_named_rightly(fitted):
+    xyz, labels = street(1)
+    predicted = fitted.predict(xyz)
+    assert predicted.dtype == np.uint8 and (predicted == labels).mean() > 0.95
+    assert fitted.score(xyz, labels) == pytest.approx((predicted == labels).mean())
+    assert fitted.classes_.tolist() == [2, 5, 6] and fitted.class_names_[0] == "ground"
+
+
+def test_probabilities_fit_the_codes(fitted):
+    xyz, _ = street(1)
+    found = fitted.classify(xyz, probabilities=True)
+    np.testing.assert_allclose(found.probabilities.sum(axis=1), 1, atol=1e-5)
+    np.testing.assert_array_equal(fitted.classes_[found.probabilities.argmax(axis=1)], found.codes)
+    np.testing.assert_allclose(found.probabilities.max(axis=1), found.confidence, atol=1e-6)
+    p = found.probabilities.astype(float)
+    entropy = -(p * np.log(np.where(p > 0, p, 1))).sum(axis=1)
+    np.testing.assert_allclose(found.entropy, entropy, atol=1e-4)
+    assert (fitted.predict_proba(xyz) == found.probabilities).all()
+
+
+def test_labels_come_from_columns_or_arrays_and_from_several_clouds(labelled):
+    by_column = PointClassifier(RECIPE).fit(labelled)
+    by_array = PointClassifier(RECIPE).fit([labelled.xyz], [labelled["Classification"]])
+    assert by_column.predict(labelled).tobytes() == by_array.predict(labelled).tobytes()
+    two = PointClassifier(RECIPE).fit([labelled, street(3)[0]], [labelled["Classification"], street(3)[1]])
+    assert two.report_["classes"][0]["points"] == 2 * by_column.report_["classes"][0]["points"]
+    with pytest.raises(ValueError, match="labels"):
+        PointClassifier(RECIPE).fit([labelled, labelled], [labelled["Classification"]])
+
+
+def test_unlabelled_points_are_not_learned_from(labelled):
+    labels = labelled["Classification"].astype(np.int16)
+    labels[::2] = -1
+    labels[1::8] = 1
+    report = PointClassifier(RECIPE).fit(labelled.xyz, labels).report_
+    assert [c["code"] for c in report["classes"]] == [2, 5, 6]
+    assert report["unlabelled"] == (labels < 2).sum()
+    with pytest.raises(ValueError, match="label"):
+        PointClassifier(RECIPE).fit(labelled.xyz, np.full(len(labelled), -1))
+
+
+def test_the_class_map_changes_what_is_learned(labelled):
+    assert PointClassifier(RECIPE, class_map="5=6").fit(labelled).classes_.tolist() == [2, 6]
+
+
+def test_a_model_survives_files_and_pickle(fitted, tmp_path):
+    xyz, _ = street(1)
+    fitted.save(tmp_path / "a.model")
+    expected = fitted.predict_proba(xyz).tobytes()
+    for again in (PointClassifier.load(tmp_path / "a.model"), pickle.loads(pickle.dumps(fitted))):
+        assert again.predict_proba(xyz).tobytes() == expected
+        assert again.recipe_ == fitted.recipe_
+    (tmp_path / "cut.model").write_bytes((tmp_path / "a.model").read_bytes()[:-9])
+    with pytest.raises(scansion.FileFormatError):
+        PointClassifier.load(tmp_path / "cut.model")
+    with pytest.raises(FileNotFoundError):
+        PointClassifier.load(tmp_path / "absent.model")
+
+
+def test_results_repeat_for_any_number_of_threads(fitted):
+    xyz, labels = street(0)
+    other, _ = street(1)
+    made = [PointClassifier(RECIPE, n_jobs=n).fit(xyz, labels).predict_proba(other) for n in (1, 2, 3, 8)]
+    assert len({p.tobytes() for p in made}) == 1
+
+
+def test_recipes_come_as_mapping_text_or_file(labelled, tmp_path):
+    text = "seed = 3\n[forest]\ntrees = 7\n[features.pyramid]\nfirst_scale = 0.4\nlevels = 3\n"
+    (tmp_path / "recipe.toml").write_text(text)
+    by_text, by_file = (PointClassifier(r).fit(labelled) for r in (text, tmp_path / "recipe.toml"))
+    assert by_text.recipe_ == by_file.recipe_ and "trees = 7" in by_text.recipe_
+    with pytest.raises(ValueError, match="did you mean `trees`"):
+        PointClassifier({"forest.treees": 7}).fit(labelled)
+    assert PointClassifier(text, random_state=9).fit(labelled).recipe_.startswith("seed = 9")
+
+
+def test_importances_belong_to_the_features(fitted):
+    assert fitted.feature_importances_.shape == fitted.feature_names_in_.shape
+    assert fitted.feature_importances_.sum() == pytest.approx(1)
+
+
+def test_using_it_before_fit_is_refused():
+    with pytest.raises(ValueError, match="not fitted"):
+        PointClassifier().predict(np.zeros((3, 3)))
+
+
+def test_the_built_in_model_is_there():
+    default = PointClassifier.default()
+    assert default.classes_.tolist() == [2, 5, 6]
+    codes = default.predict(street(1)[0])
+    assert set(np.unique(codes)) <= {2, 5, 6}
+
+
+def test_pictures_have_the_asked_size(labelled, tmp_path):
+    picture = scansion.render(labelled, tmp_path / "a.png", width=400)
+    assert picture.shape[1:] == (400, 3) and picture.dtype == np.uint8 and picture.std() > 0
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert scansion.render(labelled, by="height", view="oblique", width=300, height=200).shape == (
+        200,
+        300,
+        3,
+    )
+    with pytest.raises(ValueError, match="view"):
+        scansion.render(labelled, view="side")
+    with pytest.raises(ValueError, match="Absent"):
+        scansion.render(labelled, by="Absent")
+
+
+def test_scikit_learn_is_not_needed_to_import():
+    code = "import sys; sys.modules['sklearn'] = None; import scansion; print(scansion.__version__)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout

@@ -1,0 +1,60 @@
+"""Room `evaluation`: scikit-learn's metrics agree."""
+
+import numpy as np
+import pytest
+from scansion import evaluation
+from sklearn import metrics
+
+RANDOM = np.random.default_rng(0)
+TRUTH = RANDOM.choice([2, 5, 6, 9], 2000, p=[0.6, 0.2, 0.15, 0.05]).astype(np.uint8)
+PREDICTED = np.where(RANDOM.random(2000) < 0.7, TRUTH, RANDOM.choice([2, 5, 6], 2000)).astype(np.uint8)
+
+
+def test_the_confusion_matrix_has_truth_as_rows():
+    counts, codes = evaluation.confusion_matrix(TRUTH, PREDICTED)
+    assert codes.tolist() == [2, 5, 6, 9]
+    np.testing.assert_array_equal(counts, metrics.confusion_matrix(TRUTH, PREDICTED))
+    lopsided, codes = evaluation.confusion_matrix([2, 2, 2], [2, 6, 6])
+    assert lopsided[0, codes.tolist().index(6)] == 2
+
+
+def test_scores_agree_with_scikit_learn():
+    found = evaluation.scores(TRUTH, PREDICTED)
+    codes = [2, 5, 6, 9]
+    precision, recall, f1, support = metrics.precision_recall_fscore_support(
+        TRUTH, PREDICTED, labels=codes, zero_division=0
+    )
+    iou = metrics.jaccard_score(TRUTH, PREDICTED, labels=codes, average=None, zero_division=0)
+    for i, label in enumerate(found["labels"]):
+        assert label["code"] == codes[i]
+        assert label["precision"] == pytest.approx(precision[i])
+        assert label["recall"] == pytest.approx(recall[i])
+        assert label["f1_score"] == pytest.approx(f1[i])
+        assert label["intersection_over_union"] == pytest.approx(iou[i])
+        assert label["support"] == support[i]
+    assert found["overall_accuracy"] == pytest.approx(metrics.accuracy_score(TRUTH, PREDICTED))
+    assert found["kappa"] == pytest.approx(metrics.cohen_kappa_score(TRUTH, PREDICTED))
+    assert found["mean_f1_score"] == pytest.approx(f1.mean())
+    assert found["mean_intersection_over_union"] == pytest.approx(iou.mean())
+    np.testing.assert_array_equal(found["confusion_matrix"], metrics.confusion_matrix(TRUTH, PREDICTED))
+
+
+def test_unlabelled_points_are_skipped():
+    truth = TRUTH.copy()
+    truth[:100] = 1
+    all_but = evaluation.scores(TRUTH[100:], PREDICTED[100:])
+    assert evaluation.scores(truth, PREDICTED, unlabelled=[0, 1])["labels"] == all_but["labels"]
+
+
+def test_the_report_names_classes():
+    text = evaluation.report(TRUTH, PREDICTED)
+    assert "ground" in text and "building" in text
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match="predicted"):
+        evaluation.scores(TRUTH, PREDICTED[1:])
+    with pytest.raises(ValueError, match="-1"):
+        evaluation.scores([2, -1], [2, 2])
+    with pytest.raises(TypeError):
+        evaluation.scores(["a"], ["b"])

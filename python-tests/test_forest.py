@@ -1,0 +1,123 @@
+"""Room `classification`: scikit-learn's own checks, its accuracy, and the same bytes for any number of threads."""
+
+import pickle
+
+import numpy as np
+import pytest
+from scansion import RandomForestClassifier
+from sklearn.base import clone, is_classifier
+from sklearn.datasets import load_digits, load_iris, load_wine
+from sklearn.ensemble import RandomForestClassifier as Peer
+from sklearn.model_selection import GridSearchCV, cross_val_score, train_test_split
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+SAMPLED = "bootstrap samples differ where rows are repeated, as in scikit-learn's own forest"
+
+
+def expected_failures(estimator):
+    """What scikit-learn expects of its own forests too."""
+    return {"check_sample_weight_equivalence_on_dense_data": SAMPLED}
+
+
+@parametrize_with_checks(
+    [RandomForestClassifier(n_estimators=10), RandomForestClassifier(n_estimators=10, trainer="ethz")],
+    expected_failed_checks=expected_failures,
+)
+def test_scikit_learn_checks_pass(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.parametrize("load", [load_iris, load_wine, load_digits])
+def test_accuracy_is_that_of_scikit_learn(load):
+    X, y = load(return_X_y=True)
+    ours, theirs = [], []
+    for seed in range(10):
+        a, b, c, d = train_test_split(X, y, test_size=0.4, random_state=seed, stratify=y)
+        ours.append(RandomForestClassifier(random_state=seed).fit(a, c).score(b, d))
+        theirs.append(Peer(random_state=seed).fit(a, c).score(b, d))
+    assert abs(np.mean(ours) - np.mean(theirs)) < 0.01, (np.mean(ours), np.mean(theirs))
+
+
+@pytest.mark.parametrize("trainer", ["breiman", "ethz"])
+def test_the_same_bytes_for_any_number_of_threads(trainer):
+    X, y = load_digits(return_X_y=True)
+    made = [RandomForestClassifier(20, trainer=trainer, n_jobs=n).fit(X, y) for n in (1, 2, 3, 8)]
+    assert len({forest.predict_proba(X).tobytes() for forest in made}) == 1
+    assert len({pickle.dumps(forest._forest) for forest in made}) == 1
+
+
+def test_random_state_decides_and_none_stands_for_zero():
+    X, y = load_iris(return_X_y=True)
+
+    def proba(state):
+        return RandomForestClassifier(5, random_state=state).fit(X, y).predict_proba(X).tobytes()
+
+    assert proba(None) == proba(0) != proba(1)
+    assert proba(np.random.RandomState(3)) == proba(np.random.RandomState(3))
+
+
+def test_it_works_with_scikit_learns_tools():
+    X, y = load_iris(return_X_y=True)
+    forest = RandomForestClassifier(10)
+    assert is_classifier(forest) and clone(forest).get_params() == forest.get_params()
+    assert cross_val_score(make_pipeline(StandardScaler(), forest), X, y).mean() > 0.9
+    search = GridSearchCV(forest, {"max_depth": [1, 4]}).fit(X, y)
+    assert search.best_params_ == {"max_depth": 4}
+
+
+def test_a_pickled_forest_gives_the_same_answers():
+    X, y = load_wine(return_X_y=True)
+    forest = RandomForestClassifier(10).fit(X, y)
+    assert pickle.loads(pickle.dumps(forest)).predict_proba(X).tobytes() == forest.predict_proba(X).tobytes()
+
+
+def test_importances_find_the_feature_that_decides():
+    random = np.random.default_rng(0)
+    X = random.normal(size=(500, 5))
+    importance = RandomForestClassifier(30).fit(X, X[:, 3] > 0).feature_importances_
+    assert importance.argmax() == 3 and importance.sum() == pytest.approx(1)
+
+
+def test_out_of_bag_accuracy_is_near_that_of_new_data():
+    X, y = load_digits(return_X_y=True)
+    a, b, c, d = train_test_split(X, y, random_state=0)
+    forest = RandomForestClassifier(oob_score=True).fit(a, c)
+    assert forest.oob_score_ == pytest.approx(forest.score(b, d), abs=0.04)
+
+
+def test_labels_may_be_text_and_weights_count():
+    X, y = np.array([[0.0], [0.0], [1.0]]), ["low", "high", "high"]
+    forest = RandomForestClassifier(20, bootstrap=False).fit(X, y, sample_weight=[1, 3, 1])
+    np.testing.assert_allclose(forest.predict_proba([[0.0]]), [[0.75, 0.25]], atol=1e-6)
+    assert forest.classes_.tolist() == ["high", "low"]
+    dict_weight = RandomForestClassifier(20, bootstrap=False, class_weight={"high": 3}).fit(X, y)
+    np.testing.assert_allclose(dict_weight.predict_proba([[0.0]]), [[0.75, 0.25]], atol=1e-6)
+
+
+def test_what_cannot_be_learned_from_is_refused_by_name():
+    X, y = load_iris(return_X_y=True)
+    holes = X.copy()
+    holes[3, 1] = np.nan
+    with pytest.raises(ValueError, match="Input X contains NaN"):
+        RandomForestClassifier().fit(holes, y)
+    for name, value in [
+        ("n_estimators", 0),
+        ("max_depth", -1),
+        ("max_bins", 256),
+        ("max_bins", 1),
+        ("min_samples_split", 1),
+        ("min_samples_leaf", 0),
+        ("min_weight_fraction_leaf", 0.7),
+        ("criterion", "mse"),
+        ("max_features", 0),
+        ("max_features", 1.5),
+        ("trainer", "cgal"),
+        ("class_weight", {9: 1.0}),
+        ("class_weight", "heavy"),
+        ("random_state", -1),
+        ("n_jobs", 0),
+    ]:
+        with pytest.raises(ValueError, match=name):
+            RandomForestClassifier(**{name: value}).fit(X, y)

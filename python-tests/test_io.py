@@ -1,0 +1,185 @@
+"""Room `io`: laspy and plyfile read what we write, field by field, and we read what they write."""
+
+import errno
+
+import laspy
+import numpy as np
+import pytest
+import scansion
+
+FIELDS = {
+    "Intensity": ("intensity", "u2"),
+    "ReturnNumber": ("return_number", "u1"),
+    "NumberOfReturns": ("number_of_returns", "u1"),
+    "Classification": ("classification", "u1"),
+    "UserData": ("user_data", "u1"),
+    "PointSourceId": ("point_source_id", "u2"),
+    "GpsTime": ("gps_time", "f8"),
+    "Red": ("red", "u2"),
+    "Green": ("green", "u2"),
+    "Blue": ("blue", "u2"),
+}
+N = 1234
+
+
+def values(kind, top, seed):
+    return np.random.default_rng(seed).integers(0, top, N).astype(kind)
+
+
+def las_of(version, point_format):
+    """A LAS file in memory, made by laspy, all fields filled."""
+    header = laspy.LasHeader(version=version, point_format=point_format)
+    header.scales, header.offsets = [0.001, 0.001, 0.0005], [500_000, 5_000_000, 100]
+    header.add_extra_dims([laspy.ExtraBytesParams("Quality", "f4"), laspy.ExtraBytesParams("Strip", "u2")])
+    las = laspy.LasData(header)
+    random = np.random.default_rng(1)
+    las.X, las.Y, las.Z = (random.integers(-(2**30), 2**30, N).astype(np.int32) for _ in range(3))
+    for seed, (_, (name, kind)) in enumerate(FIELDS.items()):
+        if name in las.point_format.dimension_names:
+            las[name] = values(kind, 7 if "return" in name else 31, seed)
+    las.Quality, las.Strip = random.random(N).astype("f4"), values("u2", 60_000, 9)
+    return las
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+@pytest.mark.parametrize(
+    ("version", "point_format"),
+    [("1.2", 0), ("1.2", 1), ("1.2", 2), ("1.2", 3), ("1.4", 6), ("1.4", 7), ("1.4", 8)],
+)
+def test_we_read_what_laspy_writes(tmp_path, suffix, version, point_format):
+    las, path = las_of(version, point_format), tmp_path / f"a{suffix}"
+    las.write(path)
+    cloud = scansion.read(path)
+    np.testing.assert_allclose(cloud.xyz, np.column_stack([las.x, las.y, las.z]), rtol=0, atol=1e-9)
+    for ours, (theirs, kind) in FIELDS.items():
+        if theirs in las.point_format.dimension_names:
+            assert cloud[ours].dtype == kind, ours
+            np.testing.assert_array_equal(cloud[ours], np.asarray(las[theirs]), err_msg=ours)
+    np.testing.assert_array_equal(cloud["Quality"], las.Quality)
+    np.testing.assert_array_equal(cloud["Strip"], las.Strip)
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_laspy_reads_what_we_write(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    columns = {
+        ours: values(kind, 7 if "eturn" in ours else 31, i)
+        for i, (ours, (_, kind)) in enumerate(FIELDS.items())
+    }
+    xyz = np.random.default_rng(0).uniform(0, 1000, (N, 3)) + [500_000, 5_000_000, 0]
+    cloud = scansion.PointCloud(xyz, Confidence=np.random.default_rng(1).random(N).astype("f4"), **columns)
+    scansion.write(path, cloud)
+    las = laspy.read(path)
+    assert len(las) == N and str(las.header.version) == "1.4"
+    np.testing.assert_allclose(np.column_stack([las.x, las.y, las.z]), xyz, rtol=0, atol=0.00051)
+    for ours, (theirs, _) in FIELDS.items():
+        np.testing.assert_array_equal(np.asarray(las[theirs]), columns[ours], err_msg=ours)
+    np.testing.assert_array_equal(las.Confidence, cloud["Confidence"])
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+@pytest.mark.parametrize(("version", "point_format"), [("1.2", 3), ("1.4", 7)])
+def test_rewriting_keeps_every_other_field(tmp_path, suffix, version, point_format):
+    las, path, out = las_of(version, point_format), tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
+    las.write(path)
+    labels, confidence = values("u1", 31, 77), np.linspace(0, 1, N, dtype="f4")
+    notes = scansion.rewrite(path, out, labels, {"Confidence": confidence})
+    assert isinstance(notes, list)
+    again = laspy.read(out)
+    assert again.point_format.id == point_format and str(again.header.version) == version
+    np.testing.assert_array_equal(again.classification, labels)
+    np.testing.assert_array_equal(again.Confidence, confidence)
+    for name in laspy.read(path).point_format.dimension_names:
+        if name != "classification":
+            np.testing.assert_array_equal(np.asarray(again[name]), np.asarray(las[name]), err_msg=name)
+
+
+def test_classes_above_31_promote_old_formats_and_say_so(tmp_path):
+    las_of("1.2", 3).write(tmp_path / "a.las")
+    notes = scansion.rewrite(tmp_path / "a.las", tmp_path / "b.las", np.full(N, 64))
+    assert any("1.4" in note for note in notes)
+    assert (laspy.read(tmp_path / "b.las").classification == 64).all()
+
+
+def test_laspy_data_come_in_and_go_out_exactly():
+    las = las_of("1.4", 7)
+    cloud = scansion.PointCloud.from_laspy(las)
+    back = cloud.to_laspy()
+    for name in ("X", "Y", "Z", "intensity", "classification", "gps_time", "red", "Quality", "Strip"):
+        np.testing.assert_array_equal(np.asarray(back[name]), np.asarray(las[name]), err_msg=name)
+
+
+def test_ticks_survive_reading_and_writing(tmp_path):
+    las = las_of("1.4", 6)
+    las.write(tmp_path / "a.las")
+    scansion.write(tmp_path / "b.las", scansion.read(tmp_path / "a.las"))
+    again = laspy.read(tmp_path / "b.las")
+    assert all((np.asarray(again[axis]) == np.asarray(las[axis])).all() for axis in "XYZ")
+
+
+def test_ply_goes_both_ways(tmp_path):
+    plyfile = pytest.importorskip("plyfile")
+    xyz = np.random.default_rng(0).uniform(0, 10, (N, 3)) + [500_000, 5_000_000, 0]
+    scansion.write(tmp_path / "a.ply", scansion.PointCloud(xyz, Classification=values("u1", 9, 0)))
+    vertex = plyfile.PlyData.read(tmp_path / "a.ply")["vertex"]
+    np.testing.assert_array_equal(np.column_stack([vertex["x"], vertex["y"], vertex["z"]]), xyz)
+    for text, order in ((True, "="), (False, "<"), (False, ">")):
+        path = tmp_path / "b.ply"
+        plyfile.PlyData(
+            [plyfile.PlyElement.describe(vertex.data, "vertex")], text=text, byte_order=order
+        ).write(path)
+        cloud = scansion.read(path)
+        np.testing.assert_allclose(cloud.xyz, xyz, rtol=1e-12)
+        np.testing.assert_array_equal(cloud["Classification"], values("u1", 9, 0))
+
+
+def test_text_goes_both_ways(tmp_path):
+    xyz = np.round(np.random.default_rng(0).uniform(0, 10, (N, 3)), 3)
+    scansion.write(tmp_path / "a.txt", scansion.PointCloud(xyz, Classification=values("u1", 9, 0)))
+    cloud = scansion.read(tmp_path / "a.txt")
+    np.testing.assert_array_equal(cloud.xyz, xyz)
+    np.testing.assert_array_equal(cloud["Classification"], values("u1", 9, 0))
+    np.savetxt(tmp_path / "b.xyz", xyz)
+    np.testing.assert_array_equal(scansion.read(tmp_path / "b.xyz").xyz, xyz)
+
+
+def test_only_the_asked_columns_are_read(tmp_path):
+    las_of("1.4", 7).write(tmp_path / "a.las")
+    assert scansion.read(tmp_path / "a.las", ["Classification"]).columns == ["Classification"]
+    assert scansion.read(tmp_path / "a.las", []).columns == []
+
+
+def test_the_header_is_told(tmp_path):
+    las_of("1.4", 7).write(tmp_path / "a.laz")
+    found = scansion.info(tmp_path / "a.laz")
+    assert N in found.values() and "1.4" in str(found)
+
+
+def test_errors_are_those_that_python_knows(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught:
+        scansion.read(tmp_path / "absent.las")
+    assert caught.value.errno == errno.ENOENT and caught.value.filename.endswith("absent.las")
+    (tmp_path / "empty.las").write_bytes(b"")
+    with pytest.raises(scansion.FileFormatError, match="empty.las"):
+        scansion.read(tmp_path / "empty.las")
+    whole = tmp_path / "whole.las"
+    las_of("1.4", 7).write(whole)
+    (tmp_path / "cut.las").write_bytes(whole.read_bytes()[:-1000])
+    with pytest.raises(ValueError, match="cut.las"):
+        scansion.read(tmp_path / "cut.las")
+    with pytest.raises(OSError):
+        scansion.write(tmp_path / "no" / "folder.las", scansion.read(whole))
+    with pytest.raises(ValueError):
+        scansion.rewrite(whole, tmp_path / "b.las", np.zeros(N - 1, "u1"))
+    with pytest.raises(ValueError, match="256"):
+        scansion.rewrite(whole, tmp_path / "b.las", np.full(N, 256))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cut.las", "empty.las", "whole.las"]
+
+
+def test_hostile_files_never_break_python(data):
+    for path in sorted(data.glob("hostile/*")):
+        if path.is_file():
+            try:
+                scansion.read(path)
+            except (scansion.FileFormatError, ValueError, OSError) as error:
+                assert str(error)
