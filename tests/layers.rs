@@ -18,7 +18,11 @@ fn rust_files(path: &Path) -> Vec<PathBuf> {
     if path.is_file() {
         return vec![path.to_path_buf()];
     }
-    fs::read_dir(path).unwrap().flat_map(|e| rust_files(&e.unwrap().path())).filter(|p| p.extension().is_some_and(|e| e == "rs")).collect()
+    fs::read_dir(path)
+        .unwrap()
+        .flat_map(|e| rust_files(&e.unwrap().path()))
+        .filter(|p| p.extension().is_some_and(|e| e == "rs"))
+        .collect()
 }
 
 /// Names that follow `crate::` in a source text, those in braces too.
@@ -32,7 +36,9 @@ fn used(text: &str) -> BTreeSet<String> {
         let rest = &text[at + 7..];
         let list = rest.strip_prefix('{').and_then(|r| r.split_once('}')).map_or(rest, |(inside, _)| inside);
         let parts: Vec<&str> = if rest.starts_with('{') { list.split(',').collect() } else { vec![rest] };
-        used.extend(parts.iter().map(|p| p.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>()));
+        used.extend(
+            parts.iter().map(|p| p.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>()),
+        );
     }
     used
 }

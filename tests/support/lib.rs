@@ -1,1 +1,49 @@
-//! Support for the tests that cross rooms.
+//! Support for the tests that cross rooms: synthetic scenes with known truth, and the shared real data.
+
+use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::random::stream;
+use std::path::{Path, PathBuf};
+
+/// A street of `size` metres with houses and trees, about 12 points per square metre, classes 2, 5, 6.
+///
+/// # Panics
+/// Never: the scene is well formed.
+#[must_use]
+pub fn street(size: f64, seed: u64) -> Cloud {
+    let mut random = stream(seed, 0);
+    let mut rows = Vec::new();
+    let mut codes = Vec::new();
+    for _ in 0..(12.0 * size * size) as usize {
+        let (x, y) = (random.uniform() * size, random.uniform() * size);
+        let (u, v) = (x % 20.0, y % 20.0);
+        let noise = 0.02 * (random.uniform() - 0.5);
+        let in_house = (3.0..11.0).contains(&u) && (3.0..13.0).contains(&v);
+        let tree = ((u - 16.0).powi(2) + (v - 10.0).powi(2)).sqrt();
+        let (z, code) = if in_house {
+            (6.0 + 0.5 * (4.0 - (u - 7.0).abs()) + noise, 6)
+        } else if tree < 2.5 {
+            (2.0 + 4.0 * random.uniform() * (1.0 - tree / 3.0), 5)
+        } else {
+            (0.3 * (x * 0.05).sin() + noise, 2)
+        };
+        rows.push([x, y, z]);
+        codes.push(code);
+    }
+    let mut cloud = Cloud::from_rows(&rows).expect("axes of equal length");
+    cloud.set_column(Column::new("Classification", Values::U8(codes))).expect("one code a point");
+    cloud
+}
+
+/// The folder of the shared real data, if it is there: `SCANSION_DATA`, else `../shared/data` beside the workspace.
+#[must_use]
+pub fn data() -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    let folder = std::env::var_os("SCANSION_DATA").map_or(beside, PathBuf::from);
+    folder.is_dir().then_some(folder)
+}
+
+/// The embedded scan of `scansion demo`.
+#[must_use]
+pub fn demo_scan() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/cli/assets/demo.laz")
+}

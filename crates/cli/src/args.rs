@@ -5,13 +5,18 @@ use std::path::PathBuf;
 
 /// Divides a LiDAR scan into its parts and names every point.
 #[derive(Debug, Parser)]
-#[command(name = "scansion", version, max_term_width = 110, after_help = "\
+#[command(
+    name = "scansion",
+    version,
+    max_term_width = 110,
+    after_help = "\
 Exit codes: 0 done, 1 failed, 2 usage, 3 some inputs failed, 4 bad input, 130 interrupted, 143 terminated.
 
 First steps:
   scansion demo                                  the whole way on a small scan that is built in
   scansion classify my.laz -o named.laz          name every point with the built-in model
-  scansion render named.laz -o named.png         look at it")]
+  scansion render named.laz -o named.png         look at it"
+)]
 pub(crate) struct Args {
     #[command(flatten)]
     pub(crate) global: Global,
@@ -32,11 +37,8 @@ pub(crate) struct Global {
     /// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere
     #[arg(long, global = true, value_enum, default_value_t = ProgressMode::Auto)]
     pub(crate) progress: ProgressMode,
-    /// Say more
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
-    pub(crate) verbose: u8,
     /// Say nothing but errors
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
 }
 
@@ -85,6 +87,9 @@ pub(crate) struct LabelArgs {
     /// Change codes before use, e.g. 3=5,4=5 or 3-4=5
     #[arg(long, value_name = "OLD=NEW,...", default_value = "")]
     pub(crate) map: String,
+    /// Change the codes of one input in another way than --map says, e.g. old_scan.laz:1=5; may be repeated
+    #[arg(long, value_name = "FILE:OLD=NEW,...")]
+    pub(crate) map_of: Vec<String>,
     /// Use only these codes (after --map)
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     pub(crate) classes: Vec<u8>,

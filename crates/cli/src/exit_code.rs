@@ -30,7 +30,7 @@ impl From<ExitCode> for std::process::ExitCode {
 
 /// Why a command did not finish.
 #[derive(Debug)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// The arguments do not make sense together.
     Usage(String),
     /// The core refused.
@@ -46,7 +46,7 @@ pub enum Failure {
 
 impl Failure {
     /// The exit code that tells of this failure.
-    pub fn exit_code(&self) -> ExitCode {
+    pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Usage(_) | Self::Core(Error::InvalidParameter { .. }) => ExitCode::Usage,
             Self::Core(Error::Interrupted) => crate::interrupt::exit_code(),

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Data to stdout, everything else to stderr.
 #[derive(Debug)]
 pub(crate) struct Printer {
-    verbosity: i8,
+    quiet: bool,
     colour: bool,
     /// Form of the data on stdout.
     pub(crate) format: Format,
@@ -18,8 +18,7 @@ pub(crate) struct Printer {
 impl Printer {
     pub(crate) fn new(global: &Global) -> Self {
         let plain = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
-        let verbosity = if global.quiet { -1 } else { i8::try_from(global.verbose).unwrap_or(i8::MAX) };
-        Self { verbosity, colour: !plain && std::io::stderr().is_terminal(), format: global.format }
+        Self { quiet: global.quiet, colour: !plain && std::io::stderr().is_terminal(), format: global.format }
     }
 
     /// Data for the next program or the reader's eyes. A closed pipe is not an error.
@@ -34,21 +33,14 @@ impl Printer {
 
     /// What is being done; silent with `--quiet`.
     pub(crate) fn note(&self, text: &str) {
-        if self.verbosity >= 0 {
-            self.line("", text);
-        }
-    }
-
-    /// Detail; only with `-v`.
-    pub(crate) fn detail(&self, text: &str) {
-        if self.verbosity >= 1 {
+        if !self.quiet {
             self.line("", text);
         }
     }
 
     /// Something the user should know; shown unless `--quiet`.
     pub(crate) fn warning(&self, text: &str) {
-        if self.verbosity >= 0 {
+        if !self.quiet {
             self.line(if self.colour { "\x1b[33mwarning:\x1b[0m " } else { "warning: " }, text);
         }
     }

@@ -4,6 +4,8 @@
 //!
 //! `Cloud -> Neighbours -> FeatureTable -> Probabilities -> Labelling -> Scores`
 
+#![cfg_attr(test, expect(clippy::float_cmp, reason = "tests compare with values that are exact"))]
+
 pub mod error;
 
 pub mod csr;

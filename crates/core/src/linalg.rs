@@ -29,7 +29,10 @@ impl Sym3 {
         for p in points {
             let d = [0, 1, 2].map(|a| p[a] - centre[a]);
             (0..3).for_each(|a| sum.diagonal[a] += d[a] * d[a] / divisor);
-            [(0, 1), (0, 2), (1, 2)].iter().zip(&mut sum.off).for_each(|(&(a, b), slot)| *slot += d[a] * d[b] / divisor);
+            [(0, 1), (0, 2), (1, 2)]
+                .iter()
+                .zip(&mut sum.off)
+                .for_each(|(&(a, b), slot)| *slot += d[a] * d[b] / divisor);
         }
         sum
     }

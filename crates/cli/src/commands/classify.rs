@@ -19,7 +19,9 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     for (input, output) in &pairs {
         match one(input, output, &model, &map, args, context) {
             Err(failure) if pairs.len() == 1 => return Err(failure),
-            Err(Failure::Core(scansion_core::Error::Interrupted)) => return Err(scansion_core::Error::Interrupted.into()),
+            Err(Failure::Core(scansion_core::Error::Interrupted)) => {
+                return Err(scansion_core::Error::Interrupted.into());
+            }
             Err(failure) => {
                 context.printer.error(&failure.to_string());
                 failed += 1;
@@ -30,7 +32,14 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     if failed > 0 { Err(Failure::Partly { failed, inputs: pairs.len() }) } else { Ok(()) }
 }
 
-fn one(input: &Path, output: &Path, model: &Model, map: &LabelMap, args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
+fn one(
+    input: &Path,
+    output: &Path,
+    model: &Model,
+    map: &LabelMap,
+    args: &Classify,
+    context: &Context<'_>,
+) -> Result<(), Failure> {
     sources::guard_input(input, output, args.overwrite)?;
     let start = Instant::now();
     let recipe = recipes::Recipe::from_toml(&model.recipe_toml)?;
@@ -51,7 +60,11 @@ fn one(input: &Path, output: &Path, model: &Model, map: &LabelMap, args: &Classi
     report.notes.iter().for_each(|n| context.printer.note(&format!("{}: {n}", output.display())));
     let seconds = start.elapsed().as_secs_f64();
     let rate = points as f64 / seconds.max(1e-9);
-    context.printer.note(&format!("{}: {points} points in {seconds:.1} s ({:.0} k points/s)", output.display(), rate / 1e3));
+    context.printer.note(&format!(
+        "{}: {points} points in {seconds:.1} s ({:.0} k points/s)",
+        output.display(),
+        rate / 1e3
+    ));
     Ok(())
 }
 

@@ -11,12 +11,16 @@ use scansion_core::{Error, images};
 use std::path::Path;
 
 pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure> {
-    let truth_params = sources::labels(&args.labels)?;
+    let truth_params = sources::labels(&args.labels, &args.truth)?;
     let cloud = io::read(&args.truth)?;
     let truth = read_labels(&cloud, &truth_params)?.codes;
     let predicted = predicted(args, &cloud, &truth_params, context)?;
     if predicted.len() != truth.len() {
-        let text = format!("{} points in the truth, {} in the prediction; both must be the same points in the same order", truth.len(), predicted.len());
+        let text = format!(
+            "{} points in the truth, {} in the prediction; both must be the same points in the same order",
+            truth.len(),
+            predicted.len()
+        );
         return Err(Error::input(text).into());
     }
     let confusion = Confusion::from_options(&truth, &predicted)?;
@@ -53,7 +57,11 @@ fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
         p.iter().zip(q).any(|(u, v)| (u - v).abs() > 0.01)
     };
     match (0..a.len().min(b.len())).step_by(step).find(apart) {
-        Some(i) => Err(Error::input(format!("point {i} stands at {:?} in the truth and at {:?} in the prediction", a.xyz(i), b.xyz(i)))),
+        Some(i) => Err(Error::input(format!(
+            "point {i} stands at {:?} in the truth and at {:?} in the prediction",
+            a.xyz(i),
+            b.xyz(i)
+        ))),
         None => Ok(()),
     }
 }

@@ -29,7 +29,8 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
 
 /// Columns whose name is one of `only`, or begins with it before the scale; all if `only` is empty.
 fn wanted(table: &FeatureTable, only: &[String]) -> Result<Vec<usize>, Failure> {
-    let matches = |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
+    let matches =
+        |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
     if let Some(unknown) = only.iter().find(|asked| !table.names.iter().any(|n| matches(n, asked))) {
         return Err(Failure::Usage(format!("no feature {unknown}; there are: {}", table.names.join(", "))));
     }
@@ -37,7 +38,13 @@ fn wanted(table: &FeatureTable, only: &[String]) -> Result<Vec<usize>, Failure> 
     Ok((0..table.width()).filter(|&c| named(&table.names[c])).collect())
 }
 
-fn dimensions(input: &Path, output: &Path, table: &FeatureTable, wanted: &[usize], context: &Context<'_>) -> Result<(), Failure> {
+fn dimensions(
+    input: &Path,
+    output: &Path,
+    table: &FeatureTable,
+    wanted: &[usize],
+    context: &Context<'_>,
+) -> Result<(), Failure> {
     let column = |&c: &usize| (0..table.rows()).map(|row| table.row(row)[c]).collect::<Vec<f32>>();
     let edits: Vec<Edit> =
         wanted.iter().map(|c| Edit::Dimension(Column::new(table.names[*c].clone(), Values::F32(column(c))))).collect();
@@ -47,7 +54,8 @@ fn dimensions(input: &Path, output: &Path, table: &FeatureTable, wanted: &[usize
 
 /// NumPy's array file, version 1.0: little-endian f4, C order.
 fn npy(table: &FeatureTable, wanted: &[usize]) -> Vec<u8> {
-    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {}), }}", table.rows(), wanted.len());
+    let mut header =
+        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {}), }}", table.rows(), wanted.len());
     while (header.len() + 11) % 64 != 0 {
         header.push(' ');
     }
@@ -80,12 +88,18 @@ fn list(format: Format) -> String {
     match format {
         Format::Json => serde_json::to_string_pretty(definition::ALL).unwrap_or_default(),
         Format::Csv => {
-            let lines = definition::ALL.iter().map(|d| format!("{},{},\"{}\",\"{}\"\n", d.name, d.group.name(), d.formula, d.range));
+            let lines = definition::ALL
+                .iter()
+                .map(|d| format!("{},{},\"{}\",\"{}\"\n", d.name, d.group.name(), d.formula, d.range));
             std::iter::once("name,group,formula,range\n".to_string()).chain(lines).collect()
         }
         Format::Table => {
-            let lines = definition::ALL.iter().map(|d| format!("{:<22} {:<11} {:<44} {}\n", d.name, d.group.name(), d.formula, d.range));
-            std::iter::once(format!("{:<22} {:<11} {:<44} {}\n", "name", "group", "formula", "range")).chain(lines).collect()
+            let lines = definition::ALL
+                .iter()
+                .map(|d| format!("{:<22} {:<11} {:<44} {}\n", d.name, d.group.name(), d.formula, d.range));
+            std::iter::once(format!("{:<22} {:<11} {:<44} {}\n", "name", "group", "formula", "range"))
+                .chain(lines)
+                .collect()
         }
     }
 }

@@ -68,7 +68,10 @@ fn table(described: &Described) -> String {
     line("format", format!("{}{version}{point_format}", info.format));
     line("points", info.points.to_string());
     if let Some((low, high)) = info.bounds {
-        ["x", "y", "z"].iter().zip(low.iter().zip(high)).for_each(|(axis, (l, h))| line(axis, format!("{l} .. {h}  ({:.3})", h - l)));
+        ["x", "y", "z"]
+            .iter()
+            .zip(low.iter().zip(high))
+            .for_each(|(axis, (l, h))| line(axis, format!("{l} .. {h}  ({:.3})", h - l)));
     }
     if let Some(scale) = info.scale {
         line("scale", format!("{} {} {}", scale[0], scale[1], scale[2]));

@@ -10,7 +10,7 @@ mod render;
 mod sources;
 mod train;
 
-use crate::args::{Args, Command, Global};
+use crate::args::{Args, Command};
 use crate::exit_code::Failure;
 use crate::interrupt;
 use crate::printer::Printer;
@@ -21,13 +21,12 @@ use scansion_core::parallel::Monitor;
 /// What every command gets.
 pub(crate) struct Context<'a> {
     pub(crate) printer: &'a Printer,
-    pub(crate) global: &'a Global,
     pub(crate) monitor: Monitor,
 }
 
 /// Runs the command in a pool of the asked size, with progress and Ctrl-C.
 pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
-    let context = Context { printer, global: &args.global, monitor: interrupt::monitor() };
+    let context = Context { printer, monitor: interrupt::monitor() };
     let _progress = Progress::watch(&context.monitor, &args.global);
     threads::with_pool(args.global.threads, || match &args.command {
         Command::Demo(demo) => demo::run(demo, &context),

@@ -26,7 +26,6 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         legend: !args.no_legend,
         title: args.title.clone(),
         range,
-        ..RenderParams::default()
     };
     let image = images::render(&cloud, &classes(&cloud), &params)?;
     context.monitor.check()?;
@@ -34,7 +33,13 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
     if let Some(world) = image.world_file() {
         atomic::write_bytes(&args.output.with_extension("pgw"), world.as_bytes())?;
     }
-    context.printer.note(&format!("{}: {} x {} pixels, {} points", args.output.display(), image.width, image.height, cloud.len()));
+    context.printer.note(&format!(
+        "{}: {} x {} pixels, {} points",
+        args.output.display(),
+        image.width,
+        image.height,
+        cloud.len()
+    ));
     Ok(())
 }
 

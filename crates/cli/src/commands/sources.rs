@@ -23,11 +23,13 @@ fn text(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).map_err(|e| Error::io(path, e))
 }
 
-/// Label settings as the core wants them.
-pub(crate) fn labels(args: &LabelArgs) -> Result<LabelParams> {
+/// Label settings of an input as the core wants them.
+pub(crate) fn labels(args: &LabelArgs, input: &Path) -> Result<LabelParams> {
+    let named = |of: &&String| of.rsplit_once(':').is_some_and(|(file, _)| input.ends_with(file));
+    let own = args.map_of.iter().find(named).and_then(|of| of.rsplit_once(':'));
     Ok(LabelParams {
         dimension: args.label_dimension.clone(),
-        map: args.map.parse()?,
+        map: own.map_or(&args.map[..], |(_, map)| map).parse()?,
         unlabelled: args.unlabelled.clone(),
         classes: args.classes.clone(),
     })
@@ -49,7 +51,8 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
         let name = input.file_name().ok_or_else(|| Failure::Usage(format!("{} is not a file", input.display())))?;
         let target = output.join(name);
         if let Some((other, _)) = pairs.iter().find(|(_, t)| *t == target) {
-            let text = format!("{} and {} would both be written to {}", other.display(), input.display(), target.display());
+            let text =
+                format!("{} and {} would both be written to {}", other.display(), input.display(), target.display());
             return Err(Failure::Usage(text));
         }
         pairs.push((input.clone(), target));

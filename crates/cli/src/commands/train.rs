@@ -12,8 +12,11 @@ use std::path::Path;
 
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     let mut recipe = sources::recipe(&args.recipe)?;
-    let labels = sources::labels(&args.labels)?;
-    let clouds = args.inputs.iter().map(|path| read(path, &labels, &recipe, context)).collect::<Result<Vec<_>, Failure>>()?;
+    let clouds = args
+        .inputs
+        .iter()
+        .map(|path| read(path, &sources::labels(&args.labels, path)?, &recipe, context))
+        .collect::<Result<Vec<_>, Failure>>()?;
     if !args.grid_depth.is_empty() || args.cross_validate.is_some() {
         let folds = usize::from(args.cross_validate.unwrap_or(5));
         let scores = recipes::cross_validate(&clouds, &recipe, (&args.grid_depth, folds), &context.monitor)?;
@@ -43,9 +46,15 @@ fn read(path: &Path, labels: &LabelParams, recipe: &Recipe, context: &Context<'_
     wanted.push(labels.dimension.clone());
     let options = ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone() };
     let cloud = io::read_with(path, &options)?;
-    let labels = read_labels(&cloud, labels).map_err(|e| scansion_core::Error::input(format!("{}: {e}", path.display())))?;
+    let labels =
+        read_labels(&cloud, labels).map_err(|e| scansion_core::Error::input(format!("{}: {e}", path.display())))?;
     if labels.unlabelled > 0 {
-        context.printer.note(&format!("{}: {} of {} points are unlabelled and skipped", path.display(), labels.unlabelled, cloud.len()));
+        context.printer.note(&format!(
+            "{}: {} of {} points are unlabelled and skipped",
+            path.display(),
+            labels.unlabelled,
+            cloud.len()
+        ));
     }
     Ok((cloud, labels))
 }
@@ -57,9 +66,17 @@ fn table(report: &TrainingReport, output: &Path) -> String {
         let _ = writeln!(text, "{:>5}  {name:<20} {:>12} {:>12}", class.code, class.points, class.samples);
     }
     let _ = writeln!(text, "{:>5}  {:<20} {:>12}", "", "unlabelled, skipped", report.unlabelled);
-    let _ = writeln!(text, "\n{} of {} features used, finest voxel {} m", report.used_features, report.features, report.first_scale);
+    let _ = writeln!(
+        text,
+        "\n{} of {} features used, finest voxel {} m",
+        report.used_features, report.features, report.first_scale
+    );
     if let Some(score) = report.out_of_bag_accuracy {
-        let _ = writeln!(text, "out-of-bag accuracy {:.2} % (neighbouring samples leak: expect less on a new scene)", 100.0 * score);
+        let _ = writeln!(
+            text,
+            "out-of-bag accuracy {:.2} % (neighbouring samples leak: expect less on a new scene)",
+            100.0 * score
+        );
     }
     let _ = write!(text, "model: {}", output.display());
     text

@@ -46,16 +46,19 @@ impl Values {
     }
 
     /// Value `i` as a number (64-bit integers above 2^53 are rounded).
+    #[expect(clippy::unnecessary_cast, reason = "one expression for all types")]
     pub fn get(&self, i: usize) -> f64 {
         each!(self, v => v[i] as f64)
     }
 
     /// All values as `f32`.
+    #[expect(clippy::unnecessary_cast, reason = "one expression for all types")]
     pub fn to_f32(&self) -> Vec<f32> {
         each!(self, v => v.iter().map(|&x| x as f32).collect())
     }
 
     /// All values as `f64`.
+    #[expect(clippy::unnecessary_cast, reason = "one expression for all types")]
     pub fn to_f64(&self) -> Vec<f64> {
         each!(self, v => v.iter().map(|&x| x as f64).collect())
     }

@@ -68,10 +68,10 @@ impl Cloud {
         if x > u32::MAX as usize {
             return Err(Error::input(format!("{x} points in one cloud; at most {} are possible", u32::MAX)));
         }
-        if let Coordinates::Scaled { scale, offset, .. } = &coordinates {
-            if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) || offset.iter().any(|o| !o.is_finite()) {
-                return Err(Error::input(format!("scale {scale:?} must be positive and offset {offset:?} finite")));
-            }
+        if let Coordinates::Scaled { scale, offset, .. } = &coordinates
+            && (scale.iter().any(|s| !s.is_finite() || *s <= 0.0) || offset.iter().any(|o| !o.is_finite()))
+        {
+            return Err(Error::input(format!("scale {scale:?} must be positive and offset {offset:?} finite")));
         }
         Ok(Self { coordinates, columns: Vec::new(), crs: None, metres_per_unit: None })
     }

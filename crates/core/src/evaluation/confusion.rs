@@ -53,7 +53,9 @@ impl Confusion {
     /// # Errors
     /// A code is not in the table of classes.
     pub fn add(&mut self, truth: u8, predicted: u8) -> Result<()> {
-        let place = |code| self.classes.position(code).ok_or_else(|| Error::input(format!("class code {code} is not in the table")));
+        let place = |code| {
+            self.classes.position(code).ok_or_else(|| Error::input(format!("class code {code} is not in the table")))
+        };
         let at = place(truth)? * self.classes.len() + place(predicted)?;
         self.counts[at] += 1;
         Ok(())
@@ -96,7 +98,8 @@ impl Confusion {
         sum.skipped = self.skipped + other.skipped;
         let n = sum.classes.len();
         for part in [self, other] {
-            let places: Vec<usize> = part.classes.classes().iter().filter_map(|c| sum.classes.position(c.code)).collect();
+            let places: Vec<usize> =
+                part.classes.classes().iter().filter_map(|c| sum.classes.position(c.code)).collect();
             for (t, &row) in places.iter().enumerate() {
                 places.iter().enumerate().for_each(|(p, &column)| sum.counts[row * n + column] += part.count(t, p));
             }

@@ -8,9 +8,14 @@ use std::fmt::Write;
 pub fn to_table(confusion: &Confusion) -> String {
     let s = confusion.scores();
     let width = s.labels.iter().map(|l| l.name.len()).max().unwrap_or(5).max(5);
-    let mut text = format!("{:>4}  {:<width$} {:>9} {:>9} {:>9} {:>9} {:>12}\n", "code", "class", "IoU", "precision", "recall", "F1", "points");
+    let mut text = format!(
+        "{:>4}  {:<width$} {:>9} {:>9} {:>9} {:>9} {:>12}\n",
+        "code", "class", "IoU", "precision", "recall", "F1", "points"
+    );
     for l in &s.labels {
-        let values = [l.intersection_over_union, l.precision, l.recall, l.f1_score].map(|v| format!("{:>9.2}", 100.0 * v)).join(" ");
+        let values = [l.intersection_over_union, l.precision, l.recall, l.f1_score]
+            .map(|v| format!("{:>9.2}", 100.0 * v))
+            .join(" ");
         let _ = writeln!(text, "{:>4}  {:<width$} {values} {:>12}", l.code, l.name, l.support);
     }
     let means = [
@@ -20,7 +25,13 @@ pub fn to_table(confusion: &Confusion) -> String {
         ("kappa", s.kappa),
     ];
     let means = means.map(|(name, value)| format!("{name} {:.2}", 100.0 * value));
-    let _ = writeln!(text, "\n{}  (all in percent, {} points, {} skipped as unlabelled)", means.join(", "), s.points, s.skipped);
+    let _ = writeln!(
+        text,
+        "\n{}  (all in percent, {} points, {} skipped as unlabelled)",
+        means.join(", "),
+        s.points,
+        s.skipped
+    );
     let _ = writeln!(text, "\nrow: true class, column: named so, percent of the row");
     text + &matrix(confusion, width)
 }
@@ -45,7 +56,8 @@ fn matrix(confusion: &Confusion, width: usize) -> String {
 
 /// All scores as JSON.
 pub fn to_json(confusion: &Confusion) -> Result<String> {
-    serde_json::to_string_pretty(&confusion.scores()).map_err(|e| Error::input(format!("scores cannot be written as JSON: {e}")))
+    serde_json::to_string_pretty(&confusion.scores())
+        .map_err(|e| Error::input(format!("scores cannot be written as JSON: {e}")))
 }
 
 /// One line a class, then the means.
@@ -53,7 +65,11 @@ pub fn to_csv(confusion: &Confusion) -> String {
     let s = confusion.scores();
     let mut text = "code,class,precision,recall,f1_score,intersection_over_union,support\n".to_string();
     for l in &s.labels {
-        let _ = writeln!(text, "{},{},{},{},{},{},{}", l.code, l.name, l.precision, l.recall, l.f1_score, l.intersection_over_union, l.support);
+        let _ = writeln!(
+            text,
+            "{},{},{},{},{},{},{}",
+            l.code, l.name, l.precision, l.recall, l.f1_score, l.intersection_over_union, l.support
+        );
     }
     let _ = writeln!(text, ",overall_accuracy,{0},{0},,,{1}", s.overall_accuracy, s.points);
     let _ = writeln!(text, ",mean,,,{},{},", s.mean_f1_score, s.mean_intersection_over_union);

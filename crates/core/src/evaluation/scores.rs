@@ -63,7 +63,8 @@ impl Confusion {
         let weighted: f64 = labels.iter().map(|l| l.f1_score * l.support as f64).sum();
         let true_classes: Vec<f64> = labels.iter().filter(|l| l.support > 0).map(|l| l.recall).collect();
         let agreement = quotient((0..n).map(|i| self.count(i, i)).sum::<u64>() as f64, points);
-        let chance: f64 = labels.iter().map(|l| quotient(l.support as f64, points) * quotient(l.predicted as f64, points)).sum();
+        let chance: f64 =
+            labels.iter().map(|l| quotient(l.support as f64, points) * quotient(l.predicted as f64, points)).sum();
         Scores {
             points: self.points(),
             skipped: self.skipped(),
@@ -121,7 +122,8 @@ mod tests {
         for seed in 0..50 {
             let mut random = stream(seed, 0);
             let truth: Vec<u8> = (0..300).map(|_| random.below(5) as u8).collect();
-            let predicted: Vec<u8> = truth.iter().map(|&t| if random.below(3) == 0 { random.below(7) as u8 } else { t }).collect();
+            let predicted: Vec<u8> =
+                truth.iter().map(|&t| if random.below(3) == 0 { random.below(7) as u8 } else { t }).collect();
             let s = Confusion::from_labels(&truth, &predicted, &[]).unwrap().scores();
             let recall: f64 = s.labels.iter().map(|l| l.recall * l.support as f64).sum::<f64>() / s.points as f64;
             assert!((recall - s.overall_accuracy).abs() < 1e-12);

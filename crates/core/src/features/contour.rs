@@ -1,6 +1,11 @@
 //! The contour features of document 004: moments along e2 (eq. 4.1), how normals differ across e1 (R, eq. 4.2) and how
 //! curvature differs near to and far from it (Q, eq. 4.3). 16 neighbourhoods at once, no branches.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "loops over lanes index several arrays at once; iterators hide that from the vectoriser"
+)]
+
 use super::tensor::{Batch, LANES, Lane, MOST};
 
 /// Surface variations below this are rounding of a plane in `f32`: they count as 0 in Q.
@@ -26,7 +31,13 @@ impl Default for Surfaces {
 
 /// O, m2, R and Q of the first `count` rows; `second` is e2, `near` the size of the near set.
 #[inline(always)]
-pub(super) fn contour_features(batch: &Batch, surfaces: &Surfaces, count: usize, second: &[Lane; 3], near: usize) -> [Lane; 4] {
+pub(super) fn contour_features(
+    batch: &Batch,
+    surfaces: &Surfaces,
+    count: usize,
+    second: &[Lane; 3],
+    near: usize,
+) -> [Lane; 4] {
     let mut along = [[0.0; LANES]; MOST];
     for j in 0..count {
         for l in 0..LANES {

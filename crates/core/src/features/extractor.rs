@@ -45,7 +45,12 @@ impl<'a> Extractor<'a> {
     /// # Errors
     /// A parameter out of range, an unknown feature name, a column that a feature needs is absent, voxels too small for
     /// the extent.
-    pub fn prepare(cloud: &'a Cloud, set: &FeatureSet, (wanted, at): (Wanted<'_>, Option<&[u32]>), monitor: &Monitor) -> Result<Self> {
+    pub fn prepare(
+        cloud: &'a Cloud,
+        set: &FeatureSet,
+        (wanted, at): (Wanted<'_>, Option<&[u32]>),
+        monitor: &Monitor,
+    ) -> Result<Self> {
         set.validate()?;
         let points = Points::from_cloud(cloud, set.metres(cloud));
         let first_scale = match set.pyramid.first_scale {
@@ -64,7 +69,9 @@ impl<'a> Extractor<'a> {
         let grid = Grid::new(&points, first_scale)?;
         let points = sorted(&points, &grid);
         let mut stages = Vec::with_capacity(set.pyramid.levels);
-        for (level, slots) in build_levels(&points, &grid, set.pyramid.levels).into_iter().zip(slots.chunks_exact(PER_LEVEL)) {
+        for (level, slots) in
+            build_levels(&points, &grid, set.pyramid.levels).into_iter().zip(slots.chunks_exact(PER_LEVEL))
+        {
             monitor.check()?;
             let mut own_slots = [NOWHERE; PER_LEVEL];
             own_slots.copy_from_slice(slots);
@@ -140,7 +147,9 @@ fn slots(all: &[String], names: &[String]) -> Result<Vec<usize>> {
 fn subset(points: Points, at: &[u32], cloud: usize) -> Result<Points> {
     let mut wanted = vec![false; cloud];
     for &index in at {
-        *wanted.get_mut(index as usize).ok_or_else(|| Error::input(format!("point {index} of a cloud of {cloud}")))? = true;
+        *wanted
+            .get_mut(index as usize)
+            .ok_or_else(|| Error::input(format!("point {index} of a cloud of {cloud}")))? = true;
     }
     let kept: Vec<usize> = (0..points.len()).filter(|&i| wanted[points.index[i] as usize]).collect();
     let pick = |axis: &[f32]| kept.iter().map(|&i| axis[i]).collect();

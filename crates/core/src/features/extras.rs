@@ -70,7 +70,9 @@ fn source<'a>(cloud: &'a Cloud, definition: &Definition) -> Result<Source<'a>> {
             let values = column(cloud, names::INTENSITY)?;
             Ok(Source::One(Own { values, form: Form::Relative(median(values)) }))
         }
-        "ReturnRatio" => Ok(Source::Ratio(column(cloud, names::RETURN_NUMBER)?, column(cloud, names::NUMBER_OF_RETURNS)?)),
+        "ReturnRatio" => {
+            Ok(Source::Ratio(column(cloud, names::RETURN_NUMBER)?, column(cloud, names::NUMBER_OF_RETURNS)?))
+        }
         name => plain(name),
     }
 }
@@ -82,7 +84,13 @@ fn colour(cloud: &Cloud, channel: usize) -> Result<Source<'_>> {
         let values = column(cloud, name)?;
         largest = (0..values.len()).map(|i| values.get(i)).fold(largest, f64::max);
     }
-    let full = if largest <= 1.0 { 1.0 } else if largest < 256.0 { 255.0 } else { 65535.0 };
+    let full = if largest <= 1.0 {
+        1.0
+    } else if largest < 256.0 {
+        255.0
+    } else {
+        65535.0
+    };
     Ok(Source::One(Own { values: column(cloud, names::COLOUR[channel])?, form: Form::Times(1.0 / full) }))
 }
 

@@ -1,7 +1,7 @@
 //! Features: what a point's surroundings look like, as numbers.
 
-pub mod definition;
 mod contour;
+pub mod definition;
 mod extractor;
 mod extras;
 mod params;

@@ -43,8 +43,8 @@ pub enum Column {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PyramidParams {
-    /// Edge of the finest voxel in metres; if absent it comes from the cloud's own spacing.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Edge of the finest voxel in metres; `None` (0 in a recipe) takes it from the cloud's own spacing.
+    #[serde(with = "zero_is_none")]
     pub first_scale: Option<f64>,
     /// Levels, each of twice the voxel; 1..=16.
     pub levels: usize,
@@ -92,7 +92,9 @@ impl PyramidParams {
         let base = Self::default();
         match name {
             "hackel" => Ok(base),
-            "jakteristics" => Ok(Self { include_query: false, centre: Centre::Mean, divisor: Divisor::NMinusOne, ..base }),
+            "jakteristics" => {
+                Ok(Self { include_query: false, centre: Centre::Mean, divisor: Divisor::NMinusOne, ..base })
+            }
             "pgeof" => Ok(Self { include_query: false, centre: Centre::Mean, normalise: true, ..base }),
             _ => Err(Error::parameter("preset", name, Self::PRESETS.join(", "))),
         }
@@ -115,6 +117,20 @@ impl PyramidParams {
     /// Voxel size of each level.
     pub fn scales(&self, first_scale: f64) -> Vec<f64> {
         (0..self.levels).map(|l| first_scale * f64::from(1u32 << l)).collect()
+    }
+}
+
+/// TOML has no "none": 0 stands for it.
+mod zero_is_none {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_f64(value.unwrap_or(0.0))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+        let value = f64::deserialize(deserializer)?;
+        Ok((value.to_bits() << 1 != 0).then_some(value))
     }
 }
 

@@ -86,10 +86,21 @@ impl Stage {
 
     /// Covariance and contour features of the filled batch.
     #[inline(always)]
-    fn shape(&self, count: usize, lanes: usize, job: &mut Job<'_>, row: usize, (params, scratch): (&PyramidParams, &mut Scratch)) {
+    fn shape(
+        &self,
+        count: usize,
+        lanes: usize,
+        job: &mut Job<'_>,
+        row: usize,
+        (params, scratch): (&PyramidParams, &mut Scratch),
+    ) {
         let convention = Convention { centre: params.centre, divisor: params.divisor };
         // The common size is a constant of its own, so that its loops unroll.
-        let tensor = if count == 10 { tensor(&scratch.batch, 10, convention) } else { tensor(&scratch.batch, count, convention) };
+        let tensor = if count == 10 {
+            tensor(&scratch.batch, 10, convention)
+        } else {
+            tensor(&scratch.batch, count, convention)
+        };
         let covariance = covariance_features(&tensor, params.normalise);
         store(&covariance, &self.slots[..9], lanes, job, row);
         if self.surfaces.is_empty() {
@@ -108,7 +119,13 @@ impl Stage {
     }
 
     #[inline(always)]
-    fn heights(&self, lanes: Range<usize>, job: &mut Job<'_>, row: usize, (params, scratch): (&PyramidParams, &mut Scratch)) {
+    fn heights(
+        &self,
+        lanes: Range<usize>,
+        job: &mut Job<'_>,
+        row: usize,
+        (params, scratch): (&PyramidParams, &mut Scratch),
+    ) {
         let Some(columns) = &self.columns else { return };
         let mut features = [[0.0; LANES]; 3];
         for (l, i) in lanes.clone().enumerate() {
@@ -179,7 +196,13 @@ fn own_surface(tensor: &Tensor, variation: &[f32; LANES], row: usize, surfaces: 
 
 /// Finds the neighbours of up to 16 points, lays them out by lanes, and returns the size of a neighbourhood.
 #[inline(always)]
-fn fill<S: Simd>(simd: S, (level, packed): (&Level, &[Packed]), points: &Points, lanes: Range<usize>, (params, scratch): (&PyramidParams, &mut Scratch)) -> usize {
+fn fill<S: Simd>(
+    simd: S,
+    (level, packed): (&Level, &[Packed]),
+    points: &Points,
+    lanes: Range<usize>,
+    (params, scratch): (&PyramidParams, &mut Scratch),
+) -> usize {
     let wanted = params.k.min(MOST - 1) - usize::from(params.include_query);
     scratch.found.resize(wanted, 0);
     let mut count = 0;
@@ -248,7 +271,11 @@ fn pack_all<S: Simd>(simd: S, level: &Level, points: &Points, params: &PyramidPa
     for first in (0..points.len()).step_by(LANES) {
         let lanes = first..(first + LANES).min(points.len());
         let count = fill(simd, (level, &[]), points, lanes.clone(), (params, &mut scratch));
-        let found = if count == 10 { tensor(&scratch.batch, 10, convention) } else { tensor(&scratch.batch, count, convention) };
+        let found = if count == 10 {
+            tensor(&scratch.batch, 10, convention)
+        } else {
+            tensor(&scratch.batch, count, convention)
+        };
         let variation = covariance_features(&found, false)[6];
         for (l, slot) in packed[lanes].iter_mut().enumerate() {
             let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;

@@ -50,7 +50,12 @@ pub fn table_at(cloud: &Cloud, set: &FeatureSet, at: &[u32], monitor: &Monitor) 
     Ok((table, extractor.first_scale()))
 }
 
-fn collect(extractor: &Extractor<'_>, rows: usize, row_of: impl Fn(u32) -> usize, monitor: &Monitor) -> Result<FeatureTable> {
+fn collect(
+    extractor: &Extractor<'_>,
+    rows: usize,
+    row_of: impl Fn(u32) -> usize,
+    monitor: &Monitor,
+) -> Result<FeatureTable> {
     let names = extractor.names().to_vec();
     let width = names.len();
     let mut values = vec![f32::NAN; rows * width];

@@ -3,6 +3,11 @@
 //! Every loop over lanes is written so that the compiler turns it into vector instructions; operations and their order are
 //! the same on every machine.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "loops over lanes index several arrays at once; iterators hide that from the vectoriser"
+)]
+
 use super::params::{Centre, Divisor};
 
 /// Neighbourhoods that are computed together.
@@ -98,7 +103,8 @@ fn add_medoid(batch: &Batch, count: usize, matrix: &mut [Lane; 6]) {
     for i in 0..count {
         for j in i + 1..count {
             for l in 0..LANES {
-                let (x, y, z) = (batch.x[i][l] - batch.x[j][l], batch.y[i][l] - batch.y[j][l], batch.z[i][l] - batch.z[j][l]);
+                let (x, y, z) =
+                    (batch.x[i][l] - batch.x[j][l], batch.y[i][l] - batch.y[j][l], batch.z[i][l] - batch.z[j][l]);
                 let distance = (x * x + y * y + z * z).sqrt();
                 totals[i][l] += distance;
                 totals[j][l] += distance;
@@ -147,7 +153,12 @@ fn eigen(matrix: [Lane; 6]) -> Tensor {
 
 /// Makes the entry that couples axes p and q zero; r is the third axis.
 #[inline(always)]
-fn rotate(diagonal: &mut [Lane; 3], off: &mut [Lane; 3], vectors: &mut [[Lane; 3]; 3], (p, q, r): (usize, usize, usize)) {
+fn rotate(
+    diagonal: &mut [Lane; 3],
+    off: &mut [Lane; 3],
+    vectors: &mut [[Lane; 3]; 3],
+    (p, q, r): (usize, usize, usize),
+) {
     for l in 0..LANES {
         let coupling = off[r][l];
         let (a, b) = (diagonal[p][l], diagonal[q][l]);

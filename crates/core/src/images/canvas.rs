@@ -96,7 +96,8 @@ impl Frame {
         let w = params.width.saturating_sub(2 * MARGIN + side).max(100);
         let natural = (f64::from(w) * size[1] / size[0]).clamp(f64::from(w) * 0.2, f64::from(w) * 1.2);
         let least = if params.legend { 280.0 } else { 60.0 };
-        let h = params.height.map_or(natural.max(least) as u32, |h| h.saturating_sub(2 * MARGIN + title + foot).max(60));
+        let h =
+            params.height.map_or(natural.max(least) as u32, |h| h.saturating_sub(2 * MARGIN + title + foot).max(60));
         let unit = (size[0] / f64::from(w)).max(size[1] / f64::from(h)).max(1e-9) * 1.002;
         let middle = [0, 1].map(|a| 0.5 * (camera.low[a] + camera.high[a]));
         let corner = [middle[0] - 0.5 * f64::from(w) * unit, middle[1] - 0.5 * f64::from(h) * unit];

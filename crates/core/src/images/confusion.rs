@@ -13,7 +13,13 @@ pub fn confusion_picture(confusion: &Confusion) -> Image {
     let classes = confusion.classes().classes();
     let n = classes.len() as i64;
     let mut image = Image::blank((LEFT + n.max(3) * CELL + 40) as u32, (TOP + n * CELL + 40) as u32);
-    text::draw(&mut image, (24.0, 42.0), 24.0, INK, "Confusion: row = true class, column = named so, percent of the row");
+    text::draw(
+        &mut image,
+        (24.0, 42.0),
+        24.0,
+        INK,
+        "Confusion: row = true class, column = named so, percent of the row",
+    );
     for (i, class) in (0..).zip(classes) {
         let middle = (TOP + i * CELL + CELL / 2) as f32;
         image.rectangle((24, middle as i64 - 11), (22, 22), class.colour);

@@ -14,7 +14,9 @@ pub(super) fn draw(image: &mut Image, frame: &Frame, paint: &Paint<'_>, cloud: &
     let x = i64::from(frame.x + frame.w + MARGIN);
     let y = i64::from(frame.y);
     match paint {
-        Paint::Ramp { name, low, high, .. } => colour_bar(image, (x, y), i64::from(frame.h.min(420)), (name, *low, *high)),
+        Paint::Ramp { name, low, high, .. } => {
+            colour_bar(image, (x, y), i64::from(frame.h.min(420)), (name, *low, *high))
+        }
         _ => entries(image, (x, y), &paint.entries()),
     }
     scale_bar(image, frame, cloud);
@@ -70,7 +72,7 @@ fn grouped(n: usize) -> String {
     let digits = n.to_string();
     let mut out = String::new();
     for (i, c) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
             out.push(' ');
         }
         out.push(c);

@@ -101,7 +101,9 @@ impl RenderParams {
             }
         }
         match self.view {
-            View::Oblique { azimuth_deg, elevation_deg } if !azimuth_deg.is_finite() || !(0.0..=90.0).contains(&elevation_deg) => {
+            View::Oblique { azimuth_deg, elevation_deg }
+                if !azimuth_deg.is_finite() || !(0.0..=90.0).contains(&elevation_deg) =>
+            {
                 Err(Error::parameter("elevation", elevation_deg, "0..90 degrees, and a finite azimuth"))
             }
             _ => Ok(()),
@@ -181,7 +183,13 @@ mod tests {
         let classes = ClassTable::from_codes(&[2, 6]);
         let view = View::Oblique { azimuth_deg: 30.0, elevation_deg: 35.0 };
         let params = RenderParams { view, title: Some("t".into()), width: 500, ..RenderParams::default() };
-        let draw = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| render(&scene(), &classes, &params).unwrap());
+        let draw = |n| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(n)
+                .build()
+                .unwrap()
+                .install(|| render(&scene(), &classes, &params).unwrap())
+        };
         let (one, three) = (draw(1), draw(3));
         assert_eq!(one.rgb, three.rgb);
         let png = one.to_png().unwrap();
@@ -193,7 +201,12 @@ mod tests {
 
     #[test]
     fn few_points_and_odd_clouds_are_drawn() {
-        for rows in [vec![], vec![[5.0, 5.0, 1.0]], vec![[0.0; 3]; 50], vec![[0.0; 3], [1000.0, 0.1, 0.0], [f64::NAN, 0.0, 0.0]]] {
+        for rows in [
+            vec![],
+            vec![[5.0, 5.0, 1.0]],
+            vec![[0.0; 3]; 50],
+            vec![[0.0; 3], [1000.0, 0.1, 0.0], [f64::NAN, 0.0, 0.0]],
+        ] {
             let cloud = Cloud::from_rows(&rows).unwrap();
             for view in [View::Map, View::Oblique { azimuth_deg: 0.0, elevation_deg: 20.0 }] {
                 let params = RenderParams { view, by: ColourBy::Height, ..RenderParams::default() };

@@ -26,8 +26,13 @@ impl Raster {
     pub(super) fn new(cloud: &Cloud, camera: &Camera, frame: &Frame) -> Self {
         let (width, height) = (frame.w as usize * FINER, frame.h as usize * FINER);
         let unit = frame.unit / FINER as f64;
-        let mut raster =
-            Self { width, height, points: vec![NOTHING; width * height], depth: vec![f32::INFINITY; width * height], unit: unit as f32 };
+        let mut raster = Self {
+            width,
+            height,
+            points: vec![NOTHING; width * height],
+            depth: vec![f32::INFINITY; width * height],
+            unit: unit as f32,
+        };
         let half = raster.splat(cloud, camera, frame);
         for i in 0..cloud.len() {
             let p = cloud.xyz(i);
@@ -56,7 +61,7 @@ impl Raster {
         held.sort_unstable();
         let usual = held.get(held.len() / 2).copied().unwrap_or(1);
         let spacing = 16.0 / f64::from(usual.max(1)).sqrt();
-        (0.75 * spacing).ceil().clamp(1.0, MOST) as i64
+        (0.95 * spacing).ceil().clamp(1.0, MOST) as i64
     }
 
     fn put(&mut self, [u, v]: [f64; 2], half: i64, (depth, point): (f32, u32)) {

@@ -6,8 +6,22 @@ use rayon::prelude::*;
 
 /// Directions and distances, in places, at which the surroundings are looked at.
 const AROUND: [(i64, i64); 16] = [
-    (2, 0), (-2, 0), (0, 2), (0, -2), (2, 2), (-2, 2), (2, -2), (-2, -2), // near
-    (7, 0), (-7, 0), (0, 7), (0, -7), (5, 5), (-5, 5), (5, -5), (-5, -5), // far
+    (2, 0),
+    (-2, 0),
+    (0, 2),
+    (0, -2),
+    (2, 2),
+    (-2, 2),
+    (2, -2),
+    (-2, -2), // near
+    (7, 0),
+    (-7, 0),
+    (0, 7),
+    (0, -7),
+    (5, 5),
+    (-5, 5),
+    (5, -5),
+    (-5, -5), // far
 ];
 
 /// Factor of the colour at every place of the grid.

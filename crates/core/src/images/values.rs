@@ -50,7 +50,9 @@ impl<'a> Paint<'a> {
         let values = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
         let mut counts = vec![0u64; 256];
         (0..cloud.len()).for_each(|i| counts[values.map_or(0, |v| usize::from(v.get(i) as u8))] += 1);
-        let of = |code: u8| classes.classes().iter().find(|c| c.code == code).cloned().unwrap_or_else(|| preset::asprs(code));
+        let of = |code: u8| {
+            classes.classes().iter().find(|c| c.code == code).cloned().unwrap_or_else(|| preset::asprs(code))
+        };
         Self::Classes { values, table: (0..=255).map(of).collect(), counts }
     }
 
@@ -75,7 +77,9 @@ impl<'a> Paint<'a> {
     pub(super) fn colour(&self, cloud: &Cloud, point: u32) -> [f32; 3] {
         let i = point as usize;
         match self {
-            Self::Classes { values, table, .. } => table[values.map_or(0, |v| usize::from(v.get(i) as u8))].colour.map(f32::from),
+            Self::Classes { values, table, .. } => {
+                table[values.map_or(0, |v| usize::from(v.get(i) as u8))].colour.map(f32::from)
+            }
             Self::Ramp { values, low, high, .. } => {
                 let value = values.map_or_else(|| cloud.xyz(i)[2], |v| v.get(i));
                 ramp((value - low) / (high - low))
@@ -95,7 +99,8 @@ impl<'a> Paint<'a> {
             Self::Classes { table, counts, values: Some(_) } => {
                 let all: u64 = counts.iter().sum();
                 let seen = table.iter().zip(counts).filter(|(_, n)| **n > 0);
-                seen.map(|(class, &n)| (class.colour, format!("{} {}", class.code, class.name), percent(n, all))).collect()
+                seen.map(|(class, &n)| (class.colour, format!("{} {}", class.code, class.name), percent(n, all)))
+                    .collect()
             }
             Self::Agreement { wrong, points, .. } => vec![
                 (RIGHT, "as in the truth".into(), percent(points - wrong, *points)),

@@ -30,8 +30,15 @@ impl AtomicFile {
         }
         let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
         let suffix = if serial == 0 { String::new() } else { format!("-{serial}") };
-        let partial = target.with_file_name(format!(".{}.{}{suffix}.partial", name.to_string_lossy(), std::process::id()));
-        let file = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&partial).map_err(|e| Error::io(target, e))?;
+        let partial =
+            target.with_file_name(format!(".{}.{}{suffix}.partial", name.to_string_lossy(), std::process::id()));
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .open(&partial)
+            .map_err(|e| Error::io(target, e))?;
         Ok(Self { target: target.to_path_buf(), partial, writer: Some(BufWriter::with_capacity(1 << 20, file)) })
     }
 

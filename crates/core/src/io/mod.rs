@@ -146,7 +146,9 @@ pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
     let mut cloud = read(input)?;
     for edit in edits {
         cloud.set_column(match edit {
-            Edit::Classification(codes) => Column::new(crate::cloud::names::CLASSIFICATION, crate::cloud::Values::U8(codes.clone())),
+            Edit::Classification(codes) => {
+                Column::new(crate::cloud::names::CLASSIFICATION, crate::cloud::Values::U8(codes.clone()))
+            }
             Edit::Dimension(column) => column.clone(),
         })?;
     }
@@ -201,8 +203,12 @@ fn format_of(path: &Path) -> Result<Format> {
     match &start[..] {
         s if s.starts_with(b"LASF") => Ok(Format::Las),
         s if s.starts_with(b"ply") && s.get(3).is_some_and(u8::is_ascii_whitespace) => Ok(Format::Ply),
-        s if s.starts_with(b"ASTM-E57") => unsupported("E57 is not supported yet; convert it to LAS, LAZ or PLY".into()),
-        s if s.contains(&0) => unsupported(format!("neither LAS, LAZ, PLY nor text (it begins with {:02x?})", &s[..s.len().min(8)])),
+        s if s.starts_with(b"ASTM-E57") => {
+            unsupported("E57 is not supported yet; convert it to LAS, LAZ or PLY".into())
+        }
+        s if s.contains(&0) => {
+            unsupported(format!("neither LAS, LAZ, PLY nor text (it begins with {:02x?})", &s[..s.len().min(8)]))
+        }
         _ => Ok(Format::Text),
     }
 }

@@ -132,7 +132,10 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let vertex = &header.elements[at];
     check_names(&source, vertex)?;
     let kept: Vec<usize> = (0..vertex.properties.len())
-        .filter(|&p| vertex.properties[p].list.is_none() && (axis(vertex, p).is_some() || options.wants(&column_name(&vertex.properties[p].name))))
+        .filter(|&p| {
+            vertex.properties[p].list.is_none()
+                && (axis(vertex, p).is_some() || options.wants(&column_name(&vertex.properties[p].name)))
+        })
         .collect();
     options.monitor.stage("read", vertex.count);
     let columns = match header.encoding {
@@ -152,7 +155,8 @@ fn assemble(vertex: &Element, kept: &[usize], columns: Vec<Vec<f64>>) -> Result<
     for (&p, numbers) in kept.iter().zip(columns) {
         match axis(vertex, p) {
             Some(a) => axes[a] = numbers,
-            None => rest.push(Column::new(column_name(&vertex.properties[p].name), vertex.properties[p].kind.values(numbers))),
+            None => rest
+                .push(Column::new(column_name(&vertex.properties[p].name), vertex.properties[p].kind.values(numbers))),
         }
     }
     let mut cloud = Cloud::new(Coordinates::Float(axes))?;
@@ -173,14 +177,19 @@ fn column_name(property: &str) -> String {
 }
 
 fn check_names(source: &Source<'_>, vertex: &Element) -> Result<()> {
-    let count = |name: &str| vertex.properties.iter().filter(|p| p.name.eq_ignore_ascii_case(name) && p.list.is_none()).count();
+    let count =
+        |name: &str| vertex.properties.iter().filter(|p| p.name.eq_ignore_ascii_case(name) && p.list.is_none()).count();
     if let Some(missing) = ["x", "y", "z"].iter().find(|a| count(a) == 0) {
         return Err(source.bad("property", "header".into(), (format!("no `{missing}`"), "x, y and z")));
     }
     for property in &vertex.properties {
         let same = vertex.properties.iter().filter(|p| column_name(&p.name) == column_name(&property.name)).count();
         if same > 1 {
-            return Err(source.bad("property", "header".into(), (format!("`{}` twice", property.name), "each name once")));
+            return Err(source.bad(
+                "property",
+                "header".into(),
+                (format!("`{}` twice", property.name), "each name once"),
+            ));
         }
     }
     Ok(())
@@ -201,16 +210,27 @@ fn header(source: &Source<'_>, bytes: &[u8]) -> Result<Header> {
             ["format", form, "1.0"] => encoding = Some(encoding_of(source, form, place())?),
             ["comment" | "obj_info", ..] | [] => {}
             ["element", name, count] => {
-                let count = count.parse().map_err(|_| source.bad("element count", place(), (count, "a whole number")))?;
+                let count =
+                    count.parse().map_err(|_| source.bad("element count", place(), (count, "a whole number")))?;
                 elements.push(Element { name: name.into(), count, properties: Vec::new() });
             }
             ["property", ref rest @ ..] => {
-                let property = property(rest).ok_or_else(|| source.bad("property", place(), (&line, "property TYPE NAME or property list TYPE TYPE NAME")))?;
-                let element = elements.last_mut().ok_or_else(|| source.bad("property", place(), ("no element before it", "an element first")))?;
+                let property = property(rest).ok_or_else(|| {
+                    source.bad("property", place(), (&line, "property TYPE NAME or property list TYPE TYPE NAME"))
+                })?;
+                let element = elements
+                    .last_mut()
+                    .ok_or_else(|| source.bad("property", place(), ("no element before it", "an element first")))?;
                 element.properties.push(property);
             }
             ["end_header"] => {
-                let encoding = encoding.ok_or_else(|| source.bad("format", "header".into(), ("none", "format ascii, binary_little_endian or binary_big_endian 1.0")))?;
+                let encoding = encoding.ok_or_else(|| {
+                    source.bad(
+                        "format",
+                        "header".into(),
+                        ("none", "format ascii, binary_little_endian or binary_big_endian 1.0"),
+                    )
+                })?;
                 return Ok(Header { encoding, elements, body: at });
             }
             _ => return Err(source.bad("header", place(), (&line, "a PLY keyword"))),
@@ -230,7 +250,9 @@ fn encoding_of(source: &Source<'_>, name: &str, place: String) -> Result<Encodin
 
 fn property(words: &[&str]) -> Option<Property> {
     match words {
-        ["list", count, kind, name] => Some(Property { name: (*name).into(), kind: Kind::parse(kind)?, list: Some(Kind::parse(count)?) }),
+        ["list", count, kind, name] => {
+            Some(Property { name: (*name).into(), kind: Kind::parse(kind)?, list: Some(Kind::parse(count)?) })
+        }
         [kind, name] => Some(Property { name: (*name).into(), kind: Kind::parse(kind)?, list: None }),
         _ => None,
     }
@@ -241,12 +263,21 @@ fn room(source: &Source<'_>, element: &Element, least: usize, left: usize, kept:
     let needed = element.count.checked_mul(least as u64);
     if needed.is_none_or(|n| n > left as u64 + 1) {
         let most = left / least.max(1);
-        return Err(source.bad("number of vertices", "header".into(), (element.count, format!("at most {most} in the {left} bytes after the header"))));
+        return Err(source.bad(
+            "number of vertices",
+            "header".into(),
+            (element.count, format!("at most {most} in the {left} bytes after the header")),
+        ));
     }
     Ok((0..kept).map(|_| Vec::with_capacity(element.count as usize)).collect())
 }
 
-fn binary(source: &Source<'_>, bytes: &[u8], header: &Header, (vertex, kept): (usize, &[usize])) -> Result<Vec<Vec<f64>>> {
+fn binary(
+    source: &Source<'_>,
+    bytes: &[u8],
+    header: &Header,
+    (vertex, kept): (usize, &[usize]),
+) -> Result<Vec<Vec<f64>>> {
     let big = header.encoding == Encoding::Big;
     let mut at = header.body;
     for (e, element) in header.elements.iter().enumerate().take(vertex + 1) {
@@ -259,7 +290,13 @@ fn binary(source: &Source<'_>, bytes: &[u8], header: &Header, (vertex, kept): (u
             let mut column = 0;
             for (p, property) in element.properties.iter().enumerate() {
                 let kind = property.list.unwrap_or(property.kind);
-                let short = || source.bad(&element.name, format!("{i}"), ("the end of the file", format!("{} records", element.count)));
+                let short = || {
+                    source.bad(
+                        &element.name,
+                        format!("{i}"),
+                        ("the end of the file", format!("{} records", element.count)),
+                    )
+                };
                 let slot = bytes.get(at..at + kind.size()).ok_or_else(short)?;
                 let number = kind.number(slot, big);
                 at += kind.size();
@@ -281,16 +318,24 @@ fn binary(source: &Source<'_>, bytes: &[u8], header: &Header, (vertex, kept): (u
     Ok(vec![Vec::new(); kept.len()])
 }
 
-fn ascii(source: &Source<'_>, bytes: &[u8], header: &Header, (vertex, kept): (usize, &[usize])) -> Result<Vec<Vec<f64>>> {
+fn ascii(
+    source: &Source<'_>,
+    bytes: &[u8],
+    header: &Header,
+    (vertex, kept): (usize, &[usize]),
+) -> Result<Vec<Vec<f64>>> {
     let first = bytes[..header.body].iter().filter(|&&b| b == b'\n').count() + 1;
     let mut lines = bytes[header.body..].split(|&b| b == b'\n').zip(first..);
     let before: u64 = header.elements[..vertex].iter().map(|e| e.count).fold(0, u64::saturating_add);
     let element = &header.elements[vertex];
-    let mut columns = room(source, element, 2 * element.properties.len().max(1), bytes.len() - header.body, kept.len())?;
+    let mut columns =
+        room(source, element, 2 * element.properties.len().max(1), bytes.len() - header.body, kept.len())?;
     let mut skipped = 0;
     let mut read = 0;
     while read < element.count {
-        let (line, number) = lines.next().ok_or_else(|| source.bad("vertex", format!("{read}"), ("the end of the file", format!("{} vertices", element.count))))?;
+        let (line, number) = lines.next().ok_or_else(|| {
+            source.bad("vertex", format!("{read}"), ("the end of the file", format!("{} vertices", element.count)))
+        })?;
         let line = String::from_utf8_lossy(line);
         if line.trim().is_empty() {
             continue;
@@ -305,13 +350,20 @@ fn ascii(source: &Source<'_>, bytes: &[u8], header: &Header, (vertex, kept): (us
     Ok(columns)
 }
 
-fn vertex_line(source: &Source<'_>, element: &Element, (line, number): (&str, usize), kept: &[usize], columns: &mut [Vec<f64>]) -> Result<()> {
+fn vertex_line(
+    source: &Source<'_>,
+    element: &Element,
+    (line, number): (&str, usize),
+    kept: &[usize],
+    columns: &mut [Vec<f64>],
+) -> Result<()> {
     let mut words = line.split_ascii_whitespace();
     let mut column = 0;
     for (p, property) in element.properties.iter().enumerate() {
         let short = || source.bad(&property.name, format!("line {number}"), ("the end of the line", "a number"));
         let word = words.next().ok_or_else(short)?;
-        let value: f64 = word.parse().map_err(|_| source.bad(&property.name, format!("line {number}"), (word, "a number")))?;
+        let value: f64 =
+            word.parse().map_err(|_| source.bad(&property.name, format!("line {number}"), (word, "a number")))?;
         if property.list.is_some() {
             for _ in 0..value as u64 {
                 words.next().ok_or_else(short)?;
@@ -322,14 +374,17 @@ fn vertex_line(source: &Source<'_>, element: &Element, (line, number): (&str, us
         }
     }
     match words.next() {
-        Some(extra) => Err(source.bad("vertex", format!("line {number}"), (extra, format!("{} values", element.properties.len())))),
+        Some(extra) => {
+            Err(source.bad("vertex", format!("line {number}"), (extra, format!("{} values", element.properties.len()))))
+        }
         None => Ok(()),
     }
 }
 
 /// Writes binary little-endian PLY: double x y z, colours of 8 bits as uchar, all other columns as float `scalar_NAME`.
 pub(super) fn write(path: &Path, cloud: &Cloud) -> Result<()> {
-    let mut header = format!("ply\nformat binary_little_endian 1.0\ncomment written by scansion\nelement vertex {}\n", cloud.len());
+    let mut header =
+        format!("ply\nformat binary_little_endian 1.0\ncomment written by scansion\nelement vertex {}\n", cloud.len());
     header += "property double x\nproperty double y\nproperty double z\n";
     let is_colour = |c: &Column| names::COLOUR.contains(&c.name.as_str()) && matches!(c.values, Values::U8(_));
     for column in cloud.columns() {
@@ -373,12 +428,19 @@ mod tests {
 
     #[test]
     fn ascii_and_both_binary_orders_give_the_same_cloud() {
-        let head = |f: &str| format!("ply\r\nformat {f} 1.0\r\ncomment c\r\nelement vertex 2\r\nproperty list uchar int n\r\nproperty float x\r\nproperty double y\r\nproperty short z\r\nproperty uchar red\r\nproperty int scalar_Classification\r\nelement face 1\r\nproperty list uchar int v\r\nend_header\r\n");
-        let ascii = read_bytes((head("ascii") + "2 7 8 1.5 2.25 -3 200 6\r\n0 4 5 6 1 2\r\n3 0 1 1\r\n").as_bytes()).unwrap();
+        let head = |f: &str| {
+            format!(
+                "ply\r\nformat {f} 1.0\r\ncomment c\r\nelement vertex 2\r\nproperty list uchar int n\r\nproperty float x\r\nproperty double y\r\nproperty short z\r\nproperty uchar red\r\nproperty int scalar_Classification\r\nelement face 1\r\nproperty list uchar int v\r\nend_header\r\n"
+            )
+        };
+        let ascii =
+            read_bytes((head("ascii") + "2 7 8 1.5 2.25 -3 200 6\r\n0 4 5 6 1 2\r\n3 0 1 1\r\n").as_bytes()).unwrap();
         let body = |big: bool| {
             let mut b = Vec::new();
             let put = |b: &mut Vec<u8>, le: &[u8]| if big { b.extend(le.iter().rev()) } else { b.extend(le) };
-            for (list, x, y, z, red, class) in [(&[7i32, 8][..], 1.5f32, 2.25f64, -3i16, 200u8, 6i32), (&[], 4.0, 5.0, 6, 1, 2)] {
+            for (list, x, y, z, red, class) in
+                [(&[7i32, 8][..], 1.5f32, 2.25f64, -3i16, 200u8, 6i32), (&[], 4.0, 5.0, 6, 1, 2)]
+            {
                 b.push(list.len() as u8);
                 list.iter().for_each(|v| put(&mut b, &v.to_le_bytes()));
                 put(&mut b, &x.to_le_bytes());

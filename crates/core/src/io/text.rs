@@ -24,7 +24,11 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     if let Some((file, labels)) = &labels {
         let (lines, n) = (count_points(body), labels.len());
         if lines != n && lines != n + 1 {
-            return Err(bad(file, ("number of labels", 0, 0), (n, format!("{lines} as {} has points", path.display()))));
+            return Err(bad(
+                file,
+                ("number of labels", 0, 0),
+                (n, format!("{lines} as {} has points", path.display())),
+            ));
         }
     }
     let layout = layout(path, body)?;
@@ -41,14 +45,22 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let mut cloud = assemble(layout, columns, options)?;
     if let Some((file, labels)) = labels {
         if labels.len() != cloud.len() {
-            return Err(bad(&file, ("number of labels", 0, 0), (labels.len(), format!("{} as {} has points", cloud.len(), path.display()))));
+            return Err(bad(
+                &file,
+                ("number of labels", 0, 0),
+                (labels.len(), format!("{} as {} has points", cloud.len(), path.display())),
+            ));
         }
         cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(labels)))?;
     }
     Ok(cloud)
 }
 
-fn bad(path: &Path, (field, line, column): (&str, usize, usize), (found, allowed): (impl ToString, impl ToString)) -> Error {
+fn bad(
+    path: &Path,
+    (field, line, column): (&str, usize, usize),
+    (found, allowed): (impl ToString, impl ToString),
+) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "text",
@@ -62,7 +74,10 @@ fn bad(path: &Path, (field, line, column): (&str, usize, usize), (found, allowed
 /// Lines that hold something, with their numbers from 1; comments (`#`, and `//` after the first line) are left out.
 fn lines(body: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
     let holds = |line: &[u8]| !line.is_empty() && line[0] != b'#';
-    (1..).zip(body.split(|&b| b == b'\n')).map(|(n, l)| (n, l.trim_ascii())).filter(move |(n, l)| holds(l) && (*n == 1 || !l.starts_with(b"//")))
+    (1..)
+        .zip(body.split(|&b| b == b'\n'))
+        .map(|(n, l)| (n, l.trim_ascii()))
+        .filter(move |(n, l)| holds(l) && (*n == 1 || !l.starts_with(b"//")))
 }
 
 fn count_points(body: &[u8]) -> usize {
@@ -93,7 +108,8 @@ fn layout(path: &Path, body: &[u8]) -> Result<Layout> {
     };
     let head = first.strip_prefix(b"//").unwrap_or(first);
     let found: Vec<&str> = words(head).map(|w| w.1).collect();
-    let is_name = |w: &&str| number(w).is_none() && w.bytes().next().is_some_and(|b| b.is_ascii_alphabetic() || b == b'_');
+    let is_name =
+        |w: &&str| number(w).is_none() && w.bytes().next().is_some_and(|b| b.is_ascii_alphabetic() || b == b'_');
     if found.iter().any(is_name) {
         let names: Vec<String> = found.iter().map(|w| (*w).trim_matches('"').to_string()).collect();
         let axis = |a: &str| names.iter().position(|n| n.eq_ignore_ascii_case(a));
@@ -143,11 +159,18 @@ fn row(path: &Path, (number_of_line, line): (usize, &[u8]), columns: &mut [Vec<f
         }
         read += 1;
     }
-    let comma = line.contains(&b',') && line.iter().any(|b| b.is_ascii_whitespace()) && !line.windows(2).any(|w| w == b", ");
+    let comma =
+        line.contains(&b',') && line.iter().any(|b| b.is_ascii_whitespace()) && !line.windows(2).any(|w| w == b", ");
     match read == columns.len() {
         true => Ok(()),
-        false if comma => Err(bad(path, ("columns", number_of_line, 1), (read, format!("{}; write decimals with a point, not a comma", columns.len())))),
-        false => Err(bad(path, ("columns", number_of_line, 1), (read, format!("{} as in the first line", columns.len())))),
+        false if comma => Err(bad(
+            path,
+            ("columns", number_of_line, 1),
+            (read, format!("{}; write decimals with a point, not a comma", columns.len())),
+        )),
+        false => {
+            Err(bad(path, ("columns", number_of_line, 1), (read, format!("{} as in the first line", columns.len()))))
+        }
     }
 }
 
@@ -169,7 +192,9 @@ fn typed(name: &str, numbers: Vec<f64>) -> Values {
     match name {
         n if n == names::CLASSIFICATION && whole(255.0) => Values::U8(numbers.into_iter().map(|v| v as u8).collect()),
         n if names::COLOUR.contains(&n) && whole(255.0) => Values::U8(numbers.into_iter().map(|v| v as u8).collect()),
-        n if names::COLOUR.contains(&n) && whole(65_535.0) => Values::U16(numbers.into_iter().map(|v| v as u16).collect()),
+        n if names::COLOUR.contains(&n) && whole(65_535.0) => {
+            Values::U16(numbers.into_iter().map(|v| v as u16).collect())
+        }
         _ => Values::F64(numbers),
     }
 }
@@ -198,7 +223,9 @@ pub(super) fn write(path: &Path, cloud: &Cloud) -> Result<()> {
     let comma = path.extension().is_some_and(|e| e == "csv");
     let separator = if comma { "," } else { " " };
     let classes = match labels {
-        true => Some(cloud.column(names::CLASSIFICATION).ok_or_else(|| Error::input("no Classification to write as .labels"))?),
+        true => Some(
+            cloud.column(names::CLASSIFICATION).ok_or_else(|| Error::input("no Classification to write as .labels"))?,
+        ),
         false => None,
     };
     let out = file.writer()?;
@@ -284,7 +311,8 @@ mod tests {
             assert!(message.contains(expected), "{message}");
         }
         for labels in ["1\n2\n3\n4\n", "1\n", "1\n256\n", "1\ncar\n"] {
-            let message = read_text("a.txt", &[("a.txt", "1 2 3\n4 5 6\n"), ("a.labels", labels)]).unwrap_err().to_string();
+            let message =
+                read_text("a.txt", &[("a.txt", "1 2 3\n4 5 6\n"), ("a.labels", labels)]).unwrap_err().to_string();
             assert!(message.contains("a.labels"), "{message}");
         }
     }

@@ -163,7 +163,8 @@ mod tests {
             let blocks = Blocks::new(&codes, shift);
             let mut around = Around::default();
             for cell in (0..30_000u64).map(|c| c >> (3 * shift)) {
-                let expected = codes.partition_point(|c| c >> (3 * shift) < cell)..codes.partition_point(|c| c >> (3 * shift) <= cell);
+                let expected = codes.partition_point(|c| c >> (3 * shift) < cell)
+                    ..codes.partition_point(|c| c >> (3 * shift) <= cell);
                 around.move_to(&blocks, morton::decode(cell));
                 let found = around.cell(&blocks, morton::decode(cell));
                 assert!(found == expected || (found.is_empty() && expected.is_empty()), "{cell} {shift}");

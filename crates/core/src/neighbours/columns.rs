@@ -122,7 +122,8 @@ mod tests {
     #[test]
     fn columns_equal_brute_force() {
         let mut s = stream(5, 0);
-        let rows: Vec<[f64; 3]> = (0..3000).map(|_| [s.uniform() * 30.0, s.uniform() * 20.0, s.uniform() * 9.0]).collect();
+        let rows: Vec<[f64; 3]> =
+            (0..3000).map(|_| [s.uniform() * 30.0, s.uniform() * 20.0, s.uniform() * 9.0]).collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.5).unwrap();
         let points = sorted(&points, &grid);

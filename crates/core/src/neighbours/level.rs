@@ -133,7 +133,9 @@ mod tests {
 
     #[test]
     fn the_cascade_equals_direct_filtering_on_every_level() {
-        let rows: Vec<[f64; 3]> = (0..3000).map(|i| [f64::from(i * 7919 % 997) * 0.01, f64::from(i * 104_729 % 883) * 0.01, f64::from(i % 131) * 0.02]).collect();
+        let rows: Vec<[f64; 3]> = (0..3000)
+            .map(|i| [f64::from(i * 7919 % 997) * 0.01, f64::from(i * 104_729 % 883) * 0.01, f64::from(i % 131) * 0.02])
+            .collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.1).unwrap();
         let points = sorted(&points, &grid);

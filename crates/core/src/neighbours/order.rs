@@ -23,7 +23,10 @@ impl Grid {
         let far = [&points.x, &points.y, &points.z].map(|axis| axis.iter().fold(0.0f32, |m, &v| m.max(v)));
         let cells = f64::from(far[0].max(far[1]).max(far[2])) / size;
         if cells >= f64::from(morton::LIMIT - 64) {
-            let expected = format!("a size that gives fewer than {} voxels along an axis; these points need {cells:.0}", morton::LIMIT);
+            let expected = format!(
+                "a size that gives fewer than {} voxels along an axis; these points need {cells:.0}",
+                morton::LIMIT
+            );
             return Err(Error::parameter("first_scale", size, expected));
         }
         Ok(Self { size })
@@ -64,12 +67,15 @@ mod tests {
 
     #[test]
     fn points_of_one_voxel_stand_together_on_every_level() {
-        let rows: Vec<[f64; 3]> = (0..500).map(|i| [f64::from(i * 7919 % 97) * 0.1, f64::from(i * 104_729 % 89) * 0.1, f64::from(i % 13) * 0.1]).collect();
+        let rows: Vec<[f64; 3]> = (0..500)
+            .map(|i| [f64::from(i * 7919 % 97) * 0.1, f64::from(i * 104_729 % 89) * 0.1, f64::from(i % 13) * 0.1])
+            .collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.25).unwrap();
         let sorted = sorted(&points, &grid);
         for level in 0..5 {
-            let codes: Vec<u64> = (0..sorted.len()).map(|i| grid.code(sorted.x[i], sorted.y[i], sorted.z[i]) >> (3 * level)).collect();
+            let codes: Vec<u64> =
+                (0..sorted.len()).map(|i| grid.code(sorted.x[i], sorted.y[i], sorted.z[i]) >> (3 * level)).collect();
             assert!(codes.windows(2).all(|w| w[0] <= w[1]));
         }
     }

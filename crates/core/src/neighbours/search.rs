@@ -306,7 +306,8 @@ mod tests {
 
     #[test]
     fn equals_brute_force_on_a_lattice_full_of_ties() {
-        let lattice: Vec<[f64; 3]> = (0..2197).map(|i| [f64::from(i % 13), f64::from(i / 13 % 13), f64::from(i / 169)]).collect();
+        let lattice: Vec<[f64; 3]> =
+            (0..2197).map(|i| [f64::from(i % 13), f64::from(i / 13 % 13), f64::from(i / 169)]).collect();
         check(&lattice, 0.5, 10);
     }
 

@@ -49,7 +49,8 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
     let blocks = extractor.blocks();
     for first in (0..blocks).step_by(BLOCKS_AT_ONCE) {
         let range = first..(first + BLOCKS_AT_ONCE).min(blocks);
-        let parts = map_ordered_with(range, monitor, Workspace::default, |w, b| w.block(b, &extractor, model, monitor))?;
+        let parts =
+            map_ordered_with(range, monitor, Workspace::default, |w, b| w.block(b, &extractor, model, monitor))?;
         parts.iter().for_each(|part| result.place(part, model));
     }
     Ok(result)
@@ -59,7 +60,10 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
 fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Monitor) -> Result<Extractor<'a>> {
     let known = set.names(set.pyramid.first_scale.unwrap_or_default());
     if let Some(name) = model.feature_names.iter().find(|name| !known.contains(name)) {
-        return Err(Error::ModelMismatch(format!("it needs the feature {name}; its recipe gives {} others", known.len())));
+        return Err(Error::ModelMismatch(format!(
+            "it needs the feature {name}; its recipe gives {} others",
+            known.len()
+        )));
     }
     Extractor::prepare(cloud, set, (Wanted::Names(&model.feature_names), None), monitor)
 }
@@ -123,7 +127,10 @@ fn warnings(cloud: &Cloud, model: &Model, metres: f64) -> Vec<String> {
     let mut warnings = Vec::new();
     let finite = (0..cloud.len()).filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
     if finite < cloud.len() {
-        warnings.push(format!("{} points have coordinates that are not finite; they stay unclassified", cloud.len() - finite));
+        warnings.push(format!(
+            "{} points have coordinates that are not finite; they stay unclassified",
+            cloud.len() - finite
+        ));
     }
     let (here, there) = (planar_density(cloud, metres), model.fingerprint.density);
     if finite > 1000 && there > 0.0 && (here > 8.0 * there || here < 0.02 * there) {

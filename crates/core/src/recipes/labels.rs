@@ -65,9 +65,8 @@ pub fn read_labels(cloud: &Cloud, params: &LabelParams) -> Result<Labels> {
     let mut labels = Labels { codes: Vec::with_capacity(cloud.len()), unlabelled: 0 };
     for i in 0..cloud.len() {
         let code = code_of(column.values.get(i), i, &params.dimension)?.map(|c| params.map.apply(c));
-        let code = code.filter(|c| {
-            !params.unlabelled.contains(c) && (params.classes.is_empty() || params.classes.contains(c))
-        });
+        let code = code
+            .filter(|c| !params.unlabelled.contains(c) && (params.classes.is_empty() || params.classes.contains(c)));
         labels.unlabelled += u64::from(code.is_none());
         labels.codes.push(code);
     }
@@ -80,7 +79,9 @@ fn code_of(value: f64, point: usize, dimension: &str) -> Result<Option<u8>> {
     }
     let code = value as u8;
     if (f64::from(code) - value).abs() > 0.0 {
-        return Err(Error::input(format!("{dimension} of point {point} is {value}; labels are whole numbers in 0..=255")));
+        return Err(Error::input(format!(
+            "{dimension} of point {point} is {value}; labels are whole numbers in 0..=255"
+        )));
     }
     Ok(Some(code))
 }

@@ -7,9 +7,9 @@ mod recipe;
 mod train;
 mod training;
 
-pub use labels::{LabelParams, Labels, read_labels};
 pub use builtin::{BUILTIN_MAP, default_model};
 pub use classify::{Classified, ClassifyParams, classify};
+pub use labels::{LabelParams, Labels, read_labels};
 pub use recipe::{Recipe, set_key};
 pub use train::{DepthScore, cross_validate, train};
 pub use training::{ClassCount, TrainingParams, TrainingReport, planar_density};

@@ -117,7 +117,9 @@ fn gather(clouds: &[(Cloud, Labels)], recipe: &Recipe) -> Vec<Source> {
 fn class_table(sources: &[Source]) -> Result<ClassTable> {
     let codes: Vec<u8> = sources.iter().flat_map(|s| s.candidates.iter().map(|c| c.code)).collect();
     match codes.is_empty() {
-        true => Err(Error::input("no labelled point to learn from; check the label dimension and the unlabelled codes")),
+        true => {
+            Err(Error::input("no labelled point to learn from; check the label dimension and the unlabelled codes"))
+        }
         false => Ok(ClassTable::from_codes(&codes)),
     }
 }
@@ -160,7 +162,12 @@ impl Described {
 }
 
 /// Step 3: feature vectors of the chosen points; fixes the first scale in the recipe.
-fn describe(clouds: &[(Cloud, Labels)], sources: &[Source], recipe: &mut Recipe, monitor: &Monitor) -> Result<Described> {
+fn describe(
+    clouds: &[(Cloud, Labels)],
+    sources: &[Source],
+    recipe: &mut Recipe,
+    monitor: &Monitor,
+) -> Result<Described> {
     let mut described = Described { classes: class_table(sources)?, ..Described::default() };
     for source in sources {
         let whole = &clouds[source.cloud].0;
@@ -170,7 +177,9 @@ fn describe(clouds: &[(Cloud, Labels)], sources: &[Source], recipe: &mut Recipe,
         let (table, first_scale) = features::table_at(cloud, &recipe.features, &points, monitor)?;
         recipe.features.pyramid.first_scale = Some(first_scale);
         described.values.extend_from_slice(&table.values);
-        described.labels.extend(source.candidates.iter().filter_map(|c| described.classes.position(c.code)).map(|p| p as u16));
+        described
+            .labels
+            .extend(source.candidates.iter().filter_map(|c| described.classes.position(c.code)).map(|p| p as u16));
         let metres = recipe.features.metres(cloud);
         described.blocks.extend(points.iter().map(|&p| block_of(source.cloud, cloud.xyz(p as usize), metres)));
         described.names = table.names;
@@ -191,7 +200,11 @@ fn count(clouds: &[(Cloud, Labels)], sources: &[Source], classes: &ClassTable) -
         labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
     }
     let samples = |code| sources.iter().flat_map(|s| &s.candidates).filter(|c| c.code == code).count() as u64;
-    classes.classes().iter().map(|c| ClassCount { code: c.code, points: points[usize::from(c.code)], samples: samples(c.code) }).collect()
+    classes
+        .classes()
+        .iter()
+        .map(|c| ClassCount { code: c.code, points: points[usize::from(c.code)], samples: samples(c.code) })
+        .collect()
 }
 
 /// Mean of the clouds' densities, points per square metre.

@@ -175,7 +175,8 @@ mod tests {
 
     #[test]
     fn copies_reach_the_asked_density() {
-        let rows: Vec<[f64; 3]> = (0..10_000).map(|i| [f64::from(i % 100) * 0.2, f64::from(i / 100) * 0.2, 0.0]).collect();
+        let rows: Vec<[f64; 3]> =
+            (0..10_000).map(|i| [f64::from(i % 100) * 0.2, f64::from(i / 100) * 0.2, 0.0]).collect();
         let cloud = Cloud::from_rows(&rows).unwrap();
         assert!((planar_density(&cloud, 1.0) - 25.0).abs() < 1e-9);
         let params = TrainingParams { densities: vec![5.0, 24.0], ..TrainingParams::default() };

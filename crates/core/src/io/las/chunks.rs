@@ -8,8 +8,8 @@ use super::vlr::{Vlr, read_at};
 use crate::error::{Error, Result};
 use laz::laszip::{ChunkTable, ChunkTableEntry, LazItemType};
 use laz::record::{
-    LayeredPointRecordCompressor, LayeredPointRecordDecompressor, RecordCompressor, RecordDecompressor, SequentialPointRecordCompressor,
-    SequentialPointRecordDecompressor,
+    LayeredPointRecordCompressor, LayeredPointRecordDecompressor, RecordCompressor, RecordDecompressor,
+    SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
 };
 use laz::{LazItem, LazVlr};
 use std::fs::File;
@@ -56,18 +56,29 @@ pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header,
 }
 
 /// Places the chunks one after the other and compares their sums with header and file.
-fn list(path: &Path, table: &ChunkTable, (vlr, points): (&LazVlr, u64), (first, end): (u64, u64)) -> Result<Vec<Chunk>> {
+fn list(
+    path: &Path,
+    table: &ChunkTable,
+    (vlr, points): (&LazVlr, u64),
+    (first, end): (u64, u64),
+) -> Result<Vec<Chunk>> {
     let mut list = Vec::with_capacity(table.len());
     let (mut at, mut left) = (first, points);
     for (i, entry) in table.into_iter().enumerate() {
-        let points = if vlr.uses_variable_size_chunks() { entry.point_count } else { left.min(u64::from(vlr.chunk_size())) };
+        let points =
+            if vlr.uses_variable_size_chunks() { entry.point_count } else { left.min(u64::from(vlr.chunk_size())) };
         let field = |name: &str| format!("{name} of chunk {i}");
         if entry.byte_count > end - at {
             return Err(bad(path, &field("size"), at, (entry.byte_count, format!("at most {}", end - at))));
         }
         // A compressed point takes at least a bit of its own; nothing real comes near 4096 points a byte.
         if points > left || points > entry.byte_count.saturating_mul(4096) {
-            return Err(bad(path, &field("number of points"), at, (points, format!("at most {}", left.min(4096 * entry.byte_count)))));
+            return Err(bad(
+                path,
+                &field("number of points"),
+                at,
+                (points, format!("at most {}", left.min(4096 * entry.byte_count))),
+            ));
         }
         list.push(Chunk { at, bytes: entry.byte_count, points });
         at += entry.byte_count;
@@ -95,29 +106,45 @@ fn table_offset(path: &Path, file: &mut File, points_at: u64, size: u64) -> Resu
 }
 
 fn check_items(path: &Path, header: &Header, vlr: &Vlr) -> Result<LazVlr> {
-    let wrong = |field: &str, found: String, allowed: &str| bad(path, field, header.raw.len() as u64, (found, allowed.to_string()));
+    let wrong = |field: &str, found: String, allowed: &str| {
+        bad(path, field, header.raw.len() as u64, (found, allowed.to_string()))
+    };
     let unsupported = |reason: String| Error::Unsupported { path: path.to_path_buf(), reason };
     if vlr.data.len() < 34 || vlr.data.len() < 34 + 6 * usize::from(u16_at(&vlr.data, 32)) {
         return Err(wrong("LAZ record length", vlr.data.len().to_string(), "34 bytes and 6 for each item"));
     }
     match u16_at(&vlr.data, 0) {
         2 | 3 => {}
-        1 => return Err(unsupported("LAZ compressor PointWise (LASzip before 1.0) is not supported; rewrite the file with laszip".into())),
-        other => return Err(wrong("LAZ compressor", other.to_string(), "2 (pointwise chunked) or 3 (layered chunked)")),
+        1 => {
+            return Err(unsupported(
+                "LAZ compressor PointWise (LASzip before 1.0) is not supported; rewrite the file with laszip".into(),
+            ));
+        }
+        other => {
+            return Err(wrong("LAZ compressor", other.to_string(), "2 (pointwise chunked) or 3 (layered chunked)"));
+        }
     }
     if u32_at(&vlr.data, 12) == 0 {
         return Err(wrong("LAZ chunk size", "0".into(), "1 or more"));
     }
     let parsed = LazVlr::from_buffer(&vlr.data).map_err(|e| unsupported(format!("LAZ record: {e}")))?;
     if parsed.items_size() != u64::from(header.record_length) {
-        return Err(wrong("LAZ items", format!("{} bytes a point", parsed.items_size()), &format!("{} as the header says", header.record_length)));
+        return Err(wrong(
+            "LAZ items",
+            format!("{} bytes a point", parsed.items_size()),
+            &format!("{} as the header says", header.record_length),
+        ));
     }
     let base = match (header.format, parsed.items().first().map(LazItem::item_type)) {
         (0..=5, Some(LazItemType::Point10)) | (6..=10, Some(LazItemType::Point14)) => true,
         _ => RECORD_SIZES.len() < usize::from(header.format),
     };
     if !base {
-        return Err(wrong("LAZ items", format!("{:?}", parsed.items().first().map(LazItem::item_type)), "the point item of the point format first"));
+        return Err(wrong(
+            "LAZ items",
+            format!("{:?}", parsed.items().first().map(LazItem::item_type)),
+            "the point item of the point format first",
+        ));
     }
     Ok(parsed)
 }
@@ -161,7 +188,12 @@ fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result
     let declared: u64 = (0..layers).map(|l| u64::from(u32_at(bytes, start + 4 * l))).sum();
     let room = (bytes.len() as u64).saturating_sub((start + 4 * layers) as u64);
     if bytes.len() < start + 4 * layers || declared > room {
-        return Err(bad(path, &format!("layers of chunk {index}"), 0, (format!("{declared} bytes"), format!("at most {room}"))));
+        return Err(bad(
+            path,
+            &format!("layers of chunk {index}"),
+            0,
+            (format!("{declared} bytes"), format!("at most {room}")),
+        ));
     }
     Ok(())
 }

@@ -73,7 +73,9 @@ impl Field {
     /// The values of this field, empty, with room for `n`.
     pub(in crate::io) fn values(self, n: usize) -> Values {
         match self {
-            Self::Intensity | Self::PointSourceId | Self::Red | Self::Green | Self::Blue | Self::Infrared => Values::U16(vec![0; n]),
+            Self::Intensity | Self::PointSourceId | Self::Red | Self::Green | Self::Blue | Self::Infrared => {
+                Values::U16(vec![0; n])
+            }
             Self::ScanAngle => Values::F32(vec![0.0; n]),
             Self::GpsTime => Values::F64(vec![0.0; n]),
             _ => Values::U8(vec![0; n]),

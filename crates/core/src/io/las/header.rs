@@ -131,7 +131,12 @@ impl Header {
             return Err(bad(path, "point format", 104, (self.format, "0 to 10")));
         };
         if self.record_length < least {
-            return Err(bad(path, "record length", 105, (self.record_length, format!("{least} or more in point format {}", self.format))));
+            return Err(bad(
+                path,
+                "record length",
+                105,
+                (self.record_length, format!("{least} or more in point format {}", self.format)),
+            ));
         }
         if self.points_at < self.raw.len() as u64 || self.points_at > size {
             return Err(bad(path, "offset to points", 96, (self.points_at, format!("{} to {size}", self.raw.len()))));
@@ -149,7 +154,12 @@ impl Header {
         if !self.compressed && bytes.is_none_or(|b| b > room) {
             let there = room / u64::from(self.record_length);
             let place = if self.minor >= 4 { 247 } else { 107 };
-            return Err(bad(path, "number of points", place, (self.points, format!("at most {there}, the file ends after them"))));
+            return Err(bad(
+                path,
+                "number of points",
+                place,
+                (self.points, format!("at most {there}, the file ends after them")),
+            ));
         }
         if self.compressed && self.points > 0 && room < 8 {
             return Err(bad(path, "number of points", 107, (self.points, "0, the file ends where points begin")));

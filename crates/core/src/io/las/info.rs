@@ -36,7 +36,12 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
         crs,
         metres_per_unit,
         dimensions: fields.chain(extras.into_iter().map(|e| e.name)).collect(),
-        vlrs: records.vlrs.iter().chain(&records.evlrs).map(|v| format!("{} {}", v.user(), super::header::u16_at(&v.head, 18))).collect(),
+        vlrs: records
+            .vlrs
+            .iter()
+            .chain(&records.evlrs)
+            .map(|v| format!("{} {}", v.user(), super::header::u16_at(&v.head, 18)))
+            .collect(),
         warnings,
     })
 }

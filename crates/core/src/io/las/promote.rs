@@ -23,7 +23,8 @@ pub(super) fn record(format: u8, old: &[u8], new: &mut [u8]) {
         field.take(format, old, 0, &mut value);
         field.store(to, new, number(&value));
     }
-    let (old_base, new_base) = (usize::from(RECORD_SIZES[usize::from(format)]), usize::from(RECORD_SIZES[usize::from(to)]));
+    let (old_base, new_base) =
+        (usize::from(RECORD_SIZES[usize::from(format)]), usize::from(RECORD_SIZES[usize::from(to)]));
     if format >= 4 {
         // 29 bytes of the wave packet close both records.
         new[new_base - 29..new_base].copy_from_slice(&old[old_base - 29..old_base]);
@@ -56,7 +57,10 @@ pub(super) fn header(old: &Header, wkt: bool) -> Vec<u8> {
     // The legacy counters are 0 with formats from 6 on.
     raw[107..131].fill(0);
     put(&mut raw, 247, &old.points.to_le_bytes());
-    returns.iter().enumerate().for_each(|(r, n)| put(&mut raw, 255 + 8 * r, &u64::from(u32::from_le_bytes(*n)).to_le_bytes()));
+    returns
+        .iter()
+        .enumerate()
+        .for_each(|(r, n)| put(&mut raw, 255 + 8 * r, &u64::from(u32::from_le_bytes(*n)).to_le_bytes()));
     raw
 }
 

@@ -21,10 +21,17 @@ pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let mut records = Records::open(path)?;
     let (n, format) = (records.len()?, records.header.format);
     let (extras, _) = extra::described(&records.header, &records.vlrs);
-    let fields = fields::of_format(format).map(|(field, name)| (Source::Field(field), name.to_string(), field.values(0)));
-    let extras = extras.into_iter().map(|e| (e.name.clone(), e.values(0), e)).map(|(name, values, e)| (Source::Extra(e), name, values));
-    let mut columns: Vec<(Source, Column)> =
-        fields.chain(extras).filter(|(_, name, _)| options.wants(name)).map(|(source, name, values)| (source, Column::new(name, values))).collect();
+    let fields =
+        fields::of_format(format).map(|(field, name)| (Source::Field(field), name.to_string(), field.values(0)));
+    let extras = extras
+        .into_iter()
+        .map(|e| (e.name.clone(), e.values(0), e))
+        .map(|(name, values, e)| (Source::Extra(e), name, values));
+    let mut columns: Vec<(Source, Column)> = fields
+        .chain(extras)
+        .filter(|(_, name, _)| options.wants(name))
+        .map(|(source, name, values)| (source, Column::new(name, values)))
+        .collect();
     for (source, column) in &mut columns {
         column.values = match source {
             Source::Field(field) => field.values(n),

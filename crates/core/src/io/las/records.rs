@@ -57,12 +57,21 @@ impl Records {
     pub(in crate::io) fn len(&self) -> Result<usize> {
         match u32::try_from(self.header.points) {
             Ok(n) if n < u32::MAX => Ok(n as usize),
-            _ => Err(bad(&self.path, "number of points", 247, (self.header.points, format!("fewer than {} for one cloud", u32::MAX)))),
+            _ => Err(bad(
+                &self.path,
+                "number of points",
+                247,
+                (self.header.points, format!("fewer than {} for one cloud", u32::MAX)),
+            )),
         }
     }
 
     /// All records in order. Chunks are decoded in parallel; memory is that of a few chunks a thread.
-    pub(in crate::io) fn for_each(&mut self, monitor: &Monitor, mut work: impl FnMut(Slab<'_>) -> Result<()>) -> Result<()> {
+    pub(in crate::io) fn for_each(
+        &mut self,
+        monitor: &Monitor,
+        mut work: impl FnMut(Slab<'_>) -> Result<()>,
+    ) -> Result<()> {
         let total = self.len()?;
         let length = usize::from(self.header.record_length);
         if self.chunks.is_some() {
@@ -107,7 +116,10 @@ impl Records {
 }
 
 /// Records of a slab, each with its position in the cloud, in parallel where that pays.
-pub(in crate::io) fn par_records<'a>(slab: Slab<'a>, length: usize) -> impl IndexedParallelIterator<Item = (usize, &'a mut [u8])> {
+pub(in crate::io) fn par_records<'a>(
+    slab: Slab<'a>,
+    length: usize,
+) -> impl IndexedParallelIterator<Item = (usize, &'a mut [u8])> {
     let first = slab.points.start;
     slab.bytes.par_chunks_exact_mut(length).with_min_len(8192).enumerate().map(move |(i, record)| (first + i, record))
 }

@@ -35,7 +35,12 @@ struct Plan<'a> {
 }
 
 /// Copies `input` to `output` (LAS or LAZ by its extension) with the edits applied.
-pub(in crate::io) fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
+pub(in crate::io) fn rewrite(
+    input: &Path,
+    output: &Path,
+    edits: &[Edit],
+    options: &WriteOptions,
+) -> Result<RewriteReport> {
     let mut records = Records::open(input)?;
     let points = records.len()? as u64;
     let mut report = RewriteReport { points, notes: Vec::new() };
@@ -48,7 +53,10 @@ pub(in crate::io) fn rewrite(input: &Path, output: &Path, edits: &[Edit], option
     let mut front = front(&records, promote, output);
     if promote {
         let to = promote::target(records.header.format);
-        report.notes.push(format!("class codes up to {largest} need LAS 1.4: point format {} became {to}", records.header.format));
+        report.notes.push(format!(
+            "class codes up to {largest} need LAS 1.4: point format {} became {to}",
+            records.header.format
+        ));
     }
     if drop_copc(&mut records, &mut front) {
         report.notes.push("the octree of the COPC input is not kept; the output is plain LAZ".into());
@@ -137,7 +145,13 @@ fn tail(records: &mut Records) -> Result<Tail> {
 }
 
 /// Decides where each edit goes and extends record length and descriptors.
-fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], codes: Option<&'a [u8]>, promote: bool) -> Result<Plan<'a>> {
+fn plan<'a>(
+    records: &Records,
+    front: &mut Front,
+    edits: &'a [Edit],
+    codes: Option<&'a [u8]>,
+    promote: bool,
+) -> Result<Plan<'a>> {
     let header = &records.header;
     let format = if promote { promote::target(header.format) } else { header.format };
     let base = usize::from(RECORD_SIZES[usize::from(format)]);
@@ -149,10 +163,16 @@ fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], codes: Opti
         let Edit::Dimension(column) = edit else { continue };
         check_values(&column.name, &column.values, header.points)?;
         if Field::named(&column.name, format).is_some() {
-            return Err(Error::parameter("dimension", &column.name, "a name that the point format does not use itself"));
+            return Err(Error::parameter(
+                "dimension",
+                &column.name,
+                "a name that the point format does not use itself",
+            ));
         }
         match known.iter().find(|e| e.name == column.name) {
-            Some(old) => slots.push(Slot { at: same_type(old, column)?.saturating_add_signed(moved), values: &column.values }),
+            Some(old) => {
+                slots.push(Slot { at: same_type(old, column)?.saturating_add_signed(moved), values: &column.values })
+            }
             None => {
                 slots.push(Slot { at: length, values: &column.values });
                 added.extend(extra::descriptor(column)?);
@@ -163,15 +183,27 @@ fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], codes: Opti
     if !added.is_empty() {
         describe(&mut front.vlrs, undescribed, &added)?;
     }
-    let new_length = u16::try_from(length).map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
+    let new_length = u16::try_from(length)
+        .map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
     put(&mut front.header, 105, &new_length.to_le_bytes());
-    Ok(Plan { codes, slots, promote, format: header.format, old_length: usize::from(header.record_length), new_length: length })
+    Ok(Plan {
+        codes,
+        slots,
+        promote,
+        format: header.format,
+        old_length: usize::from(header.record_length),
+        new_length: length,
+    })
 }
 
 fn same_type(old: &Extra, column: &Column) -> Result<usize> {
     match old.kind == extra::kind_of(&column.values) && old.scaled.is_none() {
         true => Ok(old.at),
-        false => Err(Error::parameter("dimension", &column.name, "another name: the file has a dimension of this name and another type")),
+        false => Err(Error::parameter(
+            "dimension",
+            &column.name,
+            "another name: the file has a dimension of this name and another type",
+        )),
     }
 }
 

@@ -50,7 +50,12 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
     let start = header.raw.len();
     let room = header.points_at as usize - start;
     if u64::from(header.vlrs) * 54 > room as u64 {
-        return Err(bad(path, "number of VLRs", 100, (header.vlrs, format!("at most {}: {room} bytes stand before the points", room / 54))));
+        return Err(bad(
+            path,
+            "number of VLRs",
+            100,
+            (header.vlrs, format!("at most {}: {room} bytes stand before the points", room / 54)),
+        ));
     }
     let bytes = read_at(path, file, start as u64, room)?;
     let mut vlrs = Vec::with_capacity(header.vlrs as usize);
@@ -62,7 +67,12 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
         let length = usize::from(u16_at(head, 20));
         let Some(data) = bytes.get(at + 54..at + 54 + length) else {
             let left = room - at - 54;
-            return Err(bad(path, "VLR length", (start + at + 20) as u64, (length, format!("at most {left} bytes before the points"))));
+            return Err(bad(
+                path,
+                "VLR length",
+                (start + at + 20) as u64,
+                (length, format!("at most {left} bytes before the points")),
+            ));
         };
         vlrs.push(Vlr { head: head.to_vec(), data: data.to_vec() });
         at += 54 + length;
@@ -71,7 +81,12 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
 }
 
 /// Reads the extended records of LAS 1.4; content above `most` bytes is left out (waveforms).
-pub(in crate::io) fn read_evlrs(path: &Path, file: &mut File, header: &Header, (size, most): (u64, u64)) -> Result<Vec<Vlr>> {
+pub(in crate::io) fn read_evlrs(
+    path: &Path,
+    file: &mut File,
+    header: &Header,
+    (size, most): (u64, u64),
+) -> Result<Vec<Vlr>> {
     let mut evlrs = Vec::new();
     let mut at = header.evlrs_at;
     if header.evlrs > 0 && (at < header.points_at || at > size) {
@@ -87,7 +102,12 @@ pub(in crate::io) fn read_evlrs(path: &Path, file: &mut File, header: &Header, (
         let head = read_at(path, file, at, 60)?;
         let length = u64_at(&head, 20);
         if length > size - at - 60 {
-            return Err(bad(path, "EVLR length", at + 20, (length, format!("at most the {} bytes that are left", size - at - 60))));
+            return Err(bad(
+                path,
+                "EVLR length",
+                at + 20,
+                (length, format!("at most the {} bytes that are left", size - at - 60)),
+            ));
         }
         let data = if length <= most { read_at(path, file, at + 60, length as usize)? } else { Vec::new() };
         evlrs.push(Vlr { head, data });
@@ -104,16 +124,22 @@ pub(in crate::io) fn read_at(path: &Path, file: &mut File, at: u64, length: usiz
 }
 
 /// The CRS as WKT or `EPSG:n`, and metres per unit, from WKT or GeoTIFF keys.
-pub(in crate::io) fn crs<'a>(header: &Header, vlrs: impl Iterator<Item = &'a Vlr> + Clone) -> (Option<String>, Option<f64>) {
+pub(in crate::io) fn crs<'a>(
+    header: &Header,
+    vlrs: impl Iterator<Item = &'a Vlr> + Clone,
+) -> (Option<String>, Option<f64>) {
     let find = |id| vlrs.clone().find(|v| v.is("LASF_Projection", id)).map(|v| &v.data[..]);
-    let wkt = find(2112).map(|d| String::from_utf8_lossy(d).trim_end_matches('\0').to_string()).filter(|w| !w.is_empty());
+    let wkt =
+        find(2112).map(|d| String::from_utf8_lossy(d).trim_end_matches('\0').to_string()).filter(|w| !w.is_empty());
     let keys = find(34735);
     match (wkt, keys) {
         (Some(wkt), keys) if header.wkt() || keys.is_none() => {
             let metres = wkt_metres(&wkt);
             (Some(wkt), metres)
         }
-        (_, Some(keys)) => (geo_key(keys, 3072).filter(|&k| k != 32767 && k > 0).map(|k| format!("EPSG:{k}")), geo_metres(keys)),
+        (_, Some(keys)) => {
+            (geo_key(keys, 3072).filter(|&k| k != 32767 && k > 0).map(|k| format!("EPSG:{k}")), geo_metres(keys))
+        }
         _ => (None, None),
     }
 }
@@ -136,7 +162,8 @@ fn geo_metres(keys: &[u8]) -> Option<f64> {
 /// The factor of the projected system's own length unit. Geographic systems have none.
 fn wkt_metres(wkt: &str) -> Option<f64> {
     let start = ["PROJCS[", "PROJCRS["].iter().find_map(|k| wkt.find(k))?;
-    let end = ["VERT_CS[", "VERTCRS["].iter().filter_map(|k| wkt[start..].find(k)).min().map_or(wkt.len(), |e| start + e);
+    let end =
+        ["VERT_CS[", "VERTCRS["].iter().filter_map(|k| wkt[start..].find(k)).min().map_or(wkt.len(), |e| start + e);
     let part = &wkt[start..end];
     let unit = ["LENGTHUNIT[", "UNIT["].iter().find_map(|k| part.rfind(k).map(|at| &part[at..]))?;
     let factor: f64 = unit.split([',', ']']).nth(1)?.trim().parse().ok()?;

@@ -20,16 +20,26 @@ type Frame = ([f64; 3], [f64; 3]);
 pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     let frame = frame(cloud)?;
     let has = |name| cloud.column(name).is_some();
-    let format = if has("Infrared") { 8 } else if names::COLOUR.iter().any(|n| has(n)) { 7 } else { 6 };
-    let (fields, extras): (Vec<_>, Vec<_>) = cloud.columns().iter().partition(|c| Field::named(&c.name, format).is_some());
-    let fields: Vec<(Field, &Column)> = fields.into_iter().filter_map(|c| Some((Field::named(&c.name, format)?, c))).collect();
+    let format = if has("Infrared") {
+        8
+    } else if names::COLOUR.iter().any(|n| has(n)) {
+        7
+    } else {
+        6
+    };
+    let (fields, extras): (Vec<_>, Vec<_>) =
+        cloud.columns().iter().partition(|c| Field::named(&c.name, format).is_some());
+    let fields: Vec<(Field, &Column)> =
+        fields.into_iter().filter_map(|c| Some((Field::named(&c.name, format)?, c))).collect();
     check(&fields)?;
     let base = usize::from(RECORD_SIZES[usize::from(format)]);
     let length = base + extras.iter().map(|c| extra::size_of(extra::kind_of(&c.values))).sum::<usize>();
-    let length16 = u16::try_from(length).map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
+    let length16 = u16::try_from(length)
+        .map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
     let laz = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("laz"));
     let vlrs = vlrs(cloud, &extras)?;
-    let front = Front { header: header(cloud, format, length16, &frame), vlrs, gap: Vec::new(), chunk: laz.then_some(CHUNK) };
+    let front =
+        Front { header: header(cloud, format, length16, &frame), vlrs, gap: Vec::new(), chunk: laz.then_some(CHUNK) };
     let mut writer = Writer::create(path, front)?;
     options.monitor.stage("write", cloud.len() as u64);
     for first in (0..cloud.len()).step_by(SLAB) {
@@ -61,7 +71,11 @@ fn check(fields: &[(Field, &Column)]) -> Result<()> {
         };
         let outside = |i: &usize| !(0.0..=most).contains(&column.values.get(*i));
         if let Some(i) = (0..column.values.len()).find(outside) {
-            return Err(Error::input(format!("{} of point {i} is {}; LAS holds 0..={most}", column.name, column.values.get(i))));
+            return Err(Error::input(format!(
+                "{} of point {i} is {}; LAS holds 0..={most}",
+                column.name,
+                column.values.get(i)
+            )));
         }
     }
     Ok(())
@@ -78,7 +92,10 @@ fn frame(cloud: &Cloud) -> Result<Frame> {
     let offset = low.map(f64::floor);
     for a in 0..3 {
         if (high[a] - offset[a]) / scale[a] > f64::from(i32::MAX) {
-            let text = format!("axis {a} reaches from {} to {}; with a scale of {} that does not fit LAS", low[a], high[a], scale[a]);
+            let text = format!(
+                "axis {a} reaches from {} to {}; with a scale of {} that does not fit LAS",
+                low[a], high[a], scale[a]
+            );
             return Err(Error::input(text));
         }
     }

@@ -58,7 +58,8 @@ impl Writer {
         };
         front.header[104] = format | if laz.is_some() { 0x80 } else { 0 };
         let points_at = (front.header.len() + size_of(&front.vlrs) + front.gap.len()) as u64;
-        let at = u32::try_from(points_at).map_err(|_| Error::input(format!("{points_at} bytes of VLRs; at most 4 GiB fit before the points")))?;
+        let at = u32::try_from(points_at)
+            .map_err(|_| Error::input(format!("{points_at} bytes of VLRs; at most 4 GiB fit before the points")))?;
         put(&mut front.header, 96, &at.to_le_bytes());
         put(&mut front.header, 100, &(front.vlrs.len() as u32).to_le_bytes());
         let mut file = AtomicFile::create(path)?;
@@ -72,7 +73,17 @@ impl Writer {
             file.write_all(&[0; 8])?;
         }
         let path = path.to_path_buf();
-        Ok(Self { file, laz, record, points_at, header: front.header, pending: Vec::new(), sizes: Vec::new(), points: 0, path })
+        Ok(Self {
+            file,
+            laz,
+            record,
+            points_at,
+            header: front.header,
+            pending: Vec::new(),
+            sizes: Vec::new(),
+            points: 0,
+            path,
+        })
     }
 
     /// Appends records. Chunks are encoded in parallel as soon as there is one for every thread.
@@ -128,7 +139,10 @@ impl Writer {
     fn overwrite(&mut self, at: u64, bytes: &[u8]) -> Result<()> {
         let path = self.path.clone();
         let writer = self.file.writer()?;
-        let back = writer.seek(SeekFrom::Start(at)).and_then(|_| writer.write_all(bytes)).and_then(|()| writer.seek(SeekFrom::End(0)));
+        let back = writer
+            .seek(SeekFrom::Start(at))
+            .and_then(|_| writer.write_all(bytes))
+            .and_then(|()| writer.seek(SeekFrom::End(0)));
         back.map(|_| ()).map_err(|e| Error::io(&path, e))
     }
 

@@ -11,7 +11,12 @@ fn main() {
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global().unwrap();
     let m = Monitor::default();
     let all = set.names(set.pyramid.first_scale.unwrap());
-    for (what, names) in [("all", all.clone()), ("cov", all.iter().enumerate().filter(|(i, _)| i % 16 < 9).map(|x| x.1.clone()).collect()), ("cov+contour", all.iter().enumerate().filter(|(i, _)| i % 16 < 13).map(|x| x.1.clone()).collect()), ("height", all.iter().enumerate().filter(|(i, _)| i % 16 >= 13).map(|x| x.1.clone()).collect())] {
+    for (what, names) in [
+        ("all", all.clone()),
+        ("cov", all.iter().enumerate().filter(|(i, _)| i % 16 < 9).map(|x| x.1.clone()).collect()),
+        ("cov+contour", all.iter().enumerate().filter(|(i, _)| i % 16 < 13).map(|x| x.1.clone()).collect()),
+        ("height", all.iter().enumerate().filter(|(i, _)| i % 16 >= 13).map(|x| x.1.clone()).collect()),
+    ] {
         let t = std::time::Instant::now();
         let e = Extractor::prepare(&cloud, &set, (Wanted::Names(&names), None), &m).unwrap();
         let prep = t.elapsed().as_secs_f64();
@@ -23,6 +28,11 @@ fn main() {
             sum += f64::from(rows[rows.len() / 2]);
         }
         let total = t.elapsed().as_secs_f64();
-        println!("{what}: prepare {prep:.2} s, blocks {:.2} s, {:.0} ns per point and level in all, {:.0} k points/s ({sum})", total - prep, total * 1e9 / (v.len() as f64 / 3.0) / 9.0, v.len() as f64 / 3.0 / total / 1e3);
+        println!(
+            "{what}: prepare {prep:.2} s, blocks {:.2} s, {:.0} ns per point and level in all, {:.0} k points/s ({sum})",
+            total - prep,
+            total * 1e9 / (v.len() as f64 / 3.0) / 9.0,
+            v.len() as f64 / 3.0 / total / 1e3
+        );
     }
 }

@@ -1,0 +1,135 @@
+//! The command line as a user meets it: exit codes, streams and files.
+
+use scansion_tests::{demo_scan, street};
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn binary() -> std::path::PathBuf {
+    // target/PROFILE/deps/cli-HASH -> target/PROFILE/scansion
+    let here = std::env::current_exe().unwrap();
+    here.parent().unwrap().parent().unwrap().join("scansion")
+}
+
+fn scansion(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(binary()).args(arguments).current_dir(folder).env("NO_COLOR", "1").output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = scansion(folder, arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
+    let output = scansion(folder, arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+    assert!(stderr.contains("error"), "{stderr}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    stderr
+}
+
+#[test]
+fn the_main_job_runs_from_training_to_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    for (name, seed) in [("a.laz", 1), ("b.ply", 2), ("c.txt", 3)] {
+        scansion_core::io::write(&f.join(name), &street(30.0, seed), &Default::default()).unwrap();
+    }
+    let sets =
+        ["--set", "features.pyramid.first_scale=0.4", "--set", "features.pyramid.levels=5", "--set", "forest.trees=10"];
+    let trained =
+        done(f, &[&["train", "a.laz", "b.ply", "-o", "my.model", "--seed", "3", "-j", "2"], &sets[..]].concat());
+    assert!(trained.contains("building") && trained.contains("out-of-bag"), "{trained}");
+    done(f, &["classify", "a.laz", "c.txt", "-m", "my.model", "-o", "named", "--probabilities"]);
+    let scores = done(f, &["evaluate", "c.txt", "named/c.txt", "--format", "json", "-o", "s.csv", "-o", "s.png"]);
+    let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
+    assert!(scores["overall_accuracy"].as_f64().unwrap() > 0.95, "{scores}");
+    let info = done(f, &["info", "named/a.laz", "--stats", "--format", "json"]);
+    assert!(info.contains("P_building") && info.contains("Confidence") && info.contains("Entropy"), "{info}");
+    done(f, &["render", "named/a.laz", "-o", "map.png"]);
+    done(f, &["render", "named/a.laz", "-o", "side.png", "--view", "oblique", "--by", "Confidence"]);
+    for picture in ["map.png", "side.png", "s.png"] {
+        assert!(std::fs::read(f.join(picture)).unwrap().starts_with(b"\x89PNG"), "{picture}");
+    }
+    assert!(f.join("map.pgw").exists());
+    assert!(done(f, &["model", "show", "my.model"]).contains("most important features"));
+    assert!(done(f, &["model", "show", "my.model", "--recipe"]).contains("levels = 5"));
+    let left: Vec<_> = std::fs::read_dir(f)
+        .unwrap()
+        .filter(|e| text(e.as_ref().unwrap().file_name().as_encoded_bytes()).contains("partial"))
+        .collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn the_demo_and_the_built_in_model_need_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = done(folder.path(), &["demo"]);
+    assert!(table.contains("mean IoU") && table.contains("What to do next"), "{table}");
+    for name in ["scan.laz", "named.laz", "map.png", "oblique.png", "scores.json"] {
+        assert!(folder.path().join("scansion-demo").join(name).exists(), "{name}");
+    }
+    assert!(done(folder.path(), &["model", "show"]).contains("building"));
+    let f = folder.path();
+    done(f, &["predict", "scansion-demo/scan.laz", "-o", "again.laz", "--no-extra", "-q"]);
+    let scores = done(f, &["eval", "scansion-demo/named.laz", "again.laz", "--format", "csv"]);
+    assert!(scores.contains("overall_accuracy,1,1"), "{scores}");
+}
+
+#[test]
+fn features_are_listed_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    assert!(done(f, &["features", "--list"]).contains("SurfaceVariation"));
+    scansion_core::io::write(&f.join("a.las"), &street(6.0, 1), &Default::default()).unwrap();
+    let few =
+        ["--only", "Planarity", "--set", "features.pyramid.first_scale=0.5", "--set", "features.pyramid.levels=2"];
+    done(f, &[&["features", "a.las", "-o", "a.npy"], &few[..]].concat());
+    assert!(std::fs::read(f.join("a.npy")).unwrap().starts_with(b"\x93NUMPY"));
+    done(f, &[&["features", "a.las", "-o", "b.laz"], &few[..]].concat());
+    assert!(done(f, &["info", "b.laz"]).contains("Planarity_r0p5 Planarity_r1"));
+}
+
+#[test]
+fn what_goes_wrong_is_said_with_the_documented_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    scansion_core::io::write(&f.join("a.laz"), &street(6.0, 1), &Default::default()).unwrap();
+    std::fs::write(f.join("empty.las"), b"").unwrap();
+    std::fs::write(f.join("cut.las"), b"LASF").unwrap();
+    std::fs::write(f.join("bad.model"), b"no model").unwrap();
+    std::fs::write(f.join("r.toml"), "[forest]\ntreees = 3\n").unwrap();
+    assert!(fails(f, &["classify", "absent.laz", "-o", "x.laz"], 4).contains("absent.laz"));
+    assert!(fails(f, &["classify", "empty.las", "-o", "x.laz"], 4).contains("empty file"));
+    assert!(fails(f, &["info", "cut.las"], 4).contains("LAS: header at byte 0"));
+    assert!(fails(f, &["classify", "a.laz", "-m", "bad.model", "-o", "x.laz"], 4).contains("bad.model"));
+    assert!(fails(f, &["train", "a.laz", "-o", "m", "--recipe", "r.toml"], 4).contains("did you mean `trees`"));
+    assert!(fails(f, &["train", "a.laz", "-o", "m", "--set", "forest.trees=0"], 2).contains("trees"));
+    assert!(fails(f, &["classify", "a.laz", "-o", "a.laz"], 2).contains("--overwrite"));
+    assert!(fails(f, &["classify", "a.laz", "-o", "no/where/x.laz"], 1).contains("no/where"));
+    assert!(fails(f, &["classify", "a.laz", "empty.las", "-o", "out"], 3).contains("1 of 2 inputs failed"));
+    assert!(f.join("out/a.laz").exists());
+    assert!(fails(f, &["evaluate", "a.laz", "a.laz", "--map", "2=300"], 2).contains("300"));
+    assert_eq!(scansion(f, &["classify"]).status.code(), Some(2));
+    assert_eq!(scansion(f, &["--version"]).status.code(), Some(0));
+    done(f, &["classify", "a.laz", "-o", "a.laz", "--overwrite"]);
+}
+
+#[test]
+fn only_unclassified_and_skipped_points_are_respected() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::copy(demo_scan(), f.join("scan.laz")).unwrap();
+    done(f, &["classify", "scan.laz", "-o", "u.laz", "--only-unclassified", "-q"]);
+    let codes =
+        |name: &str| scansion_core::io::read(&f.join(name)).unwrap().column("Classification").unwrap().values.to_f64();
+    let (before, after) = (codes("scan.laz"), codes("u.laz"));
+    assert!(before.iter().zip(&after).all(|(b, a)| if *b > 1.0 { a == b } else { *a > 1.0 }));
+    done(f, &["classify", "scan.laz", "-o", "s.laz", "--skip", "6", "-q"]);
+    assert!(before.iter().zip(&codes("s.laz")).all(|(b, a)| *b != 6.0 || *a == 6.0));
+}

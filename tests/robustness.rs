@@ -1,0 +1,205 @@
+//! Bad input gives a defined result or a clear error (numbers are those of the table of faults).
+
+use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::features::{self, FeatureSet};
+use scansion_core::io::{self, Edit, WriteOptions};
+use scansion_core::parallel::Monitor;
+use scansion_core::recipes::{ClassifyParams, LabelParams, Recipe, classify, default_model, read_labels, train};
+use scansion_core::{Error, classification::Model};
+use scansion_tests::{data, demo_scan, street};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+fn set() -> FeatureSet {
+    let mut set = FeatureSet::default();
+    set.pyramid.first_scale = Some(0.25);
+    set
+}
+
+/// 17, 21, 23: degenerate clouds give defined numbers.
+#[test]
+fn features_of_degenerate_clouds_are_finite() {
+    let line = |n: i32| (0..n).map(|i| [f64::from(i) * 0.3, f64::from(i) * 0.3, 0.0]).collect::<Vec<_>>();
+    let plane: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20) * 0.5, f64::from(i / 20) * 0.5, 7.0]).collect();
+    let clouds = [vec![], line(1), line(2), line(3), line(40), vec![[1.0, 2.0, 3.0]; 1000], plane];
+    for rows in clouds {
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let table = features::table(&cloud, &set(), &Monitor::default()).unwrap();
+        assert_eq!(table.rows(), rows.len());
+        assert!(table.values.iter().all(|v| v.is_finite()), "{} points", rows.len());
+        let named =
+            classify(&cloud, &default_model().unwrap(), &ClassifyParams::default(), &Monitor::default()).unwrap();
+        assert_eq!(named.codes.len(), rows.len());
+    }
+}
+
+/// 17: points that are not finite are counted, left out of the neighbourhoods and stay unclassified.
+#[test]
+fn points_that_are_not_finite_change_nothing_for_the_others() {
+    let scene = street(15.0, 1);
+    let mut rows: Vec<[f64; 3]> = (0..scene.len()).map(|i| scene.xyz(i)).collect();
+    rows.insert(5, [f64::NAN, 0.0, 0.0]);
+    rows.push([0.0, f64::INFINITY, 0.0]);
+    let broken = Cloud::from_rows(&rows).unwrap();
+    let (model, monitor) = (default_model().unwrap(), Monitor::default());
+    let clean = classify(&scene, &model, &ClassifyParams::default(), &monitor).unwrap();
+    let named = classify(&broken, &model, &ClassifyParams::default(), &monitor).unwrap();
+    assert_eq!((named.codes[5], named.confidence[5].to_bits(), named.codes[rows.len() - 1]), (1, 0, 1));
+    assert!(named.warnings[0].contains("2 points"));
+    let others: Vec<u8> = (0..rows.len() - 1).filter(|&i| i != 5).map(|i| named.codes[i]).collect();
+    assert!(others == clean.codes);
+}
+
+/// 18: many points in one place or with one coordinate cost no more than others.
+#[test]
+fn a_million_identical_points_take_no_longer_than_random_ones() {
+    let n = 200_000;
+    let time = |rows: Vec<[f64; 3]>| {
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let start = Instant::now();
+        let named =
+            classify(&cloud, &default_model().unwrap(), &ClassifyParams::default(), &Monitor::default()).unwrap();
+        assert_eq!(named.codes.len(), rows.len());
+        start.elapsed()
+    };
+    let street = street(130.0, 2);
+    let random = time((0..n).map(|i| street.xyz(i)).collect());
+    let identical = time(vec![[3.0, 4.0, 5.0]; n]);
+    let lattice = time((0..n).map(|i| [(i % 500) as f64 * 0.25, (i / 500) as f64 * 0.25, 0.0]).collect());
+    // A generous bound: this guards against quadratic behaviour, not against noise.
+    let most = 10 * random + Duration::from_secs(5);
+    assert!(identical < most && lattice < most, "{random:?} {identical:?} {lattice:?}");
+}
+
+/// 22: a tiny voxel in a huge extent is refused before anything is allocated.
+#[test]
+fn a_huge_extent_with_a_tiny_voxel_is_an_error() {
+    let cloud = Cloud::from_rows(&[[0.0; 3], [1e8, 0.0, 0.0]]).unwrap();
+    let error = features::table(&cloud, &set(), &Monitor::default()).unwrap_err();
+    assert!(matches!(&error, Error::InvalidParameter { name: "first_scale", .. }), "{error}");
+}
+
+/// 23: no label at all, one class only.
+#[test]
+fn training_needs_a_label_and_works_with_one_class() {
+    let mut scene = street(15.0, 1);
+    let recipe = Recipe::default()
+        .with_settings(["features.pyramid.first_scale=0.5", "features.pyramid.levels=3", "forest.trees=3"])
+        .unwrap();
+    let with_code = |scene: &mut Cloud, code: u8| {
+        scene.set_column(Column::new("Classification", Values::U8(vec![code; scene.len()]))).unwrap();
+        let labels = read_labels(scene, &LabelParams::default()).unwrap();
+        train(&[(scene.clone(), labels)], &recipe, &Monitor::default())
+    };
+    let message = with_code(&mut scene, 1).map(|_| ()).unwrap_err().to_string();
+    assert!(message.contains("no labelled point"), "{message}");
+    let (model, _) = with_code(&mut scene, 6).unwrap();
+    let named = classify(&street(15.0, 2), &model, &ClassifyParams::default(), &Monitor::default()).unwrap();
+    assert!(named.codes.iter().all(|&c| c == 6));
+}
+
+/// A model whose columns the cloud lacks, and one whose recipe gives other features.
+#[test]
+fn a_model_that_does_not_fit_is_refused_with_the_name_of_what_is_missing() {
+    let mut scene = street(15.0, 1);
+    let n = scene.len();
+    scene.set_column(Column::new("Intensity", Values::U16((0..n).map(|i| (i % 100) as u16).collect()))).unwrap();
+    let settings =
+        ["features.pyramid.first_scale=0.5", "features.pyramid.levels=2", "features.intensity=true", "forest.trees=3"];
+    let recipe = Recipe::default().with_settings(settings).unwrap();
+    let labels = read_labels(&scene, &LabelParams::default()).unwrap();
+    let (model, _) = train(&[(scene.clone(), labels)], &recipe, &Monitor::default()).unwrap();
+    let bare = street(15.0, 2);
+    let message = classify(&bare, &model, &ClassifyParams::default(), &Monitor::default()).unwrap_err().to_string();
+    assert!(message.contains("Intensity"), "{message}");
+    let other = Model { recipe_toml: model.recipe_toml.replace("first_scale = 0.5", "first_scale = 0.7"), ..model };
+    let error = classify(&scene, &other, &ClassifyParams::default(), &Monitor::default()).unwrap_err();
+    assert!(matches!(error, Error::ModelMismatch(_)), "{error}");
+}
+
+/// 4: a file cut anywhere is an error, never a panic.
+#[test]
+fn truncated_files_are_errors() {
+    let bytes = std::fs::read(demo_scan()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.laz");
+    for length in [0, 1, 4, 100, 226, 227, 374, 375, 376, 428, 1000, 2000, 50_000, bytes.len() - 9, bytes.len() - 1] {
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        assert!(io::read(&path).is_err(), "cut at {length}");
+    }
+}
+
+/// 1, 2, 3: seeded mutants of the scan's header, records and chunk table give a cloud or an error, quickly.
+#[test]
+fn mutants_are_read_or_refused_without_a_panic() {
+    let bytes = std::fs::read(demo_scan()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mutant.laz");
+    let small = {
+        let cloud = street(8.0, 1);
+        let path = folder.path().join("small.laz");
+        io::write(&path, &cloud, &WriteOptions::default()).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    let mut random = scansion_core::random::stream(7, 0);
+    for i in 0..1500 {
+        let source = if i % 50 == 0 { &bytes } else { &small };
+        let mut mutant = source.clone();
+        for _ in 0..=random.below(3) {
+            let place =
+                if random.below(3) > 0 { random.below(700.min(mutant.len())) } else { random.below(mutant.len()) };
+            mutant[place] = [0, 255, 128, random.below(256) as u8][random.below(4)];
+        }
+        std::fs::write(&path, &mutant).unwrap();
+        let start = Instant::now();
+        let _ = io::read(&path);
+        assert!(start.elapsed() < Duration::from_secs(2), "mutant {i}");
+    }
+}
+
+/// Every file of the hostile corpus is read or refused with a message; none takes longer than two seconds.
+#[test]
+fn the_hostile_corpus_is_read_or_refused() {
+    let Some(folder) = data().map(|d| d.join("hostile")).filter(|d| d.is_dir()) else {
+        eprintln!("skipped: the hostile corpus is not here (set SCANSION_DATA)");
+        return;
+    };
+    let mut read = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let start = Instant::now();
+        let outcome = io::read(&path);
+        let _ = io::inspect(&path);
+        assert!(start.elapsed() < Duration::from_secs(4), "{}", path.display());
+        match outcome {
+            Ok(_) => read += 1,
+            Err(e) => assert!(e.to_string().len() > 10, "{e}"),
+        }
+    }
+    assert!(read > 80, "only {read} could be read");
+}
+
+/// 26: an output that cannot be written is an error and leaves nothing.
+#[test]
+fn an_output_that_cannot_be_written_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("absent").join("out.laz");
+    let error = io::rewrite(&demo_scan(), &target, &[], &WriteOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("absent"), "{error}");
+    let wrong = [Edit::Classification(vec![2; 3])];
+    let path = folder.path().join("out.laz");
+    assert!(io::rewrite(&demo_scan(), &path, &wrong, &WriteOptions::default()).is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// A cancelled work ends soon and leaves nothing.
+#[test]
+fn cancelled_work_ends_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = WriteOptions::default();
+    options.monitor.cancel();
+    let error = io::rewrite(&demo_scan(), &folder.path().join("out.laz"), &[], &options).unwrap_err();
+    assert!(matches!(error, Error::Interrupted));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    assert!(!Path::new("out.laz").exists());
+}
