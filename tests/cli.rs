@@ -4,14 +4,13 @@ use scansion_tests::{demo_scan, street};
 use std::path::Path;
 use std::process::{Command, Output};
 
-fn binary() -> std::path::PathBuf {
-    // target/PROFILE/deps/cli-HASH -> target/PROFILE/scansion
-    let here = std::env::current_exe().unwrap();
-    here.parent().unwrap().parent().unwrap().join("scansion")
-}
-
 fn scansion(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(binary()).args(arguments).current_dir(folder).env("NO_COLOR", "1").output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_scansion-under-test"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("NO_COLOR", "1")
+        .output()
+        .unwrap()
 }
 
 fn text(bytes: &[u8]) -> String {

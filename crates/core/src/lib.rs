@@ -3,24 +3,48 @@
 //! The rooms stand in the order of the data's way; a room uses only rooms above it in this list.
 //!
 //! `Cloud -> Neighbours -> FeatureTable -> Probabilities -> Labelling -> Scores`
+//!
+//! ```
+//! use scansion_core::{io, parallel::Monitor, recipes};
+//!
+//! # fn main() -> scansion_core::Result<()> {
+//! # let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../cli/assets/demo.laz"));
+//! let cloud = io::read(path)?;
+//! let model = recipes::default_model()?;
+//! let named = recipes::classify(&cloud, &model, &Default::default(), &Monitor::default())?;
+//! assert_eq!(named.codes.len(), cloud.len());
+//! # Ok(())
+//! # }
+//! ```
 
 #![cfg_attr(test, expect(clippy::float_cmp, reason = "tests compare with values that are exact"))]
 
 pub mod error;
 
 pub mod csr;
+
 pub mod linalg;
+
 pub mod parallel;
+
 pub mod random;
 
-pub mod classes;
-pub mod classification;
 pub mod cloud;
-pub mod evaluation;
-pub mod features;
-pub mod images;
+
 pub mod io;
+
+pub mod classes;
+
 pub mod neighbours;
+
+pub mod features;
+
+pub mod classification;
+
+pub mod evaluation;
+
+pub mod images;
+
 pub mod recipes;
 
 pub use cloud::Cloud;

@@ -38,7 +38,7 @@ impl AtomicFile {
             .create(true)
             .truncate(true)
             .open(&partial)
-            .map_err(|e| Error::io(target, e))?;
+            .map_err(|e| Error::io(target, explain(e)))?;
         Ok(Self { target: target.to_path_buf(), partial, writer: Some(BufWriter::with_capacity(1 << 20, file)) })
     }
 
@@ -81,6 +81,14 @@ impl AtomicFile {
         let _ = File::open(folder).and_then(|f| f.sync_all());
         self.partial = PathBuf::new();
         Ok(())
+    }
+}
+
+/// "Not found" of an output speaks of its folder.
+fn explain(error: std::io::Error) -> std::io::Error {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => std::io::Error::other("the folder does not exist; make it first"),
+        _ => error,
     }
 }
 

@@ -115,11 +115,11 @@ impl Records {
     }
 }
 
-/// Records of a slab, each with its position in the cloud, in parallel where that pays.
-pub(in crate::io) fn par_records<'a>(
-    slab: Slab<'a>,
+/// Records that begin at point `first`, each with its position in the cloud, in parallel where that pays.
+pub(in crate::io) fn par_records(
+    bytes: &mut [u8],
+    first: usize,
     length: usize,
-) -> impl IndexedParallelIterator<Item = (usize, &'a mut [u8])> {
-    let first = slab.points.start;
-    slab.bytes.par_chunks_exact_mut(length).with_min_len(8192).enumerate().map(move |(i, record)| (first + i, record))
+) -> impl IndexedParallelIterator<Item = (usize, &mut [u8])> {
+    bytes.par_chunks_exact_mut(length).with_min_len(8192).enumerate().map(move |(i, record)| (first + i, record))
 }

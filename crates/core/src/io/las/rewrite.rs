@@ -69,16 +69,12 @@ pub(in crate::io) fn rewrite(
     let monitor = options.monitor.clone();
     records.for_each(&monitor, |slab| {
         let first = slab.points.start;
-        let count = slab.points.len();
-        let bytes = if plan.old_length == plan.new_length {
-            par_records(slab, plan.old_length).for_each(|(i, record)| plan.apply(record, i));
-            None
-        } else {
-            Some(plan.widen(slab.bytes, first))
-        };
-        monitor.advance(count as u64);
-        bytes.map_or(Ok(()), |b| writer.push(&b, &monitor)).map(|()| count)?;
-        Ok(())
+        monitor.advance(slab.points.len() as u64);
+        if plan.old_length != plan.new_length {
+            return writer.push(&plan.widen(slab.bytes, first), &monitor);
+        }
+        par_records(slab.bytes, first, plan.old_length).for_each(|(i, record)| plan.apply(record, i));
+        writer.push(slab.bytes, &monitor)
     })?;
     writer.finish(&tail.bytes, &options.monitor, |header, end| {
         if tail.evlrs > 0 {
