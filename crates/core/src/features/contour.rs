@@ -79,14 +79,15 @@ fn orientation(along: &[Lane; MOST], surfaces: &Surfaces, count: usize) -> Lane 
     let mut least = [[f32::INFINITY; LANES]; 2];
     let mut medoid = [[[0.0; LANES]; 3]; 2];
     for j in 0..count {
-        for (side, negative) in [(0, true), (1, false)] {
-            for l in 0..LANES {
-                let better = ((along[j][l] < 0.0) == negative) & (totals[j][l] < least[side][l]);
-                least[side][l] = if better { totals[j][l] } else { least[side][l] };
-                medoid[side][0][l] = if better { x[j][l] } else { medoid[side][0][l] };
-                medoid[side][1][l] = if better { y[j][l] } else { medoid[side][1][l] };
-                medoid[side][2][l] = if better { z[j][l] } else { medoid[side][2][l] };
-            }
+        let normal = [x[j], y[j], z[j]];
+        let mut on_side = [[f32::INFINITY; LANES]; 2];
+        for l in 0..LANES {
+            let negative = along[j][l] < 0.0;
+            on_side[0][l] = if negative { totals[j][l] } else { f32::INFINITY };
+            on_side[1][l] = if negative { f32::INFINITY } else { totals[j][l] };
+        }
+        for side in 0..2 {
+            keep_better(&on_side[side], &normal, &mut least[side], &mut medoid[side]);
         }
     }
     let mut out = [1.0; LANES];
@@ -97,6 +98,21 @@ fn orientation(along: &[Lane; MOST], surfaces: &Surfaces, count: usize) -> Lane 
         out[l] = if both { bounded } else { 1.0 };
     }
     out
+}
+
+/// Replaces the least and its normal in the lanes where the total is smaller.
+#[inline(always)]
+fn keep_better(total: &Lane, normal: &[Lane; 3], least: &mut Lane, kept: &mut [Lane; 3]) {
+    for axis in 0..3 {
+        for l in 0..LANES {
+            let (new, old) = (normal[axis][l], kept[axis][l]);
+            kept[axis][l] = if total[l] < least[l] { new } else { old };
+        }
+    }
+    for l in 0..LANES {
+        let (new, old) = (total[l], least[l]);
+        least[l] = if new < old { new } else { old };
+    }
 }
 
 /// Mean variation of the `near` rows nearest to e1 over the mean of the others; ties go to the earlier row.

@@ -6,7 +6,7 @@
 use super::params::{Centre, Divisor};
 
 /// Neighbourhoods that are computed together.
-pub(super) const LANES: usize = 16;
+pub(super) const LANES: usize = crate::neighbours::LANES;
 /// Most points of a neighbourhood.
 pub(super) const MOST: usize = 33;
 
