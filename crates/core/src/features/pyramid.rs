@@ -91,14 +91,14 @@ impl Stage {
             }
             if self.slots[..13].iter().any(|&s| s != NOWHERE) {
                 let count = fill(simd, (&self.level, &self.surfaces), points, lanes.clone(), (params, &mut *scratch));
-                self.shape(count, lanes.len(), job, row, (params, &mut *scratch));
+                self.shape(simd, count, lanes.len(), job, row, (params, &mut *scratch));
             }
         }
     }
 
     /// Covariance and contour features of the filled batch.
     #[inline(always)]
-    fn shape(&self, count: usize, lanes: usize, job: &mut Job<'_>, row: usize, (params, scratch): (&PyramidParams, &mut Scratch)) {
+    fn shape<S: Simd>(&self, simd: S, count: usize, lanes: usize, job: &mut Job<'_>, row: usize, (params, scratch): (&PyramidParams, &mut Scratch)) {
         let convention = Convention { centre: params.centre, divisor: params.divisor };
         // The common size is a constant of its own, so that its loops unroll.
         let tensor = if count == 10 { tensor(&scratch.batch, 10, convention) } else { tensor(&scratch.batch, count, convention) };
@@ -112,9 +112,9 @@ impl Stage {
         }
         let near = (params.near_share * count as f64).ceil() as usize;
         let contour = if count == 10 && near == 5 {
-            contour_features(&scratch.batch, &scratch.surfaces, 10, &tensor.second, 5)
+            contour_features(simd, &scratch.batch, &scratch.surfaces, 10, &tensor.second, 5)
         } else {
-            contour_features(&scratch.batch, &scratch.surfaces, count, &tensor.second, near)
+            contour_features(simd, &scratch.batch, &scratch.surfaces, count, &tensor.second, near)
         };
         store(&contour, &self.slots[9..13], lanes, job, row);
     }
