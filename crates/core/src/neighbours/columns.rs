@@ -66,7 +66,13 @@ impl ColumnSearch {
                 high[l] = if inside & (z[l] > high[l]) { z[l] } else { high[l] };
             }
         }
-        (low.into_iter().fold(at[2], f32::min), high.into_iter().fold(at[2], f32::max))
+        for half in [4, 2, 1] {
+            for l in 0..half {
+                low[l] = if low[l + half] < low[l] { low[l + half] } else { low[l] };
+                high[l] = if high[l + half] > high[l] { high[l + half] } else { high[l] };
+            }
+        }
+        (low[0], high[0])
     }
 
     /// Lowest and highest z of the level's points in the grid cell of `at`, and of `at` itself.

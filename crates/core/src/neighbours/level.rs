@@ -40,6 +40,12 @@ impl Level {
     pub fn is_empty(&self) -> bool {
         self.x.is_empty()
     }
+
+    /// The cell of the search grid that holds a position.
+    #[inline(always)]
+    pub(super) fn cell(&self, at: [f32; 3]) -> [u32; 3] {
+        at.map(|v| (f64::from(v) / self.cell_size) as u32)
+    }
 }
 
 /// Means of voxels with their codes and counts, while the pyramid is built.
