@@ -3,7 +3,7 @@
 use super::blocks::{Around, Blocks};
 use super::level::Level;
 use super::order::Grid;
-use crate::cloud::morton;
+use crate::cloud::{Points, morton};
 use rayon::prelude::*;
 
 /// A level's points by the cell of a horizontal grid whose cells are as wide as the column's radius.
@@ -26,8 +26,9 @@ impl Columns {
         Self { radius, blocks: Blocks::new(&codes, 0), order: keyed.iter().map(|k| k.1).collect() }
     }
 
-    /// Whether all cell indices fit, for coordinates up to `far`.
-    pub fn fits(radius: f64, far: f32) -> bool {
+    /// Whether the indices of all cells fit.
+    pub fn fits(points: &Points, radius: f64) -> bool {
+        let far = points.x.iter().chain(&points.y).fold(0.0f32, |m, &v| m.max(v));
         f64::from(far) / radius < f64::from(morton::LIMIT - 64)
     }
 }
@@ -121,7 +122,7 @@ impl ColumnSearch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::{Cloud, Points};
+    use crate::cloud::Cloud;
     use crate::neighbours::{build_levels, sorted};
     use crate::random::stream;
 

@@ -7,8 +7,8 @@ use super::blocks::Blocks;
 use super::order::Grid;
 use crate::cloud::Points;
 
-/// Occupied cells of the search grid hold at least 5/2 points on average.
-const POINTS_PER_CELL: [usize; 2] = [5, 2];
+/// Occupied cells of the search grid hold at least this many points on average: fewer, and many queries need a wider search.
+const POINTS_PER_CELL: usize = 5;
 
 /// One level: its points in Morton order, and the grid that finds them.
 #[derive(Clone, Debug)]
@@ -96,7 +96,7 @@ impl Means {
     /// How often to double the voxel so that occupied cells hold [`POINTS_PER_CELL`] on average.
     fn doublings(&self) -> u32 {
         let cells = |j: u32| self.codes.chunk_by(|a, b| a >> (3 * j) == b >> (3 * j)).count();
-        (1..20).find(|&j| cells(j) * POINTS_PER_CELL[0] <= self.codes.len() * POINTS_PER_CELL[1] + 8).unwrap_or(20)
+        (1..20).find(|&j| cells(j) * POINTS_PER_CELL <= self.codes.len() + 8).unwrap_or(20)
     }
 
     fn level(&self, size: f64) -> Level {
