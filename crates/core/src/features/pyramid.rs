@@ -308,3 +308,36 @@ fn pack_all<S: Simd>(simd: S, level: &Level, points: &Points, params: &PyramidPa
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::neighbours::{Grid, build_levels, sorted};
+    use crate::random::stream;
+
+    #[test]
+    fn features_have_the_same_bytes_with_and_without_vector_instructions() {
+        let mut s = stream(9, 0);
+        let rows: Vec<[f64; 3]> = (0..2000).map(|_| [s.uniform() * 20.0, s.uniform() * 20.0, s.uniform()]).collect();
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let grid = Grid::new(&points, 0.2).unwrap();
+        let points = sorted(points, &grid);
+        let params = PyramidParams::default();
+        for level in build_levels(&points, &grid, 5) {
+            let stage = Stage::new(level, std::array::from_fn(|f| f), &params, &Monitor::default()).unwrap();
+            let with = |vectors: bool| {
+                let mut out = vec![0.0; points.len() * PER_LEVEL];
+                let mut job = Job { points: &points, range: 0..points.len(), width: PER_LEVEL, out: &mut out };
+                let mut scratch = Scratch::default();
+                let work = Describe { stage: &stage, job: &mut job, params: &params, scratch: &mut scratch };
+                match vectors {
+                    true => Arch::new().dispatch(work),
+                    false => pulp::Scalar::new().vectorize(work),
+                }
+                out.iter().map(|v| v.to_bits()).collect::<Vec<u32>>()
+            };
+            assert!(with(true) == with(false));
+        }
+    }
+}

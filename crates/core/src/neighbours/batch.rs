@@ -248,7 +248,7 @@ mod tests {
     fn check(rows: &[[f64; 3]], size: f64, k: usize) {
         let points = Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
         let grid = Grid::new(&points, size).unwrap();
-        let points = sorted(&points, &grid);
+        let points = sorted(points, &grid);
         for level in build_levels(&points, &grid, 4) {
             let (mut search, mut scalar) = (Search::default(), Search::default());
             for first in (0..points.len()).step_by(LANES * points.len().div_ceil(600)) {
