@@ -22,11 +22,21 @@ impl AtomicFile {
     /// Opens `.NAME.PID.partial` beside `target`.
     ///
     /// # Errors
-    /// The folder does not exist or cannot be written; the target is a folder or a partial file.
+    /// The folder does not exist or cannot be written; the target is a folder, a device or a pipe.
     pub fn create(target: &Path) -> Result<Self> {
         let name = target.file_name().ok_or_else(|| Error::io(target, std::io::ErrorKind::InvalidInput.into()))?;
         if target.is_dir() {
             return Err(Error::io(target, std::io::ErrorKind::IsADirectory.into()));
+        }
+        let old = std::fs::metadata(target).ok();
+        if old.as_ref().is_some_and(|m| !m.is_file()) {
+            // The rename would put a plain file in the place of /dev/null.
+            let reason = "not a plain file; outputs are written beside their target and renamed";
+            return Err(Error::io(target, std::io::Error::other(reason)));
+        }
+        if target.is_symlink() && old.is_some() {
+            // What the link points to is replaced, not the link.
+            return Self::create(&target.canonicalize().map_err(|e| Error::io(target, e))?);
         }
         let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
         let suffix = if serial == 0 { String::new() } else { format!("-{serial}") };
@@ -39,6 +49,10 @@ impl AtomicFile {
             .truncate(true)
             .open(&partial)
             .map_err(|e| Error::io(target, explain(e)))?;
+        if let Some(old) = old {
+            // Who could not read the old file shall not read the new one; some file systems know no permissions.
+            let _ = file.set_permissions(old.permissions());
+        }
         Ok(Self { target: target.to_path_buf(), partial, writer: Some(BufWriter::with_capacity(1 << 20, file)) })
     }
 
@@ -136,5 +150,21 @@ mod tests {
         let message = write_bytes(&path, b"x").unwrap_err().to_string();
         assert!(message.contains("absent/a.txt"), "{message}");
         assert!(write_bytes(folder.path(), b"x").is_err(), "a folder is no target");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_permissions_kept_and_devices_refused() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("a.txt"), folder.path().join("link.txt"));
+        write_bytes(&path, b"old").unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        write_bytes(&link, b"new").unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        assert!(write_bytes(Path::new("/dev/null"), b"x").unwrap_err().to_string().contains("plain file"));
     }
 }

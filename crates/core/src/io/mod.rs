@@ -143,7 +143,7 @@ pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
     if format_of(input)? == Format::Las && las {
         return las::rewrite(input, output, edits, options);
     }
-    let mut cloud = read(input)?;
+    let mut cloud = read_with(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
     for edit in edits {
         cloud.set_column(match edit {
             Edit::Classification(codes) => {

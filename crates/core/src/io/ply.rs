@@ -4,6 +4,7 @@ use super::ReadOptions;
 use super::atomic::AtomicFile;
 use crate::cloud::{Cloud, Column, Coordinates, Values, names};
 use crate::error::{Error, Result};
+use crate::parallel::Monitor;
 use std::path::Path;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,12 +48,23 @@ struct Header {
     body: usize,
 }
 
-/// Makes errors about this file.
+/// The file that is read: makes errors about it and counts what is done.
 struct Source<'a> {
     path: &'a Path,
+    monitor: &'a Monitor,
 }
 
 impl Source<'_> {
+    /// Called for every record: looks at the monitor now and then.
+    fn pass(&self, i: u64) -> Result<()> {
+        const STEP: u64 = 65_536;
+        if i % STEP == STEP - 1 {
+            self.monitor.advance(STEP);
+            self.monitor.check()?;
+        }
+        Ok(())
+    }
+
     fn bad(&self, field: &str, place: String, (found, allowed): (impl ToString, impl ToString)) -> Error {
         Error::Malformed {
             path: self.path.to_path_buf(),
@@ -125,7 +137,7 @@ impl Kind {
 /// Reads the vertices.
 pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let source = Source { path };
+    let source = Source { path, monitor: &options.monitor };
     let header = header(&source, &bytes)?;
     let at = header.elements.iter().position(|e| e.name == "vertex");
     let at = at.ok_or_else(|| source.bad("element", "header".into(), ("no vertices", "an element `vertex`")))?;
@@ -287,6 +299,7 @@ fn binary(
             continue;
         }
         for i in 0..element.count {
+            source.pass(i)?;
             let mut column = 0;
             for (p, property) in element.properties.iter().enumerate() {
                 let kind = property.list.unwrap_or(property.kind);
@@ -345,6 +358,7 @@ fn ascii(
             continue;
         }
         vertex_line(source, element, (&line, number), kept, &mut columns)?;
+        source.pass(read)?;
         read += 1;
     }
     Ok(columns)

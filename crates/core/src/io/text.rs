@@ -106,6 +106,7 @@ fn layout(path: &Path, body: &[u8]) -> Result<Layout> {
         let names = ["x", "y", "z"].map(String::from).to_vec();
         return Ok(Layout { names, axes: [0, 1, 2], first: 1 });
     };
+    decimal_comma(path, (line, first))?;
     let head = first.strip_prefix(b"//").unwrap_or(first);
     let found: Vec<&str> = words(head).map(|w| w.1).collect();
     let is_name =
@@ -124,6 +125,22 @@ fn layout(path: &Path, body: &[u8]) -> Result<Layout> {
         return Err(bad(path, ("number of columns", line, 1), (found.len(), "3 or more: x y z ...")));
     }
     Ok(Layout { names: usual_names(found.len()), axes: [0, 1, 2], first: line })
+}
+
+/// `1,5 2,5 3,5` would be six columns: commas inside the numbers of a line that something else separates.
+fn decimal_comma(path: &Path, (number, line): (usize, &[u8])) -> Result<()> {
+    let parts = line.split(|&b| b.is_ascii_whitespace() || b == b';').filter(|w| !w.is_empty());
+    let inside = |w: &[u8]| {
+        let commas = w.iter().filter(|&&b| b == b',').count();
+        let digits = w.iter().all(|b| b.is_ascii_digit() || b",+-".contains(b));
+        commas == 1 && digits && w.windows(3).any(|t| t[0].is_ascii_digit() && t[1] == b',' && t[2].is_ascii_digit())
+    };
+    let mut parts = parts.peekable();
+    let first = parts.peek().map(|w| String::from_utf8_lossy(w).into_owned()).unwrap_or_default();
+    match parts.filter(|w| inside(w)).count() {
+        0 | 1 => Ok(()),
+        _ => Err(bad(path, ("value", number, 1), (first, "a number; write decimals with a point, not a comma"))),
+    }
 }
 
 /// Names of columns without a header row, by their number; 7 are Semantic3D's.
@@ -159,8 +176,9 @@ fn row(path: &Path, (number_of_line, line): (usize, &[u8]), columns: &mut [Vec<f
         }
         read += 1;
     }
-    let comma =
-        line.contains(&b',') && line.iter().any(|b| b.is_ascii_whitespace()) && !line.windows(2).any(|w| w == b", ");
+    let comma = line.contains(&b',')
+        && line.iter().any(|&b| b.is_ascii_whitespace() || b == b';')
+        && !line.windows(2).any(|w| w == b", ");
     match read == columns.len() {
         true => Ok(()),
         false if comma => Err(bad(
@@ -238,7 +256,7 @@ pub(super) fn write(path: &Path, cloud: &Cloud) -> Result<()> {
             match classes {
                 Some(classes) => writeln!(out, "{}", classes.values.get(i))?,
                 None => {
-                    let [x, y, z] = cloud.xyz(i).map(tidy);
+                    let [x, y, z] = shown_at(cloud, i);
                     write!(out, "{x}{separator}{y}{separator}{z}")?;
                     cloud.columns().iter().try_for_each(|c| write!(out, "{separator}{}", shown(&c.values, i)))?;
                     writeln!(out)?;
@@ -251,9 +269,18 @@ pub(super) fn write(path: &Path, cloud: &Cloud) -> Result<()> {
     file.finish()
 }
 
-/// A tick times a scale leaves noise in the last digits; a tenth of a micrometre is below every scanner.
-fn tidy(v: f64) -> f64 {
-    if v.abs() < 1e8 { (v * 1e7).round() / 1e7 } else { v }
+/// Coordinates as they are; but a tick times a scale leaves noise in the last digits, which is rounded away.
+fn shown_at(cloud: &Cloud, i: usize) -> [f64; 3] {
+    let Coordinates::Scaled { scale, .. } = cloud.coordinates() else { return cloud.xyz(i) };
+    let mut point = cloud.xyz(i);
+    for (v, scale) in point.iter_mut().zip(scale) {
+        // A power of ten, a hundredth of a tick or finer.
+        let steps = 10f64.powi((2.0 - scale.log10()).ceil().clamp(7.0, 15.0) as i32);
+        if (*v * steps).abs() < 1e15 {
+            *v = (*v * steps).round() / steps;
+        }
+    }
+    point
 }
 
 fn shown(values: &Values, i: usize) -> String {
@@ -304,6 +331,9 @@ mod tests {
             ("1 2 3\n4 x5 6\n", "line 2:3"),
             ("1 2 3\n4 1e400 6\n", "line 2:3"),
             ("1.0 2.0 3.0\n1,5 2,5 3,5\n", "not a comma"),
+            ("1,5 2,5 3,5\n4,5 5,5 6,5\n", "not a comma"),
+            ("1,5;2,5;-3,5\n", "not a comma"),
+            ("x;y;z\n1,5;2,5;-3,5\n", "not a comma"),
             ("a b c\n1 2 3\n", "x, y and z"),
             ("1 2\n", "3 or more"),
         ] {
@@ -330,5 +360,21 @@ mod tests {
         let path = folder.path().join("b.labels");
         write(&path, &cloud).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "2\n6\n");
+    }
+
+    #[test]
+    fn fine_coordinates_are_not_rounded() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let cloud = Cloud::from_rows(&[[5.123_456_789_012, 52.000_000_000_1, 1e-9]]).unwrap();
+        write(&path, &cloud).unwrap();
+        assert_eq!(io::read(&path).unwrap(), cloud);
+        let scaled = Coordinates::Scaled {
+            ticks: [vec![512_345_678], vec![65_200_012], vec![-1]],
+            scale: [1e-8, 0.01, 0.001],
+            offset: [0.0; 3],
+        };
+        write(&path, &Cloud::new(scaled).unwrap()).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "x y z\n5.12345678 652000.12 -0.001\n");
     }
 }

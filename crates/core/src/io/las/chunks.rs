@@ -11,7 +11,7 @@ use laz::record::{
     LayeredPointRecordCompressor, LayeredPointRecordDecompressor, RecordCompressor, RecordDecompressor,
     SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
 };
-use laz::{LazItem, LazVlr};
+use laz::{DecompressionSelection, LazItem, LazVlr};
 use std::fs::File;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -153,23 +153,41 @@ fn layered(vlr: &LazVlr) -> bool {
     vlr.items().first().is_some_and(|item| item.version() >= 3)
 }
 
-/// Decodes a chunk's bytes into `out`, which is exactly as long as its records.
-pub(super) fn decode(path: &Path, vlr: &LazVlr, (index, bytes): (usize, &[u8]), out: &mut [u8]) -> Result<()> {
-    if layered(vlr) {
-        check_layers(path, vlr, index, bytes)?;
-    }
-    guarded(path, &format!("chunk {index}"), || {
-        let source = Cursor::new(bytes);
+/// Decodes one chunk, some records at a time.
+pub(super) struct Decoder<'a> {
+    path: &'a Path,
+    place: String,
+    inner: Box<dyn RecordDecompressor<Cursor<&'a [u8]>> + Send + Sync + 'a>,
+}
+
+impl<'a> Decoder<'a> {
+    /// A decoder of chunk `index`; fields outside the selection are left as they come (layered chunks only).
+    pub(super) fn new(
+        path: &'a Path,
+        (vlr, selection): (&LazVlr, DecompressionSelection),
+        (index, bytes): (usize, &'a [u8]),
+    ) -> Result<Self> {
         if layered(vlr) {
-            let mut decoder = LayeredPointRecordDecompressor::new(source);
-            decoder.set_fields_from(vlr.items()).map_err(std::io::Error::other)?;
-            decoder.decompress_many(out)
-        } else {
-            let mut decoder = SequentialPointRecordDecompressor::new(source);
-            decoder.set_fields_from(vlr.items()).map_err(std::io::Error::other)?;
-            decoder.decompress_many(out)
+            check_layers(path, vlr, index, bytes)?;
         }
-    })
+        let place = format!("chunk {index}");
+        let inner = guarded(path, &place, || {
+            let source = Cursor::new(bytes);
+            let mut inner: Box<dyn RecordDecompressor<Cursor<&'a [u8]>> + Send + Sync + 'a> = match layered(vlr) {
+                true => Box::new(LayeredPointRecordDecompressor::new(source)),
+                false => Box::new(SequentialPointRecordDecompressor::new(source)),
+            };
+            inner.set_fields_from(vlr.items()).map_err(std::io::Error::other)?;
+            inner.set_selection(selection);
+            Ok(inner)
+        })?;
+        Ok(Self { path, place, inner })
+    }
+
+    /// Fills `out`, a whole number of records, with the next ones.
+    pub(super) fn next(&mut self, out: &mut [u8]) -> Result<()> {
+        guarded(self.path, &self.place, || self.inner.decompress_many(out))
+    }
 }
 
 /// The layers of a chunk follow its first point and say how long they are: together they must fit.

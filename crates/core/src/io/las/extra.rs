@@ -105,6 +105,34 @@ impl Extra {
     }
 }
 
+/// Runs the same expression on the vector inside, whatever its type.
+macro_rules! each {
+    ($values:expr, $v:ident => $body:expr) => {
+        match $values {
+            Values::U8($v) => $body,
+            Values::I8($v) => $body,
+            Values::U16($v) => $body,
+            Values::I16($v) => $body,
+            Values::U32($v) => $body,
+            Values::I32($v) => $body,
+            Values::U64($v) => $body,
+            Values::I64($v) => $body,
+            Values::F32($v) => $body,
+            Values::F64($v) => $body,
+        }
+    };
+}
+
+/// Whether there is room for `n` values in all.
+pub(in crate::io) fn reserve(values: &mut Values, n: usize) -> bool {
+    each!(values, v => v.try_reserve_exact(n.saturating_sub(v.len())).is_ok())
+}
+
+/// Lengthens to `n` values with zeros.
+pub(in crate::io) fn grow(values: &mut Values, n: usize) {
+    each!(values, v => v.resize(n, Default::default()));
+}
+
 /// LAS data type of values.
 pub(in crate::io) fn kind_of(values: &Values) -> u8 {
     match values {
@@ -128,12 +156,10 @@ pub(in crate::io) fn size_of(kind: u8) -> usize {
 
 /// Writes value `i` at the start of `slot`.
 pub(in crate::io) fn store(values: &Values, i: usize, slot: &mut [u8]) {
-    macro_rules! each {
-        ($($variant:ident),*) => {
-            match values { $(Values::$variant(v) => { let b = v[i].to_le_bytes(); slot[..b.len()].copy_from_slice(&b) })* }
-        };
-    }
-    each!(U8, I8, U16, I16, U32, I32, U64, I64, F32, F64);
+    each!(values, v => {
+        let bytes = v[i].to_le_bytes();
+        slot[..bytes.len()].copy_from_slice(&bytes);
+    });
 }
 
 /// The 192 bytes that describe a column.

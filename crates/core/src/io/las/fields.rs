@@ -2,6 +2,7 @@
 
 use super::header::{array, put, u16_at};
 use crate::cloud::{Values, names};
+use laz::DecompressionSelection;
 
 /// A field of the point formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +68,27 @@ impl Field {
             Self::Red | Self::Green | Self::Blue => matches!(format, 2 | 3 | 5 | 7 | 8 | 10),
             Self::Infrared => matches!(format, 8 | 10),
             _ => true,
+        }
+    }
+
+    /// Adds the compressed layer that holds this field.
+    pub(in crate::io) fn select(self, selection: DecompressionSelection) -> DecompressionSelection {
+        match self {
+            Self::ReturnNumber | Self::NumberOfReturns | Self::ScanChannel => selection,
+            Self::Intensity => selection.decompress_intensity(),
+            Self::Classification => selection.decompress_classification(),
+            Self::ScanAngle => selection.decompress_scan_angle(),
+            Self::UserData => selection.decompress_user_data(),
+            Self::PointSourceId => selection.decompress_point_source_id(),
+            Self::GpsTime => selection.decompress_gps_time(),
+            Self::Red | Self::Green | Self::Blue => selection.decompress_rgb(),
+            Self::Infrared => selection.decompress_nir(),
+            Self::ScanDirectionFlag
+            | Self::EdgeOfFlightLine
+            | Self::Synthetic
+            | Self::KeyPoint
+            | Self::Withheld
+            | Self::Overlap => selection.decompress_flags(),
         }
     }
 

@@ -39,28 +39,33 @@ fn number(value: &Values) -> f64 {
 
 /// The header of LAS 1.4 with everything that the old one says; `wkt` tells whether a WKT record stands in the file.
 pub(super) fn header(old: &Header, wkt: bool) -> Vec<u8> {
-    let mut raw = vec![0; 375];
-    raw[..227].copy_from_slice(&old.raw[..227]);
-    if old.minor >= 3 {
-        raw[227..235].copy_from_slice(&old.raw[227..235]);
+    let mut raw = old.raw.clone();
+    if old.minor < 4 {
+        // Bytes of somebody's own behind the old header follow the new one.
+        let standard = if old.minor >= 3 { 235 } else { 227 };
+        let own = raw.split_off(standard);
+        raw.resize(375, 0);
+        raw.extend(own);
     }
     if wkt {
         raw[6] |= 16;
     }
     raw[25] = 4;
-    put(&mut raw, 94, &375u16.to_le_bytes());
+    let length = raw.len() as u16;
+    put(&mut raw, 94, &length.to_le_bytes());
     let to = target(old.format);
     raw[104] = to | old.raw[104] & 0xc0;
     let length = RECORD_SIZES[usize::from(to)] + old.extra() as u16;
     put(&mut raw, 105, &length.to_le_bytes());
-    let returns: Vec<[u8; 4]> = (0..5).map(|r| super::header::array(&old.raw, 111 + 4 * r)).collect();
+    let returns: [[u8; 4]; 5] = [0, 1, 2, 3, 4].map(|r| super::header::array(&old.raw, 111 + 4 * r));
+    let counted = old.minor >= 4 && old.raw[255..375].iter().any(|&b| b != 0);
     // The legacy counters are 0 with formats from 6 on.
     raw[107..131].fill(0);
     put(&mut raw, 247, &old.points.to_le_bytes());
-    returns
-        .iter()
-        .enumerate()
-        .for_each(|(r, n)| put(&mut raw, 255 + 8 * r, &u64::from(u32::from_le_bytes(*n)).to_le_bytes()));
+    if !counted {
+        let wide = returns.map(|n| u64::from(u32::from_le_bytes(n)).to_le_bytes());
+        wide.iter().enumerate().for_each(|(r, n)| put(&mut raw, 255 + 8 * r, n));
+    }
     raw
 }
 

@@ -1,13 +1,15 @@
 //! Reading a LAS or LAZ file into a cloud.
 
-use super::extra::{self, Extra};
+use super::extra::{self, Extra, grow};
 use super::fields::{self, Field};
 use super::header::array;
-use super::records::Records;
+use super::records::{Records, Slab};
 use super::vlr::crs;
 use crate::cloud::{Cloud, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
+use laz::DecompressionSelection;
+use rayon::prelude::*;
 use std::path::Path;
 
 /// Where a column comes from.
@@ -32,30 +34,43 @@ pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
         .filter(|(_, name, _)| options.wants(name))
         .map(|(source, name, values)| (source, Column::new(name, values)))
         .collect();
-    for (source, column) in &mut columns {
-        column.values = match source {
-            Source::Field(field) => field.values(n),
-            Source::Extra(extra) => extra.values(n),
-        };
-    }
-    let mut ticks = [vec![0i32; n], vec![0i32; n], vec![0i32; n]];
+    let mut ticks = [Vec::new(), Vec::new(), Vec::new()];
+    reserve(&mut ticks, &mut columns, n)?;
+    records.selection =
+        columns.iter().fold(DecompressionSelection::base().decompress_z(), |selection, (source, _)| match source {
+            Source::Field(field) => field.select(selection),
+            Source::Extra(_) => selection.decompress_extra_bytes(),
+        });
     let length = usize::from(records.header.record_length);
     options.monitor.stage("read", n as u64);
     let monitor = options.monitor.clone();
-    records.for_each(&monitor, |slab| {
-        monitor.advance(slab.points.len() as u64);
-        for (record, i) in slab.bytes.chunks_exact(length).zip(slab.points) {
-            (0..3).for_each(|a| ticks[a][i] = i32::from_le_bytes(array(record, 4 * a)));
-            for (source, column) in &mut columns {
+    records.for_each(&monitor, |Slab { points, bytes }| {
+        monitor.advance(points.len() as u64);
+        let bytes = &*bytes;
+        ticks.par_iter_mut().enumerate().for_each(|(a, axis)| {
+            axis.extend(bytes.chunks_exact(length).map(|record| i32::from_le_bytes(array(record, 4 * a))));
+        });
+        columns.par_iter_mut().for_each(|(source, column)| {
+            grow(&mut column.values, points.end);
+            for (record, i) in bytes.chunks_exact(length).zip(points.clone()) {
                 match source {
                     Source::Field(field) => field.take(format, record, i, &mut column.values),
                     Source::Extra(extra) => extra.take(record, i, &mut column.values),
                 }
             }
-        }
+        });
         Ok(())
     })?;
     finish(&records, ticks, columns.into_iter().map(|c| c.1))
+}
+
+/// Asks for the address space of `n` points; memory is taken only as points come, so a hostile count costs nothing.
+fn reserve(ticks: &mut [Vec<i32>; 3], columns: &mut [(Source, Column)], n: usize) -> Result<()> {
+    let axes = ticks.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
+    match axes && columns.iter_mut().all(|(_, column)| extra::reserve(&mut column.values, n)) {
+        true => Ok(()),
+        false => Err(Error::input(format!("not enough memory for {n} points with {} columns", columns.len()))),
+    }
 }
 
 fn finish(records: &Records, ticks: [Vec<i32>; 3], columns: impl Iterator<Item = Column>) -> Result<Cloud> {
@@ -75,7 +90,7 @@ fn finish(records: &Records, ticks: [Vec<i32>; 3], columns: impl Iterator<Item =
     Ok(cloud)
 }
 
-/// Fails if a code does not fit into a class of the point format.
+/// Fails if there is not one code a point.
 pub(super) fn check_codes(codes: &[u8], points: u64) -> Result<()> {
     match codes.len() as u64 == points {
         true => Ok(()),

@@ -1,17 +1,20 @@
 //! The raw records of a LAS or LAZ file, slab by slab, in the file's order.
 
-use super::chunks::{self, Chunks};
+use super::chunks::{self, Chunk, Chunks, Decoder};
 use super::header::{Header, bad};
 use super::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
+use laz::DecompressionSelection;
 use rayon::prelude::*;
 use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Points of a slab of an uncompressed file.
-const SLAB: u64 = 100_000;
+/// Points of a slab of an uncompressed file, and of a piece of a large chunk.
+const SLAB: usize = 100_000;
+/// Chunks of more points than this are decoded piece by piece, so that memory does not follow the declared size.
+const LARGE: u64 = 200_000;
 /// EVLRs above this are not held in memory.
 const MOST_EVLR: u64 = 64 << 20;
 
@@ -27,6 +30,8 @@ pub(in crate::io) struct Records {
     pub(super) gap: Vec<u8>,
     pub(in crate::io) evlrs: Vec<Vlr>,
     pub(super) chunks: Option<Chunks>,
+    /// Fields that are decoded, where the compression allows a choice (point formats from 6 on).
+    pub(super) selection: DecompressionSelection,
 }
 
 /// A run of records: those of the points `points`.
@@ -47,7 +52,8 @@ impl Records {
             true => Some(chunks::read_table(path, &mut file, (&header, &vlrs), size)?),
             false => None,
         };
-        Ok(Self { path: path.to_path_buf(), file, size, header, vlrs, gap, evlrs, chunks })
+        let selection = DecompressionSelection::all();
+        Ok(Self { path: path.to_path_buf(), file, size, header, vlrs, gap, evlrs, chunks, selection })
     }
 
     /// Number of points.
@@ -77,9 +83,9 @@ impl Records {
         if self.chunks.is_some() {
             return self.for_each_chunk(monitor, work);
         }
-        for first in (0..total).step_by(SLAB as usize) {
+        for first in (0..total).step_by(SLAB) {
             monitor.check()?;
-            let points = first..(first + SLAB as usize).min(total);
+            let points = first..(first + SLAB).min(total);
             let at = self.header.points_at + (first * length) as u64;
             let mut bytes = read_at(&self.path, &mut self.file, at, points.len() * length)?;
             work(Slab { points, bytes: &mut bytes })?;
@@ -89,30 +95,49 @@ impl Records {
 
     fn for_each_chunk(&mut self, monitor: &Monitor, mut work: impl FnMut(Slab<'_>) -> Result<()>) -> Result<()> {
         let Some(Chunks { vlr, list }) = &self.chunks else { return Ok(()) };
+        let (path, how) = (&self.path, (vlr, self.selection));
         let length = usize::from(self.header.record_length);
-        let mut first = 0;
-        let mut begin = 0;
+        let (mut first, mut begin) = (0, 0);
         while begin < list.len() {
-            let end = (begin + rayon::current_num_threads()).min(list.len());
+            let end = begin + group(&list[begin..]);
             let mut packed = Vec::with_capacity(end - begin);
             for chunk in &list[begin..end] {
-                packed.push(read_at(&self.path, &mut self.file, chunk.at, chunk.bytes as usize)?);
+                packed.push(read_at(path, &mut self.file, chunk.at, chunk.bytes as usize)?);
             }
-            let path = &self.path;
-            let decoded = map_ordered(end - begin, monitor, |i| {
-                let mut bytes = vec![0; list[begin + i].points as usize * length];
-                let place = (begin + i, &packed[i][..]);
-                chunks::decode(path, vlr, place, &mut bytes).map(|()| bytes)
-            })?;
-            for mut bytes in decoded {
+            let mut pass_on = |mut bytes: Vec<u8>| {
                 let points = first..first + bytes.len() / length;
                 first = points.end;
-                work(Slab { points, bytes: &mut bytes })?;
+                work(Slab { points, bytes: &mut bytes })
+            };
+            if list[begin].points > LARGE {
+                let mut decoder = Decoder::new(path, how, (begin, &packed[0]))?;
+                let points = list[begin].points as usize;
+                for done in (0..points).step_by(SLAB) {
+                    monitor.check()?;
+                    let mut bytes = vec![0; SLAB.min(points - done) * length];
+                    decoder.next(&mut bytes)?;
+                    pass_on(bytes)?;
+                }
+            } else {
+                let decoded = map_ordered(end - begin, monitor, |i| {
+                    let mut bytes = vec![0; list[begin + i].points as usize * length];
+                    if !bytes.is_empty() {
+                        Decoder::new(path, how, (begin + i, &packed[i]))?.next(&mut bytes)?;
+                    }
+                    Ok(bytes)
+                })?;
+                decoded.into_iter().try_for_each(pass_on)?;
             }
             begin = end;
         }
         Ok(())
     }
+}
+
+/// How many of these chunks are decoded at once: one a thread, a large one alone.
+fn group(chunks: &[Chunk]) -> usize {
+    let small = chunks.iter().take(rayon::current_num_threads()).take_while(|c| c.points <= LARGE).count();
+    small.max(1)
 }
 
 /// Records that begin at point `first`, each with its position in the cloud, in parallel where that pays.
