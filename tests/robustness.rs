@@ -153,7 +153,8 @@ fn mutants_are_read_or_refused_without_a_panic() {
         std::fs::write(&path, &mutant).unwrap();
         let start = Instant::now();
         let _ = io::read(&path);
-        assert!(start.elapsed() < Duration::from_secs(2), "mutant {i}");
+        // Wide, because the machine may be busy: this guards against a hang.
+        assert!(start.elapsed() < Duration::from_secs(30), "mutant {i}");
     }
 }
 
@@ -170,7 +171,7 @@ fn the_hostile_corpus_is_read_or_refused() {
         let start = Instant::now();
         let outcome = io::read(&path);
         let _ = io::inspect(&path);
-        assert!(start.elapsed() < Duration::from_secs(4), "{}", path.display());
+        assert!(start.elapsed() < Duration::from_secs(30), "{}", path.display());
         match outcome {
             Ok(_) => read += 1,
             Err(e) => assert!(e.to_string().len() > 10, "{e}"),

@@ -1,38 +1,50 @@
-//! Nanoseconds per point and level on a raw f64 file: pyramid_speed xyz.bin first_scale
-use scansion_core::{Cloud, cloud::Coordinates, features::*, parallel::Monitor};
-fn main() {
-    let a: Vec<String> = std::env::args().collect();
-    let b = std::fs::read(&a[1]).unwrap();
-    let v: Vec<f64> = b.chunks_exact(8).map(|c| f64::from_le_bytes(c.try_into().unwrap())).collect();
-    let ax = |k: usize| v.iter().skip(k).step_by(3).copied().collect::<Vec<f64>>();
-    let cloud = Cloud::new(Coordinates::Float([ax(0), ax(1), ax(2)])).unwrap();
-    let mut set = FeatureSet::default();
-    set.pyramid.first_scale = Some(a[2].parse().unwrap());
-    rayon::ThreadPoolBuilder::new().num_threads(1).build_global().unwrap();
-    let m = Monitor::default();
-    let all = set.names(set.pyramid.first_scale.unwrap());
-    for (what, names) in [
-        ("all", all.clone()),
-        ("cov", all.iter().enumerate().filter(|(i, _)| i % 16 < 9).map(|x| x.1.clone()).collect()),
-        ("cov+contour", all.iter().enumerate().filter(|(i, _)| i % 16 < 13).map(|x| x.1.clone()).collect()),
-        ("height", all.iter().enumerate().filter(|(i, _)| i % 16 >= 13).map(|x| x.1.clone()).collect()),
-    ] {
-        let t = std::time::Instant::now();
-        let e = Extractor::prepare(&cloud, &set, (Wanted::Names(&names), None), &m).unwrap();
-        let prep = t.elapsed().as_secs_f64();
-        let mut s = Scratch::default();
-        let mut rows = Vec::new();
-        let mut sum = 0.0f64;
-        for b in 0..e.blocks() {
-            e.block(b, &mut s, &mut rows);
-            sum += f64::from(rows[rows.len() / 2]);
-        }
-        let total = t.elapsed().as_secs_f64();
-        println!(
-            "{what}: prepare {prep:.2} s, blocks {:.2} s, {:.0} ns per point and level in all, {:.0} k points/s ({sum})",
-            total - prep,
-            total * 1e9 / (v.len() as f64 / 3.0) / 9.0,
-            v.len() as f64 / 3.0 / total / 1e3
-        );
+//! Times the features of a cloud in one pass: `SCANSION_XYZ` names raw little-endian f64 `x y z` in metres,
+//! `SCANSION_SCALE` the first scale (0.4), `SCANSION_PART` one of all, covariance, contour, height.
+//!
+//! Prints nanoseconds per point and level, and a checksum of all values that shows whether a change altered any bit.
+
+#![allow(clippy::print_stdout, reason = "a program for people")]
+
+use scansion_core::Cloud;
+use scansion_core::features::{Extractor, FeatureSet, PyramidParams, Scratch, Wanted};
+use scansion_core::parallel::Monitor;
+use std::time::Instant;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let bytes = std::fs::read(std::env::var("SCANSION_XYZ").map_err(|_| "SCANSION_XYZ is not set")?)?;
+    let values: Vec<f64> = bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+    let cloud = Cloud::from_rows(values.as_chunks::<3>().0)?;
+    drop((bytes, values));
+    let scale: f64 = std::env::var("SCANSION_SCALE").map_or(Ok(0.4), |s| s.parse())?;
+    let set = FeatureSet {
+        pyramid: PyramidParams { first_scale: Some(scale), ..PyramidParams::default() },
+        ..FeatureSet::default()
+    };
+    let part = match std::env::var("SCANSION_PART").as_deref() {
+        Ok("covariance") => 0..9,
+        Ok("contour") => 9..13,
+        Ok("height") => 13..16,
+        _ => 0..16,
+    };
+    let names: Vec<String> =
+        set.names(scale).into_iter().enumerate().filter(|(i, _)| part.contains(&(i % 16))).map(|n| n.1).collect();
+    let per = |seconds: f64| seconds * 1e9 / (cloud.len() * set.pyramid.levels) as f64;
+    let start = Instant::now();
+    let extractor = Extractor::prepare(&cloud, &set, (Wanted::Names(&names), None), &Monitor::default())?;
+    let prepare = start.elapsed().as_secs_f64();
+    let (mut scratch, mut rows, mut sum, mut blocks) = (Scratch::default(), Vec::new(), 0u64, 0.0);
+    for block in 0..extractor.blocks() {
+        let start = Instant::now();
+        extractor.block(block, &mut scratch, &mut rows);
+        blocks += start.elapsed().as_secs_f64();
+        sum = rows.iter().fold(sum, |s, v| s.rotate_left(5) ^ u64::from(v.to_bits()));
     }
+    println!(
+        "{} points, {} levels, {part:?}: prepare {:.1}, blocks {:.1} ns per point and level; checksum {sum:016x}",
+        cloud.len(),
+        set.pyramid.levels,
+        per(prepare),
+        per(blocks)
+    );
+    Ok(())
 }

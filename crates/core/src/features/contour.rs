@@ -7,6 +7,7 @@
 )]
 
 use super::tensor::{Batch, LANES, Lane, MOST};
+use pulp::Simd;
 
 /// Surface variations below this are rounding of a plane in `f32`: they count as 0 in Q.
 const FLAT: f32 = 2e-6;
@@ -31,7 +32,8 @@ impl Default for Surfaces {
 
 /// O, m2, R and Q of the first `count` rows; `second` is e2, `near` the size of the near set.
 #[inline(always)]
-pub(super) fn contour_features(
+pub(super) fn contour_features<S: Simd>(
+    simd: S,
     batch: &Batch,
     surfaces: &Surfaces,
     count: usize,
@@ -45,7 +47,7 @@ pub(super) fn contour_features(
         }
     }
     let [first, moment] = moments(batch, &along, count);
-    let orientation = orientation(&along, surfaces, count);
+    let orientation = orientation(simd, &along, surfaces, count);
     [first, moment, orientation, line(&along, surfaces, count, near)]
 }
 
@@ -73,7 +75,7 @@ fn moments(batch: &Batch, along: &[Lane; MOST], count: usize) -> [Lane; 2] {
 
 /// |n⁻ · n⁺| of the medoids of the normals on both sides under 1 − |n · n'|; 1 if a side is empty.
 #[inline(always)]
-fn orientation(along: &[Lane; MOST], surfaces: &Surfaces, count: usize) -> Lane {
+fn orientation<S: Simd>(simd: S, along: &[Lane; MOST], surfaces: &Surfaces, count: usize) -> Lane {
     let [x, y, z] = &surfaces.normal;
     let mut totals = [[0.0f32; LANES]; MOST];
     for i in 0..count {
@@ -90,14 +92,14 @@ fn orientation(along: &[Lane; MOST], surfaces: &Surfaces, count: usize) -> Lane 
     let mut least = [[f32::INFINITY; LANES]; 2];
     let mut medoid = [[[0.0; LANES]; 3]; 2];
     for j in 0..count {
-        for (side, negative) in [(0, true), (1, false)] {
-            for l in 0..LANES {
-                let better = ((along[j][l] < 0.0) == negative) & (totals[j][l] < least[side][l]);
-                least[side][l] = if better { totals[j][l] } else { least[side][l] };
-                medoid[side][0][l] = if better { x[j][l] } else { medoid[side][0][l] };
-                medoid[side][1][l] = if better { y[j][l] } else { medoid[side][1][l] };
-                medoid[side][2][l] = if better { z[j][l] } else { medoid[side][2][l] };
-            }
+        let mut on_side = [[f32::INFINITY; LANES]; 2];
+        for l in 0..LANES {
+            let negative = along[j][l] < 0.0;
+            on_side[0][l] = if negative { totals[j][l] } else { f32::INFINITY };
+            on_side[1][l] = if negative { f32::INFINITY } else { totals[j][l] };
+        }
+        for side in 0..2 {
+            keep_better(simd, &on_side[side], [&x[j], &y[j], &z[j]], &mut least[side], &mut medoid[side]);
         }
     }
     let mut out = [1.0; LANES];
@@ -108,6 +110,20 @@ fn orientation(along: &[Lane; MOST], surfaces: &Surfaces, count: usize) -> Lane 
         out[l] = if both { bounded } else { 1.0 };
     }
     out
+}
+
+/// Replaces the least and its normal in the lanes where the total is smaller. (Explicit lanes: left to itself the compiler
+/// makes branches of these selections.)
+#[inline(always)]
+fn keep_better<S: Simd>(simd: S, total: &Lane, normal: [&Lane; 3], least: &mut Lane, kept: &mut [Lane; 3]) {
+    let (total, least) = (S::as_simd_f32s(total).0, S::as_mut_simd_f32s(least).0);
+    for (axis, from) in kept.iter_mut().zip(normal) {
+        let parts = S::as_mut_simd_f32s(axis).0.iter_mut().zip(S::as_simd_f32s(from).0);
+        for ((old, &new), (&total, &least)) in parts.zip(total.iter().zip(least.iter())) {
+            *old = simd.select_f32s(simd.less_than_f32s(total, least), new, *old);
+        }
+    }
+    least.iter_mut().zip(total).for_each(|(least, &total)| *least = simd.min_f32s(*least, total));
 }
 
 /// Mean variation of the `near` rows nearest to e1 over the mean of the others; ties go to the earlier row.
@@ -148,6 +164,7 @@ fn line(along: &[Lane; MOST], surfaces: &Surfaces, count: usize, near: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pulp::Scalar;
 
     /// e2 = y.
     const SECOND: [Lane; 3] = [[0.0; LANES], [1.0; LANES], [0.0; LANES]];
@@ -162,11 +179,18 @@ mod tests {
     fn points_on_one_side_give_k_minus_one_and_symmetric_ones_zero() {
         let mut y = [0.5; 10];
         y[9] = 0.0;
-        let f = contour_features(&along_y(&y), &Surfaces::default(), 10, &SECOND, 5);
+        let f = contour_features(Scalar::new(), &along_y(&y), &Surfaces::default(), 10, &SECOND, 5);
         assert!((f[0][0] - 9.0).abs() < 1e-5 && (f[1][0] - 2.25).abs() < 1e-6);
-        let f = contour_features(&along_y(&[1.0, -1.0, 2.0, -2.0, 0.0]), &Surfaces::default(), 5, &SECOND, 3);
+        let f = contour_features(
+            Scalar::new(),
+            &along_y(&[1.0, -1.0, 2.0, -2.0, 0.0]),
+            &Surfaces::default(),
+            5,
+            &SECOND,
+            3,
+        );
         assert!(f[0][0].abs() < 1e-6 && (f[1][0] - 10.0).abs() < 1e-6);
-        let f = contour_features(&along_y(&[0.0; 5]), &Surfaces::default(), 5, &SECOND, 3);
+        let f = contour_features(Scalar::new(), &along_y(&[0.0; 5]), &Surfaces::default(), 5, &SECOND, 3);
         assert_eq!((f[0][0], f[1][0], f[2][0]), (0.0, 0.0, 1.0), "no spread, one side only");
     }
 
@@ -182,7 +206,7 @@ mod tests {
                 surfaces.normal[1][j] = [sign * angle.sin(); LANES];
                 surfaces.normal[2][j] = [sign * angle.cos(); LANES];
             }
-            let f = contour_features(&along_y(&y), &surfaces, 6, &SECOND, 3);
+            let f = contour_features(Scalar::new(), &along_y(&y), &surfaces, 6, &SECOND, 3);
             assert!((f[2][5] - degrees.to_radians().cos().abs()).abs() < 1e-6, "{degrees}");
         }
     }
@@ -193,7 +217,7 @@ mod tests {
         let with = |variation: [f32; 5]| {
             let mut surfaces = Surfaces::default();
             variation.iter().enumerate().for_each(|(j, &v)| surfaces.variation[j] = [v; LANES]);
-            contour_features(&along_y(&y), &surfaces, 5, &SECOND, 3)[3][2]
+            contour_features(Scalar::new(), &along_y(&y), &surfaces, 5, &SECOND, 3)[3][2]
         };
         assert_eq!(with([0.0; 5]), 1.0);
         assert_eq!(with([1e-7; 5]), 1.0, "rounding of a plane");

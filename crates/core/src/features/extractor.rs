@@ -7,7 +7,7 @@ use super::pyramid::{Job, NOWHERE, Stage};
 use super::spacing::{scale_of, spacing};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
-use crate::neighbours::{Grid, build_levels, sorted};
+use crate::neighbours::{Columns, Grid, build_levels, sorted};
 use crate::parallel::Monitor;
 
 pub use super::pyramid::Scratch;
@@ -67,7 +67,11 @@ impl<'a> Extractor<'a> {
         let own = own.filter(|(_, slot)| **slot != NOWHERE).map(|(source, &slot)| (slot, source)).collect();
         monitor.stage("pyramid", points.len() as u64);
         let grid = Grid::new(&points, first_scale)?;
-        let points = sorted(&points, &grid);
+        if !Columns::fits(&points, set.pyramid.column_radius * first_scale) {
+            let expected = "a wider column, or a larger first scale: the columns of this extent are too many";
+            return Err(Error::parameter("column_radius", set.pyramid.column_radius, expected));
+        }
+        let points = sorted(points, &grid);
         let mut stages = Vec::with_capacity(set.pyramid.levels);
         for (level, slots) in
             build_levels(&points, &grid, set.pyramid.levels).into_iter().zip(slots.chunks_exact(PER_LEVEL))
@@ -147,9 +151,13 @@ fn slots(all: &[String], names: &[String]) -> Result<Vec<usize>> {
 fn subset(points: Points, at: &[u32], cloud: usize) -> Result<Points> {
     let mut wanted = vec![false; cloud];
     for &index in at {
-        *wanted
-            .get_mut(index as usize)
-            .ok_or_else(|| Error::input(format!("point {index} of a cloud of {cloud}")))? = true;
+        match wanted.get_mut(index as usize) {
+            Some(slot) if !*slot => *slot = true,
+            Some(_) => {
+                return Err(Error::input(format!("point {index} is asked for twice; each point once is allowed")));
+            }
+            None => return Err(Error::input(format!("point {index} of a cloud of {cloud}"))),
+        }
     }
     let kept: Vec<usize> = (0..points.len()).filter(|&i| wanted[points.index[i] as usize]).collect();
     let pick = |axis: &[f32]| kept.iter().map(|&i| axis[i]).collect();

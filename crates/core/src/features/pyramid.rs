@@ -32,13 +32,25 @@ pub(super) struct Stage {
 }
 
 /// Reusable state of one thread.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Scratch {
     search: Search,
     columns: ColumnSearch,
     batch: Batch,
     surfaces: Surfaces,
-    found: Vec<u32>,
+    found: [[u32; LANES]; MOST],
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            search: Search::default(),
+            columns: ColumnSearch::default(),
+            batch: Batch::default(),
+            surfaces: Surfaces::default(),
+            found: [[0; LANES]; MOST],
+        }
+    }
 }
 
 /// Query points and where their features go: row `r` of `out` is that of point `range.start + r`.
@@ -79,15 +91,16 @@ impl Stage {
             }
             if self.slots[..13].iter().any(|&s| s != NOWHERE) {
                 let count = fill(simd, (&self.level, &self.surfaces), points, lanes.clone(), (params, &mut *scratch));
-                self.shape(count, lanes.len(), job, row, (params, &mut *scratch));
+                self.shape(simd, count, lanes.len(), job, row, (params, &mut *scratch));
             }
         }
     }
 
     /// Covariance and contour features of the filled batch.
     #[inline(always)]
-    fn shape(
+    fn shape<S: Simd>(
         &self,
+        simd: S,
         count: usize,
         lanes: usize,
         job: &mut Job<'_>,
@@ -111,9 +124,9 @@ impl Stage {
         }
         let near = (params.near_share * count as f64).ceil() as usize;
         let contour = if count == 10 && near == 5 {
-            contour_features(&scratch.batch, &scratch.surfaces, 10, &tensor.second, 5)
+            contour_features(simd, &scratch.batch, &scratch.surfaces, 10, &tensor.second, 5)
         } else {
-            contour_features(&scratch.batch, &scratch.surfaces, count, &tensor.second, near)
+            contour_features(simd, &scratch.batch, &scratch.surfaces, count, &tensor.second, near)
         };
         store(&contour, &self.slots[9..13], lanes, job, row);
     }
@@ -204,15 +217,15 @@ fn fill<S: Simd>(
     (params, scratch): (&PyramidParams, &mut Scratch),
 ) -> usize {
     let wanted = params.k.min(MOST - 1) - usize::from(params.include_query);
-    scratch.found.resize(wanted, 0);
-    let mut count = 0;
-    for (l, i) in lanes.enumerate() {
-        let at = [points.x[i], points.y[i], points.z[i]];
-        count = scratch.search.nearest_with(simd, level, at, &mut scratch.found);
-        lay_out(level, at, &scratch.found[..count], l, &mut scratch.batch);
-        if !packed.is_empty() {
-            unpack(packed, &scratch.found[..count], l, &mut scratch.surfaces);
-        }
+    let mut at = [[0.0; LANES]; 3];
+    for (axis, from) in at.iter_mut().zip([&points.x, &points.y, &points.z]) {
+        axis[..lanes.len()].copy_from_slice(&from[lanes.clone()]);
+    }
+    let found = &mut scratch.found[..wanted];
+    let mut count = scratch.search.nearest_of_batch(simd, level, &at, lanes.len(), found);
+    lay_out(level, &at, &found[..count], &mut scratch.batch);
+    if !packed.is_empty() {
+        unpack(packed, &found[..count], &mut scratch.surfaces);
     }
     if params.include_query {
         scratch.batch.x[count] = [0.0; LANES];
@@ -223,26 +236,38 @@ fn fill<S: Simd>(
     count
 }
 
+/// Lanes that hold no query have the indices of an earlier one, or 0: their values are never stored.
 #[inline(always)]
-fn lay_out(level: &Level, at: [f32; 3], found: &[u32], l: usize, batch: &mut Batch) {
+fn lay_out(level: &Level, at: &[[f32; LANES]; 3], found: &[[u32; LANES]], batch: &mut Batch) {
+    let n = level.x.len();
+    let (from_x, from_y, from_z) = (&level.x[..n], &level.y[..n], &level.z[..n]);
     let rows = batch.x.iter_mut().zip(&mut batch.y).zip(&mut batch.z);
-    for (((x, y), z), &n) in rows.zip(found) {
-        x[l] = level.x[n as usize] - at[0];
-        y[l] = level.y[n as usize] - at[1];
-        z[l] = level.z[n as usize] - at[2];
+    for (((x, y), z), indices) in rows.zip(found) {
+        for (l, &i) in indices.iter().enumerate() {
+            let i = (i as usize).min(n - 1);
+            x[l] = from_x[i] - at[0][l];
+            y[l] = from_y[i] - at[1][l];
+            z[l] = from_z[i] - at[2][l];
+        }
     }
 }
 
 #[inline(always)]
-fn unpack(packed: &[Packed], found: &[u32], l: usize, surfaces: &mut Surfaces) {
+fn unpack(packed: &[Packed], found: &[[u32; LANES]], surfaces: &mut Surfaces) {
     let [x, y, z] = &mut surfaces.normal;
     let rows = x.iter_mut().zip(y).zip(z).zip(&mut surfaces.variation);
-    for ((((x, y), z), variation), &n) in rows.zip(found) {
-        let p = packed[n as usize];
-        x[l] = f32::from(p[0] as i16) * (1.0 / 32767.0);
-        y[l] = f32::from(p[1] as i16) * (1.0 / 32767.0);
-        z[l] = f32::from(p[2] as i16) * (1.0 / 32767.0);
-        variation[l] = f32::from(p[3]) * (1.0 / 196_605.0);
+    for ((((x, y), z), variation), indices) in rows.zip(found) {
+        let mut raw = [[0u16; LANES]; 4];
+        for (l, &i) in indices.iter().enumerate() {
+            let p = packed[(i as usize).min(packed.len() - 1)];
+            (0..4).for_each(|part| raw[part][l] = p[part]);
+        }
+        for l in 0..LANES {
+            x[l] = f32::from(raw[0][l] as i16) * (1.0 / 32767.0);
+            y[l] = f32::from(raw[1][l] as i16) * (1.0 / 32767.0);
+            z[l] = f32::from(raw[2][l] as i16) * (1.0 / 32767.0);
+            variation[l] = f32::from(raw[3][l]) * (1.0 / 196_605.0);
+        }
     }
 }
 
@@ -280,6 +305,39 @@ fn pack_all<S: Simd>(simd: S, level: &Level, points: &Points, params: &PyramidPa
         for (l, slot) in packed[lanes].iter_mut().enumerate() {
             let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
             *slot = [part(0), part(1), part(2), (variation[l] * 196_605.0).round() as u16];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::neighbours::{Grid, build_levels, sorted};
+    use crate::random::stream;
+
+    #[test]
+    fn features_have_the_same_bytes_with_and_without_vector_instructions() {
+        let mut s = stream(9, 0);
+        let rows: Vec<[f64; 3]> = (0..2000).map(|_| [s.uniform() * 20.0, s.uniform() * 20.0, s.uniform()]).collect();
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let grid = Grid::new(&points, 0.2).unwrap();
+        let points = sorted(points, &grid);
+        let params = PyramidParams::default();
+        for level in build_levels(&points, &grid, 5) {
+            let stage = Stage::new(level, std::array::from_fn(|f| f), &params, &Monitor::default()).unwrap();
+            let with = |vectors: bool| {
+                let mut out = vec![0.0; points.len() * PER_LEVEL];
+                let mut job = Job { points: &points, range: 0..points.len(), width: PER_LEVEL, out: &mut out };
+                let mut scratch = Scratch::default();
+                let work = Describe { stage: &stage, job: &mut job, params: &params, scratch: &mut scratch };
+                match vectors {
+                    true => Arch::new().dispatch(work),
+                    false => pulp::Scalar::new().vectorize(work),
+                }
+                out.iter().map(|v| v.to_bits()).collect::<Vec<u32>>()
+            };
+            assert!(with(true) == with(false));
         }
     }
 }

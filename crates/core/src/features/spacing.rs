@@ -15,7 +15,7 @@ const NEIGHBOUR: usize = 4;
 pub fn spacing(points: &Points) -> Result<f64> {
     let far = [&points.x, &points.y, &points.z].into_iter().flatten().fold(0.0f32, |m, &v| m.max(v));
     let grid = Grid::new(points, f64::from(far).max(1e-3) / f64::from(1u32 << 20))?;
-    let points = sorted(points, &grid);
+    let points = sorted(points.clone(), &grid);
     let levels = build_levels(&points, &grid, 1);
     let (Some(level), true) = (levels.first(), points.len() > NEIGHBOUR) else { return Ok(0.0) };
     let mut search = Search::default();

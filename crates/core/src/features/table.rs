@@ -77,3 +77,28 @@ fn collect(
     }
     Ok(FeatureTable { names, values })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    #[test]
+    fn the_table_has_the_same_bytes_for_any_number_of_threads() {
+        let mut s = stream(8, 0);
+        let rows: Vec<[f64; 3]> = (0..9000).map(|_| [s.uniform() * 40.0, s.uniform() * 30.0, s.uniform()]).collect();
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let mut set = FeatureSet::default();
+        set.pyramid.first_scale = Some(0.2);
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let table = pool.install(|| table(&cloud, &set, &Monitor::default())).unwrap();
+            table.values.iter().map(|v| v.to_bits()).collect::<Vec<u32>>()
+        };
+        let expected = with(1);
+        assert_eq!(expected.len(), 9000 * 144);
+        for threads in [2, 3, 8] {
+            assert!(with(threads) == expected, "{threads} threads");
+        }
+    }
+}

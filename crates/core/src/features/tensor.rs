@@ -11,7 +11,7 @@
 use super::params::{Centre, Divisor};
 
 /// Neighbourhoods that are computed together.
-pub(super) const LANES: usize = 16;
+pub(super) const LANES: usize = crate::neighbours::LANES;
 /// Most points of a neighbourhood.
 pub(super) const MOST: usize = 33;
 
@@ -57,7 +57,7 @@ pub(super) fn tensor(batch: &Batch, count: usize, convention: Convention) -> Ten
     }
     if convention.divisor == Divisor::NMinusOne && count > 1 {
         let factor = count as f32 / (count as f32 - 1.0);
-        matrix.iter_mut().flatten().for_each(|v| *v *= factor);
+        scale(&mut matrix, factor);
     }
     eigen(matrix)
 }
@@ -79,7 +79,8 @@ fn covariance(batch: &Batch, count: usize) -> [Lane; 6] {
         }
     }
     let share = 1.0 / count.max(1) as f32;
-    sums.map(|lane| lane.map(|v| v * share))
+    scale(&mut sums, share);
+    sums
 }
 
 #[inline(always)]
@@ -93,7 +94,18 @@ fn mean(batch: &Batch, count: usize) -> [Lane; 3] {
         }
     }
     let share = 1.0 / count.max(1) as f32;
-    sums.map(|lane| lane.map(|v| v * share))
+    scale(&mut sums, share);
+    sums
+}
+
+// A loop and not `map`, whose closure would be compiled without the vector instructions.
+#[inline(always)]
+fn scale(lanes: &mut [Lane], factor: f32) {
+    for lane in lanes {
+        for v in lane {
+            *v *= factor;
+        }
+    }
 }
 
 /// C around the medoid = C around the mean + (mean − medoid)(mean − medoid)ᵀ.
@@ -199,7 +211,11 @@ fn sorted(mut values: [Lane; 3], mut vectors: [[Lane; 3]; 3]) -> Tensor {
             }
         }
     }
-    values.iter_mut().flatten().for_each(|v| *v = if *v > 0.0 { *v } else { 0.0 });
+    for lane in &mut values {
+        for v in lane {
+            *v = if *v > 0.0 { *v } else { 0.0 };
+        }
+    }
     Tensor { values, second: with_fixed_sign(vectors[1]), normal: vectors[2] }
 }
 

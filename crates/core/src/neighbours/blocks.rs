@@ -18,6 +18,8 @@ pub(super) struct Blocks {
 }
 
 const NONE: u32 = u32::MAX;
+/// The cells of a block whose index on that axis is 0.
+const SLAB: [u64; 3] = [0x0055_0055_0055_0055, 0x0000_3333_0000_3333, 0x0f0f_0f0f];
 
 impl Blocks {
     /// Cells are `codes >> (3 * shift)`; codes ascend.
@@ -88,6 +90,34 @@ impl Blocks {
                 b if self.keys[b as usize] == key => return Some(b),
                 _ => slot = (slot + 1) & mask,
             }
+        }
+    }
+
+    /// The block with these indices.
+    pub(super) fn find_at(&self, block: [u32; 3]) -> Option<u32> {
+        if block.iter().all(|&b| b < morton::LIMIT) { self.find(morton::encode(block)) } else { None }
+    }
+
+    /// The points of each occupied cell of a block that is in `low..=high` on every axis, ascending.
+    #[inline(always)]
+    pub(super) fn cells_within(
+        &self,
+        block: u32,
+        low: [u32; 3],
+        high: [u32; 3],
+        mut visit: impl FnMut(std::ops::Range<usize>),
+    ) {
+        let corner = morton::decode(self.keys[block as usize]).map(|c| c << 2);
+        let mask = self.masks[block as usize];
+        let mut wanted = (0..3).fold(mask, |bits, a| {
+            let slabs = (0..4u32).filter(|i| (low[a]..=high[a]).contains(&(corner[a] + i)));
+            bits & slabs.fold(0, |sum, i| sum | SLAB[a] << ((i & 1) * (1 << a)) << ((i >> 1) * (8 << a)))
+        });
+        while wanted != 0 {
+            let bit = wanted.trailing_zeros();
+            wanted &= wanted - 1;
+            let rank = (self.first[block as usize] + (mask & ((1u64 << bit) - 1)).count_ones()) as usize;
+            visit(self.starts[rank] as usize..self.starts[rank + 1] as usize);
         }
     }
 

@@ -3,7 +3,7 @@
 use super::blocks::{Around, Blocks};
 use super::level::Level;
 use super::order::Grid;
-use crate::cloud::morton;
+use crate::cloud::{Points, morton};
 use rayon::prelude::*;
 
 /// A level's points by the cell of a horizontal grid whose cells are as wide as the column's radius.
@@ -22,12 +22,14 @@ impl Columns {
         let key = |i: usize| (grid.code(level.x[i], level.y[i], 0.0), i as u32);
         let mut keyed: Vec<(u64, u32)> = (0..level.len()).into_par_iter().map(key).collect();
         keyed.par_sort_unstable();
-        let codes: Vec<u64> = keyed.iter().map(|k| k.0).collect();
-        Self { radius, blocks: Blocks::new(&codes, 0), order: keyed.iter().map(|k| k.1).collect() }
+        let order = keyed.iter().map(|k| k.1).collect();
+        let codes: Vec<u64> = keyed.into_iter().map(|k| k.0).collect();
+        Self { radius, blocks: Blocks::new(&codes, 0), order }
     }
 
-    /// Whether all cell indices fit, for coordinates up to `far`.
-    pub fn fits(radius: f64, far: f32) -> bool {
+    /// Whether the indices of all cells fit.
+    pub fn fits(points: &Points, radius: f64) -> bool {
+        let far = points.x.iter().chain(&points.y).fold(0.0f32, |m, &v| m.max(v));
         f64::from(far) / radius < f64::from(morton::LIMIT - 64)
     }
 }
@@ -66,7 +68,13 @@ impl ColumnSearch {
                 high[l] = if inside & (z[l] > high[l]) { z[l] } else { high[l] };
             }
         }
-        (low.into_iter().fold(at[2], f32::min), high.into_iter().fold(at[2], f32::max))
+        for half in [4, 2, 1] {
+            for l in 0..half {
+                low[l] = if low[l + half] < low[l] { low[l + half] } else { low[l] };
+                high[l] = if high[l + half] > high[l] { high[l + half] } else { high[l] };
+            }
+        }
+        (low[0], high[0])
     }
 
     /// Lowest and highest z of the level's points in the grid cell of `at`, and of `at` itself.
@@ -115,7 +123,7 @@ impl ColumnSearch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::{Cloud, Points};
+    use crate::cloud::Cloud;
     use crate::neighbours::{build_levels, sorted};
     use crate::random::stream;
 
@@ -126,7 +134,7 @@ mod tests {
             (0..3000).map(|_| [s.uniform() * 30.0, s.uniform() * 20.0, s.uniform() * 9.0]).collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.5).unwrap();
-        let points = sorted(&points, &grid);
+        let points = sorted(points, &grid);
         for level in build_levels(&points, &grid, 4) {
             for radius in [level.size, 1.7 * level.size] {
                 let columns = Columns::new(&level, radius);

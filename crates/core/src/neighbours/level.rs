@@ -7,8 +7,8 @@ use super::blocks::Blocks;
 use super::order::Grid;
 use crate::cloud::Points;
 
-/// Occupied cells of the search grid hold at least 5/2 points on average.
-const POINTS_PER_CELL: [usize; 2] = [5, 2];
+/// Occupied cells of the search grid hold at least this many points on average: fewer, and many queries need a wider search.
+const POINTS_PER_CELL: usize = 5;
 
 /// One level: its points in Morton order, and the grid that finds them.
 #[derive(Clone, Debug)]
@@ -40,62 +40,57 @@ impl Level {
     pub fn is_empty(&self) -> bool {
         self.x.is_empty()
     }
+
+    /// The cell of the search grid that holds a position.
+    #[inline(always)]
+    pub(super) fn cell(&self, at: [f32; 3]) -> [u32; 3] {
+        at.map(|v| (f64::from(v) / self.cell_size) as u32)
+    }
 }
 
-/// Means of voxels with their codes and counts, while the pyramid is built.
-struct Means {
+/// Codes and counts of a level's voxels, while the pyramid is built.
+#[derive(Default)]
+struct Voxels {
     codes: Vec<u64>,
-    sums: Vec<[f64; 3]>,
     counts: Vec<u32>,
 }
 
-impl Means {
-    /// Means of the finest voxels.
-    fn finest(points: &Points, grid: &Grid) -> Self {
-        let mut means = Self { codes: Vec::new(), sums: Vec::new(), counts: Vec::new() };
-        for i in 0..points.len() {
-            let code = grid.code(points.x[i], points.y[i], points.z[i]);
-            means.add(code, [points.x[i], points.y[i], points.z[i]].map(f64::from), 1);
-        }
-        means
-    }
-
-    /// Means of voxels of twice the size.
-    fn coarser(&self) -> Self {
-        let mut means = Self { codes: Vec::new(), sums: Vec::new(), counts: Vec::new() };
-        for ((&code, &sum), &count) in self.codes.iter().zip(&self.sums).zip(&self.counts) {
-            means.add(code >> 3, sum, count);
-        }
-        means
-    }
-
-    fn add(&mut self, code: u64, sum: [f64; 3], count: u32) {
-        match (self.codes.last(), self.sums.last_mut(), self.counts.last_mut()) {
-            (Some(&last), Some(total), Some(n)) if last == code => {
-                (0..3).for_each(|a| total[a] += sum[a]);
+impl Voxels {
+    /// Unites neighbours in the order that have one code; returns the voxels and their means.
+    fn unite(points: impl Iterator<Item = (u64, [f32; 3], u32)>) -> (Self, [Vec<f32>; 3]) {
+        let (mut voxels, mut means) = (Self::default(), [Vec::new(), Vec::new(), Vec::new()]);
+        let mut sum = [0.0f64; 3];
+        for (code, place, count) in points {
+            if voxels.codes.last() != Some(&code) {
+                voxels.close(&mut sum, &mut means);
+                voxels.codes.push(code);
+                voxels.counts.push(0);
+            }
+            (0..3).for_each(|a| sum[a] += f64::from(place[a]) * f64::from(count));
+            if let Some(n) = voxels.counts.last_mut() {
                 *n += count;
             }
-            _ => {
-                self.codes.push(code);
-                self.sums.push(sum);
-                self.counts.push(count);
-            }
         }
+        voxels.close(&mut sum, &mut means);
+        (voxels, means)
     }
 
-    fn axis(&self, a: usize) -> Vec<f32> {
-        self.sums.iter().zip(&self.counts).map(|(sum, &n)| (sum[a] / f64::from(n)) as f32).collect()
+    /// Writes the mean of the last voxel.
+    fn close(&self, sum: &mut [f64; 3], means: &mut [Vec<f32>; 3]) {
+        if let Some(&n) = self.counts.last() {
+            (0..3).for_each(|a| means[a].push((sum[a] / f64::from(n)) as f32));
+        }
+        *sum = [0.0; 3];
     }
 
     /// How often to double the voxel so that occupied cells hold [`POINTS_PER_CELL`] on average.
     fn doublings(&self) -> u32 {
         let cells = |j: u32| self.codes.chunk_by(|a, b| a >> (3 * j) == b >> (3 * j)).count();
-        (1..20).find(|&j| cells(j) * POINTS_PER_CELL[0] <= self.codes.len() * POINTS_PER_CELL[1] + 8).unwrap_or(20)
+        (1..20).find(|&j| cells(j) * POINTS_PER_CELL <= self.codes.len() + 8).unwrap_or(20)
     }
 
-    fn level(&self, size: f64) -> Level {
+    fn level(&self, size: f64, [x, y, z]: [Vec<f32>; 3]) -> Level {
         let doublings = self.doublings();
-        let [x, y, z] = [0, 1, 2].map(|a| self.axis(a));
         let far = [&x, &y, &z].into_iter().flatten().fold(0.0f32, |m, &v| m.max(v));
         let blocks = Blocks::new(&self.codes, doublings);
         Level {
@@ -113,13 +108,17 @@ impl Means {
 
 /// Levels 0..count of points that stand in the grid's Morton order. O(n) time a level.
 pub fn build_levels(points: &Points, grid: &Grid, count: usize) -> Vec<Level> {
-    let mut means = Means::finest(points, grid);
-    let mut levels = Vec::with_capacity(count);
-    for l in 0..count {
-        levels.push(means.level(grid.size * f64::from(1u32 << l)));
-        if l + 1 < count {
-            means = means.coarser();
-        }
+    let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
+    let finest = (0..points.len()).map(|i| (grid.code(points.x[i], points.y[i], points.z[i]), place(i), 1));
+    let (mut voxels, means) = Voxels::unite(finest);
+    let mut levels = vec![voxels.level(grid.size, means)];
+    for l in 1..count {
+        let finer = &levels[l - 1];
+        let pairs = voxels.codes.iter().zip(&voxels.counts).enumerate();
+        let points = pairs.map(|(i, (code, &n))| (code >> 3, [finer.x[i], finer.y[i], finer.z[i]], n));
+        let (coarser, means) = Voxels::unite(points);
+        voxels = coarser;
+        levels.push(voxels.level(grid.size * f64::from(1u32 << l), means));
     }
     levels
 }
@@ -138,7 +137,7 @@ mod tests {
             .collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.1).unwrap();
-        let points = sorted(&points, &grid);
+        let points = sorted(points, &grid);
         for (l, level) in build_levels(&points, &grid, 6).iter().enumerate() {
             let mut voxels: BTreeMap<[i64; 3], (f64, [f64; 3])> = BTreeMap::new();
             for i in 0..points.len() {
@@ -147,12 +146,11 @@ mod tests {
                 voxel.0 += 1.0;
                 (0..3).for_each(|a| voxel.1[a] += p[a]);
             }
-            let mut direct: Vec<[f32; 3]> = voxels.values().map(|(n, sum)| sum.map(|s| (s / n) as f32)).collect();
-            let mut cascade: Vec<[f32; 3]> = (0..level.len()).map(|i| [level.x[i], level.y[i], level.z[i]]).collect();
-            direct.sort_by(|a, b| a.partial_cmp(b).unwrap());
-            cascade.sort_by(|a, b| a.partial_cmp(b).unwrap());
+            let direct: Vec<[f32; 3]> = voxels.values().map(|(n, sum)| sum.map(|s| (s / n) as f32)).collect();
+            let cascade: Vec<[f32; 3]> = (0..level.len()).map(|i| [level.x[i], level.y[i], level.z[i]]).collect();
             assert_eq!(direct.len(), cascade.len());
-            assert!(direct.iter().flatten().zip(cascade.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-5));
+            let same = |a: &[f32; 3], b: &[f32; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-5);
+            assert!(direct.iter().all(|a| cascade.iter().any(|b| same(a, b))));
         }
     }
 }

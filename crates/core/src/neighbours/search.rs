@@ -3,6 +3,7 @@
 //! Queries in Morton order share what is gathered for their cell: the points of the 27 cells around it. Whatever lies
 //! nearer than the rim of these cells is certain; only if fewer than k points do is the search widened.
 
+use super::batch::Candidates;
 use super::blocks::Around;
 use super::level::Level;
 use crate::cloud::morton;
@@ -27,6 +28,8 @@ pub struct Search {
     distance: Vec<f32>,
     certain: Vec<u32>,
     best: Vec<Neighbour>,
+    pub(super) found: Vec<u32>,
+    pub(super) candidates: Candidates,
 }
 
 impl Search {
@@ -34,10 +37,11 @@ impl Search {
     pub fn reset(&mut self) {
         self.cell = None;
         self.around = Around::default();
+        self.candidates.reset();
     }
 
-    /// Writes the indices of the `out.len()` points of `level` nearest to `at` (unordered) and returns how many there are:
-    /// fewer only if the level has fewer. Coordinates are not negative.
+    /// Writes the indices of the `out.len()` points of `level` nearest to `at`, ascending by (distance, index), and
+    /// returns how many there are: fewer only if the level has fewer. Coordinates are not negative.
     ///
     /// Expected O(1) on data whose density varies little, O(blocks) for far outliers.
     pub fn nearest(&mut self, level: &Level, at: [f32; 3], out: &mut [u32]) -> usize {
@@ -47,21 +51,21 @@ impl Search {
     /// [`Search::nearest`] for callers that have dispatched to an instruction set already.
     #[inline(always)]
     pub fn nearest_with<S: Simd>(&mut self, simd: S, level: &Level, at: [f32; 3], out: &mut [u32]) -> usize {
-        let cell = at.map(|v| (f64::from(v) / level.cell_size) as u32);
+        let cell = level.cell(at);
         if self.cell != Some(cell) {
             self.cell = Some(cell);
             self.gather(level, cell, 1);
         }
         self.measure(at);
         let wanted = out.len().min(level.len());
-        let radius = rim(level, cell, at, 1);
-        self.keep_certain(radius * radius.max(0.0));
+        let radius = rim(level, [cell, cell], at).max(0.0);
+        self.keep_certain(radius * radius);
         if self.index.len() == level.len() {
             self.certain.clear();
             self.certain.extend(0..self.index.len() as u32);
         } else if self.certain.len() < wanted {
             self.widen(level, cell, at, wanted);
-            out.iter_mut().zip(&self.best).for_each(|(slot, &(_, index))| *slot = index);
+            self.write_best(out);
             return wanted;
         }
         if self.certain.len() > RANKED || !self.rank(simd, wanted, out) {
@@ -110,7 +114,7 @@ impl Search {
         self.certain.truncate(kept);
     }
 
-    /// Chooses by counting, for each candidate, those that are nearer. False if a tie makes the choice ambiguous.
+    /// Orders by counting, for each candidate, those that are nearer. False if a tie makes the order ambiguous.
     #[inline(always)]
     fn rank<S: Simd>(&self, simd: S, wanted: usize, out: &mut [u32]) -> bool {
         let mut distance = [f32::INFINITY; RANKED];
@@ -119,14 +123,15 @@ impl Search {
             *slot = self.distance[i as usize];
         }
         let nearer = count_nearer(simd, &distance, n);
-        let mut chosen = 0usize;
+        let (mut filled, mut chosen) = (0u64, 0usize);
         for (&rank, &i) in nearer.iter().zip(&self.certain) {
-            if let Some(slot) = out.get_mut(chosen) {
+            if let Some(slot) = out.get_mut(rank as usize) {
                 *slot = self.index[i as usize];
             }
+            filled |= 1 << (rank & 63);
             chosen = chosen.wrapping_add(usize::from((rank as usize) < wanted));
         }
-        chosen == wanted
+        chosen == wanted && filled.trailing_ones() as usize >= wanted
     }
 
     #[inline(never)]
@@ -134,19 +139,26 @@ impl Search {
         self.best.clear();
         self.best.extend(self.certain.iter().map(|&i| (self.distance[i as usize], self.index[i as usize])));
         shrink(&mut self.best, wanted);
+        self.write_best(out);
+    }
+
+    /// Writes the best in their order.
+    pub(super) fn write_best(&mut self, out: &mut [u32]) {
+        self.best.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         out.iter_mut().zip(&self.best).for_each(|(slot, &(_, index))| *slot = index);
     }
 
     /// Searches two rings, then every block that may hold something nearer.
     #[inline(never)]
-    fn widen(&mut self, level: &Level, cell: [u32; 3], at: [f32; 3], wanted: usize) {
+    pub(super) fn widen(&mut self, level: &Level, cell: [u32; 3], at: [f32; 3], wanted: usize) {
         self.gather(level, cell, 2);
         self.cell = None;
         self.measure(at);
         self.best.clear();
         self.best.extend(self.distance.iter().copied().zip(self.index.iter().copied()));
         shrink(&mut self.best, wanted);
-        let radius = rim(level, cell, at, 2).max(0.0);
+        let wide = [cell.map(|c| c.saturating_sub(1)), cell.map(|c| c + 1)];
+        let radius = rim(level, wide, at).max(0.0);
         if self.best.len() == wanted && self.best.iter().all(|b| b.0 <= radius * radius) {
             return;
         }
@@ -230,14 +242,15 @@ fn shrink(best: &mut Vec<Neighbour>, wanted: usize) {
     }
 }
 
-/// How far everything is certain: the distance from `at` to the rim of the cells gathered around it.
+/// How far everything is certain where the cells `low..=high` around `at` were gathered and a ring around them: the distance
+/// to the rim.
 #[inline(always)]
-fn rim(level: &Level, cell: [u32; 3], at: [f32; 3], rings: u32) -> f32 {
+pub(super) fn rim(level: &Level, [low, high]: [[u32; 3]; 2], at: [f32; 3]) -> f32 {
     let mut distance = f64::INFINITY;
     for a in 0..3 {
-        let low = (f64::from(cell[a]) - f64::from(rings)) * level.cell_size;
-        let high = f64::from(cell[a] + 1 + rings) * level.cell_size;
-        distance = distance.min(f64::from(at[a]) - low).min(high - f64::from(at[a]));
+        let from = (f64::from(low[a]) - 1.0) * level.cell_size;
+        let to = (f64::from(high[a]) + 2.0) * level.cell_size;
+        distance = distance.min(f64::from(at[a]) - from).min(to - f64::from(at[a]));
     }
     (distance as f32) * (1.0 - 1e-5) - 4.0 * level.rounding
 }
@@ -268,7 +281,7 @@ mod tests {
     fn check(rows: &[[f64; 3]], size: f64, k: usize) {
         let points = Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
         let grid = Grid::new(&points, size).unwrap();
-        let points = sorted(&points, &grid);
+        let points = sorted(points, &grid);
         for level in build_levels(&points, &grid, 4) {
             let mut search = Search::default();
             for i in (0..points.len()).step_by(points.len().div_ceil(300)) {
@@ -279,10 +292,8 @@ mod tests {
                     .map(|j| (squared(level.x[j] - at[0], level.y[j] - at[1], level.z[j] - at[2]), j as u32))
                     .collect();
                 all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                let mut expected: Vec<u32> = all.iter().take(k).map(|b| b.1).collect();
-                expected.sort_unstable();
+                let expected: Vec<u32> = all.iter().take(k).map(|b| b.1).collect();
                 found.truncate(n);
-                found.sort_unstable();
                 assert_eq!(found, expected, "point {i} of level {}", level.size);
             }
         }

@@ -1,0 +1,89 @@
+//! Time of the features: all 16 of a level, by group, on a synthetic street and on a cloud of one's own.
+//!
+//! `SCANSION_XYZ` may name a file of raw little-endian f64 `x y z` in metres; `SCANSION_SCALE` its first scale (0.4).
+//! Threads are those of `RAYON_NUM_THREADS`; throughput is points times levels.
+
+#![allow(missing_docs, reason = "criterion's macro writes an undocumented function")]
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use scansion_core::Cloud;
+use scansion_core::features::{Extractor, FeatureSet, PyramidParams, Scratch, Wanted};
+use scansion_core::parallel::Monitor;
+use scansion_core::random::stream;
+
+type Failure = Box<dyn std::error::Error>;
+
+/// A road, two facades, poles and crowns, 200 m long.
+fn street(points: usize) -> Vec<[f64; 3]> {
+    let mut s = stream(11, 0);
+    (0..points)
+        .map(|i| {
+            let (along, noise) = (s.uniform() * 200.0, (s.uniform() - 0.5) * 0.02);
+            match i % 20 {
+                0..10 => [along, s.uniform() * 20.0, 0.01 * along + noise],
+                10..13 => [along, noise, s.uniform() * 12.0],
+                13..16 => [along, 20.0 + noise, s.uniform() * 15.0],
+                16 => [(along / 20.0).floor() * 20.0 + noise, 4.0 + 3.0 * noise, s.uniform() * 7.0],
+                _ => {
+                    let tree = (along / 10.0).floor() * 10.0;
+                    [tree + s.uniform() * 5.0, 14.0 + s.uniform() * 5.0, 3.0 + s.uniform() * 5.0]
+                }
+            }
+        })
+        .collect()
+}
+
+fn own_cloud() -> Result<Option<(Cloud, f64)>, Failure> {
+    let Ok(path) = std::env::var("SCANSION_XYZ") else { return Ok(None) };
+    let bytes = std::fs::read(path)?;
+    let values: Vec<f64> = bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+    let scale = std::env::var("SCANSION_SCALE").map_or(Ok(0.4), |s| s.parse())?;
+    Ok(Some((Cloud::from_rows(values.as_chunks::<3>().0)?, scale)))
+}
+
+/// Names of the features of these positions among the 16 of each level.
+fn some(set: &FeatureSet, scale: f64, positions: std::ops::Range<usize>) -> Vec<String> {
+    set.names(scale).into_iter().enumerate().filter(|(i, _)| positions.contains(&(i % 16))).map(|(_, n)| n).collect()
+}
+
+fn measure(criterion: &mut Criterion, name: &str, (cloud, scale): (&Cloud, f64)) -> Result<(), Failure> {
+    let set = FeatureSet {
+        pyramid: PyramidParams { first_scale: Some(scale), ..PyramidParams::default() },
+        ..FeatureSet::default()
+    };
+    let monitor = Monitor::default();
+    let mut group = criterion.benchmark_group(name);
+    group.sample_size(10).throughput(Throughput::Elements((cloud.len() * set.pyramid.levels) as u64));
+    for (part, positions) in [("all", 0..16), ("covariance", 0..9), ("contour", 9..13), ("height", 13..16)] {
+        let names = some(&set, scale, positions);
+        let wanted = Wanted::Names(&names);
+        group.bench_function(BenchmarkId::new("prepare", part), |b| {
+            b.iter(|| Extractor::prepare(cloud, &set, (wanted, None), &monitor).map(|e| e.len()));
+        });
+        let extractor = Extractor::prepare(cloud, &set, (wanted, None), &monitor)?;
+        group.bench_function(BenchmarkId::new("blocks", part), |b| {
+            let (mut scratch, mut rows) = (Scratch::default(), Vec::new());
+            b.iter(|| {
+                (0..extractor.blocks()).map(|i| extractor.block(i, &mut scratch, &mut rows).len()).sum::<usize>()
+            });
+        });
+    }
+    group.finish();
+    Ok(())
+}
+
+fn features(criterion: &mut Criterion) {
+    let run = |criterion: &mut Criterion| -> Result<(), Failure> {
+        measure(criterion, "street", (&Cloud::from_rows(&street(200_000))?, 0.1))?;
+        match own_cloud()? {
+            Some((cloud, scale)) => measure(criterion, "own", (&cloud, scale)),
+            None => Ok(()),
+        }
+    };
+    if let Err(error) = run(criterion) {
+        eprintln!("no features were timed: {error}");
+    }
+}
+
+criterion_group!(benches, features);
+criterion_main!(benches);

@@ -1,0 +1,312 @@
+//! The k nearest points of a level for 16 queries at once: one lane a query, all against the same candidates.
+//!
+//! Queries that follow each other in Morton order lie in a few cells. The points of these cells and of the ring around them
+//! are the candidates; each is put in its place among the nearest of every lane, without a branch.
+
+use super::blocks::Blocks;
+use super::level::Level;
+use super::search::{Search, rim};
+use pulp::Simd;
+
+/// Queries that are searched together.
+pub const LANES: usize = 16;
+/// Queries of a batch lie at most this many cells apart on an axis.
+const SPAN: u32 = 4;
+/// Cells that are gathered at most for a batch.
+const CELLS: u32 = 216;
+/// Fewer queries than this are searched one by one.
+const FEW: usize = 2;
+
+/// One number a query.
+type Lane<T> = [T; LANES];
+
+/// The candidates of a batch and the cells that they stand in.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Candidates {
+    cells: Option<[[u32; 3]; 2]>,
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    index: Vec<u32>,
+    blocks: Vec<u32>,
+}
+
+impl Candidates {
+    pub(super) fn reset(&mut self) {
+        self.cells = None;
+    }
+
+    /// Takes the points of the cells `low..=high` and of the ring around them, in ascending order.
+    #[inline(never)]
+    fn gather(&mut self, level: &Level, [low, high]: [[u32; 3]; 2]) {
+        if self.cells == Some([low, high]) {
+            return;
+        }
+        self.cells = Some([low, high]);
+        let (low, high) = (low.map(|c| c.saturating_sub(1)), high.map(|c| c + 1));
+        self.blocks.clear();
+        level.blocks.find_all(low.map(|c| c >> 2), high.map(|c| c >> 2), &mut self.blocks);
+        [&mut self.x, &mut self.y, &mut self.z].into_iter().for_each(Vec::clear);
+        self.index.clear();
+        for &block in &self.blocks {
+            level.blocks.cells_within(block, low, high, |range| {
+                self.x.extend_from_slice(&level.x[range.clone()]);
+                self.y.extend_from_slice(&level.y[range.clone()]);
+                self.z.extend_from_slice(&level.z[range.clone()]);
+                self.index.extend(range.start as u32..range.end as u32);
+            });
+        }
+    }
+}
+
+impl Search {
+    /// For each of the first `lanes` queries the indices of the `out.len()` points of `level` nearest to it, ascending by
+    /// (distance, index): row j holds the j-th nearest of every query. Returns how many rows there are: fewer only if the
+    /// level has fewer points. Coordinates are not negative.
+    #[inline(always)]
+    pub fn nearest_of_batch<S: Simd>(
+        &mut self,
+        simd: S,
+        level: &Level,
+        at: &[Lane<f32>; 3],
+        lanes: usize,
+        out: &mut [Lane<u32>],
+    ) -> usize {
+        let wanted = out.len().min(level.len());
+        let mut first = 0;
+        while first < lanes {
+            let (cells, end) = run(level, at, first, lanes);
+            let queries = first..end;
+            match (end - first >= FEW, &mut *out) {
+                (true, out) if wanted == 9 => self.nearest_of_run::<S, 9>(simd, level, at, (queries, cells), out),
+                (true, out) if wanted == 10 => self.nearest_of_run::<S, 10>(simd, level, at, (queries, cells), out),
+                (_, out) => queries.for_each(|l| self.one_lane(simd, level, at, l, out)),
+            }
+            first = end;
+        }
+        wanted
+    }
+
+    /// The search of a single query, written into its lane.
+    #[inline(never)]
+    fn one_lane<S: Simd>(&mut self, simd: S, level: &Level, at: &[Lane<f32>; 3], l: usize, out: &mut [Lane<u32>]) {
+        let mut found = std::mem::take(&mut self.found);
+        found.resize(out.len(), 0);
+        let single = Single { search: self, level, at: [at[0][l], at[1][l], at[2][l]], out: &mut found };
+        let count = simd.vectorize(single);
+        out.iter_mut().zip(&found[..count]).for_each(|(row, &index)| row[l] = index);
+        self.found = found;
+    }
+
+    /// The search of a query whose nearest may lie beyond the ring of its batch, written into its lane.
+    #[inline(never)]
+    fn widen_lane(&mut self, level: &Level, at: &[Lane<f32>; 3], l: usize, out: &mut [Lane<u32>]) {
+        let at = [at[0][l], at[1][l], at[2][l]];
+        self.widen(level, level.cell(at), at, out.len());
+        let mut found = std::mem::take(&mut self.found);
+        found.resize(out.len(), 0);
+        self.write_best(&mut found);
+        out.iter_mut().zip(&found).for_each(|(row, &index)| row[l] = index);
+        self.found = found;
+    }
+
+    #[inline(always)]
+    fn nearest_of_run<S: Simd, const K: usize>(
+        &mut self,
+        simd: S,
+        level: &Level,
+        at: &[Lane<f32>; 3],
+        (queries, cells): (std::ops::Range<usize>, [[u32; 3]; 2]),
+        out: &mut [Lane<u32>],
+    ) {
+        self.candidates.gather(level, cells);
+        let whole = self.candidates.index.len() == level.len();
+        let [(x, _), (y, _), (z, _)] = [0, 1, 2].map(|a| S::as_simd_f32s(&at[a]));
+        for (part, ((&x, &y), &z)) in x.iter().zip(y).zip(z).enumerate() {
+            let start = part * S::F32_LANES;
+            let lanes = queries.start.max(start)..queries.end.min(start + S::F32_LANES);
+            if lanes.is_empty() {
+                continue;
+            }
+            let (best, index) = nearest_lanes::<S, K>(simd, &self.candidates, [x, y, z]);
+            let mut farthest = [0.0; LANES];
+            S::as_mut_simd_f32s(&mut farthest).0[0] = best[K - 1];
+            let mut rows = [[0; LANES]; K];
+            (0..K).for_each(|j| S::as_mut_simd_u32s(&mut rows[j]).0[0] = index[j]);
+            for l in lanes {
+                let radius = rim(level, cells, [at[0][l], at[1][l], at[2][l]]).max(0.0);
+                if whole || farthest[l - start] <= radius * radius {
+                    (0..K).for_each(|j| out[j][l] = rows[j][l - start]);
+                } else {
+                    self.widen_lane(level, at, l, out);
+                }
+            }
+        }
+    }
+}
+
+/// A single search, for calls out of the loop over lanes.
+struct Single<'a> {
+    search: &'a mut Search,
+    level: &'a Level,
+    at: [f32; 3],
+    out: &'a mut [u32],
+}
+
+impl pulp::WithSimd for Single<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        self.search.nearest_with(simd, self.level, self.at, self.out)
+    }
+}
+
+/// The queries from `first` on that lie so close together that they share their candidates, and the cells that hold them.
+#[inline(always)]
+fn run(level: &Level, at: &[Lane<f32>; 3], first: usize, lanes: usize) -> ([[u32; 3]; 2], usize) {
+    let cell = |l: usize| level.cell([at[0][l], at[1][l], at[2][l]]);
+    let (mut low, mut high) = (cell(first), cell(first));
+    for l in first + 1..lanes {
+        let next = cell(l);
+        let (wider_low, wider_high) = ([0, 1, 2].map(|a| low[a].min(next[a])), [0, 1, 2].map(|a| high[a].max(next[a])));
+        let edges = [0, 1, 2].map(|a| wider_high[a] - wider_low[a] + 1);
+        if edges.iter().any(|&e| e > SPAN) || edges.iter().map(|e| e + 2).product::<u32>() > CELLS {
+            return ([low, high], l);
+        }
+        (low, high) = (wider_low, wider_high);
+    }
+    ([low, high], lanes)
+}
+
+/// The K nearest candidates of every lane, ascending by (distance, index): candidates come in ascending order and only a
+/// smaller distance overtakes.
+#[inline(always)]
+fn nearest_lanes<S: Simd, const K: usize>(
+    simd: S,
+    candidates: &Candidates,
+    at: [S::f32s; 3],
+) -> ([S::f32s; K], [S::u32s; K]) {
+    let mut best = [simd.splat_f32s(f32::INFINITY); K];
+    let mut index = [simd.splat_u32s(u32::MAX); K];
+    let places = candidates.x.iter().zip(&candidates.y).zip(&candidates.z).zip(&candidates.index);
+    for (((&x, &y), &z), &i) in places {
+        let [x, y, z] = [(x, at[0]), (y, at[1]), (z, at[2])].map(|(v, at)| {
+            let apart = simd.sub_f32s(simd.splat_f32s(v), at);
+            simd.mul_f32s(apart, apart)
+        });
+        let d = simd.add_f32s(simd.add_f32s(x, y), z);
+        let mut here = simd.less_than_f32s(d, best[K - 1]);
+        // Masks of one bit a lane are quick to test; wide ones are not.
+        if const { size_of::<S::m32s>() < size_of::<S::u32s>() } && simd.first_true_m32s(here) == S::F32_LANES {
+            continue;
+        }
+        let i = simd.splat_u32s(i);
+        for s in (1..K).rev() {
+            let above = simd.less_than_f32s(d, best[s - 1]);
+            index[s] = simd.select_u32s(here, simd.select_u32s(above, index[s - 1], i), index[s]);
+            best[s] = simd.min_f32s(best[s], simd.max_f32s(best[s - 1], d));
+            here = above;
+        }
+        index[0] = simd.select_u32s(here, i, index[0]);
+        best[0] = simd.min_f32s(best[0], d);
+    }
+    (best, index)
+}
+
+impl Blocks {
+    /// Blocks with indices `low..=high` per axis that hold points, ascending.
+    fn find_all(&self, low: [u32; 3], high: [u32; 3], found: &mut Vec<u32>) {
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                found.extend((low[0]..=high[0]).filter_map(|x| self.find_at([x, y, z])));
+            }
+        }
+        found.sort_unstable();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{Cloud, Points};
+    use crate::neighbours::{Grid, build_levels, sorted};
+    use crate::random::stream;
+    use pulp::{Arch, WithSimd};
+
+    struct Batch<'a>(&'a mut Search, &'a Level, [Lane<f32>; 3], usize, &'a mut [Lane<u32>]);
+
+    impl WithSimd for Batch<'_> {
+        type Output = usize;
+
+        fn with_simd<S: Simd>(self, simd: S) -> usize {
+            self.0.nearest_of_batch(simd, self.1, &self.2, self.3, self.4)
+        }
+    }
+
+    /// Every batch of every level against brute force, in order of (distance, index); also without vector instructions.
+    fn check(rows: &[[f64; 3]], size: f64, k: usize) {
+        let points = Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
+        let grid = Grid::new(&points, size).unwrap();
+        let points = sorted(points, &grid);
+        for level in build_levels(&points, &grid, 4) {
+            let (mut search, mut scalar) = (Search::default(), Search::default());
+            for first in (0..points.len()).step_by(LANES * points.len().div_ceil(600)) {
+                let lanes = LANES.min(points.len() - first);
+                let at = [&points.x, &points.y, &points.z]
+                    .map(|axis| std::array::from_fn(|l| axis[(first + l).min(points.len() - 1)]));
+                let mut found = vec![[0; LANES]; k];
+                let n = Arch::new().dispatch(Batch(&mut search, &level, at, lanes, &mut found));
+                let mut plain = vec![[0; LANES]; k];
+                pulp::Scalar::new().vectorize(Batch(&mut scalar, &level, at, lanes, &mut plain));
+                for l in 0..lanes {
+                    let apart = |j: usize| {
+                        [(level.x[j], at[0][l]), (level.y[j], at[1][l]), (level.z[j], at[2][l])]
+                            .map(|(v, a)| (v - a) * (v - a))
+                    };
+                    let mut all: Vec<(f32, u32)> =
+                        (0..level.len()).map(|j| (apart(j)[0] + apart(j)[1] + apart(j)[2], j as u32)).collect();
+                    all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                    let expected: Vec<u32> = all.iter().take(k).map(|b| b.1).collect();
+                    let lane = |rows: &[Lane<u32>]| rows[..n].iter().map(|row| row[l]).collect::<Vec<u32>>();
+                    assert_eq!(lane(&found), expected, "query {} of level {}", first + l, level.size);
+                    assert_eq!(lane(&plain), expected, "query {} of level {}, no vectors", first + l, level.size);
+                }
+            }
+        }
+    }
+
+    fn random(n: usize, extent: [f64; 3]) -> Vec<[f64; 3]> {
+        let mut s = stream(4, n as u64);
+        (0..n).map(|_| extent.map(|e| s.uniform() * e)).collect()
+    }
+
+    #[test]
+    fn batches_equal_brute_force_on_surfaces_volumes_and_sparse_clouds() {
+        check(&random(4000, [40.0, 40.0, 0.3]), 0.4, 9);
+        check(&random(3000, [8.0, 8.0, 8.0]), 0.4, 10);
+        check(&random(1500, [300.0, 300.0, 20.0]), 0.025, 9);
+        check(&random(1000, [30.0, 30.0, 3.0]), 0.4, 5);
+    }
+
+    #[test]
+    fn batches_order_ties_by_index() {
+        let lattice: Vec<[f64; 3]> =
+            (0..2197).map(|i| [f64::from(i % 13), f64::from(i / 13 % 13), f64::from(i / 169)]).collect();
+        check(&lattice, 0.5, 9);
+        check(&lattice, 0.5, 10);
+        check(&lattice, 0.5, 12);
+    }
+
+    #[test]
+    fn batches_equal_brute_force_with_outliers_clumps_and_few_points() {
+        let mut rows = random(1500, [3.0, 3.0, 1.0]);
+        rows.extend(random(300, [2000.0, 2000.0, 100.0]));
+        rows.push([20_000.0, 9.0, 700.0]);
+        check(&rows, 0.05, 9);
+        check(&random(7, [5.0, 5.0, 5.0]), 0.1, 9);
+        check(&random(9, [5.0, 5.0, 5.0]), 0.1, 9);
+        check(&vec![[1.0, 2.0, 3.0]; 500], 0.25, 10);
+        check(&(0..33).map(|i| [5.0, 5.0, f64::from(i)]).collect::<Vec<_>>(), 0.25, 9);
+    }
+}
