@@ -127,14 +127,15 @@ fn check_items(path: &Path, header: &Header, vlr: &Vlr) -> Result<LazVlr> {
     if u32_at(&vlr.data, 12) == 0 {
         return Err(wrong("LAZ chunk size", "0".into(), "1 or more"));
     }
-    let parsed = LazVlr::from_buffer(&vlr.data).map_err(|e| unsupported(format!("LAZ record: {e}")))?;
-    if parsed.items_size() != u64::from(header.record_length) {
+    let bytes = item_bytes(&vlr.data).map_err(|(found, allowed)| wrong("LAZ item", found, &allowed))?;
+    if bytes != u64::from(header.record_length) {
         return Err(wrong(
             "LAZ items",
-            format!("{} bytes a point", parsed.items_size()),
+            format!("{bytes} bytes a point"),
             &format!("{} as the header says", header.record_length),
         ));
     }
+    let parsed = LazVlr::from_buffer(&vlr.data).map_err(|e| unsupported(format!("LAZ record: {e}")))?;
     let base = match (header.format, parsed.items().first().map(LazItem::item_type)) {
         (0..=5, Some(LazItemType::Point10)) | (6..=10, Some(LazItemType::Point14)) => true,
         _ => RECORD_SIZES.len() < usize::from(header.format),
@@ -147,6 +148,25 @@ fn check_items(path: &Path, header: &Header, vlr: &Vlr) -> Result<LazVlr> {
         ));
     }
     Ok(parsed)
+}
+
+/// Bytes of all items of a record that is long enough for them, or what is found and allowed of a wrong item.
+fn item_bytes(data: &[u8]) -> std::result::Result<u64, (String, String)> {
+    let items = data[34..].chunks_exact(6).take(usize::from(u16_at(data, 32)));
+    let sizes = items.map(|item| {
+        let (kind, size) = (u16_at(item, 0), u16_at(item, 2));
+        let right = match kind {
+            0 | 14 => size,
+            6 => 20,
+            7 | 12 => 8,
+            8 | 11 => 6,
+            9 | 13 => 29,
+            10 => 30,
+            _ => return Err((format!("type {kind}"), "types 0 and 6 to 14".into())),
+        };
+        if size == right { Ok(u64::from(size)) } else { Err((format!("{size} bytes, type {kind}"), right.to_string())) }
+    });
+    sizes.sum()
 }
 
 fn layered(vlr: &LazVlr) -> bool {
@@ -218,7 +238,7 @@ fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result
 
 /// Encodes records as one chunk.
 pub(super) fn encode(path: &Path, vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8>> {
-    guarded(path, "LAZ encoder", || {
+    let encoded = guarded(path, "LAZ encoder", || {
         let target = Cursor::new(Vec::with_capacity(records.len() / 4 + 1024));
         if layered(vlr) {
             let mut encoder = LayeredPointRecordCompressor::new(target);
@@ -233,6 +253,13 @@ pub(super) fn encode(path: &Path, vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8
             encoder.done()?;
             Ok(encoder.into_inner().into_inner())
         }
+    });
+    // Seen where GPS times change their sign: differences of their bits overflow in the encoder.
+    encoded.map_err(|_| Error::Unsupported {
+        path: path.to_path_buf(),
+        reason:
+            "the LAZ encoder cannot hold these points (are there negative GPS times among positive ones?); write .las"
+                .into(),
     })
 }
 

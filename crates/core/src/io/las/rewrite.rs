@@ -453,4 +453,46 @@ mod tests {
         assert_eq!(chunks.iter().map(|c| c.points).collect::<Vec<_>>(), [300_000, 150_000]);
         assert!(io::read(&target).unwrap() == io::read(&source).unwrap());
     }
+
+    #[test]
+    fn laz_items_of_wrong_sizes_are_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = input(folder.path(), (4, 7), "in.laz");
+        let bytes = std::fs::read(&source).unwrap();
+        let items = bytes.windows(14).position(|w| w == b"laszip encoded").unwrap() - 2 + 54 + 34;
+        // Sizes whose sum overflows 16 bits, a size that is not the type's, a type that does not exist.
+        for (at, value) in [(2, 65_535u16), (8, 65_535), (14, 65_535), (2, 29), (0, 99)] {
+            let mut wrong = bytes.clone();
+            put(&mut wrong, items + at, &value.to_le_bytes());
+            let path = folder.path().join("wrong.laz");
+            std::fs::write(&path, wrong).unwrap();
+            let message = io::read(&path).unwrap_err().to_string();
+            assert!(message.contains("LAZ item"), "{message}");
+        }
+    }
+
+    #[test]
+    fn gps_times_of_both_signs_are_kept_or_refused_with_advice() {
+        let folder = tempfile::tempdir().unwrap();
+        for (minor, format) in [(2, 1), (4, 6)] {
+            let source = input(folder.path(), (minor, format), "in.las");
+            let mut bytes = std::fs::read(&source).unwrap();
+            let records = Records::open(&source).unwrap();
+            let (at, length) = (records.header.points_at as usize, usize::from(records.header.record_length));
+            let time = if format >= 6 { 22 } else { 20 };
+            for i in 0..POINTS {
+                let value = if i % 2 == 0 { -5.5 } else { 1e9 } + i as f64;
+                put(&mut bytes, at + i * length + time, &value.to_le_bytes());
+            }
+            std::fs::write(&source, bytes).unwrap();
+            let before = io::read(&source).unwrap();
+            for name in ["out.las", "out.laz"] {
+                let target = folder.path().join(name);
+                match rewrite(&source, &target, &[], &WriteOptions::default()) {
+                    Ok(_) => assert!(io::read(&target).unwrap() == before),
+                    Err(e) => assert!(name == "out.laz" && e.to_string().contains("write .las"), "{e}"),
+                }
+            }
+        }
+    }
 }
