@@ -284,7 +284,7 @@ mod tests {
                 intensity: mixed as u16,
                 return_number: 1 + (mixed % 3) as u8,
                 number_of_returns: 3,
-                is_withheld: mixed % 2 == 0,
+                is_withheld: mixed.is_multiple_of(2),
                 user_data: mixed as u8,
                 scan_angle: (mixed % 40) as f32 - 20.0,
                 point_source_id: (mixed % 5) as u16,
