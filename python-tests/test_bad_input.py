@@ -74,7 +74,7 @@ def test_what_is_no_cloud_is_refused_with_the_shape_and_type_that_are_expected(b
         {"k": 2},
         {"levels": 0},
         {"levels": 99},
-        {"first_scale": 0.0},
+        {"first_scale": -0.5},
         {"first_scale": float("nan")},
         {"first_scale": float("inf")},
         {"near_share": 1.0},

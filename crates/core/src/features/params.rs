@@ -129,8 +129,8 @@ mod zero_is_none {
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
-        let value = f64::deserialize(deserializer)?;
-        Ok((value.to_bits() << 1 != 0).then_some(value))
+        let value = Option::<f64>::deserialize(deserializer)?;
+        Ok(value.filter(|v| v.to_bits() << 1 != 0))
     }
 }
 
