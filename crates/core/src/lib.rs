@@ -39,7 +39,15 @@ pub mod neighbours;
 
 pub mod features;
 
+pub mod graph;
+
+pub mod segmentation;
+
 pub mod classification;
+
+pub mod regularisation;
+
+pub mod terrain;
 
 pub mod evaluation;
 

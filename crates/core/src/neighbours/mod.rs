@@ -4,11 +4,13 @@ mod batch;
 mod blocks;
 mod columns;
 mod level;
+mod nearest;
 mod order;
 mod search;
 
 pub use batch::LANES;
 pub use columns::{ColumnSearch, Columns};
 pub use level::{Level, build_levels};
+pub use nearest::Neighbours;
 pub use order::{Grid, sorted};
 pub use search::{Neighbour, Search};

@@ -1,0 +1,148 @@
+//! Who touches whom: undirected weighted graphs on points and on segments, and what is computed on them.
+
+use crate::error::{Error, Result};
+
+/// An undirected graph: every edge once, as `[smaller node, larger node]`, in ascending order, with a weight.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Graph {
+    nodes: usize,
+    edges: Vec<[u32; 2]>,
+    weights: Vec<f32>,
+}
+
+/// The edges at each node: `neighbours[offsets[v]..offsets[v + 1]]` ascending, with the edge that leads there.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Adjacency {
+    /// Where the edges of each node begin; one more than there are nodes.
+    pub offsets: Vec<usize>,
+    /// Node at the other end.
+    pub neighbours: Vec<u32>,
+    /// Index into [`Graph::edges`].
+    pub edges: Vec<u32>,
+}
+
+impl Graph {
+    /// From pairs in any order and direction; pairs that occur more than once become one edge with the sum of weights.
+    ///
+    /// O(m log m). Weights are finite and not negative.
+    ///
+    /// # Errors
+    /// If a node is not below `nodes`, an edge joins a node with itself, lengths differ, or a weight is negative or
+    /// not finite.
+    pub fn new(nodes: usize, pairs: &[[u32; 2]], weights: &[f32]) -> Result<Self> {
+        if pairs.len() != weights.len() {
+            return Err(Error::input(format!("{} edges but {} weights", pairs.len(), weights.len())));
+        }
+        let mut rows: Vec<([u32; 2], f32)> = Vec::with_capacity(pairs.len());
+        for (&[a, b], &weight) in pairs.iter().zip(weights) {
+            if a == b || a as usize >= nodes || b as usize >= nodes {
+                return Err(Error::input(format!("edge {a}-{b} does not join two of the {nodes} nodes")));
+            }
+            if !(weight >= 0.0 && weight.is_finite()) {
+                return Err(Error::input(format!("weight {weight} of edge {a}-{b} (allowed: finite, not negative)")));
+            }
+            rows.push(([a.min(b), a.max(b)], weight));
+        }
+        rows.sort_by_key(|row| row.0);
+        let mut graph = Self { nodes, ..Self::default() };
+        for (edge, weight) in rows {
+            match graph.weights.last_mut() {
+                Some(last) if graph.edges.last() == Some(&edge) => *last += weight,
+                _ => {
+                    graph.edges.push(edge);
+                    graph.weights.push(weight);
+                }
+            }
+        }
+        Ok(graph)
+    }
+
+    /// Number of nodes.
+    pub fn len(&self) -> usize {
+        self.nodes
+    }
+
+    /// True if there is no node.
+    pub fn is_empty(&self) -> bool {
+        self.nodes == 0
+    }
+
+    /// The edges, each once, `[smaller, larger]`, ascending.
+    pub fn edges(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+
+    /// Weight of each edge.
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
+    /// The same edges with other weights.
+    ///
+    /// # Errors
+    /// If there is not one finite weight that is not negative for each edge.
+    pub fn with_weights(self, weights: Vec<f32>) -> Result<Self> {
+        if weights.len() != self.edges.len() || weights.iter().any(|w| !(*w >= 0.0 && w.is_finite())) {
+            return Err(Error::input(format!(
+                "{} weights for {} edges (allowed: one each, finite, not negative)",
+                weights.len(),
+                self.edges.len()
+            )));
+        }
+        Ok(Self { weights, ..self })
+    }
+
+    /// The edges at each node. O(nodes + edges).
+    pub fn adjacency(&self) -> Adjacency {
+        let mut offsets = vec![0usize; self.nodes + 1];
+        for node in self.edges.iter().flatten() {
+            offsets[*node as usize + 1] += 1;
+        }
+        for node in 0..self.nodes {
+            offsets[node + 1] += offsets[node];
+        }
+        let mut next = offsets.clone();
+        let (mut neighbours, mut edges) = (vec![0u32; 2 * self.edges.len()], vec![0u32; 2 * self.edges.len()]);
+        let mut put = |from: u32, to: u32, edge: usize| {
+            let slot = &mut next[from as usize];
+            (neighbours[*slot], edges[*slot]) = (to, edge as u32);
+            *slot += 1;
+        };
+        // The smaller ends first, then the larger: every node's neighbours come in ascending order.
+        self.edges.iter().enumerate().for_each(|(e, &[a, b])| put(b, a, e));
+        self.edges.iter().enumerate().for_each(|(e, &[a, b])| put(a, b, e));
+        Adjacency { offsets, neighbours, edges }
+    }
+}
+
+impl Adjacency {
+    /// Neighbours of a node and the edges that lead to them, ascending by neighbour.
+    pub fn of(&self, node: usize) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let range = self.offsets[node]..self.offsets[node + 1];
+        self.neighbours[range.clone()].iter().copied().zip(self.edges[range].iter().copied())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_directions_are_one_edge_with_the_summed_weight() {
+        let graph = Graph::new(4, &[[2, 1], [0, 3], [1, 2], [0, 1]], &[1.0, 2.0, 0.5, 4.0]).unwrap();
+        assert_eq!(graph.edges(), [[0, 1], [0, 3], [1, 2]]);
+        assert_eq!(graph.weights(), [4.0, 2.0, 1.5]);
+        let adjacency = graph.adjacency();
+        assert_eq!(adjacency.of(1).collect::<Vec<_>>(), [(0, 0), (2, 2)]);
+        assert_eq!(adjacency.of(0).collect::<Vec<_>>(), [(1, 0), (3, 1)]);
+    }
+
+    #[test]
+    fn loops_unknown_nodes_and_bad_weights_are_refused() {
+        assert!(Graph::new(2, &[[1, 1]], &[1.0]).is_err());
+        assert!(Graph::new(2, &[[0, 2]], &[1.0]).is_err());
+        assert!(Graph::new(2, &[[0, 1]], &[-1.0]).is_err());
+        assert!(Graph::new(2, &[[0, 1]], &[f32::NAN]).is_err());
+        assert!(Graph::new(2, &[[0, 1]], &[]).is_err());
+    }
+}

@@ -1,0 +1,1 @@
+//! Neighbours agree: labellings of least energy.
