@@ -3,6 +3,9 @@
 mod batch;
 mod blocks;
 mod columns;
+mod knn;
+mod knn_search;
+mod knn_tree;
 mod level;
 mod nearest;
 mod order;
@@ -10,6 +13,7 @@ mod search;
 
 pub use batch::LANES;
 pub use columns::{ColumnSearch, Columns};
+pub use knn::knn;
 pub use level::{Level, build_levels};
 pub use nearest::Neighbours;
 pub use order::{Grid, sorted};
