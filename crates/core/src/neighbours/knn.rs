@@ -1,7 +1,7 @@
 //! The k nearest neighbours of all points, and of other places.
 
 use super::knn_search::{Key, Seeker, distance_of};
-use super::knn_tree::Tree;
+use super::knn_tree::{Tree, check};
 use super::nearest::Neighbours;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
@@ -11,6 +11,8 @@ use std::ops::Range;
 
 /// Leaves that are searched in one go.
 const LEAVES: usize = 64;
+/// Places that are searched in one go.
+const QUERIES: usize = 512;
 
 /// The `k` nearest other points of every point, exactly, ascending by (squared distance, index).
 ///
@@ -54,6 +56,38 @@ pub fn knn(points: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
                 }
             },
         )?;
+    }
+    Ok(Neighbours::trusted(k, index, squared_distance))
+}
+
+/// The `k` nearest of `points` to every one of `queries`, ascending by (squared distance, index): row i is that of query i.
+///
+/// A query that stands in the place of a point has that point among its nearest. The clouds may have different origins:
+/// queries are brought to that of the points in `f64`. `k` is cut to the number of points. O((n + q) log n) expected time.
+///
+/// # Errors
+/// If a coordinate is not finite, the answer does not fit into memory, or the work was cancelled.
+pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
+    let k = k.min(points.len());
+    let tree = Tree::new(points, k)?;
+    check(queries)?;
+    let mut index = room(queries.len(), k)?;
+    let mut squared_distance = room(queries.len(), k)?;
+    monitor.stage("neighbours", queries.len() as u64);
+    let shift = [0, 1, 2].map(|a| queries.origin[a] - points.origin[a]);
+    let count = if k > 0 { queries.len().div_ceil(QUERIES) } else { 0 };
+    let parts = map_ordered_with(0..count, monitor, Seeker::default, |seeker, block| {
+        let range = block * QUERIES..((block + 1) * QUERIES).min(queries.len());
+        let places = range.map(|i| [(queries.x[i], 0), (queries.y[i], 1), (queries.z[i], 2)]);
+        let places: Vec<[f32; 3]> = places.map(|p| p.map(|(v, a)| (f64::from(v) + shift[a]) as f32)).collect();
+        let mut keys = Vec::with_capacity(places.len() * k);
+        Arch::new().dispatch(Places { seeker, tree: &tree, places: &places, k, out: &mut keys });
+        monitor.advance(places.len() as u64);
+        Ok(keys)
+    })?;
+    for key in parts.into_iter().flatten() {
+        index.push(key as u32);
+        squared_distance.push(distance_of(key));
     }
     Ok(Neighbours::trusted(k, index, squared_distance))
 }
@@ -104,6 +138,24 @@ impl WithSimd for Leaves<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         self.seeker.leaves(self.tree, self.leaves, self.k, self.out);
+    }
+}
+
+/// A search of places, compiled for each instruction set.
+struct Places<'a> {
+    seeker: &'a mut Seeker,
+    tree: &'a Tree,
+    places: &'a [[f32; 3]],
+    k: usize,
+    out: &'a mut Vec<Key>,
+}
+
+impl WithSimd for Places<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.seeker.places(self.tree, self.places, self.k, self.out);
     }
 }
 
@@ -217,6 +269,31 @@ mod tests {
         assert!(none.is_empty() && none.k() == 0);
         let zero = knn(&points(&random(9, [1.0; 3])), 0, &Monitor::default()).unwrap();
         assert!(zero.is_empty() && zero.k() == 0);
+    }
+
+    #[test]
+    fn other_places_find_their_nearest_points_across_origins() {
+        let rows = random(3000, [30.0, 30.0, 4.0]);
+        let cloud = points(&rows);
+        let mut asked: Vec<[f64; 3]> = random(400, [50.0, 50.0, 4.0]);
+        asked.extend_from_slice(&rows[..50]);
+        let shifted = asked.iter().map(|p| p.map(|v| v + 1000.0)).collect::<Vec<_>>();
+        let mut queries = points(&shifted);
+        queries.origin = queries.origin.map(|o| o - 1000.0);
+        for k in [1, 7, 5000] {
+            let found = nearest_of(&cloud, &queries, k, &Monitor::default()).unwrap();
+            assert_eq!((found.len(), found.k()), (450, k.min(3000)));
+            for i in 0..450 {
+                let at = [(queries.x[i], 0), (queries.y[i], 1), (queries.z[i], 2)]
+                    .map(|(v, a)| (f64::from(v) + queries.origin[a] - cloud.origin[a]) as f32);
+                let mut expected = brute_force(&cloud, at, None);
+                expected.truncate(k);
+                assert!(found.of(i).iter().eq(expected.iter().map(|e| &e.1)));
+                assert!(found.squared_distances(i).iter().eq(expected.iter().map(|e| &e.0)));
+            }
+        }
+        assert!(nearest_of(&Points::default(), &queries, 3, &Monitor::default()).unwrap().is_empty());
+        assert!(nearest_of(&cloud, &Points::default(), 3, &Monitor::default()).unwrap().is_empty());
     }
 
     #[test]

@@ -81,6 +81,18 @@ impl Seeker {
         }
     }
 
+    /// Appends to `out` the keys of the `k` nearest of every place. The tree holds at least `k` points.
+    #[inline(always)]
+    pub(super) fn places(&mut self, tree: &Tree, places: &[[f32; 3]], k: usize, out: &mut Vec<Key>) {
+        let mut last = Known { place: [0.0; 3], radius: f32::INFINITY };
+        for &at in places {
+            // The k nearest of the last place lie within reach of this one.
+            self.walk(tree, at, (k, limit(last.radius + squared(at, last.place).sqrt()), None));
+            out.extend_from_slice(&self.keys[..k]);
+            last = Known { place: at, radius: distance_of(self.keys[k - 1]).sqrt() };
+        }
+    }
+
     /// Up to [`LEAF`] points of a leaf. Returns the last of them as known.
     #[inline(always)]
     fn batch(

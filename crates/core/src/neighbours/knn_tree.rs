@@ -116,7 +116,8 @@ impl Node {
     }
 }
 
-fn check(points: &Points) -> Result<()> {
+/// Whether there are as many coordinates on each axis and all are finite.
+pub(super) fn check(points: &Points) -> Result<()> {
     let lengths = [points.y.len(), points.z.len()];
     if lengths != [points.x.len(); 2] || points.len() > (u32::MAX / 2) as usize {
         return Err(Error::input(format!(

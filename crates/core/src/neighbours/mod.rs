@@ -13,7 +13,7 @@ mod search;
 
 pub use batch::LANES;
 pub use columns::{ColumnSearch, Columns};
-pub use knn::knn;
+pub use knn::{knn, nearest_of};
 pub use level::{Level, build_levels};
 pub use nearest::Neighbours;
 pub use order::{Grid, sorted};
