@@ -99,7 +99,7 @@ pub(super) struct Block {
     pub(super) keys: Vec<Key>,
 }
 
-/// Searches all points of the tree block by block: `kernel` in parallel, `take` in order.
+/// Searches all points of the tree block by block: `kernel` in parallel, `take` in order. `k` may be 0.
 pub(super) fn blocks<T: Send>(
     tree: &Tree,
     k: usize,
@@ -114,7 +114,9 @@ pub(super) fn blocks<T: Send>(
             let leaves = b * LEAVES..((b + 1) * LEAVES).min(tree.leaves.len());
             let points = tree.points_of(leaves.clone());
             let mut keys = Vec::with_capacity(points.len() * k);
-            Arch::new().dispatch(Leaves { seeker, tree, leaves, k, out: &mut keys });
+            if k > 0 {
+                Arch::new().dispatch(Leaves { seeker, tree, leaves, k, out: &mut keys });
+            }
             monitor.advance(points.len() as u64);
             kernel(Block { points, keys }, tree)
         })?;

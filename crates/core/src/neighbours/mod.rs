@@ -8,6 +8,8 @@ mod knn_search;
 mod knn_tree;
 mod level;
 mod nearest;
+mod optimal;
+mod optimal_lanes;
 mod order;
 mod search;
 
@@ -16,5 +18,6 @@ pub use columns::{ColumnSearch, Columns};
 pub use knn::{knn, nearest_of};
 pub use level::{Level, build_levels};
 pub use nearest::Neighbours;
+pub use optimal::{Eigenvalues, Optimal, OptimalParams, map_optimal, optimal};
 pub use order::{Grid, sorted};
 pub use search::{Neighbour, Search};
