@@ -3,6 +3,7 @@
 //! Queries of a leaf share the list of leaves that can matter to them. How far a query must look follows from a neighbour
 //! whose answer is known: the k nearest of p and p itself lie within r(p) + |pq| of q (triangle inequality).
 
+use super::knn_list::List;
 use super::knn_tree::{LEAF, Node, Tree};
 
 /// Squared distance (upper half, its bits) and index: ascending by (distance, index).
@@ -18,14 +19,6 @@ pub(super) struct Seeker {
     stack: Vec<(f32, u32)>,
     list: List,
     visit: Vec<u32>,
-}
-
-/// Leaves that matter to a leaf's queries: first point and count, and boxes axis by axis, padded to whole lanes.
-#[derive(Clone, Debug, Default)]
-struct List {
-    ranges: Vec<[u32; 2]>,
-    low: [Vec<f32>; 3],
-    high: [Vec<f32>; 3],
 }
 
 /// A point whose k-th distance is known.
@@ -253,52 +246,6 @@ impl Seeker {
             self.rank(found);
         }
         found
-    }
-}
-
-impl List {
-    fn clear(&mut self) {
-        self.ranges.clear();
-        self.low.iter_mut().chain(&mut self.high).for_each(Vec::clear);
-    }
-
-    #[inline(always)]
-    fn push(&mut self, leaf: &Node) {
-        self.ranges.push([leaf.first, leaf.count]);
-        for a in 0..3 {
-            self.low[a].push(leaf.low[a]);
-            self.high[a].push(leaf.high[a]);
-        }
-    }
-
-    /// Fills up to whole lanes with boxes that nothing is within.
-    #[inline(always)]
-    fn pad(&mut self) {
-        let full = self.ranges.len().next_multiple_of(LEAF);
-        self.low.iter_mut().for_each(|axis| axis.resize(full, f32::INFINITY));
-        self.high.iter_mut().for_each(|axis| axis.resize(full, f32::INFINITY));
-    }
-
-    /// Appends which leaves lie within the limit of a place.
-    #[inline(always)]
-    fn within(&self, at: [f32; 3], limit: f32, found: &mut Vec<u32>) {
-        found.resize(self.low[0].len() + LEAF, 0);
-        let mut kept = 0usize;
-        for start in (0..self.low[0].len()).step_by(LEAF) {
-            let mut bound = [0.0f32; LEAF];
-            for a in 0..3 {
-                let (low, high) = (&self.low[a][start..start + LEAF], &self.high[a][start..start + LEAF]);
-                for l in 0..LEAF {
-                    let apart = (low[l] - at[a]).max(at[a] - high[l]).max(0.0);
-                    bound[l] += apart * apart;
-                }
-            }
-            for (l, &b) in bound.iter().enumerate() {
-                found[kept] = (start + l) as u32;
-                kept = kept.wrapping_add(usize::from(b <= limit));
-            }
-        }
-        found.truncate(kept);
     }
 }
 

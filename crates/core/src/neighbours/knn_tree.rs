@@ -100,6 +100,11 @@ impl Tree {
 }
 
 impl Node {
+    /// Whether all its points stand in one place.
+    fn is_one_place(&self) -> bool {
+        self.low.iter().zip(&self.high).all(|(low, high)| low >= high)
+    }
+
     /// Lower bound of the squared distance to its points. Rounding is monotone: a bound above the computed distance of a
     /// point of the node cannot occur.
     #[inline(always)]
@@ -182,12 +187,12 @@ fn node(items: &[Item], first: usize) -> Node {
 }
 
 fn is_leaf(items: usize, node: &Node) -> bool {
-    items <= LEAF || node.low == node.high
+    items <= LEAF || node.is_one_place()
 }
 
 fn leaf(items: &mut [Item], node: Node, kept: usize) -> Node {
     items.sort_unstable_by_key(|i| i.index);
-    let count = if node.low == node.high { items.len().min(kept) } else { items.len() };
+    let count = if node.is_one_place() { items.len().min(kept) } else { items.len() };
     Node { count: count as u32, skip: items.len() as u32, ..node }
 }
 

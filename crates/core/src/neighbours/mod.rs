@@ -4,6 +4,7 @@ mod batch;
 mod blocks;
 mod columns;
 mod knn;
+mod knn_list;
 mod knn_search;
 mod knn_tree;
 mod level;

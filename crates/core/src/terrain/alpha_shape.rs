@@ -171,10 +171,10 @@ mod tests {
     }
 
     fn lattice(hole: bool) -> Vec<[f64; 3]> {
-        let inside = |x: i32, y: i32| !hole || !((8..=22).contains(&x) && (8..=22).contains(&y));
+        let missing = |x: i32, y: i32| hole && (8..=22).contains(&x) && (8..=22).contains(&y);
         (0..=30)
             .flat_map(|x| (0..=30).map(move |y| (x, y)))
-            .filter(|&(x, y)| inside(x, y))
+            .filter(|&(x, y)| !missing(x, y))
             .map(|(x, y)| [100.0 + f64::from(x) * 0.5, 200.0 + f64::from(y) * 0.5, 1.0])
             .collect()
     }
