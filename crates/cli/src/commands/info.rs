@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Info, context: &Context<'_>) -> Result<(), Failure> {
 
 fn stats(path: &Path, info: &FileInfo, context: &Context<'_>) -> Result<Stats, Failure> {
     let columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
-    let cloud = io::read_with(path, &ReadOptions { columns, monitor: context.monitor.clone() })?;
+    let cloud = io::read_with(path, &ReadOptions { columns, monitor: context.monitor.clone(), ..Default::default() })?;
     let finite = (0..cloud.len()).filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
     let mut counts = [0u64; 256];
     if let Some(column) = cloud.column(names::CLASSIFICATION) {

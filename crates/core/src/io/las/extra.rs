@@ -4,6 +4,7 @@ use super::header::{Header, array, f64_at};
 use super::vlr::Vlr;
 use crate::cloud::{Column, Values};
 use crate::error::{Error, Result};
+use crate::io::number::each_values;
 
 /// One described dimension and where it stands in a record.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,32 +106,14 @@ impl Extra {
     }
 }
 
-/// Runs the same expression on the vector inside, whatever its type.
-macro_rules! each {
-    ($values:expr, $v:ident => $body:expr) => {
-        match $values {
-            Values::U8($v) => $body,
-            Values::I8($v) => $body,
-            Values::U16($v) => $body,
-            Values::I16($v) => $body,
-            Values::U32($v) => $body,
-            Values::I32($v) => $body,
-            Values::U64($v) => $body,
-            Values::I64($v) => $body,
-            Values::F32($v) => $body,
-            Values::F64($v) => $body,
-        }
-    };
-}
-
 /// Whether there is room for `n` values in all.
 pub(in crate::io) fn reserve(values: &mut Values, n: usize) -> bool {
-    each!(values, v => v.try_reserve_exact(n.saturating_sub(v.len())).is_ok())
+    each_values!(values, v => v.try_reserve_exact(n.saturating_sub(v.len())).is_ok())
 }
 
 /// Lengthens to `n` values with zeros.
 pub(in crate::io) fn grow(values: &mut Values, n: usize) {
-    each!(values, v => v.resize(n, Default::default()));
+    each_values!(values, v => v.resize(n, Default::default()));
 }
 
 /// LAS data type of values.
@@ -156,7 +139,7 @@ pub(in crate::io) fn size_of(kind: u8) -> usize {
 
 /// Writes value `i` at the start of `slot`.
 pub(in crate::io) fn store(values: &Values, i: usize, slot: &mut [u8]) {
-    each!(values, v => {
+    each_values!(values, v => {
         let bytes = v[i].to_le_bytes();
         slot[..bytes.len()].copy_from_slice(&bytes);
     });
