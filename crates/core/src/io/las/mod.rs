@@ -9,6 +9,7 @@ mod promote;
 mod read;
 mod records;
 mod rewrite;
+mod stream;
 mod vlr;
 mod write;
 mod writer;

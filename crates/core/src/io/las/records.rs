@@ -12,9 +12,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Points of a slab of an uncompressed file, and of a piece of a large chunk.
-const SLAB: usize = 100_000;
+pub(super) const SLAB: usize = 100_000;
 /// Chunks of more points than this are decoded piece by piece, so that memory does not follow the declared size.
-const LARGE: u64 = 200_000;
+pub(super) const LARGE: u64 = 200_000;
 /// EVLRs above this are not held in memory.
 const MOST_EVLR: u64 = 64 << 20;
 
