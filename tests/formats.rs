@@ -1,7 +1,7 @@
 //! Files that other programs wrote, and what other readers see in them.
 
 use scansion_core::cloud::Cloud;
-use scansion_core::io;
+use scansion_core::io::{self, ReadOptions};
 use scansion_tests::data;
 use std::path::PathBuf;
 
@@ -118,4 +118,31 @@ fn npz_files_that_numpy_wrote_are_read() {
     check(&cloud, &[("x", SAMP11[0]), ("y", SAMP11[1]), ("z", SAMP11[2]), ("Classification", SAMP11[3])]);
     let chairs = data().unwrap().join("objects/modelnet10_voxels32_chair_monitor.npz");
     assert!(io::read(&chairs).unwrap_err().to_string().contains("chair"));
+}
+
+/// A real COPC file: its nodes are its chunks, boxes are filters, a resolution half as coarse is one level more.
+#[test]
+fn copc_boxes_and_levels_are_parts_of_the_whole() {
+    let Some(folder) = folder("scale") else { return };
+    let path = folder.join("lone-star.copc.laz");
+    let octree = io::inspect(&path).unwrap().octree.unwrap();
+    let all = io::read(&path).unwrap();
+    assert_eq!((all.len(), octree.points_per_level.iter().sum::<u64>()), (518_862, 518_862));
+    let read =
+        |bounds, resolution| io::read_with(&path, &ReadOptions { bounds, resolution, ..Default::default() }).unwrap();
+    let (low, high) = all.bounds().unwrap();
+    assert_eq!(read(Some((low, high)), None), all);
+    let middle = [0, 1, 2].map(|a| (low[a] + high[a]) / 2.0);
+    for bounds in [(low, middle), (middle, high), (middle, middle)] {
+        let inside = |i: &u32| (0..3).all(|a| (bounds.0[a]..=bounds.1[a]).contains(&all.xyz(*i as usize)[a]));
+        let indices: Vec<u32> = (0..all.len() as u32).filter(inside).collect();
+        assert_eq!(read(Some(bounds), None), all.select(&indices));
+    }
+    let mut points = 0;
+    for (level, n) in octree.points_per_level.iter().enumerate() {
+        points += n;
+        assert_eq!(read(None, Some(octree.spacing / f64::from(1u32 << level))).len() as u64, points, "level {level}");
+    }
+    let coarse = read(Some((low, middle)), Some(octree.spacing));
+    assert!(coarse.len() > 0 && (coarse.len() as u64) < octree.points_per_level[0]);
 }

@@ -31,8 +31,22 @@ pub struct FileInfo {
     pub dimensions: Vec<String>,
     /// User and number of the variable length records.
     pub vlrs: Vec<String>,
+    /// The levels of a COPC file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub octree: Option<Octree>,
     /// What is odd about the file.
     pub warnings: Vec<String>,
+}
+
+/// The levels of a COPC file; all levels together are the cloud.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Octree {
+    /// Distance of the points of level 0 in the file's unit; each level halves it.
+    pub spacing: f64,
+    /// Nodes with points.
+    pub nodes: u64,
+    /// Points of level 0, 1, ...
+    pub points_per_level: Vec<u64>,
 }
 
 impl FileInfo {
@@ -51,6 +65,7 @@ impl FileInfo {
             metres_per_unit: None,
             dimensions: Vec::new(),
             vlrs: Vec::new(),
+            octree: None,
             warnings: Vec::new(),
         }
     }

@@ -18,7 +18,7 @@ mod table;
 mod text;
 mod words;
 
-pub use info::FileInfo;
+pub use info::{FileInfo, Octree};
 pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
 use crate::cloud::{Cloud, Column};
@@ -55,14 +55,34 @@ pub fn read(path: &Path) -> Result<Cloud> {
 /// The file cannot be opened, is malformed (the message names field, place, what was found and what is allowed), or is of
 /// a kind that is not supported.
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
-    match format_of(path)? {
-        Format::Las => las::read(path, options),
+    options.validate()?;
+    let format = format_of(path)?;
+    if format == Format::Las {
+        return las::read(path, options);
+    }
+    if let Some(resolution) = options.resolution {
+        return Err(Error::parameter("resolution", resolution, "none: only COPC files have levels"));
+    }
+    let cloud = match format {
+        Format::Las | Format::Text => text::read(path, options),
         Format::Ply => ply::read(path, options),
         Format::Pcd => pcd::read(path, options),
         Format::E57 => e57::read(path, options),
         Format::Npz => npz::read(path, options),
-        Format::Text => text::read(path, options),
+    }?;
+    match &options.bounds {
+        Some(bounds) => Ok(inside(&cloud, bounds)),
+        None => Ok(cloud),
     }
+}
+
+/// The points of a cloud in a box.
+fn inside(cloud: &Cloud, (low, high): &Bounds) -> Cloud {
+    let within = |i: &u32| {
+        let p = cloud.xyz(*i as usize);
+        (0..3).all(|a| low[a] <= p[a] && p[a] <= high[a])
+    };
+    cloud.select(&(0..cloud.len() as u32).filter(within).collect::<Vec<_>>())
 }
 
 /// Writes a cloud in the format of the path's extension: `.las`, `.laz`, `.ply`, `.pcd`, `.npz`, `.txt`, `.xyz`, `.csv`,

@@ -19,8 +19,8 @@ pub(super) fn record(format: u8, old: &[u8], new: &mut [u8]) {
     let to = target(format);
     new[..14].copy_from_slice(&old[..14]);
     for (field, _) in of_format(format) {
-        let mut value = field.values(1);
-        field.take(format, old, 0, &mut value);
+        let mut value = field.values();
+        field.append(format, (old, old.len()), &mut value);
         field.store(to, new, number(&value));
     }
     let (old_base, new_base) =
@@ -82,9 +82,9 @@ mod tests {
             let mut new = vec![0; usize::from(RECORD_SIZES[usize::from(to)]) + 3];
             record(format, &old, &mut new);
             for (field, name) in of_format(format) {
-                let (mut a, mut b) = (field.values(1), field.values(1));
-                field.take(format, &old, 0, &mut a);
-                field.take(to, &new, 0, &mut b);
+                let (mut a, mut b) = (field.values(), field.values());
+                field.append(format, (&old, old.len()), &mut a);
+                field.append(to, (&new, new.len()), &mut b);
                 let close = (a.get(0) - b.get(0)).abs() < 0.004 || a.get(0).to_bits() == b.get(0).to_bits();
                 assert!(close, "{name} of format {format}: {a:?} {b:?}");
             }
