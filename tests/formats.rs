@@ -146,3 +146,51 @@ fn copc_boxes_and_levels_are_parts_of_the_whole() {
     let coarse = read(Some((low, middle)), Some(octree.spacing));
     assert!(coarse.len() > 0 && (coarse.len() as u64) < octree.points_per_level[0]);
 }
+
+#[test]
+fn text_of_scanners_is_read_and_meshes_are_refused() {
+    let Some(hostile) = folder("hostile") else { return };
+    let cloud = io::read(&hostile.join("PDAL__pts__test.pts")).unwrap();
+    assert_eq!((cloud.len(), cloud.xyz(0)), (19, [3.980972, -2.006119, -0.010086]));
+    assert_eq!(cloud.column("Intensity").unwrap().values.get(0), -1035.0);
+    assert_eq!(cloud.column("Blue").unwrap().values.get(0), 38.0);
+    let message = io::read(&hostile.join("PDAL__pts__bunny_8.pts")).unwrap_err().to_string();
+    assert!(message.contains("found 8, allowed 9"), "{message}");
+    let cloud = io::read(&hostile.join("PDAL__ptx__1.2-with-color.ptx")).unwrap();
+    assert_eq!((cloud.len(), cloud.xyz(0)), (1065, [637_012.24, 849_028.31, 431.66]));
+    assert_eq!(cloud.column("Green").unwrap().values.get(0), 77.0);
+    let cloud = io::read(&hostile.join("PDAL__ptx__no-color.ptx")).unwrap();
+    assert_eq!((cloud.len(), cloud.columns().len()), (15, 1));
+    for name in ["assimp__OFF__Cube.off", "assimp__invalid__OutOfMemory.off", "trimesh__ballA.off"] {
+        let message = io::read(&hostile.join(name)).unwrap_err().to_string();
+        assert!(message.contains("OFF is a mesh"), "{message}");
+    }
+}
+
+/// Every odd file gives a cloud or an error, soon; blocks give what reading gives.
+#[test]
+fn every_odd_file_is_read_or_refused_soon() {
+    let Some(hostile) = folder("hostile") else { return };
+    let (mut read, mut refused) = (0, 0);
+    for entry in std::fs::read_dir(hostile).unwrap() {
+        let path = entry.unwrap().path();
+        let start = std::time::Instant::now();
+        let whole = io::read(&path);
+        let blocks = io::blocks(&path, 1000, &ReadOptions::default())
+            .and_then(|blocks| blocks.map(|b| b.map(|b| b.len())).sum::<Result<usize, _>>());
+        match (&whole, &blocks) {
+            (Ok(cloud), Ok(points)) => assert_eq!(cloud.len(), *points, "{}", path.display()),
+            (Err(_), Err(_)) => {}
+            _ => panic!("{}: {:?} {blocks:?}", path.display(), whole.map(|c| c.len())),
+        }
+        if whole.is_ok() {
+            io::inspect(&path).unwrap();
+            read += 1;
+        } else {
+            refused += 1;
+        }
+        assert!(start.elapsed().as_secs() < 5, "{}", path.display());
+    }
+    eprintln!("{read} read, {refused} refused");
+    assert!(read > 110);
+}

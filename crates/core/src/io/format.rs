@@ -13,11 +13,12 @@ pub(super) enum Format {
     Pcd,
     E57,
     Npz,
+    Ptx,
     Text,
 }
 
 /// For messages.
-const READABLE: &str = "LAS, LAZ, COPC, PLY, PCD, E57, npz or text";
+const READABLE: &str = "LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX or text";
 
 pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
@@ -51,6 +52,7 @@ pub(super) fn format_of(path: &Path) -> Result<Format> {
         s if s.contains(&0) => {
             unsupported(format!("neither {READABLE} (it begins with {:02x?})", &s[..s.len().min(8)]))
         }
+        _ if extension(path) == "ptx" => Ok(Format::Ptx),
         _ => Ok(Format::Text),
     }
 }

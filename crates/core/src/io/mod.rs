@@ -1,6 +1,7 @@
 //! Reading and writing files: LAS, LAZ, PLY, PCD, E57, npz, text. What a file is is told by its content, then by its name.
 
 pub mod atomic;
+mod blocks;
 mod decimal;
 mod e57;
 mod format;
@@ -14,10 +15,12 @@ mod options;
 mod packed;
 mod pcd;
 mod ply;
+mod ptx;
 mod table;
 mod text;
 mod words;
 
+pub use blocks::{Blocks, blocks};
 pub use info::{FileInfo, Octree};
 pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
@@ -57,22 +60,28 @@ pub fn read(path: &Path) -> Result<Cloud> {
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     options.validate()?;
     let format = format_of(path)?;
-    if format == Format::Las {
-        return las::read(path, options);
-    }
-    if let Some(resolution) = options.resolution {
-        return Err(Error::parameter("resolution", resolution, "none: only COPC files have levels"));
-    }
+    check_resolution(format, options)?;
     let cloud = match format {
-        Format::Las | Format::Text => text::read(path, options),
+        Format::Las => las::read(path, options),
+        Format::Text => text::read(path, options),
         Format::Ply => ply::read(path, options),
         Format::Pcd => pcd::read(path, options),
         Format::E57 => e57::read(path, options),
         Format::Npz => npz::read(path, options),
+        Format::Ptx => ptx::read(path, options),
     }?;
     match &options.bounds {
-        Some(bounds) => Ok(inside(&cloud, bounds)),
-        None => Ok(cloud),
+        Some(bounds) if format != Format::Las => Ok(inside(&cloud, bounds)),
+        _ => Ok(cloud),
+    }
+}
+
+fn check_resolution(format: Format, options: &ReadOptions) -> Result<()> {
+    match options.resolution {
+        Some(resolution) if format != Format::Las => {
+            Err(Error::parameter("resolution", resolution, "none: only COPC files have levels"))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -90,10 +99,10 @@ fn inside(cloud: &Cloud, (low, high): &Bounds) -> Cloud {
 pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     match extension(path).as_str() {
         "las" | "laz" => las::write(path, cloud, options),
-        "ply" => ply::write(path, cloud),
+        "ply" => ply::write(path, cloud, options),
         "pcd" => pcd::write(path, cloud, options),
         "npz" => npz::write(path, cloud, options),
-        "txt" | "xyz" | "csv" | "asc" | "labels" => text::write(path, cloud),
+        "txt" | "xyz" | "csv" | "asc" | "labels" => text::write(path, cloud, options),
         other => Err(Error::Unsupported {
             path: path.to_path_buf(),
             reason: format!("cannot write .{other}; use .las, .laz, .ply, .pcd, .npz, .txt, .xyz, .csv or .labels"),
@@ -129,12 +138,8 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
         Format::Pcd => pcd::inspect(path),
         Format::E57 => e57::inspect(path),
         Format::Npz => npz::inspect(path),
-        format => {
-            let cloud = read(path)?;
-            let mut info = FileInfo::new(path, if format == Format::Ply { "PLY" } else { "text" }, cloud.len() as u64);
-            info.bounds = cloud.bounds();
-            info.dimensions = cloud.columns().iter().map(|c| c.name.clone()).collect();
-            Ok(info)
-        }
+        Format::Ptx => ptx::inspect(path),
+        Format::Text => text::inspect(path),
+        Format::Ply => ply::inspect(path),
     }
 }

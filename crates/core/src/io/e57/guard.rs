@@ -13,6 +13,8 @@ const PAGE: u64 = 1024;
 const MOST_XML: u64 = 16 << 20;
 /// Deeper elements than any real file has would take the parser's stack.
 const DEEPEST: usize = 64;
+/// The standard knows about 20 fields; extensions add some.
+const MOST_FIELDS: usize = 1000;
 /// Points that take no bytes at all (all their fields are constant) are read up to this number.
 const MOST_CONSTANT: u64 = 1_000_000;
 
@@ -94,6 +96,15 @@ impl E57 {
         let scans = self.reader.pointclouds();
         let mut total = 0u64;
         for (number, scan) in scans.iter().enumerate() {
+            if scan.prototype.len() > MOST_FIELDS {
+                let found = format!("{} fields a point", scan.prototype.len());
+                return Err(bad(
+                    path,
+                    "prototype",
+                    format!("scan {number}"),
+                    (found, format!("at most {MOST_FIELDS}")),
+                ));
+            }
             let mut bits = 0u64;
             for record in &scan.prototype {
                 bits += bits_of(&record.data_type).ok_or_else(|| {

@@ -9,7 +9,7 @@ mod lzf;
 mod read;
 mod write;
 
-pub(super) use read::{inspect, read};
+pub(super) use read::{Reader, inspect, read};
 pub(super) use write::write;
 
 #[cfg(test)]
