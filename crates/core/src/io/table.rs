@@ -87,9 +87,8 @@ mod tests {
 
     #[test]
     fn rows_leave_the_table_in_order() {
-        let mut table = Table::default();
-        table.axes = [0, 1, 2].map(|a| (0..5).map(|i| f64::from(10 * a + i)).collect());
-        table.columns = vec![Column::new("A", Values::U8(vec![0, 1, 2, 3, 4]))];
+        let axes = [0, 1, 2].map(|a| (0..5).map(|i| f64::from(10 * a + i)).collect());
+        let mut table = Table { axes, columns: vec![Column::new("A", Values::U8(vec![0, 1, 2, 3, 4]))] };
         let head = table.take(2).unwrap();
         assert_eq!((head.len(), head.xyz(1), table.len()), (2, [1.0, 11.0, 21.0], 3));
         let rest = table.take(9).unwrap();

@@ -66,7 +66,6 @@ fn most(field: Field) -> f64 {
 }
 
 /// The first value that the field cannot hold.
-#[expect(clippy::float_cmp, reason = "whether a number is whole is an exact question")]
 fn first_misfit(field: Field, values: &Values) -> Option<usize> {
     let fits = |v: f64| match field {
         Field::GpsTime => true,

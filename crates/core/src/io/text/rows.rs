@@ -18,9 +18,7 @@ pub(super) struct Fault {
 pub(super) fn read(part: &[u8], targets: &[Option<usize>], columns: usize) -> Result<Vec<Vec<f64>>, Fault> {
     let guess = count(part) + 1;
     let mut out: Vec<Vec<f64>> = (0..columns).map(|_| Vec::with_capacity(guess)).collect();
-    let mut number = 0;
-    for line in lines(part) {
-        number += 1;
+    for (number, line) in (1..).zip(lines(part)) {
         if holds(line) {
             row(line, targets, &mut out).map_err(|fault| Fault { line: number, ..fault })?;
         }
