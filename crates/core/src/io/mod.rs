@@ -1,9 +1,12 @@
 //! Reading and writing files: LAS, LAZ, PLY, text. What a file is is told by its content, then by its name.
 
 pub mod atomic;
+mod diff;
 mod las;
 mod ply;
 mod text;
+
+pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
 
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
