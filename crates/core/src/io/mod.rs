@@ -58,6 +58,8 @@ pub enum Edit {
     Classification(Vec<u8>),
     /// A dimension, added or replaced.
     Dimension(Column),
+    /// Names of class codes, kept in the Classification Lookup record of LAS; names that a file has already stay.
+    ClassNames(Vec<(u8, String)>),
 }
 
 /// What [`rewrite`] did.
@@ -153,6 +155,7 @@ pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
                 Column::new(crate::cloud::names::CLASSIFICATION, crate::cloud::Values::U8(codes.clone()))
             }
             Edit::Dimension(column) => column.clone(),
+            Edit::ClassNames(_) => continue,
         })?;
     }
     write(output, &cloud, options)?;

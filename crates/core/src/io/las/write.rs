@@ -58,7 +58,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         writer.push(&records, &options.monitor)?;
         options.monitor.advance(points.len() as u64);
     }
-    writer.finish(&[], &options.monitor, |_, _| {})
+    writer.finish(&options.monitor, |_| Ok(0), |_, _| {})
 }
 
 /// A class code or return number that its field cannot hold is an error, not a clamped value.
