@@ -1,12 +1,16 @@
 //! Reading and writing files: LAS, LAZ, PLY, text. What a file is is told by its content, then by its name.
 
 pub mod atomic;
+mod convert;
 mod diff;
 mod las;
+mod merge;
 mod ply;
 mod text;
 
+pub use convert::{ConvertParams, convert};
 pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
+pub use merge::merge;
 
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};

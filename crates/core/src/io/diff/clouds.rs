@@ -11,7 +11,11 @@ use std::path::Path;
 
 pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> {
     let read = |path| read_with(path, &ReadOptions { monitor: monitor.clone(), ..ReadOptions::default() });
-    let (a, b) = (read(a)?, read(b)?);
+    compare(&read(a)?, &read(b)?, monitor)
+}
+
+/// Compares two clouds column by column.
+pub(in crate::io) fn compare(a: &Cloud, b: &Cloud, monitor: &Monitor) -> Result<Difference> {
     monitor.check()?;
     let points = [a.len() as u64, b.len() as u64];
     let mut found = Difference { points, compared: points[0].min(points[1]), ..Difference::default() };
@@ -19,7 +23,7 @@ pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> 
         let text = |crs: &Option<String>| crs.clone().unwrap_or_else(|| "absent".into());
         found.header.push(Changed::new("coordinate reference system", text(&a.crs), text(&b.crs)));
     }
-    found.fields = (0..3).filter_map(|axis| axis_tally(&a, &b, axis).finish()).collect();
+    found.fields = (0..3).filter_map(|axis| axis_tally(a, b, axis).finish()).collect();
     for column in a.columns() {
         monitor.check()?;
         let Some(other) = b.column(&column.name) else {
@@ -37,7 +41,7 @@ pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> 
     let only_b = b.columns().iter().filter(|c| a.column(&c.name).is_none());
     found.only_in[1] = only_b.map(|c| c.name.clone()).collect();
     if found.fields.iter().any(|f| f.name == names::CLASSIFICATION) {
-        found.classes = classes(&a, &b);
+        found.classes = classes(a, b);
     }
     Ok(found)
 }

@@ -5,6 +5,8 @@ mod header;
 mod points;
 mod tally;
 
+pub(super) use clouds::compare;
+
 use super::las;
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -111,7 +113,7 @@ impl Difference {
 /// Compares two files point by point in their order. Time linear in the points; memory a few blocks of points for LAS and
 /// LAZ, both clouds for other formats.
 ///
-/// Fields are compared bit by bit; numbers in two types (`u8` and `f32`) by value, `f64` against `f32` after rounding,
+/// Fields are compared bit by bit; numbers in two types (`u8` and `f32`) by value,
 /// coordinates on two different grids within a thousandth of the finer tick, scan angles across the two units of LAS within
 /// half a unit.
 ///

@@ -4,8 +4,8 @@
 //! byte of the records, and everything behind the points are copied as they stand.
 
 mod lookup;
-mod plan;
-mod tail;
+pub(super) mod plan;
+pub(super) mod tail;
 #[cfg(test)]
 mod tests;
 
@@ -16,7 +16,7 @@ use super::records::{Records, SLAB, par_records};
 use super::stream::Stream;
 use super::vlr::laz_chunk_size;
 use super::writer::{CHUNK, Front, Writer};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::{Edit, RewriteReport, WriteOptions};
 use plan::plan;
 use rayon::prelude::*;
@@ -46,6 +46,28 @@ pub(in crate::io) fn rewrite(
         let note = format!("class codes up to {largest} need LAS 1.4: point format {format} became {to}");
         report.notes.insert(0, note);
     }
+    Ok(report)
+}
+
+/// Copies `input` to `output` (LAS or LAZ by its extension), in another point format if one is asked for.
+pub(in crate::io) fn convert(
+    input: &Path,
+    output: &Path,
+    point_format: Option<u8>,
+    options: &WriteOptions,
+) -> Result<RewriteReport> {
+    let records = Records::open(input)?;
+    let from = records.header.format;
+    let to = point_format.filter(|&to| to != from);
+    if let Some(to) = to {
+        let missing = promote::missing(from, to);
+        if !missing.is_empty() {
+            let reason = format!("point format {to} cannot hold what format {from} has: {}", missing.join(", "));
+            return Err(Error::Unsupported { path: input.to_path_buf(), reason });
+        }
+    }
+    let mut report = rewrite_as(records, output, (&[], to), options)?;
+    report.notes.extend(to.map(|to| format!("point format {from} became {to}; fields that are new are 0")));
     Ok(report)
 }
 

@@ -86,7 +86,7 @@ fn same_type(old: &Extra, column: &Column) -> Result<usize> {
 }
 
 /// Adds descriptors to the one Extra Bytes record, making it if there is none.
-pub(super) fn describe(vlrs: &mut Vec<Vlr>, undescribed: usize, added: &[u8]) -> Result<()> {
+pub(in crate::io::las) fn describe(vlrs: &mut Vec<Vlr>, undescribed: usize, added: &[u8]) -> Result<()> {
     let mut data = extra::undescribed(undescribed);
     data.extend_from_slice(added);
     // The last one, should there be several: descriptors stand in the order of the bytes.

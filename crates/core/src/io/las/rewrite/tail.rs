@@ -12,7 +12,7 @@ use std::ops::Range;
 const PIECE: u64 = 1 << 20;
 
 /// Byte ranges of the input that follow the points of the output.
-pub(super) struct Tail {
+pub(in crate::io::las) struct Tail {
     ranges: Vec<Range<u64>>,
     /// Extended records among them.
     evlrs: u32,
@@ -21,7 +21,7 @@ pub(super) struct Tail {
 
 impl Tail {
     /// All that stands behind the points but COPC's hierarchy.
-    pub(super) fn of(records: &mut Records, front: &mut Front) -> Result<Self> {
+    pub(in crate::io::las) fn of(records: &mut Records, front: &mut Front) -> Result<Self> {
         let info = records.vlrs.iter().any(|v| v.user() == "copc");
         let hierarchy = records.evlrs.iter().any(|v| v.user() == "copc");
         if hierarchy {
@@ -49,7 +49,12 @@ impl Tail {
     }
 
     /// Appends the bytes to the output; returns how many.
-    pub(super) fn copy(&self, records: &mut Records, file: &mut AtomicFile, monitor: &Monitor) -> Result<u64> {
+    pub(in crate::io::las) fn copy(
+        &self,
+        records: &mut Records,
+        file: &mut AtomicFile,
+        monitor: &Monitor,
+    ) -> Result<u64> {
         let mut written = 0;
         for range in &self.ranges {
             for at in range.clone().step_by(PIECE as usize) {
@@ -75,7 +80,7 @@ impl Tail {
     }
 
     /// Tells the new places of extended records and waveforms to the header.
-    pub(super) fn patch(&self, old: &Header, header: &mut [u8], end: u64) {
+    pub(in crate::io::las) fn patch(&self, old: &Header, header: &mut [u8], end: u64) {
         if self.evlrs > 0 {
             // Whatever remains of the records begins where the first of them stood, or where the tail begins.
             let at = self.moved(old.evlrs_at, end).unwrap_or(end);
