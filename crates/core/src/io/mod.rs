@@ -2,13 +2,16 @@
 
 pub mod atomic;
 mod blocks;
+mod convert;
 mod decimal;
+mod diff;
 mod e57;
 mod format;
 mod info;
 mod known;
 mod las;
 mod lines;
+mod merge;
 mod npz;
 mod number;
 mod options;
@@ -24,6 +27,10 @@ pub use blocks::{Blocks, blocks};
 pub use info::{FileInfo, Octree};
 pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
+pub use convert::{ConvertParams, convert};
+pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
+pub use merge::merge;
+
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
 use format::{Format, extension, format_of};
@@ -36,6 +43,8 @@ pub enum Edit {
     Classification(Vec<u8>),
     /// A dimension, added or replaced.
     Dimension(Column),
+    /// Names of class codes, kept in the Classification Lookup record of LAS; names that a file has already stay.
+    ClassNames(Vec<(u8, String)>),
 }
 
 /// What [`rewrite`] did.
@@ -125,6 +134,7 @@ pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
                 Column::new(crate::cloud::names::CLASSIFICATION, crate::cloud::Values::U8(codes.clone()))
             }
             Edit::Dimension(column) => column.clone(),
+            Edit::ClassNames(_) => continue,
         })?;
     }
     write(output, &cloud, options)?;

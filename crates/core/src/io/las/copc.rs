@@ -221,7 +221,7 @@ mod tests {
         let monitor = crate::parallel::Monitor::default();
         let mut writer = Writer::create(path, front).unwrap();
         records.for_each(&monitor, |slab| writer.push(slab.bytes, &monitor)).unwrap();
-        writer.finish(&[], &monitor, |_, _| {}).unwrap();
+        writer.finish(&monitor, |_| Ok(0), |_, _| {}).unwrap();
         let chunks = Records::open(path).unwrap().chunks.unwrap().list;
         let mut bytes = std::fs::read(path).unwrap();
         let root = bytes.len() as u64;

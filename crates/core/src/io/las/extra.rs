@@ -148,3 +148,39 @@ pub(in crate::io) fn undescribed(mut bytes: usize) -> Vec<u8> {
     }
     blocks
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::{self, Edit, WriteOptions};
+
+    #[test]
+    fn descriptors_in_an_extended_record_are_honoured_and_kept_when_a_dimension_is_added() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, target) = (folder.path().join("a.las"), folder.path().join("b.laz"));
+        let mut builder = las::Builder::from((1, 4));
+        builder.point_format = las::point::Format::new(6).unwrap();
+        builder.point_format.extra_bytes = 3;
+        let columns = [Column::new("A", Values::U8(vec![])), Column::new("B", Values::I16(vec![]))];
+        let data = columns.iter().flat_map(|c| descriptor(c).unwrap()).collect();
+        builder.evlrs.push(las::Vlr { user_id: "LASF_Spec".into(), record_id: 4, description: "".into(), data });
+        let mut writer = las::Writer::from_path(&path, builder.into_header().unwrap()).unwrap();
+        for i in 0..50u8 {
+            let point = las::Point { gps_time: Some(1.0), extra_bytes: vec![i, i, 0xff], ..Default::default() };
+            writer.write_point(point).unwrap();
+        }
+        writer.close().unwrap();
+        let (a, b) = ((0..50).collect(), (0..50).map(|i| i - 256).collect());
+        let expected = [Values::U8(a), Values::I16(b)];
+        let check = |path: &std::path::Path| {
+            let cloud = io::read(path).unwrap();
+            let values = ["A", "B"].map(|n| cloud.column(n).unwrap().values.clone());
+            assert_eq!(values, expected);
+            cloud
+        };
+        check(&path);
+        let new = Column::new("Confidence", Values::F32((0..50).map(|i| i as f32).collect()));
+        io::rewrite(&path, &target, &[Edit::Dimension(new.clone())], &WriteOptions::default()).unwrap();
+        assert_eq!(check(&target).column("Confidence"), Some(&new));
+    }
+}

@@ -24,12 +24,12 @@ const MOST_EVLR: u64 = 64 << 20;
 #[derive(Debug)]
 pub(in crate::io) struct Records {
     pub(in crate::io) path: PathBuf,
-    pub(super) file: File,
+    pub(in crate::io) file: File,
     pub(in crate::io) size: u64,
     pub(in crate::io) header: Header,
     pub(in crate::io) vlrs: Vec<Vlr>,
     /// Bytes between the last VLR and the points.
-    pub(super) gap: Vec<u8>,
+    pub(in crate::io) gap: Vec<u8>,
     pub(in crate::io) evlrs: Vec<Vlr>,
     pub(super) chunks: Option<Chunks>,
     /// Fields that are decoded, where the compression allows a choice (point formats from 6 on).

@@ -57,7 +57,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         writer.push(&records, &options.monitor)?;
         options.monitor.advance(points.len() as u64);
     }
-    writer.finish(&[], &options.monitor, |_, _| {})
+    writer.finish(&options.monitor, |_| Ok(0), |_, _| {})
 }
 
 /// The cloud's own integers if it has them; else millimetres, or finer for small units, that fit the extent.

@@ -71,7 +71,11 @@ fn layout(path: &Path, (number, line): (usize, &[u8])) -> Result<(Layout, bool)>
         let axes = match (axis("x"), axis("y"), axis("z")) {
             (Some(x), Some(y), Some(z)) => [x, y, z],
             _ => {
-                return Err(bad(path, ("header row", number, 1), (names.join(" "), "names with x, y and z among them")));
+                return Err(bad(
+                    path,
+                    ("header row", number, 1),
+                    (names.join(" "), "names with x, y and z among them"),
+                ));
             }
         };
         return Ok((Layout { names: names.iter().map(|n| known::name(n)).collect(), axes, declared: None }, true));
