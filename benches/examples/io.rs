@@ -87,11 +87,7 @@ fn all_formats() {
             let blocks = io::blocks(&path, 50_000, &ReadOptions::default());
             blocks.map_or(0, |blocks| blocks.map(|b| b.map_or(0, |b| b.len())).sum())
         });
-        println!(
-            "{name:8} {bytes:9.1} {wrote:12.3} {read:12.3} {:14.0} {:14.0}",
-            bytes / read,
-            bytes / blocks
-        );
+        println!("{name:8} {bytes:9.1} {wrote:12.3} {read:12.3} {:14.0} {:14.0}", bytes / read, bytes / blocks);
     }
     let _ = std::fs::remove_dir_all(&folder);
 }

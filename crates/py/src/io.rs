@@ -21,7 +21,10 @@ pub(crate) fn read(
     n_jobs: Option<i64>,
 ) -> PyResult<Cloud> {
     let columns = columns.map_or(Columns::All, Columns::Only);
-    call(py, n_jobs, |monitor| io::read_with(&path, &ReadOptions { columns, monitor: monitor.clone(), ..Default::default() })).map(Cloud::of)
+    call(py, n_jobs, |monitor| {
+        io::read_with(&path, &ReadOptions { columns, monitor: monitor.clone(), ..Default::default() })
+    })
+    .map(Cloud::of)
 }
 
 /// Writes a cloud in the format of the path's extension.
@@ -29,7 +32,9 @@ pub(crate) fn read(
 #[pyo3(signature = (path, cloud, n_jobs = None))]
 pub(crate) fn write(py: Python<'_>, path: PathBuf, cloud: &Cloud, n_jobs: Option<i64>) -> PyResult<()> {
     let cloud = Arc::clone(&cloud.inner);
-    call(py, n_jobs, |monitor| io::write(&path, &cloud, &WriteOptions { monitor: monitor.clone(), ..Default::default() }))
+    call(py, n_jobs, |monitor| {
+        io::write(&path, &cloud, &WriteOptions { monitor: monitor.clone(), ..Default::default() })
+    })
 }
 
 /// Copies a file with other classes or more dimensions; returns notes on what could not stay as it was.
@@ -50,7 +55,9 @@ pub(crate) fn rewrite(
     for (name, array) in &dimensions {
         edits.push(Edit::Dimension(Column::new(name, values(array, name)?)));
     }
-    let write = |monitor: &_| io::rewrite(&input, &output, &edits, &WriteOptions { monitor: Clone::clone(monitor), ..Default::default() });
+    let write = |monitor: &_| {
+        io::rewrite(&input, &output, &edits, &WriteOptions { monitor: Clone::clone(monitor), ..Default::default() })
+    };
     call(py, n_jobs, write).map(|report| report.notes)
 }
 

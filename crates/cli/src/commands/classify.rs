@@ -47,7 +47,8 @@ fn one(
     if args.only_unclassified || !args.skip.is_empty() {
         wanted.push(names::CLASSIFICATION.into());
     }
-    let options = ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone(), ..Default::default() };
+    let options =
+        ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone(), ..Default::default() };
     let cloud = io::read_with(input, &options)?;
     let params = ClassifyParams { probabilities: args.probabilities, metres_per_unit: args.unit };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
@@ -56,7 +57,8 @@ fn one(
     let codes = merge(&cloud, &result, map, args);
     drop(cloud);
     let edits = edits(codes, result, (model, map), args)?;
-    let report = io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone(), ..Default::default() })?;
+    let report =
+        io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone(), ..Default::default() })?;
     report.notes.iter().for_each(|n| context.printer.note(&format!("{}: {n}", output.display())));
     let seconds = start.elapsed().as_secs_f64();
     let rate = points as f64 / seconds.max(1e-9);
