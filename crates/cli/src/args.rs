@@ -64,6 +64,12 @@ pub(crate) enum Command {
     Demo(Demo),
     /// Tell what a file holds
     Info(Info),
+    /// Copy a file into another format; what the target cannot hold is said
+    Convert(Convert),
+    /// Join several files into one
+    Merge(Merge),
+    /// Compare two files field by field; exit code 0 if they are the same, 1 if not
+    Diff(Diff),
     /// Compute multi-scale features, or list them
     Features(Features),
     /// Learn a model from labelled clouds
@@ -132,6 +138,41 @@ pub(crate) struct Info {
     /// Read the points too: classes, density, points that are not finite
     #[arg(long)]
     pub(crate) stats: bool,
+}
+
+/// scansion convert IN OUT
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Convert {
+    /// File to copy
+    pub(crate) input: PathBuf,
+    /// Result; its extension tells the format
+    pub(crate) output: PathBuf,
+    /// Point format of LAS and LAZ, 0 to 10; it must have all fields of the input's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
+    pub(crate) point_format: Option<u8>,
+    /// Replace the input itself if it is also the output
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// scansion merge IN... OUT
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Merge {
+    /// Files to join, in this order (`*`, `?` and `[...]` are understood), and the result last
+    #[arg(required = true, num_args = 2.., value_names = ["IN...", "OUT"])]
+    pub(crate) files: Vec<PathBuf>,
+    /// Replace an input if it is also the output
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// scansion diff A B
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Diff {
+    /// First file
+    pub(crate) a: PathBuf,
+    /// Second file
+    pub(crate) b: PathBuf,
 }
 
 /// scansion features IN -o OUT

@@ -47,7 +47,8 @@ fn one(
     if args.only_unclassified || !args.skip.is_empty() {
         wanted.push(names::CLASSIFICATION.into());
     }
-    let options = ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone() };
+    let options =
+        ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone(), ..Default::default() };
     let cloud = io::read_with(input, &options)?;
     let params = ClassifyParams { probabilities: args.probabilities, metres_per_unit: args.unit };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
@@ -55,8 +56,9 @@ fn one(
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);
     drop(cloud);
-    let edits = edits(codes, result, model, args)?;
-    let report = io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone() })?;
+    let edits = edits(codes, result, (model, map), args)?;
+    let report =
+        io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone(), ..Default::default() })?;
     report.notes.iter().for_each(|n| context.printer.note(&format!("{}: {n}", output.display())));
     let seconds = start.elapsed().as_secs_f64();
     let rate = points as f64 / seconds.max(1e-9);
@@ -81,9 +83,16 @@ fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) ->
         .collect()
 }
 
-fn edits(codes: Vec<u8>, result: Classified, model: &Model, args: &Classify) -> Result<Vec<Edit>, Failure> {
+fn edits(
+    codes: Vec<u8>,
+    result: Classified,
+    (model, map): (&Model, &LabelMap),
+    args: &Classify,
+) -> Result<Vec<Edit>, Failure> {
     let mut edits = vec![Edit::Classification(codes)];
     if !args.no_extra {
+        let names = model.classes.classes().iter().map(|c| (map.apply(c.code), c.name.clone())).collect();
+        edits.push(Edit::ClassNames(names));
         edits.push(Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))));
         edits.push(Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))));
     }

@@ -30,8 +30,8 @@ struct Described {
 pub(crate) fn run(args: &Info, context: &Context<'_>) -> Result<(), Failure> {
     let mut described = Vec::new();
     for path in &args.inputs {
-        let info = io::inspect(path)?;
-        let stats = if args.stats { Some(stats(path, &info, context)?) } else { None };
+        let mut info = io::inspect(path)?;
+        let stats = if args.stats { Some(stats(path, &mut info, context)?) } else { None };
         described.push(Described { info, stats });
     }
     context.printer.data(&match context.printer.format {
@@ -41,9 +41,11 @@ pub(crate) fn run(args: &Info, context: &Context<'_>) -> Result<(), Failure> {
     })
 }
 
-fn stats(path: &Path, info: &FileInfo, context: &Context<'_>) -> Result<Stats, Failure> {
+fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stats, Failure> {
     let columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
-    let cloud = io::read_with(path, &ReadOptions { columns, monitor: context.monitor.clone() })?;
+    let cloud = io::read_with(path, &ReadOptions { columns, monitor: context.monitor.clone(), ..Default::default() })?;
+    // Headers of other formats than LAS do not tell the bounds.
+    info.bounds = info.bounds.or_else(|| cloud.bounds());
     let finite = (0..cloud.len()).filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
     let mut counts = [0u64; 256];
     if let Some(column) = cloud.column(names::CLASSIFICATION) {
@@ -79,6 +81,13 @@ fn table(described: &Described) -> String {
     line("CRS", info.crs.as_deref().map_or("unknown".into(), |c| c.chars().take(100).collect()));
     line("unit", info.metres_per_unit.map_or("unknown, taken as metres".into(), |m| format!("{m} m")));
     line("dimensions", info.dimensions.join(" "));
+    if let Some(octree) = &info.octree {
+        let points: Vec<String> = octree.points_per_level.iter().map(ToString::to_string).collect();
+        line(
+            "octree",
+            format!("{} nodes, spacing {}, points of its levels {}", octree.nodes, octree.spacing, points.join(" ")),
+        );
+    }
     if !info.vlrs.is_empty() {
         line("VLRs", info.vlrs.join(", "));
     }

@@ -15,7 +15,7 @@ use laz::{DecompressionSelection, LazItem, LazVlr};
 use std::fs::File;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A chunk: where its bytes stand and how many points it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -173,27 +173,27 @@ fn layered(vlr: &LazVlr) -> bool {
     vlr.items().first().is_some_and(|item| item.version() >= 3)
 }
 
-/// Decodes one chunk, some records at a time.
-pub(super) struct Decoder<'a> {
-    path: &'a Path,
+/// Decodes one chunk, some records at a time. `B` holds or borrows the chunk's bytes.
+pub(super) struct Decoder<'a, B> {
+    path: PathBuf,
     place: String,
-    inner: Box<dyn RecordDecompressor<Cursor<&'a [u8]>> + Send + Sync + 'a>,
+    inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a>,
 }
 
-impl<'a> Decoder<'a> {
+impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
     /// A decoder of chunk `index`; fields outside the selection are left as they come (layered chunks only).
     pub(super) fn new(
-        path: &'a Path,
+        path: &Path,
         (vlr, selection): (&LazVlr, DecompressionSelection),
-        (index, bytes): (usize, &'a [u8]),
+        (index, bytes): (usize, B),
     ) -> Result<Self> {
         if layered(vlr) {
-            check_layers(path, vlr, index, bytes)?;
+            check_layers(path, vlr, index, bytes.as_ref())?;
         }
         let place = format!("chunk {index}");
         let inner = guarded(path, &place, || {
             let source = Cursor::new(bytes);
-            let mut inner: Box<dyn RecordDecompressor<Cursor<&'a [u8]>> + Send + Sync + 'a> = match layered(vlr) {
+            let mut inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a> = match layered(vlr) {
                 true => Box::new(LayeredPointRecordDecompressor::new(source)),
                 false => Box::new(SequentialPointRecordDecompressor::new(source)),
             };
@@ -201,12 +201,12 @@ impl<'a> Decoder<'a> {
             inner.set_selection(selection);
             Ok(inner)
         })?;
-        Ok(Self { path, place, inner })
+        Ok(Self { path: path.to_path_buf(), place, inner })
     }
 
     /// Fills `out`, a whole number of records, with the next ones.
     pub(super) fn next(&mut self, out: &mut [u8]) -> Result<()> {
-        guarded(self.path, &self.place, || self.inner.decompress_many(out))
+        guarded(&self.path, &self.place, || self.inner.decompress_many(out))
     }
 }
 
