@@ -32,7 +32,7 @@ pub struct OptimalFeatures {
 /// Linearity, planarity, scattering and verticality of every point in its optimal neighbourhood, in the order of the points.
 ///
 /// Guinard and Landrieu 2017, section 2.1: see [`optimal`] for the neighbourhood and [`local_descriptors`] for the formulas. The
-/// neighbours of a block of points only are held at a time: 36 bytes a point in all. O(n (log n + k_max)) expected time.
+/// neighbours of a block of points only are held at a time: about 50 bytes a point in all. O(n (log n + k_max)) expected time.
 ///
 /// # Errors
 /// If a parameter is out of range, a coordinate is not finite, or the work was cancelled.

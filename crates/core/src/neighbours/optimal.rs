@@ -164,7 +164,7 @@ pub fn optimal(
 /// What `describe` says of the optimal neighbourhood of every point, in the order of the points.
 ///
 /// As [`optimal`] of [`super::knn`], bit for bit, but the neighbours of a block of points only are held at a time:
-/// 16 bytes a point and what `describe` returns.
+/// about 25 bytes a point and what `describe` returns.
 ///
 /// # Errors
 /// If a parameter is out of range, a coordinate is not finite, or the work was cancelled.

@@ -4,6 +4,7 @@ use super::alpha_shape::{AlphaShape, Place};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Points of a block.
@@ -23,7 +24,7 @@ impl Cells {
             let ([x0, y0], [x1, y1]) = (cell(size, low), cell(size, high));
             keyed.extend((y0..=y1).flat_map(|y| (x0..=x1).map(move |x| ([x, y], i as u32))));
         }
-        keyed.sort_unstable();
+        keyed.par_sort_unstable();
         let mut ranges = HashMap::new();
         let mut first = 0;
         for group in keyed.chunk_by(|a, b| a.0 == b.0) {
