@@ -6,10 +6,12 @@ mod diff;
 mod las;
 mod merge;
 mod ply;
+pub mod salvage;
 mod text;
 
 pub use convert::{ConvertParams, convert};
 pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
+pub use las::PointReader;
 pub use merge::merge;
 
 use crate::cloud::{Cloud, Column};
@@ -153,6 +155,13 @@ pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
         return las::rewrite(input, output, edits, options);
     }
     let mut cloud = read_with(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
+    apply(&mut cloud, edits)?;
+    write(output, &cloud, options)?;
+    Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
+}
+
+/// Puts the edits into a cloud.
+fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
     for edit in edits {
         cloud.set_column(match edit {
             Edit::Classification(codes) => {
@@ -162,8 +171,7 @@ pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
             Edit::ClassNames(_) => continue,
         })?;
     }
-    write(output, &cloud, options)?;
-    Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
+    Ok(())
 }
 
 /// What a file says of itself. For LAS and LAZ only the header is read; other formats are read whole.

@@ -20,7 +20,11 @@ enum Source {
 
 /// Reads coordinates and the wanted columns.
 pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
-    let mut records = Records::open(path)?;
+    read_records(Records::open(path)?, options)
+}
+
+/// Reads coordinates and the wanted columns of a file that is open.
+pub(in crate::io) fn read_records(mut records: Records, options: &ReadOptions) -> Result<Cloud> {
     let (n, format) = (records.len()?, records.header.format);
     let (extras, _) = extra::described(&records.header, &records.vlrs);
     let fields =
