@@ -7,6 +7,7 @@ mod las;
 mod merge;
 mod ply;
 pub mod salvage;
+pub mod statistics;
 mod text;
 
 pub use convert::{ConvertParams, convert};
