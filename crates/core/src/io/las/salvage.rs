@@ -91,7 +91,7 @@ fn header(path: &Path, file: &mut File, size: u64, losses: &mut Losses) -> Resul
 /// The records before the points, up to the first that does not fit.
 fn vlrs(path: &Path, file: &mut File, header: &mut Header, losses: &mut Losses) -> Result<(Vec<Vlr>, Vec<u8>)> {
     let start = header.raw.len();
-    let bytes = read_at(path, file, start as u64, header.points_at as usize - start)?;
+    let bytes = read_at(path, file, start as u64, (header.points_at as usize).saturating_sub(start))?;
     let (mut vlrs, mut at) = (Vec::new(), 0);
     while (vlrs.len() as u64) < u64::from(header.vlrs) {
         let Some(head) = bytes.get(at..at + 54) else { break };
