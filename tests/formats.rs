@@ -5,6 +5,9 @@ use scansion_core::io::{self, ReadOptions, WriteOptions};
 use scansion_tests::data;
 use std::path::PathBuf;
 
+/// Sums of columns.
+type Expected = &'static [(&'static str, f64)];
+
 /// The folder of real data, or a message.
 fn folder(name: &str) -> Option<PathBuf> {
     let folder = data().map(|d| d.join(name));
@@ -35,13 +38,12 @@ fn check(cloud: &Cloud, expected: &[(&str, f64)]) {
 #[test]
 fn pcd_files_of_the_point_cloud_library_give_the_values_of_a_peer() {
     let Some(hostile) = folder("hostile") else { return };
-    type Expected = &'static [(&'static str, f64)];
     let files: [(&str, usize, Expected); 12] = [
         ("pcl__2d__dilation_binary", 65_536, &[("x", 8_421_376.0), ("y", 8_421_376.0), ("Intensity", 13_048_095.0)]),
         ("pcl__2d__erosion", 65_536, &[("x", 8_421_376.0), ("z", 0.0), ("Intensity", 7_313_541.0)]),
         ("pcl__bun0", 397, &[("x", -11.545135), ("y", 40.753103), ("z", 10.838877), ("curvature", 8.285421)]),
         ("pcl__curve_close", 110, &[("x", 51.5003207), ("y", 55.0), ("z", 0.0)]),
-        ("pcl__lamppost", 1771, &[("x", -17_894.46875), ("y", 131.0625), ("z", -3798.350834)]),
+        ("pcl__lamppost", 1771, &[("x", -17_894.468_75), ("y", 131.0625), ("z", -3798.350834)]),
         ("pcl__milk", 13_704, &[("x", -770.3041106), ("y", -1874.0773195), ("z", 10_610.029352)]),
         ("pcl__noisy_slice_displaced", 3782, &[("x", 3780.9182046), ("y", 2821.7020643), ("z", 4847.9989394)]),
         ("pcl__office2_keypoints", 1123, &[("x", -3185.857518), ("z", 1122.5107237), ("Intensity", 534.6424676)]),
@@ -90,7 +92,7 @@ fn organised_frames_keep_their_points_that_are_not_a_number() {
 #[test]
 fn e57_files_give_the_values_of_a_peer() {
     let Some(hostile) = folder("hostile") else { return };
-    let files: [(&str, usize, &[(&str, f64)]); 4] = [
+    let files: [(&str, usize, Expected); 4] = [
         ("A4", 4, &[("x", -178.207901), ("y", -4.2534), ("z", 0.4261), ("Green", 1020.0), ("Red", 0.0)]),
         ("B2", 2, &[("x", -85.2817993), ("y", 3.9304), ("z", 1.1768), ("Red", 510.0), ("Green", 510.0)]),
         ("A_merged_B", 6, &[("x", -263.4897003), ("y", -0.323), ("z", 1.6029), ("Intensity", 4.0), ("Green", 1530.0)]),
@@ -144,7 +146,7 @@ fn copc_boxes_and_levels_are_parts_of_the_whole() {
         assert_eq!(read(None, Some(octree.spacing / f64::from(1u32 << level))).len() as u64, points, "level {level}");
     }
     let coarse = read(Some((low, middle)), Some(octree.spacing));
-    assert!(coarse.len() > 0 && (coarse.len() as u64) < octree.points_per_level[0]);
+    assert!(!coarse.is_empty() && (coarse.len() as u64) < octree.points_per_level[0]);
 }
 
 #[test]
@@ -237,7 +239,8 @@ fn mutants_of_every_format_are_read_or_refused() {
         for _ in 0..count {
             let mut mutant = source.clone();
             for _ in 0..=random.below(4) {
-                let place = random.below(if random.below(2) == 0 { mutant.len() } else { mutant.len().min(700) });
+                let among = if random.below(2) == 0 { mutant.len() } else { mutant.len().min(700) };
+                let place = random.below(among);
                 let byte = [0, 0xff, b'9', b'-', random.below(256) as u8][random.below(5)];
                 mutant[place] = byte;
             }

@@ -108,3 +108,21 @@ fn options(monitor: &Monitor) -> WriteOptions {
     options.monitor.clone_from(monitor);
     options
 }
+
+/// What of a damaged file can be read, as JSON; with an output, what is there is written to it.
+#[pyfunction]
+#[pyo3(signature = (input, output = None, n_jobs = None))]
+pub(crate) fn salvage(
+    py: Python<'_>,
+    input: PathBuf,
+    output: Option<PathBuf>,
+    n_jobs: Option<i64>,
+) -> PyResult<String> {
+    call(py, n_jobs, |monitor| {
+        let losses = match &output {
+            Some(output) => io::salvage::copy(&input, output, &[], &options(monitor))?.1,
+            None => io::salvage::examine(&input, monitor)?,
+        };
+        crate::json::text(&losses)
+    })
+}

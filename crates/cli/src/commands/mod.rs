@@ -19,7 +19,8 @@ use crate::interrupt;
 use crate::printer::Printer;
 use crate::progress::Progress;
 use crate::threads;
-use scansion_core::io::{RewriteReport, WriteOptions};
+use scansion_core::io::salvage::Losses;
+use scansion_core::io::{ReadOptions, RewriteReport, WriteOptions};
 use scansion_core::parallel::Monitor;
 use std::path::Path;
 
@@ -35,6 +36,19 @@ impl Context<'_> {
         let mut options = WriteOptions::default();
         options.monitor.clone_from(&self.monitor);
         options
+    }
+
+    /// Settings for reading all columns, with this run's progress and cancellation.
+    pub(crate) fn read_options(&self) -> ReadOptions {
+        let mut options = ReadOptions::default();
+        options.monitor.clone_from(&self.monitor);
+        options
+    }
+
+    /// Warns of what a damaged file has lost.
+    pub(crate) fn losses(&self, input: &Path, losses: &Losses) {
+        losses.notes.iter().for_each(|n| self.printer.warning(&format!("{}: {n}", input.display())));
+        self.printer.note(&format!("{}: {}", input.display(), losses.summary()));
     }
 
     /// Tells what was written and what could not stay as it was.

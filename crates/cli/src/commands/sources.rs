@@ -65,6 +65,7 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
 pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, Failure> {
     let mut all = Vec::new();
     for input in inputs {
+        refuse_partial(input)?;
         let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         if !name.contains(['*', '?', '[']) || input.exists() {
             all.push(input.clone());
@@ -81,6 +82,18 @@ pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, 
         all.extend(found.into_iter().map(|n| input.with_file_name(n)));
     }
     Ok(all)
+}
+
+/// Refuses what a killed run has left: it is not whole.
+pub(crate) fn refuse_partial(input: &Path) -> std::result::Result<(), Failure> {
+    let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    match name.starts_with('.') && name.ends_with(".partial") {
+        true => {
+            let reason = "an output that was never finished; remove it and run the command again".to_string();
+            Err(Error::Unsupported { path: input.to_path_buf(), reason }.into())
+        }
+        false => Ok(()),
+    }
 }
 
 /// Whether a file name matches a pattern; hidden names only match patterns that begin with a dot.

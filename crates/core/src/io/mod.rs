@@ -19,6 +19,8 @@ mod packed;
 mod pcd;
 mod ply;
 mod ptx;
+pub mod salvage;
+pub mod statistics;
 mod table;
 mod text;
 mod words;
@@ -29,6 +31,7 @@ pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
 pub use convert::{ConvertParams, convert};
 pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
+pub use las::PointReader;
 pub use merge::merge;
 
 use crate::cloud::{Cloud, Column};
@@ -128,6 +131,13 @@ pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
         return las::rewrite(input, output, edits, options);
     }
     let mut cloud = read_with(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
+    apply(&mut cloud, edits)?;
+    write(output, &cloud, options)?;
+    Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
+}
+
+/// Puts the edits into a cloud.
+fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
     for edit in edits {
         cloud.set_column(match edit {
             Edit::Classification(codes) => {
@@ -137,8 +147,7 @@ pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
             Edit::ClassNames(_) => continue,
         })?;
     }
-    write(output, &cloud, options)?;
-    Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
+    Ok(())
 }
 
 /// What a file says of itself: its header, and for text the number of its lines.

@@ -35,7 +35,8 @@ impl Pairwise {
         }
         let v = |a: usize, b: usize| table[a * labels + b];
         for (a, b) in (0..labels).flat_map(|a| (0..labels).map(move |b| (a, b))) {
-            let fine = v(a, b).is_finite() && v(a, b) >= 0.0 && (a != b || v(a, b) == 0.0) && v(a, b) == v(b, a);
+            let symmetric = v(a, b).to_bits() == v(b, a).to_bits();
+            let fine = v(a, b).is_finite() && v(a, b) >= 0.0 && (a != b || v(a, b) == 0.0) && symmetric;
             if !fine {
                 return Err(Error::input(format!(
                     "distance {} of labels {a} and {b} (allowed: finite, symmetric, 0 only to itself)",

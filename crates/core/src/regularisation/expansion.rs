@@ -67,7 +67,7 @@ impl ExpansionParams {
 /// Lengths that do not fit, costs that are not finite, distances that are no metric, cancellation.
 pub fn alpha_expansion(unary: &[f32], graph: &Graph, params: &ExpansionParams, monitor: &Monitor) -> Result<Labelling> {
     params.validate()?;
-    if graph.is_empty() || unary.len() % graph.len() != 0 {
+    if graph.is_empty() || !unary.len().is_multiple_of(graph.len()) {
         return match graph.is_empty() && unary.is_empty() {
             true => Ok(Labelling { trace: vec![0.0], converged: true, ..Labelling::default() }),
             false => Err(Error::input(format!("{} costs are not rows for {} nodes", unary.len(), graph.len()))),

@@ -392,3 +392,24 @@ def merge(inputs: Sequence[str | os.PathLike[str]], output: str | os.PathLike[st
         What could not stay as it was.
     """
     return _core.merge([os.fspath(path) for path in inputs], os.fspath(output))
+
+
+def salvage(
+    input: str | os.PathLike[str], output: str | os.PathLike[str] | None = None
+) -> dict[str, Any]:
+    """Tells what of a damaged LAS or LAZ file can be read, and writes it as a sound file if an output is given.
+
+    Parameters
+    ----------
+    input : path
+        A file that is cut, whose counts are wrong, whose chunk table is lost or some of whose chunks are damaged.
+    output : path, optional
+        Where to write what is there.
+
+    Returns
+    -------
+    dict
+        ``declared`` and ``read`` (numbers of points), ``lost``, ``notes`` (what is wrong; empty for a sound file).
+    """
+    found: dict[str, Any] = json.loads(_core.salvage(os.fspath(input), None if output is None else os.fspath(output)))
+    return {**found, "lost": max(0, found["declared"] - found["read"])}

@@ -19,24 +19,22 @@ use std::path::{Path, PathBuf};
 
 /// A chunk: where its bytes stand and how many points it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Chunk {
-    pub(super) at: u64,
+pub(in crate::io) struct Chunk {
+    pub(in crate::io) at: u64,
     pub(super) bytes: u64,
     pub(super) points: u64,
 }
 
 /// The items of a LAZ record and the chunks of the file.
 #[derive(Debug)]
-pub(super) struct Chunks {
+pub(in crate::io) struct Chunks {
     pub(super) vlr: LazVlr,
-    pub(super) list: Vec<Chunk>,
+    pub(in crate::io) list: Vec<Chunk>,
 }
 
 /// Reads and checks the LAZ record and the chunk table.
 pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header, &[Vlr]), size: u64) -> Result<Chunks> {
-    let vlr = vlrs.iter().find(|v| v.is("laszip encoded", 22204));
-    let vlr = vlr.ok_or_else(|| bad(path, "LAZ record", 100, ("none", "a VLR `laszip encoded` 22204")))?;
-    let vlr = check_items(path, header, vlr)?;
+    let vlr = check_record(path, header, vlrs)?;
     if header.points == 0 {
         return Ok(Chunks { vlr, list: Vec::new() });
     }
@@ -53,6 +51,13 @@ pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header,
     let variable = vlr.uses_variable_size_chunks();
     let entries = guarded(path, "chunk table", || ChunkTable::read(&mut Cursor::new(&table), variable))?;
     list(path, &entries, (&vlr, header.points), (first, table_at)).map(|list| Chunks { vlr, list })
+}
+
+/// The LAZ record, its items compared with the header.
+pub(super) fn check_record(path: &Path, header: &Header, vlrs: &[Vlr]) -> Result<LazVlr> {
+    let vlr = vlrs.iter().find(|v| v.is("laszip encoded", 22204));
+    let vlr = vlr.ok_or_else(|| bad(path, "LAZ record", 100, ("none", "a VLR `laszip encoded` 22204")))?;
+    check_items(path, header, vlr)
 }
 
 /// Places the chunks one after the other and compares their sums with header and file.
@@ -169,7 +174,7 @@ fn item_bytes(data: &[u8]) -> std::result::Result<u64, (String, String)> {
     sizes.sum()
 }
 
-fn layered(vlr: &LazVlr) -> bool {
+pub(super) fn layered(vlr: &LazVlr) -> bool {
     vlr.items().first().is_some_and(|item| item.version() >= 3)
 }
 
@@ -208,20 +213,27 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
     pub(super) fn next(&mut self, out: &mut [u8]) -> Result<()> {
         guarded(&self.path, &self.place, || self.inner.decompress_many(out))
     }
+
+    /// Bytes of the chunk that were read so far.
+    pub(super) fn consumed(&self) -> u64 {
+        self.inner.get().position()
+    }
+}
+
+/// Number of layers of a layered chunk.
+pub(super) fn layers(vlr: &LazVlr) -> usize {
+    let of = |item: &LazItem| match item.item_type() {
+        LazItemType::Point14 => 9,
+        LazItemType::RGBNIR14 => 2,
+        LazItemType::Byte14(count) => usize::from(count),
+        _ => 1,
+    };
+    vlr.items().iter().map(of).sum()
 }
 
 /// The layers of a chunk follow its first point and say how long they are: together they must fit.
 fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result<()> {
-    let layers: usize = vlr
-        .items()
-        .iter()
-        .map(|item| match item.item_type() {
-            LazItemType::Point14 => 9,
-            LazItemType::RGBNIR14 => 2,
-            LazItemType::Byte14(count) => usize::from(count),
-            _ => 1,
-        })
-        .sum();
+    let layers = layers(vlr);
     let start = vlr.items_size() as usize + 4;
     let declared: u64 = (0..layers).map(|l| u64::from(u32_at(bytes, start + 4 * l))).sum();
     let room = (bytes.len() as u64).saturating_sub((start + 4 * layers) as u64);

@@ -23,7 +23,11 @@ fn open(path: &Path, options: &ReadOptions) -> Result<Records> {
 
 /// Reads coordinates and the wanted columns.
 pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
-    let mut records = open(path, options)?;
+    read_records(open(path, options)?, options)
+}
+
+/// Reads coordinates and the wanted columns of a file that is open.
+pub(in crate::io) fn read_records(mut records: Records, options: &ReadOptions) -> Result<Cloud> {
     let n = records.len()?;
     let mut sink = Sink::new(&mut records, options);
     if options.bounds.is_none() {

@@ -18,7 +18,7 @@ pub(super) const SLAB: usize = 100_000;
 /// Chunks of more points than this are decoded piece by piece, so that memory does not follow the declared size.
 pub(super) const LARGE: u64 = 200_000;
 /// EVLRs above this are not held in memory.
-const MOST_EVLR: u64 = 64 << 20;
+pub(super) const MOST_EVLR: u64 = 64 << 20;
 
 /// An opened LAS or LAZ file whose header, records and chunk table have been checked.
 #[derive(Debug)]
@@ -31,7 +31,7 @@ pub(in crate::io) struct Records {
     /// Bytes between the last VLR and the points.
     pub(in crate::io) gap: Vec<u8>,
     pub(in crate::io) evlrs: Vec<Vlr>,
-    pub(super) chunks: Option<Chunks>,
+    pub(in crate::io) chunks: Option<Chunks>,
     /// Fields that are decoded, where the compression allows a choice (point formats from 6 on).
     pub(super) selection: DecompressionSelection,
 }

@@ -33,7 +33,16 @@ pub(in crate::io) fn rewrite(
     edits: &[Edit],
     options: &WriteOptions,
 ) -> Result<RewriteReport> {
-    let records = Records::open(input)?;
+    rewrite_records(Records::open(input)?, output, edits, options)
+}
+
+/// Writes records that are open with the edits applied.
+pub(in crate::io) fn rewrite_records(
+    records: Records,
+    output: &Path,
+    edits: &[Edit],
+    options: &WriteOptions,
+) -> Result<RewriteReport> {
     let codes = edits.iter().find_map(|e| if let Edit::Classification(codes) = e { Some(&codes[..]) } else { None });
     if let Some(codes) = codes {
         check_codes(codes, records.header.points)?;

@@ -31,7 +31,7 @@ impl Tail {
         }
         let start = start(records);
         let evlrs = if records.header.evlrs_at >= start { records.header.evlrs } else { 0 };
-        let ranges = if start < records.size { vec![start..records.size] } else { Vec::new() };
+        let ranges = Vec::from_iter((start < records.size).then_some(start..records.size));
         Ok(Self { ranges, evlrs, lost_copc: info })
     }
 
