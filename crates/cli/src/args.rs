@@ -64,6 +64,12 @@ pub(crate) enum Command {
     Demo(Demo),
     /// Tell what a file holds
     Info(Info),
+    /// Copy a file into another format; what the target cannot hold is said
+    Convert(Convert),
+    /// Join several files into one
+    Merge(Merge),
+    /// Compare two files field by field; exit code 0 if they are the same, 1 if not
+    Diff(Diff),
     /// Compute multi-scale features, or list them
     Features(Features),
     /// Learn a model from labelled clouds
@@ -126,12 +132,56 @@ pub(crate) struct Demo {
 /// scansion info FILE...
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Info {
-    /// Files to look at
+    /// Files to look at (`*`, `?` and `[...]` are understood)
     #[arg(required = true)]
     pub(crate) inputs: Vec<PathBuf>,
-    /// Read the points too: classes, density, points that are not finite
+    /// Read the points too: classes, density, spacing, duplicates, points that are not finite or out of bounds
     #[arg(long)]
     pub(crate) stats: bool,
+    /// Tell how much of a damaged LAS or LAZ file can be read
+    #[arg(long, conflicts_with = "stats")]
+    pub(crate) salvage: bool,
+    /// The same as --format json
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// scansion convert IN OUT
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Convert {
+    /// File to copy
+    pub(crate) input: PathBuf,
+    /// Result; its extension tells the format
+    pub(crate) output: PathBuf,
+    /// Point format of LAS and LAZ, 0 to 10; it must have all fields of the input's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
+    pub(crate) point_format: Option<u8>,
+    /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
+    #[arg(long, conflicts_with = "point_format")]
+    pub(crate) salvage: bool,
+    /// Replace the input itself if it is also the output
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// scansion merge IN... OUT
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Merge {
+    /// Files to join, in this order (`*`, `?` and `[...]` are understood), and the result last
+    #[arg(required = true, num_args = 2.., value_names = ["IN...", "OUT"])]
+    pub(crate) files: Vec<PathBuf>,
+    /// Replace an input if it is also the output
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// scansion diff A B
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Diff {
+    /// First file
+    pub(crate) a: PathBuf,
+    /// Second file
+    pub(crate) b: PathBuf,
 }
 
 /// scansion features IN -o OUT
@@ -207,6 +257,9 @@ pub(crate) struct Classify {
     /// Metres in one unit of the coordinates [default: from the file, else 1]
     #[arg(long, value_name = "METRES")]
     pub(crate) unit: Option<f64>,
+    /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
+    #[arg(long)]
+    pub(crate) salvage: bool,
     /// Replace the input itself if it is also the output
     #[arg(long)]
     pub(crate) overwrite: bool,

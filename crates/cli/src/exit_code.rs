@@ -35,6 +35,8 @@ pub(crate) enum Failure {
     Usage(String),
     /// The core refused.
     Core(Error),
+    /// Two files differ; what differs was shown.
+    Different,
     /// This many of several inputs failed; each was reported when it happened.
     Partly {
         /// Inputs that failed.
@@ -49,6 +51,7 @@ impl Failure {
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Usage(_) | Self::Core(Error::InvalidParameter { .. }) => ExitCode::Usage,
+            Self::Different => ExitCode::Failed,
             Self::Core(Error::Interrupted) => crate::interrupt::exit_code(),
             Self::Core(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => ExitCode::BadInput,
             Self::Core(Error::Io { .. }) => ExitCode::Failed,
@@ -64,6 +67,7 @@ impl std::fmt::Display for Failure {
         match self {
             Self::Usage(message) => f.write_str(message),
             Self::Core(error) => error.fmt(f),
+            Self::Different => f.write_str("the files differ"),
             Self::Partly { failed, inputs } => write!(f, "{failed} of {inputs} inputs failed"),
         }
     }

@@ -27,6 +27,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| commands::dispatch(&args, &printer)));
     match outcome {
         Ok(Ok(())) => ExitCode::Done,
+        // Not an error: it is the answer, and stands on stdout.
+        Ok(Err(exit_code::Failure::Different)) => ExitCode::Failed,
         Ok(Err(failure)) => {
             printer.error(&failure.to_string());
             failure.exit_code()

@@ -6,7 +6,8 @@ use crate::convert::{values, vector};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use scansion_core::cloud::Column;
-use scansion_core::io::{self, Columns, Edit, ReadOptions, WriteOptions};
+use scansion_core::io::{self, Columns, ConvertParams, Edit, ReadOptions, WriteOptions};
+use scansion_core::parallel::Monitor;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -20,7 +21,10 @@ pub(crate) fn read(
     n_jobs: Option<i64>,
 ) -> PyResult<Cloud> {
     let columns = columns.map_or(Columns::All, Columns::Only);
-    call(py, n_jobs, |monitor| io::read_with(&path, &ReadOptions { columns, monitor: monitor.clone() })).map(Cloud::of)
+    call(py, n_jobs, |monitor| {
+        io::read_with(&path, &ReadOptions { columns, monitor: monitor.clone(), ..Default::default() })
+    })
+    .map(Cloud::of)
 }
 
 /// Writes a cloud in the format of the path's extension.
@@ -28,7 +32,9 @@ pub(crate) fn read(
 #[pyo3(signature = (path, cloud, n_jobs = None))]
 pub(crate) fn write(py: Python<'_>, path: PathBuf, cloud: &Cloud, n_jobs: Option<i64>) -> PyResult<()> {
     let cloud = Arc::clone(&cloud.inner);
-    call(py, n_jobs, |monitor| io::write(&path, &cloud, &WriteOptions { monitor: monitor.clone() }))
+    call(py, n_jobs, |monitor| {
+        io::write(&path, &cloud, &WriteOptions { monitor: monitor.clone(), ..Default::default() })
+    })
 }
 
 /// Copies a file with other classes or more dimensions; returns notes on what could not stay as it was.
@@ -49,7 +55,9 @@ pub(crate) fn rewrite(
     for (name, array) in &dimensions {
         edits.push(Edit::Dimension(Column::new(name, values(array, name)?)));
     }
-    let write = |monitor: &_| io::rewrite(&input, &output, &edits, &WriteOptions { monitor: Clone::clone(monitor) });
+    let write = |monitor: &_| {
+        io::rewrite(&input, &output, &edits, &WriteOptions { monitor: Clone::clone(monitor), ..Default::default() })
+    };
     call(py, n_jobs, write).map(|report| report.notes)
 }
 
@@ -57,4 +65,64 @@ pub(crate) fn rewrite(
 #[pyfunction]
 pub(crate) fn inspect(py: Python<'_>, path: PathBuf) -> PyResult<String> {
     call(py, Some(1), |_| crate::json::text(&io::inspect(&path)?))
+}
+
+/// What differs between two files, as JSON.
+#[pyfunction]
+#[pyo3(signature = (a, b, n_jobs = None))]
+pub(crate) fn diff(py: Python<'_>, a: PathBuf, b: PathBuf, n_jobs: Option<i64>) -> PyResult<String> {
+    call(py, n_jobs, |monitor| {
+        let found = io::diff(&a, &b, monitor)?;
+        crate::json::text(&(found.is_empty(), found.summary(), found))
+    })
+}
+
+/// Copies a file into another format; returns what the target could not hold.
+#[pyfunction]
+#[pyo3(signature = (input, output, point_format = None, n_jobs = None))]
+pub(crate) fn convert(
+    py: Python<'_>,
+    input: PathBuf,
+    output: PathBuf,
+    point_format: Option<u8>,
+    n_jobs: Option<i64>,
+) -> PyResult<Vec<String>> {
+    let params = ConvertParams { point_format };
+    call(py, n_jobs, |monitor| io::convert(&input, &output, &params, &options(monitor))).map(|report| report.notes)
+}
+
+/// Joins files; returns notes on what could not stay as it was.
+#[pyfunction]
+#[pyo3(signature = (inputs, output, n_jobs = None))]
+pub(crate) fn merge(
+    py: Python<'_>,
+    inputs: Vec<PathBuf>,
+    output: PathBuf,
+    n_jobs: Option<i64>,
+) -> PyResult<Vec<String>> {
+    call(py, n_jobs, |monitor| io::merge(&inputs, &output, &options(monitor))).map(|report| report.notes)
+}
+
+fn options(monitor: &Monitor) -> WriteOptions {
+    let mut options = WriteOptions::default();
+    options.monitor.clone_from(monitor);
+    options
+}
+
+/// What of a damaged file can be read, as JSON; with an output, what is there is written to it.
+#[pyfunction]
+#[pyo3(signature = (input, output = None, n_jobs = None))]
+pub(crate) fn salvage(
+    py: Python<'_>,
+    input: PathBuf,
+    output: Option<PathBuf>,
+    n_jobs: Option<i64>,
+) -> PyResult<String> {
+    call(py, n_jobs, |monitor| {
+        let losses = match &output {
+            Some(output) => io::salvage::copy(&input, output, &[], &options(monitor))?.1,
+            None => io::salvage::examine(&input, monitor)?,
+        };
+        crate::json::text(&losses)
+    })
 }

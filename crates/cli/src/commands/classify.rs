@@ -6,7 +6,7 @@ use crate::exit_code::Failure;
 use scansion_core::classes::LabelMap;
 use scansion_core::classification::Model;
 use scansion_core::cloud::{Cloud, Column, Values, names};
-use scansion_core::io::{self, Columns, Edit, ReadOptions, WriteOptions};
+use scansion_core::io::{self, Columns, Edit, salvage};
 use scansion_core::recipes::{self, Classified, ClassifyParams};
 use std::path::Path;
 use std::time::Instant;
@@ -14,7 +14,7 @@ use std::time::Instant;
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
     let model = sources::model(args.model.as_deref())?;
     let map: LabelMap = args.map.parse()?;
-    let pairs = sources::outputs(&args.inputs, &args.output)?;
+    let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
     let mut failed = 0;
     for (input, output) in &pairs {
         match one(input, output, &model, &map, args, context) {
@@ -47,16 +47,26 @@ fn one(
     if args.only_unclassified || !args.skip.is_empty() {
         wanted.push(names::CLASSIFICATION.into());
     }
-    let options = ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone() };
-    let cloud = io::read_with(input, &options)?;
+    let mut options = context.read_options();
+    options.columns = Columns::Only(wanted);
+    let cloud = match args.salvage {
+        true => salvage::read(input, &options)?.0,
+        false => io::read_with(input, &options)?,
+    };
     let params = ClassifyParams { probabilities: args.probabilities, metres_per_unit: args.unit };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);
     drop(cloud);
-    let edits = edits(codes, result, model, args)?;
-    let report = io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone() })?;
+    let edits = edits(codes, result, (model, map), args)?;
+    let report = if args.salvage {
+        let (report, losses) = salvage::copy(input, output, &edits, &context.write_options())?;
+        context.losses(input, &losses);
+        report
+    } else {
+        io::rewrite(input, output, &edits, &context.write_options())?
+    };
     report.notes.iter().for_each(|n| context.printer.note(&format!("{}: {n}", output.display())));
     let seconds = start.elapsed().as_secs_f64();
     let rate = points as f64 / seconds.max(1e-9);
@@ -81,9 +91,16 @@ fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) ->
         .collect()
 }
 
-fn edits(codes: Vec<u8>, result: Classified, model: &Model, args: &Classify) -> Result<Vec<Edit>, Failure> {
+fn edits(
+    codes: Vec<u8>,
+    result: Classified,
+    (model, map): (&Model, &LabelMap),
+    args: &Classify,
+) -> Result<Vec<Edit>, Failure> {
     let mut edits = vec![Edit::Classification(codes)];
     if !args.no_extra {
+        let names = model.classes.classes().iter().map(|c| (map.apply(c.code), c.name.clone())).collect();
+        edits.push(Edit::ClassNames(names));
         edits.push(Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))));
         edits.push(Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))));
     }

@@ -31,7 +31,7 @@ pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
         Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))),
         Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))),
     ];
-    io::rewrite(&scan, &named, &edits, &WriteOptions { monitor: context.monitor.clone() })?;
+    io::rewrite(&scan, &named, &edits, &WriteOptions { monitor: context.monitor.clone(), ..Default::default() })?;
     cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(result.codes)))?;
     let views = [("map.png", View::Map), ("oblique.png", View::Oblique { azimuth_deg: 30.0, elevation_deg: 35.0 })];
     for (name, view) in views {

@@ -48,7 +48,7 @@ fn dimensions(
     let column = |&c: &usize| (0..table.rows()).map(|row| table.row(row)[c]).collect::<Vec<f32>>();
     let edits: Vec<Edit> =
         wanted.iter().map(|c| Edit::Dimension(Column::new(table.names[*c].clone(), Values::F32(column(c))))).collect();
-    io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone() })?;
+    io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone(), ..Default::default() })?;
     Ok(())
 }
 

@@ -1,21 +1,26 @@
-//! `scansion info`: what a file holds.
+//! `scansion info`: what a file holds, and what is odd about it.
 
-use super::Context;
+use super::{Context, sources};
 use crate::args::{Format, Info};
 use crate::exit_code::Failure;
 use scansion_core::classes::preset;
-use scansion_core::cloud::names;
-use scansion_core::io::{self, Columns, FileInfo, ReadOptions};
+use scansion_core::io::salvage::{self, Losses};
+use scansion_core::io::{self, FileInfo, statistics};
 use scansion_core::recipes::planar_density;
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What only the points can tell.
 #[derive(Debug, Serialize)]
 struct Stats {
-    not_finite: u64,
     points_per_square_metre: f64,
+    /// Mean distance of neighbours in plan, metres.
+    spacing_metres: f64,
+    not_finite: u64,
+    duplicates: u64,
+    outside_bounds: u64,
+    nan_values: Vec<(String, u64)>,
     classes: Vec<(u8, String, u64)>,
 }
 
@@ -27,33 +32,66 @@ struct Described {
     stats: Option<Stats>,
 }
 
+/// What can be read of a damaged file.
+#[derive(Debug, Serialize)]
+struct Salvaged {
+    path: PathBuf,
+    lost: u64,
+    #[serde(flatten)]
+    losses: Losses,
+}
+
 pub(crate) fn run(args: &Info, context: &Context<'_>) -> Result<(), Failure> {
+    let inputs = sources::expanded(&args.inputs)?;
+    let format = if args.json { Format::Json } else { context.printer.format };
+    if args.salvage {
+        return salvaged(&inputs, format, context);
+    }
     let mut described = Vec::new();
-    for path in &args.inputs {
-        let info = io::inspect(path)?;
-        let stats = if args.stats { Some(stats(path, &info, context)?) } else { None };
+    for path in &inputs {
+        let mut info = io::inspect(path)?;
+        let stats = if args.stats { Some(stats(path, &mut info, context)?) } else { None };
         described.push(Described { info, stats });
     }
-    context.printer.data(&match context.printer.format {
+    context.printer.data(&match format {
         Format::Json => serde_json::to_string_pretty(&described).unwrap_or_default(),
         Format::Csv => csv(&described),
         Format::Table => described.iter().map(table).collect::<Vec<_>>().join("\n"),
     })
 }
 
-fn stats(path: &Path, info: &FileInfo, context: &Context<'_>) -> Result<Stats, Failure> {
-    let columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
-    let cloud = io::read_with(path, &ReadOptions { columns, monitor: context.monitor.clone() })?;
-    let finite = (0..cloud.len()).filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
-    let mut counts = [0u64; 256];
-    if let Some(column) = cloud.column(names::CLASSIFICATION) {
-        (0..cloud.len()).for_each(|i| counts[usize::from(column.values.get(i) as u8)] += 1);
+fn salvaged(inputs: &[PathBuf], format: Format, context: &Context<'_>) -> Result<(), Failure> {
+    let mut list = Vec::new();
+    for path in inputs {
+        let losses = salvage::examine(path, &context.monitor)?;
+        list.push(Salvaged { path: path.clone(), lost: losses.lost(), losses });
     }
-    let classes = (0..=255u8).filter(|&c| counts[usize::from(c)] > 0);
+    let text = |s: &Salvaged| {
+        let notes = s.losses.notes.iter().map(|n| format!("\n  {n}")).collect::<String>();
+        format!("{}: {}{notes}", s.path.display(), s.losses.summary())
+    };
+    let row = |s: &Salvaged| format!("{},{},{},{}\n", s.path.display(), s.losses.declared, s.losses.read, s.lost);
+    context.printer.data(&match format {
+        Format::Json => serde_json::to_string_pretty(&list).unwrap_or_default(),
+        Format::Csv => format!("path,declared,read,lost\n{}", list.iter().map(row).collect::<String>()),
+        Format::Table => list.iter().map(text).collect::<Vec<_>>().join("\n"),
+    })
+}
+
+fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stats, Failure> {
+    let (found, cloud) = statistics::statistics(path, &context.read_options())?;
+    info.warnings.extend(found.warnings);
+    // Headers of other formats than LAS do not tell the bounds.
+    info.bounds = info.bounds.or_else(|| cloud.bounds());
+    let density = planar_density(&cloud, info.metres_per_unit.unwrap_or(1.0));
     Ok(Stats {
-        not_finite: (cloud.len() - finite) as u64,
-        points_per_square_metre: planar_density(&cloud, info.metres_per_unit.unwrap_or(1.0)),
-        classes: classes.map(|c| (c, preset::asprs(c).name, counts[usize::from(c)])).collect(),
+        points_per_square_metre: density,
+        spacing_metres: if density > 0.0 { 1.0 / density.sqrt() } else { 0.0 },
+        not_finite: found.not_finite,
+        duplicates: found.duplicates,
+        outside_bounds: found.outside_bounds,
+        nan_values: found.nan_values,
+        classes: found.classes.into_iter().map(|(c, n)| (c, preset::asprs(c).name, n)).collect(),
     })
 }
 
@@ -79,12 +117,22 @@ fn table(described: &Described) -> String {
     line("CRS", info.crs.as_deref().map_or("unknown".into(), |c| c.chars().take(100).collect()));
     line("unit", info.metres_per_unit.map_or("unknown, taken as metres".into(), |m| format!("{m} m")));
     line("dimensions", info.dimensions.join(" "));
+    if let Some(octree) = &info.octree {
+        let points: Vec<String> = octree.points_per_level.iter().map(ToString::to_string).collect();
+        line(
+            "octree",
+            format!("{} nodes, spacing {}, points of its levels {}", octree.nodes, octree.spacing, points.join(" ")),
+        );
+    }
     if !info.vlrs.is_empty() {
         line("VLRs", info.vlrs.join(", "));
     }
     if let Some(stats) = &described.stats {
         line("density", format!("{:.1} points per square metre", stats.points_per_square_metre));
+        line("spacing", format!("{:.3} m", stats.spacing_metres));
         line("not finite", stats.not_finite.to_string());
+        line("duplicates", stats.duplicates.to_string());
+        line("out of bounds", stats.outside_bounds.to_string());
         stats.classes.iter().for_each(|(code, name, n)| line(&format!("class {code}"), format!("{n}  {name}")));
     }
     info.warnings.iter().for_each(|w| line("warning", w.clone()));

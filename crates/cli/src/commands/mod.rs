@@ -1,10 +1,13 @@
 //! One file a verb: read, one call of the core, write.
 
 mod classify;
+mod convert;
 mod demo;
+mod diff;
 mod evaluate;
 mod features;
 mod info;
+mod merge;
 mod model;
 mod render;
 mod sources;
@@ -16,12 +19,43 @@ use crate::interrupt;
 use crate::printer::Printer;
 use crate::progress::Progress;
 use crate::threads;
+use scansion_core::io::salvage::Losses;
+use scansion_core::io::{ReadOptions, RewriteReport, WriteOptions};
 use scansion_core::parallel::Monitor;
+use std::path::Path;
 
 /// What every command gets.
 pub(crate) struct Context<'a> {
     pub(crate) printer: &'a Printer,
     pub(crate) monitor: Monitor,
+}
+
+impl Context<'_> {
+    /// Settings for writing, with this run's progress and cancellation.
+    pub(crate) fn write_options(&self) -> WriteOptions {
+        let mut options = WriteOptions::default();
+        options.monitor.clone_from(&self.monitor);
+        options
+    }
+
+    /// Settings for reading all columns, with this run's progress and cancellation.
+    pub(crate) fn read_options(&self) -> ReadOptions {
+        let mut options = ReadOptions::default();
+        options.monitor.clone_from(&self.monitor);
+        options
+    }
+
+    /// Warns of what a damaged file has lost.
+    pub(crate) fn losses(&self, input: &Path, losses: &Losses) {
+        losses.notes.iter().for_each(|n| self.printer.warning(&format!("{}: {n}", input.display())));
+        self.printer.note(&format!("{}: {}", input.display(), losses.summary()));
+    }
+
+    /// Tells what was written and what could not stay as it was.
+    pub(crate) fn report(&self, output: &Path, report: &RewriteReport) {
+        report.notes.iter().for_each(|n| self.printer.note(&format!("{}: {n}", output.display())));
+        self.printer.note(&format!("{}: {} points", output.display(), report.points));
+    }
 }
 
 /// Runs the command in a pool of the asked size, with progress and Ctrl-C.
@@ -31,6 +65,9 @@ pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
     threads::with_pool(args.global.threads, || match &args.command {
         Command::Demo(demo) => demo::run(demo, &context),
         Command::Info(info) => info::run(info, &context),
+        Command::Convert(convert) => convert::run(convert, &context),
+        Command::Merge(merge) => merge::run(merge, &context),
+        Command::Diff(diff) => diff::run(diff, &context),
         Command::Features(features) => features::run(features, &context),
         Command::Train(train) => train::run(train, &context),
         Command::Classify(classify) => classify::run(classify, &context),

@@ -60,6 +60,87 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
     Ok(pairs)
 }
 
+/// Inputs with `*`, `?` and `[...]` in file names replaced by the files that match, in the order of their names: for shells
+/// that hand patterns on. A name of a file that exists is taken as it is.
+pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, Failure> {
+    let mut all = Vec::new();
+    for input in inputs {
+        refuse_partial(input)?;
+        let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        if !name.contains(['*', '?', '[']) || input.exists() {
+            all.push(input.clone());
+            continue;
+        }
+        let folder = input.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+        let names = entries.filter_map(|e| e.ok().map(|e| e.file_name()));
+        let mut found: Vec<_> = names.filter(|n| matches(name.as_bytes(), n.as_encoded_bytes())).collect();
+        found.sort();
+        if found.is_empty() {
+            return Err(Error::io(input, std::io::ErrorKind::NotFound.into()).into());
+        }
+        all.extend(found.into_iter().map(|n| input.with_file_name(n)));
+    }
+    Ok(all)
+}
+
+/// Refuses what a killed run has left: it is not whole.
+pub(crate) fn refuse_partial(input: &Path) -> std::result::Result<(), Failure> {
+    let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    match name.starts_with('.') && name.ends_with(".partial") {
+        true => {
+            let reason = "an output that was never finished; remove it and run the command again".to_string();
+            Err(Error::Unsupported { path: input.to_path_buf(), reason }.into())
+        }
+        false => Ok(()),
+    }
+}
+
+/// Whether a file name matches a pattern; hidden names only match patterns that begin with a dot.
+fn matches(pattern: &[u8], name: &[u8]) -> bool {
+    if name.first() == Some(&b'.') && pattern.first() != Some(&b'.') {
+        return false;
+    }
+    // Where the last star stood and what it was tried with: enough, since only the last one needs to give back.
+    let (mut p, mut n, mut star) = (0, 0, None);
+    while n < name.len() {
+        if pattern.get(p) == Some(&b'*') {
+            star = Some((p, n));
+            p += 1;
+        } else if let Some(next) = one(pattern, p, name[n]) {
+            (p, n) = (next, n + 1);
+        } else if let Some((at, tried)) = star {
+            star = Some((at, tried + 1));
+            (p, n) = (at + 1, tried + 1);
+        } else {
+            return false;
+        }
+    }
+    pattern[p..].iter().all(|&c| c == b'*')
+}
+
+/// The place in the pattern behind what matches this byte, if it does.
+fn one(pattern: &[u8], p: usize, byte: u8) -> Option<usize> {
+    match pattern.get(p)? {
+        b'?' => Some(p + 1),
+        b'[' => {
+            let end = p + 1 + pattern[p + 1..].iter().position(|&c| c == b']')?;
+            let mut set = &pattern[p + 1..end];
+            let not = matches!(set.first(), Some(b'!' | b'^'));
+            set = &set[usize::from(not)..];
+            let mut found = false;
+            while let Some(&low) = set.first() {
+                let range = set.len() >= 3 && set[1] == b'-';
+                let high = if range { set[2] } else { low };
+                found |= (low..=high).contains(&byte);
+                set = &set[if range { 3 } else { 1 }..];
+            }
+            (found != not).then_some(end + 1)
+        }
+        &c => (c == byte).then_some(p + 1),
+    }
+}
+
 /// Refuses to replace an input by its own result unless the user asked for it.
 pub(crate) fn guard_input(input: &Path, output: &Path, overwrite: bool) -> std::result::Result<(), Failure> {
     let same = match (input.canonicalize(), output.canonicalize()) {
@@ -75,6 +156,23 @@ pub(crate) fn guard_input(input: &Path, output: &Path, overwrite: bool) -> std::
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn patterns_match_as_in_a_shell() {
+        for (pattern, name, expected) in [
+            ("*.laz", "a.laz", true),
+            ("*.laz", "a.las", false),
+            ("*.laz", ".a.laz", false),
+            ("tile_?_*.la[sz]", "tile_3_x.y.las", true),
+            ("tile_[0-4].laz", "tile_5.laz", false),
+            ("[!a]*b*", "xabcb", true),
+            ("[!a]*b*", "abcb", false),
+            ("a[", "a[", false),
+            ("*a*a*a", "aaab", false),
+        ] {
+            assert_eq!(matches(pattern.as_bytes(), name.as_bytes()), expected, "{pattern} {name}");
+        }
+    }
 
     #[test]
     fn two_inputs_of_one_name_are_refused() {

@@ -44,7 +44,8 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
 fn read(path: &Path, labels: &LabelParams, recipe: &Recipe, context: &Context<'_>) -> Result<(Cloud, Labels), Failure> {
     let mut wanted: Vec<String> = recipe.features.columns().iter().map(ToString::to_string).collect();
     wanted.push(labels.dimension.clone());
-    let options = ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone() };
+    let options =
+        ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone(), ..Default::default() };
     let cloud = io::read_with(path, &options)?;
     let labels =
         read_labels(&cloud, labels).map_err(|e| scansion_core::Error::input(format!("{}: {e}", path.display())))?;

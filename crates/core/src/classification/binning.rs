@@ -3,6 +3,8 @@
 //! The code of `x` is the number of cuts `t` with `x > t`. NaN exceeds nothing, so that it has code 0: missing values go
 //! left at every node. Where the samples hold NaN, the first cut is the lowest finite number and code 0 is NaN's alone.
 
+use super::descend::Codes;
+use super::quantise::{Block, Rows, Table};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::random::stream;
@@ -46,58 +48,6 @@ pub struct Binning {
     cuts: Vec<f32>,
     /// The cuts padded to 255 with infinity, which nothing exceeds; empty if a feature has more than 255.
     tables: Vec<Table>,
-}
-
-/// 255 cuts and infinity, and every 16th of them once more: a code is found by two counts among 16 numbers, which the
-/// processor does at once.
-#[derive(Clone, Debug, PartialEq)]
-struct Table {
-    coarse: [f32; 16],
-    fine: [[f32; 16]; 16],
-}
-
-impl Table {
-    fn new(cuts: &[f32]) -> Self {
-        let cut = |i: usize| cuts.get(i).copied().unwrap_or(f32::INFINITY);
-        let fine = std::array::from_fn(|block| std::array::from_fn(|i| cut(16 * block + i)));
-        Self { coarse: std::array::from_fn(|block| cut(16 * block + 15)), fine }
-    }
-
-    #[inline(always)]
-    fn code(&self, x: f32) -> u8 {
-        let block = count_below(&self.coarse, x);
-        (block.wrapping_mul(16).wrapping_add(count_below(&self.fine[(block & 15) as usize], x))) as u8
-    }
-}
-
-#[inline(always)]
-fn count_below(cuts: &[f32; 16], x: f32) -> u32 {
-    let mut counts = [0u32; 16];
-    for (count, &cut) in counts.iter_mut().zip(cuts) {
-        *count = u32::from(x > cut);
-    }
-    counts.iter().fold(0, |sum, count| sum.wrapping_add(*count))
-}
-
-/// Codes of whole rows, compiled for each instruction set.
-struct BinRows<'a> {
-    tables: &'a [Table],
-    values: &'a [f32],
-    codes: &'a mut [u8],
-}
-
-impl pulp::WithSimd for BinRows<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let width = self.tables.len();
-        for (values, codes) in self.values.chunks_exact(width).zip(self.codes.chunks_exact_mut(width)) {
-            for ((code, &x), table) in codes.iter_mut().zip(values).zip(self.tables) {
-                *code = table.code(x);
-            }
-        }
-    }
 }
 
 impl Binning {
@@ -179,8 +129,25 @@ impl Binning {
                 self.width()
             )));
         }
-        pulp::Arch::new().dispatch(BinRows { tables: &self.tables, values, codes });
+        pulp::Arch::new().dispatch(Rows { tables: &self.tables, values, codes });
         Ok(())
+    }
+
+    /// Codes of row-major values in both layouts that a tree walk reads; lengths as in [`Binning::bin_block`], for all rows
+    /// of `codes` at once.
+    pub(super) fn bin_codes(&self, values: &[f32], codes: &mut Codes<u8>) {
+        codes.resize(values.len() / self.width().max(1), self.width());
+        pulp::Arch::new().dispatch(Block { tables: &self.tables, values, codes });
+    }
+
+    /// As [`Binning::bin_codes`], for binnings of any size.
+    pub(super) fn bin_codes_wide(&self, values: &[f32], codes: &mut Codes<u16>) {
+        codes.resize(values.len() / self.width().max(1), self.width());
+        self.bin_wide(values, &mut codes.by_row);
+        let rows = codes.rows;
+        for (row, of_row) in codes.by_row.chunks_exact(codes.width.max(1)).enumerate() {
+            of_row.iter().enumerate().for_each(|(f, &code)| codes.by_feature[f * rows + row] = code);
+        }
     }
 
     /// The cuts of these features only.

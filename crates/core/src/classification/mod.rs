@@ -7,6 +7,7 @@ mod bag;
 mod binning;
 mod codec;
 pub mod cross_validation;
+mod descend;
 mod exact;
 mod fingerprint;
 mod forest;
@@ -19,6 +20,7 @@ mod model;
 mod out_of_bag;
 mod params;
 mod predict;
+mod quantise;
 mod samples;
 pub mod sampling;
 #[cfg(test)]

@@ -1,20 +1,19 @@
-//! Prediction: a block of rows is quantised once, then every tree sends several rows down at a time.
+//! Prediction: a block of rows is quantised once, then every tree takes the whole block down.
 
+use super::descend::{Codes, Walk};
 use super::forest::{Forest, LEAF_CUT, Node};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
 /// Rows of a block: enough that a tree is worth loading, few enough that the codes stay in the cache.
-const BLOCK: usize = 2048;
-
-/// Rows that go down a tree together.
-const LANES: usize = 16;
+const BLOCK: usize = 8192;
 
 /// Working memory of [`Forest::predict_block`], to be used again for the next block.
 #[derive(Clone, Debug, Default)]
 pub struct PredictScratch {
-    narrow: Vec<u8>,
-    wide: Vec<u16>,
+    narrow: Codes<u8>,
+    wide: Codes<u16>,
+    walk: Walk,
 }
 
 impl Forest {
@@ -28,13 +27,11 @@ impl Forest {
         out.fill(0.0);
         for (rows, out) in rows.chunks(BLOCK * self.width()).zip(out.chunks_mut(BLOCK * self.classes)) {
             if self.binning.fits_u8() {
-                scratch.narrow.resize(rows.len(), 0);
-                self.binning.bin_block(rows, &mut scratch.narrow)?;
-                self.add_trees(&scratch.narrow, out);
+                self.binning.bin_codes(rows, &mut scratch.narrow);
+                self.add_trees(&scratch.narrow, &mut scratch.walk, out);
             } else {
-                scratch.wide.resize(rows.len(), 0);
-                self.binning.bin_wide(rows, &mut scratch.wide);
-                self.add_trees(&scratch.wide, out);
+                self.binning.bin_codes_wide(rows, &mut scratch.wide);
+                self.add_trees(&scratch.wide, &mut scratch.walk, out);
             }
             let trees = self.trees().max(1) as f32;
             out.iter_mut().for_each(|p| *p /= trees);
@@ -81,19 +78,21 @@ impl Forest {
         )))
     }
 
-    fn add_trees<C: Copy + Default + Into<u16>>(&self, codes: &[C], out: &mut [f32]) {
-        let width = self.width();
+    fn add_trees<C: Copy + Default + Into<u16>>(&self, codes: &Codes<C>, walk: &mut Walk, out: &mut [f32]) {
+        let classes = self.classes;
         for &root in &self.roots {
-            for (codes, out) in codes.chunks(LANES * width).zip(out.chunks_mut(LANES * self.classes)) {
-                let mut rows = [&codes[..width]; LANES];
-                rows.iter_mut().zip(codes.chunks_exact(width)).for_each(|(row, codes)| *row = codes);
-                let leaves = descend(&self.nodes, &rows, root);
-                for (out, row) in out.chunks_exact_mut(self.classes).zip(leaves) {
-                    let row = row as usize * self.classes;
-                    let leaf = self.leaves.get(row..row + self.classes).unwrap_or_default();
-                    out.iter_mut().zip(leaf).for_each(|(p, &l)| *p += l);
+            walk.tree(&self.nodes, root, codes, |rows, leaf| {
+                let leaf = leaf as usize;
+                if leaf < classes {
+                    rows.iter().for_each(|&row| out[usize::from(row) * classes + leaf] += 1.0);
+                    return;
                 }
-            }
+                let shares = &self.leaves[leaf * classes..(leaf + 1) * classes];
+                for &row in rows {
+                    let out = &mut out[usize::from(row) * classes..][..classes];
+                    out.iter_mut().zip(shares).for_each(|(p, &share)| *p += share);
+                }
+            });
         }
     }
 
@@ -111,29 +110,6 @@ impl Forest {
         let row = node.left as usize * self.classes;
         &self.leaves[row..row + self.classes]
     }
-}
-
-/// Takes rows of codes from a root down to their leaves; returns the rows of probabilities there.
-///
-/// The rows advance in turn, so that the processor waits for the memory of many at once; a row that has arrived stays.
-#[inline]
-fn descend<C: Copy + Default + Into<u16>>(nodes: &[Node], rows: &[&[C]; LANES], root: u32) -> [u32; LANES] {
-    let mut at = [root; LANES];
-    let mut leaves = [0u32; LANES];
-    let mut moving = true;
-    while moving {
-        moving = false;
-        for lane in 0..LANES {
-            let node = nodes.get(at[lane] as usize).copied().unwrap_or(Node { left: 0, feature: 0, cut: LEAF_CUT });
-            let code: u16 = rows[lane].get(usize::from(node.feature)).copied().unwrap_or_default().into();
-            let inner = node.cut != LEAF_CUT;
-            let next = node.left.wrapping_add(u32::from(code > node.cut));
-            at[lane] = if inner { next } else { at[lane] };
-            leaves[lane] = node.left;
-            moving |= inner;
-        }
-    }
-    leaves
 }
 
 /// Index of the largest value, the first of equals.

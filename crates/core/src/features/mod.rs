@@ -4,6 +4,7 @@ mod contour;
 pub mod definition;
 mod extractor;
 mod extras;
+mod optimal;
 mod params;
 mod pyramid;
 mod spacing;
@@ -11,6 +12,7 @@ mod table;
 mod tensor;
 
 pub use extractor::{Extractor, Scratch, Wanted};
+pub use optimal::{OPTIMAL, OptimalFeatures, local_descriptors, optimal_features, optimal_features_of};
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};
 pub use spacing::spacing;
 pub use table::{FeatureTable, table, table_at};

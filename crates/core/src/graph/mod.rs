@@ -1,5 +1,9 @@
 //! Who touches whom: undirected weighted graphs on points and on segments, and what is computed on them.
 
+mod max_flow;
+
+pub use max_flow::MaxFlow;
+
 use crate::error::{Error, Result};
 
 /// An undirected graph: every edge once, as `[smaller node, larger node]`, in ascending order, with a weight.

@@ -4,18 +4,87 @@
 
 use crate::error::{Error, Result};
 use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 static SERIAL: AtomicU64 = AtomicU64::new(0);
+
+/// The file that is written now. Every operation passes [`step`], where tests let one fail.
+#[derive(Debug)]
+pub struct Storage(File);
+
+impl Write for Storage {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if let Err(error) = step() {
+            // A full disk takes a part before it refuses.
+            let _ = self.0.write(&bytes[..bytes.len() / 2]);
+            return Err(error);
+        }
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        step()?;
+        self.0.flush()
+    }
+}
+
+impl Seek for Storage {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        step()?;
+        self.0.seek(to)
+    }
+}
+
+#[cfg(not(test))]
+#[expect(clippy::unnecessary_wraps, reason = "tests let it fail")]
+fn step() -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+use fail::step;
+
+/// Lets one operation of this thread's writers fail.
+#[cfg(test)]
+pub(crate) mod fail {
+    use std::cell::Cell;
+
+    thread_local! {
+        static LEFT: Cell<Option<u64>> = const { Cell::new(None) };
+    }
+
+    /// Called before every operation.
+    pub(super) fn step() -> std::io::Result<()> {
+        let left = LEFT.get();
+        LEFT.set(left.and_then(|n| n.checked_sub(1)));
+        if left == Some(0) { Err(std::io::Error::other("no space left (said by the test)")) } else { Ok(()) }
+    }
+
+    /// Runs `work` once for each operation that it makes, with that one failing, and after each failure `check`; ends when
+    /// `work` makes fewer operations. Returns how many there were.
+    pub(crate) fn at_each<T>(work: impl Fn() -> crate::Result<T>, check: impl Fn(bool)) -> u64 {
+        for n in 0.. {
+            LEFT.set(Some(n));
+            let done = work().is_ok();
+            let all_passed = LEFT.take().is_some();
+            check(done);
+            if all_passed {
+                assert!(done, "nothing failed");
+                return n;
+            }
+        }
+        0
+    }
+}
 
 /// A file that appears under its name only when it is complete.
 #[derive(Debug)]
 pub struct AtomicFile {
     target: PathBuf,
     partial: PathBuf,
-    writer: Option<BufWriter<File>>,
+    writer: Option<BufWriter<Storage>>,
 }
 
 impl AtomicFile {
@@ -42,18 +111,17 @@ impl AtomicFile {
         let suffix = if serial == 0 { String::new() } else { format!("-{serial}") };
         let partial =
             target.with_file_name(format!(".{}.{}{suffix}.partial", name.to_string_lossy(), std::process::id()));
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(true)
-            .open(&partial)
-            .map_err(|e| Error::io(target, explain(e)))?;
+        let open = || OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&partial);
+        let file = step().and_then(|()| open()).map_err(|e| Error::io(target, explain(e)))?;
         if let Some(old) = old {
             // Who could not read the old file shall not read the new one; some file systems know no permissions.
             let _ = file.set_permissions(old.permissions());
         }
-        Ok(Self { target: target.to_path_buf(), partial, writer: Some(BufWriter::with_capacity(1 << 20, file)) })
+        Ok(Self {
+            target: target.to_path_buf(),
+            partial,
+            writer: Some(BufWriter::with_capacity(1 << 20, Storage(file))),
+        })
     }
 
     /// The name under which the file is written now, for checks before [`AtomicFile::finish`].
@@ -65,7 +133,7 @@ impl AtomicFile {
     ///
     /// # Errors
     /// The file is finished already.
-    pub fn writer(&mut self) -> Result<&mut BufWriter<File>> {
+    pub fn writer(&mut self) -> Result<&mut BufWriter<Storage>> {
         self.writer.as_mut().ok_or_else(|| Error::io(&self.target, std::io::ErrorKind::NotConnected.into()))
     }
 
@@ -84,15 +152,14 @@ impl AtomicFile {
     /// Syncs and renames. After an error the target is what it was.
     pub fn finish(mut self) -> Result<()> {
         self.flush()?;
-        let sync = |file: &File| file.sync_all();
         if let Some(writer) = &self.writer {
-            sync(writer.get_ref()).map_err(|e| Error::io(&self.target, e))?;
+            step().and_then(|()| writer.get_ref().0.sync_all()).map_err(|e| Error::io(&self.target, e))?;
         }
         self.writer = None;
-        std::fs::rename(&self.partial, &self.target).map_err(|e| Error::io(&self.target, e))?;
+        step().and_then(|()| std::fs::rename(&self.partial, &self.target)).map_err(|e| Error::io(&self.target, e))?;
         let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // Some file systems cannot sync a folder; the file itself is safe by now.
-        let _ = File::open(folder).and_then(|f| f.sync_all());
+        let _ = step().and_then(|()| File::open(folder)).and_then(|f| f.sync_all());
         self.partial = PathBuf::new();
         Ok(())
     }
@@ -166,5 +233,52 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         assert!(write_bytes(Path::new("/dev/null"), b"x").unwrap_err().to_string().contains("plain file"));
+    }
+
+    /// Every writer, each from an old file that must stay until the new one is whole.
+    #[test]
+    fn whatever_fails_the_old_output_stays_and_nothing_is_left_behind() {
+        use crate::cloud::{Cloud, Column, Values};
+        use crate::io::{self, ConvertParams, Edit, WriteOptions};
+        let folder = tempfile::tempdir().unwrap();
+        let source = tempfile::tempdir().unwrap();
+        let rows: Vec<[f64; 3]> = (0..60_000).map(|i| [f64::from(i % 251), f64::from(i / 251), 0.5]).collect();
+        let mut cloud = Cloud::from_rows(&rows).unwrap();
+        cloud.set_column(Column::new("Height", Values::F32(vec![1.25; rows.len()]))).unwrap();
+        let options = WriteOptions::default();
+        let input = source.path().join("in.laz");
+        io::write(&input, &cloud, &options).unwrap();
+        let codes = [Edit::Classification(vec![6; rows.len()])];
+        type Work<'a> = Box<dyn Fn(&Path) -> Result<()> + 'a>;
+        let write = || -> Work<'_> { Box::new(|p| io::write(p, &cloud, &options)) };
+        let rewrite = || -> Work<'_> { Box::new(|p| io::rewrite(&input, p, &codes, &options).map(|_| ())) };
+        let works: Vec<(&str, Work<'_>)> = vec![
+            ("a.las", write()),
+            ("a.laz", write()),
+            ("a.ply", write()),
+            ("a.txt", write()),
+            ("b.las", rewrite()),
+            ("b.laz", rewrite()),
+            ("c.las", Box::new(|p| io::convert(&input, p, &ConvertParams::default(), &options).map(|_| ()))),
+            ("d.laz", Box::new(|p| io::merge(&[input.clone(), input.clone()], p, &options).map(|_| ()))),
+            ("e.laz", Box::new(|p| io::salvage::copy(&input, p, &[], &options).map(|_| ()))),
+            // Models, pictures, reports and recipes are bytes in memory.
+            ("f.model", Box::new(|p| write_bytes(p, &vec![7; 3 << 20]))),
+        ];
+        for (name, work) in works {
+            let path = folder.path().join(name);
+            std::fs::write(&path, b"old").unwrap();
+            let steps = fail::at_each(
+                || work(&path),
+                |done| {
+                    let bytes = std::fs::read(&path).unwrap();
+                    assert_eq!(bytes == b"old", !done, "{name}");
+                    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "{name}: something is left");
+                    std::fs::write(&path, b"old").unwrap();
+                },
+            );
+            assert!(steps >= 5, "{name}: {steps} steps");
+            std::fs::remove_file(&path).unwrap();
+        }
     }
 }

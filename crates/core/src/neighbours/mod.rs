@@ -3,14 +3,22 @@
 mod batch;
 mod blocks;
 mod columns;
+mod knn;
+mod knn_list;
+mod knn_search;
+mod knn_tree;
 mod level;
 mod nearest;
+mod optimal;
+mod optimal_lanes;
 mod order;
 mod search;
 
 pub use batch::LANES;
 pub use columns::{ColumnSearch, Columns};
+pub use knn::{knn, nearest_of};
 pub use level::{Level, build_levels};
 pub use nearest::Neighbours;
+pub use optimal::{Eigenvalues, Optimal, OptimalParams, map_optimal, optimal};
 pub use order::{Grid, sorted};
 pub use search::{Neighbour, Search};

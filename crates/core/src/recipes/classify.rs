@@ -8,8 +8,11 @@ use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, Scratch, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
 
-/// Blocks of points whose results are held before they are put in the cloud's order.
-const BLOCKS_AT_ONCE: usize = 256;
+/// Blocks that go through the forest together: the more rows share a path, the cheaper it is.
+const TOGETHER: usize = 8;
+
+/// Groups of blocks whose probabilities are held at a time.
+const GROUPS_AT_ONCE: usize = 32;
 
 /// Settings of [`classify`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,10 +50,11 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
     let extractor = prepare(cloud, &set, model, monitor)?;
     monitor.stage("classify", extractor.len() as u64);
     let blocks = extractor.blocks();
-    for first in (0..blocks).step_by(BLOCKS_AT_ONCE) {
-        let range = first..(first + BLOCKS_AT_ONCE).min(blocks);
+    let groups = blocks.div_ceil(TOGETHER);
+    for first in (0..groups).step_by(GROUPS_AT_ONCE) {
+        let range = first..(first + GROUPS_AT_ONCE).min(groups);
         let parts =
-            map_ordered_with(range, monitor, Workspace::default, |w, b| w.block(b, &extractor, model, monitor))?;
+            map_ordered_with(range, monitor, Workspace::default, |w, g| w.group(g, &extractor, model, monitor))?;
         parts.iter().for_each(|part| result.place(part, model));
     }
     Ok(result)
@@ -72,20 +76,27 @@ fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Moni
 struct Workspace {
     scratch: Scratch,
     rows: Vec<f32>,
+    group: Vec<f32>,
     forest: PredictScratch,
 }
 
-/// Points of one block and their class probabilities.
+/// Points of a group of blocks and their class probabilities.
 struct Part {
     points: Vec<u32>,
     probabilities: Vec<f32>,
 }
 
 impl Workspace {
-    fn block(&mut self, b: usize, extractor: &Extractor<'_>, model: &Model, monitor: &Monitor) -> Result<Part> {
-        let points = extractor.block(b, &mut self.scratch, &mut self.rows).to_vec();
+    fn group(&mut self, g: usize, extractor: &Extractor<'_>, model: &Model, monitor: &Monitor) -> Result<Part> {
+        let mut points = Vec::new();
+        self.group.clear();
+        for b in g * TOGETHER..((g + 1) * TOGETHER).min(extractor.blocks()) {
+            monitor.check()?;
+            points.extend_from_slice(extractor.block(b, &mut self.scratch, &mut self.rows));
+            self.group.extend_from_slice(&self.rows);
+        }
         let mut probabilities = vec![0.0; points.len() * model.classes.len()];
-        model.forest.predict_block(&self.rows, &mut self.forest, &mut probabilities)?;
+        model.forest.predict_block(&self.group, &mut self.forest, &mut probabilities)?;
         monitor.advance(points.len() as u64);
         Ok(Part { points, probabilities })
     }

@@ -1,1 +1,18 @@
 //! The lie of the land: what is road, how high a point stands above it, and on which side of its border.
+
+mod alpha_shape;
+mod ascii_grid;
+mod descriptors;
+mod elevation;
+mod holes;
+mod position;
+mod raster;
+mod road;
+
+pub use alpha_shape::{AlphaParams, AlphaShape};
+pub use ascii_grid::read_ascii_grid;
+pub use descriptors::{DESCRIPTORS, Ground, Terrain, TerrainParams, mask_of_classes, terrain};
+pub use elevation::{ElevationModel, ElevationParams};
+pub use position::position;
+pub use raster::Raster;
+pub use road::{is_likely, road_probability};

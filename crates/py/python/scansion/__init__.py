@@ -7,7 +7,7 @@
 
 from scansion import evaluation, features
 from scansion._classifier import Classified, PointClassifier
-from scansion._cloud import PointCloud, info, read, rewrite, write
+from scansion._cloud import PointCloud, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._core import FileFormatError, __version__
 from scansion._forest import RandomForestClassifier
 from scansion._render import render
@@ -19,11 +19,15 @@ __all__ = [
     "PointCloud",
     "RandomForestClassifier",
     "__version__",
+    "convert",
+    "diff",
     "evaluation",
     "features",
     "info",
+    "merge",
     "read",
     "render",
     "rewrite",
+    "salvage",
     "write",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -333,3 +333,83 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     found: dict[str, Any] = json.loads(_core.inspect(os.fspath(path)))
     return found
+
+
+def diff(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> dict[str, Any]:
+    """What differs between two files, field by field, point by point in their order.
+
+    LAS and LAZ are compared with header and records, block by block; other formats by their columns.
+
+    Parameters
+    ----------
+    a, b : path
+        The files; their formats may differ. How points are packed (LAS or LAZ) is no difference.
+
+    Returns
+    -------
+    dict
+        ``same`` (bool), ``summary`` (one sentence), ``points``, ``compared``, and what differs, empty where all is the same:
+        ``header``, ``records``, ``types`` (lists of ``name``, ``a``, ``b``), ``fields`` (``name``, ``differing``, ``first``,
+        ``largest``), ``only_in`` (two lists of names), ``classes`` (``from``, ``to``, ``points``).
+    """
+    same, summary, found = json.loads(_core.diff(os.fspath(a), os.fspath(b)))
+    return {"same": same, "summary": summary, **found}
+
+
+def convert(
+    input: str | os.PathLike[str], output: str | os.PathLike[str], *, point_format: int | None = None
+) -> list[str]:
+    """Copies a file into the format of the output's extension.
+
+    Parameters
+    ----------
+    input, output : path
+        May be the same file.
+    point_format : int, optional
+        Point format of a LAS or LAZ output made from LAS or LAZ, 0 to 10; it must have all fields of the input's.
+
+    Returns
+    -------
+    list of str
+        What the target could not hold.
+    """
+    return _core.convert(os.fspath(input), os.fspath(output), point_format)
+
+
+def merge(inputs: Sequence[str | os.PathLike[str]], output: str | os.PathLike[str]) -> list[str]:
+    """Joins files in the order given; coordinates of LAS and LAZ are put on one grid exactly.
+
+    Parameters
+    ----------
+    inputs : sequence of path
+        Files in one reference system.
+    output : path
+        May be one of the inputs.
+
+    Returns
+    -------
+    list of str
+        What could not stay as it was.
+    """
+    return _core.merge([os.fspath(path) for path in inputs], os.fspath(output))
+
+
+def salvage(
+    input: str | os.PathLike[str], output: str | os.PathLike[str] | None = None
+) -> dict[str, Any]:
+    """Tells what of a damaged LAS or LAZ file can be read, and writes it as a sound file if an output is given.
+
+    Parameters
+    ----------
+    input : path
+        A file that is cut, whose counts are wrong, whose chunk table is lost or some of whose chunks are damaged.
+    output : path, optional
+        Where to write what is there.
+
+    Returns
+    -------
+    dict
+        ``declared`` and ``read`` (numbers of points), ``lost``, ``notes`` (what is wrong; empty for a sound file).
+    """
+    found: dict[str, Any] = json.loads(_core.salvage(os.fspath(input), None if output is None else os.fspath(output)))
+    return {**found, "lost": max(0, found["declared"] - found["read"])}

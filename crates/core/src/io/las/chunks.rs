@@ -15,28 +15,26 @@ use laz::{DecompressionSelection, LazItem, LazVlr};
 use std::fs::File;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A chunk: where its bytes stand and how many points it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Chunk {
-    pub(super) at: u64,
+pub(in crate::io) struct Chunk {
+    pub(in crate::io) at: u64,
     pub(super) bytes: u64,
     pub(super) points: u64,
 }
 
 /// The items of a LAZ record and the chunks of the file.
 #[derive(Debug)]
-pub(super) struct Chunks {
+pub(in crate::io) struct Chunks {
     pub(super) vlr: LazVlr,
-    pub(super) list: Vec<Chunk>,
+    pub(in crate::io) list: Vec<Chunk>,
 }
 
 /// Reads and checks the LAZ record and the chunk table.
 pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header, &[Vlr]), size: u64) -> Result<Chunks> {
-    let vlr = vlrs.iter().find(|v| v.is("laszip encoded", 22204));
-    let vlr = vlr.ok_or_else(|| bad(path, "LAZ record", 100, ("none", "a VLR `laszip encoded` 22204")))?;
-    let vlr = check_items(path, header, vlr)?;
+    let vlr = check_record(path, header, vlrs)?;
     if header.points == 0 {
         return Ok(Chunks { vlr, list: Vec::new() });
     }
@@ -53,6 +51,13 @@ pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header,
     let variable = vlr.uses_variable_size_chunks();
     let entries = guarded(path, "chunk table", || ChunkTable::read(&mut Cursor::new(&table), variable))?;
     list(path, &entries, (&vlr, header.points), (first, table_at)).map(|list| Chunks { vlr, list })
+}
+
+/// The LAZ record, its items compared with the header.
+pub(super) fn check_record(path: &Path, header: &Header, vlrs: &[Vlr]) -> Result<LazVlr> {
+    let vlr = vlrs.iter().find(|v| v.is("laszip encoded", 22204));
+    let vlr = vlr.ok_or_else(|| bad(path, "LAZ record", 100, ("none", "a VLR `laszip encoded` 22204")))?;
+    check_items(path, header, vlr)
 }
 
 /// Places the chunks one after the other and compares their sums with header and file.
@@ -169,31 +174,31 @@ fn item_bytes(data: &[u8]) -> std::result::Result<u64, (String, String)> {
     sizes.sum()
 }
 
-fn layered(vlr: &LazVlr) -> bool {
+pub(super) fn layered(vlr: &LazVlr) -> bool {
     vlr.items().first().is_some_and(|item| item.version() >= 3)
 }
 
-/// Decodes one chunk, some records at a time.
-pub(super) struct Decoder<'a> {
-    path: &'a Path,
+/// Decodes one chunk, some records at a time. `B` holds or borrows the chunk's bytes.
+pub(super) struct Decoder<'a, B> {
+    path: PathBuf,
     place: String,
-    inner: Box<dyn RecordDecompressor<Cursor<&'a [u8]>> + Send + Sync + 'a>,
+    inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a>,
 }
 
-impl<'a> Decoder<'a> {
+impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
     /// A decoder of chunk `index`; fields outside the selection are left as they come (layered chunks only).
     pub(super) fn new(
-        path: &'a Path,
+        path: &Path,
         (vlr, selection): (&LazVlr, DecompressionSelection),
-        (index, bytes): (usize, &'a [u8]),
+        (index, bytes): (usize, B),
     ) -> Result<Self> {
         if layered(vlr) {
-            check_layers(path, vlr, index, bytes)?;
+            check_layers(path, vlr, index, bytes.as_ref())?;
         }
         let place = format!("chunk {index}");
         let inner = guarded(path, &place, || {
             let source = Cursor::new(bytes);
-            let mut inner: Box<dyn RecordDecompressor<Cursor<&'a [u8]>> + Send + Sync + 'a> = match layered(vlr) {
+            let mut inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a> = match layered(vlr) {
                 true => Box::new(LayeredPointRecordDecompressor::new(source)),
                 false => Box::new(SequentialPointRecordDecompressor::new(source)),
             };
@@ -201,27 +206,34 @@ impl<'a> Decoder<'a> {
             inner.set_selection(selection);
             Ok(inner)
         })?;
-        Ok(Self { path, place, inner })
+        Ok(Self { path: path.to_path_buf(), place, inner })
     }
 
     /// Fills `out`, a whole number of records, with the next ones.
     pub(super) fn next(&mut self, out: &mut [u8]) -> Result<()> {
-        guarded(self.path, &self.place, || self.inner.decompress_many(out))
+        guarded(&self.path, &self.place, || self.inner.decompress_many(out))
     }
+
+    /// Bytes of the chunk that were read so far.
+    pub(super) fn consumed(&self) -> u64 {
+        self.inner.get().position()
+    }
+}
+
+/// Number of layers of a layered chunk.
+pub(super) fn layers(vlr: &LazVlr) -> usize {
+    let of = |item: &LazItem| match item.item_type() {
+        LazItemType::Point14 => 9,
+        LazItemType::RGBNIR14 => 2,
+        LazItemType::Byte14(count) => usize::from(count),
+        _ => 1,
+    };
+    vlr.items().iter().map(of).sum()
 }
 
 /// The layers of a chunk follow its first point and say how long they are: together they must fit.
 fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result<()> {
-    let layers: usize = vlr
-        .items()
-        .iter()
-        .map(|item| match item.item_type() {
-            LazItemType::Point14 => 9,
-            LazItemType::RGBNIR14 => 2,
-            LazItemType::Byte14(count) => usize::from(count),
-            _ => 1,
-        })
-        .sum();
+    let layers = layers(vlr);
     let start = vlr.items_size() as usize + 4;
     let declared: u64 = (0..layers).map(|l| u64::from(u32_at(bytes, start + 4 * l))).sum();
     let room = (bytes.len() as u64).saturating_sub((start + 4 * layers) as u64);

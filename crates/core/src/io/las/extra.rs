@@ -1,9 +1,10 @@
 //! Extra bytes: the descriptors of dimensions beyond the point format (VLR `LASF_Spec` 4).
 
-use super::header::{Header, array, f64_at};
+use super::header::{Header, f64_at};
 use super::vlr::Vlr;
 use crate::cloud::{Column, Values};
 use crate::error::{Error, Result};
+use crate::io::number::{Kind, Slot, each_values};
 
 /// One described dimension and where it stands in a record.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,11 +26,11 @@ pub(in crate::io) fn is_record(vlr: &Vlr) -> bool {
 }
 
 /// The described dimensions that fit into the record. Types 11..=30 (deprecated arrays) and 0 only take their room.
-pub(in crate::io) fn described(header: &Header, vlrs: &[Vlr]) -> (Vec<Extra>, usize) {
+pub(in crate::io) fn described<'a>(header: &Header, vlrs: impl IntoIterator<Item = &'a Vlr>) -> (Vec<Extra>, usize) {
     let end = usize::from(header.record_length);
     let mut at = end - header.extra();
     let mut list = Vec::new();
-    let blocks = vlrs.iter().filter(|v| is_record(v)).flat_map(|v| v.data.chunks_exact(192));
+    let blocks = vlrs.into_iter().filter(|v| is_record(v)).flat_map(|v| v.data.chunks_exact(192));
     for block in blocks {
         let (kind, options) = (block[2], block[3]);
         let size = match kind {
@@ -55,82 +56,38 @@ pub(in crate::io) fn described(header: &Header, vlrs: &[Vlr]) -> (Vec<Extra>, us
 }
 
 impl Extra {
-    /// The values of this dimension, empty, with room for `n`.
-    pub(in crate::io) fn values(&self, n: usize) -> Values {
-        match (self.scaled, self.kind) {
-            (Some(_), _) | (None, 10) => Values::F64(vec![0.0; n]),
-            (None, 1) => Values::U8(vec![0; n]),
-            (None, 2) => Values::I8(vec![0; n]),
-            (None, 3) => Values::U16(vec![0; n]),
-            (None, 4) => Values::I16(vec![0; n]),
-            (None, 5) => Values::U32(vec![0; n]),
-            (None, 6) => Values::I32(vec![0; n]),
-            (None, 7) => Values::U64(vec![0; n]),
-            (None, 8) => Values::I64(vec![0; n]),
-            _ => Values::F32(vec![0.0; n]),
+    fn kind(&self) -> Kind {
+        match self.kind {
+            1 => Kind::U8,
+            2 => Kind::I8,
+            3 => Kind::U16,
+            4 => Kind::I16,
+            5 => Kind::U32,
+            6 => Kind::I32,
+            7 => Kind::U64,
+            8 => Kind::I64,
+            9 => Kind::F32,
+            _ => Kind::F64,
         }
     }
 
-    /// Value of a record, scaled.
-    fn number(&self, record: &[u8]) -> f64 {
-        let raw = match self.kind {
-            1 => f64::from(record[self.at]),
-            2 => f64::from(record[self.at] as i8),
-            3 => f64::from(u16::from_le_bytes(array(record, self.at))),
-            4 => f64::from(i16::from_le_bytes(array(record, self.at))),
-            5 => f64::from(u32::from_le_bytes(array(record, self.at))),
-            6 => f64::from(i32::from_le_bytes(array(record, self.at))),
-            7 => u64::from_le_bytes(array(record, self.at)) as f64,
-            8 => i64::from_le_bytes(array(record, self.at)) as f64,
-            9 => f64::from(f32::from_le_bytes(array(record, self.at))),
-            _ => f64::from_le_bytes(array(record, self.at)),
-        };
-        self.scaled.map_or(raw, |(factor, offset)| raw.mul_add(factor, offset))
+    /// No values of this dimension's type; scaled values are `f64`.
+    pub(in crate::io) fn values(&self) -> Values {
+        if self.scaled.is_some() { Values::F64(Vec::new()) } else { self.kind().values() }
     }
 
-    /// Takes the value of a record into position `i`.
-    pub(in crate::io) fn take(&self, record: &[u8], i: usize, values: &mut Values) {
-        match values {
-            Values::U8(v) => v[i] = record[self.at],
-            Values::I8(v) => v[i] = record[self.at] as i8,
-            Values::U16(v) => v[i] = u16::from_le_bytes(array(record, self.at)),
-            Values::I16(v) => v[i] = i16::from_le_bytes(array(record, self.at)),
-            Values::U32(v) => v[i] = u32::from_le_bytes(array(record, self.at)),
-            Values::I32(v) => v[i] = i32::from_le_bytes(array(record, self.at)),
-            Values::U64(v) => v[i] = u64::from_le_bytes(array(record, self.at)),
-            Values::I64(v) => v[i] = i64::from_le_bytes(array(record, self.at)),
-            Values::F32(v) => v[i] = f32::from_le_bytes(array(record, self.at)),
-            Values::F64(v) => v[i] = self.number(record),
+    /// Appends the value of every record of `length` bytes, scaled.
+    pub(in crate::io) fn append(&self, (records, length): (&[u8], usize), values: &mut Values) {
+        let slot = Slot { kind: self.kind(), at: self.at, width: length, big: false };
+        match (self.scaled, &mut *values) {
+            (Some((factor, offset)), Values::F64(v)) => {
+                let first = v.len();
+                slot.append_f64(records, v);
+                v[first..].iter_mut().for_each(|x| *x = x.mul_add(factor, offset));
+            }
+            _ => slot.append(records, values),
         }
     }
-}
-
-/// Runs the same expression on the vector inside, whatever its type.
-macro_rules! each {
-    ($values:expr, $v:ident => $body:expr) => {
-        match $values {
-            Values::U8($v) => $body,
-            Values::I8($v) => $body,
-            Values::U16($v) => $body,
-            Values::I16($v) => $body,
-            Values::U32($v) => $body,
-            Values::I32($v) => $body,
-            Values::U64($v) => $body,
-            Values::I64($v) => $body,
-            Values::F32($v) => $body,
-            Values::F64($v) => $body,
-        }
-    };
-}
-
-/// Whether there is room for `n` values in all.
-pub(in crate::io) fn reserve(values: &mut Values, n: usize) -> bool {
-    each!(values, v => v.try_reserve_exact(n.saturating_sub(v.len())).is_ok())
-}
-
-/// Lengthens to `n` values with zeros.
-pub(in crate::io) fn grow(values: &mut Values, n: usize) {
-    each!(values, v => v.resize(n, Default::default()));
 }
 
 /// LAS data type of values.
@@ -156,7 +113,7 @@ pub(in crate::io) fn size_of(kind: u8) -> usize {
 
 /// Writes value `i` at the start of `slot`.
 pub(in crate::io) fn store(values: &Values, i: usize, slot: &mut [u8]) {
-    each!(values, v => {
+    each_values!(values, v => {
         let bytes = v[i].to_le_bytes();
         slot[..bytes.len()].copy_from_slice(&bytes);
     });
@@ -190,4 +147,40 @@ pub(in crate::io) fn undescribed(mut bytes: usize) -> Vec<u8> {
         bytes -= now;
     }
     blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::{self, Edit, WriteOptions};
+
+    #[test]
+    fn descriptors_in_an_extended_record_are_honoured_and_kept_when_a_dimension_is_added() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, target) = (folder.path().join("a.las"), folder.path().join("b.laz"));
+        let mut builder = las::Builder::from((1, 4));
+        builder.point_format = las::point::Format::new(6).unwrap();
+        builder.point_format.extra_bytes = 3;
+        let columns = [Column::new("A", Values::U8(vec![])), Column::new("B", Values::I16(vec![]))];
+        let data = columns.iter().flat_map(|c| descriptor(c).unwrap()).collect();
+        builder.evlrs.push(las::Vlr { user_id: "LASF_Spec".into(), record_id: 4, description: "".into(), data });
+        let mut writer = las::Writer::from_path(&path, builder.into_header().unwrap()).unwrap();
+        for i in 0..50u8 {
+            let point = las::Point { gps_time: Some(1.0), extra_bytes: vec![i, i, 0xff], ..Default::default() };
+            writer.write_point(point).unwrap();
+        }
+        writer.close().unwrap();
+        let (a, b) = ((0..50).collect(), (0..50).map(|i| i - 256).collect());
+        let expected = [Values::U8(a), Values::I16(b)];
+        let check = |path: &std::path::Path| {
+            let cloud = io::read(path).unwrap();
+            let values = ["A", "B"].map(|n| cloud.column(n).unwrap().values.clone());
+            assert_eq!(values, expected);
+            cloud
+        };
+        check(&path);
+        let new = Column::new("Confidence", Values::F32((0..50).map(|i| i as f32).collect()));
+        io::rewrite(&path, &target, &[Edit::Dimension(new.clone())], &WriteOptions::default()).unwrap();
+        assert_eq!(check(&target).column("Confidence"), Some(&new));
+    }
 }

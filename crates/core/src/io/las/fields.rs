@@ -1,6 +1,6 @@
 //! The fields of a point record as columns with PDAL's names.
 
-use super::header::{array, put, u16_at};
+use super::header::{array, put};
 use crate::cloud::{Values, names};
 use laz::DecompressionSelection;
 
@@ -92,33 +92,41 @@ impl Field {
         }
     }
 
-    /// The values of this field, empty, with room for `n`.
-    pub(in crate::io) fn values(self, n: usize) -> Values {
+    /// No values of this field's type.
+    pub(in crate::io) fn values(self) -> Values {
         match self {
             Self::Intensity | Self::PointSourceId | Self::Red | Self::Green | Self::Blue | Self::Infrared => {
-                Values::U16(vec![0; n])
+                Values::U16(Vec::new())
             }
-            Self::ScanAngle => Values::F32(vec![0.0; n]),
-            Self::GpsTime => Values::F64(vec![0.0; n]),
-            _ => Values::U8(vec![0; n]),
+            Self::ScanAngle => Values::F32(Vec::new()),
+            Self::GpsTime => Values::F64(Vec::new()),
+            _ => Values::U8(Vec::new()),
         }
     }
 
-    /// Takes the value of a record into position `i`.
-    pub(in crate::io) fn take(self, format: u8, record: &[u8], i: usize, values: &mut Values) {
+    /// Appends the value of every record of `length` bytes to values of the field's type.
+    pub(in crate::io) fn append(self, format: u8, (records, length): (&[u8], usize), values: &mut Values) {
+        let each = records.chunks_exact(length);
         match values {
-            Values::U8(v) => v[i] = self.byte(format, record),
-            Values::U16(v) => v[i] = u16_at(record, self.place(format)),
-            Values::F32(v) if format >= 6 => v[i] = f32::from(i16::from_le_bytes(array(record, 18))) * 0.006,
-            Values::F32(v) => v[i] = f32::from(record[16] as i8),
-            Values::F64(v) => v[i] = f64::from_le_bytes(array(record, self.place(format))),
+            Values::U8(v) => {
+                let (at, shift, bits) = self.bits(format);
+                let mask = (0xffu16 >> (8 - bits)) as u8;
+                v.extend(each.map(|record| record.get(at).map_or(0, |byte| byte >> shift & mask)));
+            }
+            Values::F32(v) if format >= 6 => {
+                v.extend(each.map(|record| f32::from(i16::from_le_bytes(array(record, 18))) * 0.006));
+            }
+            Values::F32(v) => v.extend(each.map(|record| f32::from(record.get(16).map_or(0, |byte| *byte as i8)))),
+            Values::U16(v) => {
+                let at = self.place(format);
+                v.extend(each.map(|record| u16::from_le_bytes(array(record, at))));
+            }
+            Values::F64(v) => {
+                let at = self.place(format);
+                v.extend(each.map(|record| f64::from_le_bytes(array(record, at))));
+            }
             _ => {}
         }
-    }
-
-    fn byte(self, format: u8, record: &[u8]) -> u8 {
-        let (at, shift, bits) = self.bits(format);
-        record[at] >> shift & (0xffu16 >> (8 - bits)) as u8
     }
 
     /// Byte, shift and width of a field of at most 8 bits.

@@ -1,6 +1,6 @@
 //! What header and records of a file say, without reading a point.
 
-use super::extra;
+use super::copc;
 use super::fields::of_format;
 use super::records::Records;
 use super::vlr::crs;
@@ -9,12 +9,16 @@ use crate::io::FileInfo;
 use std::path::Path;
 
 pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
-    let records = Records::open(path)?;
+    let mut records = Records::open(path)?;
+    let mut warnings = Vec::new();
+    let octree = copc::is(&records).then(|| copc::describe(&mut records));
+    if let Some(Err(e)) = &octree {
+        warnings.push(format!("the octree is damaged, only the whole file can be read: {e}"));
+    }
     let header = &records.header;
-    let (extras, undescribed) = extra::described(header, &records.vlrs);
+    let (extras, undescribed) = records.extras();
     let (crs, metres_per_unit) = crs(header, records.vlrs.iter().chain(&records.evlrs));
     let fields = of_format(header.format).map(|(_, name)| name.to_string());
-    let mut warnings = Vec::new();
     if undescribed > 0 {
         warnings.push(format!("{undescribed} extra bytes a point have no descriptor; they are kept, not shown"));
     }
@@ -26,7 +30,12 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     }
     Ok(FileInfo {
         path: path.to_path_buf(),
-        format: if header.compressed { "LAZ" } else { "LAS" }.into(),
+        format: match (header.compressed, octree.is_some()) {
+            (true, true) => "COPC",
+            (true, false) => "LAZ",
+            (false, _) => "LAS",
+        }
+        .into(),
         version: Some(format!("1.{}", header.minor)),
         point_format: Some(header.format),
         points: header.points,
@@ -43,5 +52,6 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
             .map(|v| format!("{} {}", v.user(), super::header::u16_at(&v.head, 18)))
             .collect(),
         warnings,
+        octree: octree.and_then(Result::ok),
     })
 }

@@ -1,6 +1,6 @@
-//! From point formats 0..=5 to 6, 7, 9, 10 of LAS 1.4: class codes above 31 need it.
+//! From one point format to another that holds all its fields; class codes above 31 need 6 to 10 of LAS 1.4.
 
-use super::fields::of_format;
+use super::fields::{Field, of_format};
 use super::header::{Header, RECORD_SIZES, put};
 use crate::cloud::Values;
 
@@ -14,18 +14,36 @@ pub(super) fn target(format: u8) -> u8 {
     }
 }
 
-/// Converts a record: every field is carried over, extra bytes follow.
-pub(super) fn record(format: u8, old: &[u8], new: &mut [u8]) {
-    let to = target(format);
+/// Names of the fields of one format that another does not have; empty if every record can be carried over.
+pub(super) fn missing(from: u8, to: u8) -> Vec<&'static str> {
+    let mut missing: Vec<&str> =
+        of_format(from).map(|(_, name)| name).filter(|name| Field::named(name, to).is_none()).collect();
+    if from >= 6 && to < 6 {
+        missing.push("class codes above 31");
+        missing.push("return numbers above 7");
+    }
+    if wave(from) && !wave(to) {
+        missing.push("waveforms");
+    }
+    missing
+}
+
+/// Whether records of this format end with a wave packet.
+pub(super) fn wave(format: u8) -> bool {
+    matches!(format, 4 | 5 | 9 | 10)
+}
+
+/// Converts a record from one format to another: every field is carried over, extra bytes follow.
+pub(super) fn record((format, to): (u8, u8), old: &[u8], new: &mut [u8]) {
     new[..14].copy_from_slice(&old[..14]);
     for (field, _) in of_format(format) {
-        let mut value = field.values(1);
-        field.take(format, old, 0, &mut value);
+        let mut value = field.values();
+        field.append(format, (old, old.len()), &mut value);
         field.store(to, new, number(&value));
     }
     let (old_base, new_base) =
         (usize::from(RECORD_SIZES[usize::from(format)]), usize::from(RECORD_SIZES[usize::from(to)]));
-    if format >= 4 {
+    if wave(format) && wave(to) {
         // 29 bytes of the wave packet close both records.
         new[new_base - 29..new_base].copy_from_slice(&old[old_base - 29..old_base]);
     }
@@ -37,9 +55,27 @@ fn number(value: &Values) -> f64 {
     value.get(0)
 }
 
-/// The header of LAS 1.4 with everything that the old one says; `wkt` tells whether a WKT record stands in the file.
-pub(super) fn header(old: &Header, wkt: bool) -> Vec<u8> {
+/// The header with everything that the old one says, of LAS 1.4 for formats from 6 on; `wkt` tells whether a WKT record
+/// stands in the file.
+pub(super) fn header(old: &Header, to: u8, wkt: bool) -> Vec<u8> {
     let mut raw = old.raw.clone();
+    raw[104] = to | old.raw[104] & 0xc0;
+    let length = RECORD_SIZES[usize::from(to)] + old.extra() as u16;
+    put(&mut raw, 105, &length.to_le_bytes());
+    if to < 6 {
+        // Waveforms came with 1.3, colours with 1.2, times with 1.0.
+        raw[25] = old.minor.max(if wave(to) {
+            3
+        } else if to >= 2 {
+            2
+        } else {
+            0
+        });
+        return if raw[25] == 3 && old.minor < 3 { at_least_1_3(raw) } else { raw };
+    }
+    if old.format >= 6 {
+        return raw;
+    }
     if old.minor < 4 {
         // Bytes of somebody's own behind the old header follow the new one.
         let standard = if old.minor >= 3 { 235 } else { 227 };
@@ -53,10 +89,6 @@ pub(super) fn header(old: &Header, wkt: bool) -> Vec<u8> {
     raw[25] = 4;
     let length = raw.len() as u16;
     put(&mut raw, 94, &length.to_le_bytes());
-    let to = target(old.format);
-    raw[104] = to | old.raw[104] & 0xc0;
-    let length = RECORD_SIZES[usize::from(to)] + old.extra() as u16;
-    put(&mut raw, 105, &length.to_le_bytes());
     let returns: [[u8; 4]; 5] = [0, 1, 2, 3, 4].map(|r| super::header::array(&old.raw, 111 + 4 * r));
     let counted = old.minor >= 4 && old.raw[255..375].iter().any(|&b| b != 0);
     // The legacy counters are 0 with formats from 6 on.
@@ -66,6 +98,16 @@ pub(super) fn header(old: &Header, wkt: bool) -> Vec<u8> {
         let wide = returns.map(|n| u64::from(u32::from_le_bytes(n)).to_le_bytes());
         wide.iter().enumerate().for_each(|(r, n)| put(&mut raw, 255 + 8 * r, n));
     }
+    raw
+}
+
+/// Makes room for the field that LAS 1.3 added to the header.
+fn at_least_1_3(mut raw: Vec<u8>) -> Vec<u8> {
+    let own = raw.split_off(227);
+    raw.resize(235, 0);
+    raw.extend(own);
+    let length = raw.len() as u16;
+    put(&mut raw, 94, &length.to_le_bytes());
     raw
 }
 
@@ -80,11 +122,11 @@ mod tests {
             let old: Vec<u8> = (0..size + 3).map(|i| (i * 37 + 11) as u8).collect();
             let to = target(format);
             let mut new = vec![0; usize::from(RECORD_SIZES[usize::from(to)]) + 3];
-            record(format, &old, &mut new);
+            record((format, to), &old, &mut new);
             for (field, name) in of_format(format) {
-                let (mut a, mut b) = (field.values(1), field.values(1));
-                field.take(format, &old, 0, &mut a);
-                field.take(to, &new, 0, &mut b);
+                let (mut a, mut b) = (field.values(), field.values());
+                field.append(format, (&old, old.len()), &mut a);
+                field.append(to, (&new, new.len()), &mut b);
                 let close = (a.get(0) - b.get(0)).abs() < 0.004 || a.get(0).to_bits() == b.get(0).to_bits();
                 assert!(close, "{name} of format {format}: {a:?} {b:?}");
             }

@@ -1,93 +1,76 @@
-//! Reading a LAS or LAZ file into a cloud.
+//! Reading a LAS, LAZ or COPC file into clouds.
 
-use super::extra::{self, Extra, grow};
-use super::fields::{self, Field};
-use super::header::array;
-use super::records::{Records, Slab};
-use super::vlr::crs;
-use crate::cloud::{Cloud, Column, Coordinates, Values};
+use super::copc;
+use super::records::{Records, SLAB, Slab};
+use super::sink::Sink;
+use super::stream::Stream;
+use crate::cloud::{Cloud, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
-use laz::DecompressionSelection;
-use rayon::prelude::*;
+use crate::parallel::Monitor;
 use std::path::Path;
 
-/// Where a column comes from.
-enum Source {
-    Field(Field),
-    Extra(Extra),
+/// Opens a file and leaves out the parts of a COPC octree that are not wanted.
+fn open(path: &Path, options: &ReadOptions) -> Result<Records> {
+    let mut records = Records::open(path)?;
+    if (options.bounds.is_some() || options.resolution.is_some()) && copc::is(&records) {
+        copc::narrow(&mut records, options)?;
+    } else if let Some(resolution) = options.resolution {
+        return Err(Error::parameter("resolution", resolution, "none: the file has no levels (it is not COPC)"));
+    }
+    Ok(records)
 }
 
 /// Reads coordinates and the wanted columns.
 pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
-    let mut records = Records::open(path)?;
-    let (n, format) = (records.len()?, records.header.format);
-    let (extras, _) = extra::described(&records.header, &records.vlrs);
-    let fields =
-        fields::of_format(format).map(|(field, name)| (Source::Field(field), name.to_string(), field.values(0)));
-    let extras = extras
-        .into_iter()
-        .map(|e| (e.name.clone(), e.values(0), e))
-        .map(|(name, values, e)| (Source::Extra(e), name, values));
-    let mut columns: Vec<(Source, Column)> = fields
-        .chain(extras)
-        .filter(|(_, name, _)| options.wants(name))
-        .map(|(source, name, values)| (source, Column::new(name, values)))
-        .collect();
-    let mut ticks = [Vec::new(), Vec::new(), Vec::new()];
-    reserve(&mut ticks, &mut columns, n)?;
-    records.selection =
-        columns.iter().fold(DecompressionSelection::base().decompress_z(), |selection, (source, _)| match source {
-            Source::Field(field) => field.select(selection),
-            Source::Extra(_) => selection.decompress_extra_bytes(),
-        });
-    let length = usize::from(records.header.record_length);
+    read_records(open(path, options)?, options)
+}
+
+/// Reads coordinates and the wanted columns of a file that is open.
+pub(in crate::io) fn read_records(mut records: Records, options: &ReadOptions) -> Result<Cloud> {
+    let n = records.len()?;
+    let mut sink = Sink::new(&mut records, options);
+    if options.bounds.is_none() {
+        sink.reserve(n)?;
+    }
     options.monitor.stage("read", n as u64);
     let monitor = options.monitor.clone();
     records.for_each(&monitor, |Slab { points, bytes }| {
         monitor.advance(points.len() as u64);
-        let bytes = &*bytes;
-        ticks.par_iter_mut().enumerate().for_each(|(a, axis)| {
-            axis.extend(bytes.chunks_exact(length).map(|record| i32::from_le_bytes(array(record, 4 * a))));
-        });
-        columns.par_iter_mut().for_each(|(source, column)| {
-            grow(&mut column.values, points.end);
-            for (record, i) in bytes.chunks_exact(length).zip(points.clone()) {
-                match source {
-                    Source::Field(field) => field.take(format, record, i, &mut column.values),
-                    Source::Extra(extra) => extra.take(record, i, &mut column.values),
-                }
-            }
-        });
+        sink.push(bytes);
         Ok(())
     })?;
-    finish(&records, ticks, columns.into_iter().map(|c| c.1))
+    sink.take(usize::MAX)
 }
 
-/// Asks for the address space of `n` points; memory is taken only as points come, so a hostile count costs nothing.
-fn reserve(ticks: &mut [Vec<i32>; 3], columns: &mut [(Source, Column)], n: usize) -> Result<()> {
-    let axes = ticks.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
-    match axes && columns.iter_mut().all(|(_, column)| extra::reserve(&mut column.values, n)) {
-        true => Ok(()),
-        false => Err(Error::input(format!("not enough memory for {n} points with {} columns", columns.len()))),
+/// Reads a file block by block.
+#[derive(Debug)]
+pub(in crate::io) struct Reader {
+    stream: Stream,
+    sink: Sink,
+    monitor: Monitor,
+}
+
+impl Reader {
+    pub(in crate::io) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let mut records = open(path, options)?;
+        let sink = Sink::new(&mut records, options);
+        options.monitor.stage("read", records.header.points);
+        Ok(Self { stream: Stream::of(records), sink, monitor: options.monitor.clone() })
     }
-}
 
-fn finish(records: &Records, ticks: [Vec<i32>; 3], columns: impl Iterator<Item = Column>) -> Result<Cloud> {
-    let header = &records.header;
-    let mut cloud = Cloud::new(Coordinates::Scaled { ticks, scale: header.scale, offset: header.offset })?;
-    for mut column in columns {
-        // Two dimensions of one name (it happens) are told apart by a number.
-        let name = column.name.clone();
-        let mut serial = 2;
-        while cloud.column(&column.name).is_some() {
-            column.name = format!("{name}_{serial}");
-            serial += 1;
+    /// The next points, at most so many; an empty cloud at the end.
+    pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
+        while self.sink.len() < points {
+            let bytes = self.stream.next((points - self.sink.len()).min(SLAB), &self.monitor)?;
+            if bytes.is_empty() {
+                break;
+            }
+            self.monitor.advance((bytes.len() / self.stream.record_length()) as u64);
+            self.sink.push(&bytes);
         }
-        cloud.set_column(column)?;
+        self.sink.take(points)
     }
-    (cloud.crs, cloud.metres_per_unit) = crs(header, records.vlrs.iter().chain(&records.evlrs));
-    Ok(cloud)
 }
 
 /// Fails if there is not one code a point.

@@ -1,6 +1,7 @@
 //! The raw records of a LAS or LAZ file, slab by slab, in the file's order.
 
 use super::chunks::{self, Chunk, Chunks, Decoder};
+use super::extra::{self, Extra};
 use super::header::{Header, bad};
 use super::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
 use crate::error::{Error, Result};
@@ -8,28 +9,29 @@ use crate::parallel::{Monitor, map_ordered};
 use laz::DecompressionSelection;
 use rayon::prelude::*;
 use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Points of a slab of an uncompressed file, and of a piece of a large chunk.
-const SLAB: usize = 100_000;
+pub(super) const SLAB: usize = 100_000;
 /// Chunks of more points than this are decoded piece by piece, so that memory does not follow the declared size.
-const LARGE: u64 = 200_000;
+pub(super) const LARGE: u64 = 200_000;
 /// EVLRs above this are not held in memory.
-const MOST_EVLR: u64 = 64 << 20;
+pub(super) const MOST_EVLR: u64 = 64 << 20;
 
 /// An opened LAS or LAZ file whose header, records and chunk table have been checked.
 #[derive(Debug)]
 pub(in crate::io) struct Records {
     pub(in crate::io) path: PathBuf,
-    pub(super) file: File,
+    pub(in crate::io) file: File,
     pub(in crate::io) size: u64,
     pub(in crate::io) header: Header,
     pub(in crate::io) vlrs: Vec<Vlr>,
     /// Bytes between the last VLR and the points.
-    pub(super) gap: Vec<u8>,
+    pub(in crate::io) gap: Vec<u8>,
     pub(in crate::io) evlrs: Vec<Vlr>,
-    pub(super) chunks: Option<Chunks>,
+    pub(in crate::io) chunks: Option<Chunks>,
     /// Fields that are decoded, where the compression allows a choice (point formats from 6 on).
     pub(super) selection: DecompressionSelection,
 }
@@ -72,6 +74,11 @@ impl Records {
         }
     }
 
+    /// The described extra dimensions, whether a VLR or an EVLR describes them, and the bytes that nothing describes.
+    pub(in crate::io) fn extras(&self) -> (Vec<Extra>, usize) {
+        extra::described(&self.header, self.vlrs.iter().chain(&self.evlrs))
+    }
+
     /// All records in order. Chunks are decoded in parallel; memory is that of a few chunks a thread.
     pub(in crate::io) fn for_each(
         &mut self,
@@ -83,12 +90,14 @@ impl Records {
         if self.chunks.is_some() {
             return self.for_each_chunk(monitor, work);
         }
+        let mut slab = vec![0; SLAB.min(total) * length];
+        self.file.seek(SeekFrom::Start(self.header.points_at)).map_err(|e| Error::io(&self.path, e))?;
         for first in (0..total).step_by(SLAB) {
             monitor.check()?;
             let points = first..(first + SLAB).min(total);
-            let at = self.header.points_at + (first * length) as u64;
-            let mut bytes = read_at(&self.path, &mut self.file, at, points.len() * length)?;
-            work(Slab { points, bytes: &mut bytes })?;
+            let bytes = &mut slab[..points.len() * length];
+            self.file.read_exact(bytes).map_err(|e| Error::io(&self.path, e))?;
+            work(Slab { points, bytes })?;
         }
         Ok(())
     }

@@ -1,13 +1,14 @@
 //! Writing a cloud of our own as LAS 1.4 or LAZ.
 
 use super::extra;
-use super::fields::Field;
+use super::fit::Fit;
 use super::header::{RECORD_SIZES, put};
 use super::vlr::Vlr;
 use super::writer::{CHUNK, Front, Writer};
 use crate::cloud::{Cloud, Column, Coordinates, names};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Points that are encoded at once.
@@ -16,7 +17,7 @@ const SLAB: usize = 100_000;
 /// Scale and offset per axis.
 type Frame = ([f64; 3], [f64; 3]);
 
-/// Writes LAS or LAZ by the extension; the point format is the smallest of 6, 7 and 8 that has the cloud's colours.
+/// Writes LAS or LAZ by the extension, columns as [`Fit`] says; the point format is the smallest of 6, 7 and 8 that has the cloud's colours.
 pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     let frame = frame(cloud)?;
     let has = |name| cloud.column(name).is_some();
@@ -27,11 +28,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     } else {
         6
     };
-    let (fields, extras): (Vec<_>, Vec<_>) =
-        cloud.columns().iter().partition(|c| Field::named(&c.name, format).is_some());
-    let fields: Vec<(Field, &Column)> =
-        fields.into_iter().filter_map(|c| Some((Field::named(&c.name, format)?, c))).collect();
-    check(&fields)?;
+    let Fit { fields, extras } = Fit::new(cloud.columns(), format)?;
     let base = usize::from(RECORD_SIZES[usize::from(format)]);
     let length = base + extras.iter().map(|c| extra::size_of(extra::kind_of(&c.values))).sum::<usize>();
     let length16 = u16::try_from(length)
@@ -48,7 +45,9 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         for (record, i) in records.chunks_exact_mut(length).zip(points.clone()) {
             let ticks = ticks(cloud, i, &frame)?;
             (0..3).for_each(|a| put(record, 4 * a, &ticks[a].to_le_bytes()));
-            fields.iter().for_each(|(field, column)| field.store(format, record, column.values.get(i)));
+            fields
+                .iter()
+                .for_each(|(field, column, factor)| field.store(format, record, column.values.get(i) * factor));
             let mut at = base;
             for column in &extras {
                 extra::store(&column.values, i, &mut record[at..]);
@@ -58,27 +57,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         writer.push(&records, &options.monitor)?;
         options.monitor.advance(points.len() as u64);
     }
-    writer.finish(&[], &options.monitor, |_, _| {})
-}
-
-/// A class code or return number that its field cannot hold is an error, not a clamped value.
-fn check(fields: &[(Field, &Column)]) -> Result<()> {
-    for (field, column) in fields {
-        let most = match field {
-            Field::Classification | Field::UserData => 255.0,
-            Field::ReturnNumber | Field::NumberOfReturns => 15.0,
-            _ => continue,
-        };
-        let outside = |i: &usize| !(0.0..=most).contains(&column.values.get(*i));
-        if let Some(i) = (0..column.values.len()).find(outside) {
-            return Err(Error::input(format!(
-                "{} of point {i} is {}; LAS holds 0..={most}",
-                column.name,
-                column.values.get(i)
-            )));
-        }
-    }
-    Ok(())
+    writer.finish(&options.monitor, |_| Ok(0), |_, _| {})
 }
 
 /// The cloud's own integers if it has them; else millimetres, or finer for small units, that fit the extent.
@@ -113,7 +92,7 @@ fn ticks(cloud: &Cloud, i: usize, (scale, offset): &Frame) -> Result<[i32; 3]> {
     }
 }
 
-fn vlrs(cloud: &Cloud, extras: &[&Column]) -> Result<Vec<Vlr>> {
+fn vlrs(cloud: &Cloud, extras: &[Cow<'_, Column>]) -> Result<Vec<Vlr>> {
     let mut vlrs = Vec::new();
     if let Some(wkt) = cloud.crs.as_deref().filter(|c| !c.starts_with("EPSG:")) {
         let mut data = wkt.as_bytes().to_vec();

@@ -116,8 +116,14 @@ impl Writer {
 
     /// Writes the rest, the chunk table, what follows the points, and the header again; checks and renames.
     ///
-    /// `tail` is written right after the points and its place is told to `patch`, which may change the header.
-    pub(super) fn finish(mut self, tail: &[u8], monitor: &Monitor, patch: impl FnOnce(&mut [u8], u64)) -> Result<()> {
+    /// `tail` writes what follows the points and returns its bytes; their place is told to `patch`, which may change the
+    /// header.
+    pub(super) fn finish(
+        mut self,
+        monitor: &Monitor,
+        tail: impl FnOnce(&mut AtomicFile) -> Result<u64>,
+        patch: impl FnOnce(&mut [u8], u64),
+    ) -> Result<()> {
         self.encode(self.pending.len(), monitor)?;
         let mut end = self.points_at + self.points * self.record as u64;
         if let Some(vlr) = &self.laz {
@@ -130,9 +136,9 @@ impl Writer {
         patch(&mut self.header, end);
         let header = std::mem::take(&mut self.header);
         self.overwrite(0, &header)?;
-        self.file.write_all(tail)?;
+        let length = tail(&mut self.file)?;
         self.file.flush()?;
-        self.verify(end + tail.len() as u64)?;
+        self.verify(end + length)?;
         self.file.finish()
     }
 

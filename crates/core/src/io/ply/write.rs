@@ -2,11 +2,15 @@
 
 use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::Result;
+use crate::io::WriteOptions;
 use crate::io::atomic::AtomicFile;
 use std::path::Path;
 
+/// Points that are put together at once.
+const SLAB: usize = 16_384;
+
 /// Writes binary little-endian PLY: double x y z, colours of 8 bits as uchar, all other columns as float `scalar_NAME`.
-pub(in crate::io) fn write(path: &Path, cloud: &Cloud) -> Result<()> {
+pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     let mut header =
         format!("ply\nformat binary_little_endian 1.0\ncomment written by scansion\nelement vertex {}\n", cloud.len());
     header += "property double x\nproperty double y\nproperty double z\n";
@@ -21,19 +25,23 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud) -> Result<()> {
     header += "end_header\n";
     let mut file = AtomicFile::create(path)?;
     file.write_all(header.as_bytes())?;
+    options.monitor.stage("write", cloud.len() as u64);
     let mut buffer = Vec::new();
-    for i in 0..cloud.len() {
-        cloud.xyz(i).iter().for_each(|v| buffer.extend(v.to_le_bytes()));
-        for column in cloud.columns() {
-            match (&column.values, is_colour(column)) {
-                (Values::U8(v), true) => buffer.push(v[i]),
-                (values, _) => buffer.extend((values.get(i) as f32).to_le_bytes()),
+    for first in (0..cloud.len()).step_by(SLAB) {
+        options.monitor.check()?;
+        let points = first..(first + SLAB).min(cloud.len());
+        options.monitor.advance(points.len() as u64);
+        for i in points {
+            cloud.xyz(i).iter().for_each(|v| buffer.extend(v.to_le_bytes()));
+            for column in cloud.columns() {
+                match (&column.values, is_colour(column)) {
+                    (Values::U8(v), true) => buffer.push(v[i]),
+                    (values, _) => buffer.extend((values.get(i) as f32).to_le_bytes()),
+                }
             }
         }
-        if buffer.len() > 1 << 20 || i + 1 == cloud.len() {
-            file.write_all(&buffer)?;
-            buffer.clear();
-        }
+        file.write_all(&buffer)?;
+        buffer.clear();
     }
     file.finish()
 }

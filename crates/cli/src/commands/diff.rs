@@ -1,0 +1,108 @@
+//! `scansion diff`: what two files have in common and where they differ.
+
+use super::Context;
+use crate::args::{Diff, Format};
+use crate::exit_code::Failure;
+use scansion_core::classes::preset;
+use scansion_core::io::{self, Changed, Difference};
+use serde::Serialize;
+use std::fmt::Write;
+
+#[derive(Serialize)]
+struct Answer<'a> {
+    same: bool,
+    summary: String,
+    #[serde(flatten)]
+    difference: &'a Difference,
+}
+
+pub(crate) fn run(args: &Diff, context: &Context<'_>) -> Result<(), Failure> {
+    let found = io::diff(&args.a, &args.b, &context.monitor)?;
+    let answer = Answer { same: found.is_empty(), summary: found.summary(), difference: &found };
+    context.printer.data(&match context.printer.format {
+        Format::Json => serde_json::to_string_pretty(&answer).unwrap_or_default(),
+        Format::Csv => csv(&found),
+        Format::Table => table(&found),
+    })?;
+    if found.is_empty() { Ok(()) } else { Err(Failure::Different) }
+}
+
+fn table(found: &Difference) -> String {
+    let mut text = found.summary() + "\n";
+    if found.points[0] != found.points[1] {
+        let _ = writeln!(
+            text,
+            "\npoints: {} and {}; the first {} compared",
+            found.points[0], found.points[1], found.compared
+        );
+    }
+    for (title, list) in [("header", &found.header), ("record", &found.records), ("type", &found.types)] {
+        list.iter().for_each(|c| changed(&mut text, title, c));
+    }
+    for (names, title) in found.only_in.iter().zip(["only in the first", "only in the second"]) {
+        if !names.is_empty() {
+            let _ = writeln!(text, "{title}: {}", names.join(" "));
+        }
+    }
+    if !found.fields.is_empty() {
+        let _ = writeln!(text, "\n{:<24} {:>14} {:>14} {:>14}", "field", "points", "first point", "by at most");
+    }
+    for f in &found.fields {
+        let _ = writeln!(text, "{:<24} {:>14} {:>14} {:>14}", f.name, f.differing, f.first, shown(f.largest));
+    }
+    classes(&mut text, found);
+    text
+}
+
+fn shown(largest: f64) -> String {
+    let rounded: f64 = format!("{largest:.6e}").parse().unwrap_or(largest);
+    rounded.to_string()
+}
+
+fn changed(text: &mut String, title: &str, c: &Changed) {
+    let short = |s: &str| -> String {
+        if s.chars().count() > 60 { s.chars().take(57).chain("...".chars()).collect() } else { s.into() }
+    };
+    let _ = writeln!(text, "{title} {}: {} -> {}", c.name, short(&c.a), short(&c.b));
+}
+
+/// The pairs of classes that changed, most points first, and the number that stayed.
+fn classes(text: &mut String, found: &Difference) {
+    if found.classes.is_empty() {
+        return;
+    }
+    let _ = writeln!(text, "\n{:<32} {:<32} {:>14}", "class", "became", "points");
+    let mut pairs: Vec<_> = found.classes.iter().filter(|c| c.from != c.to).collect();
+    pairs.sort_by_key(|c| (std::cmp::Reverse(c.points), c.from, c.to));
+    let named = |code: u8| format!("{code} {}", preset::asprs(code).name);
+    for c in pairs {
+        let _ = writeln!(text, "{:<32} {:<32} {:>14}", named(c.from), named(c.to), c.points);
+    }
+    let stayed: u64 = found.classes.iter().filter(|c| c.from == c.to).map(|c| c.points).sum();
+    let _ = writeln!(text, "{:<65} {stayed:>14}", "the same class");
+}
+
+/// One line a difference: kind, name, points, first, largest, and the two forms.
+fn csv(found: &Difference) -> String {
+    let quoted = |s: &str| format!("\"{}\"", s.replace('"', "\"\""));
+    let mut text = "kind,name,points,first,largest,a,b\n".to_string();
+    let _ = writeln!(text, "points,,{},,,{},{}", found.compared, found.points[0], found.points[1]);
+    for (kind, list) in [("header", &found.header), ("record", &found.records), ("type", &found.types)] {
+        for c in list {
+            let _ = writeln!(text, "{kind},{},,,,{},{}", quoted(&c.name), quoted(&c.a), quoted(&c.b));
+        }
+    }
+    for (side, names) in found.only_in.iter().enumerate() {
+        for name in names {
+            let (a, b) = if side == 0 { ("present", "absent") } else { ("absent", "present") };
+            let _ = writeln!(text, "field,{},,,,{a},{b}", quoted(name));
+        }
+    }
+    for f in &found.fields {
+        let _ = writeln!(text, "field,{},{},{},{},,", quoted(&f.name), f.differing, f.first, f.largest);
+    }
+    for c in &found.classes {
+        let _ = writeln!(text, "class,,{},,,{},{}", c.points, c.from, c.to);
+    }
+    text
+}

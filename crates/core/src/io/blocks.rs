@@ -1,0 +1,155 @@
+//! Files in blocks of points, so that nothing needs the whole file in memory.
+
+use super::format::{Format, format_of};
+use super::{ReadOptions, check_resolution, inside, las, pcd, ply, text};
+use crate::cloud::Cloud;
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// Reads a file in blocks of `size` points, the last one shorter, in the file's order: together they are what
+/// [`read_with`](super::read_with) reads, but for the types of text.
+///
+/// LAS, LAZ, COPC, PLY, text, PTS and binary or ascii PCD take the memory of about one block. Compressed PCD, binary PLY
+/// with lists among its vertices, E57, npz and PTX are read whole first and handed out in blocks. Numbers of text are
+/// `f64` in every block, for a type that fits one block may not fit the next. With `bounds` blocks of LAS are as long as
+/// ever, those of other formats hold what of `size` points is in the box; empty ones are left out.
+///
+/// # Errors
+/// As [`read_with`](super::read_with); `size` is 0. After an error in the middle the iterator ends.
+pub fn blocks(path: &Path, size: usize, options: &ReadOptions) -> Result<Blocks> {
+    options.validate()?;
+    if size == 0 {
+        return Err(Error::parameter("size", size, "1 or more points a block"));
+    }
+    let format = format_of(path)?;
+    check_resolution(format, options)?;
+    let source = match format {
+        Format::Las => Source::Las(Box::new(las::Reader::open(path, options)?)),
+        Format::Ply => Source::Ply(Box::new(ply::Reader::open(path, options)?)),
+        Format::Pcd => Source::Pcd(Box::new(pcd::Reader::open(path, options)?)),
+        Format::Text => Source::Text(Box::new(text::Reader::open(path, options)?)),
+        Format::E57 | Format::Npz | Format::Ptx => Source::Whole(Box::new(super::read_with(path, options)?), 0),
+    };
+    Ok(Blocks { source: Some(source), size, options: options.clone() })
+}
+
+/// The iterator that [`blocks`] makes.
+#[derive(Debug)]
+pub struct Blocks {
+    /// `None` behind the last block.
+    source: Option<Source>,
+    size: usize,
+    options: ReadOptions,
+}
+
+#[derive(Debug)]
+enum Source {
+    Las(Box<las::Reader>),
+    Ply(Box<ply::Reader>),
+    Pcd(Box<pcd::Reader>),
+    Text(Box<text::Reader>),
+    /// A cloud and the first point that was not handed out yet.
+    Whole(Box<Cloud>, usize),
+}
+
+impl Source {
+    /// The next points and whether they must still be compared with the box; an empty cloud at the end.
+    fn take(&mut self, size: usize) -> Result<(Cloud, bool)> {
+        match self {
+            Self::Las(reader) => Ok((reader.take(size)?, false)),
+            Self::Ply(reader) => Ok((reader.take(size)?, true)),
+            Self::Pcd(reader) => Ok((reader.take(size)?, true)),
+            Self::Text(reader) => Ok((reader.take(size)?, true)),
+            Self::Whole(cloud, first) => {
+                let end = first.saturating_add(size).min(cloud.len());
+                let indices: Vec<u32> = (*first as u32..end as u32).collect();
+                *first = end;
+                Ok((cloud.select(&indices), false))
+            }
+        }
+    }
+}
+
+impl Iterator for Blocks {
+    type Item = Result<Cloud>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let taken = self.source.as_mut()?.take(self.size);
+            let (block, whole) = match taken {
+                Ok(taken) => taken,
+                Err(e) => {
+                    self.source = None;
+                    return Some(Err(e));
+                }
+            };
+            if block.is_empty() {
+                self.source = None;
+                return None;
+            }
+            let block = match &self.options.bounds {
+                Some(bounds) if whole => inside(&block, bounds),
+                _ => block,
+            };
+            if !block.is_empty() {
+                return Some(Ok(block));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{Column, Values};
+    use crate::io::{self, WriteOptions};
+
+    fn cloud(n: usize) -> Cloud {
+        let rows: Vec<[f64; 3]> = (0..n).map(|i| [i as f64 * 0.25, (i % 97) as f64, -1.0]).collect();
+        let mut cloud = Cloud::from_rows(&rows).unwrap();
+        let codes = (0..n).map(|i| (i % 7) as u8).collect();
+        cloud.set_column(Column::new("Classification", Values::U8(codes))).unwrap();
+        cloud
+    }
+
+    #[test]
+    fn blocks_together_are_the_file_in_every_format() {
+        let folder = tempfile::tempdir().unwrap();
+        let n = 130_001;
+        for name in ["a.las", "a.laz", "a.ply", "a.pcd", "c.pcd", "a.npz", "a.csv"] {
+            let path = folder.path().join(name);
+            let compressed = name.starts_with('c');
+            io::write(&path, &cloud(n), &WriteOptions { compressed, ..Default::default() }).unwrap();
+            let whole = io::read(&path).unwrap();
+            let mut next = 0;
+            for block in blocks(&path, 40_000, &ReadOptions::default()).unwrap() {
+                let block = block.unwrap();
+                assert_eq!(block.len(), (n - next).min(40_000), "{name}");
+                for i in (0..block.len()).step_by(997) {
+                    assert_eq!(block.xyz(i), whole.xyz(next + i), "{name}");
+                    let code = |c: &Cloud, i| c.column("Classification").unwrap().values.get(i);
+                    assert_eq!(code(&block, i), code(&whole, next + i));
+                }
+                next += block.len();
+            }
+            assert_eq!(next, n, "{name}");
+            let bounds = Some(([10.0, 0.0, -2.0], [20.0, 50.0, 0.0]));
+            let options = ReadOptions { bounds, ..Default::default() };
+            let inside: usize = blocks(&path, 1000, &options).unwrap().map(|b| b.unwrap().len()).sum();
+            assert_eq!((inside, io::read_with(&path, &options).unwrap().len()), (11, 11), "{name}");
+        }
+    }
+
+    #[test]
+    fn an_error_in_the_middle_ends_the_blocks() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.xyz");
+        let text: String = (0..900_000).map(|i| if i == 800_000 { "q".into() } else { format!("{i} 2 3\n") }).collect();
+        std::fs::write(&path, text).unwrap();
+        let mut blocks = blocks(&path, 100_000, &ReadOptions::default()).unwrap();
+        let read: usize = blocks.by_ref().map_while(|b| b.ok()).map(|b| b.len()).sum();
+        assert!((100_000..800_000).contains(&read), "{read}");
+        assert!(blocks.next().is_none());
+        assert!(super::blocks(&path, 0, &ReadOptions::default()).is_err());
+    }
+}

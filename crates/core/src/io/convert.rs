@@ -1,0 +1,137 @@
+//! From one format to another: everything that the target can hold is kept, and what it cannot is said.
+
+use super::diff::compare;
+use super::{ReadOptions, RewriteReport, WriteOptions, extension, inspect, las, read_with, write};
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// What [`convert`] is asked to change.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ConvertParams {
+    /// Point format of a LAS or LAZ output made from LAS or LAZ, 0..=10; `None`: the input's. It must have all fields of the
+    /// input's format. From 6 on the file becomes LAS 1.4.
+    pub point_format: Option<u8>,
+}
+
+impl ConvertParams {
+    /// Fails if the point format does not exist.
+    pub fn validate(&self) -> Result<()> {
+        match self.point_format {
+            Some(format) if format > 10 => Err(Error::parameter("point_format", format, "0 to 10")),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Copies a file into the format of the output's extension, atomically. `output` may be `input`.
+///
+/// Between LAS and LAZ the records stream through and every byte is kept. Otherwise the cloud is read and written, read back
+/// and compared, and the report's notes say what the target could not hold. Time linear in the points.
+///
+/// # Errors
+/// The input cannot be read, the output not written, or the point format cannot hold the input's fields.
+pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &WriteOptions) -> Result<RewriteReport> {
+    params.validate()?;
+    let to_las = ["las", "laz"].contains(&extension(output).as_str());
+    let from_las = las::is_las(input)?;
+    if from_las && to_las {
+        return las::convert(input, output, params.point_format, options);
+    }
+    if params.point_format.is_some() {
+        let reason = "a point format can be chosen from LAS or LAZ to LAS or LAZ only".to_string();
+        return Err(Error::Unsupported { path: input.to_path_buf(), reason });
+    }
+    let read = ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() };
+    let cloud = read_with(input, &read)?;
+    let records = if from_las { lost_records(input)? } else { Vec::new() };
+    write(output, &cloud, options)?;
+    options.monitor.stage("check", cloud.len() as u64);
+    let back = read_with(output, &read)?;
+    let mut notes = losses(&cloud, &back, options)?;
+    if !records.is_empty() {
+        notes.push(format!("not kept: {}", records.join(", ")));
+    }
+    Ok(RewriteReport { points: cloud.len() as u64, notes })
+}
+
+/// Variable length records of a LAS file that say more than columns and reference system do.
+fn lost_records(input: &Path) -> Result<Vec<String>> {
+    let carried = ["laszip encoded", "LASF_Projection", "LASF_Spec 4", "copc"];
+    let records = inspect(input)?.vlrs.into_iter();
+    Ok(records
+        .filter(|name| !carried.iter().any(|c| name.starts_with(c)))
+        .map(|name| format!("record {name}"))
+        .collect())
+}
+
+/// What differs between the cloud and what was written of it.
+fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> Result<Vec<String>> {
+    let found = compare(cloud, back, &options.monitor)?;
+    let mut notes = Vec::new();
+    if found.points[0] != found.points[1] {
+        notes.push(format!("{} points became {}", found.points[0], found.points[1]));
+    }
+    if cloud.crs.is_some() && back.crs != cloud.crs {
+        notes.push("not kept: the coordinate reference system".into());
+    }
+    if !found.only_in[0].is_empty() {
+        notes.push(format!("not kept: {}", found.only_in[0].join(" ")));
+    }
+    for field in &found.fields {
+        notes.push(format!("{}: rounded in {} points, by {:.3e} at most", field.name, field.differing, field.largest));
+    }
+    Ok(notes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{Cloud, Column, Values};
+    use crate::io::{self, diff};
+    use crate::parallel::Monitor;
+    use std::path::PathBuf;
+
+    fn file(folder: &Path, name: &str) -> PathBuf {
+        let rows: Vec<[f64; 3]> = (0..500).map(|i| [f64::from(i) * 0.5, f64::from(i % 7), 1.25]).collect();
+        let mut cloud = Cloud::from_rows(&rows).unwrap();
+        cloud
+            .set_column(Column::new("GpsTime", Values::F64((0..500).map(|i| 1e9 + f64::from(i) * 1e-6).collect())))
+            .unwrap();
+        cloud.set_column(Column::new("Classification", Values::U8(vec![6; 500]))).unwrap();
+        cloud.crs = Some("PROJCS[\"a\",UNIT[\"metre\",1]]".into());
+        let path = folder.join(name);
+        io::write(&path, &cloud, &WriteOptions::default()).unwrap();
+        path
+    }
+
+    #[test]
+    fn what_the_target_cannot_hold_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = file(folder.path(), "a.laz");
+        let (las, ply) = (folder.path().join("b.las"), folder.path().join("b.ply"));
+        let (params, options) = (ConvertParams::default(), WriteOptions::default());
+        assert!(convert(&source, &las, &params, &options).unwrap().notes.is_empty());
+        assert!(diff(&source, &las, &Monitor::default()).unwrap().is_empty());
+        let notes = convert(&source, &ply, &params, &options).unwrap().notes.join("; ");
+        assert!(notes.contains("GpsTime: rounded in") && notes.contains("reference system"), "{notes}");
+        assert!(!notes.contains("Classification"), "{notes}");
+    }
+
+    #[test]
+    fn another_point_format_holds_every_field_or_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = file(folder.path(), "a.las");
+        let target = folder.path().join("b.laz");
+        let to = |format| ConvertParams { point_format: Some(format) };
+        convert(&source, &target, &to(8), &WriteOptions::default()).unwrap();
+        assert_eq!(inspect(&target).unwrap().point_format, Some(8));
+        let found = diff(&source, &target, &Monitor::default()).unwrap();
+        assert!(found.fields.is_empty(), "{found:?}");
+        assert_eq!(found.only_in, [vec![], ["Red", "Green", "Blue", "Infrared"].map(String::from).to_vec()]);
+        let message = convert(&target, &source, &to(1), &WriteOptions::default()).unwrap_err().to_string();
+        assert!(message.contains("Infrared"), "{message}");
+        assert!(convert(&source, &target, &to(11), &WriteOptions::default()).is_err());
+    }
+}

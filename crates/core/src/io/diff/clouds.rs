@@ -1,0 +1,70 @@
+//! Comparing two files of any format by their columns.
+
+use super::points::{class_changes, count_classes};
+use super::tally::Tally;
+use super::{Changed, Difference};
+use crate::cloud::{Cloud, Column, Coordinates, Values, names};
+use crate::error::Result;
+use crate::io::{ReadOptions, read_with};
+use crate::parallel::Monitor;
+use std::path::Path;
+
+pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> {
+    let read = |path| read_with(path, &ReadOptions { monitor: monitor.clone(), ..ReadOptions::default() });
+    compare(&read(a)?, &read(b)?, monitor)
+}
+
+/// Compares two clouds column by column.
+pub(in crate::io) fn compare(a: &Cloud, b: &Cloud, monitor: &Monitor) -> Result<Difference> {
+    monitor.check()?;
+    let points = [a.len() as u64, b.len() as u64];
+    let mut found = Difference { points, compared: points[0].min(points[1]), ..Difference::default() };
+    if a.crs != b.crs {
+        let text = |crs: &Option<String>| crs.clone().unwrap_or_else(|| "absent".into());
+        found.header.push(Changed::new("coordinate reference system", text(&a.crs), text(&b.crs)));
+    }
+    found.fields = (0..3).filter_map(|axis| axis_tally(a, b, axis).finish()).collect();
+    for column in a.columns() {
+        monitor.check()?;
+        let Some(other) = b.column(&column.name) else {
+            found.only_in[0].push(column.name.clone());
+            continue;
+        };
+        let (one, two) = (column.values.type_name(), other.values.type_name());
+        if one != two {
+            found.types.push(Changed::new(&column.name, one, two));
+        }
+        let mut tally = Tally::new(&column.name);
+        tally.compare(&column.values, &other.values, 0);
+        found.fields.extend(tally.finish());
+    }
+    let only_b = b.columns().iter().filter(|c| a.column(&c.name).is_none());
+    found.only_in[1] = only_b.map(|c| c.name.clone()).collect();
+    if found.fields.iter().any(|f| f.name == names::CLASSIFICATION) {
+        found.classes = classes(a, b);
+    }
+    Ok(found)
+}
+
+fn axis_tally(a: &Cloud, b: &Cloud, axis: usize) -> Tally {
+    let mut tally = Tally::new(["X", "Y", "Z"][axis]);
+    let step = |cloud: &Cloud| match cloud.coordinates() {
+        Coordinates::Scaled { scale, .. } => scale[axis],
+        Coordinates::Float(_) => f64::INFINITY,
+    };
+    let finest = step(a).min(step(b));
+    tally.tolerance = if finest.is_finite() { finest * 1e-3 } else { 0.0 };
+    let values = |cloud: &Cloud| Values::F64((0..cloud.len()).map(|i| cloud.xyz(i)[axis]).collect());
+    tally.compare(&values(a), &values(b), 0);
+    tally
+}
+
+fn classes(a: &Cloud, b: &Cloud) -> Vec<super::ClassChange> {
+    let mut counts = vec![0; 1 << 16];
+    if let (Some(Column { values: one, .. }), Some(Column { values: two, .. })) =
+        (a.column(names::CLASSIFICATION), b.column(names::CLASSIFICATION))
+    {
+        count_classes(&mut counts, one, two);
+    }
+    class_changes(&counts)
+}

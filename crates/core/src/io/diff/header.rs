@@ -1,0 +1,170 @@
+//! Comparing header and variable length records of two LAS or LAZ files.
+
+use super::Changed;
+use crate::error::Result;
+use crate::io::las::{Header, Records, Vlr, f64_at, read_at, u16_at, u32_at, u64_at};
+use crate::parallel::Monitor;
+
+/// Fields of the header that differ, those apart that follow from how the points are packed.
+pub(super) fn fields(a: &Records, b: &Records) -> Vec<Changed> {
+    let (one, two) = (named(&a.header), named(&b.header));
+    let mut changed: Vec<Changed> = one
+        .into_iter()
+        .zip(two)
+        .filter(|((_, a), (_, b))| a != b)
+        .map(|((name, a), (_, b))| Changed::new(name, a, b))
+        .collect();
+    if a.gap != b.gap {
+        let text = |gap: &[u8]| format!("{} bytes", gap.len());
+        changed.push(Changed::new("bytes between VLRs and points", text(&a.gap), text(&b.gap)));
+    }
+    changed
+}
+
+fn named(header: &Header) -> Vec<(String, String)> {
+    let raw = &header.raw;
+    let text = |at: usize, size: usize| {
+        let bytes = raw.get(at..at + size).unwrap_or_default();
+        let end = bytes.iter().rposition(|&b| b != 0).map_or(0, |e| e + 1);
+        String::from_utf8_lossy(&bytes[..end]).into_owned()
+    };
+    let mut list = vec![
+        ("version".to_string(), format!("1.{}", header.minor)),
+        ("file source id".into(), u16_at(raw, 4).to_string()),
+        ("global encoding".into(), u16_at(raw, 6).to_string()),
+        ("GUID".into(), hex(&raw[8..24])),
+        ("system identifier".into(), text(26, 32)),
+        ("generating software".into(), text(58, 32)),
+        ("creation day".into(), u16_at(raw, 90).to_string()),
+        ("creation year".into(), u16_at(raw, 92).to_string()),
+        ("header size".into(), raw.len().to_string()),
+        ("point format".into(), header.format.to_string()),
+        ("record length".into(), header.record_length.to_string()),
+    ];
+    for (a, axis) in ["x", "y", "z"].iter().enumerate() {
+        for (name, at) in
+            [("scale", 131 + 8 * a), ("offset", 155 + 8 * a), ("max", 179 + 16 * a), ("min", 187 + 16 * a)]
+        {
+            list.push((format!("{name} {axis}"), f64_at(raw, at).to_string()));
+        }
+    }
+    for r in 0..15 {
+        list.push((format!("points of return {}", r + 1), by_return(header, r).to_string()));
+    }
+    let standard = [227, 227, 227, 235, 375][usize::from(header.minor).min(4)].min(raw.len());
+    list.push(("bytes behind the header's fields".into(), hex(&raw[standard..])));
+    list
+}
+
+/// Points of return `r` (from 0): the wide counters of LAS 1.4 if they are used, else the old ones.
+fn by_return(header: &Header, r: usize) -> u64 {
+    let wide = header.minor >= 4 && header.raw.get(255..375).is_some_and(|c| c.iter().any(|&b| b != 0));
+    match (wide, r < 5) {
+        (true, _) => u64_at(&header.raw, 255 + 8 * r),
+        (false, true) => u64::from(u32_at(&header.raw, 111 + 4 * r)),
+        (false, false) => 0,
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// Records that only one file has or whose content differs. Records of one user and number are compared in their order.
+pub(super) fn records(a: &mut Records, b: &mut Records, monitor: &Monitor) -> Result<Vec<Changed>> {
+    let mut changed = Vec::new();
+    for extended in [false, true] {
+        let (one, two) = (keyed(a, extended), keyed(b, extended));
+        for (key, place) in &one {
+            monitor.check()?;
+            match two.iter().find(|(k, _)| k == key) {
+                None => changed.push(Changed::new(name(key), size(a, (extended, *place)), "absent")),
+                Some((_, other)) => {
+                    changed.extend(content(key, (&mut *a, *place), (&mut *b, *other), extended)?);
+                }
+            }
+        }
+        let new = two.iter().filter(|(key, _)| !one.iter().any(|(k, _)| k == key));
+        changed.extend(new.map(|(key, place)| Changed::new(name(key), "absent", size(b, (extended, *place)))));
+    }
+    Ok(changed)
+}
+
+/// User, number, and how many of the same stand before it.
+type Key = (String, u16, usize);
+
+fn name((user, id, serial): &Key) -> String {
+    if *serial == 0 { format!("{user} {id}") } else { format!("{user} {id} (no. {})", serial + 1) }
+}
+
+fn list(records: &Records, extended: bool) -> &[Vlr] {
+    if extended { &records.evlrs } else { &records.vlrs }
+}
+
+/// Keys and places of all records but the one that says how points are packed.
+fn keyed(records: &Records, extended: bool) -> Vec<(Key, usize)> {
+    let mut keys: Vec<(Key, usize)> = Vec::new();
+    for (place, vlr) in list(records, extended).iter().enumerate() {
+        let (user, id) = (vlr.user(), u16_at(&vlr.head, 18));
+        if user == "laszip encoded" {
+            continue;
+        }
+        let serial = keys.iter().filter(|((u, i, _), _)| (u, *i) == (&user, id)).count();
+        keys.push(((user, id, serial), place));
+    }
+    keys
+}
+
+/// Bytes of a record's content, as its header tells.
+fn length(vlr: &Vlr) -> u64 {
+    if vlr.head.len() == 60 { u64_at(&vlr.head, 20) } else { vlr.data.len() as u64 }
+}
+
+fn size(records: &Records, (extended, place): (bool, usize)) -> String {
+    format!("{} bytes", list(records, extended).get(place).map_or(0, length))
+}
+
+/// Compares two records: description and reserved bytes, then the content.
+fn content(
+    key: &Key,
+    (a, one): (&mut Records, usize),
+    (b, two): (&mut Records, usize),
+    extended: bool,
+) -> Result<Option<Changed>> {
+    let (size_a, size_b) = (size(a, (extended, one)), size(b, (extended, two)));
+    let (x, y) = (&list(a, extended)[one], &list(b, extended)[two]);
+    if length(x) != length(y) {
+        return Ok(Some(Changed::new(name(key), size_a, size_b)));
+    }
+    let at = match x.data.len() as u64 == length(x) {
+        true => x.data.iter().zip(&y.data).position(|(p, q)| p != q).map(|p| p as u64),
+        false => first_difference((a, one), (b, two))?,
+    };
+    let (x, y) = (&list(a, extended)[one], &list(b, extended)[two]);
+    let said = |p: &str, q: &str| Some(Changed::new(name(key), p, q));
+    Ok(match at {
+        Some(at) => said(&size_a, &format!("{size_b}, other content from byte {at}")),
+        None if x.head != y.head => said("same content", "another description or reserved bytes"),
+        None => None,
+    })
+}
+
+/// First byte that differs of two extended records that are too large to be held in memory.
+fn first_difference((a, one): (&mut Records, usize), (b, two): (&mut Records, usize)) -> Result<Option<u64>> {
+    const PIECE: u64 = 1 << 20;
+    let start = |r: &Records, place: usize| {
+        r.header.evlrs_at + r.evlrs.iter().take(place).map(|v| 60 + length(v)).sum::<u64>() + 60
+    };
+    let (from_a, from_b, total) = (start(a, one), start(b, two), length(&a.evlrs[one]));
+    let mut done = 0;
+    while done < total {
+        let now = (total - done).min(PIECE) as usize;
+        let x = read_at(&a.path, &mut a.file, from_a + done, now)?;
+        let y = read_at(&b.path, &mut b.file, from_b + done, now)?;
+        if let Some(at) = x.iter().zip(&y).position(|(p, q)| p != q) {
+            return Ok(Some(done + at as u64));
+        }
+        done += now as u64;
+    }
+    Ok(None)
+}

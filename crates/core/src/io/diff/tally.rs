@@ -1,0 +1,115 @@
+//! Counting where two columns differ.
+
+use super::FieldDifference;
+use crate::cloud::Values;
+
+/// What is known of one field after some blocks.
+#[derive(Clone, Debug)]
+pub(super) struct Tally {
+    pub(super) name: String,
+    /// Numbers that are no further apart than this are the same.
+    pub(super) tolerance: f64,
+    /// Differences are multiplied with it before they are reported.
+    pub(super) unit: f64,
+    differing: u64,
+    first: u64,
+    largest: f64,
+}
+
+impl Tally {
+    pub(super) fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), tolerance: 0.0, unit: 1.0, differing: 0, first: 0, largest: 0.0 }
+    }
+
+    /// Compares values of the points from `first` on, as far as both have some.
+    pub(super) fn compare(&mut self, a: &Values, b: &Values, first: u64) {
+        if identical(a, b) {
+            return;
+        }
+        for i in 0..a.len().min(b.len()) {
+            if same_bits(a, b, i) {
+                continue;
+            }
+            let (x, y) = (a.get(i), b.get(i));
+            let close = (x - y).abs() <= self.tolerance && !integers(a, b);
+            // Columns of two types hold numbers; only then equal numbers are the same value.
+            let equal = a.type_name() != b.type_name() && x.to_bits() == y.to_bits();
+            if !(close && self.tolerance > 0.0 || equal) {
+                self.note(first + i as u64, (x - y).abs());
+            }
+        }
+    }
+
+    fn note(&mut self, point: u64, apart: f64) {
+        if self.differing == 0 {
+            self.first = point;
+        }
+        self.differing += 1;
+        if apart.is_finite() {
+            self.largest = self.largest.max(apart * self.unit);
+        }
+    }
+
+    /// The result, if anything differs.
+    pub(super) fn finish(self) -> Option<FieldDifference> {
+        let Self { name, differing, first, largest, .. } = self;
+        (differing > 0).then_some(FieldDifference { name, differing, first, largest })
+    }
+}
+
+macro_rules! pairs {
+    ($a:expr, $b:expr, ints: $($int:ident),*; floats: $($float:ident),*; $x:ident, $y:ident => $same:expr, $bits:expr) => {
+        match ($a, $b) {
+            $((Values::$int($x), Values::$int($y)) => $same,)*
+            $((Values::$float($x), Values::$float($y)) => $bits,)*
+            _ => false,
+        }
+    };
+}
+
+/// Whether two columns of one type are the same bit by bit.
+fn identical(a: &Values, b: &Values) -> bool {
+    pairs!(a, b, ints: U8, I8, U16, I16, U32, I32, U64, I64; floats: F32, F64; x, y =>
+        x == y,
+        x.len() == y.len() && x.iter().zip(y).all(|(p, q)| p.to_bits() == q.to_bits()))
+}
+
+/// Whether value `i` of two columns of one type is the same bit by bit.
+fn same_bits(a: &Values, b: &Values, i: usize) -> bool {
+    pairs!(a, b, ints: U8, I8, U16, I16, U32, I32, U64, I64; floats: F32, F64; x, y =>
+        x[i] == y[i],
+        x[i].to_bits() == y[i].to_bits())
+}
+
+/// Whether both columns are integers of one type: they are compared exactly, even where `f64` would round.
+fn integers(a: &Values, b: &Values) -> bool {
+    a.type_name() == b.type_name() && !matches!(a, Values::F32(_) | Values::F64(_))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tally(a: &Values, b: &Values) -> Option<(u64, u64, f64)> {
+        let mut tally = Tally::new("x");
+        tally.compare(a, b, 10);
+        tally.finish().map(|d| (d.differing, d.first, d.largest))
+    }
+
+    #[test]
+    fn values_are_compared_bit_by_bit() {
+        let nan = f64::NAN;
+        assert_eq!(tally(&Values::F64(vec![1.0, nan, 0.0]), &Values::F64(vec![1.0, nan, -0.0])), Some((1, 12, 0.0)));
+        let large = 1u64 << 60;
+        assert_eq!(tally(&Values::U64(vec![large, 2]), &Values::U64(vec![large + 1, 2])), Some((1, 10, 0.0)));
+        assert_eq!(tally(&Values::U8(vec![1, 2, 9]), &Values::U8(vec![1, 5, 2])), Some((2, 11, 7.0)));
+    }
+
+    #[test]
+    fn a_number_is_the_same_in_another_type() {
+        assert_eq!(tally(&Values::U8(vec![2, 6]), &Values::F32(vec![2.0, 6.0])), None);
+        assert_eq!(tally(&Values::F64(vec![0.5]), &Values::F32(vec![0.5])), None);
+        assert!(tally(&Values::F64(vec![0.1]), &Values::F32(vec![0.1])).is_some());
+        assert_eq!(tally(&Values::U8(vec![2]), &Values::F32(vec![2.5])), Some((1, 10, 0.5)));
+    }
+}

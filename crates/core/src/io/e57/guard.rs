@@ -1,0 +1,181 @@
+//! What is checked of an E57 file before and around the decoder.
+
+use crate::error::{Error, Result};
+use ::e57::{E57Reader, PointCloud, RecordDataType};
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Bytes of the one page size that the standard allows.
+const PAGE: u64 = 1024;
+/// The XML of real files is a few kilobytes a scan; parsing takes several times its size.
+const MOST_XML: u64 = 16 << 20;
+/// Deeper elements than any real file has would take the parser's stack.
+const DEEPEST: usize = 64;
+/// The standard knows about 20 fields; extensions add some.
+const MOST_FIELDS: usize = 1000;
+/// Points that take no bytes at all (all their fields are constant) are read up to this number.
+const MOST_CONSTANT: u64 = 1_000_000;
+
+pub(super) type Reader = E57Reader<BufReader<File>>;
+
+/// A file whose header and XML have been checked.
+pub(super) struct E57 {
+    reader: Reader,
+    size: u64,
+}
+
+pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (impl ToString, impl ToString)) -> Error {
+    Error::Malformed {
+        path: path.to_path_buf(),
+        format: "E57",
+        field: field.to_string(),
+        place,
+        found: found.to_string(),
+        allowed: allowed.to_string(),
+    }
+}
+
+/// Opens a file after its header was compared with its size.
+pub(super) fn open(path: &Path) -> Result<E57> {
+    let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
+    let mut head = [0; 48];
+    file.read_exact(&mut head).map_err(|_| bad(path, "header", "byte 0".into(), (size, "48 bytes")))?;
+    let number = |at: usize| u64::from_le_bytes(crate::io::number::array(&head, at));
+    let [length, xml_at, xml, page] = [16, 24, 32, 40].map(number);
+    if page != PAGE {
+        return Err(bad(path, "page size", "byte 40".into(), (page, PAGE)));
+    }
+    if length != size || size % PAGE != 0 {
+        return Err(bad(path, "file length", "byte 16".into(), (length, format!("{size}, and whole pages of {PAGE}"))));
+    }
+    if xml_at >= size || xml > (size - xml_at).min(MOST_XML) {
+        let allowed = format!("inside the file, at most {MOST_XML} bytes");
+        return Err(bad(path, "XML", "byte 24".into(), (format!("{xml} bytes at byte {xml_at}"), allowed)));
+    }
+    file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(path, e))?;
+    let copy = file.try_clone().map_err(|e| Error::io(path, e))?;
+    let text = caught(path, "XML", || E57Reader::raw_xml(BufReader::new(copy)).map_err(|e| e.to_string()))?;
+    let depth = depth(&text);
+    if depth > DEEPEST {
+        return Err(bad(path, "XML", format!("byte {xml_at}"), (format!("{depth} nested elements"), DEEPEST)));
+    }
+    file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(path, e))?;
+    let reader = caught(path, "XML", || E57Reader::new(BufReader::new(file)).map_err(|e| e.to_string()))?;
+    Ok(E57 { reader, size })
+}
+
+/// How deep elements are nested, about: comments and such only make it larger.
+fn depth(xml: &[u8]) -> usize {
+    let (mut now, mut most) = (0usize, 0);
+    for pair in xml.windows(2) {
+        match pair {
+            b"</" | b"/>" => now = now.saturating_sub(1),
+            [b'<', next] if next.is_ascii_alphabetic() || *next == b'_' => now += 1,
+            _ => {}
+        }
+        most = most.max(now);
+    }
+    most
+}
+
+/// Runs the decoder; its errors and panics become errors about `what`.
+fn caught<T>(path: &Path, what: &str, work: impl FnOnce() -> std::result::Result<T, String>) -> Result<T> {
+    let failed = |found: String| bad(path, what, "its bytes".into(), (found, "what an E57 writer writes"));
+    match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(result) => result.map_err(failed),
+        Err(_) => Err(failed("bytes that no writer writes".into())),
+    }
+}
+
+impl E57 {
+    /// The scans, each with a number of points that the file can hold.
+    pub(super) fn scans(&self, path: &Path) -> Result<Vec<PointCloud>> {
+        let scans = self.reader.pointclouds();
+        let mut total = 0u64;
+        for (number, scan) in scans.iter().enumerate() {
+            if scan.prototype.len() > MOST_FIELDS {
+                let found = format!("{} fields a point", scan.prototype.len());
+                return Err(bad(
+                    path,
+                    "prototype",
+                    format!("scan {number}"),
+                    (found, format!("at most {MOST_FIELDS}")),
+                ));
+            }
+            let mut bits = 0u64;
+            for record in &scan.prototype {
+                bits += bits_of(&record.data_type).ok_or_else(|| {
+                    let found = format!("{:?}", record.data_type);
+                    bad(path, "prototype", format!("scan {number}"), (found, "minimum <= maximum"))
+                })?;
+            }
+            let most = (8 * self.size).checked_div(bits).unwrap_or(MOST_CONSTANT);
+            if scan.records > most {
+                return Err(bad(
+                    path,
+                    "recordCount",
+                    format!("scan {number}"),
+                    (scan.records, format!("at most {most}")),
+                ));
+            }
+            total += scan.records;
+        }
+        match total < u64::from(u32::MAX) {
+            true => Ok(scans),
+            false => Err(bad(path, "recordCount", "all scans".into(), (total, format!("fewer than {}", u32::MAX)))),
+        }
+    }
+
+    /// The coordinate reference system as the file states it.
+    pub(super) fn crs(&self) -> Option<String> {
+        self.reader.coordinate_metadata().map(str::trim).filter(|t| !t.is_empty()).map(String::from)
+    }
+
+    /// Runs a reading of the decoder; its panics become errors.
+    pub(super) fn guarded<T>(
+        &mut self,
+        path: &Path,
+        what: &str,
+        work: impl FnOnce(&mut Reader) -> Result<T>,
+    ) -> Result<T> {
+        caught(path, what, || Ok(work(&mut self.reader)))?
+    }
+}
+
+/// Bits of a value; `None` if its range is not in order.
+fn bits_of(kind: &RecordDataType) -> Option<u64> {
+    match kind {
+        RecordDataType::Single { .. } => Some(32),
+        RecordDataType::Double { .. } => Some(64),
+        RecordDataType::ScaledInteger { min, max, .. } | RecordDataType::Integer { min, max } => {
+            let range = max.wrapping_sub(*min) as u64;
+            (min <= max).then_some(u64::from(u64::BITS - range.leading_zeros()))
+        }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// CRC-32C of a page, bit by bit.
+    pub(in crate::io::e57) fn checksum(bytes: &[u8]) -> u32 {
+        let step = |crc: u32, _| if crc & 1 == 1 { crc >> 1 ^ 0x82f6_3b78 } else { crc >> 1 };
+        !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), step))
+    }
+
+    #[test]
+    fn bits_follow_the_range() {
+        let integer = |min, max| bits_of(&RecordDataType::Integer { min, max });
+        assert_eq!([integer(0, 0), integer(0, 1), integer(-1, 254), integer(0, 256)], [0, 1, 8, 9].map(Some));
+        assert_eq!((integer(i64::MIN, i64::MAX), integer(1, 0)), (Some(64), None));
+    }
+
+    #[test]
+    fn nesting_is_counted() {
+        assert_eq!(depth(b"<?xml?><a><b/><c><d x='1'/></c></a>"), 3);
+    }
+}

@@ -1,0 +1,67 @@
+//! What a file is: told by its first bytes, then by its name.
+
+use crate::error::{Error, Result};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// The formats that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    Las,
+    Ply,
+    Pcd,
+    E57,
+    Npz,
+    Ptx,
+    Text,
+}
+
+/// For messages.
+const READABLE: &str = "LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX or text";
+
+pub(super) fn extension(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// By the first bytes; what begins with no known magic is text if its name or its bytes say so.
+pub(super) fn format_of(path: &Path) -> Result<Format> {
+    let mut start = Vec::new();
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    file.take(4096).read_to_end(&mut start).map_err(|e| Error::io(path, e))?;
+    let unsupported = |reason: String| Err(Error::Unsupported { path: path.to_path_buf(), reason });
+    if start.is_empty() {
+        return Err(Error::Malformed {
+            path: path.to_path_buf(),
+            format: "file",
+            field: "content".into(),
+            place: "byte 0".into(),
+            found: "an empty file".into(),
+            allowed: READABLE.into(),
+        });
+    }
+    match &start[..] {
+        s if s.starts_with(b"LASF") => Ok(Format::Las),
+        s if s.starts_with(b"ply") && s.get(3).is_some_and(u8::is_ascii_whitespace) => Ok(Format::Ply),
+        s if s.starts_with(b"ASTM-E57") => Ok(Format::E57),
+        s if s.starts_with(b"PK") && extension(path) == "npz" => Ok(Format::Npz),
+        s if pcd(s) || extension(path) == "pcd" => Ok(Format::Pcd),
+        s if s.starts_with(b"OFF") && s.get(3).is_some_and(u8::is_ascii_whitespace) => {
+            unsupported("OFF is a mesh, not a scan; convert its vertices to PLY".into())
+        }
+        s if s.contains(&0) => {
+            unsupported(format!("neither {READABLE} (it begins with {:02x?})", &s[..s.len().min(8)]))
+        }
+        _ if extension(path) == "ptx" => Ok(Format::Ptx),
+        _ => Ok(Format::Text),
+    }
+}
+
+/// The comment of PCD's writers, or the first keyword after comments.
+fn pcd(start: &[u8]) -> bool {
+    let mut lines = start.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
+    start.starts_with(b"# .PCD")
+        || lines
+            .find(|l| !l.is_empty() && l[0] != b'#')
+            .is_some_and(|l| [&b"VERSION "[..], b"FIELDS ", b"COLUMNS "].iter().any(|keyword| l.starts_with(keyword)))
+}

@@ -1,0 +1,59 @@
+//! The names that other programs give to columns, as PDAL's names.
+
+use crate::cloud::names;
+
+/// What programs write, in lower case and without `_`, beside what it is here.
+const KNOWN: [(&str, &str); 33] = [
+    ("intensity", names::INTENSITY),
+    ("i", names::INTENSITY),
+    ("red", names::COLOUR[0]),
+    ("r", names::COLOUR[0]),
+    ("green", names::COLOUR[1]),
+    ("g", names::COLOUR[1]),
+    ("blue", names::COLOUR[2]),
+    ("b", names::COLOUR[2]),
+    ("class", names::CLASSIFICATION),
+    ("classification", names::CLASSIFICATION),
+    ("label", names::CLASSIFICATION),
+    ("returnnumber", names::RETURN_NUMBER),
+    ("numberofreturns", names::NUMBER_OF_RETURNS),
+    ("scandirectionflag", "ScanDirectionFlag"),
+    ("edgeofflightline", "EdgeOfFlightLine"),
+    ("synthetic", "Synthetic"),
+    ("syntheticflag", "Synthetic"),
+    ("keypoint", "KeyPoint"),
+    ("keypointflag", "KeyPoint"),
+    ("withheld", "Withheld"),
+    ("withheldflag", "Withheld"),
+    ("overlap", "Overlap"),
+    ("overlapflag", "Overlap"),
+    ("scanchannel", "ScanChannel"),
+    ("scanangle", "ScanAngle"),
+    ("scananglerank", "ScanAngle"),
+    ("userdata", "UserData"),
+    ("pointsourceid", "PointSourceId"),
+    ("gpstime", "GpsTime"),
+    ("infrared", "Infrared"),
+    ("nir", "Infrared"),
+    ("confidence", names::CONFIDENCE),
+    ("entropy", names::ENTROPY),
+];
+
+/// PDAL's name of a column, or the name itself. Case and underscores do not matter.
+pub(super) fn name(given: &str) -> String {
+    let plain: String = given.chars().filter(|c| *c != '_').flat_map(char::to_lowercase).collect();
+    KNOWN.iter().find(|(name, _)| *name == plain).map_or_else(|| given.to_string(), |(_, known)| (*known).to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::name;
+
+    #[test]
+    fn usual_spellings_are_known_and_others_stay() {
+        assert_eq!(name("returnnumber"), "ReturnNumber");
+        assert_eq!(name("gps_time"), "GpsTime");
+        assert_eq!(name("Label"), "Classification");
+        assert_eq!(name("normal_x"), "normal_x");
+    }
+}

@@ -1,0 +1,173 @@
+//! Columns that a cloud of another format brings, as fields of LAS: what fits, what is scaled, what is kept beside.
+//!
+//! - Values that a field can hold go there.
+//! - Intensities and colours between 0 and 1 that are not whole become 0 to 65535.
+//! - All other values keep their numbers in an extra dimension `NAME_raw`; the field is 0. Negative intensities of text
+//!   and PTS, fractions, what is above 65535 and NaN are of this kind.
+//! - Class codes, return numbers and user data that do not fit are an error: a wrong code helps nobody.
+
+use super::fields::Field;
+use crate::cloud::{Column, Values};
+use crate::error::{Error, Result};
+use std::borrow::Cow;
+
+/// Largest value of fields of 16 bits.
+const FULL: f64 = 65_535.0;
+
+/// How a cloud's columns are stored.
+#[derive(Debug, Default)]
+pub(super) struct Fit<'a> {
+    /// Field, column and the factor of its values.
+    pub(super) fields: Vec<(Field, &'a Column, f64)>,
+    pub(super) extras: Vec<Cow<'a, Column>>,
+}
+
+impl<'a> Fit<'a> {
+    /// Decides for each column.
+    pub(super) fn new(columns: &'a [Column], format: u8) -> Result<Self> {
+        let mut fit = Self::default();
+        for column in columns {
+            let Some(field) = Field::named(&column.name, format) else {
+                fit.extras.push(Cow::Borrowed(column));
+                continue;
+            };
+            match first_misfit(field, &column.values) {
+                None => fit.fields.push((field, column, 1.0)),
+                Some(_) if is_share(field, &column.values) => fit.fields.push((field, column, FULL)),
+                Some(i) if is_code(field) => {
+                    let (value, most) = (column.values.get(i), most(field));
+                    return Err(Error::input(format!("{} of point {i} is {value}; LAS holds 0..={most}", column.name)));
+                }
+                Some(_) => fit.extras.push(Cow::Owned(raw(column))),
+            }
+        }
+        Ok(fit)
+    }
+}
+
+/// Fields whose wrong value cannot be mended later.
+fn is_code(field: Field) -> bool {
+    matches!(field, Field::Classification | Field::UserData | Field::ReturnNumber | Field::NumberOfReturns)
+}
+
+fn wide(field: Field) -> bool {
+    matches!(field, Field::Intensity | Field::Red | Field::Green | Field::Blue | Field::Infrared | Field::PointSourceId)
+}
+
+/// Largest value of a field of whole numbers.
+fn most(field: Field) -> f64 {
+    match field {
+        Field::Classification | Field::UserData => 255.0,
+        Field::ReturnNumber | Field::NumberOfReturns => 15.0,
+        Field::ScanChannel => 3.0,
+        _ if wide(field) => FULL,
+        _ => 1.0,
+    }
+}
+
+/// The first value that the field cannot hold.
+fn first_misfit(field: Field, values: &Values) -> Option<usize> {
+    let fits = |v: f64| match field {
+        Field::GpsTime => true,
+        // Steps of 0.006 degrees in 16 bits.
+        Field::ScanAngle => v.abs() <= 196.6,
+        _ => (0.0..=most(field)).contains(&v) && v.fract() == 0.0,
+    };
+    // These cannot hold a misfit.
+    match values {
+        Values::U16(_) | Values::U8(_) if wide(field) => None,
+        Values::U8(_) if most(field) >= 255.0 => None,
+        values => (0..values.len()).find(|&i| !fits(values.get(i))),
+    }
+}
+
+/// Whether the values are shares of a whole: floats from 0 to 1.
+fn is_share(field: Field, values: &Values) -> bool {
+    let float = matches!(values, Values::F32(_) | Values::F64(_));
+    let share = |i| (0.0..=1.0).contains(&values.get(i));
+    float && wide(field) && field != Field::PointSourceId && (0..values.len()).all(share)
+}
+
+/// The column under another name; `f64` becomes `f32` where that loses nothing.
+#[expect(clippy::float_cmp, reason = "whether nothing is lost is an exact question")]
+fn raw(column: &Column) -> Column {
+    let values = match &column.values {
+        Values::F64(v) if v.iter().all(|&x| x.is_nan() || f64::from(x as f32) == x) => {
+            Values::F32(v.iter().map(|&x| x as f32).collect())
+        }
+        values => values.clone(),
+    };
+    Column::new(format!("{}_raw", column.name), values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::io;
+
+    fn written(name: &str, values: Values) -> Result<Cloud> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.las");
+        let mut cloud = Cloud::from_rows(&vec![[1.0, 2.0, 3.0]; values.len()]).unwrap();
+        cloud.set_column(Column::new(name, values)).unwrap();
+        io::write(&path, &cloud, &Default::default())?;
+        io::read(&path)
+    }
+
+    fn column(cloud: &Cloud, name: &str) -> Vec<f64> {
+        cloud.column(name).unwrap().values.to_f64()
+    }
+
+    #[test]
+    fn whole_numbers_in_range_go_to_their_field() {
+        let cloud = written("Intensity", Values::F64(vec![0.0, 1.0, 65_535.0])).unwrap();
+        assert_eq!(column(&cloud, "Intensity"), [0.0, 1.0, 65_535.0]);
+        assert!(cloud.column("Intensity_raw").is_none());
+        let cloud = written("ScanAngle", Values::F32(vec![-90.0, 12.0])).unwrap();
+        assert!((column(&cloud, "ScanAngle")[0] + 90.0).abs() < 0.004);
+    }
+
+    #[test]
+    fn shares_of_one_fill_the_sixteen_bits() {
+        for name in ["Intensity", "Green", "Infrared"] {
+            let cloud = written(name, Values::F32(vec![0.0, 0.5, 1.0])).unwrap();
+            assert_eq!(column(&cloud, name), [0.0, 32_768.0, 65_535.0]);
+        }
+    }
+
+    #[test]
+    fn values_that_do_not_fit_are_kept_beside_the_field() {
+        let cases = [
+            Values::I16(vec![-900, 7]),
+            Values::F64(vec![-2047.0, 12.5]),
+            Values::U32(vec![65_536, 0]),
+            Values::F64(vec![1e300, 0.1]),
+            Values::F32(vec![2.5, 0.25]),
+        ];
+        for values in cases {
+            let cloud = written("Intensity", values.clone()).unwrap();
+            assert_eq!(column(&cloud, "Intensity"), [0.0, 0.0], "{values:?}");
+            assert_eq!(column(&cloud, "Intensity_raw"), values.to_f64());
+        }
+        let cloud = written("Withheld", Values::U8(vec![0, 2])).unwrap();
+        assert_eq!(column(&cloud, "Withheld_raw"), [0.0, 2.0]);
+        let cloud = written("Intensity", Values::F32(vec![f32::NAN, 0.5])).unwrap();
+        assert!(column(&cloud, "Intensity_raw")[0].is_nan());
+        let cloud = written("ScanAngle", Values::F64(vec![200.0])).unwrap();
+        assert_eq!(column(&cloud, "ScanAngle_raw"), [200.0]);
+    }
+
+    #[test]
+    fn codes_that_do_not_fit_are_errors() {
+        for (name, values) in [
+            ("Classification", Values::U16(vec![2, 256])),
+            ("Classification", Values::F64(vec![2.5])),
+            ("Classification", Values::F32(vec![f32::NAN])),
+            ("ReturnNumber", Values::U8(vec![16])),
+        ] {
+            let message = written(name, values).unwrap_err().to_string();
+            assert!(message.contains(name) && message.contains("LAS holds"), "{message}");
+        }
+    }
+}

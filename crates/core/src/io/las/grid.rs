@@ -1,0 +1,61 @@
+//! One grid of scale and offset that holds the coordinates of several files exactly.
+
+use super::header::Header;
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// Ticks further from a whole number than this are not on the grid.
+const SLACK: f64 = 1e-4;
+
+/// Scale and offset of the output.
+pub(super) struct Grid {
+    pub(super) scale: [f64; 3],
+    pub(super) offset: [f64; 3],
+}
+
+impl Grid {
+    /// The finest of the scales, and the first offset, moved by whole ticks if the coordinates do not fit otherwise.
+    ///
+    /// # Errors
+    /// A scale is no whole multiple of the finest, or an offset is no whole number of ticks away from the first.
+    pub(super) fn common(files: &[(&Path, &Header)]) -> Result<Self> {
+        let Some((_, first)) = files.first() else { return Err(Error::input("nothing to merge")) };
+        let mut grid = Self { scale: first.scale, offset: first.offset };
+        for a in 0..3 {
+            grid.scale[a] = files.iter().map(|(_, h)| h.scale[a]).fold(f64::INFINITY, f64::min);
+            for (path, header) in files {
+                let factor = header.scale[a] / grid.scale[a];
+                let shift = (header.offset[a] - first.offset[a]) / grid.scale[a];
+                let whole = |v: f64| (v - v.round()).abs() <= SLACK && v.abs() < 1e15;
+                if !(whole(factor) && (factor - factor.round()).abs() <= 1e-9 * factor && whole(shift)) {
+                    let text = format!("scale {} and offset {} of axis {a}", header.scale[a], header.offset[a]);
+                    let wanted =
+                        format!("no grid of scale {} from {} holds them exactly", grid.scale[a], first.offset[a]);
+                    return Err(Error::input(format!("{}: {text}: {wanted}", path.display())));
+                }
+            }
+            grid.centre(a, files);
+        }
+        Ok(grid)
+    }
+
+    /// Moves the offset if ticks would not fit 32 bits.
+    fn centre(&mut self, a: usize, files: &[(&Path, &Header)]) {
+        let filled = || files.iter().filter(|(_, h)| h.points > 0 && h.low[a] <= h.high[a]);
+        let low = filled().map(|(_, h)| h.low[a]).fold(f64::INFINITY, f64::min);
+        let high = filled().map(|(_, h)| h.high[a]).fold(f64::NEG_INFINITY, f64::max);
+        let ticks = |v: f64| ((v - self.offset[a]) / self.scale[a]).abs();
+        if low <= high && ticks(low).max(ticks(high)) > f64::from(i32::MAX) {
+            let middle = (low + (high - low) / 2.0 - self.offset[a]) / self.scale[a];
+            self.offset[a] += middle.round() * self.scale[a];
+        }
+    }
+
+    /// Factor and shift of a file's ticks on this grid; (1, 0) where nothing changes.
+    pub(super) fn ticks(&self, header: &Header) -> [(i64, i64); 3] {
+        [0, 1, 2].map(|a| {
+            let factor = (header.scale[a] / self.scale[a]).round() as i64;
+            (factor, ((header.offset[a] - self.offset[a]) / self.scale[a]).round() as i64)
+        })
+    }
+}

@@ -1,0 +1,108 @@
+//! Which columns the records of a file hold, down to the last byte, and how they are taken out of raw records.
+
+use super::extra::{self, Extra};
+use super::fields::{self, Field};
+use super::header::{Header, RECORD_SIZES};
+use super::vlr::Vlr;
+use crate::cloud::{Column, Values};
+
+/// Where a column comes from.
+#[derive(Clone, Debug)]
+enum Source {
+    Axis(usize),
+    Field(Field),
+    Extra(Extra),
+    /// At most 8 bytes that have no name of their own, as a number.
+    Bytes(usize, usize),
+}
+
+/// All columns of a point format with its extra bytes; together they cover every byte of a record.
+#[derive(Clone, Debug)]
+pub(in crate::io) struct Layout {
+    format: u8,
+    length: usize,
+    sources: Vec<(String, Source)>,
+}
+
+/// Parts of the 29 bytes that close a record with a waveform (LAS 1.4 R15, table 11).
+const WAVE: [(&str, usize, usize); 7] = [
+    ("WavePacketDescriptorIndex", 0, 1),
+    ("WaveformDataOffset", 1, 8),
+    ("WaveformPacketSize", 9, 4),
+    ("WaveformLocation", 13, 4),
+    ("WaveformXt", 17, 4),
+    ("WaveformYt", 21, 4),
+    ("WaveformZt", 25, 4),
+];
+
+impl Layout {
+    /// The layout that header and Extra Bytes descriptors tell.
+    pub(in crate::io) fn of(header: &Header, vlrs: &[Vlr]) -> Self {
+        let base = usize::from(RECORD_SIZES[usize::from(header.format)]);
+        let mut layout = Self { format: header.format, length: usize::from(header.record_length), sources: Vec::new() };
+        (0..3).for_each(|a| layout.push(["X", "Y", "Z"][a], Source::Axis(a)));
+        fields::of_format(header.format).for_each(|(field, name)| layout.push(name, Source::Field(field)));
+        if matches!(header.format, 4 | 5 | 9 | 10) {
+            WAVE.iter().for_each(|(name, at, size)| layout.push(name, Source::Bytes(base - 29 + at, *size)));
+        }
+        let mut at = base;
+        for extra in extra::described(header, vlrs).0 {
+            layout.unnamed(at..extra.at, base);
+            at = extra.at + extra::size_of(extra.kind);
+            layout.push(&extra.name.clone(), Source::Extra(extra));
+        }
+        layout.unnamed(at..layout.length, base);
+        layout
+    }
+
+    /// Adds a column; a name that is taken gets a number.
+    fn push(&mut self, name: &str, source: Source) {
+        let mut free = name.to_string();
+        let mut serial = 2;
+        while self.sources.iter().any(|(n, _)| *n == free) {
+            free = format!("{name}_{serial}");
+            serial += 1;
+        }
+        self.sources.push((free, source));
+    }
+
+    /// Adds bytes that nobody described.
+    fn unnamed(&mut self, range: std::ops::Range<usize>, base: usize) {
+        for at in range.clone().step_by(8) {
+            let size = (range.end - at).min(8);
+            self.push(&format!("ExtraByte{}", at - base), Source::Bytes(at, size));
+        }
+    }
+
+    /// Names of the columns, in the order of the record.
+    pub(in crate::io) fn names(&self) -> impl Iterator<Item = &str> {
+        self.sources.iter().map(|(name, _)| &name[..])
+    }
+
+    /// The column of that name of some raw records. `X`, `Y`, `Z` are ticks.
+    pub(in crate::io) fn column(&self, name: &str, records: &[u8]) -> Option<Column> {
+        let (name, source) = self.sources.iter().find(|(n, _)| n == name)?;
+        let each = records.chunks_exact(self.length);
+        let values = match source {
+            Source::Axis(axis) => {
+                Values::I32(each.map(|r| i32::from_le_bytes(super::header::array(r, 4 * axis))).collect())
+            }
+            Source::Bytes(at, size) => Values::U64(each.map(|r| number(&r[*at..at + size])).collect()),
+            Source::Field(field) => {
+                let mut values = field.values();
+                field.append(self.format, (records, self.length), &mut values);
+                values
+            }
+            Source::Extra(extra) => {
+                let mut values = extra.values();
+                extra.append((records, self.length), &mut values);
+                values
+            }
+        };
+        Some(Column::new(name, values))
+    }
+}
+
+fn number(bytes: &[u8]) -> u64 {
+    bytes.iter().rev().fold(0, |sum, &b| sum << 8 | u64::from(b))
+}

@@ -1,0 +1,145 @@
+//! Passing a LAS or LAZ file through: only what is asked changes.
+//!
+//! The raw records stream from input to output. Header, VLRs, the bytes between VLRs and points, every field and every extra
+//! byte of the records, and everything behind the points are copied as they stand.
+
+mod lookup;
+pub(super) mod plan;
+pub(super) mod tail;
+#[cfg(test)]
+mod tests;
+
+use super::header::put;
+use super::promote;
+use super::read::check_codes;
+use super::records::{Records, SLAB, par_records};
+use super::stream::Stream;
+use super::vlr::laz_chunk_size;
+use super::writer::{CHUNK, Front, Writer};
+use crate::error::{Error, Result};
+use crate::io::{Edit, RewriteReport, WriteOptions};
+use plan::plan;
+use rayon::prelude::*;
+use std::path::Path;
+use tail::Tail;
+
+/// Chunks of the input's size are written up to this many points; beyond it memory would follow the chunk.
+const LARGEST_CHUNK: u32 = 500_000;
+
+/// Copies `input` to `output` (LAS or LAZ by its extension) with the edits applied.
+pub(in crate::io) fn rewrite(
+    input: &Path,
+    output: &Path,
+    edits: &[Edit],
+    options: &WriteOptions,
+) -> Result<RewriteReport> {
+    rewrite_records(Records::open(input)?, output, edits, options)
+}
+
+/// Writes records that are open with the edits applied.
+pub(in crate::io) fn rewrite_records(
+    records: Records,
+    output: &Path,
+    edits: &[Edit],
+    options: &WriteOptions,
+) -> Result<RewriteReport> {
+    let codes = edits.iter().find_map(|e| if let Edit::Classification(codes) = e { Some(&codes[..]) } else { None });
+    if let Some(codes) = codes {
+        check_codes(codes, records.header.points)?;
+    }
+    let largest = codes.and_then(|c| c.iter().max().copied()).unwrap_or(0);
+    let format = records.header.format;
+    let to = (format < 6 && largest > 31).then(|| promote::target(format));
+    let mut report = rewrite_as(records, output, (edits, to), options)?;
+    if let Some(to) = to {
+        let note = format!("class codes up to {largest} need LAS 1.4: point format {format} became {to}");
+        report.notes.insert(0, note);
+    }
+    Ok(report)
+}
+
+/// Copies `input` to `output` (LAS or LAZ by its extension), in another point format if one is asked for.
+pub(in crate::io) fn convert(
+    input: &Path,
+    output: &Path,
+    point_format: Option<u8>,
+    options: &WriteOptions,
+) -> Result<RewriteReport> {
+    let records = Records::open(input)?;
+    let from = records.header.format;
+    let to = point_format.filter(|&to| to != from);
+    if let Some(to) = to {
+        let missing = promote::missing(from, to);
+        if !missing.is_empty() {
+            let reason = format!("point format {to} cannot hold what format {from} has: {}", missing.join(", "));
+            return Err(Error::Unsupported { path: input.to_path_buf(), reason });
+        }
+    }
+    let mut report = rewrite_as(records, output, (&[], to), options)?;
+    report.notes.extend(to.map(|to| format!("point format {from} became {to}; fields that are new are 0")));
+    Ok(report)
+}
+
+/// Writes records that are open, with the edits, in another point format if one is given.
+pub(in crate::io) fn rewrite_as(
+    mut records: Records,
+    output: &Path,
+    (edits, to): (&[Edit], Option<u8>),
+    options: &WriteOptions,
+) -> Result<RewriteReport> {
+    let points = records.header.points;
+    let mut report = RewriteReport { points, notes: Vec::new() };
+    let mut front = front(&records, to, output);
+    let tail = Tail::of(&mut records, &mut front)?;
+    if tail.lost_copc {
+        report.notes.push("the octree of the COPC input is not kept; the output is plain LAZ".into());
+    }
+    let plan = plan(&records, &mut front, edits, to)?;
+    edits.iter().for_each(|edit| {
+        if let Edit::ClassNames(names) = edit {
+            lookup::add(&mut front.vlrs, names);
+        }
+    });
+    let old = records.header.clone();
+    let mut writer = Writer::create(output, front)?;
+    let monitor = &options.monitor;
+    monitor.stage("write", points);
+    let mut stream = Stream::of(records);
+    let mut first = 0;
+    loop {
+        let mut bytes = stream.next(SLAB, monitor)?;
+        let count = bytes.len() / plan.old_length;
+        if count == 0 {
+            break;
+        }
+        if plan.keeps_length() {
+            par_records(&mut bytes, first, plan.old_length).for_each(|(i, record)| plan.apply(record, i));
+            writer.push(&bytes, monitor)?;
+        } else {
+            writer.push(&plan.widen(&bytes, first), monitor)?;
+        }
+        first += count;
+        monitor.advance(count as u64);
+    }
+    let records = &mut stream.records;
+    writer.finish(monitor, |file| tail.copy(records, file, monitor), |header, end| tail.patch(&old, header, end))?;
+    Ok(report)
+}
+
+/// Everything before the points, as the input has it.
+fn front(records: &Records, to: Option<u8>, output: &Path) -> Front {
+    let wkt = records.vlrs.iter().any(|v| v.is("LASF_Projection", 2112));
+    let header = match to {
+        Some(to) => promote::header(&records.header, to, wkt),
+        None => records.header.raw.clone(),
+    };
+    let laz = output.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("laz"));
+    let own = records.vlrs.iter().find(|v| v.is("laszip encoded", 22204)).map(laz_chunk_size);
+    let chunk = own.filter(|&c| c > 0 && c <= LARGEST_CHUNK).unwrap_or(CHUNK);
+    let mut vlrs = records.vlrs.clone();
+    // COPC's info record speaks of chunks that the output does not have.
+    vlrs.retain(|v| v.user() != "copc");
+    let mut front = Front { header, vlrs, gap: records.gap.clone(), chunk: laz.then_some(chunk) };
+    put(&mut front.header, 100, &(front.vlrs.len() as u32).to_le_bytes());
+    front
+}

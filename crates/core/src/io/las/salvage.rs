@@ -1,0 +1,268 @@
+//! Opening a damaged LAS or LAZ file: what is there is taken, what is missing is counted.
+
+use super::chunks::{self, Chunk, Chunks, Decoder};
+use super::header::{Header, RECORD_SIZES, array, bad, put, u16_at, u32_at, u64_at};
+use super::records::{MOST_EVLR, Records, SLAB};
+use super::stream::Stream;
+use super::vlr::{Vlr, read_at};
+use super::walk;
+use crate::error::{Error, Result};
+use crate::io::salvage::Losses;
+use crate::parallel::{Monitor, map_ordered};
+use laz::DecompressionSelection;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+impl Records {
+    /// Opens a file as far as it can be read. The header that is handed out tells what is there.
+    ///
+    /// # Errors
+    /// There is no header, or nothing in it makes sense: then nothing can be salvaged.
+    pub(in crate::io) fn salvage(path: &Path, monitor: &Monitor) -> Result<(Self, Losses)> {
+        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
+        let mut losses = Losses::default();
+        let mut header = header(path, &mut file, size, &mut losses)?;
+        losses.declared = header.points;
+        let (vlrs, gap) = vlrs(path, &mut file, &mut header, &mut losses)?;
+        let (evlrs, end) = evlrs(path, &mut file, &mut header, (size, &mut losses))?;
+        let chunks = match header.compressed {
+            true => Some(chunk_list(path, &mut file, (&header, &vlrs), (end, &mut losses), monitor)?),
+            false => None,
+        };
+        header.points = match &chunks {
+            Some(chunks) => chunks.list.iter().map(|c| c.points).sum(),
+            None => plain_points(&header, end, &mut losses),
+        };
+        let selection = DecompressionSelection::all();
+        let records = Self { path: path.to_path_buf(), file, size, header, vlrs, gap, evlrs, chunks, selection };
+        losses.read = records.header.points;
+        Ok((recount(records, monitor)?, losses))
+    }
+}
+
+/// The header, with sizes that the file can hold.
+fn header(path: &Path, file: &mut File, size: u64, losses: &mut Losses) -> Result<Header> {
+    let mut raw = Vec::new();
+    file.take(375).read_to_end(&mut raw).map_err(|e| Error::io(path, e))?;
+    if raw.len() < 227 || &raw[..4] != b"LASF" {
+        return Err(bad(path, "header", 0, (format!("{} bytes", raw.len()), "at least the 227 bytes of a LAS header")));
+    }
+    let minor = usize::from(raw[25]);
+    if raw[24] != 1 || minor > 4 {
+        return Err(bad(path, "version", 24, (format!("{}.{minor}", raw[24]), "1.0 to 1.4")));
+    }
+    let least = [227, 227, 227, 235, 375][minor];
+    let mut length = usize::from(u16_at(&raw, 94));
+    if length < least || length as u64 > size {
+        losses.notes.push(format!("header size {length} taken as {least}"));
+        length = least;
+        put(&mut raw, 94, &(least as u16).to_le_bytes());
+    }
+    if raw.len() < length {
+        raw.extend(read_at(
+            path,
+            file,
+            raw.len() as u64,
+            (length - raw.len()).min((size as usize).saturating_sub(raw.len())),
+        )?);
+    }
+    raw.resize(length, 0);
+    let mut header = Header::parse(raw);
+    let Some(&least) = RECORD_SIZES.get(usize::from(header.format)) else {
+        return Err(bad(path, "point format", 104, (header.format, "0 to 10")));
+    };
+    if header.record_length < least {
+        return Err(bad(path, "record length", 105, (header.record_length, format!("{least} or more"))));
+    }
+    let usable = |v: &[f64; 3]| v.iter().all(|v| v.is_finite());
+    if !usable(&header.scale) || header.scale.iter().any(|s| *s <= 0.0) || !usable(&header.offset) {
+        let found = format!("{:?} {:?}", header.scale, header.offset);
+        return Err(bad(path, "scale and offset", 131, (found, "numbers, the scale above 0; they cannot be guessed")));
+    }
+    if header.points_at < header.raw.len() as u64 || header.points_at > size {
+        losses.notes.push(format!("points are said to begin at byte {}, which is not in the file", header.points_at));
+        header.points_at = size;
+    }
+    Ok(header)
+}
+
+/// The records before the points, up to the first that does not fit.
+fn vlrs(path: &Path, file: &mut File, header: &mut Header, losses: &mut Losses) -> Result<(Vec<Vlr>, Vec<u8>)> {
+    let start = header.raw.len();
+    let bytes = read_at(path, file, start as u64, (header.points_at as usize).saturating_sub(start))?;
+    let (mut vlrs, mut at) = (Vec::new(), 0);
+    while (vlrs.len() as u64) < u64::from(header.vlrs) {
+        let Some(head) = bytes.get(at..at + 54) else { break };
+        let Some(data) = bytes.get(at + 54..at + 54 + usize::from(u16_at(head, 20))) else { break };
+        at += 54 + data.len();
+        vlrs.push(Vlr { head: head.to_vec(), data: data.to_vec() });
+    }
+    if vlrs.len() as u64 != u64::from(header.vlrs) {
+        losses.notes.push(format!("{} of {} VLRs are there", vlrs.len(), header.vlrs));
+        header.vlrs = vlrs.len() as u32;
+    }
+    Ok((vlrs, bytes[at..].to_vec()))
+}
+
+/// The records behind the points, up to the first that does not fit, and the byte where points end at the latest.
+fn evlrs(
+    path: &Path,
+    file: &mut File,
+    header: &mut Header,
+    (size, losses): (u64, &mut Losses),
+) -> Result<(Vec<Vlr>, u64)> {
+    let (mut list, mut at) = (Vec::new(), header.evlrs_at);
+    let there = header.evlrs > 0 && at >= header.points_at && at <= size;
+    while there && (list.len() as u64) < u64::from(header.evlrs) && size - at >= 60 {
+        let head = read_at(path, file, at, 60)?;
+        let length = u64_at(&head, 20);
+        if length > size - at - 60 {
+            break;
+        }
+        let data = if length <= MOST_EVLR { read_at(path, file, at + 60, length as usize)? } else { Vec::new() };
+        list.push(Vlr { head, data });
+        at += 60 + length;
+    }
+    let end = if there && !list.is_empty() { header.evlrs_at } else { size };
+    if list.len() as u64 != u64::from(header.evlrs) {
+        losses.notes.push(format!("{} of {} EVLRs are there", list.len(), header.evlrs));
+        header.evlrs = list.len() as u32;
+        header.evlrs_at = if list.is_empty() { 0 } else { header.evlrs_at };
+        put(&mut header.raw, 235, &header.evlrs_at.to_le_bytes());
+        put(&mut header.raw, 243, &header.evlrs.to_le_bytes());
+    }
+    Ok((list, end))
+}
+
+/// Points of an uncompressed file: those that are declared and there. Writers that were killed leave a count of 0.
+fn plain_points(header: &Header, end: u64, losses: &mut Losses) -> u64 {
+    let there = end.saturating_sub(header.points_at) / u64::from(header.record_length);
+    if header.points == 0 && there > 0 {
+        losses.notes.push(format!("the header says 0 points, {there} records stand in the file"));
+        return there;
+    }
+    if header.points > there {
+        losses.notes.push(format!("the file ends after {there} of {} points", header.points));
+    }
+    header.points.min(there)
+}
+
+/// The chunks that can be decoded, by the table or, if it is lost or wrong, one after the other.
+fn chunk_list(
+    path: &Path,
+    file: &mut File,
+    (header, vlrs): (&Header, &[Vlr]),
+    (end, losses): (u64, &mut Losses),
+    monitor: &Monitor,
+) -> Result<Chunks> {
+    let vlr = chunks::check_record(path, header, vlrs)?;
+    let mut chunks = match chunks::read_table(path, file, (header, vlrs), end) {
+        Ok(chunks) => chunks,
+        Err(e) => {
+            losses.notes.push(format!("the chunk table is not usable ({e}); chunks are read one after the other"));
+            let list = walk::chunks(path, file, (header, &vlr), end, monitor)?;
+            Chunks { vlr, list }
+        }
+    };
+    let how = (&chunks.vlr, DecompressionSelection::all());
+    let length = usize::from(header.record_length);
+    let mut good = Vec::with_capacity(chunks.list.len());
+    for (group, list) in chunks.list.chunks(rayon::current_num_threads().max(1)).enumerate() {
+        let first = group * rayon::current_num_threads().max(1);
+        let packed = list.iter().map(|c| read_at(path, file, c.at, c.bytes as usize)).collect::<Result<Vec<_>>>()?;
+        let points = map_ordered(list.len(), monitor, |i| {
+            readable(path, how, (first + i, &packed[i]), (list[i].points, length), monitor)
+        })?;
+        for (i, (chunk, points)) in list.iter().zip(points).enumerate() {
+            if points < chunk.points {
+                losses.notes.push(format!("chunk {}: {points} of {} points can be read", first + i, chunk.points));
+            }
+            good.push(Chunk { points, ..*chunk });
+        }
+    }
+    good.retain(|c| c.points > 0);
+    chunks.list = good;
+    Ok(chunks)
+}
+
+/// How many points of a chunk come out before the decoder refuses.
+fn readable(
+    path: &Path,
+    how: (&laz::LazVlr, DecompressionSelection),
+    (index, bytes): (usize, &[u8]),
+    (points, length): (u64, usize),
+    monitor: &Monitor,
+) -> Result<u64> {
+    let mut done = 0;
+    let mut step = SLAB as u64;
+    let mut buffer = vec![0; (points.min(step) as usize) * length];
+    let Ok(mut decoder) = Decoder::new(path, how, (index, bytes)) else { return Ok(0) };
+    while done < points {
+        monitor.check()?;
+        let now = step.min(points - done);
+        if decoder.next(&mut buffer[..now as usize * length]).is_ok() {
+            done += now;
+        } else if now == 1 {
+            break;
+        } else {
+            // Once more from the start, then record by record.
+            let Ok(again) = Decoder::new(path, how, (index, bytes)) else { return Ok(done) };
+            decoder = again;
+            for skipped in (0..done).step_by(SLAB) {
+                decoder.next(&mut buffer[..(done - skipped).min(SLAB as u64) as usize * length])?;
+            }
+            step = 1;
+        }
+    }
+    Ok(done)
+}
+
+/// Puts counts, returns and bounds of what is there into the header.
+fn recount(records: Records, monitor: &Monitor) -> Result<Records> {
+    let mut stream = Stream::of(records);
+    let (mut returns, mut low, mut high) = ([0u64; 15], [i32::MAX; 3], [i32::MIN; 3]);
+    let mask = if stream.records.header.format >= 6 { 15 } else { 7 };
+    loop {
+        let block = stream.next(SLAB, monitor)?;
+        if block.is_empty() {
+            break;
+        }
+        for record in block.chunks_exact(stream.record_length()) {
+            if let Some(count) = returns.get_mut(usize::from((record[14] & mask).wrapping_sub(1))) {
+                *count += 1;
+            }
+            for a in 0..3 {
+                let tick = i32::from_le_bytes(array(record, 4 * a));
+                (low[a], high[a]) = (low[a].min(tick), high[a].max(tick));
+            }
+        }
+    }
+    let mut records = stream.records;
+    let header = &mut records.header;
+    let old = header.format < 6;
+    let narrow = |n: u64| if old { u32::try_from(n).unwrap_or(0) } else { 0 };
+    put(&mut header.raw, 107, &narrow(header.points).to_le_bytes());
+    (0..5).for_each(|r| put(&mut header.raw, 111 + 4 * r, &narrow(returns[r]).to_le_bytes()));
+    if header.minor >= 4 {
+        put(&mut header.raw, 247, &header.points.to_le_bytes());
+        (0..15).for_each(|r| put(&mut header.raw, 255 + 8 * r, &returns[r].to_le_bytes()));
+    }
+    for a in (0..3).filter(|&a| low[a] <= high[a]) {
+        let place = |tick: i32| f64::from(tick).mul_add(header.scale[a], header.offset[a]);
+        (header.low[a], header.high[a]) = (place(low[a]), place(high[a]));
+        let (low, high) = (header.low[a].to_le_bytes(), header.high[a].to_le_bytes());
+        put(&mut header.raw, 187 + 16 * a, &low);
+        put(&mut header.raw, 179 + 16 * a, &high);
+    }
+    Ok(records)
+}
+
+/// Bytes of a layered chunk as it says itself, and its points; `None` if its head is cut.
+pub(super) fn layered_size(vlr: &laz::LazVlr, bytes: &[u8]) -> Option<(u64, u64)> {
+    let (start, layers) = (vlr.items_size() as usize, chunks::layers(vlr));
+    let head = bytes.get(start..start + 4 + 4 * layers)?;
+    let sum: u64 = (0..layers).map(|l| u64::from(u32_at(head, 4 + 4 * l))).sum();
+    Some(((start + head.len()) as u64 + sum, u64::from(u32_at(head, 0))))
+}

@@ -1,0 +1,144 @@
+//! Raw records become a cloud: column by column, in pieces that stay in the cache.
+
+use super::extra::Extra;
+use super::fields::{self, Field};
+use super::header::Header;
+use super::records::Records;
+use super::vlr::crs;
+use crate::cloud::{Cloud, Column, Coordinates};
+use crate::error::{Error, Result};
+use crate::io::number::array;
+use crate::io::options::Bounds;
+use crate::io::{ReadOptions, table};
+use laz::DecompressionSelection;
+use rayon::prelude::*;
+
+/// Bytes of records of which one column after the other is taken on one thread.
+const PIECE: usize = 128 << 10;
+
+/// Where a column comes from.
+#[derive(Clone, Debug)]
+enum Source {
+    Field(Field),
+    Extra(Extra),
+}
+
+/// Points taken from records and not handed out yet.
+#[derive(Clone, Debug)]
+pub(super) struct Sink {
+    header: Header,
+    bounds: Option<Bounds>,
+    ticks: [Vec<i32>; 3],
+    columns: Vec<(Source, Column)>,
+    crs: Option<String>,
+    metres_per_unit: Option<f64>,
+}
+
+impl Sink {
+    /// The wanted columns of a file, empty. The records are told which fields to decode.
+    pub(super) fn new(records: &mut Records, options: &ReadOptions) -> Self {
+        let header = records.header.clone();
+        let (extras, _) = records.extras();
+        let fields = fields::of_format(header.format)
+            .map(|(field, name)| (Source::Field(field), Column::new(name, field.values())));
+        let extras = extras.into_iter().map(|e| {
+            let column = Column::new(&e.name, e.values());
+            (Source::Extra(e), column)
+        });
+        let mut columns: Vec<(Source, Column)> =
+            fields.chain(extras).filter(|(_, column)| options.wants(&column.name)).collect();
+        tell_apart(&mut columns);
+        records.selection =
+            columns.iter().fold(DecompressionSelection::base().decompress_z(), |selection, (source, _)| match source {
+                Source::Field(field) => field.select(selection),
+                Source::Extra(_) => selection.decompress_extra_bytes(),
+            });
+        let (crs, metres_per_unit) = crs(&header, records.vlrs.iter().chain(&records.evlrs));
+        Self { header, bounds: options.bounds, ticks: Default::default(), columns, crs, metres_per_unit }
+    }
+
+    /// Number of points that wait.
+    pub(super) fn len(&self) -> usize {
+        self.ticks[0].len()
+    }
+
+    /// Asks for the address space of `n` points; memory is taken only as points come, so a hostile count costs nothing.
+    pub(super) fn reserve(&mut self, n: usize) -> Result<()> {
+        let axes = self.ticks.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
+        match axes && self.columns.iter_mut().all(|(_, column)| table::reserve(&mut column.values, n)) {
+            true => Ok(()),
+            false => Err(Error::input(format!("not enough memory for {n} points with {} columns", self.columns.len()))),
+        }
+    }
+
+    /// Takes records, of which only those in the box count.
+    pub(super) fn push(&mut self, records: &[u8]) {
+        match self.bounds {
+            None => self.append(records),
+            Some(bounds) => {
+                let inside = self.inside(records, bounds);
+                self.append(&inside);
+            }
+        }
+    }
+
+    fn inside(&self, records: &[u8], (low, high): Bounds) -> Vec<u8> {
+        let Header { scale, offset, record_length, .. } = &self.header;
+        let within = |record: &&[u8]| {
+            (0..3).all(|a| {
+                let v = f64::from(i32::from_le_bytes(array(record, 4 * a))).mul_add(scale[a], offset[a]);
+                low[a] <= v && v <= high[a]
+            })
+        };
+        records.chunks_exact(usize::from(*record_length)).filter(within).flatten().copied().collect()
+    }
+
+    fn append(&mut self, records: &[u8]) {
+        let (format, length) = (self.header.format, usize::from(self.header.record_length));
+        let axis = |a: usize, axis: &mut Vec<i32>, piece: &[u8]| {
+            axis.extend(piece.chunks_exact(length).map(|record| i32::from_le_bytes(array(record, 4 * a))));
+        };
+        let column = |source: &Source, column: &mut Column, piece: &[u8]| match source {
+            Source::Field(field) => field.append(format, (piece, length), &mut column.values),
+            Source::Extra(extra) => extra.append((piece, length), &mut column.values),
+        };
+        if rayon::current_num_threads() > 1 && records.len() > 4 * PIECE {
+            self.ticks.par_iter_mut().enumerate().for_each(|(a, ticks)| axis(a, ticks, records));
+            self.columns.par_iter_mut().for_each(|(source, c)| column(source, c, records));
+            return;
+        }
+        for piece in records.chunks((PIECE / length).max(1) * length) {
+            self.ticks.iter_mut().enumerate().for_each(|(a, ticks)| axis(a, ticks, piece));
+            self.columns.iter_mut().for_each(|(source, c)| column(source, c, piece));
+        }
+    }
+
+    /// The first `n` points that wait (or all there are) as a cloud.
+    pub(super) fn take(&mut self, n: usize) -> Result<Cloud> {
+        let n = n.min(self.len());
+        let mut ticks: [Vec<i32>; 3] = Default::default();
+        for (head, axis) in ticks.iter_mut().zip(&mut self.ticks) {
+            let rest = axis.split_off(n);
+            *head = std::mem::replace(axis, rest);
+        }
+        let (scale, offset) = (self.header.scale, self.header.offset);
+        let mut cloud = Cloud::new(Coordinates::Scaled { ticks, scale, offset })?;
+        for (_, column) in &mut self.columns {
+            cloud.set_column(Column::new(&column.name, table::split(&mut column.values, n)))?;
+        }
+        (cloud.crs, cloud.metres_per_unit) = (self.crs.clone(), self.metres_per_unit);
+        Ok(cloud)
+    }
+}
+
+/// Two dimensions of one name (it happens) are told apart by a number.
+fn tell_apart(columns: &mut [(Source, Column)]) {
+    for i in 1..columns.len() {
+        let name = columns[i].1.name.clone();
+        let mut serial = 2;
+        while columns[..i].iter().any(|(_, c)| c.name == columns[i].1.name) {
+            columns[i].1.name = format!("{name}_{serial}");
+            serial += 1;
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! Records on demand: the next ones, or those from any point on. Nothing needs the whole file in memory.
+
+use super::chunks::{Chunks, Decoder};
+use super::records::{LARGE, Records, SLAB};
+use super::vlr::read_at;
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
+use std::collections::VecDeque;
+use std::path::Path;
+
+/// A file's records in order, from a place that may be moved.
+pub(in crate::io) struct Stream {
+    pub(in crate::io) records: Records,
+    /// Point that is delivered next.
+    next: u64,
+    /// First point of each chunk, and the number of points at the end; empty if not compressed.
+    starts: Vec<u64>,
+    /// Chunk that is decoded next.
+    chunk: usize,
+    /// Decoded records that were not delivered yet; the first begins with point `ready_from`.
+    ready: VecDeque<Vec<u8>>,
+    ready_from: u64,
+    /// A chunk that is too large to be decoded at once, and its points that are not decoded yet.
+    large: Option<(Decoder<'static, Vec<u8>>, u64)>,
+    /// Chunks that are decoded at once: one after a seek, more the longer the reading goes on.
+    ahead: usize,
+}
+
+impl std::fmt::Debug for Stream {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Stream").field("path", &self.records.path).field("next", &self.next).finish()
+    }
+}
+
+impl Stream {
+    /// Opens a file and stands before its first point.
+    pub(in crate::io) fn open(path: &Path) -> Result<Self> {
+        Ok(Self::of(Records::open(path)?))
+    }
+
+    /// Stands before the first point of a file that is open.
+    pub(in crate::io) fn of(records: Records) -> Self {
+        let mut starts = Vec::new();
+        if let Some(chunks) = &records.chunks {
+            let mut first = 0;
+            starts.push(0);
+            for chunk in &chunks.list {
+                first += chunk.points;
+                starts.push(first);
+            }
+        }
+        let ready = VecDeque::new();
+        Self { records, next: 0, starts, chunk: 0, ready, ready_from: 0, large: None, ahead: 1 }
+    }
+
+    /// Number of points.
+    pub(in crate::io) fn len(&self) -> u64 {
+        self.records.header.points
+    }
+
+    /// Bytes of a record.
+    pub(in crate::io) fn record_length(&self) -> usize {
+        usize::from(self.records.header.record_length)
+    }
+
+    /// Goes to a point. Costs the decoding of its chunk up to it, nothing if the file is not compressed.
+    ///
+    /// # Errors
+    /// The point is beyond the last.
+    pub(in crate::io) fn seek(&mut self, point: u64, monitor: &Monitor) -> Result<()> {
+        if point > self.len() {
+            return Err(Error::input(format!("point {point} of {} points", self.len())));
+        }
+        self.next = point;
+        let near = point >= self.ready_from && point < self.ready_end();
+        if self.starts.is_empty() || near {
+            return self.drop_delivered();
+        }
+        (self.ready, self.large, self.ahead) = (VecDeque::new(), None, 1);
+        self.chunk = self.starts.partition_point(|&s| s <= point).saturating_sub(1);
+        self.ready_from = self.starts[self.chunk];
+        while self.ready_end() <= point && point < self.len() {
+            self.decode(monitor)?;
+            self.drop_delivered()?;
+        }
+        Ok(())
+    }
+
+    /// The next `most` records, fewer at the end, none behind it.
+    pub(in crate::io) fn next(&mut self, most: usize, monitor: &Monitor) -> Result<Vec<u8>> {
+        monitor.check()?;
+        let length = self.record_length();
+        let count = (self.len() - self.next).min(most as u64) as usize;
+        if self.starts.is_empty() {
+            let at = self.records.header.points_at + self.next * length as u64;
+            self.next += count as u64;
+            return read_at(&self.records.path, &mut self.records.file, at, count * length);
+        }
+        let mut out = Vec::with_capacity(count * length);
+        while out.len() < count * length {
+            if self.ready.is_empty() {
+                self.decode(monitor)?;
+                self.ahead = (2 * self.ahead).min(rayon::current_num_threads().max(1));
+            }
+            let Some(front) = self.ready.front() else { break };
+            let from = (self.next - self.ready_from) as usize * length;
+            let to = front.len().min(from + count * length - out.len());
+            out.extend_from_slice(&front[from..to]);
+            self.next += ((to - from) / length) as u64;
+            self.drop_delivered()?;
+        }
+        Ok(out)
+    }
+
+    /// The point behind the decoded ones.
+    fn ready_end(&self) -> u64 {
+        let bytes: usize = self.ready.iter().map(Vec::len).sum();
+        self.ready_from + (bytes / self.record_length()) as u64
+    }
+
+    /// Forgets what lies before the next point.
+    fn drop_delivered(&mut self) -> Result<()> {
+        while let Some(front) = self.ready.front() {
+            let points = (front.len() / self.record_length()) as u64;
+            if self.ready_from + points > self.next {
+                break;
+            }
+            self.ready_from += points;
+            self.ready.pop_front();
+        }
+        Ok(())
+    }
+
+    /// Decodes some more: a piece of a large chunk, or a few small ones in parallel.
+    fn decode(&mut self, monitor: &Monitor) -> Result<()> {
+        monitor.check()?;
+        let length = self.record_length();
+        if let Some((decoder, left)) = &mut self.large {
+            let mut bytes = vec![0; (*left).min(SLAB as u64) as usize * length];
+            decoder.next(&mut bytes)?;
+            *left -= (bytes.len() / length) as u64;
+            self.ready.push_back(bytes);
+            if *left == 0 {
+                self.large = None;
+            }
+            return Ok(());
+        }
+        let Some(Chunks { vlr, list }) = &self.records.chunks else { return Ok(()) };
+        let small = list[self.chunk..].iter().take(self.ahead).take_while(|c| c.points <= LARGE).count();
+        let (path, how, first) = (&self.records.path, (vlr, self.records.selection), self.chunk);
+        let mut packed = Vec::with_capacity(small.max(1));
+        for chunk in list[first..].iter().take(small.max(1)) {
+            packed.push(read_at(path, &mut self.records.file, chunk.at, chunk.bytes as usize)?);
+        }
+        self.chunk += packed.len();
+        if small == 0 {
+            if let (Some(chunk), Some(bytes)) = (list.get(first), packed.pop()) {
+                self.large = Some((Decoder::new(path, how, (first, bytes))?, chunk.points));
+            }
+            return Ok(());
+        }
+        let decoded = map_ordered(packed.len(), monitor, |i| {
+            let mut bytes = vec![0; list[first + i].points as usize * length];
+            if !bytes.is_empty() {
+                Decoder::new(path, how, (first + i, &packed[i]))?.next(&mut bytes)?;
+            }
+            Ok(bytes)
+        })?;
+        self.ready.extend(decoded);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Cloud;
+    use crate::io::{self, WriteOptions};
+
+    #[test]
+    fn the_point_found_by_seeking_is_the_point_met_on_the_way() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows: Vec<[f64; 3]> =
+            (0..320_000).map(|i| [f64::from(i % 997), f64::from(i / 997), f64::from(i % 13)]).collect();
+        let monitor = Monitor::default();
+        for name in ["a.las", "a.laz"] {
+            let path = folder.path().join(name);
+            io::write(&path, &Cloud::from_rows(&rows).unwrap(), &WriteOptions::default()).unwrap();
+            let mut stream = Stream::open(&path).unwrap();
+            let (mut all, length) = (Vec::new(), stream.record_length());
+            loop {
+                let block = stream.next(33_333, &monitor).unwrap();
+                if block.is_empty() {
+                    break;
+                }
+                all.extend(block);
+            }
+            assert_eq!(all.len(), rows.len() * length);
+            for point in [319_999usize, 0, 49_999, 50_000, 50_001, 7, 299_999, 120_000] {
+                stream.seek(point as u64, &monitor).unwrap();
+                let found = stream.next(3, &monitor).unwrap();
+                let expected = &all[point * length..((point + 3) * length).min(all.len())];
+                assert!(found == expected, "{name} {point}");
+            }
+            assert!(stream.seek(320_001, &monitor).is_err());
+        }
+    }
+}

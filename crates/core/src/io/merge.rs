@@ -1,0 +1,190 @@
+//! Several files as one.
+
+use super::{ReadOptions, RewriteReport, WriteOptions, extension, las, read_with, write};
+use crate::cloud::{Cloud, Column, Coordinates, Values};
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Writes the points of all inputs, in the order given, as one file, atomically. The output may be one of the inputs.
+///
+/// LAS and LAZ stream through: point source ids and all other fields stay, coordinates are put on one grid exactly, the
+/// point format is one that has all fields. Header, and records that only differ in content, are the first input's. Other
+/// formats are read and written. A dimension that some inputs lack is 0 there, and a note says so. Time linear in the points.
+///
+/// # Errors
+/// Fewer than one input; two different reference systems or kinds of GPS time; grids that no finer grid holds exactly;
+/// dimensions of one name and two types.
+pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Result<RewriteReport> {
+    if inputs.is_empty() {
+        return Err(Error::input("nothing to merge: no input"));
+    }
+    let mut all_las = ["las", "laz"].contains(&extension(output).as_str());
+    for input in inputs {
+        all_las &= las::is_las(input)?;
+    }
+    if all_las {
+        return las::merge(inputs, output, options);
+    }
+    let mut merged: Option<Cloud> = None;
+    let mut notes = Vec::new();
+    for input in inputs {
+        let read = ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() };
+        let cloud = read_with(input, &read)?;
+        merged = Some(match merged {
+            None => cloud,
+            Some(before) => append(before, &cloud, (input, &mut notes))?,
+        });
+    }
+    let cloud = merged.ok_or_else(|| Error::input("nothing to merge"))?;
+    write(output, &cloud, options)?;
+    Ok(RewriteReport { points: cloud.len() as u64, notes })
+}
+
+/// Fails if two files say that they lie in different reference systems; notes if only one says anything.
+pub(super) fn check_crs(
+    (first, a): (&Path, Option<&str>),
+    (path, b): (&Path, Option<&str>),
+    notes: &mut Vec<String>,
+) -> Result<()> {
+    match (a, b) {
+        (Some(a), Some(b)) if a != b => {
+            let text = format!("{} lies in another reference system than {}", path.display(), first.display());
+            Err(Error::input(format!("{text} ({} / {})", shortened(b), shortened(a))))
+        }
+        (Some(_), None) | (None, Some(_)) => {
+            let silent = if b.is_none() { path } else { first };
+            notes.push(format!("{} does not tell its reference system; taken as that of the others", silent.display()));
+            Ok(())
+        }
+        _ => Ok(()),
+    }
+}
+
+fn shortened(text: &str) -> String {
+    text.chars().take(60).collect()
+}
+
+fn append(before: Cloud, cloud: &Cloud, (path, notes): (&Path, &mut Vec<String>)) -> Result<Cloud> {
+    check_crs((Path::new("the first input"), before.crs.as_deref()), (path, cloud.crs.as_deref()), notes)?;
+    let (m, n) = (before.len(), cloud.len());
+    let axes = [0, 1, 2].map(|a| {
+        let of = |cloud: &Cloud| (0..cloud.len()).map(|i| cloud.xyz(i)[a]).collect::<Vec<f64>>();
+        [of(&before), of(cloud)].concat()
+    });
+    let mut merged = Cloud::new(Coordinates::Float(axes))?;
+    merged.crs = before.crs.clone().or_else(|| cloud.crs.clone());
+    merged.metres_per_unit = before.metres_per_unit.or(cloud.metres_per_unit);
+    let names = before.columns().iter().chain(cloud.columns().iter().filter(|c| before.column(&c.name).is_none()));
+    for name in names.map(|c| &c.name) {
+        let values = match (before.column(name), cloud.column(name)) {
+            (Some(a), Some(b)) => joined(&a.values, &b.values),
+            (Some(a), None) => joined(&a.values, &zeros(&a.values, n)),
+            (None, Some(b)) => joined(&zeros(&b.values, m), &b.values),
+            (None, None) => continue,
+        };
+        if before.column(name).is_some() != cloud.column(name).is_some() {
+            notes.push(format!("{name} is not in all inputs (see {}); 0 where it lacks", path.display()));
+        }
+        merged.set_column(Column::new(name, values))?;
+    }
+    Ok(merged)
+}
+
+macro_rules! typed {
+    ($($variant:ident),*) => {
+        /// One column after the other; numbers of two types become `f64`.
+        fn joined(a: &Values, b: &Values) -> Values {
+            match (a, b) {
+                $((Values::$variant(a), Values::$variant(b)) => Values::$variant([&a[..], &b[..]].concat()),)*
+                _ => Values::F64([a.to_f64(), b.to_f64()].concat()),
+            }
+        }
+
+        fn zeros(like: &Values, n: usize) -> Values {
+            match like { $(Values::$variant(_) => Values::$variant(vec![Default::default(); n]),)* }
+        }
+    };
+}
+typed!(U8, I8, U16, I16, U32, I32, U64, I64, F32, F64);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::names;
+    use crate::io::{inspect, read};
+
+    /// A cloud on a grid: point i lies at `origin + i * 0.5`.
+    fn file(path: &Path, (scale, offset, origin): (f64, f64, f64), extra: Option<&str>) {
+        let ticks: Vec<i32> =
+            (0..200).map(|i| ((origin + f64::from(i) * 0.5 - offset) / scale).round() as i32).collect();
+        let coordinates = Coordinates::Scaled {
+            ticks: [ticks.clone(), ticks.clone(), ticks],
+            scale: [scale; 3],
+            offset: [offset; 3],
+        };
+        let mut cloud = Cloud::new(coordinates).unwrap();
+        cloud.set_column(Column::new("PointSourceId", Values::U16(vec![origin as u16; 200]))).unwrap();
+        cloud.set_column(Column::new(names::RETURN_NUMBER, Values::U8(vec![1; 200]))).unwrap();
+        if let Some(name) = extra {
+            cloud.set_column(Column::new(name, Values::F32(vec![1.5; 200]))).unwrap();
+        }
+        write(path, &cloud, &WriteOptions::default()).unwrap();
+    }
+
+    #[test]
+    fn grids_are_reconciled_exactly_and_fields_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["a.laz", "b.las", "c.laz"].map(|n| folder.path().join(n));
+        file(&paths[0], (0.01, 100.0, 100.0), None);
+        file(&paths[1], (0.001, 7.5, 300.0), Some("Height"));
+        file(&paths[2], (0.01, 100.0, 500.0), Some("Height"));
+        let target = folder.path().join("all.laz");
+        let report = merge(&paths, &target, &WriteOptions::default()).unwrap();
+        assert_eq!(report.points, 600);
+        assert!(report.notes.iter().any(|n| n.contains("Height")), "{:?}", report.notes);
+        let cloud = read(&target).unwrap();
+        for (i, origin) in [100.0, 300.0, 500.0].into_iter().enumerate() {
+            for p in [0, 77, 199] {
+                let found = cloud.xyz(i * 200 + p)[1];
+                assert!((found - (origin + p as f64 * 0.5)).abs() < 1e-9, "{found}");
+                assert_eq!(cloud.column("PointSourceId").unwrap().values.get(i * 200 + p), origin);
+            }
+        }
+        assert_eq!(cloud.column("Height").unwrap().values.get(0), 0.0);
+        assert_eq!(cloud.column("Height").unwrap().values.get(599), 1.5);
+        let (low, high) = inspect(&target).unwrap().bounds.unwrap();
+        assert_eq!((low[0], high[0]), (100.0, 599.5));
+    }
+
+    #[test]
+    fn grids_that_do_not_meet_and_other_reference_systems_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["a.las", "b.las"].map(|n| folder.path().join(n));
+        file(&paths[0], (0.01, 100.0, 100.0), None);
+        file(&paths[1], (0.01, 100.003, 300.003), None);
+        let target = folder.path().join("all.las");
+        let message = merge(&paths, &target, &WriteOptions::default()).unwrap_err().to_string();
+        assert!(message.contains("grid"), "{message}");
+        for (path, crs) in [(&paths[0], "PROJCS[\"a\"]"), (&paths[1], "PROJCS[\"b\"]")] {
+            let mut cloud = read(path).unwrap();
+            cloud.crs = Some(crs.into());
+            write(path, &cloud, &WriteOptions::default()).unwrap();
+        }
+        let message = merge(&paths, &target, &WriteOptions::default()).unwrap_err().to_string();
+        assert!(message.contains("reference system"), "{message}");
+        assert!(!target.exists());
+    }
+
+    #[test]
+    fn other_formats_are_joined_by_their_columns() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["a.ply", "b.laz"].map(|n| folder.path().join(n));
+        file(&paths[0], (0.01, 100.0, 100.0), Some("Height"));
+        file(&paths[1], (0.01, 100.0, 300.0), None);
+        let target = folder.path().join("all.ply");
+        merge(&paths, &target, &WriteOptions::default()).unwrap();
+        let cloud = read(&target).unwrap();
+        assert_eq!((cloud.len(), cloud.xyz(399)), (400, [399.5; 3]));
+        assert_eq!(cloud.column("PointSourceId").unwrap().values.get(200), 300.0);
+    }
+}

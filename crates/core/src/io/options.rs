@@ -1,0 +1,62 @@
+//! What readers and writers are told.
+
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+
+/// Which columns are read besides the coordinates.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Columns {
+    /// All.
+    #[default]
+    All,
+    /// Those of these names, where the file has them.
+    Only(Vec<String>),
+}
+
+/// Smallest and largest coordinates, both included, in the file's unit.
+pub type Bounds = ([f64; 3], [f64; 3]);
+
+/// Settings of [`read_with`](super::read_with) and [`blocks`](super::blocks()).
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// Which columns are read besides the coordinates.
+    pub columns: Columns,
+    /// Only points in this box; `None`: all. COPC files are read where the box is, others whole and then cut.
+    pub bounds: Option<Bounds>,
+    /// A thinner cloud whose points are about so far apart, in the file's unit, above 0; `None`: all points. COPC only.
+    pub resolution: Option<f64>,
+    /// Progress and cancellation.
+    pub monitor: Monitor,
+}
+
+impl ReadOptions {
+    pub(super) fn wants(&self, name: &str) -> bool {
+        match &self.columns {
+            Columns::All => true,
+            Columns::Only(names) => names.iter().any(|n| n == name),
+        }
+    }
+
+    /// Fails if the box is not in order or the resolution not above 0.
+    pub fn validate(&self) -> Result<()> {
+        if let Some((low, high)) = &self.bounds
+            && !low.iter().zip(high).all(|(l, h)| l <= h)
+        {
+            return Err(Error::parameter("bounds", format!("{low:?} to {high:?}"), "low <= high on each axis, no NaN"));
+        }
+        match self.resolution {
+            Some(r) if !(r.is_finite() && r > 0.0) => Err(Error::parameter("resolution", r, "a number above 0")),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Settings of [`write`](fn@super::write) and [`rewrite`](super::rewrite).
+#[derive(Clone, Debug, Default)]
+pub struct WriteOptions {
+    /// Compress where the format lets one choose: PCD (`binary_compressed`) and npz (deflate). LAS and LAZ go by their
+    /// extension.
+    pub compressed: bool,
+    /// Progress and cancellation.
+    pub monitor: Monitor,
+}

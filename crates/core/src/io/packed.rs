@@ -1,0 +1,85 @@
+//! Records of one width, one after the other in a file: binary PLY and binary PCD.
+
+use super::number::Slot;
+use super::table::Table;
+use crate::cloud::Cloud;
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// Bytes decoded at once: they stay in the cache while one column after the other takes its numbers.
+const SLAB: usize = 256 << 10;
+
+/// Where a number goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Target {
+    /// Axis 0, 1 or 2.
+    Axis(usize),
+    /// A column of the table.
+    Column(usize),
+}
+
+/// What is read of each record.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Layout {
+    pub(super) table: Table,
+    pub(super) slots: Vec<(Target, Slot)>,
+}
+
+impl Layout {
+    /// Takes the numbers of some records.
+    pub(super) fn append(&mut self, records: &[u8]) {
+        for (target, slot) in &self.slots {
+            match *target {
+                Target::Axis(a) => slot.append_f64(records, &mut self.table.axes[a]),
+                Target::Column(c) => slot.append(records, &mut self.table.columns[c].values),
+            }
+        }
+    }
+}
+
+/// The records that are left in a file.
+#[derive(Debug)]
+pub(super) struct Packed {
+    path: PathBuf,
+    file: File,
+    width: usize,
+    left: u64,
+    layout: Layout,
+    monitor: Monitor,
+}
+
+impl Packed {
+    /// `count` records of `width` bytes from byte `at` on; the caller has compared them with the file's size.
+    pub(super) fn open(
+        (path, monitor): (&Path, &Monitor),
+        at: u64,
+        (count, width): (u64, usize),
+        layout: Layout,
+    ) -> Result<Self> {
+        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(path, e))?;
+        Ok(Self { path: path.to_path_buf(), file, width, left: count, layout, monitor: monitor.clone() })
+    }
+
+    /// The next points, at most so many; an empty cloud at the end.
+    pub(super) fn take(&mut self, points: usize) -> Result<Cloud> {
+        let mut wanted = points.min(usize::try_from(self.left).unwrap_or(usize::MAX));
+        self.layout.table.reserve(wanted)?;
+        let most = (SLAB / self.width).max(1);
+        let mut slab = vec![0; most.min(wanted) * self.width];
+        while wanted > 0 {
+            self.monitor.check()?;
+            let now = most.min(wanted);
+            let bytes = &mut slab[..now * self.width];
+            self.file.read_exact(bytes).map_err(|e| Error::io(&self.path, e))?;
+            self.layout.append(bytes);
+            self.left -= now as u64;
+            wanted -= now;
+            self.monitor.advance(now as u64);
+        }
+        self.layout.table.take(usize::MAX)
+    }
+}

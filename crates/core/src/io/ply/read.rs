@@ -1,0 +1,271 @@
+//! Reading PLY.
+
+use super::header::{Element, Encoding, Header, bad, column_name};
+use crate::cloud::{Cloud, Column};
+use crate::error::{Error, Result};
+use crate::io::lines::Lines;
+use crate::io::number::Slot;
+use crate::io::packed::{Layout, Packed, Target};
+use crate::io::words::Words;
+use crate::io::{FileInfo, ReadOptions};
+use crate::parallel::Monitor;
+use std::path::{Path, PathBuf};
+
+/// Records between two looks at the monitor.
+const STEP: u64 = 4096;
+
+/// Reads a file block by block; binary vertices with lists among their numbers are read whole first.
+#[derive(Debug)]
+pub(in crate::io) struct Reader(Kept);
+
+#[derive(Debug)]
+enum Kept {
+    Packed(Packed),
+    Ascii(Box<Ascii>),
+    Whole(Layout),
+}
+
+impl Reader {
+    pub(in crate::io) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let header = Header::read(path)?;
+        let (layout, targets) = layout(&header, options);
+        let monitor = &options.monitor;
+        monitor.stage("read", header.vertex.count);
+        let skipped = header.before.iter().try_fold(0u64, |sum, e| {
+            e.width().and_then(|w| e.count.checked_mul(w as u64)).and_then(|bytes| sum.checked_add(bytes))
+        });
+        Ok(Self(match (header.encoding, header.vertex.width(), skipped) {
+            (Encoding::Ascii, ..) => Kept::Ascii(Box::new(Ascii::open(path, (header, monitor), (layout, targets))?)),
+            (_, Some(width), Some(skipped)) => {
+                let left = header.room.saturating_sub(skipped);
+                check_room(path, &header.vertex, (width, left))?;
+                let count = (header.vertex.count, width);
+                Kept::Packed(Packed::open((path, monitor), header.body + skipped.min(header.room), count, layout)?)
+            }
+            _ => Kept::Whole(whole((path, monitor), &header, (layout, &targets))?),
+        }))
+    }
+
+    /// The next points, at most so many; an empty cloud at the end.
+    pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
+        match &mut self.0 {
+            Kept::Packed(packed) => packed.take(points),
+            Kept::Ascii(ascii) => ascii.take(points),
+            Kept::Whole(layout) => layout.table.take(points),
+        }
+    }
+}
+
+/// Reads the vertices.
+pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
+    Reader::open(path, options)?.take(usize::MAX)
+}
+
+/// What the header says.
+pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
+    let header = Header::read(path)?;
+    let (layout, _) = layout(&header, &ReadOptions::default());
+    let mut info = FileInfo::new(path, "PLY", header.vertex.count);
+    info.version = Some("1.0".into());
+    info.dimensions = layout.table.columns.into_iter().map(|c| c.name).collect();
+    if let Some(list) = header.vertex.properties.iter().find(|p| p.list.is_some()) {
+        info.warnings.push(format!("the list `{}` of the vertices is not read", list.name));
+    }
+    Ok(info)
+}
+
+/// The columns of the wanted properties, where they stand in a record without lists, and what each property goes to.
+fn layout(header: &Header, options: &ReadOptions) -> (Layout, Vec<Option<Target>>) {
+    let (mut layout, mut targets) = (Layout::default(), Vec::new());
+    let (mut at, width) = (0, header.vertex.least().max(1));
+    for property in &header.vertex.properties {
+        let name = column_name(&property.name);
+        let axis = ["x", "y", "z"].iter().position(|a| property.name.eq_ignore_ascii_case(a));
+        let target = match axis {
+            _ if property.list.is_some() => None,
+            Some(a) => Some(Target::Axis(a)),
+            None if options.wants(&name) => {
+                layout.table.columns.push(Column::new(name, property.kind.values()));
+                Some(Target::Column(layout.table.columns.len() - 1))
+            }
+            None => None,
+        };
+        let slot = Slot { kind: property.kind, at, width, big: header.encoding == Encoding::Big };
+        layout.slots.extend(target.map(|target| (target, slot)));
+        targets.push(target);
+        at += property.least();
+    }
+    (layout, targets)
+}
+
+/// Compares the smallest possible size of an element with what is left of the file.
+fn check_room(path: &Path, element: &Element, (least, left): (usize, u64)) -> Result<()> {
+    match element.count.checked_mul(least as u64) {
+        Some(bytes) if bytes <= left => Ok(()),
+        _ => {
+            let field = if element.name == "vertex" { "number of vertices" } else { &element.name };
+            let allowed = format!("at most {} in the {left} bytes after the header", left / least.max(1) as u64);
+            Err(bad(path, field, "header".into(), (element.count, allowed)))
+        }
+    }
+}
+
+/// Reads binary elements up to the vertices, lists among them, number by number.
+fn whole(
+    (path, monitor): (&Path, &Monitor),
+    header: &Header,
+    (mut layout, targets): (Layout, &[Option<Target>]),
+) -> Result<Layout> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let mut cursor = Cursor { path, bytes: &bytes, at: header.body as usize, big: header.encoding == Encoding::Big };
+    for element in &header.before {
+        cursor.element(element, monitor, |_, _| {})?;
+    }
+    cursor.element(&header.vertex, monitor, |p, (slot, number)| match targets.get(p) {
+        Some(Some(Target::Axis(a))) => slot.append_f64(number, &mut layout.table.axes[*a]),
+        Some(Some(Target::Column(c))) => slot.append(number, &mut layout.table.columns[*c].values),
+        _ => {}
+    })?;
+    Ok(layout)
+}
+
+struct Cursor<'a> {
+    path: &'a Path,
+    bytes: &'a [u8],
+    at: usize,
+    big: bool,
+}
+
+impl Cursor<'_> {
+    /// Hands each number that is no list to `work`, with the property's position.
+    fn element(
+        &mut self,
+        element: &Element,
+        monitor: &Monitor,
+        mut work: impl FnMut(usize, (Slot, &[u8])),
+    ) -> Result<()> {
+        check_room(self.path, element, (element.least(), (self.bytes.len() - self.at) as u64))?;
+        // Elements without properties take no room and no time.
+        let count = if element.properties.is_empty() { 0 } else { element.count };
+        for i in 0..count {
+            if i % STEP == STEP - 1 {
+                monitor.check()?;
+            }
+            for (p, property) in element.properties.iter().enumerate() {
+                let kind = property.list.unwrap_or(property.kind);
+                let slot = Slot { kind, at: 0, width: kind.size(), big: self.big };
+                let number = self.bytes.get(self.at..self.at + kind.size()).ok_or_else(|| {
+                    let fault = ("the end of the file", format!("{} records", element.count));
+                    bad(self.path, &element.name, format!("record {i}"), fault)
+                })?;
+                self.at += kind.size();
+                match property.list {
+                    None => work(p, (slot, number)),
+                    Some(_) => self.pass_list(slot, number, property.kind.size())?,
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Passes over the items of a list.
+    fn pass_list(&mut self, slot: Slot, number: &[u8], size: usize) -> Result<()> {
+        let mut length = Vec::new();
+        slot.append_f64(number, &mut length);
+        let length = length.first().copied().unwrap_or_default();
+        let most = (self.bytes.len() - self.at) / size;
+        if !(0.0..=most as f64).contains(&length) {
+            let place = format!("byte {}", self.at);
+            return Err(bad(self.path, "list length", place, (length, format!("0 to {most}"))));
+        }
+        self.at += length as usize * size;
+        Ok(())
+    }
+}
+
+/// Vertices as lines of text.
+#[derive(Debug)]
+struct Ascii {
+    path: PathBuf,
+    monitor: Monitor,
+    vertex: Element,
+    layout: Layout,
+    targets: Vec<Option<Target>>,
+    lines: Lines,
+    read: u64,
+}
+
+impl Ascii {
+    fn open(
+        path: &Path,
+        (header, monitor): (Header, &Monitor),
+        (layout, targets): (Layout, Vec<Option<Target>>),
+    ) -> Result<Self> {
+        // Each number takes a digit and something between it and the next.
+        check_room(path, &header.vertex, (2 * targets.len().max(1), header.room + 1))?;
+        let mut lines = Lines::open((path, "PLY"), header.body, header.lines)?;
+        let before = header.before.iter().fold(0u64, |sum, e| sum.saturating_add(e.count));
+        for i in 0..before {
+            if i % STEP == STEP - 1 {
+                monitor.check()?;
+            }
+            if lines.next()?.is_none() {
+                break;
+            }
+        }
+        let (path, monitor) = (path.to_path_buf(), monitor.clone());
+        Ok(Self { path, monitor, vertex: header.vertex, layout, targets, lines, read: 0 })
+    }
+
+    fn take(&mut self, points: usize) -> Result<Cloud> {
+        let wanted = points.min(usize::try_from(self.vertex.count - self.read).unwrap_or(usize::MAX));
+        self.layout.table.reserve(wanted)?;
+        for _ in 0..wanted {
+            if self.read % STEP == STEP - 1 {
+                self.monitor.check()?;
+                self.monitor.advance(STEP);
+            }
+            let Some((number, line)) = self.lines.next()? else {
+                let fault = ("the end of the file", format!("{} vertices", self.vertex.count));
+                return Err(bad(&self.path, "vertex", format!("{}", self.read), fault));
+            };
+            row(&self.vertex, &self.targets, line, &mut self.layout)
+                .map_err(|(field, at, fault)| bad(&self.path, field, format!("line {number}:{at}"), fault))?;
+            self.read += 1;
+        }
+        self.layout.table.take(usize::MAX)
+    }
+}
+
+type Fault<'a> = (&'a str, usize, (String, String));
+
+/// Takes the numbers of a line.
+fn row<'a>(
+    vertex: &'a Element,
+    targets: &[Option<Target>],
+    line: &[u8],
+    layout: &mut Layout,
+) -> std::result::Result<(), Fault<'a>> {
+    let mut words = Words::new(line);
+    let table = &mut layout.table;
+    for (property, target) in vertex.properties.iter().zip(targets) {
+        let short = || (&property.name[..], line.len() + 1, ("the end of the line".into(), "a number".into()));
+        let word = words.next().ok_or_else(short)?;
+        let wrong = || (&property.name[..], word.at, (word.string(), "a number of the property's type".into()));
+        let value = word.value.ok_or_else(wrong)?;
+        match target {
+            _ if property.list.is_some() => {
+                for _ in 0..value as u64 {
+                    words.next().ok_or_else(short)?;
+                }
+            }
+            Some(Target::Axis(a)) => table.axes[*a].push(value),
+            Some(Target::Column(c)) if !word.push(&mut table.columns[*c].values) => return Err(wrong()),
+            _ => {}
+        }
+    }
+    match words.next() {
+        None => Ok(()),
+        Some(word) => Err(("vertex", word.at, (word.string(), format!("{} values", vertex.properties.len())))),
+    }
+}

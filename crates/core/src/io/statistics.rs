@@ -1,0 +1,181 @@
+//! What only the points of a file can tell: what is odd about them, and how many of which class there are.
+
+use super::{FileInfo, ReadOptions, inspect, read_with};
+use crate::cloud::{Cloud, Coordinates, Values, names};
+use crate::error::Result;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::Path;
+
+/// Counts over all points of a file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Points with a coordinate that is not finite.
+    pub not_finite: u64,
+    /// Points that lie exactly where an earlier one lies.
+    pub duplicates: u64,
+    /// Points outside the bounds that the header tells, by more than a tick.
+    pub outside_bounds: u64,
+    /// Columns with values that are NaN or infinite, and how many.
+    pub nan_values: Vec<(String, u64)>,
+    /// Points of each class code, ascending; empty without a class.
+    pub classes: Vec<(u8, u64)>,
+    /// What is odd, one sentence each, those of [`inspect`](super::inspect()) not repeated.
+    pub warnings: Vec<String>,
+}
+
+/// Reads all points of a file and counts; returns the cloud for further questions. Time n log n (duplicates are found by
+/// sorting); memory the cloud and 24 bytes a point.
+///
+/// # Errors
+/// Those of [`read_with`](super::read_with()).
+pub fn statistics(path: &Path, options: &ReadOptions) -> Result<(Statistics, Cloud)> {
+    let info = inspect(path)?;
+    let cloud = read_with(path, options)?;
+    Ok((of_cloud(&cloud, &info), cloud))
+}
+
+/// The counts of a cloud that was read from the file that `info` describes.
+pub fn of_cloud(cloud: &Cloud, info: &FileInfo) -> Statistics {
+    let finite = |i: usize| cloud.xyz(i).iter().all(|v| v.is_finite());
+    let mut statistics = Statistics {
+        not_finite: (0..cloud.len()).into_par_iter().filter(|&i| !finite(i)).count() as u64,
+        duplicates: duplicates(cloud),
+        outside_bounds: outside(cloud, info),
+        nan_values: nan_values(cloud),
+        classes: classes(cloud),
+        warnings: Vec::new(),
+    };
+    statistics.warnings = warnings(&statistics, cloud, info);
+    statistics
+}
+
+fn duplicates(cloud: &Cloud) -> u64 {
+    match cloud.coordinates() {
+        Coordinates::Scaled { ticks: [x, y, z], .. } => {
+            repeated((0..x.len()).into_par_iter().map(|i| [x[i], y[i], z[i]]))
+        }
+        // Adding zero makes one of the two zeros; NaN lies nowhere.
+        Coordinates::Float(axes) => repeated(
+            (0..axes[0].len())
+                .into_par_iter()
+                .map(|i| [0, 1, 2].map(|a| axes[a][i] + 0.0))
+                .filter(|p| p.iter().all(|v| v.is_finite()))
+                .map(|p| p.map(f64::to_bits)),
+        ),
+    }
+}
+
+fn repeated<T: Ord + Send>(places: impl ParallelIterator<Item = [T; 3]>) -> u64 {
+    let mut places: Vec<[T; 3]> = places.collect();
+    places.par_sort_unstable();
+    places.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64
+}
+
+fn outside(cloud: &Cloud, info: &FileInfo) -> u64 {
+    let Some((low, high)) = info.bounds else { return 0 };
+    let slack = info.scale.unwrap_or([0.0; 3]);
+    let out = |i: usize| {
+        let p = cloud.xyz(i);
+        (0..3).any(|a| p[a] < low[a] - slack[a] || p[a] > high[a] + slack[a])
+    };
+    (0..cloud.len()).into_par_iter().filter(|&i| out(i)).count() as u64
+}
+
+fn nan_values(cloud: &Cloud) -> Vec<(String, u64)> {
+    let count = |values: &Values| match values {
+        Values::F32(v) => v.iter().filter(|x| !x.is_finite()).count() as u64,
+        Values::F64(v) => v.iter().filter(|x| !x.is_finite()).count() as u64,
+        _ => 0,
+    };
+    let counted = cloud.columns().iter().map(|c| (c.name.clone(), count(&c.values)));
+    counted.filter(|(_, n)| *n > 0).collect()
+}
+
+fn classes(cloud: &Cloud) -> Vec<(u8, u64)> {
+    let mut counts = [0u64; 256];
+    if let Some(column) = cloud.column(names::CLASSIFICATION) {
+        (0..cloud.len()).for_each(|i| counts[usize::from(column.values.get(i) as u8)] += 1);
+    }
+    (0..=255u8).map(|c| (c, counts[usize::from(c)])).filter(|(_, n)| *n > 0).collect()
+}
+
+fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let mut say = |count: u64, what: &str| {
+        if count > 0 {
+            warnings.push(format!("{count} {what}"));
+        }
+    };
+    say(statistics.not_finite, "points have coordinates that are not finite; they are left unclassified");
+    say(statistics.duplicates, "points lie exactly where another one lies");
+    say(statistics.outside_bounds, "points lie outside the bounds in the header");
+    statistics.nan_values.iter().for_each(|(name, n)| say(*n, &format!("values of {name} are NaN or infinite")));
+    warnings.extend(unit_warning(cloud, info));
+    warnings
+}
+
+/// Coordinates that do not look like the unit they are taken for.
+fn unit_warning(cloud: &Cloud, info: &FileInfo) -> Option<String> {
+    let (low, high) = cloud.bounds()?;
+    let size = [0, 1, 2].map(|a| high[a] - low[a]);
+    let plan = size[0].max(size[1]);
+    let degrees = low[0] >= -180.0 && high[0] <= 180.0 && low[1] >= -90.0 && high[1] <= 90.0;
+    let fine = info.scale.is_some_and(|s| s[0] < 1e-5 && s[1] < 1e-5);
+    let geographic = info.crs.as_deref().is_some_and(|c| c.starts_with("GEOG"));
+    if degrees && (geographic || fine || plan > 0.0 && plan < 1.0 && size[2] > 20.0 * plan) {
+        return Some("x and y look like degrees; features need metres: project the cloud first".into());
+    }
+    let known = info.metres_per_unit.is_some();
+    if !known && plan > 0.0 && size[2] > 3.0 * plan {
+        return Some(format!(
+            "the cloud is {:.1} high and {plan:.1} wide: are all axes in one unit? (--unit)",
+            size[2]
+        ));
+    }
+    if !known && plan > 100_000.0 {
+        return Some(format!("the cloud is {plan:.0} units wide and tells no unit: millimetres? (--unit 0.001)"));
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Column;
+    use crate::io::{self, WriteOptions};
+
+    #[test]
+    fn oddities_are_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let nan = f64::NAN;
+        let rows =
+            [[0.0, 0.0, 1.0], [-0.0, 0.0, 1.0], [5.0, 1.0, 0.5], [nan, 0.0, 0.0], [5.0, 1.0, 0.5], [5.0, 1.0, 0.5]];
+        let mut cloud = Cloud::from_rows(&rows).unwrap();
+        cloud.set_column(Column::new("Classification", Values::U8(vec![2, 2, 6, 6, 6, 6]))).unwrap();
+        cloud
+            .set_column(Column::new("Height", Values::F32(vec![1.0, f32::NAN, 0.0, f32::INFINITY, 0.0, 0.0])))
+            .unwrap();
+        io::write(&path, &cloud, &WriteOptions::default()).unwrap();
+        let (found, _) = statistics(&path, &ReadOptions::default()).unwrap();
+        assert_eq!((found.not_finite, found.duplicates), (1, 3));
+        assert_eq!(found.classes, [(2, 2), (6, 4)]);
+        assert_eq!(found.nan_values, [("scalar_Height".to_string(), 2)].map(|(n, c)| (n.replace("scalar_", ""), c)));
+        assert_eq!(found.warnings.len(), 3, "{:?}", found.warnings);
+    }
+
+    #[test]
+    fn points_outside_the_header_and_degrees_are_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.las");
+        let rows: Vec<[f64; 3]> = (0..100).map(|i| [8.5 + f64::from(i) * 1e-5, 47.0, f64::from(i)]).collect();
+        io::write(&path, &Cloud::from_rows(&rows).unwrap(), &WriteOptions::default()).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes[211..219].copy_from_slice(&90.0f64.to_le_bytes());
+        std::fs::write(&path, bytes).unwrap();
+        let (found, _) = statistics(&path, &ReadOptions::default()).unwrap();
+        assert_eq!(found.outside_bounds, 9);
+        assert!(found.warnings.iter().any(|w| w.contains("degrees")), "{:?}", found.warnings);
+    }
+}

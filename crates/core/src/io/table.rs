@@ -1,0 +1,98 @@
+//! Columns that grow while a file is read, and are handed out as clouds.
+
+use super::number::{Kind, each_values};
+use crate::cloud::{Cloud, Column, Coordinates, Values};
+use crate::error::{Error, Result};
+
+/// Rows read but not handed out yet; all columns are of one length between two calls.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Table {
+    pub(super) axes: [Vec<f64>; 3],
+    pub(super) columns: Vec<Column>,
+}
+
+macro_rules! split {
+    ($values:expr, $n:expr, $($variant:ident),*) => {
+        match $values { $(Values::$variant(v) => {
+            let rest = v.split_off($n.min(v.len()));
+            Values::$variant(std::mem::replace(v, rest))
+        })* }
+    };
+}
+
+/// Takes the first `n` values away.
+pub(super) fn split(values: &mut Values, n: usize) -> Values {
+    split!(values, n, U8, I8, U16, I16, U32, I32, U64, I64, F32, F64)
+}
+
+/// Whether there is room for `n` more values.
+pub(super) fn reserve(values: &mut Values, n: usize) -> bool {
+    each_values!(values, v => v.try_reserve_exact(n).is_ok())
+}
+
+/// Appends zeros.
+pub(super) fn pad(values: &mut Values, n: usize) {
+    each_values!(values, v => v.resize(v.len() + n, Default::default()));
+}
+
+impl Table {
+    /// Number of rows.
+    pub(super) fn len(&self) -> usize {
+        self.axes[0].len()
+    }
+
+    /// Asks for room for `n` more rows; memory is only taken as rows come.
+    pub(super) fn reserve(&mut self, n: usize) -> Result<()> {
+        let axes = self.axes.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
+        match axes && self.columns.iter_mut().all(|column| reserve(&mut column.values, n)) {
+            true => Ok(()),
+            false => Err(Error::input(format!("not enough memory for {n} points with {} columns", self.columns.len()))),
+        }
+    }
+
+    /// The first `n` rows (or all there are) as a cloud; they leave the table.
+    pub(super) fn take(&mut self, n: usize) -> Result<Cloud> {
+        if n >= self.len() {
+            let columns = self.columns.iter().map(|c| Column::new(&c.name, Kind::of(&c.values).values())).collect();
+            return std::mem::replace(self, Self { axes: Default::default(), columns }).cloud();
+        }
+        let mut axes: [Vec<f64>; 3] = Default::default();
+        for (head, axis) in axes.iter_mut().zip(&mut self.axes) {
+            let rest = axis.split_off(n.min(axis.len()));
+            *head = std::mem::replace(axis, rest);
+        }
+        let head = |column: &mut Column| Column::new(&column.name, split(&mut column.values, n));
+        Self { axes, columns: self.columns.iter_mut().map(head).collect() }.cloud()
+    }
+
+    /// All rows as a cloud. Of two columns with one name the second gets a number.
+    pub(super) fn cloud(self) -> Result<Cloud> {
+        let mut cloud = Cloud::new(Coordinates::Float(self.axes))?;
+        for mut column in self.columns {
+            let name = column.name.clone();
+            let mut serial = 2;
+            while cloud.column(&column.name).is_some() {
+                column.name = format!("{name}_{serial}");
+                serial += 1;
+            }
+            cloud.set_column(column)?;
+        }
+        Ok(cloud)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_leave_the_table_in_order() {
+        let axes = [0, 1, 2].map(|a| (0..5).map(|i| f64::from(10 * a + i)).collect());
+        let mut table = Table { axes, columns: vec![Column::new("A", Values::U8(vec![0, 1, 2, 3, 4]))] };
+        let head = table.take(2).unwrap();
+        assert_eq!((head.len(), head.xyz(1), table.len()), (2, [1.0, 11.0, 21.0], 3));
+        let rest = table.take(9).unwrap();
+        assert_eq!(rest.column("A").unwrap().values, Values::U8(vec![2, 3, 4]));
+        assert_eq!(table.take(9).unwrap().column("A").unwrap().values, Values::U8(vec![]));
+    }
+}

@@ -1,0 +1,116 @@
+//! What the columns of a text file are.
+
+use super::bad;
+use crate::cloud::names;
+use crate::error::Result;
+use crate::io::lines::{Pieces, count, lines};
+use crate::io::words::Words;
+use crate::io::{format, known};
+use std::path::Path;
+
+/// What a line's numbers are.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    pub(super) names: Vec<String>,
+    /// Columns of x, y and z.
+    pub(super) axes: [usize; 3],
+    /// Points as the first line of PTS says.
+    pub(super) declared: Option<u64>,
+}
+
+/// Finds the layout in the first line that holds something: it, the rest of its piece from the first row on, and the lines
+/// before that.
+pub(super) fn find(path: &Path, pieces: &mut Pieces) -> Result<(Layout, Option<Vec<u8>>, usize)> {
+    let mut before = 0;
+    while let Some(piece) = pieces.next()? {
+        let mark = if before == 0 && piece.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        let piece = &piece[mark..];
+        let (mut at, mut declared) = (0, None);
+        for (line, number) in lines(piece).zip(before + 1..) {
+            let next = (at + line.len() + 1).min(piece.len());
+            // A comment in the first line may be the row of names.
+            if super::holds(line) || (number == 1 && line.starts_with(b"//")) {
+                let line = line.trim_ascii();
+                let whole = std::str::from_utf8(line).ok().and_then(|l| l.parse().ok());
+                match whole.filter(|_| declared.is_none() && format::extension(path) == "pts") {
+                    Some(n) => declared = Some(n),
+                    None => {
+                        let (layout, header) = layout(path, (number, line))?;
+                        let from = if header { next } else { at };
+                        let above = if header { number } else { number - 1 };
+                        return Ok((Layout { declared, ..layout }, Some(piece[from..].to_vec()), above));
+                    }
+                }
+            }
+            at = next;
+        }
+        before += count(piece);
+        if declared.is_some() {
+            return Ok((Layout { declared, ..Layout::bare() }, None, before));
+        }
+    }
+    Ok((Layout::bare(), None, before))
+}
+
+impl Layout {
+    /// Of a file without points.
+    fn bare() -> Self {
+        Self { names: ["x", "y", "z"].map(String::from).to_vec(), axes: [0, 1, 2], declared: None }
+    }
+}
+
+/// The layout that a first line tells, and whether that line is a row of names.
+fn layout(path: &Path, (number, line): (usize, &[u8])) -> Result<(Layout, bool)> {
+    decimal_comma(path, (number, line))?;
+    let head = line.strip_prefix(b"//").unwrap_or(line);
+    let words: Vec<_> = Words::new(head).collect();
+    let is_name = |text: &[u8]| text.first().is_some_and(|b| b.is_ascii_alphabetic() || *b == b'_');
+    if words.iter().any(|w| w.value.is_none() && is_name(w.text)) {
+        let names: Vec<String> = words.iter().map(|w| w.string().trim_matches('"').to_string()).collect();
+        let axis = |a: &str| names.iter().position(|n| n.eq_ignore_ascii_case(a));
+        let axes = match (axis("x"), axis("y"), axis("z")) {
+            (Some(x), Some(y), Some(z)) => [x, y, z],
+            _ => {
+                return Err(bad(
+                    path,
+                    ("header row", number, 1),
+                    (names.join(" "), "names with x, y and z among them"),
+                ));
+            }
+        };
+        return Ok((Layout { names: names.iter().map(|n| known::name(n)).collect(), axes, declared: None }, true));
+    }
+    match words.len() {
+        0..3 => Err(bad(path, ("number of columns", number, 1), (words.len(), "3 or more: x y z ..."))),
+        n => Ok((Layout { names: usual_names(n), axes: [0, 1, 2], declared: None }, false)),
+    }
+}
+
+/// `1,5 2,5 3,5` would be six columns: commas inside the numbers of a line that something else separates.
+fn decimal_comma(path: &Path, (number, line): (usize, &[u8])) -> Result<()> {
+    let parts = line.split(|&b| b.is_ascii_whitespace() || b == b';').filter(|w| !w.is_empty());
+    let inside = |w: &[u8]| {
+        let commas = w.iter().filter(|&&b| b == b',').count();
+        let digits = w.iter().all(|b| b.is_ascii_digit() || b",+-".contains(b));
+        commas == 1 && digits && w.windows(3).any(|t| t[0].is_ascii_digit() && t[1] == b',' && t[2].is_ascii_digit())
+    };
+    let mut parts = parts.peekable();
+    let first = parts.peek().map(|w| String::from_utf8_lossy(w).into_owned()).unwrap_or_default();
+    match parts.filter(|w| inside(w)).count() {
+        0 | 1 => Ok(()),
+        _ => Err(bad(path, ("value", number, 1), (first, "a number; write decimals with a point, not a comma"))),
+    }
+}
+
+/// Names of columns without a header row, by their number; 7 are Semantic3D's.
+fn usual_names(columns: usize) -> Vec<String> {
+    let rest: &[&str] = match columns {
+        4 => &[names::INTENSITY],
+        6 => &names::COLOUR,
+        7 => &[names::INTENSITY, names::COLOUR[0], names::COLOUR[1], names::COLOUR[2]],
+        _ => &[],
+    };
+    let named = ["x", "y", "z"].iter().chain(rest).map(ToString::to_string);
+    let named: Vec<String> = named.collect();
+    (0..columns).map(|c| named.get(c).cloned().unwrap_or_else(|| format!("C{}", c + 1))).collect()
+}

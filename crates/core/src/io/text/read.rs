@@ -1,0 +1,178 @@
+//! Reading text, piece by piece.
+
+use super::bad;
+use super::labels::{self, Labels};
+use super::layout::{self, Layout};
+use super::rows::{self, Fault};
+use crate::cloud::{Cloud, Column, Coordinates, Values, names};
+use crate::error::Result;
+use crate::io::lines::{Pieces, count, cut};
+use crate::io::{FileInfo, ReadOptions};
+use crate::parallel::{Monitor, map_ordered};
+use std::path::{Path, PathBuf};
+
+/// A piece of 4 MiB is read in so many parts, each by one thread.
+const PARTS: usize = 16;
+
+/// Reads a file block by block.
+#[derive(Debug)]
+pub(in crate::io) struct Reader {
+    path: PathBuf,
+    monitor: Monitor,
+    pieces: Pieces,
+    /// The piece in which the layout was found, from its first row on.
+    first: Option<Vec<u8>>,
+    /// Lines before the next piece.
+    lines: usize,
+    layout: Layout,
+    /// Column of `columns` for each number of a row.
+    targets: Vec<Option<usize>>,
+    /// Rows that wait: x, y, z, then those of `kept`.
+    columns: Vec<Vec<f64>>,
+    kept: Vec<String>,
+    labels: Option<Labels>,
+    /// Points handed out.
+    given: usize,
+}
+
+impl Reader {
+    pub(in crate::io) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let labels = labels::beside(path)?;
+        if let Some(labels) = &labels {
+            labels.check_lines(path)?;
+        }
+        let mut pieces = Pieces::open(path, "text", 0)?;
+        let (layout, first, lines) = layout::find(path, &mut pieces)?;
+        let (mut targets, mut kept) = (Vec::new(), Vec::new());
+        for (c, name) in layout.names.iter().enumerate() {
+            targets.push(layout.axes.iter().position(|&a| a == c).or_else(|| {
+                // Of two columns with one name the last one counts.
+                let last = layout.names.iter().rposition(|n| n == name) == Some(c);
+                (last && options.wants(name)).then(|| {
+                    kept.push(name.clone());
+                    2 + kept.len()
+                })
+            }));
+        }
+        let length = std::fs::metadata(path).map_or(0, |m| m.len());
+        options.monitor.stage("read", length);
+        let columns = vec![Vec::new(); 3 + kept.len()];
+        let (path, monitor) = (path.to_path_buf(), options.monitor.clone());
+        Ok(Self { path, monitor, pieces, first, lines, layout, targets, columns, kept, labels, given: 0 })
+    }
+
+    fn rows(&self) -> usize {
+        self.columns[0].len()
+    }
+
+    /// Reads another piece; false behind the last.
+    fn more(&mut self) -> Result<bool> {
+        let piece = match self.first.take() {
+            Some(piece) => piece,
+            None => match self.pieces.next()? {
+                Some(piece) => piece,
+                None => return Ok(false),
+            },
+        };
+        let parts = cut(&piece, PARTS);
+        let width = self.columns.len();
+        let read = map_ordered(parts.len(), &self.monitor, |i| Ok(rows::read(parts[i], &self.targets, width)))?;
+        for (part, rows) in parts.iter().zip(read) {
+            let rows = rows.map_err(|fault| self.fault(fault))?;
+            self.columns.iter_mut().zip(rows).for_each(|(column, rows)| column.extend_from_slice(&rows));
+            self.lines += count(part);
+        }
+        self.monitor.advance(piece.len() as u64);
+        Ok(true)
+    }
+
+    fn fault(&self, fault: Fault) -> crate::error::Error {
+        bad(&self.path, (fault.field, self.lines + fault.line, fault.column), (fault.found, fault.allowed))
+    }
+
+    /// The next points, at most so many, as numbers of 64 bits; an empty cloud at the end.
+    pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
+        while self.rows() < points {
+            if !self.more()? {
+                self.check_end()?;
+                break;
+            }
+        }
+        let n = points.min(self.rows());
+        let mut columns = self.columns.iter_mut().map(|column| {
+            let rest = column.split_off(n);
+            std::mem::replace(column, rest)
+        });
+        let mut next = || columns.next().unwrap_or_default();
+        let mut cloud = Cloud::new(Coordinates::Float([next(), next(), next()]))?;
+        for name in &self.kept {
+            cloud.set_column(Column::new(name, Values::F64(next())))?;
+        }
+        if let Some(labels) = &self.labels {
+            let codes = labels.codes.get(self.given..self.given + n);
+            let codes = codes.ok_or_else(|| labels.wrong(&self.path, self.given + n))?;
+            cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(codes.to_vec())))?;
+        }
+        self.given += n;
+        Ok(cloud)
+    }
+
+    /// All points must be there, and no more labels than points.
+    fn check_end(&self) -> Result<()> {
+        let found = self.given + self.rows();
+        if let Some(labels) = self.labels.as_ref().filter(|l| l.codes.len() != found) {
+            return Err(labels.wrong(&self.path, found));
+        }
+        match self.layout.declared.filter(|&n| n != found as u64) {
+            None => Ok(()),
+            Some(n) => {
+                let allowed = format!("{found} as there are lines; renamed to .xyz the file is read as it is");
+                Err(bad(&self.path, ("number of points", 1, 1), (n, allowed)))
+            }
+        }
+    }
+}
+
+/// Reads all points; codes and colours that are whole numbers become integers.
+pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
+    let mut reader = Reader::open(path, options)?;
+    let mut cloud = reader.take(usize::MAX)?;
+    for name in &reader.kept {
+        if let Some(Column { values: Values::F64(numbers), .. }) = cloud.column(name)
+            && let Some(values) = typed(name, numbers)
+        {
+            cloud.set_column(Column::new(name, values))?;
+        }
+    }
+    Ok(cloud)
+}
+
+/// Codes and colours as integers where they are; `None`: stay as they were read.
+fn typed(name: &str, numbers: &[f64]) -> Option<Values> {
+    let whole = |most: f64| numbers.iter().all(|v| (0.0..=most).contains(v) && v.fract().to_bits() << 1 == 0);
+    let colour = names::COLOUR.contains(&name);
+    match name {
+        n if (n == names::CLASSIFICATION || colour) && whole(255.0) => {
+            Some(Values::U8(numbers.iter().map(|&v| v as u8).collect()))
+        }
+        _ if colour && whole(65_535.0) => Some(Values::U16(numbers.iter().map(|&v| v as u16).collect())),
+        _ => None,
+    }
+}
+
+/// Names from the first lines, points from the number of lines; no number is read.
+pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
+    let reader = Reader::open(path, &ReadOptions::default())?;
+    let mut pieces = reader.pieces;
+    let holding = |piece: &[u8]| crate::io::lines::lines(piece).filter(|line| super::holds(line)).count() as u64;
+    let mut points = reader.first.as_deref().map_or(0, holding);
+    while let Some(piece) = pieces.next()? {
+        points += holding(&piece);
+    }
+    let mut info = FileInfo::new(path, "text", points);
+    info.dimensions = reader.kept;
+    if reader.labels.is_some() && !info.dimensions.iter().any(|d| d == names::CLASSIFICATION) {
+        info.dimensions.push(names::CLASSIFICATION.into());
+    }
+    Ok(info)
+}

@@ -1,0 +1,428 @@
+//! The optimal neighbourhood of a point: as many neighbours as make its eigenentropy least.
+
+use super::knn::{Block, blocks};
+use super::knn_tree::Tree;
+use super::nearest::Neighbours;
+use super::optimal_lanes::{Chosen, LANES, Lane, choose, eigen};
+use crate::cloud::Points;
+use crate::error::{Error, Result};
+use crate::linalg::Eigen3;
+use crate::parallel::{Monitor, map_ordered_with};
+use pulp::{Arch, Simd, WithSimd};
+use serde::{Deserialize, Serialize};
+
+/// Points of a block where neighbours are given.
+const BLOCK: usize = 2048;
+
+/// What enters linearity, planarity and scattering.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Eigenvalues {
+    /// The eigenvalues λ (document 000).
+    #[default]
+    Raw,
+    /// Their roots √λ, which are lengths (superpoint graphs, pgeof).
+    Sqrt,
+}
+
+/// Which neighbourhoods are compared, and by which conventions they are described.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OptimalParams {
+    /// Fewest neighbours, the point itself not counted; 2..=k_max. On clouds of line scanners 10 describe one scan line.
+    pub k_min: usize,
+    /// Most neighbours; k_min..=1000.
+    pub k_max: usize,
+    /// Neighbourhoods of k_min, k_min + k_step, ... and of k_max neighbours are compared; at least 1.
+    pub k_step: usize,
+    /// What enters linearity, planarity and scattering.
+    pub eigenvalues: Eigenvalues,
+    /// Verticality is multiplied by this; above 0.
+    pub verticality_factor: f64,
+}
+
+impl Default for OptimalParams {
+    /// Guinard and Landrieu 2017; the range of k of Weinmann et al. 2015.
+    fn default() -> Self {
+        Self { k_min: 10, k_max: 100, k_step: 1, eigenvalues: Eigenvalues::Raw, verticality_factor: 1.0 }
+    }
+}
+
+impl OptimalParams {
+    /// Names of the presets.
+    pub const PRESETS: [&'static str; 2] = ["guinard2017", "spg"];
+
+    /// Conventions by name: `guinard2017` (the default), `spg` (superpoint graphs: 45 neighbours everywhere, √λ,
+    /// verticality doubled).
+    ///
+    /// # Errors
+    /// If the name is none of [`OptimalParams::PRESETS`].
+    pub fn preset(name: &str) -> Result<Self> {
+        match name {
+            "guinard2017" => Ok(Self::default()),
+            "spg" => {
+                Ok(Self { k_min: 45, k_max: 45, k_step: 1, eigenvalues: Eigenvalues::Sqrt, verticality_factor: 2.0 })
+            }
+            _ => Err(Error::parameter("preset", name, Self::PRESETS.join(", "))),
+        }
+    }
+
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        if self.k_max > 1000 {
+            return Err(Error::parameter("k_max", self.k_max, "at most 1000"));
+        }
+        if self.k_min < 2 || self.k_min > self.k_max {
+            return Err(Error::parameter("k_min", self.k_min, format!("2..{} (k_max)", self.k_max)));
+        }
+        if self.k_step == 0 {
+            return Err(Error::parameter("k_step", self.k_step, "at least 1"));
+        }
+        if !(self.verticality_factor > 0.0 && self.verticality_factor.is_finite()) {
+            return Err(Error::parameter("verticality_factor", self.verticality_factor, "above 0"));
+        }
+        Ok(())
+    }
+
+    /// The numbers of neighbours that are compared where `available` are there, ascending.
+    fn wanted(&self, available: usize) -> Vec<u32> {
+        let (low, high) = (self.k_min.min(available), self.k_max.min(available));
+        let mut wanted: Vec<u32> = (low..=high).step_by(self.k_step).map(|k| k as u32).collect();
+        if wanted.last().is_some_and(|&k| (k as usize) < high) {
+            wanted.push(high as u32);
+        }
+        // A point and one neighbour always make a line: that says nothing.
+        wanted.retain(|&k| k > 1);
+        wanted
+    }
+}
+
+/// The optimal neighbourhood of one point.
+///
+/// Without extent (fewer than three points, or all in one place) entropy and eigenvalues are 0 and the eigenvectors the axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Optimal {
+    /// Neighbours, the point itself not counted.
+    pub k: u32,
+    /// Eigenentropy −Σ x ln x, x = λ / Σλ, of the neighbourhood; 0..=ln 3.
+    pub entropy: f64,
+    /// Eigenvalues (m²) and eigenvectors of the covariance of the point and its neighbours around their mean, divided by
+    /// their number.
+    pub eigen: Eigen3,
+}
+
+/// The optimal neighbourhood of every point, by given neighbours.
+///
+/// Weinmann, Jutzi, Hinz, Mallet, *Semantic point cloud interpretation based on optimal neighborhoods, relevant features and
+/// efficient classifiers*, ISPRS Journal 105, 2015, eq. 3; Guinard and Landrieu, *Weakly supervised segmentation-aided
+/// classification of urban scenes*, ISPRS Archives XLII-1/W1, 2017, section 2.1. For every wanted k the covariance of the
+/// point and its k nearest follows from that of the k − 1 nearest by running sums in `f64`; the k of the least eigenentropy is
+/// taken, the smallest of those that differ by less than 1e-6. Neighbourhoods without extent are taken only if there is no
+/// other. O(n k_max) time; the result has 112 bytes a point.
+///
+/// # Errors
+/// If a parameter is out of range, the neighbours are not those of these points or fewer than `k_max` although there are more
+/// points, or the work was cancelled.
+pub fn optimal(
+    points: &Points,
+    neighbours: &Neighbours,
+    params: &OptimalParams,
+    monitor: &Monitor,
+) -> Result<Vec<Optimal>> {
+    params.validate()?;
+    let (n, k) = (points.len(), params.k_max.min(points.len().saturating_sub(1)));
+    if (neighbours.len() != n && k > 0) || neighbours.k() < k {
+        return Err(Error::input(format!(
+            "{} neighbours of {} points (needed: at least {k} neighbours of {n} points)",
+            neighbours.k(),
+            neighbours.len()
+        )));
+    }
+    let wanted = params.wanted(k);
+    monitor.stage("optimal neighbourhoods", n as u64);
+    let parts = map_ordered_with(0..n.div_ceil(BLOCK), monitor, Vec::new, |rows, block| {
+        let range = block * BLOCK..((block + 1) * BLOCK).min(n);
+        let mut out = Vec::with_capacity(range.len());
+        let row = |i: usize| (i, if k > 0 { &neighbours.of(i)[..k] } else { &[] });
+        Arch::new().dispatch(Choose {
+            points,
+            row: |l| row(range.start + l),
+            count: range.len(),
+            wanted: &wanted,
+            rows,
+            out: &mut out,
+        });
+        monitor.advance(range.len() as u64);
+        Ok(out)
+    })?;
+    Ok(parts.concat())
+}
+
+/// What `describe` says of the optimal neighbourhood of every point, in the order of the points.
+///
+/// As [`optimal`] of [`super::knn`], bit for bit, but the neighbours of a block of points only are held at a time:
+/// about 25 bytes a point and what `describe` returns.
+///
+/// # Errors
+/// If a parameter is out of range, a coordinate is not finite, or the work was cancelled.
+pub fn map_optimal<T: Copy + Default + Send>(
+    points: &Points,
+    params: &OptimalParams,
+    monitor: &Monitor,
+    describe: impl Fn(&Optimal) -> T + Sync + Send,
+) -> Result<Vec<T>> {
+    params.validate()?;
+    let k = params.k_max.min(points.len().saturating_sub(1));
+    let tree = Tree::new(points, k)?;
+    let wanted = params.wanted(k);
+    let mut all = vec![T::default(); points.len()];
+    monitor.stage("optimal neighbourhoods", points.len() as u64);
+    let kernel = |block: Block, tree: &Tree| {
+        let (mut rows, mut out) = (Vec::new(), Vec::with_capacity(block.points.len()));
+        let row = |l: usize| (tree.index[block.points.start + l] as usize, &block.keys[l * k..(l + 1) * k]);
+        Arch::new().dispatch(Choose {
+            points,
+            row,
+            count: block.points.len(),
+            wanted: &wanted,
+            rows: &mut rows,
+            out: &mut out,
+        });
+        Ok((block.points, out.iter().map(&describe).collect::<Vec<T>>()))
+    };
+    blocks(&tree, k, monitor, kernel, |(range, values)| {
+        tree.index[range].iter().zip(values).for_each(|(&point, value)| all[point as usize] = value);
+    })?;
+    Ok(all)
+}
+
+/// An index of a point, alone or in the lower half of a key.
+trait Index: Copy {
+    fn index(self) -> usize;
+}
+
+impl Index for u32 {
+    #[inline(always)]
+    fn index(self) -> usize {
+        self as usize
+    }
+}
+
+impl Index for u64 {
+    #[inline(always)]
+    fn index(self) -> usize {
+        self as u32 as usize
+    }
+}
+
+/// The choice for a block of points, compiled for each instruction set. `row` gives a point and its neighbours.
+struct Choose<'a, F> {
+    points: &'a Points,
+    row: F,
+    count: usize,
+    wanted: &'a [u32],
+    rows: &'a mut Vec<[Lane; 3]>,
+    out: &'a mut Vec<Optimal>,
+}
+
+impl<'r, I: Index + 'r, F: Fn(usize) -> (usize, &'r [I])> WithSimd for Choose<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Points { x, y, z, .. } = self.points;
+        for first in (0..self.count).step_by(LANES) {
+            let lanes = LANES.min(self.count - first);
+            for l in 0..LANES {
+                // Lanes without a point repeat the last one.
+                let (i, near) = (self.row)(first + l.min(lanes - 1));
+                let at = [x[i], y[i], z[i]].map(f64::from);
+                self.rows.resize(near.len(), [[0.0; LANES]; 3]);
+                for (row, j) in self.rows.iter_mut().zip(near) {
+                    let j = j.index();
+                    row[0][l] = f64::from(x[j]) - at[0];
+                    row[1][l] = f64::from(y[j]) - at[1];
+                    row[2][l] = f64::from(z[j]) - at[2];
+                }
+            }
+            let chosen = choose(self.rows, self.wanted);
+            describe(&chosen, lanes, self.out);
+        }
+    }
+}
+
+#[inline(always)]
+fn describe(chosen: &Chosen, lanes: usize, out: &mut Vec<Optimal>) {
+    let eigen = eigen(&chosen.matrix);
+    for l in 0..lanes {
+        out.push(Optimal {
+            k: chosen.rows[l] as u32,
+            entropy: if chosen.entropy[l].is_finite() { chosen.entropy[l].max(0.0) } else { 0.0 },
+            eigen: Eigen3 {
+                values: [eigen.values[0][l], eigen.values[1][l], eigen.values[2][l]],
+                vectors: [0, 1, 2].map(|i| [0, 1, 2].map(|a| eigen.vectors[i][a][l])),
+            },
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::linalg::{Sym3, mean};
+    use crate::neighbours::knn;
+    use crate::random::stream;
+
+    fn points(rows: &[[f64; 3]]) -> Points {
+        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+    }
+
+    fn find(points: &Points, params: &OptimalParams) -> Vec<Optimal> {
+        let near = knn(points, params.k_max, &Monitor::default()).unwrap();
+        let found = optimal(points, &near, params, &Monitor::default()).unwrap();
+        let streamed = map_optimal(points, params, &Monitor::default(), |o| Some(*o)).unwrap();
+        assert!(found.iter().zip(&streamed).all(|(a, b)| Some(*a) == *b) && found.len() == streamed.len());
+        found
+    }
+
+    /// Two passes in f64 over the point and its `k` nearest.
+    fn twin(points: &Points, i: usize, row: &[u32]) -> (f64, Eigen3) {
+        let at = |j: usize| [points.x[j], points.y[j], points.z[j]].map(f64::from);
+        let members: Vec<[f64; 3]> = [i].into_iter().chain(row.iter().map(|&j| j as usize)).map(at).collect();
+        let eigen = Sym3::scatter(&members, mean(&members), members.len() as f64).eigen();
+        let sum: f64 = eigen.values.iter().sum();
+        let terms = eigen.values.map(|v| if v > 0.0 { -v / sum * (v / sum).ln() } else { 0.0 });
+        (if sum > 0.0 { terms.iter().sum() } else { f64::INFINITY }, eigen)
+    }
+
+    fn check(rows: &[[f64; 3]], params: &OptimalParams) {
+        let points = points(rows);
+        let near = knn(&points, params.k_max, &Monitor::default()).unwrap();
+        let wanted = params.wanted(near.k());
+        for (i, found) in find(&points, params).iter().enumerate() {
+            let all: Vec<(f64, u32)> =
+                wanted.iter().map(|&k| (twin(&points, i, &near.of(i)[..k as usize]).0, k)).collect();
+            let least = all.iter().fold(f64::INFINITY, |m, e| e.0.min(m));
+            assert!((found.entropy - least).abs() < 1.1e-6, "point {i}: {} for {least}", found.entropy);
+            let smallest = all.iter().find(|e| e.0 <= least + 2.2e-6).unwrap();
+            assert!(found.k >= smallest.1, "point {i}: {} although {smallest:?}", found.k);
+            assert!(all.iter().any(|e| e.1 == found.k && e.0 < least + 1.1e-6), "point {i}");
+            let eigen = twin(&points, i, &near.of(i)[..found.k as usize]).1;
+            for a in 0..3 {
+                let apart = (found.eigen.values[a] - eigen.values[a]).abs();
+                assert!(apart <= 1e-6 * eigen.values[a] + 1e-13 * eigen.values[0], "point {i}: {found:?} {eigen:?}");
+            }
+        }
+    }
+
+    fn scene(n: usize) -> Vec<[f64; 3]> {
+        let mut s = stream(21, n as u64);
+        let mut rows: Vec<[f64; 3]> =
+            (0..n).map(|_| [s.uniform() * 9.0, s.uniform() * 9.0, s.uniform() * 0.02]).collect();
+        rows.extend((0..n / 4).map(|_| [s.uniform() * 0.05, 4.0, s.uniform() * 8.0]));
+        rows.extend((0..n / 4).map(|_| [5.0 + s.uniform(), 5.0 + s.uniform(), 2.0 + s.uniform()]));
+        rows.extend((0..n / 10).map(|_| [700.0 + s.uniform(), 5.0, 2.0]));
+        rows
+    }
+
+    #[test]
+    fn the_choice_is_the_least_entropy_by_brute_force() {
+        check(&scene(400), &OptimalParams::default());
+        check(&scene(300), &OptimalParams { k_min: 5, k_max: 60, k_step: 7, ..OptimalParams::default() });
+        check(&scene(90), &OptimalParams { k_max: 1000, ..OptimalParams::default() });
+    }
+
+    #[test]
+    fn a_planar_lattice_has_the_entropy_of_two_equal_eigenvalues() {
+        let rows: Vec<[f64; 3]> = (0..1681).map(|i| [f64::from(i % 41), f64::from(i / 41), 3.0]).collect();
+        let params = OptimalParams { k_min: 8, k_max: 8, ..OptimalParams::default() };
+        let found = find(&points(&rows), &params);
+        // Away from the border 8 neighbours are the square around the point.
+        assert!((found[20 * 41 + 20].entropy - std::f64::consts::LN_2).abs() < 1e-12);
+        assert_eq!(found[20 * 41 + 20].eigen.values[2], 0.0);
+    }
+
+    #[test]
+    fn equal_entropies_choose_the_smallest_neighbourhood() {
+        let line: Vec<[f64; 3]> =
+            (0..300).map(|i| [f64::from(i) * 0.3, f64::from(i) * 0.7, f64::from(i) * 0.1]).collect();
+        assert!(find(&points(&line), &OptimalParams::default()).iter().all(|o| o.k == 10 && o.entropy < 1e-6));
+    }
+
+    #[test]
+    fn the_choice_does_not_change_with_the_unit() {
+        let cloud = points(&scene(300));
+        let times = |factor: f32| {
+            let axis = |v: &[f32]| v.iter().map(|v| v * factor).collect();
+            Points { x: axis(&cloud.x), y: axis(&cloud.y), z: axis(&cloud.z), ..cloud.clone() }
+        };
+        let params = OptimalParams::default();
+        let (one, other) = (find(&cloud, &params), find(&times(1024.0), &params));
+        assert!(one.iter().zip(&other).all(|(a, b)| a.k == b.k && (a.entropy - b.entropy).abs() < 1e-14));
+        let other = find(&times(1000.0), &params);
+        let same = one.iter().zip(&other).filter(|(a, b)| a.k == b.k).count();
+        assert!(same * 100 >= one.len() * 99, "{same} of {}", one.len());
+        assert!(one.iter().zip(&other).all(|(a, b)| (a.entropy - b.entropy).abs() < 1e-4));
+    }
+
+    #[test]
+    fn neighbourhoods_without_extent_have_defined_values() {
+        let params = OptimalParams::default();
+        for rows in [vec![], vec![[1.0; 3]], vec![[1.0; 3], [2.0, 1.0, 1.0]], vec![[4.0; 3]; 200]] {
+            for found in find(&points(&rows), &params) {
+                assert!(found.entropy == 0.0 && found.eigen.values == [0.0; 3], "{found:?}");
+                assert!(found.k == if rows.len() > 2 { 10 } else { 0 });
+            }
+        }
+        let three = find(&points(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), &params);
+        assert!(three.iter().all(|o| o.k == 2 && (o.eigen.values[0] - 1.0 / 3.0).abs() < 1e-12));
+        let mut pile = vec![[4.0; 3]; 30];
+        pile.extend((0..30).map(|i| [4.0 + f64::from(i), 4.0, 5.0]));
+        assert!(find(&points(&pile), &params).iter().all(|o| o.entropy.is_finite() && o.eigen.values[0] > 0.0));
+    }
+
+    #[test]
+    fn parameters_out_of_range_and_too_few_neighbours_are_refused() {
+        let cloud = points(&scene(60));
+        let near = knn(&cloud, 20, &Monitor::default()).unwrap();
+        let run = |params: &OptimalParams| optimal(&cloud, &near, params, &Monitor::default());
+        assert!(run(&OptimalParams::default()).unwrap_err().to_string().contains("at least 95"));
+        assert!(run(&OptimalParams { k_max: 20, ..OptimalParams::default() }).is_ok());
+        for bad in [
+            OptimalParams { k_min: 1, ..OptimalParams::default() },
+            OptimalParams { k_min: 101, ..OptimalParams::default() },
+            OptimalParams { k_max: 1001, ..OptimalParams::default() },
+            OptimalParams { k_step: 0, ..OptimalParams::default() },
+            OptimalParams { verticality_factor: f64::NAN, ..OptimalParams::default() },
+        ] {
+            assert!(matches!(run(&bad), Err(Error::InvalidParameter { .. })));
+        }
+        for name in OptimalParams::PRESETS {
+            OptimalParams::preset(name).unwrap().validate().unwrap();
+        }
+        assert!(OptimalParams::preset("weinmann").is_err());
+    }
+
+    #[test]
+    fn the_choice_is_the_same_for_any_number_of_threads_and_instructions() {
+        let points = points(&scene(9000));
+        let params = OptimalParams { k_max: 30, ..OptimalParams::default() };
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| map_optimal(&points, &params, &Monitor::default(), |o| Some(*o))).unwrap()
+        };
+        let one = with(1);
+        assert!(one == with(2) && one == with(3));
+        let near = knn(&points, 30, &Monitor::default()).unwrap();
+        let (mut rows, mut out) = (Vec::new(), Vec::new());
+        let wanted = params.wanted(30);
+        let row = |i: usize| (i, near.of(i));
+        let kernel = Choose { points: &points, row, count: 500, wanted: &wanted, rows: &mut rows, out: &mut out };
+        pulp::Scalar::new().vectorize(kernel);
+        assert!(out.iter().zip(&one).all(|(a, b)| Some(*a) == *b));
+    }
+}

@@ -1,0 +1,111 @@
+//! The question "who takes label α?" as an energy of two labels, cut down to the nodes where it is open.
+//!
+//! With x = 1 for "takes α", every edge is symmetric up to terms of its ends,
+//! `E(x) = Σ θ_i x_i + Σ c_ij |x_i - x_j|`. For an edge whose ends have labels `a` and `b`, with
+//! A = V(a, b), B = V(a, α), C = V(α, b): c = (B + C - A)/2, and θ of its ends takes (C - A - B)/2 and (B - A - C)/2.
+//!
+//! A node whose θ outweighs all its c together is settled whatever the others do; settling it shifts θ of its neighbours,
+//! so that one settled node settles the next. Most nodes of a point cloud are settled this way, what stays open falls into
+//! small pieces.
+
+use super::Energy;
+use crate::graph::Adjacency;
+
+/// State of a node in the question about one label.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum State {
+    Open,
+    /// Keeps its label.
+    Stays,
+    /// Takes the new label.
+    Takes,
+}
+
+/// The open question; its buffers serve one label after the other.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Question {
+    pub(super) theta: Vec<f64>,
+    /// Sum of c over the edges to open neighbours.
+    slack: Vec<f64>,
+    pub(super) state: Vec<State>,
+    /// c of each edge.
+    pub(super) coupling: Vec<f64>,
+    settled: Vec<u32>,
+}
+
+impl Question {
+    /// Asks about `alpha` and settles what can be settled. O(nodes + edges).
+    pub(super) fn ask(&mut self, energy: &Energy<'_>, adjacency: &Adjacency, labels: &[u16], alpha: u16) {
+        self.set_nodes(energy, labels, alpha);
+        self.set_edges(energy, labels, alpha);
+        for node in 0..labels.len() {
+            self.settle(node);
+        }
+        while let Some(node) = self.settled.pop() {
+            self.tell_neighbours(node as usize, adjacency);
+        }
+    }
+
+    fn set_nodes(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
+        self.theta.clear();
+        self.theta.extend((0..labels.len()).map(|i| energy.cost(i, alpha) - energy.cost(i, labels[i])));
+        self.slack.clear();
+        self.slack.resize(labels.len(), 0.0);
+        // A node that has the label already "takes" it: its edges speak for the label.
+        self.state.clear();
+        self.state.extend(labels.iter().map(|&label| if label == alpha { State::Takes } else { State::Open }));
+        self.settled.clear();
+    }
+
+    fn set_edges(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
+        self.coupling.clear();
+        self.coupling.resize(energy.graph.edges().len(), 0.0);
+        for (e, &[i, j]) in energy.graph.edges().iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            let (a, b) = (labels[i], labels[j]);
+            let there = energy.edge_cost(e, alpha, b);
+            let back = energy.edge_cost(e, a, alpha);
+            match (a == alpha, b == alpha) {
+                (true, true) => {}
+                (true, false) => self.theta[j] -= there,
+                (false, true) => self.theta[i] -= back,
+                (false, false) => {
+                    let now = energy.edge_cost(e, a, b);
+                    let coupling = (0.5 * (back + there - now)).max(0.0);
+                    self.coupling[e] = coupling;
+                    self.theta[i] += 0.5 * (there - now - back);
+                    self.theta[j] += 0.5 * (back - now - there);
+                    self.slack[i] += coupling;
+                    self.slack[j] += coupling;
+                }
+            }
+        }
+    }
+
+    fn settle(&mut self, node: usize) {
+        if self.state[node] != State::Open {
+            return;
+        }
+        self.state[node] = if self.theta[node] >= self.slack[node] {
+            State::Stays
+        } else if self.theta[node] < -self.slack[node] {
+            State::Takes
+        } else {
+            return;
+        };
+        self.settled.push(node as u32);
+    }
+
+    fn tell_neighbours(&mut self, node: usize, adjacency: &Adjacency) {
+        let sign = if self.state[node] == State::Stays { 1.0 } else { -1.0 };
+        for (neighbour, edge) in adjacency.of(node) {
+            let neighbour = neighbour as usize;
+            if self.state[neighbour] == State::Open {
+                let coupling = self.coupling[edge as usize];
+                self.theta[neighbour] += sign * coupling;
+                self.slack[neighbour] -= coupling;
+                self.settle(neighbour);
+            }
+        }
+    }
+}

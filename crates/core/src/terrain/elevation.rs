@@ -1,0 +1,228 @@
+//! The height of the ground, and of points above it.
+
+use super::raster::Raster;
+use crate::cloud::Points;
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Points of a block.
+const BLOCK: usize = 16_384;
+
+/// How the ground's height is found from its points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ElevationParams {
+    /// Edge of a cell, metres; above 0.
+    pub cell: f64,
+    /// Share of a cell's ground points that lie below its height; 0..=1. A little above 0, so that a few wrong points do no
+    /// harm.
+    pub percentile: f64,
+    /// Width of the median window in cells; odd, 1..=99. 1 does not smooth.
+    pub median: usize,
+}
+
+impl Default for ElevationParams {
+    /// Document 000 says "a simple elevation model" only; these are our own choices.
+    fn default() -> Self {
+        Self { cell: 1.0, percentile: 0.1, median: 3 }
+    }
+}
+
+impl ElevationParams {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        if !(self.cell > 0.0 && self.cell.is_finite()) {
+            return Err(Error::parameter("cell", self.cell, "metres, above 0"));
+        }
+        if !(0.0..=1.0).contains(&self.percentile) {
+            return Err(Error::parameter("percentile", self.percentile, "0..1"));
+        }
+        if self.median.is_multiple_of(2) || self.median > 99 {
+            return Err(Error::parameter("median", self.median, "an odd number, 1..99"));
+        }
+        Ok(())
+    }
+}
+
+/// The height of the ground everywhere: a raster without holes, interpolated between the centres of its cells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElevationModel {
+    raster: Raster,
+}
+
+impl ElevationModel {
+    /// The ground below all `points`, from those that `is_ground` says are ground.
+    ///
+    /// A cell takes the given percentile of the heights of its ground points (the `⌊p (n − 1)⌋`-th of n, ascending); holes take
+    /// the nearest cell that has one; then a median window smooths. O(n log n + cells).
+    ///
+    /// # Errors
+    /// If there is no ground point, lengths differ, a parameter is out of range, the extent has too many cells, or the work was
+    /// cancelled.
+    pub fn fit(points: &Points, is_ground: &[bool], params: &ElevationParams, monitor: &Monitor) -> Result<Self> {
+        params.validate()?;
+        check_mask(points, is_ground)?;
+        if !is_ground.contains(&true) {
+            return Err(Error::input("no ground point: name a class that is ground, or give an elevation model"));
+        }
+        monitor.check()?;
+        let low = [&points.x, &points.y].map(|axis| axis.iter().fold(f32::INFINITY, |m, &v| m.min(v)));
+        let high = [&points.x, &points.y].map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
+        let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + points.origin[a]);
+        let mut raster = Raster::over(world(low), world(high), params.cell)?;
+        let mut keys: Vec<(u32, u32)> = (0..points.len())
+            .into_par_iter()
+            .filter(|&i| is_ground[i])
+            .map(|i| (raster.cell_of(world([points.x[i], points.y[i]])) as u32, ascending(points.z[i])))
+            .collect();
+        keys.par_sort_unstable();
+        monitor.check()?;
+        for cell in keys.chunk_by(|a, b| a.0 == b.0) {
+            let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
+            raster.values_mut()[index as usize] = f64::from(descended(z)) + points.origin[2];
+        }
+        raster.fill_holes()?;
+        monitor.check()?;
+        if params.median > 1 {
+            raster.median(params.median);
+        }
+        Ok(Self { raster })
+    }
+
+    /// From heights that somebody else made; holes (NaN) take the nearest height.
+    ///
+    /// # Errors
+    /// If there is no height at all.
+    pub fn from_raster(mut raster: Raster) -> Result<Self> {
+        raster.fill_holes()?;
+        Ok(Self { raster })
+    }
+
+    /// The raster.
+    pub fn raster(&self) -> &Raster {
+        &self.raster
+    }
+
+    /// Height of the ground at a position in metres (not relative to any origin).
+    pub fn ground(&self, at: [f64; 2]) -> f64 {
+        self.raster.bilinear(at)
+    }
+
+    /// Height of every point above the ground, metres; negative below it. O(n).
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn heights(&self, points: &Points, monitor: &Monitor) -> Result<Vec<f32>> {
+        let [ox, oy, oz] = points.origin;
+        let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
+            let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
+            let above = |i: usize| {
+                let at = [f64::from(points.x[i]) + ox, f64::from(points.y[i]) + oy];
+                (f64::from(points.z[i]) + oz - self.ground(at)) as f32
+            };
+            Ok(range.map(above).collect::<Vec<f32>>())
+        })?;
+        Ok(parts.concat())
+    }
+}
+
+/// Whether a mask says one thing of every point.
+pub(super) fn check_mask(points: &Points, mask: &[bool]) -> Result<()> {
+    if mask.len() == points.len() {
+        Ok(())
+    } else {
+        Err(Error::input(format!("{} marks for {} points", mask.len(), points.len())))
+    }
+}
+
+/// Bits that ascend as the number does.
+fn ascending(v: f32) -> u32 {
+    let bits = v.to_bits();
+    if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+}
+
+fn descended(bits: u32) -> f32 {
+    f32::from_bits(if bits >> 31 == 1 { bits & !(1 << 31) } else { !bits })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::random::stream;
+
+    fn street(slope: f64) -> (Points, Vec<bool>) {
+        let mut s = stream(6, 6);
+        let mut rows: Vec<[f64; 3]> = (0..20_000)
+            .map(|_| {
+                let (x, y) = (600_000.0 + s.uniform() * 60.0, 5e6 + s.uniform() * 40.0);
+                [x, y, 250.0 + slope * (x - 600_000.0)]
+            })
+            .collect();
+        rows.extend((0..500).map(|_| [600_010.0 + s.uniform() * 3.0, 5e6 + 10.0 + s.uniform() * 3.0, 257.0]));
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        (points, (0..20_500).map(|i| i < 20_000).collect())
+    }
+
+    #[test]
+    fn a_tilted_road_is_level_within_slope_times_cell() {
+        for slope in [0.0, 0.05, 0.3, -0.4] {
+            let (points, ground) = street(slope);
+            let model =
+                ElevationModel::fit(&points, &ground, &ElevationParams::default(), &Monitor::default()).unwrap();
+            let heights = model.heights(&points, &Monitor::default()).unwrap();
+            let worst = heights[..20_000].iter().fold(0.0f32, |m, h| m.max(h.abs()));
+            assert!(f64::from(worst) <= slope.abs() + 1e-4, "slope {slope}: {worst}");
+            let roof = 257.0 - 250.0 - slope * 11.5;
+            assert!(heights[20_000..].iter().all(|&h| (f64::from(h) - roof).abs() < 2.5 * slope.abs() + 1e-3));
+        }
+    }
+
+    #[test]
+    fn holes_take_the_nearest_ground_and_spikes_are_smoothed() {
+        let (points, ground) = street(0.0);
+        let west: Vec<bool> = (0..points.len()).map(|i| ground[i] && points.x[i] < 20.0).collect();
+        let model = ElevationModel::fit(&points, &west, &ElevationParams::default(), &Monitor::default()).unwrap();
+        assert!((model.ground([600_059.0, 5e6 + 3.0]) - 250.0).abs() < 1e-4);
+        assert!(model.raster().values().iter().all(|v| (v - 250.0).abs() < 1e-4));
+    }
+
+    #[test]
+    fn a_raster_of_somebody_else_is_taken_as_it_is() {
+        let raster = Raster::new([600_000.0, 5e6], 10.0, 2, vec![240.0, f64::NAN, 240.0, f64::NAN]).unwrap();
+        let model = ElevationModel::from_raster(raster).unwrap();
+        let (points, _) = street(0.0);
+        let heights = model.heights(&points, &Monitor::default()).unwrap();
+        assert!((heights[0] - 10.0).abs() < 1e-4 && (heights[20_100] - 17.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn what_cannot_be_a_ground_is_refused() {
+        let (points, ground) = street(0.0);
+        let fit = |mask: &[bool], params: ElevationParams| {
+            ElevationModel::fit(&points, mask, &params, &Monitor::default()).map(|_| ()).map_err(|e| e.to_string())
+        };
+        assert!(fit(&vec![false; points.len()], ElevationParams::default()).unwrap_err().contains("no ground point"));
+        assert!(fit(&ground[1..], ElevationParams::default()).is_err());
+        for bad in [
+            ElevationParams { cell: 0.0, ..ElevationParams::default() },
+            ElevationParams { cell: 1e-9, ..ElevationParams::default() },
+            ElevationParams { percentile: 1.5, ..ElevationParams::default() },
+            ElevationParams { median: 2, ..ElevationParams::default() },
+        ] {
+            assert!(fit(&ground, bad).is_err());
+        }
+    }
+
+    #[test]
+    fn order_survives_the_change_of_bits() {
+        let values = [-3.5f32, -0.0, 0.0, 1e-30, 7.0, f32::MAX];
+        assert!(values.windows(2).all(|w| ascending(w[0]) < ascending(w[1])));
+        assert!(values.iter().all(|&v| descended(ascending(v)).to_bits() == v.to_bits()));
+    }
+}

@@ -1,0 +1,84 @@
+//! The nearest filled cell of every cell of a grid.
+
+/// For every cell the nearest filled one by Euclidean distance; itself if it is filled. At least one is.
+///
+/// Felzenszwalb and Huttenlocher, *Distance transforms of sampled functions*, Theory of Computing 8, 2012: along the columns
+/// first, then the lower envelope of parabolas along every row. O(cells).
+pub(super) fn nearest_filled(filled: &[bool], columns: usize) -> Vec<u32> {
+    let mut nearest = nearest_in_column(filled, columns);
+    let mut envelope = Envelope::default();
+    let mut old = Vec::with_capacity(columns);
+    for (r, row) in nearest.chunks_mut(columns).enumerate() {
+        old.clear();
+        old.extend_from_slice(row);
+        envelope.build(&old, r, columns);
+        envelope.read(&old, row);
+    }
+    nearest
+}
+
+const NONE: u32 = u32::MAX;
+
+/// The nearest filled cell of the same column; the lower of two equally near ones.
+fn nearest_in_column(filled: &[bool], columns: usize) -> Vec<u32> {
+    let own = |i: usize| if filled[i] { i as u32 } else { NONE };
+    let mut nearest: Vec<u32> = (0..filled.len()).map(own).collect();
+    for i in columns..filled.len() {
+        if nearest[i] == NONE {
+            nearest[i] = nearest[i - columns];
+        }
+    }
+    let row = |i: u32| i as usize / columns;
+    for i in (0..filled.len().saturating_sub(columns)).rev() {
+        let (below, above) = (nearest[i], nearest[i + columns]);
+        let here = row(i as u32);
+        if above != NONE && row(above) > here && (below == NONE || row(above) - here < here - row(below)) {
+            nearest[i] = above;
+        }
+    }
+    nearest
+}
+
+/// The parabolas (x − column)² + height² that are lowest somewhere in a row, and where each begins to be.
+#[derive(Default)]
+struct Envelope {
+    column: Vec<usize>,
+    from: Vec<f64>,
+}
+
+impl Envelope {
+    fn build(&mut self, nearest: &[u32], row: usize, columns: usize) {
+        self.column.clear();
+        self.from.clear();
+        let height = |c: usize| {
+            let apart = (nearest[c] as usize / columns).abs_diff(row) as f64;
+            apart * apart + (c * c) as f64
+        };
+        for c in (0..columns).filter(|&c| nearest[c] != NONE) {
+            let mut from = f64::NEG_INFINITY;
+            while let (Some(&last), Some(&begin)) = (self.column.last(), self.from.last()) {
+                from = (height(c) - height(last)) / (2.0 * (c - last) as f64);
+                if from > begin {
+                    break;
+                }
+                self.column.pop();
+                self.from.pop();
+                from = f64::NEG_INFINITY;
+            }
+            self.column.push(c);
+            self.from.push(from);
+        }
+    }
+
+    fn read(&self, old: &[u32], row: &mut [u32]) {
+        let mut part = 0;
+        for (c, slot) in row.iter_mut().enumerate() {
+            while self.from.get(part + 1).is_some_and(|&from| from < c as f64) {
+                part += 1;
+            }
+            if let Some(&source) = self.column.get(part) {
+                *slot = old[source];
+            }
+        }
+    }
+}

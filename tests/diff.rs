@@ -1,0 +1,103 @@
+//! `diff`, `convert`, `merge` and `--salvage` as a user meets them: exit codes, streams and files.
+
+use scansion_tests::{demo_scan, street};
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn scansion(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_scansion-under-test"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("NO_COLOR", "1")
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Standard output and standard error of a command that ends with this code.
+fn ends(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
+    let output = scansion(folder, arguments);
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {out}{err}");
+    assert!(!err.contains("panicked"), "{err}");
+    (out, err)
+}
+
+#[test]
+fn classify_changes_only_what_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::copy(demo_scan(), f.join("in.laz")).unwrap();
+    ends(f, &["classify", "in.laz", "-o", "out.laz", "--no-extra", "-q"], 0);
+    let (out, err) = ends(f, &["diff", "in.laz", "out.laz"], 1);
+    assert!(out.starts_with("only Classification in ") && out.contains("the same class"), "{out}");
+    assert_eq!(err, "");
+    ends(f, &["classify", "in.laz", "-o", "out.las", "-q"], 0);
+    let (out, _) = ends(f, &["diff", "in.laz", "out.las", "--format", "json"], 1);
+    let found: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(found["same"], false);
+    assert_eq!(found["only_in"][1], serde_json::json!(["Confidence", "Entropy"]));
+    assert_eq!(found["fields"].as_array().unwrap().len(), 1, "{found}");
+    let mut records: Vec<&str> =
+        found["records"].as_array().unwrap().iter().map(|r| r["name"].as_str().unwrap()).collect();
+    records.sort_unstable();
+    assert_eq!(records, ["LASF_Spec 0", "LASF_Spec 4"], "class names and the descriptors of the new dimensions");
+    let (out, _) = ends(f, &["diff", "in.laz", "out.las", "--format", "csv"], 1);
+    assert!(out.starts_with("kind,name,points") && out.contains("field,\"Confidence\",,,,absent,present"), "{out}");
+}
+
+#[test]
+fn convert_and_merge_keep_what_the_target_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::copy(demo_scan(), f.join("in.laz")).unwrap();
+    ends(f, &["convert", "in.laz", "out.las"], 0);
+    let (out, _) = ends(f, &["diff", "in.laz", "out.las"], 0);
+    assert!(out.starts_with("same: "), "{out}");
+    let (_, err) = ends(f, &["convert", "in.laz", "out.ply"], 0);
+    assert!(err.contains("reference system") || err.contains("rounded"), "{err}");
+    ends(f, &["convert", "in.laz", "in.laz"], 2);
+    ends(f, &["convert", "in.laz", "out.nonsense"], 4);
+    for (name, seed) in [("tile_1.laz", 1), ("tile_2.laz", 2), ("other.laz", 3)] {
+        scansion_core::io::write(&f.join(name), &street(12.0, seed), &Default::default()).unwrap();
+    }
+    ends(f, &["merge", "tile_[12].laz", "all.laz"], 0);
+    let count = |name: &str| scansion_core::io::inspect(&f.join(name)).unwrap().points;
+    assert_eq!(count("all.laz"), count("tile_1.laz") + count("tile_2.laz"));
+    ends(f, &["merge", "none_*.laz", "all2.laz"], 4);
+    ends(f, &["merge", "tile_1.laz", "all.laz", "all.laz"], 2);
+}
+
+#[test]
+fn a_damaged_file_is_refused_or_salvaged_with_a_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    scansion_core::io::write(&f.join("a.las"), &street(20.0, 1), &Default::default()).unwrap();
+    let bytes = std::fs::read(f.join("a.las")).unwrap();
+    std::fs::write(f.join("cut.las"), &bytes[..bytes.len() - 1000]).unwrap();
+    let (_, err) = ends(f, &["convert", "cut.las", "out.las"], 4);
+    assert!(err.contains("number of points") && !f.join("out.las").exists(), "{err}");
+    let (out, _) = ends(f, &["info", "--salvage", "--json", "cut.las"], 0);
+    let found: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let lost = found[0]["lost"].as_u64().unwrap();
+    assert!(lost > 0 && lost < 60, "{found}");
+    let (_, err) = ends(f, &["convert", "--salvage", "cut.las", "out.las"], 0);
+    assert!(err.contains(&format!("{lost} of ")), "{err}");
+    ends(f, &["info", "out.las", "--stats"], 0);
+    let (_, err) = ends(f, &["classify", "--salvage", "cut.las", "-o", "named.laz"], 0);
+    assert!(err.contains("points are lost"), "{err}");
+    let read = found[0]["read"].as_u64().unwrap();
+    assert_eq!(scansion_core::io::inspect(&f.join("named.laz")).unwrap().points, read);
+}
+
+#[test]
+fn an_unfinished_output_is_no_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::copy(demo_scan(), f.join(".a.laz.77.partial")).unwrap();
+    let (_, err) = ends(f, &["info", ".a.laz.77.partial"], 4);
+    assert!(err.contains("never finished"), "{err}");
+}
