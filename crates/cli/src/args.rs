@@ -1,6 +1,7 @@
 //! What the user types.
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use scansion_core::recipes::Regularise;
 use std::path::PathBuf;
 
 /// Divides a LiDAR scan into its parts and names every point.
@@ -110,8 +111,8 @@ pub(crate) struct LabelArgs {
 /// The recipe and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe to follow (TOML) [default: document 004's settings]
-    #[arg(long, value_name = "FILE.toml")]
+    /// Recipe to follow: pyramid (document 004), weak (document 000), or a TOML file [default: pyramid]
+    #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -219,6 +220,19 @@ pub(crate) struct Train {
     pub(crate) labels: LabelArgs,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    /// Learn from a few labels (document 000): the same as --recipe weak
+    #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
+    pub(crate) weak: bool,
+    /// Labels picked by hand: a table x,y,z,class or cluster_id,class, or a cloud whose classes count; those of the input
+    /// are then left aside
+    #[arg(long, value_name = "FILE")]
+    pub(crate) weak_labels: Option<PathBuf>,
+    /// Learn from at most this many points of each class, drawn by the seed (weak recipe)
+    #[arg(long, value_name = "N")]
+    pub(crate) per_class: Option<u32>,
+    /// Try these strengths of the field on labels that are held out, and keep the best (weak recipe)
+    #[arg(long, value_name = "STRENGTHS", value_delimiter = ',')]
+    pub(crate) grid_strength: Vec<f64>,
     /// Also score the recipe by k-fold cross-validation on spatial blocks
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=20))]
     pub(crate) cross_validate: Option<u8>,
@@ -239,6 +253,12 @@ pub(crate) struct Classify {
     /// Model to use [default: the built-in one for airborne scans]
     #[arg(short, long)]
     pub(crate) model: Option<PathBuf>,
+    /// Make neighbours agree [default: the model's own way]
+    #[arg(long, visible_alias = "regularise", value_enum)]
+    pub(crate) regularize: Option<RegularizeArg>,
+    /// Change one setting of the model's recipe, e.g. regularise.strength=2; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
     /// Write the probability of every class too, as dimensions P_<class>
     #[arg(long)]
     pub(crate) probabilities: bool,
@@ -263,6 +283,33 @@ pub(crate) struct Classify {
     /// Replace the input itself if it is also the output
     #[arg(long)]
     pub(crate) overwrite: bool,
+}
+
+/// How neighbours are made to agree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RegularizeArg {
+    /// Every point for itself
+    None,
+    /// Mean of the neighbours' probabilities
+    Local,
+    /// Random field on the points
+    PointCrf,
+    /// One label a segment, by the mean of its probabilities
+    Consensus,
+    /// Random field on the segments (document 000)
+    SegmentCrf,
+}
+
+impl From<RegularizeArg> for Regularise {
+    fn from(arg: RegularizeArg) -> Self {
+        match arg {
+            RegularizeArg::None => Self::None,
+            RegularizeArg::Local => Self::Local,
+            RegularizeArg::PointCrf => Self::PointCrf,
+            RegularizeArg::Consensus => Self::Consensus,
+            RegularizeArg::SegmentCrf => Self::SegmentCrf,
+        }
+    }
 }
 
 /// scansion evaluate TRUTH [PREDICTION]

@@ -100,7 +100,7 @@ impl Model {
         n_jobs: Option<i64>,
     ) -> PyResult<Answer<'py>> {
         let cloud = Arc::clone(&cloud.inner);
-        let params = ClassifyParams { probabilities, metres_per_unit: None };
+        let params = ClassifyParams { probabilities, ..ClassifyParams::default() };
         let found = call(py, n_jobs, |monitor| recipes::classify(&cloud, &self.inner, &params, monitor))?;
         let classes = self.inner.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;

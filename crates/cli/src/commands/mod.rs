@@ -12,6 +12,7 @@ mod model;
 mod render;
 mod sources;
 mod train;
+mod train_weak;
 
 use crate::args::{Args, Command};
 use crate::exit_code::Failure;

@@ -172,8 +172,10 @@ impl MinCut {
         let ends = [self.arcs[sister as usize].to, to];
         let mut amount = residual;
         for end in ends {
-            self.walk(end, |cut, arc, _| amount = amount.min(cut.arcs[arc as usize].residual), |excess| excess)
-                .map_or((), |excess| amount = amount.min(excess.abs()));
+            let narrow = |cut: &Self, arc: u32, _| amount = amount.min(cut.arcs[arc as usize].residual);
+            if let Some(excess) = self.walk(end, narrow, |excess| excess) {
+                amount = amount.min(excess.abs());
+            }
         }
         self.push(bridge, amount);
         for end in ends {
