@@ -5,6 +5,7 @@ mod cut_pursuit;
 mod cutoff;
 mod merge;
 mod partition;
+mod refine;
 mod regions;
 mod signal;
 
