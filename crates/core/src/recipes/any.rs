@@ -109,6 +109,7 @@ impl AnyRecipe {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::segmentation::Intent;
 
     #[test]
     fn recipes_survive_toml_and_tell_their_kind() {
@@ -126,11 +127,11 @@ mod tests {
     fn settings_reach_the_weak_recipe_and_wrong_keys_are_named() {
         let weak = AnyRecipe::named("weak").unwrap();
         let AnyRecipe::Weak(set) =
-            weak.with_settings(["regularise.partition.strength=0.4", "labels.per_class=15"]).unwrap()
+            weak.with_settings(["regularise.partition.intent.strength=0.4", "labels.per_class=15"]).unwrap()
         else {
             panic!("another kind")
         };
-        assert_eq!((set.regularise.partition.strength, set.labels.per_class), (0.4, 15));
+        assert_eq!((set.regularise.partition.intent, set.labels.per_class), (Intent::Strength(0.4), 15));
         let message = weak.with_settings(["labels.per_klass=15"]).unwrap_err().to_string();
         assert!(message.contains("did you mean `per_class`"), "{message}");
     }

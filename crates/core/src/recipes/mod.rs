@@ -6,7 +6,9 @@ mod classify;
 mod labels;
 mod recipe;
 mod regularise;
+mod segment;
 mod segments;
+mod suggest;
 mod train;
 mod training;
 mod weak;
@@ -17,6 +19,8 @@ pub use classify::{Classified, ClassifyParams, classify};
 pub use labels::{LabelParams, Labels, read_labels};
 pub use recipe::{PyramidKind, Recipe, set_key};
 pub use regularise::{Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
+pub use segment::{SegmentParams, SegmentReport, Segmented, segment};
+pub use suggest::{SuggestParams, Suggestion, suggest};
 pub use train::{DepthScore, cross_validate, train};
 pub use training::{ClassCount, TrainingParams, TrainingReport, planar_density};
 pub use weak::{

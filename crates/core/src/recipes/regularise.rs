@@ -11,7 +11,7 @@ use crate::graph::{Graph, KnnGraphParams, knn_graph};
 use crate::neighbours::{OptimalParams, knn};
 use crate::parallel::Monitor;
 use crate::regularisation::{ExpansionParams, alpha_expansion, local_smoothing};
-use crate::segmentation::{CutPursuitParams, Partition, Signal, cut_pursuit};
+use crate::segmentation::{Partition, PartitionParams, Scene as Parts, Signal, partition_by_intent};
 use serde::{Deserialize, Serialize};
 
 /// How neighbours are made to agree.
@@ -61,7 +61,7 @@ pub struct RegulariseParams {
     /// Neighbourhoods of the descriptors that segments are found by, where the model has no such descriptors.
     pub neighbourhood: OptimalParams,
     /// The segments.
-    pub partition: CutPursuitParams,
+    pub partition: PartitionParams,
 }
 
 impl Default for RegulariseParams {
@@ -74,7 +74,7 @@ impl Default for RegulariseParams {
             neighbours: 10,
             adjacency: KnnGraphParams::default(),
             neighbourhood: OptimalParams::default(),
-            partition: CutPursuitParams::default(),
+            partition: PartitionParams::default(),
         }
     }
 }
@@ -165,10 +165,10 @@ impl Scene {
         drop(near);
         if matches!(params.method, Regularise::Consensus | Regularise::SegmentCrf) {
             let partition = match descriptors {
-                Some(table) => segment(table, &scene.graph, params, monitor)?,
+                Some(table) => segment((points, table), &scene.graph, params, monitor)?,
                 None => {
                     let found = optimal_features(points, &params.neighbourhood, monitor)?;
-                    segment(&found.table, &scene.graph, params, monitor)?
+                    segment((points, &found.table), &scene.graph, params, monitor)?
                 }
             };
             scene.segments = Some(Segments::new(partition, &scene.graph)?);
@@ -220,10 +220,16 @@ impl Scene {
 }
 
 /// Segments on which the four descriptors are nearly constant.
-fn segment(table: &FeatureTable, graph: &Graph, params: &RegulariseParams, monitor: &Monitor) -> Result<Partition> {
+fn segment(
+    (points, table): (&Points, &FeatureTable),
+    graph: &Graph,
+    params: &RegulariseParams,
+    monitor: &Monitor,
+) -> Result<Partition> {
     monitor.stage("segments", table.rows() as u64);
     let signal = Signal::new(&table.values, table.width())?;
-    Ok(cut_pursuit(&signal, graph, &params.partition, monitor)?.partition)
+    let scene = Parts { signal, graph, points: Some(points), labels: None };
+    Ok(partition_by_intent(&scene, &params.partition, monitor)?.partition)
 }
 
 /// (1 − α) p + α / classes.

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::regularisation::{ExpansionParams, alpha_expansion};
-use crate::segmentation::Partition;
+use crate::segmentation::{Interface, Partition, segment_graph};
 
 /// A partition and who touches whom in it.
 #[derive(Debug)]
@@ -17,7 +17,7 @@ pub(super) struct Segments {
 
 impl Segments {
     pub(super) fn new(partition: Partition, points: &Graph) -> Result<Self> {
-        let graph = segment_graph(&partition, points)?;
+        let graph = segment_graph(points, &partition, Interface::Weight)?;
         Ok(Self { partition, graph })
     }
 
@@ -85,14 +85,4 @@ impl Segments {
         })
         .collect()
     }
-}
-
-/// Segments and the weight of the point edges between them.
-fn segment_graph(partition: &Partition, points: &Graph) -> Result<Graph> {
-    let of = partition.segments();
-    let ends = |&[a, b]: &[u32; 2]| [of[a as usize], of[b as usize]];
-    let between = || points.edges().iter().map(ends).zip(points.weights()).filter(|([s, t], _)| s != t);
-    let pairs: Vec<[u32; 2]> = between().map(|(pair, _)| pair).collect();
-    let weights: Vec<f32> = between().map(|(_, w)| *w).collect();
-    Graph::new(partition.len(), &pairs, &weights)
 }
