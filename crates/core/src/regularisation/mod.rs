@@ -27,7 +27,7 @@ mod instance;
 pub use energy::{Energy, Pairwise};
 pub use expansion::{ExpansionParams, alpha_expansion};
 pub use icm::{IcmParams, iterated_conditional_modes};
-pub use local::{LocalParams, local_smoothing, most_probable};
+pub use local::local_smoothing;
 pub use swap::{SwapParams, alpha_beta_swap};
 
 /// A label for every node and what it costs.
