@@ -27,7 +27,7 @@ fn with_gaps(mut data: Owned) -> Owned {
     data.features
         .iter_mut()
         .enumerate()
-        .filter(|(i, _)| i % width % 2 == 0 && i % 3 == 0)
+        .filter(|(i, _)| (i % width).is_multiple_of(2) && i % 3 == 0)
         .for_each(|(_, v)| *v = f32::NAN);
     data
 }
