@@ -32,10 +32,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             merged.partition.len(),
             merged.energy
         );
-        let starts = match setting("SCANSION_START", "merged").as_str() {
+        let starts = match setting("SCANSION_START", "coarse").as_str() {
             "pieces" => vec![Start::Pieces],
-            "both" => vec![Start::Merged, Start::Pieces],
-            _ => vec![Start::Merged],
+            "both" => vec![Start::Coarse, Start::Pieces],
+            _ => vec![Start::Coarse],
         };
         for start_from in starts {
             let params = CutPursuitParams { strength, start: start_from, ..CutPursuitParams::default() };

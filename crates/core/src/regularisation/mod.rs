@@ -9,11 +9,13 @@
 
 mod energy;
 mod expansion;
+mod local;
 mod reduce;
 mod solve;
 
 pub use energy::{Energy, Pairwise};
 pub use expansion::{ExpansionParams, alpha_expansion};
+pub use local::local_smoothing;
 
 /// A label for every node and what it costs.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -12,16 +12,16 @@
 //! | c | segments of the [`Partition`] |
 
 mod bisect;
+mod coarse;
 mod iterate;
-mod min_cut;
 mod params;
 mod piece;
 mod two_means;
 
 pub use params::{CutPursuitParams, Preset, Start};
 
-use super::connected::connected_partition;
 use super::cutoff::absorb_small;
+use super::merge::trivial_partition;
 use super::regions::{Regions, energy};
 use super::{Partition, Signal};
 use crate::error::Result;
@@ -69,7 +69,7 @@ pub struct CutPursuit {
 pub fn cut_pursuit(signal: &Signal, graph: &Graph, params: &CutPursuitParams, monitor: &Monitor) -> Result<CutPursuit> {
     params.validate()?;
     signal.fits(graph.len())?;
-    let mut found = match trivial(signal, graph, params)? {
+    let mut found = match trivial_partition(signal, graph, params.strength)? {
         Some(partition) => {
             let energy = energy(signal, graph, params.strength, &partition);
             CutPursuit { partition, centroids: vec![], energy, iterations: 0, converged: true, trace: vec![energy] }
@@ -81,14 +81,206 @@ pub fn cut_pursuit(signal: &Signal, graph: &Graph, params: &CutPursuitParams, mo
     Ok(found)
 }
 
-/// The answer where the strength leaves no choice.
-fn trivial(signal: &Signal, graph: &Graph, params: &CutPursuitParams) -> Result<Option<Partition>> {
-    let same = |[a, b]: [u32; 2]| signal.row(a as usize) == signal.row(b as usize);
-    if params.strength.is_infinite() {
-        connected_partition(graph, |e, _| graph.weights()[e] > 0.0).map(Some)
-    } else if params.strength == 0.0 {
-        connected_partition(graph, |_, ends| same(ends)).map(Some)
-    } else {
-        Ok(None)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Stream, stream};
+
+    const STRENGTH: f64 = 0.5;
+
+    fn normal(random: &mut Stream) -> f64 {
+        (-2.0 * (1.0 - random.uniform()).ln()).sqrt() * (std::f64::consts::TAU * random.uniform()).cos()
+    }
+
+    fn chain(nodes: u32) -> Graph {
+        let pairs: Vec<[u32; 2]> = (1..nodes).map(|v| [v - 1, v]).collect();
+        Graph::new(nodes as usize, &pairs, &vec![1.0; pairs.len()]).unwrap()
+    }
+
+    /// Some constant stretches of two values with noise.
+    fn noisy_stretches(seed: u64, nodes: usize) -> Vec<f32> {
+        let mut random = stream(seed, 1);
+        let count = 2 + random.below(4);
+        let ends = random.choose(nodes - 10, count);
+        let means: Vec<[f64; 2]> = (0..=count).map(|_| [normal(&mut random), normal(&mut random)]).collect();
+        (0..nodes)
+            .flat_map(|v| means[ends.iter().filter(|e| **e as usize + 5 <= v).count()])
+            .map(|mean| (mean + 0.25 * normal(&mut random)) as f32)
+            .collect()
+    }
+
+    /// Least energy on a chain by dynamic programming over the place of the last boundary.
+    fn chain_optimum(signal: &Signal, strength: f64) -> f64 {
+        let mut best = vec![-strength];
+        for end in 1..=signal.len() {
+            let (mut sum, mut squares) = (vec![0.0; signal.width()], 0.0);
+            let costs = (0..end).rev().map(|begin| {
+                for (s, &f) in sum.iter_mut().zip(signal.row(begin)) {
+                    *s += f64::from(f);
+                    squares += f64::from(f).powi(2);
+                }
+                let explained = sum.iter().map(|s| s * s).sum::<f64>() / (end - begin) as f64;
+                best[begin] + strength + squares - explained
+            });
+            let least = costs.fold(f64::INFINITY, f64::min);
+            best.push(least);
+        }
+        best[signal.len()]
+    }
+
+    fn chain_ratios(params: &CutPursuitParams) -> Vec<f64> {
+        (0..60)
+            .map(|seed| {
+                let values = noisy_stretches(seed, 60);
+                let signal = Signal::new(&values, 2).unwrap();
+                let found = cut_pursuit(&signal, &chain(60), params, &Monitor::default()).unwrap();
+                found.energy / chain_optimum(&signal, params.strength)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn chains_come_close_to_the_optimum_of_dynamic_programming() {
+        for start in [Start::Coarse, Start::Pieces] {
+            let ratios = chain_ratios(&CutPursuitParams { strength: STRENGTH, start, ..Default::default() });
+            let mean = ratios.iter().sum::<f64>() / 60.0;
+            let worst = ratios.iter().copied().fold(0.0, f64::max);
+            let exact = ratios.iter().filter(|r| **r < 1.0 + 1e-9).count();
+            println!("{start:?}: mean {mean:.4}, worst {worst:.4}, exact {exact} of 60");
+            assert!(ratios.iter().all(|r| *r > 1.0 - 1e-9), "nothing is better than the optimum");
+            assert!(mean <= 1.01 && worst <= 1.06, "{start:?}: {mean} {worst}");
+        }
+    }
+
+    fn random_problem(seed: u64, nodes: u32) -> (Vec<f32>, Vec<f32>, Graph) {
+        let mut random = stream(seed, 2);
+        let values = (0..2 * nodes).map(|_| random.below(4) as f32 / 2.0 + 0.1 * random.uniform() as f32).collect();
+        let weights = (0..nodes).map(|_| 0.5 + random.uniform() as f32).collect();
+        let all = (0..nodes).flat_map(|b| (0..b).map(move |a| [a, b]));
+        let pairs: Vec<[u32; 2]> = all.filter(|_| random.below(3) == 0).collect();
+        let costs: Vec<f32> = pairs.iter().map(|_| 0.5 + random.uniform() as f32).collect();
+        (values, weights, Graph::new(nodes as usize, &pairs, &costs).unwrap())
+    }
+
+    /// Every way to part `nodes` nodes, as labels of which each new one is the next number.
+    fn all_partitions(nodes: usize) -> Vec<Vec<u32>> {
+        let mut all = vec![vec![]];
+        for _ in 0..nodes {
+            all = all
+                .into_iter()
+                .flat_map(|labels: Vec<u32>| {
+                    let next = labels.iter().map(|l| l + 1).max().unwrap_or(0);
+                    (0..=next).map(move |label| [&labels[..], &[label]].concat())
+                })
+                .collect();
+        }
+        all
+    }
+
+    #[test]
+    fn the_energy_is_that_of_the_partition_and_never_below_the_best_of_all() {
+        let partitions: Vec<Partition> =
+            all_partitions(7).iter().map(|labels| Partition::from_labels(labels).unwrap()).collect();
+        let mut exact = 0;
+        for seed in 0..40 {
+            let (values, weights, graph) = random_problem(seed, 7);
+            let signal = Signal::new(&values, 2).unwrap().with_weights(&weights).unwrap();
+            let best = partitions.iter().map(|p| energy(&signal, &graph, 0.3, p)).fold(f64::INFINITY, f64::min);
+            let params = CutPursuitParams { strength: 0.3, start: Start::Pieces, ..Default::default() };
+            let found = cut_pursuit(&signal, &graph, &params, &Monitor::default()).unwrap();
+            assert_eq!(found.energy, energy(&signal, &graph, 0.3, &found.partition));
+            assert!(found.energy >= best - 1e-9, "{} {best}", found.energy);
+            assert_eq!(found.energy, found.trace.iter().copied().fold(f64::INFINITY, f64::min));
+            exact += usize::from(found.energy < best + 1e-9);
+        }
+        assert!(exact >= 25, "only {exact} of 40 optimal");
+    }
+
+    #[test]
+    fn strength_nought_gives_equal_values_and_an_infinite_one_the_pieces() {
+        let signal = Signal::new(&[1.0, 1.0, 2.0, 1.0, 5.0, 6.0], 1).unwrap();
+        let graph = Graph::new(6, &[[0, 1], [1, 2], [2, 3], [4, 5]], &[1.0; 4]).unwrap();
+        let at = |strength| {
+            let params = CutPursuitParams { strength, ..Default::default() };
+            cut_pursuit(&signal, &graph, &params, &Monitor::default()).unwrap()
+        };
+        assert_eq!(at(0.0).partition.segments(), [0, 0, 1, 2, 3, 4]);
+        assert_eq!(at(0.0).energy, 0.0);
+        let pieces = at(f64::INFINITY);
+        assert_eq!(pieces.partition.segments(), [0, 0, 0, 0, 1, 1]);
+        assert_eq!(pieces.centroids, [1.25, 5.5]);
+        assert_eq!(pieces.energy, 0.75 + 0.5);
+        assert_eq!(at(1e9).partition, pieces.partition);
+        assert_eq!(at(1e-9).partition, at(0.0).partition);
+    }
+
+    #[test]
+    fn two_nodes_that_cannot_be_parted_are_one_of_twice_the_weight() {
+        for seed in 0..30 {
+            let values = noisy_stretches(seed, 40);
+            let doubled = [&values[..], &values[20..22]].concat();
+            let mut pairs = chain(40).edges().to_vec();
+            let mut costs = vec![1.0; 39];
+            pairs.push([10, 40]);
+            costs.push(1e6);
+            let mut weights = vec![1.0; 40];
+            weights[10] = 2.0;
+            let params = CutPursuitParams { strength: STRENGTH, ..Default::default() };
+            let twice = Signal::new(&doubled, 2).unwrap();
+            let heavy = Signal::new(&values, 2).unwrap().with_weights(&weights).unwrap();
+            let graph = Graph::new(41, &pairs, &costs).unwrap();
+            let one = cut_pursuit(&twice, &graph, &params, &Monitor::default()).unwrap();
+            let other = cut_pursuit(&heavy, &chain(40), &params, &Monitor::default()).unwrap();
+            assert_eq!(one.partition.segments()[40], one.partition.segments()[10]);
+            let moved = Partition::from_labels(&one.partition.segments()[..40]).unwrap();
+            let same = energy(&heavy, &chain(40), STRENGTH, &moved);
+            assert!((same - one.energy).abs() < 1e-9, "{same} {}", one.energy);
+            assert!((one.energy / other.energy - 1.0).abs() < 0.06, "{} {}", one.energy, other.energy);
+        }
+    }
+
+    #[test]
+    fn the_guard_makes_the_energy_fall_in_every_round() {
+        for seed in 0..60 {
+            let values = noisy_stretches(seed, 60);
+            let signal = Signal::new(&values, 2).unwrap();
+            let params = CutPursuitParams { strength: 0.2, guard: true, start: Start::Pieces, ..Default::default() };
+            let found = cut_pursuit(&signal, &chain(60), &params, &Monitor::default()).unwrap();
+            assert!(found.trace.windows(2).all(|w| w[1] <= w[0]), "{:?}", found.trace);
+        }
+    }
+
+    #[test]
+    fn any_number_of_threads_gives_the_same_partition() {
+        let values = noisy_stretches(3, 4000);
+        let signal = Signal::new(&values, 2).unwrap();
+        let params = CutPursuitParams { strength: 0.05, ..Default::default() };
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| cut_pursuit(&signal, &chain(4000), &params, &Monitor::default()).unwrap())
+        };
+        let alone = with(1);
+        assert!(alone.partition.len() > 5);
+        assert_eq!(alone, with(3));
+    }
+
+    #[test]
+    fn small_and_odd_inputs_have_plain_answers() {
+        let params = CutPursuitParams::default();
+        let run = |values: &[f32], graph: &Graph| {
+            cut_pursuit(&Signal::new(values, 1).unwrap(), graph, &params, &Monitor::default())
+        };
+        assert!(run(&[], &chain(0)).unwrap().partition.is_empty());
+        assert_eq!(run(&[3.0], &chain(1)).unwrap().centroids, [3.0]);
+        assert_eq!(run(&[3.0, 4.0], &chain(2)).unwrap().centroids, [3.0, 4.0]);
+        assert_eq!(run(&[3.0, 3.1], &chain(2)).unwrap().partition.len(), 1);
+        assert_eq!(run(&[2.0; 50], &chain(50)).unwrap().energy, 0.0);
+        let lonely = Graph::new(3, &[], &[]).unwrap();
+        assert_eq!(run(&[2.0; 3], &lonely).unwrap().partition.len(), 3);
+        assert!(run(&[2.0; 3], &chain(4)).is_err());
+        let cancelled = Monitor::default();
+        cancelled.cancel();
+        let signal = Signal::new(&[0.0; 5], 1).unwrap();
+        assert!(cut_pursuit(&signal, &chain(5), &params, &cancelled).is_err());
     }
 }

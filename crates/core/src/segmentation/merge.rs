@@ -82,16 +82,30 @@ pub struct Merge {
 pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Monitor) -> Result<Merge> {
     params.validate()?;
     signal.fits(graph.len())?;
-    let partition = if params.strength.is_infinite() {
-        connected_partition(graph, |e, _| graph.weights()[e] > 0.0)?
-    } else {
-        let links = node_links(graph, params.strength);
-        Partition::from_labels(&merge_regions(Regions::of_nodes(signal), links, monitor)?)?
+    let partition = match trivial_partition(signal, graph, params.strength)? {
+        Some(partition) => partition,
+        None => {
+            let links = node_links(graph, params.strength);
+            Partition::from_labels(&merge_regions(Regions::of_nodes(signal), links, monitor)?)?
+        }
     };
     let energy = energy(signal, graph, params.strength, &partition);
     let partition = absorb_small(signal, graph, &partition, (params.strength, params.cutoff))?;
     let centroids = Regions::of_segments(signal, &partition).into_means();
     Ok(Merge { partition, centroids, energy })
+}
+
+/// The partition where the strength leaves no choice: the connected sets of equal values at 0, the connected pieces
+/// over edges of positive weight at infinity.
+pub(super) fn trivial_partition(signal: &Signal, graph: &Graph, strength: f64) -> Result<Option<Partition>> {
+    let same = |[a, b]: [u32; 2]| signal.row(a as usize) == signal.row(b as usize);
+    if strength.is_infinite() {
+        connected_partition(graph, |e, _| graph.weights()[e] > 0.0).map(Some)
+    } else if strength == 0.0 {
+        connected_partition(graph, |_, ends| same(ends)).map(Some)
+    } else {
+        Ok(None)
+    }
 }
 
 /// Merges regions while a merger gains; returns for each region the number of the one it became part of.
@@ -113,4 +127,74 @@ pub(super) fn merge_regions(mut regions: Regions, mut links: Vec<Link>, monitor:
         together(&mut regions, &mut links, sets);
     }
     Ok(became)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    fn grid(side: u32) -> Graph {
+        let across = (0..side * side).filter(|v| v % side + 1 < side).map(|v| [v, v + 1]);
+        let down = (0..side * (side - 1)).map(|v| [v, v + side]);
+        let pairs: Vec<[u32; 2]> = across.chain(down).collect();
+        Graph::new((side * side) as usize, &pairs, &vec![1.0; pairs.len()]).unwrap()
+    }
+
+    /// A chequer of 4 x 4 fields with noise.
+    fn chequer(side: u32, seed: u64) -> Vec<f32> {
+        let mut random = stream(seed, 0);
+        let field = |v: u32| (v % side / (side / 4) + v / side / (side / 4)) % 2;
+        (0..side * side).map(|v| field(v) as f32 + 0.3 * (random.uniform() as f32 - 0.5)).collect()
+    }
+
+    #[test]
+    fn a_noisy_chequer_falls_into_its_fields() {
+        let (values, graph) = (chequer(16, 1), grid(16));
+        let signal = Signal::new(&values, 1).unwrap();
+        let params = MergeParams { strength: 0.1, ..MergeParams::default() };
+        let found = merge(&signal, &graph, &params, &Monitor::default()).unwrap();
+        let fields: Vec<u32> = (0..256).map(|v| v % 16 / 4 + v / 16 / 4 * 4).collect();
+        assert_eq!(found.partition, Partition::from_labels(&fields).unwrap());
+        assert_eq!(found.energy, energy(&signal, &graph, 0.1, &found.partition));
+    }
+
+    #[test]
+    fn many_at_once_and_one_by_one_both_leave_no_merger_that_gains() {
+        let (values, graph) = (chequer(32, 2), grid(32));
+        let signal = Signal::new(&values, 1).unwrap();
+        let links = node_links(&graph, 0.03);
+        let start = energy(&signal, &graph, 0.03, &Partition::from_labels(&(0..1024).collect::<Vec<_>>()).unwrap());
+        let (mut regions, mut left) = (Regions::of_nodes(&signal), links.clone());
+        let mut became: Vec<u32> = (0..1024).collect();
+        let mut last = start;
+        while let Some(sets) = batch::merge_best_pairs(&mut regions, &left) {
+            let (number, next) = compact(&regions, sets);
+            became.iter_mut().for_each(|r| *r = number[*r as usize]);
+            (left, regions) = (contract(&left, &number), next);
+            let now = energy(&signal, &graph, 0.03, &Partition::from_labels(&became).unwrap());
+            assert!(now < last, "every round lowers the energy");
+            last = now;
+        }
+        let one_by_one = merge_regions(Regions::of_nodes(&signal), links, &Monitor::default()).unwrap();
+        for labels in [became, one_by_one] {
+            let partition = Partition::from_labels(&labels).unwrap();
+            let regions = Regions::of_segments(&signal, &partition);
+            let links = contract(&node_links(&graph, 0.03), partition.segments());
+            assert!(links.iter().all(|l| l.boundary - regions.loss(l.ends) < 1e-9));
+        }
+    }
+
+    #[test]
+    fn the_strength_may_be_nought_or_infinite() {
+        let signal = Signal::new(&[1.0, 1.0, 2.0, 7.0], 1).unwrap();
+        let graph = Graph::new(4, &[[0, 1], [1, 2]], &[1.0; 2]).unwrap();
+        let at = |strength| {
+            let params = MergeParams { strength, ..MergeParams::default() };
+            merge(&signal, &graph, &params, &Monitor::default()).map(|m| m.partition.segments().to_vec())
+        };
+        assert_eq!(at(0.0).unwrap(), [0, 0, 1, 2]);
+        assert_eq!(at(f64::INFINITY).unwrap(), [0, 0, 0, 1]);
+        assert!(at(f64::NAN).is_err() && at(-1.0).is_err());
+    }
 }

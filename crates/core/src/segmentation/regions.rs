@@ -65,6 +65,22 @@ impl Regions {
         m * n / (m + n) * square
     }
 
+    /// ‖f − x‖² of a row.
+    pub(super) fn square_distance(&self, region: u32, row: &[f32]) -> f64 {
+        self.mean(region).iter().zip(row).map(|(x, &f)| (f64::from(f) - x).powi(2)).sum()
+    }
+
+    /// A node leaves one region, which keeps others, and joins another.
+    pub(super) fn shift(&mut self, row: &[f32], weight: f64, [from, to]: [u32; 2]) {
+        for (region, change) in [(from, -weight), (to, weight)] {
+            let region = region as usize;
+            self.weights[region] += change;
+            let share = change / self.weights[region];
+            let mean = &mut self.means[region * self.width..][..self.width];
+            mean.iter_mut().zip(row).for_each(|(x, &f)| *x += share * (f64::from(f) - *x));
+        }
+    }
+
     /// Moves everything of `gone` into `kept`.
     pub(super) fn absorb(&mut self, kept: u32, gone: u32) {
         let (m, n) = (self.weight(kept), self.weight(gone));

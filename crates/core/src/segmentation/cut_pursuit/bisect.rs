@@ -1,10 +1,10 @@
 //! The split of one segment: 2-means, then minimum cuts between the means of both sides.
 
-use super::min_cut::MinCut;
 use super::params::CutPursuitParams;
 use super::piece::Piece;
 use super::two_means::{Means, means_of_sides, two_means};
 use crate::error::Result;
+use crate::graph::MaxFlow;
 use crate::parallel::Monitor;
 use crate::random::Stream;
 
@@ -12,7 +12,7 @@ use crate::random::Stream;
 #[derive(Default)]
 pub(super) struct Scratch {
     pub(super) piece: Piece,
-    cut: MinCut,
+    network: MaxFlow,
 }
 
 impl Scratch {
@@ -24,15 +24,14 @@ impl Scratch {
         random: &mut Stream,
         monitor: &Monitor,
     ) -> Result<Option<Vec<u32>>> {
-        let Self { piece, cut } = self;
+        let Self { piece, network } = self;
         if piece.len() < 2 {
             return Ok(None);
         }
         let Some(mut sides) = two_means(piece, params, random) else { return Ok(None) };
-        cut.build(piece.len(), &piece.edges);
         for _ in 0..params.flow_steps {
             let Some(means) = means_of_sides(piece, &sides) else { return Ok(None) };
-            let next = cut.solve(preferences(piece, &means), (&piece.edges, &piece.costs), monitor)?;
+            let next = cheapest_sides(network, piece, &means, monitor)?;
             let settled = next == sides;
             sides = next;
             if settled {
@@ -47,6 +46,19 @@ impl Scratch {
         let worse = params.guard && piece.energy(&parts) >= piece.energy(&whole);
         Ok((!worse).then_some(parts))
     }
+}
+
+/// The sides of least fit and boundary when both sides keep these means; true for the second.
+fn cheapest_sides(network: &mut MaxFlow, piece: &Piece, means: &Means, monitor: &Monitor) -> Result<Vec<bool>> {
+    network.reset(piece.len());
+    for (node, preference) in preferences(piece, means).enumerate() {
+        network.add_terminals(node, preference.max(0.0), (-preference).max(0.0))?;
+    }
+    for (&[a, b], &cost) in piece.edges.iter().zip(&piece.costs) {
+        network.add_edge(a as usize, b as usize, cost, cost)?;
+    }
+    network.solve_watched(monitor)?;
+    Ok((0..piece.len()).map(|node| !network.is_source(node)).collect())
 }
 
 /// m (‖f − x_1‖² − ‖f − x_0‖²) of each node, which is linear in f.

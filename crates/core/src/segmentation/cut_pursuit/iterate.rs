@@ -2,9 +2,11 @@
 
 use super::super::connected::connected_partition;
 use super::super::merge::merge_regions;
+use super::super::refine::move_boundary_nodes;
 use super::super::regions::{Link, Regions, contract, energy, node_links};
 use super::super::{Partition, Signal};
 use super::bisect::Scratch;
+use super::coarse::coarse_partition;
 use super::piece::Source;
 use super::{CutPursuit, CutPursuitParams, Start};
 use crate::error::Result;
@@ -33,10 +35,13 @@ impl<'a> Pursuit<'a> {
     ) -> Result<Self> {
         let links = node_links(graph, params.strength);
         let partition = match params.start {
+            Start::Coarse => coarse_partition(signal, graph, params, monitor)?,
             Start::Pieces => connected_partition(graph, |_, _| true)?,
-            Start::Merged => {
-                Partition::from_labels(&merge_regions(Regions::of_nodes(signal), links.clone(), monitor)?)?
-            }
+        };
+        let adjacency = graph.adjacency();
+        let partition = match params.start {
+            Start::Pieces => partition,
+            Start::Coarse => move_boundary_nodes(signal, (graph, &adjacency), (&partition, params.strength), monitor)?,
         };
         let energy = energy(signal, graph, params.strength, &partition);
         let found = CutPursuit {
@@ -48,7 +53,7 @@ impl<'a> Pursuit<'a> {
             trace: vec![energy],
         };
         let saturated = vec![false; partition.len()];
-        let source = Source { signal, graph, adjacency: graph.adjacency(), strength: params.strength };
+        let source = Source { signal, graph, adjacency, strength: params.strength };
         Ok(Self { source, params, monitor, links, partition, saturated, found })
     }
 

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
-    /// From the segments of [`merge`](crate::segmentation::merge()): all cuts are small, many times faster on large
-    /// clouds, and the energy is no worse on those measured.
+    /// From the result on a coarser graph, whose nodes have merged at a tenth of the strength: many times faster on
+    /// large clouds.
     #[default]
-    Merged,
+    Coarse,
     /// From the connected pieces of the graph, as the paper does but for pieces that no edge joins.
     Pieces,
 }
