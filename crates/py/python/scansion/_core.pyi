@@ -4,18 +4,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Blocks",
     "Cloud",
     "FileFormatError",
     "Forest",
     "Model",
     "__version__",
     "confusion_matrix",
+    "convert",
+    "diff",
     "feature_columns",
     "feature_definitions",
     "feature_names",
     "feature_preset",
     "fit_forest",
     "inspect",
+    "merge",
     "multiscale",
     "read",
     "recipe_columns",
@@ -23,7 +27,9 @@ __all__ = [
     "report",
     "rewrite",
     "run",
+    "salvage",
     "scores",
+    "statistics",
     "write",
 ]
 
@@ -94,7 +100,17 @@ class Model:
     def recipe(self) -> str: ...
     def importance(self) -> NDArray[np.float64]: ...
 
-def read(path: str, columns: list[str] | None = None, n_jobs: int | None = None) -> Cloud: ...
+_Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
+_Part = tuple[list[str] | None, _Bounds | None, float | None]
+
+@final
+class Blocks:
+    def __new__(cls, path: str, size: int, part: _Part = ..., n_jobs: int | None = None) -> Blocks: ...
+    def __iter__(self) -> Blocks: ...
+    def __next__(self) -> Cloud: ...
+
+def read(path: str, part: _Part = ..., n_jobs: int | None = None) -> Cloud: ...
+def statistics(path: str, n_jobs: int | None = None) -> str: ...
 def write(path: str, cloud: Cloud, n_jobs: int | None = None) -> None: ...
 def rewrite(
     input: str,
@@ -105,7 +121,13 @@ def rewrite(
 ) -> list[str]: ...
 def inspect(path: str) -> str: ...
 def diff(a: str, b: str, n_jobs: int | None = None) -> str: ...
-def convert(input: str, output: str, point_format: int | None = None, n_jobs: int | None = None) -> list[str]: ...
+def convert(
+    input: str,
+    output: str,
+    point_format: int | None = None,
+    part: tuple[_Bounds | None, float | None] = ...,
+    n_jobs: int | None = None,
+) -> list[str]: ...
 def merge(inputs: list[str], output: str, n_jobs: int | None = None) -> list[str]: ...
 def salvage(input: str, output: str | None = None, n_jobs: int | None = None) -> str: ...
 def multiscale(cloud: Cloud, settings: str, n_jobs: int | None = None) -> NDArray[np.float32]: ...
