@@ -12,6 +12,7 @@ mod images;
 mod io;
 mod json;
 mod recipes;
+mod segments;
 
 use pyo3::prelude::*;
 
@@ -35,6 +36,8 @@ mod _core {
     use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, statistics, write};
     #[pymodule_export]
     use crate::recipes::{Model, recipe_columns};
+    #[pymodule_export]
+    use crate::segments::{segment, suggest};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]
