@@ -5,7 +5,7 @@
 2
 """
 
-from scansion import evaluation, features
+from scansion import evaluation, features, graph, neighbours, regularisation, segmentation
 from scansion._classifier import Classified, PointClassifier
 from scansion._cloud import PointCloud, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._core import FileFormatError, __version__
@@ -25,11 +25,15 @@ __all__ = [
     "diff",
     "evaluation",
     "features",
+    "graph",
     "info",
     "merge",
+    "neighbours",
     "read",
+    "regularisation",
     "render",
     "rewrite",
     "salvage",
+    "segmentation",
     "write",
 ]
