@@ -5,7 +5,7 @@
 2
 """
 
-from scansion import evaluation, features
+from scansion import evaluation, features, graph, neighbours, regularisation, segmentation
 from scansion._classifier import Classified, PointClassifier
 from scansion._cloud import PointCloud, blocks, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._core import FileFormatError, __version__
@@ -29,13 +29,17 @@ __all__ = [
     "diff",
     "evaluation",
     "features",
+    "graph",
     "info",
     "merge",
+    "neighbours",
     "read",
+    "regularisation",
     "render",
     "rewrite",
     "salvage",
     "segment",
+    "segmentation",
     "suggest",
     "write",
 ]

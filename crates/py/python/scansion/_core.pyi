@@ -1,4 +1,4 @@
-from typing import Any, Final, final
+from typing import Any, Final, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,17 +10,29 @@ __all__ = [
     "Forest",
     "Model",
     "__version__",
+    "alpha_beta_swap",
+    "alpha_expansion",
     "confusion_matrix",
+    "connected_components",
     "convert",
+    "cut_pursuit",
     "diff",
+    "energy",
     "feature_columns",
     "feature_definitions",
     "feature_names",
     "feature_preset",
     "fit_forest",
+    "icm",
     "inspect",
+    "knn",
+    "knn_graph",
+    "local_smoothing",
     "merge",
+    "merge_regions",
+    "minimum_spanning_tree",
     "multiscale",
+    "optimal",
     "read",
     "recipe_columns",
     "render",
@@ -29,7 +41,9 @@ __all__ = [
     "run",
     "salvage",
     "scores",
+    "segment",
     "statistics",
+    "suggest",
     "write",
 ]
 
@@ -163,3 +177,33 @@ def render(
     cloud: Cloud, settings: str, path: str | None = None, n_jobs: int | None = None
 ) -> NDArray[np.uint8]: ...
 def run(arguments: list[str]) -> int: ...
+def knn_graph(
+    cloud: Cloud, k: int, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+def connected_components(nodes: int, edges: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]: ...
+def minimum_spanning_tree(
+    nodes: int, edges: NDArray[np.uint32], weights: NDArray[np.float32] | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+def knn(
+    cloud: Cloud, k: int, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+def optimal(
+    cloud: Cloud, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+
+_Problem: TypeAlias = tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None]
+_Found: TypeAlias = tuple[NDArray[np.uint16], float, bool]
+
+def alpha_expansion(problem: _Problem, settings: str, n_jobs: int | None = None) -> _Found: ...
+def alpha_beta_swap(problem: _Problem, settings: str, n_jobs: int | None = None) -> _Found: ...
+def icm(problem: _Problem, settings: str) -> _Found: ...
+def energy(problem: _Problem, labels: NDArray[np.uint16], settings: str) -> float: ...
+def local_smoothing(problem: _Problem, n_jobs: int | None = None) -> NDArray[np.float32]: ...
+
+_Valued: TypeAlias = tuple[
+    NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None, NDArray[np.float32] | None
+]
+_Segments: TypeAlias = tuple[NDArray[np.uint32], NDArray[np.float64], float]
+
+def cut_pursuit(valued: _Valued, settings: str, n_jobs: int | None = None) -> _Segments: ...
+def merge_regions(valued: _Valued, settings: str) -> _Segments: ...
