@@ -107,7 +107,7 @@ impl Problem<'_> {
         links.retain(|link| whose(link.ends[0]) == whose(link.ends[1]));
         let mut labels: Vec<u32> = (0..self.graph.len() as u32).collect();
         loop {
-            let merger = merge_further(regions, links, self.monitor)?;
+            let merger = merge_further(regions, links, 0, self.monitor)?;
             labels.iter_mut().for_each(|label| *label = merger.became[*label as usize]);
             (regions, links) = (merger.regions, merger.links);
             share *= 2.0;
