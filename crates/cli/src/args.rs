@@ -1,6 +1,7 @@
 //! What the user types.
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use scansion_core::recipes::Regularise;
 use std::path::PathBuf;
 
 /// Divides a LiDAR scan into its parts and names every point.
@@ -77,6 +78,10 @@ pub(crate) enum Command {
     /// Name every point
     #[command(visible_alias = "predict")]
     Classify(Classify),
+    /// Part a cloud into segments
+    Segment(Segment),
+    /// Name the segments whose labels would help most
+    Suggest(Suggest),
     /// Compare a classification with the truth
     #[command(visible_alias = "eval")]
     Evaluate(Evaluate),
@@ -110,8 +115,8 @@ pub(crate) struct LabelArgs {
 /// The recipe and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe to follow (TOML) [default: document 004's settings]
-    #[arg(long, value_name = "FILE.toml")]
+    /// Recipe to follow: pyramid (document 004), weak (document 000), or a TOML file [default: pyramid]
+    #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -225,6 +230,19 @@ pub(crate) struct Train {
     pub(crate) labels: LabelArgs,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    /// Learn from a few labels (document 000): the same as --recipe weak
+    #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
+    pub(crate) weak: bool,
+    /// Labels picked by hand: a table x,y,z,class or cluster_id,class, or a cloud whose classes count; those of the input
+    /// are then left aside
+    #[arg(long, value_name = "FILE")]
+    pub(crate) weak_labels: Option<PathBuf>,
+    /// Learn from at most this many points of each class, drawn by the seed (weak recipe)
+    #[arg(long, value_name = "N")]
+    pub(crate) per_class: Option<u32>,
+    /// Try these strengths of the field on labels that are held out, and keep the best (weak recipe)
+    #[arg(long, value_name = "STRENGTHS", value_delimiter = ',')]
+    pub(crate) grid_strength: Vec<f64>,
     /// Also score the recipe by k-fold cross-validation on spatial blocks
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=20))]
     pub(crate) cross_validate: Option<u8>,
@@ -245,6 +263,12 @@ pub(crate) struct Classify {
     /// Model to use [default: the built-in one for airborne scans]
     #[arg(short, long)]
     pub(crate) model: Option<PathBuf>,
+    /// Make neighbours agree [default: the model's own way]
+    #[arg(long, visible_alias = "regularise", value_enum)]
+    pub(crate) regularize: Option<RegularizeArg>,
+    /// Change one setting of the model's recipe, e.g. regularise.strength=2; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
     /// Write the probability of every class too, as dimensions P_<class>
     #[arg(long)]
     pub(crate) probabilities: bool,
@@ -269,6 +293,112 @@ pub(crate) struct Classify {
     /// Replace the input itself if it is also the output
     #[arg(long)]
     pub(crate) overwrite: bool,
+}
+
+/// How segments are found, and how large they are to be.
+#[derive(Clone, Debug, ClapArgs)]
+pub(crate) struct SegmentArgs {
+    /// How segments are found
+    #[arg(long, value_enum, default_value_t = MethodArg::CutPursuit)]
+    pub(crate) method: MethodArg,
+    /// Cost of a boundary edge: larger gives fewer, larger segments [default: 0.1]
+    #[arg(long, value_name = "RHO", group = "intent")]
+    pub(crate) strength: Option<f64>,
+    /// Aim at so many segments on a hectare of covered ground
+    #[arg(long, value_name = "N", group = "intent")]
+    pub(crate) segments_per_hectare: Option<f64>,
+    /// Aim at the smallest object that is to be a segment of its own, metres
+    #[arg(long, value_name = "METRES", group = "intent")]
+    pub(crate) smallest_object: Option<f64>,
+    /// Aim at the fewest segments that could be named with at most so much loss of accuracy on the cloud's labels, 0..1
+    #[arg(long, value_name = "LOSS", group = "intent")]
+    pub(crate) oracle_loss: Option<f64>,
+    /// Segments of fewer points join their best neighbour
+    #[arg(long, value_name = "POINTS", default_value_t = 0.0)]
+    pub(crate) cutoff: f64,
+    /// Smallest neighbourhood that describes a point (20 or more on scans that consist of lines)
+    #[arg(long, value_name = "K", default_value_t = 10)]
+    pub(crate) k_min: usize,
+    /// Seed of everything that is drawn by chance
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+}
+
+/// How segments are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MethodArg {
+    /// l0 cut pursuit: lower energy
+    CutPursuit,
+    /// Greedy merging: faster
+    Merge,
+}
+
+/// scansion segment IN -o OUT
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Segment {
+    /// Cloud to part
+    pub(crate) input: PathBuf,
+    /// Result: the input with the dimension ClusterID (from 1; 0 = none)
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) segments: SegmentArgs,
+    #[command(flatten)]
+    pub(crate) labels: LabelArgs,
+    /// Replace the input itself if it is also the output
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// scansion suggest IN -o OUT
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Suggest {
+    /// Cloud to look at
+    pub(crate) input: PathBuf,
+    /// Where the answer goes: .csv to be filled in, .las, .laz or .ply with ClusterID, .html with two pictures of each
+    /// segment; may be repeated
+    #[arg(short, long, required = true)]
+    pub(crate) output: Vec<PathBuf>,
+    /// Segments to name
+    #[arg(short = 'n', long, value_name = "N", default_value_t = 50)]
+    pub(crate) count: usize,
+    /// Model that is to get better: its uncertainty counts
+    #[arg(short, long)]
+    pub(crate) model: Option<PathBuf>,
+    /// Leave out segments that hold a label
+    #[arg(long)]
+    pub(crate) labelled: bool,
+    #[command(flatten)]
+    pub(crate) segments: SegmentArgs,
+    #[command(flatten)]
+    pub(crate) labels: LabelArgs,
+}
+
+/// How neighbours are made to agree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RegularizeArg {
+    /// Every point for itself
+    None,
+    /// Mean of the neighbours' probabilities
+    Local,
+    /// Random field on the points
+    PointCrf,
+    /// One label a segment, by the mean of its probabilities
+    Consensus,
+    /// Random field on the segments (document 000)
+    SegmentCrf,
+}
+
+impl From<RegularizeArg> for Regularise {
+    fn from(arg: RegularizeArg) -> Self {
+        match arg {
+            RegularizeArg::None => Self::None,
+            RegularizeArg::Local => Self::Local,
+            RegularizeArg::PointCrf => Self::PointCrf,
+            RegularizeArg::Consensus => Self::Consensus,
+            RegularizeArg::SegmentCrf => Self::SegmentCrf,
+        }
+    }
 }
 
 /// scansion evaluate TRUTH [PREDICTION]

@@ -65,6 +65,7 @@ impl Settings {
                 "class" => ColourBy::Class,
                 "height" => ColourBy::Height,
                 "rgb" => ColourBy::Colour,
+                name if name.starts_with("ClusterID") => ColourBy::Segments(self.by),
                 _ => ColourBy::Dimension(self.by),
             },
             width: self.width,

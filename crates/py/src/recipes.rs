@@ -6,11 +6,12 @@ use crate::convert::to_matrix;
 use crate::error::raise;
 use crate::json;
 use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classification::Model as CoreModel;
 use scansion_core::cloud::Cloud as CoreCloud;
-use scansion_core::recipes::{self, ClassifyParams, LabelParams, Recipe, read_labels};
+use scansion_core::recipes::{self, AnyRecipe, ClassifyParams, LabelParams, Regularise, read_labels};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -32,18 +33,31 @@ type Answer<'py> = (
 /// Columns of a cloud that a recipe needs (beside its labels).
 #[pyfunction]
 pub(crate) fn recipe_columns(recipe: &str, settings: Vec<String>) -> PyResult<Vec<String>> {
-    let recipe = resolve(recipe, &settings).map_err(raise)?;
-    Ok(recipe.features.columns().into_iter().map(String::from).collect())
+    Ok(resolve(recipe, &settings).map_err(raise)?.columns())
 }
 
-fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<Recipe> {
-    Recipe::from_toml(recipe)?.with_settings(settings.iter().map(String::as_str))
+/// The recipe of a TOML text, or of a name, with settings on top.
+fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<AnyRecipe> {
+    let base = match AnyRecipe::NAMES.contains(&recipe) {
+        true => AnyRecipe::named(recipe)?,
+        false => AnyRecipe::from_toml(recipe)?,
+    };
+    base.with_settings(settings.iter().map(String::as_str))
+}
+
+/// How labels are made to agree, by its name.
+fn method(name: Option<&str>) -> PyResult<Option<Regularise>> {
+    let found = name.map(|name| serde_json::from_value(serde_json::Value::from(name)));
+    found.transpose().map_err(|_| {
+        let expected = "'none', 'local', 'point-crf', 'consensus' or 'segment-crf'";
+        PyValueError::new_err(format!("regularize: found {name:?}, expected {expected}"))
+    })
 }
 
 #[pymethods]
 impl Model {
     #[staticmethod]
-    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled, n_jobs = None))]
+    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled, strengths = vec![], n_jobs = None))]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
     fn train(
         py: Python<'_>,
@@ -53,6 +67,7 @@ impl Model {
         dimension: String,
         map: &str,
         unlabelled: Vec<u8>,
+        strengths: Vec<f64>,
         n_jobs: Option<i64>,
     ) -> PyResult<(Self, String)> {
         let clouds: Vec<_> = clouds.iter().map(|c| Arc::clone(&c.inner)).collect();
@@ -61,10 +76,16 @@ impl Model {
         let train = |monitor: &_| {
             let read = |cloud: Arc<CoreCloud>| read_labels(&cloud, &labels).map(|l| (Arc::unwrap_or_clone(cloud), l));
             let pairs = clouds.into_iter().map(read).collect::<scansion_core::Result<Vec<_>>>()?;
-            recipes::train(&pairs, &recipe, monitor)
+            match recipe {
+                AnyRecipe::Pyramid(recipe) => {
+                    recipes::train(&pairs, &recipe, monitor).and_then(|(m, report)| Ok((m, json::text(&report)?)))
+                }
+                AnyRecipe::Weak(recipe) => recipes::train_weak(&pairs, &recipe, &strengths, monitor)
+                    .and_then(|(m, report)| Ok((m, json::text(&report)?))),
+            }
         };
         let (inner, report) = call(py, n_jobs, train)?;
-        Ok((Self { inner }, json::text(&report).map_err(raise)?))
+        Ok((Self { inner }, report))
     }
 
     #[staticmethod]
@@ -91,16 +112,17 @@ impl Model {
         py.detach(|| self.inner.save(&path)).map_err(raise)
     }
 
-    #[pyo3(signature = (cloud, probabilities = false, n_jobs = None))]
+    #[pyo3(signature = (cloud, probabilities = false, regularize = None, n_jobs = None))]
     fn classify<'py>(
         &self,
         py: Python<'py>,
         cloud: &Cloud,
         probabilities: bool,
+        regularize: Option<&str>,
         n_jobs: Option<i64>,
     ) -> PyResult<Answer<'py>> {
         let cloud = Arc::clone(&cloud.inner);
-        let params = ClassifyParams { probabilities, metres_per_unit: None };
+        let params = ClassifyParams { probabilities, metres_per_unit: None, regularise: method(regularize)? };
         let found = call(py, n_jobs, |monitor| recipes::classify(&cloud, &self.inner, &params, monitor))?;
         let classes = self.inner.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;

@@ -7,12 +7,17 @@ use scansion_core::classes::LabelMap;
 use scansion_core::classification::Model;
 use scansion_core::cloud::{Cloud, Column, Values, names};
 use scansion_core::io::{self, Columns, Edit, salvage};
-use scansion_core::recipes::{self, Classified, ClassifyParams};
+use scansion_core::recipes::{self, AnyRecipe, Classified, ClassifyParams};
 use std::path::Path;
 use std::time::Instant;
 
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
-    let model = sources::model(args.model.as_deref())?;
+    let mut model = sources::model(args.model.as_deref())?;
+    if !args.set.is_empty() {
+        let recipe = AnyRecipe::from_toml(&model.recipe_toml)?.with_settings(args.set.iter().map(String::as_str))?;
+        recipe.validate()?;
+        model.recipe_toml = recipe.to_toml()?;
+    }
     let map: LabelMap = args.map.parse()?;
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
     let mut failed = 0;
@@ -42,8 +47,7 @@ fn one(
 ) -> Result<(), Failure> {
     sources::guard_input(input, output, args.overwrite)?;
     let start = Instant::now();
-    let recipe = recipes::Recipe::from_toml(&model.recipe_toml)?;
-    let mut wanted: Vec<String> = recipe.features.columns().iter().map(ToString::to_string).collect();
+    let mut wanted = AnyRecipe::from_toml(&model.recipe_toml)?.columns();
     if args.only_unclassified || !args.skip.is_empty() {
         wanted.push(names::CLASSIFICATION.into());
     }
@@ -53,7 +57,11 @@ fn one(
         true => salvage::read(input, &options)?.0,
         false => io::read_with(input, &options)?,
     };
-    let params = ClassifyParams { probabilities: args.probabilities, metres_per_unit: args.unit };
+    let params = ClassifyParams {
+        probabilities: args.probabilities,
+        metres_per_unit: args.unit,
+        regularise: args.regularize.map(Into::into),
+    };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
     let points = cloud.len();

@@ -10,8 +10,12 @@ mod info;
 mod merge;
 mod model;
 mod render;
+mod segment;
 mod sources;
+mod suggest;
+mod suggest_page;
 mod train;
+mod train_weak;
 
 use crate::args::{Args, Command};
 use crate::exit_code::Failure;
@@ -71,6 +75,8 @@ pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
         Command::Features(features) => features::run(features, &context),
         Command::Train(train) => train::run(train, &context),
         Command::Classify(classify) => classify::run(classify, &context),
+        Command::Segment(segment) => segment::run(segment, &context),
+        Command::Suggest(suggest) => suggest::run(suggest, &context),
         Command::Evaluate(evaluate) => evaluate::run(evaluate, &context),
         Command::Render(render) => render::run(render, &context),
         Command::Model(model) => model::run(model, &context),

@@ -56,6 +56,7 @@ fn colour_by(asked: Option<&str>, cloud: &Cloud) -> ColourBy {
         Some("class") => ColourBy::Class,
         Some("height") => ColourBy::Height,
         Some("rgb") => ColourBy::Colour,
+        Some(name) if name.starts_with("ClusterID") => ColourBy::Segments(name.to_string()),
         Some(name) => ColourBy::Dimension(name.to_string()),
         None if cloud.column(names::CLASSIFICATION).is_some() => ColourBy::Class,
         None => ColourBy::Height,

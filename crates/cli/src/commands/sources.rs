@@ -3,20 +3,34 @@
 use crate::args::{LabelArgs, RecipeArgs};
 use crate::exit_code::Failure;
 use scansion_core::classification::Model;
-use scansion_core::recipes::{LabelParams, Recipe, default_model};
+use scansion_core::recipes::{AnyRecipe, LabelParams, Recipe, default_model};
 use scansion_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// The recipe that file, settings and seed give together (flag before recipe before default).
-pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
+/// The recipe that name or file, settings and seed give together (flag before recipe before default).
+pub(crate) fn any_recipe(args: &RecipeArgs) -> Result<AnyRecipe> {
     let base = match &args.recipe {
-        Some(path) => Recipe::from_toml(&text(path)?).map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
-        None => Recipe::default(),
+        None => AnyRecipe::named("pyramid")?,
+        Some(path) => match path.to_str().filter(|name| AnyRecipe::NAMES.contains(name)) {
+            Some(name) => AnyRecipe::named(name)?,
+            None => AnyRecipe::from_toml(&text(path)?).map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
+        },
     };
-    let mut recipe = base.with_settings(args.set.iter().map(String::as_str))?;
-    recipe.seed = args.seed.unwrap_or(recipe.seed);
+    let recipe = base.with_settings(args.set.iter().map(String::as_str))?;
+    let recipe = match args.seed {
+        Some(seed) => recipe.with_seed(seed),
+        None => recipe,
+    };
     recipe.validate()?;
     Ok(recipe)
+}
+
+/// The pyramid recipe that the arguments give.
+pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
+    match any_recipe(args)? {
+        AnyRecipe::Pyramid(recipe) => Ok(*recipe),
+        AnyRecipe::Weak(_) => Err(Error::parameter("recipe", "weak", "pyramid for this command")),
+    }
 }
 
 fn text(path: &Path) -> Result<String> {

@@ -1,17 +1,23 @@
 //! `scansion train`: learn a model from labelled clouds.
 
-use super::{Context, sources};
-use crate::args::{Format, Train};
+use super::{Context, sources, train_weak};
+use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
 use scansion_core::classes::preset;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns, ReadOptions};
-use scansion_core::recipes::{self, LabelParams, Labels, Recipe, TrainingReport, read_labels};
+use scansion_core::recipes::{self, AnyRecipe, LabelParams, Labels, Recipe, TrainingReport, read_labels};
 use std::fmt::Write;
 use std::path::Path;
 
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
-    let mut recipe = sources::recipe(&args.recipe)?;
+    let mut recipe = match sources::any_recipe(&named(args))? {
+        AnyRecipe::Pyramid(recipe) => *recipe,
+        AnyRecipe::Weak(recipe) => return train_weak::run(args, *recipe, context),
+    };
+    if args.weak_labels.is_some() || args.per_class.is_some() || !args.grid_strength.is_empty() {
+        return Err(Failure::Usage("--weak-labels, --per-class and --grid-strength need --weak".into()));
+    }
     let clouds = args
         .inputs
         .iter()
@@ -39,6 +45,15 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
         Format::Csv => context.printer.data(&csv(&report)),
         Format::Table => context.printer.data(&table(&report, &args.output)),
     }
+}
+
+/// `--weak` is `--recipe weak`.
+fn named(args: &Train) -> RecipeArgs {
+    let mut recipe = args.recipe.clone();
+    if args.weak {
+        recipe.recipe = Some("weak".into());
+    }
+    recipe
 }
 
 fn read(path: &Path, labels: &LabelParams, recipe: &Recipe, context: &Context<'_>) -> Result<(Cloud, Labels), Failure> {

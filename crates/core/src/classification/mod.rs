@@ -5,6 +5,7 @@
 
 mod bag;
 mod binning;
+mod boosting;
 mod codec;
 pub mod cross_validation;
 mod descend;
@@ -28,6 +29,7 @@ mod testing;
 mod train;
 
 pub use binning::{Binning, BinningParams};
+pub use boosting::{Boosting, BoostingParams, BoostingReport};
 pub use fingerprint::Fingerprint;
 pub use forest::Forest;
 pub use importance::{Importance, permutation_importance};

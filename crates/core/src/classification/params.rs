@@ -77,6 +77,19 @@ pub enum ClassWeight {
     PerClass(Vec<f32>),
 }
 
+impl ClassWeight {
+    /// Checks the weights given.
+    pub(super) fn validate(&self) -> Result<()> {
+        match self {
+            Self::PerClass(weights) => match weights.iter().find(|w| !(w.is_finite() && **w > 0.0)) {
+                Some(w) => Err(Error::parameter("class_weight", w, "a finite number above 0")),
+                None => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+}
+
 /// How thresholds are searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -185,20 +198,14 @@ impl ForestParams {
         if let Bootstrap::WithoutReplacement(share) = self.bootstrap {
             share_in_range("bootstrap", share)?;
         }
-        match &self.class_weight {
-            ClassWeight::PerClass(weights) => match weights.iter().find(|w| !(w.is_finite() && **w > 0.0)) {
-                Some(w) => Err(Error::parameter("class_weight", w, "a finite number above 0")),
-                None => Ok(()),
-            },
-            _ => Ok(()),
-        }
+        self.class_weight.validate()
     }
 }
 
 /// Depth of the deepest tree that is learned or read.
 pub(super) const MAX_DEPTH: usize = 4096;
 
-fn within(name: &'static str, value: usize, low: usize, high: usize) -> Result<()> {
+pub(super) fn within(name: &'static str, value: usize, low: usize, high: usize) -> Result<()> {
     let expected = || if high == usize::MAX { format!("{low} or more") } else { format!("{low} to {high}") };
     if (low..=high).contains(&value) { Ok(()) } else { Err(Error::parameter(name, value, expected())) }
 }
@@ -208,15 +215,15 @@ fn share_in_range(name: &'static str, share: f64) -> Result<()> {
 }
 
 /// TOML has no null: no limit is written as 0.
-mod zero_is_none {
+pub(super) mod zero_is_none {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     #[expect(clippy::ref_option, reason = "the signature that serde asks for")]
-    pub(super) fn serialize<S: Serializer>(value: &Option<usize>, serializer: S) -> Result<S::Ok, S::Error> {
+    pub(in super::super) fn serialize<S: Serializer>(value: &Option<usize>, serializer: S) -> Result<S::Ok, S::Error> {
         value.unwrap_or(0).serialize(serializer)
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<usize>, D::Error> {
+    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<usize>, D::Error> {
         usize::deserialize(deserializer).map(|depth| (depth > 0).then_some(depth))
     }
 }

@@ -11,9 +11,12 @@ const BLOCK: usize = 8192;
 /// Working memory of [`Forest::predict_block`], to be used again for the next block.
 #[derive(Clone, Debug, Default)]
 pub struct PredictScratch {
-    narrow: Codes<u8>,
+    pub(super) narrow: Codes<u8>,
     wide: Codes<u16>,
-    walk: Walk,
+    pub(super) walk: Walk,
+    /// Rows with additional columns, and scores, of boosted trees.
+    pub(super) extended: Vec<f32>,
+    pub(super) scores: Vec<f32>,
 }
 
 impl Forest {

@@ -111,7 +111,7 @@ impl Lesson<'_> {
 }
 
 /// Weight of every active sample: its own times its class's.
-fn weights(samples: &Samples<'_>, active: &[u32], class_weight: &ClassWeight) -> Result<Option<Vec<f64>>> {
+pub(super) fn weights(samples: &Samples<'_>, active: &[u32], class_weight: &ClassWeight) -> Result<Option<Vec<f64>>> {
     let own = |i: u32| samples.weight(i as usize);
     let label = |i: u32| usize::from(samples.labels[i as usize]);
     let by_class: Vec<f64> = match class_weight {

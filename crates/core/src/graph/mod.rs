@@ -1,8 +1,17 @@
 //! Who touches whom: undirected weighted graphs on points and on segments, and what is computed on them.
 
+mod build;
+mod components;
 mod max_flow;
+mod spanning_tree;
+mod union_find;
+mod weight;
 
+pub use build::{KnnGraphParams, Multiplicity, knn_graph};
+pub use components::{Components, connected_components};
 pub use max_flow::MaxFlow;
+pub use spanning_tree::minimum_spanning_tree;
+pub use weight::EdgeWeight;
 
 use crate::error::{Error, Result};
 

@@ -48,6 +48,8 @@ pub enum ColourBy {
     Colour,
     /// A column of numbers.
     Dimension(String),
+    /// A column of segment numbers: every segment has a colour of its own, 0 (no segment) is grey.
+    Segments(String),
     /// Where a predicted class (second column) is the true one (first column), and where not.
     Agreement {
         /// Column with the true class.
@@ -176,6 +178,20 @@ mod tests {
         };
         assert_eq!(at(10.0, 10.0), classes.classes()[1].colour);
         assert_eq!(at(3.0, 15.0), classes.classes()[0].colour);
+    }
+
+    #[test]
+    fn neighbouring_segments_differ_in_colour_and_no_segment_is_grey() {
+        let mut cloud = scene();
+        let ids = (0..40_000u32).map(|i| if i % 200 < 100 { i / 20_000 } else { 3 }).collect();
+        cloud.set_column(Column::new("ClusterID", Values::U32(ids))).unwrap();
+        let by = ColourBy::Segments("ClusterID".into());
+        let params = RenderParams { by, shading: false, legend: false, width: 400, ..RenderParams::default() };
+        let image = render(&cloud, &ClassTable::default(), &params).unwrap();
+        let mut colours: Vec<&[u8]> = image.rgb.chunks_exact(3).collect();
+        colours.sort_unstable();
+        colours.dedup();
+        assert!(colours.contains(&&[190u8, 190, 190][..]) && colours.len() >= 4, "{colours:?}");
     }
 
     #[test]

@@ -25,6 +25,20 @@ pub(super) fn ramp(share: f64) -> [f32; 3] {
     [0, 1, 2].map(|a| f32::from(RAMP[low][a]) * (1.0 - part) + f32::from(RAMP[low + 1][a]) * part)
 }
 
+/// Colour of a segment by its number: hues of following numbers lie a golden section apart; 0 is grey.
+pub(super) fn segment_colour(segment: u32) -> [u8; 3] {
+    if segment == 0 {
+        return [190; 3];
+    }
+    let hue = (f64::from(segment) * 0.618_033_988_749_894_9).fract() * 6.0;
+    let bright = 150.0 + 90.0 * (f64::from(segment) * 0.381_966_011_250_105).fract();
+    let level = |shift: f64| {
+        let distance = ((hue + shift) % 6.0 - 3.0).abs();
+        (bright * (0.25 + 0.75 * (distance - 1.0).clamp(0.0, 1.0))) as u8
+    };
+    [level(0.0), level(4.0), level(2.0)]
+}
+
 /// Round numbers between two ends: about `count` of them.
 pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     let span = high - low;

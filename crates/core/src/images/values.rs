@@ -1,6 +1,6 @@
 //! The colour of a point, by what the picture shows.
 
-use super::palette::ramp;
+use super::palette::{ramp, segment_colour};
 use super::{ColourBy, RenderParams};
 use crate::classes::{Class, ClassTable, preset};
 use crate::cloud::{Cloud, Values, names};
@@ -18,6 +18,8 @@ pub(super) enum Paint<'a> {
     Classes { values: Option<&'a Values>, table: Vec<Class>, counts: Vec<u64> },
     /// Numbers on a ramp.
     Ramp { name: String, values: Option<&'a Values>, low: f64, high: f64 },
+    /// Segments, each with a colour of its own.
+    Segments { values: &'a Values, count: usize },
     /// Own colours, with the factor to 0..=255.
     Own { channels: [&'a Values; 3], factor: f64 },
     /// Right or wrong.
@@ -37,6 +39,13 @@ impl<'a> Paint<'a> {
             ColourBy::Class => Ok(Self::classes(cloud, classes)),
             ColourBy::Height => Ok(Self::on_ramp("height".into(), None, cloud, params)),
             ColourBy::Dimension(name) => Ok(Self::on_ramp(name.clone(), Some(column(cloud, name)?), cloud, params)),
+            ColourBy::Segments(name) => {
+                let values = column(cloud, name)?;
+                let mut ids: Vec<u32> = (0..cloud.len()).map(|i| values.get(i) as u32).filter(|&s| s > 0).collect();
+                ids.sort_unstable();
+                ids.dedup();
+                Ok(Self::Segments { values, count: ids.len() })
+            }
             ColourBy::Colour => Self::own(cloud),
             ColourBy::Agreement { truth, prediction } => {
                 let (truth, prediction) = (column(cloud, truth)?, column(cloud, prediction)?);
@@ -84,6 +93,7 @@ impl<'a> Paint<'a> {
                 let value = values.map_or_else(|| cloud.xyz(i)[2], |v| v.get(i));
                 ramp((value - low) / (high - low))
             }
+            Self::Segments { values, .. } => segment_colour(values.get(i) as u32).map(f32::from),
             Self::Own { channels, factor } => channels.map(|v| (v.get(i) * factor) as f32),
             Self::Agreement { truth, prediction, .. } => {
                 let right = truth.get(i) as u8 == prediction.get(i) as u8;
@@ -101,6 +111,9 @@ impl<'a> Paint<'a> {
                 let seen = table.iter().zip(counts).filter(|(_, n)| **n > 0);
                 seen.map(|(class, &n)| (class.colour, format!("{} {}", class.code, class.name), percent(n, all)))
                     .collect()
+            }
+            Self::Segments { count, .. } => {
+                vec![(segment_colour(1), format!("{count} segments"), String::new())]
             }
             Self::Agreement { wrong, points, .. } => vec![
                 (RIGHT, "as in the truth".into(), percent(points - wrong, *points)),

@@ -1,9 +1,12 @@
 //! Naming every point of a cloud with a model, block by block.
 
+use super::any::AnyRecipe;
 use super::recipe::Recipe;
+use super::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, largest, regularise};
 use super::training::planar_density;
+use super::weak::classify_weak;
 use crate::classification::{Model, PredictScratch};
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, Scratch, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
@@ -21,6 +24,8 @@ pub struct ClassifyParams {
     pub probabilities: bool,
     /// Metres in one unit of the coordinates; `None` takes the cloud's own, else 1.
     pub metres_per_unit: Option<f64>,
+    /// How labels are made to agree; `None` takes the model's own way. Its settings are always those of the model's recipe.
+    pub regularise: Option<Regularise>,
 }
 
 /// One answer a point, in the cloud's order. Points that are not finite get code 1, confidence 0 and entropy ln(classes).
@@ -38,16 +43,65 @@ pub struct Classified {
     pub warnings: Vec<String>,
 }
 
-/// Names every point of a cloud. Features are computed and forgotten block by block.
+/// Names every point of a cloud with a model of any recipe.
+///
+/// Without regularisation, features of the pyramid are computed and forgotten block by block; with it, the probabilities
+/// and a graph of all points are held (about 250 bytes a point).
 ///
 /// # Errors
 /// The model asks for a feature that this version or this cloud cannot give.
 pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<Classified> {
-    let mut set = Recipe::from_toml(&model.recipe_toml)?.features;
+    let recipe = AnyRecipe::from_toml(&model.recipe_toml)?;
+    let agree = recipe.regularise();
+    let agree = RegulariseParams { method: params.regularise.unwrap_or(agree.method), ..agree.clone() };
+    match &recipe {
+        AnyRecipe::Pyramid(recipe) => classify_pyramid(cloud, (model, recipe), (params, &agree), monitor),
+        AnyRecipe::Weak(recipe) => {
+            let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
+            let metres = params.metres_per_unit.or(cloud.metres_per_unit);
+            result.warnings = warnings(cloud, model, metres.unwrap_or(1.0));
+            let (points, found) = classify_weak(cloud, (model, recipe), (params.metres_per_unit, &agree), monitor)?;
+            result.adopt(&points.index, &found, model);
+            Ok(result)
+        }
+    }
+}
+
+fn classify_pyramid(
+    cloud: &Cloud,
+    (model, recipe): (&Model, &Recipe),
+    (params, agree): (&ClassifyParams, &RegulariseParams),
+    monitor: &Monitor,
+) -> Result<Classified> {
+    let mut set = recipe.features.clone();
     set.metres_per_unit = params.metres_per_unit.or(set.metres_per_unit);
-    let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
+    if agree.method == Regularise::None {
+        return point_by_point(cloud, model, (&set, params.probabilities), monitor);
+    }
+    let mut result = point_by_point(cloud, model, (&set, true), monitor)?;
+    let points = Points::from_cloud(cloud, set.metres(cloud));
+    let classes = model.classes.len();
+    let all = result.probabilities.take().unwrap_or_default();
+    let values = match points.len() == cloud.len() {
+        true => all,
+        false => points.index.iter().flat_map(|&i| &all[i as usize * classes..][..classes]).copied().collect(),
+    };
+    let found = regularise(&points, Probabilities { values: &values, classes }, None, agree, monitor)?;
+    let warnings = std::mem::take(&mut result.warnings);
+    result = Classified { warnings, ..Classified::unknown(cloud.len(), classes, params.probabilities) };
+    result.adopt(&points.index, &found, model);
+    Ok(result)
+}
+
+fn point_by_point(
+    cloud: &Cloud,
+    model: &Model,
+    (set, probabilities): (&FeatureSet, bool),
+    monitor: &Monitor,
+) -> Result<Classified> {
+    let mut result = Classified::unknown(cloud.len(), model.classes.len(), probabilities);
     result.warnings = warnings(cloud, model, set.metres(cloud));
-    let extractor = prepare(cloud, &set, model, monitor)?;
+    let extractor = prepare(cloud, set, model, monitor)?;
     monitor.stage("classify", extractor.len() as u64);
     let blocks = extractor.blocks();
     let groups = blocks.div_ceil(TOGETHER);
@@ -114,16 +168,26 @@ impl Classified {
     }
 
     fn place(&mut self, part: &Part, model: &Model) {
-        let classes = model.classes.classes();
-        for (&point, row) in part.points.iter().zip(part.probabilities.chunks_exact(classes.len())) {
-            let point = point as usize;
-            let best = (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best });
-            self.codes[point] = classes[best].code;
-            self.confidence[point] = row[best].clamp(0.0, 1.0);
-            self.entropy[point] = entropy(row);
-            if let Some(all) = &mut self.probabilities {
-                all[point * row.len()..(point + 1) * row.len()].copy_from_slice(row);
-            }
+        let classes = model.classes.len();
+        for (&point, row) in part.points.iter().zip(part.probabilities.chunks_exact(classes)) {
+            self.set(point as usize, usize::from(largest(row)), row, model);
+        }
+    }
+
+    /// Takes over the labels that were agreed on; row i belongs to point `index[i]`.
+    fn adopt(&mut self, index: &[u32], found: &Regularised, model: &Model) {
+        let rows = found.probabilities.chunks_exact(model.classes.len());
+        for ((&point, &label), row) in index.iter().zip(&found.labels).zip(rows) {
+            self.set(point as usize, usize::from(label), row, model);
+        }
+    }
+
+    fn set(&mut self, point: usize, label: usize, row: &[f32], model: &Model) {
+        self.codes[point] = model.classes.classes()[label].code;
+        self.confidence[point] = row[label].clamp(0.0, 1.0);
+        self.entropy[point] = entropy(row);
+        if let Some(all) = &mut self.probabilities {
+            all[point * row.len()..(point + 1) * row.len()].copy_from_slice(row);
         }
     }
 }

@@ -1,15 +1,28 @@
 //! One file per published system: each reads like the paper's method section and is saved as TOML.
 
+mod any;
 mod builtin;
 mod classify;
 mod labels;
 mod recipe;
+mod regularise;
+mod segment;
+mod segments;
+mod suggest;
 mod train;
 mod training;
+mod weak;
 
+pub use any::AnyRecipe;
 pub use builtin::{BUILTIN_MAP, default_model};
 pub use classify::{Classified, ClassifyParams, classify};
 pub use labels::{LabelParams, Labels, read_labels};
-pub use recipe::{Recipe, set_key};
+pub use recipe::{PyramidKind, Recipe, set_key};
+pub use regularise::{Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
+pub use segment::{SegmentParams, SegmentReport, Segmented, segment};
+pub use suggest::{SuggestParams, Suggestion, suggest};
 pub use train::{DepthScore, cross_validate, train};
 pub use training::{ClassCount, TrainingParams, TrainingReport, planar_density};
+pub use weak::{
+    Example, LabelFile, RoadParams, RoadSource, StrengthScore, WeakKind, WeakLabels, WeakRecipe, WeakReport, train_weak,
+};

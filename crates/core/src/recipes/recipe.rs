@@ -1,15 +1,27 @@
 //! A recipe: everything that decides a result, saved as TOML.
 
 use super::TrainingParams;
+use super::regularise::RegulariseParams;
 use crate::classification::ForestParams;
 use crate::error::{Error, Result};
 use crate::features::FeatureSet;
 use serde::{Deserialize, Serialize};
 
+/// The name of the recipe, in its TOML.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PyramidKind {
+    /// Document 004, chapter 4.4.
+    #[default]
+    Pyramid,
+}
+
 /// The settings of the pyramid recipe (document 004, chapter 4.4); every default is the paper's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Recipe {
+    /// Always `pyramid`.
+    pub recipe: PyramidKind,
     /// Seed of everything that is drawn by chance.
     pub seed: u64,
     /// Which features, on which scales.
@@ -18,12 +30,14 @@ pub struct Recipe {
     pub training: TrainingParams,
     /// The forest.
     pub forest: ForestParams,
+    /// How labels are made to agree; document 004 names every point for itself.
+    pub regularise: RegulariseParams,
 }
 
 impl Recipe {
     /// Reads TOML; a wrong key is named with its line and the nearest valid key.
     pub fn from_toml(text: &str) -> Result<Self> {
-        toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
+        explained(text)
     }
 
     /// The recipe as TOML, all values resolved.
@@ -35,7 +49,8 @@ impl Recipe {
     pub fn validate(&self) -> Result<()> {
         self.features.validate()?;
         self.training.validate()?;
-        self.forest.validate()
+        self.forest.validate()?;
+        self.regularise.validate()
     }
 
     /// Applies `section.key=value` settings, each value read as TOML (a bare word counts as text).
@@ -70,6 +85,11 @@ fn parse_value(text: &str) -> toml::Value {
         .ok()
         .and_then(|mut t| t.remove("v"))
         .unwrap_or_else(|| toml::Value::String(text.to_string()))
+}
+
+/// Reads TOML; errors say what is wrong where, and what was meant.
+pub(super) fn explained<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
+    toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
 }
 
 /// Adds "did you mean" to serde's message about an unknown field.

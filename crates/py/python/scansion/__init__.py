@@ -11,6 +11,7 @@ from scansion._cloud import PointCloud, blocks, convert, diff, info, merge, read
 from scansion._core import FileFormatError, __version__
 from scansion._forest import RandomForestClassifier
 from scansion._render import render
+from scansion._weak import WeakClassifier
 
 __all__ = [
     "Classified",
@@ -18,6 +19,7 @@ __all__ = [
     "PointClassifier",
     "PointCloud",
     "RandomForestClassifier",
+    "WeakClassifier",
     "__version__",
     "blocks",
     "convert",

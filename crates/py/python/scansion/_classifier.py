@@ -6,7 +6,7 @@ import json
 import os
 import warnings
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,8 @@ from scansion._cloud import PointCloud, as_cloud
 from scansion._forest import seed
 
 _LABELS = "Classification"
+
+Self = TypeVar("Self", bound="PointClassifier")
 
 
 class Classified(NamedTuple):
@@ -105,7 +107,7 @@ class PointClassifier(Classifier):
         return cls()._take(_core.Model.default())
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> PointClassifier:
+    def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
         """A classifier from a model file, as ``save`` or ``scansion train`` wrote it.
 
         Parameters
@@ -124,7 +126,7 @@ class PointClassifier(Classifier):
         self._check_is_fitted()
         self._model.save(os.fspath(path))
 
-    def fit(self, clouds: Any, labels: Any = None) -> PointClassifier:
+    def fit(self: Self, clouds: Any, labels: Any = None) -> Self:
         """Learns from labelled clouds.
 
         Parameters
@@ -144,13 +146,13 @@ class PointClassifier(Classifier):
         prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
         unlabelled = codes(np.asarray(list(self.unlabelled), dtype=np.int64), "unlabelled").tobytes()
         model, report = _core.Model.train(
-            prepared, recipe, settings, _LABELS, self.class_map, unlabelled, self.n_jobs
+            prepared, recipe, settings, _LABELS, self.class_map, unlabelled, self._strengths(), self.n_jobs
         )
         self._take(model)
         self.report_ = json.loads(report)
         return self
 
-    def classify(self, cloud: Any, *, probabilities: bool = False) -> Classified:
+    def classify(self, cloud: Any, *, probabilities: bool = False, regularize: str | None = None) -> Classified:
         """Class, confidence and entropy of every point.
 
         Parameters
@@ -158,10 +160,12 @@ class PointClassifier(Classifier):
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         probabilities : bool
             Return the probability of every class too.
+        regularize : {"none", "local", "point-crf", "consensus", "segment-crf"}, optional
+            Make neighbours agree in this way; None takes the model's own.
         """
         self._check_is_fitted()
         points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
-        found = self._model.classify(points._core, probabilities, self.n_jobs)
+        found = self._model.classify(points._core, probabilities, regularize, self.n_jobs)
         for note in found[4]:
             warnings.warn(note, stacklevel=2)
         return Classified(*found[:4])
@@ -206,7 +210,11 @@ class PointClassifier(Classifier):
         self._check_is_fitted()
         return self._model.importance()
 
-    def _take(self, model: _core.Model) -> PointClassifier:
+    def _strengths(self) -> list[float]:
+        """Strengths to choose from; only the weak recipe has any."""
+        return []
+
+    def _take(self: Self, model: _core.Model) -> Self:
         self._model = model
         self.classes_ = np.array(model.codes(), dtype=np.uint8)
         self.class_names_ = model.class_names()

@@ -74,6 +74,7 @@ class Model:
         dimension: str,
         map: str,
         unlabelled: bytes,
+        strengths: list[float] = ...,
         n_jobs: int | None = None,
     ) -> tuple[Model, str]: ...
     @staticmethod
@@ -85,7 +86,11 @@ class Model:
     def __reduce__(self) -> tuple[Any, ...]: ...
     def save(self, path: str) -> None: ...
     def classify(
-        self, cloud: Cloud, probabilities: bool = False, n_jobs: int | None = None
+        self,
+        cloud: Cloud,
+        probabilities: bool = False,
+        regularize: str | None = None,
+        n_jobs: int | None = None,
     ) -> tuple[
         NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None, list[str]
     ]: ...

@@ -12,6 +12,7 @@ mod augment;
 mod grow;
 
 use crate::error::{Error, Result};
+use crate::parallel::Monitor;
 use std::collections::VecDeque;
 
 const NONE: u32 = u32::MAX;
@@ -116,9 +117,23 @@ impl MaxFlow {
     ///
     /// O(nodes² · edges · cut) at worst, near linear on the graphs of point clouds.
     pub fn solve(&mut self) -> f64 {
+        // Nobody can cancel a new monitor.
+        self.solve_watched(&Monitor::default()).unwrap_or(self.flow)
+    }
+
+    /// Like [`MaxFlow::solve`], for networks so large that the user may want to stop it.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn solve_watched(&mut self, monitor: &Monitor) -> Result<f64> {
         self.build();
         self.plant();
+        let mut steps = 0u32;
         while let Some(node) = self.next_active() {
+            steps = steps.wrapping_add(1);
+            if steps.is_multiple_of(1024) {
+                monitor.check()?;
+            }
             while let Some(bridge) = self.grow(node) {
                 self.augment(bridge);
                 self.adopt();
@@ -127,7 +142,7 @@ impl MaxFlow {
                 }
             }
         }
-        self.flow
+        Ok(self.flow)
     }
 
     /// After [`MaxFlow::solve`]: whether residual arcs lead from the source to `node` (the smallest source side).

@@ -1,0 +1,67 @@
+//! The samples' codes in blocks of eight features: a row of a block is one load, and its histograms stay in the nearest
+//! cache.
+
+use super::super::binning::Binning;
+use crate::error::Result;
+use rayon::prelude::*;
+
+/// Features of a block.
+pub(super) const LANES: usize = 8;
+
+/// Rows quantised at a time.
+const CHUNK: usize = 4096;
+
+/// Quantised samples.
+pub(super) struct Blocks {
+    pub(super) binning: Binning,
+    blocks: Vec<Vec<[u8; LANES]>>,
+}
+
+impl Blocks {
+    /// Quantises row-major values, several tables behind one another.
+    pub(super) fn new(tables: &[&[f32]], binning: Binning) -> Result<Self> {
+        let width = binning.width().max(1);
+        let mut codes = vec![0u8; tables.iter().map(|t| t.len()).sum()];
+        let mut rest = codes.as_mut_slice();
+        for table in tables {
+            let (own, after) = rest.split_at_mut(table.len());
+            own.par_chunks_mut(CHUNK * width)
+                .zip(table.par_chunks(CHUNK * width))
+                .try_for_each(|(codes, values)| binning.bin_block(values, codes))?;
+            rest = after;
+        }
+        let block = |b: usize| -> Vec<[u8; LANES]> {
+            let lanes = b * LANES..((b + 1) * LANES).min(width);
+            codes.chunks_exact(width).map(|row| padded(&row[lanes.clone()])).collect()
+        };
+        let blocks = (0..width.div_ceil(LANES)).into_par_iter().map(block).collect();
+        Ok(Self { binning, blocks })
+    }
+
+    /// Number of blocks.
+    pub(super) fn len(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Codes of block `b`, row by row; lanes beyond the last feature hold 0.
+    pub(super) fn block(&self, b: usize) -> &[[u8; LANES]] {
+        &self.blocks[b]
+    }
+
+    /// Code of a feature of a row.
+    #[inline]
+    pub(super) fn code(&self, feature: usize, row: u32) -> u8 {
+        self.blocks[feature / LANES][row as usize][feature % LANES]
+    }
+
+    /// True if code 0 of the feature stands for missing values.
+    pub(super) fn holds_missing(&self, feature: usize) -> bool {
+        self.binning.cuts(feature).first() == Some(&f32::MIN)
+    }
+}
+
+fn padded(codes: &[u8]) -> [u8; LANES] {
+    let mut row = [0; LANES];
+    row.iter_mut().zip(codes).for_each(|(to, &code)| *to = code);
+    row
+}

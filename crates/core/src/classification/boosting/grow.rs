@@ -1,0 +1,231 @@
+//! Growing one tree leaf by leaf: the leaf whose split gains most is split next.
+//!
+//! Shi, *Best-first decision tree learning*, 2007; Ke et al., *LightGBM*, NIPS 2017. The histograms of the smaller child
+//! are summed, those of the larger are the parent's minus these.
+
+use super::blocks::{Blocks, LANES};
+use super::histogram::{Cell, Cells, accumulate, minus, plus, subtract};
+use super::params::BoostingParams;
+use super::split::{Rules, Split};
+use crate::error::Result;
+use crate::parallel::Monitor;
+use rayon::prelude::*;
+
+/// A node: a split and its left child (the right one stands behind it), or a leaf's number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Twig {
+    Split(Split, u32),
+    Leaf(u32),
+}
+
+/// A tree, its leaves' samples as ranges of `rows`.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tree {
+    pub(super) twigs: Vec<Twig>,
+    pub(super) leaves: Vec<std::ops::Range<usize>>,
+    pub(super) rows: Vec<u32>,
+}
+
+impl Tree {
+    /// The leaf of a sample of the table.
+    pub(super) fn leaf(&self, blocks: &Blocks, row: u32) -> usize {
+        let mut at = 0;
+        loop {
+            match self.twigs[at] {
+                Twig::Leaf(leaf) => return leaf as usize,
+                Twig::Split(split, left) => {
+                    at = left as usize + usize::from(split.goes_right(blocks.code(split.feature, row)));
+                }
+            }
+        }
+    }
+}
+
+/// Histograms of all blocks.
+type Histogram = Vec<Cells>;
+
+/// Histograms kept for use again: a tree never holds more than `limit` at a time.
+#[derive(Default)]
+pub(super) struct Pool {
+    free: Vec<Histogram>,
+    held: usize,
+}
+
+/// Bytes of histograms that one tree holds.
+const POOL_BYTES: usize = 256 << 20;
+
+impl Pool {
+    fn take(&mut self, blocks: usize) -> Histogram {
+        self.held += 1;
+        self.free.pop().unwrap_or_else(|| vec![[[[0; 2]; 256]; LANES]; blocks])
+    }
+
+    fn give(&mut self, histogram: Option<Histogram>) {
+        if let Some(histogram) = histogram {
+            self.held -= 1;
+            self.free.push(histogram);
+        }
+    }
+
+    fn is_full(&self, blocks: usize) -> bool {
+        self.held * blocks * size_of::<Cells>() > POOL_BYTES
+    }
+}
+
+/// A leaf that may be split.
+struct Open {
+    node: usize,
+    rows: std::ops::Range<usize>,
+    depth: usize,
+    total: Cell,
+    histogram: Option<Histogram>,
+    split: Option<Split>,
+}
+
+/// What growing a tree needs.
+pub(super) struct Grower<'a> {
+    pub(super) rules: Rules<'a>,
+    /// Cell of every sample of the table.
+    pub(super) samples: &'a [Cell],
+    pub(super) monitor: &'a Monitor,
+    pub(super) pool: &'a mut Pool,
+}
+
+impl Grower<'_> {
+    fn params(&self) -> &BoostingParams {
+        self.rules.params
+    }
+
+    /// Grows the tree of these samples.
+    pub(super) fn grow(mut self, rows: Vec<u32>) -> Result<Tree> {
+        let mut tree = Tree { twigs: vec![Twig::Leaf(0)], leaves: Vec::new(), rows };
+        let total = tree.rows.iter().fold([0; 2], |sum, &r| plus(sum, self.samples[r as usize]));
+        let all = 0..tree.rows.len();
+        let mut root = Open { node: 0, rows: all, depth: 0, total, histogram: None, split: None };
+        if self.worth(&root) {
+            let mut histogram = self.pool.take(self.rules.blocks.len());
+            root.split = self.sum(&tree.rows, &mut histogram, total)?;
+            root.histogram = Some(histogram);
+        }
+        let mut open = vec![root];
+        while open.len() < self.params().max_leaves {
+            let Some(next) = richest(&open) else { break };
+            let leaf = open.swap_remove(next);
+            let room = open.len() + 2 < self.params().max_leaves;
+            open.extend(self.divide(&mut tree, leaf, room)?);
+        }
+        for leaf in open {
+            self.pool.give(leaf.histogram);
+            tree.twigs[leaf.node] = Twig::Leaf(tree.leaves.len() as u32);
+            tree.leaves.push(leaf.rows);
+        }
+        Ok(tree)
+    }
+
+    /// True if a leaf could be split at all.
+    fn worth(&self, leaf: &Open) -> bool {
+        leaf.depth < self.params().depth_limit() && leaf.rows.len() >= self.params().min_samples_leaf.saturating_mul(2)
+    }
+
+    /// Splits a leaf; its children get splits of their own if there is `room` for more leaves.
+    fn divide(&mut self, tree: &mut Tree, leaf: Open, room: bool) -> Result<[Open; 2]> {
+        let Open { node, rows, depth, total, histogram, split } = leaf;
+        let child = |at: usize, rows| Open { node: at, rows, depth: depth + 1, total, histogram: None, split: None };
+        let first = tree.twigs.len();
+        let Some(split) = split else { return Ok([child(first, rows.clone()), child(first + 1, rows)]) };
+        tree.twigs[node] = Twig::Split(split, first as u32);
+        tree.twigs.extend([Twig::Leaf(0); 2]);
+        let here = &mut tree.rows[rows.clone()];
+        let (middle, left) = self.partition(here, split);
+        let middle = rows.start + middle;
+        let mut children = [child(first, rows.start..middle), child(first + 1, middle..rows.end)];
+        children[0].total = left;
+        children[1].total = minus(total, left);
+        if room && children.iter().any(|c| self.worth(c)) {
+            self.search(&tree.rows, &mut children, histogram)?;
+        } else {
+            self.pool.give(histogram);
+        }
+        Ok(children)
+    }
+
+    /// Brings the samples that go left to the front, keeping the order on both sides; their number and sum.
+    fn partition(&self, rows: &mut [u32], split: Split) -> (usize, Cell) {
+        let codes = self.rules.blocks.block(split.feature / LANES);
+        let lane = split.feature % LANES;
+        let mut spare = Vec::with_capacity(rows.len());
+        let (mut left, mut sum) = (0, [0; 2]);
+        for i in 0..rows.len() {
+            let row = rows[i];
+            if split.goes_right(codes[row as usize][lane]) {
+                spare.push(row);
+            } else {
+                sum = plus(sum, self.samples[row as usize]);
+                rows[left] = row;
+                left += 1;
+            }
+        }
+        rows[left..].copy_from_slice(&spare);
+        (left, sum)
+    }
+
+    /// Histograms and best splits of two siblings.
+    fn search(&mut self, rows: &[u32], children: &mut [Open; 2], parent: Option<Histogram>) -> Result<()> {
+        let [a, b] = children;
+        let (small, large) = if a.rows.len() <= b.rows.len() { (a, b) } else { (b, a) };
+        let mut own = self.pool.take(self.rules.blocks.len());
+        small.split = self.sum(&rows[small.rows.clone()], &mut own, small.total)?;
+        match parent {
+            Some(mut other) => {
+                large.split = self.difference(&mut other, &own, large.total)?;
+                large.histogram = Some(other);
+            }
+            None => {
+                let mut other = self.pool.take(self.rules.blocks.len());
+                large.split = self.sum(&rows[large.rows.clone()], &mut other, large.total)?;
+                large.histogram = Some(other);
+            }
+        }
+        small.histogram = Some(own);
+        for child in [small, large] {
+            child.split = child.split.filter(|_| child.depth < self.params().depth_limit());
+            if child.split.is_none() || self.pool.is_full(self.rules.blocks.len()) {
+                self.pool.give(child.histogram.take());
+            }
+        }
+        Ok(())
+    }
+
+    /// Sums the histograms of these samples; their best split.
+    fn sum(&self, rows: &[u32], histogram: &mut Histogram, total: Cell) -> Result<Option<Split>> {
+        let samples: Vec<Cell> = rows.iter().map(|&row| self.samples[row as usize]).collect();
+        let block = |(b, cells): (usize, &mut Cells)| {
+            self.monitor.check()?;
+            cells.as_flattened_mut().fill([0; 2]);
+            accumulate(cells, self.rules.blocks.block(b), rows, &samples);
+            Ok(self.rules.best(b, cells, total))
+        };
+        best(histogram.par_iter_mut().enumerate().map(block).collect())
+    }
+
+    /// Takes a child's histograms from its parent's, which leaves its sibling's; the sibling's best split.
+    fn difference(&self, parent: &mut Histogram, child: &Histogram, total: Cell) -> Result<Option<Split>> {
+        let block = |(b, (parent, child)): (usize, (&mut Cells, &Cells))| {
+            self.monitor.check()?;
+            subtract(parent, child);
+            Ok(self.rules.best(b, parent, total))
+        };
+        best(parent.par_iter_mut().zip(child).enumerate().map(block).collect())
+    }
+}
+
+/// The best split of all blocks, in their order.
+fn best(blocks: Vec<Result<Option<Split>>>) -> Result<Option<Split>> {
+    blocks.into_iter().try_fold(None, |best, split| Ok(Split::better(best, split?)))
+}
+
+/// The leaf that gains most by its split; of equals the one that came first.
+fn richest(open: &[Open]) -> Option<usize> {
+    let gains = open.iter().enumerate().filter_map(|(i, leaf)| leaf.split.map(|s| (s.gain, leaf.node, i)));
+    gains.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, _, i)| i)
+}

@@ -1,0 +1,172 @@
+//! Boosted trees: quantisation, trees and the answers of their leaves.
+
+use super::super::binning::Binning;
+use super::super::forest::{LEAF_CUT, Node};
+use super::grow::Twig;
+use super::loss::Loss;
+use crate::error::{Error, Result};
+
+/// One grown tree and the answer of each of its leaves.
+#[derive(Clone, Debug)]
+pub(super) struct Grown {
+    pub(super) twigs: Vec<Twig>,
+    pub(super) answers: Vec<f32>,
+}
+
+/// Gradient-boosted trees on quantised features.
+///
+/// Every tree adds its answer to the score of one class; the probabilities are the softmax of the scores. Two classes
+/// share one score, that of the second class, through the logistic function. A sample goes right at a node if its value
+/// exceeds the threshold; missing values (NaN) go to the side that the learning found better, or left where the feature
+/// was never missing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Boosting {
+    pub(in super::super) classes: usize,
+    pub(in super::super) width: usize,
+    /// Classes that can be answered, ascending; the others have probability 0.
+    pub(in super::super) present: Vec<u16>,
+    /// Score before the first tree, one a group of trees.
+    pub(in super::super) start: Vec<f32>,
+    /// Features whose missing values go right at some node: the columns after the `width` own ones.
+    pub(in super::super) twins: Vec<u16>,
+    /// Thresholds of the `width` features and the twins.
+    pub(in super::super) binning: Binning,
+    /// All trees behind one another; children stand behind their parents; a leaf has its own place in `left`.
+    pub(in super::super) nodes: Vec<Node>,
+    /// First node of every tree; tree `t` adds to the score of group `t % groups`.
+    pub(in super::super) roots: Vec<u32>,
+    /// What a leaf adds; 0 at splits.
+    pub(in super::super) answers: Vec<f32>,
+    pub(in super::super) importance: Vec<f64>,
+}
+
+impl Boosting {
+    /// Number of classes.
+    pub fn classes(&self) -> usize {
+        self.classes
+    }
+
+    /// Number of features a row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Number of trees.
+    pub fn trees(&self) -> usize {
+        self.roots.len()
+    }
+
+    /// Number of nodes of all trees, leaves included.
+    pub fn nodes(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Share of the gain of all splits that each feature made: sums to 1, or all 0 if no tree has a split.
+    pub fn importance(&self) -> &[f64] {
+        &self.importance
+    }
+
+    /// Features that some node asks for, ascending.
+    pub fn used_features(&self) -> Vec<usize> {
+        let twin = |f: usize| self.twins.iter().any(|&t| usize::from(t) == f);
+        (0..self.width).filter(|&f| !self.binning.cuts(f).is_empty() || twin(f)).collect()
+    }
+
+    /// The trees without the features that no node asks for, and the features kept. The answers are the same.
+    ///
+    /// One feature is kept if no tree has a split.
+    pub fn retain_used(mut self) -> (Self, Vec<usize>) {
+        let mut used = self.used_features();
+        if used.is_empty() {
+            used.push(0);
+        }
+        let columns: Vec<usize> = used.iter().copied().chain(self.width..self.binning.width()).collect();
+        let place = |old: u16| columns.binary_search(&usize::from(old)).unwrap_or_default() as u16;
+        for node in self.nodes.iter_mut().filter(|n| n.cut != LEAF_CUT) {
+            node.feature = place(node.feature);
+        }
+        self.twins.iter_mut().for_each(|t| *t = place(*t));
+        self.binning = self.binning.select(&columns);
+        self.importance = used.iter().map(|&f| self.importance[f]).collect();
+        self.width = used.len();
+        (self, used)
+    }
+
+    /// Scores that trees add to.
+    pub(in super::super) fn groups(&self) -> usize {
+        self.loss().groups()
+    }
+
+    pub(super) fn loss(&self) -> Loss {
+        Loss { classes: self.present.len() }
+    }
+
+    /// Puts grown trees together: the thresholds in use become the quantisation.
+    pub(super) fn assemble(
+        (width, classes): (usize, usize),
+        (present, start): (&[u16], &[f64]),
+        grown: &[Grown],
+        learned: Binning,
+    ) -> Result<Self> {
+        let splits = || {
+            grown.iter().flat_map(|g| &g.twigs).filter_map(|t| if let Twig::Split(s, _) = t { Some(*s) } else { None })
+        };
+        let twins: std::collections::BTreeSet<u16> =
+            splits().filter(|s| s.missing_right).map(|s| s.feature as u16).collect();
+        let twins: Vec<u16> = twins.into_iter().collect();
+        if width + twins.len() > 65_534 {
+            return Err(Error::input(format!("{width} features, {} with missing values; too many", twins.len())));
+        }
+        let column = |s: &super::split::Split| match s.missing_right {
+            true => width + twins.binary_search(&(s.feature as u16)).unwrap_or_default(),
+            false => s.feature,
+        };
+        let mut cuts = vec![Vec::new(); width + twins.len()];
+        let mut importance = vec![0.0; width];
+        for split in splits() {
+            cuts[column(&split)].push(learned.cuts(split.feature)[usize::from(split.cut)]);
+            importance[split.feature] += split.gain;
+        }
+        for cuts in &mut cuts {
+            cuts.sort_unstable_by(f32::total_cmp);
+            cuts.dedup();
+        }
+        let total: f64 = importance.iter().sum();
+        importance.iter_mut().filter(|_| total > 0.0).for_each(|i| *i /= total);
+        let start = start.iter().map(|&s| s as f32).collect();
+        let mut model = Self {
+            classes,
+            width,
+            present: present.to_vec(),
+            start,
+            binning: Binning::new(cuts)?,
+            nodes: Vec::new(),
+            roots: Vec::new(),
+            answers: Vec::new(),
+            importance,
+            twins: twins.clone(),
+        };
+        grown.iter().for_each(|tree| model.append(tree, &learned, column));
+        Ok(model)
+    }
+
+    fn append(&mut self, tree: &Grown, learned: &Binning, column: impl Fn(&super::split::Split) -> usize) {
+        let first = self.nodes.len() as u32;
+        self.roots.push(first);
+        for twig in &tree.twigs {
+            let (node, answer) = match twig {
+                Twig::Leaf(leaf) => {
+                    (Node { left: self.nodes.len() as u32, feature: 0, cut: LEAF_CUT }, tree.answers[*leaf as usize])
+                }
+                Twig::Split(split, left) => {
+                    let column = column(split);
+                    let threshold = learned.cuts(split.feature)[usize::from(split.cut)];
+                    let cut = self.binning.cuts(column).partition_point(|&t| t < threshold) as u16;
+                    (Node { left: first + left, feature: column as u16, cut }, 0.0)
+                }
+            };
+            self.nodes.push(node);
+            self.answers.push(answer);
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! Prediction: a block of rows is quantised once, then every tree adds its answers.
+
+use super::super::descend::Walk;
+use super::super::predict::{PredictScratch, largest};
+use super::model::Boosting;
+use super::sweep::{Sweep, TILE};
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+
+/// Rows of a block: their codes and scores stay in the cache.
+const BLOCK: usize = 2048;
+
+/// Most nodes of a tree that [`Sweep`] takes.
+const NARROW: usize = 256;
+
+impl Boosting {
+    /// Class probabilities of `rows` (row-major, [`Boosting::width`] values a row), written row-major to `out`
+    /// ([`Boosting::classes`] values a row). Serial; for callers that are parallel by block.
+    ///
+    /// # Errors
+    /// Lengths that do not fit.
+    pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
+        self.check_lengths(rows, out)?;
+        for (rows, out) in rows.chunks(BLOCK * self.width).zip(out.chunks_mut(BLOCK * self.classes)) {
+            self.block(rows, scratch, out);
+        }
+        Ok(())
+    }
+
+    /// As [`Boosting::predict_block`], in parallel over blocks.
+    ///
+    /// # Errors
+    /// Lengths that do not fit.
+    pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
+        self.check_lengths(rows, out)?;
+        rows.par_chunks(BLOCK * self.width)
+            .zip(out.par_chunks_mut(BLOCK * self.classes))
+            .for_each_init(PredictScratch::default, |scratch, (rows, out)| self.block(rows, scratch, out));
+        Ok(())
+    }
+
+    /// The most probable class of every row; the smaller class where two are equal.
+    ///
+    /// # Errors
+    /// A length that does not fit.
+    pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
+        let mut probabilities = vec![0.0; rows.len() / self.width * self.classes];
+        self.predict_proba(rows, &mut probabilities)?;
+        Ok(probabilities.chunks_exact(self.classes).map(|row| largest(row) as u16).collect())
+    }
+
+    fn check_lengths(&self, rows: &[f32], out: &[f32]) -> Result<()> {
+        let count = rows.len() / self.width;
+        if count * self.width == rows.len() && count * self.classes == out.len() {
+            return Ok(());
+        }
+        Err(Error::ModelMismatch(format!(
+            "{} feature values and {} probabilities do not make whole rows of {} features and {} classes",
+            rows.len(),
+            out.len(),
+            self.width,
+            self.classes
+        )))
+    }
+
+    fn block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) {
+        let count = rows.len() / self.width;
+        let stride = count.next_multiple_of(TILE);
+        let PredictScratch { narrow, walk, extended, scores, .. } = scratch;
+        scores.clear();
+        self.start.iter().for_each(|&s| scores.extend(std::iter::repeat_n(s, stride)));
+        let rows = if self.twins.is_empty() { rows } else { self.extend(rows, extended) };
+        self.binning.bin_codes(rows, narrow);
+        if self.is_narrow() {
+            narrow.by_feature.resize(count * self.binning.width() + TILE, 0);
+            pulp::Arch::new().dispatch(Sweep { model: self, codes: narrow, stride, scores });
+        } else {
+            self.add_trees(narrow, walk, (stride, scores));
+        }
+        self.probabilities((stride, scores), out);
+    }
+
+    /// The rows with a column for every twin: missing values exceed every threshold there.
+    fn extend<'a>(&self, rows: &[f32], to: &'a mut Vec<f32>) -> &'a [f32] {
+        to.clear();
+        for row in rows.chunks_exact(self.width) {
+            to.extend_from_slice(row);
+            let twins = self.twins.iter().map(|&t| row[usize::from(t)]);
+            to.extend(twins.map(|x| if x.is_nan() { f32::INFINITY } else { x }));
+        }
+        to
+    }
+
+    fn is_narrow(&self) -> bool {
+        let ends = self.roots.iter().skip(1).copied().chain([self.nodes.len() as u32]);
+        self.roots.iter().zip(ends).all(|(&root, end)| (end - root) as usize <= NARROW)
+    }
+
+    fn add_trees(
+        &self,
+        codes: &super::super::descend::Codes<u8>,
+        walk: &mut Walk,
+        (stride, scores): (usize, &mut [f32]),
+    ) {
+        for (tree, &root) in self.roots.iter().enumerate() {
+            let column = tree % self.groups() * stride;
+            walk.tree(&self.nodes, root, codes, |rows, leaf| {
+                let answer = self.answers[leaf as usize];
+                rows.iter().for_each(|&row| scores[column + usize::from(row)] += answer);
+            });
+        }
+    }
+
+    /// Softmax or logistic function of the scores.
+    fn probabilities(&self, (stride, scores): (usize, &[f32]), out: &mut [f32]) {
+        out.fill(0.0);
+        let place = |i: usize| usize::from(self.present[i]);
+        for (row, out) in out.chunks_exact_mut(self.classes).enumerate() {
+            match self.present.len() {
+                1 => out[place(0)] = 1.0,
+                2 => {
+                    let p = 1.0 / (1.0 + (-scores[row]).exp());
+                    (out[place(0)], out[place(1)]) = (1.0 - p, p);
+                }
+                groups => {
+                    let score = |g: usize| scores[g * stride + row];
+                    let top = (0..groups).map(score).fold(f32::NEG_INFINITY, f32::max);
+                    let mut sum = 0.0;
+                    for g in 0..groups {
+                        let e = (score(g) - top).exp();
+                        out[place(g)] = e;
+                        sum += e;
+                    }
+                    out.iter_mut().for_each(|p| *p /= sum);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Which samples are learned from and which are judged on.
+
+use super::super::params::ClassWeight;
+use super::super::samples::Samples;
+use super::super::train::weights;
+use super::histogram::MAX_ROWS;
+use super::params::BoostingParams;
+use crate::error::{Error, Result};
+use crate::random::stream;
+
+/// First random stream of the choice of samples held out.
+const HELD: u64 = 1 << 42;
+
+/// Which rows are learned from and which judged on.
+pub(super) struct Rows {
+    pub(super) labels: Vec<u16>,
+    /// Weight in learning, 0 for rows held out.
+    pub(super) weights: Vec<f32>,
+    /// Weight in the losses.
+    pub(super) judging: Vec<f32>,
+    pub(super) learned: Vec<u32>,
+    pub(super) judged: Vec<u32>,
+}
+
+impl Rows {
+    pub(super) fn choose(
+        samples: &Samples<'_>,
+        validation: Option<&Samples<'_>>,
+        params: &BoostingParams,
+    ) -> Result<Self> {
+        samples.check()?;
+        let active = samples.active();
+        let total = samples.len() + validation.map_or(0, Samples::len);
+        if total > MAX_ROWS {
+            return Err(Error::input(format!("{total} samples; boosting takes at most {MAX_ROWS}")));
+        }
+        let mut judging = vec![0.0f32; samples.len()];
+        match weights(samples, &active, &params.class_weight)? {
+            Some(weights) => active.iter().zip(weights).for_each(|(&r, w)| judging[r as usize] = w as f32),
+            None => active.iter().for_each(|&r| judging[r as usize] = 1.0),
+        }
+        let mut rows = Self {
+            labels: samples.labels.to_vec(),
+            weights: judging.clone(),
+            judging,
+            learned: active,
+            judged: Vec::new(),
+        };
+        match validation {
+            Some(validation) => rows.append(samples, validation, params)?,
+            None if params.early_stopping > 0 => rows.hold_out(params),
+            None => {}
+        }
+        Ok(rows)
+    }
+
+    fn append(&mut self, samples: &Samples<'_>, validation: &Samples<'_>, params: &BoostingParams) -> Result<()> {
+        validation.check()?;
+        if (validation.width, validation.classes) != (samples.width, samples.classes) {
+            return Err(Error::input(format!(
+                "validation samples of {} features and {} classes; {} and {} are learned from",
+                validation.width, validation.classes, samples.width, samples.classes
+            )));
+        }
+        let by_class = match &params.class_weight {
+            ClassWeight::PerClass(weights) => weights.clone(),
+            _ => vec![1.0; samples.classes],
+        };
+        let first = self.labels.len() as u32;
+        self.judged = validation.active().iter().map(|r| first + r).collect();
+        self.labels.extend_from_slice(validation.labels);
+        self.weights.resize(self.labels.len(), 0.0);
+        let weigh = |i| validation.weight(i) as f32 * by_class[usize::from(validation.labels[i])];
+        self.judging.extend((0..validation.len()).map(weigh));
+        Ok(())
+    }
+
+    /// Holds out a share of every class that has at least two samples.
+    fn hold_out(&mut self, params: &BoostingParams) {
+        let mut members = std::collections::BTreeMap::<u16, Vec<u32>>::new();
+        self.learned.iter().for_each(|&r| members.entry(self.labels[r as usize]).or_default().push(r));
+        for (class, rows) in members {
+            let wanted = (params.validation_fraction * rows.len() as f64).round() as usize;
+            let picks = stream(params.seed, HELD + u64::from(class)).choose(rows.len(), wanted.min(rows.len() - 1));
+            self.judged.extend(picks.into_iter().map(|p| rows[p as usize]));
+        }
+        self.judged.sort_unstable();
+        self.judged.iter().for_each(|&r| self.weights[r as usize] = 0.0);
+        self.learned.retain(|&r| self.weights[r as usize] > 0.0);
+    }
+
+    pub(super) fn label(&self, row: u32) -> usize {
+        usize::from(self.labels[row as usize])
+    }
+}

@@ -1,0 +1,219 @@
+//! The graph of the nearest neighbours.
+
+use super::{EdgeWeight, Graph};
+use crate::error::{Error, Result};
+use crate::neighbours::Neighbours;
+use crate::parallel::{Monitor, map_ordered};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// Nodes whose edges are made in one go.
+const BLOCK: usize = 8192;
+
+/// What becomes of two points that are neighbours of each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Multiplicity {
+    /// One edge like any other.
+    #[default]
+    Once,
+    /// One edge of twice the weight, which also counts twice in the mean length (superpoint graphs, Landrieu 2018).
+    Count,
+}
+
+/// Parameters of [`knn_graph`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct KnnGraphParams {
+    /// Weights of the edges.
+    pub weight: EdgeWeight,
+    /// What becomes of two points that are neighbours of each other.
+    pub multiplicity: Multiplicity,
+    /// Edges longer than this many mean lengths are left out; above 0. The mean is taken before.
+    pub prune: Option<f64>,
+}
+
+impl KnnGraphParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        if let Some(prune) = self.prune.filter(|p| !(*p > 0.0 && p.is_finite())) {
+            return Err(Error::parameter("prune", prune, "above 0, finite"));
+        }
+        self.weight.validate()
+    }
+}
+
+/// A pair before it has a weight: larger node and squared length.
+type Half = (u32, f32);
+
+/// An edge before it has a weight.
+struct Edge {
+    ends: [u32; 2],
+    length: f64,
+    /// 2 if both points are neighbours of each other and that counts, otherwise 1.
+    times: f64,
+}
+
+/// The undirected graph of the nearest neighbours: i and j touch if one is among the nearest of the other.
+///
+/// `nodes` is the number of points. Lengths are in metres, as the neighbours' distances. O(n k log k); memory about
+/// 40 bytes a neighbour while it is made.
+///
+/// ```
+/// use scansion_core::graph::{KnnGraphParams, knn_graph};
+/// use scansion_core::{neighbours::Neighbours, parallel::Monitor};
+///
+/// let near = Neighbours::new(1, vec![1, 0, 1], vec![1.0, 1.0, 4.0])?;
+/// let graph = knn_graph(3, &near, &KnnGraphParams::default(), &Monitor::default())?;
+/// assert_eq!(graph.edges(), [[0, 1], [1, 2]]);
+/// # Ok::<(), scansion_core::Error>(())
+/// ```
+///
+/// # Errors
+/// If there is not a row of neighbours for each node, a distance is negative or not finite, a parameter is outside its
+/// range, or the work was cancelled.
+pub fn knn_graph(nodes: usize, near: &Neighbours, params: &KnnGraphParams, monitor: &Monitor) -> Result<Graph> {
+    params.validate()?;
+    if near.k() > 0 && near.len() != nodes {
+        return Err(Error::input(format!("neighbours of {} points for {nodes} nodes", near.len())));
+    }
+    let (offsets, halves) = by_smaller_end(nodes, near);
+    let blocks = map_ordered(nodes.div_ceil(BLOCK), monitor, |block| {
+        unite(block * BLOCK..((block + 1) * BLOCK).min(nodes), &offsets, &halves, params.multiplicity)
+    })?;
+    drop(halves);
+    let edges = || blocks.iter().flatten();
+    let total: f64 = edges().map(|edge| edge.times).sum();
+    let sum: f64 = edges().map(|edge| edge.times * edge.length).sum();
+    let mean = if total > 0.0 { sum / total } else { 0.0 };
+    let longest = params.prune.map_or(f64::INFINITY, |cap| cap * mean);
+    let kept = || edges().filter(|edge| edge.length <= longest);
+    let weight = |edge: &Edge| (edge.times * params.weight.of(edge.length, mean)) as f32;
+    Ok(Graph { nodes, edges: kept().map(|edge| edge.ends).collect(), weights: kept().map(weight).collect() })
+}
+
+/// All pairs, at their smaller end.
+fn by_smaller_end(nodes: usize, near: &Neighbours) -> (Vec<usize>, Vec<Half>) {
+    let mut offsets = vec![0usize; nodes + 2];
+    let rows = || (0..near.len()).map(|i| (i as u32, near.of(i), near.squared_distances(i)));
+    for (i, row, _) in rows() {
+        row.iter().for_each(|&j| offsets[i.min(j) as usize + 2] += 1);
+    }
+    for node in 2..offsets.len() {
+        offsets[node] += offsets[node - 1];
+    }
+    let mut halves = vec![(0, 0.0); near.indices().len()];
+    for (i, row, distances) in rows() {
+        for (&j, &squared) in row.iter().zip(distances) {
+            let slot = &mut offsets[i.min(j) as usize + 1];
+            halves[*slot] = (i.max(j), squared);
+            *slot += 1;
+        }
+    }
+    offsets.pop();
+    (offsets, halves)
+}
+
+/// The edges of some nodes to larger ones; of a pair that is there more than once, one.
+fn unite(nodes: Range<usize>, offsets: &[usize], halves: &[Half], multiplicity: Multiplicity) -> Result<Vec<Edge>> {
+    let mut edges: Vec<Edge> = Vec::with_capacity(offsets[nodes.end] - offsets[nodes.start]);
+    let mut row = Vec::new();
+    for node in nodes {
+        row.clear();
+        row.extend_from_slice(&halves[offsets[node]..offsets[node + 1]]);
+        row.sort_unstable_by(|a: &Half, b: &Half| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        for &(other, squared) in &row {
+            let ends = [node as u32, other];
+            if !(squared >= 0.0 && squared.is_finite()) {
+                return Err(Error::input(format!("squared distance {squared} of points {node} and {other}")));
+            }
+            match edges.last_mut().filter(|last| last.ends == ends) {
+                Some(last) if multiplicity == Multiplicity::Count => last.times += 1.0,
+                Some(_) => {}
+                None => edges.push(Edge { ends, length: f64::from(squared).sqrt(), times: 1.0 }),
+            }
+        }
+    }
+    Ok(edges)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Points;
+    use crate::neighbours::knn;
+    use crate::random::stream;
+    use std::collections::BTreeMap;
+
+    fn points(seed: u64, count: usize) -> Points {
+        let mut random = stream(seed, 1);
+        let rows: Vec<[f64; 3]> =
+            (0..count).map(|_| std::array::from_fn(|_| (random.uniform() * 9.0).floor())).collect();
+        Points::from_cloud(&crate::Cloud::from_rows(&rows).unwrap(), 1.0)
+    }
+
+    #[test]
+    fn every_pair_is_one_edge_and_weights_follow_the_formula() {
+        let near = knn(&points(1, 300), 6, &Monitor::default()).unwrap();
+        let mut pairs: BTreeMap<[u32; 2], (f64, u32)> = BTreeMap::new();
+        for i in 0..300 {
+            for (&j, d) in near.of(i).iter().zip(near.squared_distances(i)) {
+                let i = i as u32;
+                pairs.entry([i.min(j), i.max(j)]).or_insert((f64::from(*d).sqrt(), 0)).1 += 1;
+            }
+        }
+        for multiplicity in [Multiplicity::Once, Multiplicity::Count] {
+            let times = |count: u32| if multiplicity == Multiplicity::Count { f64::from(count) } else { 1.0 };
+            let total: f64 = pairs.values().map(|p| times(p.1)).sum();
+            let mean = pairs.values().map(|p| times(p.1) * p.0).sum::<f64>() / total;
+            let weight = EdgeWeight::Inverse { offset: 0.5 };
+            let params = KnnGraphParams { weight, multiplicity, prune: Some(1.2) };
+            let graph = knn_graph(300, &near, &params, &Monitor::default()).unwrap();
+            let kept: Vec<_> = pairs.iter().filter(|(_, (d, _))| *d <= 1.2 * mean).collect();
+            assert!(kept.len() < pairs.len());
+            assert_eq!(graph.edges(), kept.iter().map(|(pair, _)| **pair).collect::<Vec<_>>());
+            for ((_, (d, count)), w) in kept.iter().zip(graph.weights()) {
+                assert!((f64::from(*w) - times(*count) / (0.5 + d / mean)).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn the_graph_is_that_of_pairs_in_any_order() {
+        let near = knn(&points(2, 20_000), 5, &Monitor::default()).unwrap();
+        let pairs: Vec<[u32; 2]> = (0..20_000).flat_map(|i| near.of(i).iter().map(move |&j| [i as u32, j])).collect();
+        let graph = Graph::new(20_000, &pairs, &vec![1.0; pairs.len()]).unwrap();
+        let params = KnnGraphParams { multiplicity: Multiplicity::Count, ..KnnGraphParams::default() };
+        assert_eq!(knn_graph(20_000, &near, &params, &Monitor::default()).unwrap(), graph);
+    }
+
+    #[test]
+    fn a_point_alone_is_a_node_without_edges() {
+        let none = Neighbours::default();
+        let graph = knn_graph(1, &none, &KnnGraphParams::default(), &Monitor::default()).unwrap();
+        assert_eq!((graph.len(), graph.edges().len()), (1, 0));
+        assert!(knn_graph(0, &none, &KnnGraphParams::default(), &Monitor::default()).unwrap().is_empty());
+    }
+
+    #[test]
+    fn points_in_one_place_have_edges_of_the_largest_weight() {
+        let near = Neighbours::new(1, vec![1, 0], vec![0.0, 0.0]).unwrap();
+        let params = KnnGraphParams { weight: EdgeWeight::Inverse { offset: 2.0 }, ..KnnGraphParams::default() };
+        assert_eq!(knn_graph(2, &near, &params, &Monitor::default()).unwrap().weights(), [0.5]);
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        let near = Neighbours::new(1, vec![1, 0], vec![1.0, f32::NAN]).unwrap();
+        let run = |nodes: usize, near: &Neighbours, params: &KnnGraphParams| {
+            knn_graph(nodes, near, params, &Monitor::default()).map(|_| ())
+        };
+        assert!(run(2, &near, &KnnGraphParams { prune: Some(f64::NAN), ..KnnGraphParams::default() }).is_err());
+        assert!(run(3, &near, &KnnGraphParams::default()).is_err());
+        let nan = Neighbours::new(1, vec![1, 0], vec![f32::NAN, f32::NAN]).unwrap();
+        assert!(run(2, &nan, &KnnGraphParams::default()).is_err());
+    }
+}

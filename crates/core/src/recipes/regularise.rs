@@ -1,0 +1,389 @@
+//! From probabilities of single points to a labelling in which neighbours agree: works with any trained model.
+//!
+//! S. Guinard, L. Landrieu, *Weakly supervised segmentation-aided classification of urban scenes from 3d LiDAR point
+//! clouds*, ISPRS Archives XLII-1/W1, 2017, sections 3 and 4 (document 000). `docs/weak.md` has the equations.
+
+use super::segments::Segments;
+use crate::cloud::Points;
+use crate::error::{Error, Result};
+use crate::features::{FeatureTable, optimal_features};
+use crate::graph::{Graph, KnnGraphParams, connected_components, knn_graph};
+use crate::neighbours::{OptimalParams, knn};
+use crate::parallel::Monitor;
+use crate::regularisation::{ExpansionParams, Labelling, alpha_expansion, local_smoothing};
+use crate::segmentation::{Partition, PartitionParams, Scene as Parts, Signal, partition_by_intent};
+use serde::{Deserialize, Serialize};
+
+/// How neighbours are made to agree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Regularise {
+    /// Every point for itself.
+    #[default]
+    None,
+    /// The mean of the neighbours' probabilities.
+    Local,
+    /// A conditional random field on the points: each edge between different labels costs the strength.
+    PointCrf,
+    /// Each segment takes the label of its mean probability.
+    Consensus,
+    /// A conditional random field on the segments: the paper's method.
+    SegmentCrf,
+}
+
+/// How the probabilities of a segment's points become one cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Posterior {
+    /// The logarithm of the mean, as the paper has it: one sure point cannot outvote the others.
+    #[default]
+    LogOfMean,
+    /// The mean of the logarithms: exactly the point field's energy of labellings that are constant on segments.
+    MeanOfLogs,
+}
+
+/// Settings of [`regularise`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RegulariseParams {
+    /// How neighbours are made to agree.
+    pub method: Regularise,
+    /// α: p = (1 − α) p + α / classes keeps every class possible. 0 < α ≤ 1.
+    pub smoothing: f64,
+    /// σ: cost of an edge of weight 1 between different labels, ≥ 0; infinite gives one label to all that is connected.
+    pub strength: f64,
+    /// How segments vote.
+    pub posterior: Posterior,
+    /// Nearest neighbours that each point is joined with, at least 1.
+    pub neighbours: usize,
+    /// Weights of these edges.
+    pub adjacency: KnnGraphParams,
+    /// Neighbourhoods of the descriptors that segments are found by, where the model has no such descriptors.
+    pub neighbourhood: OptimalParams,
+    /// The segments.
+    pub partition: PartitionParams,
+}
+
+impl Default for RegulariseParams {
+    fn default() -> Self {
+        Self {
+            method: Regularise::None,
+            smoothing: 0.01,
+            strength: 1.0,
+            posterior: Posterior::LogOfMean,
+            neighbours: 10,
+            adjacency: KnnGraphParams::default(),
+            neighbourhood: OptimalParams::default(),
+            partition: PartitionParams::default(),
+        }
+    }
+}
+
+impl RegulariseParams {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// Names the field, its value and what is allowed.
+    pub fn validate(&self) -> Result<()> {
+        if !(self.smoothing > 0.0 && self.smoothing <= 1.0) {
+            return Err(Error::parameter("regularise.smoothing", self.smoothing, "above 0, at most 1"));
+        }
+        if self.strength.is_nan() || self.strength < 0.0 {
+            return Err(Error::parameter("regularise.strength", self.strength, "0 or more; may be infinite"));
+        }
+        if self.neighbours == 0 {
+            return Err(Error::parameter("regularise.neighbours", 0, "1 or more"));
+        }
+        self.adjacency.validate()?;
+        self.neighbourhood.validate()?;
+        self.partition.validate()
+    }
+}
+
+/// Class probabilities of points.
+#[derive(Clone, Copy, Debug)]
+pub struct Probabilities<'a> {
+    /// Row-major `points x classes`.
+    pub values: &'a [f32],
+    /// Number of classes.
+    pub classes: usize,
+}
+
+/// What [`regularise`] decided.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Regularised {
+    /// Position of the class of each point.
+    pub labels: Vec<u16>,
+    /// Row-major `points x classes`: what the decision was made on (of the point, its surroundings, or its segment).
+    pub probabilities: Vec<f32>,
+    /// The segments, if there are any.
+    pub partition: Option<Partition>,
+    /// Energy of the labels, if one was minimised.
+    pub energy: Option<f64>,
+}
+
+/// Labels that neighbours agree on.
+///
+/// `descriptors` are linearity, planarity, scattering and verticality of each point ([`optimal_features`]); they are
+/// computed if absent and needed. Same bytes for any number of threads.
+///
+/// # Errors
+/// A parameter out of range, probabilities that are not one row a point, cancellation.
+pub fn regularise(
+    points: &Points,
+    given: Probabilities<'_>,
+    descriptors: Option<&FeatureTable>,
+    params: &RegulariseParams,
+    monitor: &Monitor,
+) -> Result<Regularised> {
+    let scene = Scene::new(points, descriptors, params, monitor)?;
+    scene.decide(given, params, monitor)
+}
+
+/// Adjacency and segments: what does not depend on the probabilities.
+#[derive(Debug)]
+pub(super) struct Scene {
+    points: usize,
+    graph: Graph,
+    segments: Option<Segments>,
+}
+
+impl Scene {
+    pub(super) fn new(
+        points: &Points,
+        descriptors: Option<&FeatureTable>,
+        params: &RegulariseParams,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        params.validate()?;
+        let mut scene = Self { points: points.len(), graph: Graph::default(), segments: None };
+        if params.method == Regularise::None {
+            return Ok(scene);
+        }
+        let near = knn(points, params.neighbours, monitor)?;
+        scene.graph = knn_graph(points.len(), &near, &params.adjacency, monitor)?;
+        drop(near);
+        if matches!(params.method, Regularise::Consensus | Regularise::SegmentCrf) {
+            let partition = match descriptors {
+                Some(table) => segment((points, table), &scene.graph, params, monitor)?,
+                None => {
+                    let found = optimal_features(points, &params.neighbourhood, monitor)?;
+                    segment((points, &found.table), &scene.graph, params, monitor)?
+                }
+            };
+            scene.segments = Some(Segments::new(partition, &scene.graph)?);
+        }
+        Ok(scene)
+    }
+
+    /// The labels for these probabilities.
+    pub(super) fn decide(
+        &self,
+        given: Probabilities<'_>,
+        params: &RegulariseParams,
+        monitor: &Monitor,
+    ) -> Result<Regularised> {
+        if given.classes == 0 || given.values.len() != self.points * given.classes {
+            return Err(Error::input(format!(
+                "{} probabilities for {} points of {} classes",
+                given.values.len(),
+                self.points,
+                given.classes
+            )));
+        }
+        let smooth = smoothed(given, params.smoothing);
+        let classes = given.classes;
+        match (params.method, &self.segments) {
+            (Regularise::None, _) => Ok(by_largest(smooth, classes)),
+            (Regularise::Local, _) => Ok(by_largest(local_smoothing(&smooth, classes, &self.graph)?, classes)),
+            (Regularise::PointCrf, _) => self.point_field(smooth, classes, params, monitor),
+            (_, Some(segments)) => segments.decide((&smooth, classes), params, monitor),
+            (_, None) => Err(Error::input("segments are needed, but there are none")),
+        }
+    }
+
+    fn point_field(
+        &self,
+        smooth: Vec<f32>,
+        classes: usize,
+        params: &RegulariseParams,
+        monitor: &Monitor,
+    ) -> Result<Regularised> {
+        monitor.stage("agree", self.points as u64);
+        let costs: Vec<f32> = smooth.iter().map(|p| -p.ln()).collect();
+        let found = field((&costs, classes), &self.graph, params.strength, monitor)?;
+        let energy = Some(found.energy);
+        Ok(Regularised { labels: found.labels, probabilities: smooth, partition: None, energy })
+    }
+}
+
+/// The labelling of least energy that alpha-expansion finds.
+pub(super) fn field(
+    (costs, classes): (&[f32], usize),
+    graph: &Graph,
+    strength: f64,
+    monitor: &Monitor,
+) -> Result<Labelling> {
+    if strength.is_finite() {
+        let expansion = ExpansionParams { strength, ..ExpansionParams::default() };
+        return alpha_expansion(costs, graph, &expansion, monitor);
+    }
+    let pieces = connected_components(graph);
+    let mut sums = vec![0.0f64; pieces.count * classes];
+    for (row, &piece) in costs.chunks_exact(classes).zip(&pieces.of) {
+        let sum = &mut sums[piece as usize * classes..][..classes];
+        sum.iter_mut().zip(row).for_each(|(sum, &cost)| *sum += f64::from(cost));
+    }
+    let cheapest = |row: &[f64]| (1..row.len()).fold(0, |best, c| if row[c] < row[best] { c } else { best });
+    let of_piece: Vec<usize> = sums.chunks_exact(classes).map(cheapest).collect();
+    let energy = of_piece.iter().enumerate().map(|(piece, &label)| sums[piece * classes + label]).sum();
+    let labels = pieces.of.iter().map(|&piece| of_piece[piece as usize] as u16).collect();
+    Ok(Labelling { labels, energy, trace: vec![energy], converged: true })
+}
+
+/// Segments on which the four descriptors are nearly constant.
+fn segment(
+    (points, table): (&Points, &FeatureTable),
+    graph: &Graph,
+    params: &RegulariseParams,
+    monitor: &Monitor,
+) -> Result<Partition> {
+    monitor.stage("segments", table.rows() as u64);
+    let signal = Signal::new(&table.values, table.width())?;
+    let scene = Parts { signal, graph, points: Some(points), labels: None };
+    Ok(partition_by_intent(&scene, &params.partition, monitor)?.partition)
+}
+
+/// (1 − α) p + α / classes.
+fn smoothed(given: Probabilities<'_>, alpha: f64) -> Vec<f32> {
+    let floor = alpha / given.classes as f64;
+    given.values.iter().map(|&p| ((1.0 - alpha) * f64::from(p) + floor) as f32).collect()
+}
+
+/// Every row for itself; ties go to the first class.
+pub(super) fn by_largest(probabilities: Vec<f32>, classes: usize) -> Regularised {
+    let labels = probabilities.chunks_exact(classes).map(largest).collect();
+    Regularised { labels, probabilities, ..Regularised::default() }
+}
+
+/// Position of the largest value; the first of equal ones.
+pub(super) fn largest(row: &[f32]) -> u16 {
+    (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best }) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::random::stream;
+    use crate::segmentation::Intent;
+
+    /// Two planes that meet, and probabilities with noise: class 0 on the floor, 1 on the wall, 2 nowhere.
+    fn scene() -> (Points, Vec<f32>, Vec<u16>) {
+        let mut random = stream(3, 1);
+        let (mut rows, mut values, mut truth) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..40 {
+            for j in 0..40 {
+                for wall in [false, true] {
+                    let (a, b) = (f64::from(i) * 0.2, f64::from(j) * 0.2 + 0.2);
+                    rows.push(if wall { [a, 0.0, b] } else { [a, b, 0.0] });
+                    let sure = 0.3 + 0.5 * random.uniform();
+                    let rest = (1.0 - sure) * random.uniform();
+                    let p = [sure, rest, 1.0 - sure - rest].map(|p| p as f32);
+                    values.extend(if wall { [p[1], p[0], p[2]] } else { p });
+                    truth.push(u16::from(wall));
+                }
+            }
+        }
+        (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0), values, truth)
+    }
+
+    fn run(params: &RegulariseParams) -> (Regularised, Vec<u16>) {
+        let (points, values, truth) = scene();
+        let given = Probabilities { values: &values, classes: 3 };
+        (regularise(&points, given, None, params, &Monitor::default()).unwrap(), truth)
+    }
+
+    fn wrong(method: Regularise) -> usize {
+        let (found, truth) = run(&RegulariseParams { method, ..RegulariseParams::default() });
+        found.labels.iter().zip(&truth).filter(|(a, b)| a != b).count()
+    }
+
+    #[test]
+    fn agreement_removes_errors() {
+        let alone = wrong(Regularise::None);
+        assert!(alone > 200, "{alone}");
+        for method in [Regularise::Local, Regularise::PointCrf, Regularise::Consensus, Regularise::SegmentCrf] {
+            assert!(wrong(method) * 4 < alone, "{method:?}: {} of {alone}", wrong(method));
+        }
+    }
+
+    #[test]
+    fn smoothed_probabilities_are_positive_and_sum_to_one() {
+        let (found, _) = run(&RegulariseParams { smoothing: 0.03, ..RegulariseParams::default() });
+        for row in found.probabilities.chunks_exact(3) {
+            assert!((row.iter().sum::<f32>() - 1.0).abs() < 1e-5 && row.iter().all(|&p| p >= 0.00999), "{row:?}");
+        }
+    }
+
+    #[test]
+    fn without_strength_segments_decide_alone_and_with_all_of_it_connected_parts_do() {
+        let with = |method, strength| run(&RegulariseParams { method, strength, ..RegulariseParams::default() }).0;
+        assert_eq!(with(Regularise::SegmentCrf, 0.0).labels, with(Regularise::Consensus, 1.0).labels);
+        for method in [Regularise::PointCrf, Regularise::SegmentCrf] {
+            let one = with(method, f64::INFINITY).labels;
+            assert!(one.iter().all(|l| *l == one[0]));
+            assert_eq!(one, with(method, 1e6).labels);
+        }
+    }
+
+    #[test]
+    fn the_mean_of_the_logs_gives_the_point_fields_energy_of_constant_segments() {
+        let params = RegulariseParams {
+            method: Regularise::SegmentCrf,
+            posterior: Posterior::MeanOfLogs,
+            partition: PartitionParams { intent: Intent::Strength(0.3), ..PartitionParams::default() },
+            ..RegulariseParams::default()
+        };
+        let (points, values, _) = scene();
+        let given = Probabilities { values: &values, classes: 3 };
+        let found = regularise(&points, given, None, &params, &Monitor::default()).unwrap();
+        let smooth = smoothed(given, params.smoothing);
+        let graph = knn_graph(
+            points.len(),
+            &knn(&points, 10, &Monitor::default()).unwrap(),
+            &params.adjacency,
+            &Monitor::default(),
+        )
+        .unwrap();
+        let unary: f64 =
+            found.labels.iter().zip(smooth.chunks_exact(3)).map(|(l, p)| -f64::from(p[usize::from(*l)]).ln()).sum();
+        let cut = graph.edges().iter().filter(|[a, b]| found.labels[*a as usize] != found.labels[*b as usize]).count();
+        // The segments' costs are counted from their cheapest label.
+        let partition = found.partition.unwrap();
+        let shift: f64 = (0..partition.len())
+            .map(|s| {
+                let of = |c: usize| {
+                    partition.members(s).iter().map(|&i| -f64::from(smooth[3 * i as usize + c]).ln()).sum::<f64>()
+                };
+                (0..3).map(of).fold(f64::INFINITY, f64::min)
+            })
+            .sum();
+        let expected = unary + cut as f64;
+        assert!((found.energy.unwrap() + shift - expected).abs() < 1e-3 * expected, "{expected}");
+    }
+
+    #[test]
+    fn nonsense_is_refused_by_name() {
+        let (points, values, _) = scene();
+        let given = Probabilities { values: &values, classes: 3 };
+        let refused = |given: Probabilities<'_>, params: RegulariseParams| {
+            regularise(&points, given, None, &params, &Monitor::default()).unwrap_err().to_string()
+        };
+        let params = || RegulariseParams { method: Regularise::PointCrf, ..RegulariseParams::default() };
+        assert!(refused(given, RegulariseParams { strength: -1.0, ..params() }).contains("strength"));
+        assert!(refused(given, RegulariseParams { smoothing: 0.0, ..params() }).contains("smoothing"));
+        assert!(refused(given, RegulariseParams { neighbours: 0, ..params() }).contains("neighbours"));
+        assert!(refused(Probabilities { values: &values[3..], classes: 3 }, params()).contains("probabilities"));
+    }
+}

@@ -1,0 +1,86 @@
+//! Segments that vote and agree (document 000, section 4).
+
+use super::regularise::{Posterior, Regularise, RegulariseParams, Regularised, by_largest, field};
+use crate::error::Result;
+use crate::graph::Graph;
+use crate::parallel::Monitor;
+use crate::segmentation::{Interface, Partition, segment_graph};
+
+/// A partition and who touches whom in it.
+#[derive(Debug)]
+pub(super) struct Segments {
+    partition: Partition,
+    /// w_st: weight of the point edges between two segments.
+    graph: Graph,
+}
+
+impl Segments {
+    pub(super) fn new(partition: Partition, points: &Graph) -> Result<Self> {
+        let graph = segment_graph(points, &partition, Interface::Weight)?;
+        Ok(Self { partition, graph })
+    }
+
+    /// One label a segment, handed to its points.
+    pub(super) fn decide(
+        &self,
+        (smooth, classes): (&[f32], usize),
+        params: &RegulariseParams,
+        monitor: &Monitor,
+    ) -> Result<Regularised> {
+        let mean = self.mean(smooth, classes);
+        let (labels, energy) = match params.method {
+            Regularise::Consensus => (by_largest(mean.clone(), classes).labels, None),
+            _ => {
+                let costs = match params.posterior {
+                    Posterior::LogOfMean => self.costs(mean.iter().map(|p| -f64::from(*p).ln()), classes),
+                    Posterior::MeanOfLogs => self.costs(self.mean_of_logs(smooth, classes).into_iter(), classes),
+                };
+                let found = field((&costs, classes), &self.graph, params.strength, monitor)?;
+                (found.labels, Some(found.energy))
+            }
+        };
+        let of = self.partition.segments();
+        Ok(Regularised {
+            labels: of.iter().map(|&s| labels[s as usize]).collect(),
+            probabilities: of.iter().flat_map(|&s| &mean[s as usize * classes..][..classes]).copied().collect(),
+            partition: Some(self.partition.clone()),
+            energy,
+        })
+    }
+
+    /// p(L_s = k): mean over the points of each segment.
+    fn mean(&self, smooth: &[f32], classes: usize) -> Vec<f32> {
+        self.average(smooth, classes, f64::from).into_iter().map(|p| p as f32).collect()
+    }
+
+    fn mean_of_logs(&self, smooth: &[f32], classes: usize) -> Vec<f64> {
+        self.average(smooth, classes, |p| -f64::from(p).ln())
+    }
+
+    fn average(&self, rows: &[f32], classes: usize, of: impl Fn(f32) -> f64) -> Vec<f64> {
+        let mut means = Vec::with_capacity(self.partition.len() * classes);
+        let mut sum = vec![0.0; classes];
+        for s in 0..self.partition.len() {
+            let members = self.partition.members(s);
+            sum.fill(0.0);
+            for &point in members {
+                let row = &rows[point as usize * classes..][..classes];
+                sum.iter_mut().zip(row).for_each(|(sum, &p)| *sum += of(p));
+            }
+            means.extend(sum.iter().map(|sum| sum / members.len() as f64));
+        }
+        means
+    }
+
+    /// |s| times the costs of a point, less those of the cheapest label: only differences decide, and they keep their digits.
+    fn costs(&self, means: impl Iterator<Item = f64>, classes: usize) -> Vec<f32> {
+        let means: Vec<f64> = means.collect();
+        let rows = means.chunks_exact(classes).enumerate();
+        rows.flat_map(|(s, row)| {
+            let least = row.iter().copied().fold(f64::INFINITY, f64::min);
+            let size = self.partition.members(s).len() as f64;
+            row.iter().map(move |cost| (size * (cost - least)) as f32).collect::<Vec<_>>()
+        })
+        .collect()
+    }
+}

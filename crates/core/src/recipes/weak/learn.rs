@@ -1,0 +1,233 @@
+//! Learning from a few points, and naming all.
+
+use super::examples::{Example, examples};
+use super::{WeakRecipe, describe};
+use crate::classes::ClassTable;
+use crate::classification::cross_validation::stratified_folds;
+use crate::classification::{Fingerprint, Forest, ForestParams, Model, Samples};
+use crate::cloud::{Cloud, Points};
+use crate::error::{Error, Result};
+use crate::features::FeatureTable;
+use crate::parallel::Monitor;
+use crate::recipes::regularise::{Probabilities, RegulariseParams, Regularised, Scene};
+use crate::recipes::{ClassCount, Labels, planar_density};
+use serde::Serialize;
+
+/// Folds of the search for the strength.
+const FOLDS: usize = 5;
+
+/// What training did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WeakReport {
+    /// Per class, ascending by code: labelled points and those that were learned from.
+    pub classes: Vec<ClassCount>,
+    /// Points without a label.
+    pub unlabelled: u64,
+    /// Examples of road (0: the lowest points stood in for it).
+    pub road_examples: usize,
+    /// Strengths that were tried, with their scores; empty if none were asked for.
+    pub strengths: Vec<StrengthScore>,
+    /// Strength that the model uses.
+    pub strength: f64,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// Score of a strength of the field, over labels that were held out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct StrengthScore {
+    /// σ.
+    pub strength: f64,
+    /// Share of the held-out labels that were found, 0..1.
+    pub accuracy: f64,
+}
+
+/// The labelled points of one cloud, described.
+struct Lesson {
+    points: Points,
+    features: FeatureTable,
+    examples: Vec<Example>,
+    density: f64,
+}
+
+/// Learns from the labelled points of one or more clouds. The unlabelled ones only give the neighbourhoods.
+///
+/// With `strengths`, the strength of the field is the one that finds most of the labels that are held out (5 folds,
+/// ties to the smallest); it is measured on the first cloud.
+///
+/// # Errors
+/// No labelled point, a parameter out of range, cancellation.
+pub fn train_weak(
+    clouds: &[(Cloud, Labels)],
+    recipe: &WeakRecipe,
+    strengths: &[f64],
+    monitor: &Monitor,
+) -> Result<(Model, WeakReport)> {
+    recipe.validate()?;
+    let mut recipe = recipe.clone();
+    let lessons = study(clouds, &mut recipe, monitor)?;
+    let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
+    let classes = ClassTable::from_codes(&codes);
+    let (rows, labels) = table(&lessons, &classes);
+    let width = lessons.first().map_or(0, |l| l.features.width());
+    let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: classes.len() };
+    let scores = match (strengths, lessons.first()) {
+        ([], _) | (_, None) => Vec::new(),
+        (_, Some(lesson)) => search(lesson, (&recipe, &classes), strengths, monitor)?,
+    };
+    if let Some(best) = best_of(&scores) {
+        recipe.regularise.strength = best;
+    }
+    let forest = Forest::fit(&samples, &seeded(&recipe), monitor)?;
+    let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
+    let report = report(clouds, &codes, &recipe, scores);
+    let model = Model {
+        recipe_toml: toml::to_string(&recipe).map_err(|e| Error::input(format!("recipe cannot be written: {e}")))?,
+        fingerprint: Fingerprint::of(&samples, density),
+        feature_names: lessons.first().map(|l| l.features.names.clone()).unwrap_or_default(),
+        seed: recipe.seed,
+        classes,
+        forest,
+    };
+    Ok((model, report))
+}
+
+/// Examples and descriptors of every cloud; the recipe learns what road looks like from all of them.
+fn study(clouds: &[(Cloud, Labels)], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<Lesson>> {
+    let mut drafts = Vec::new();
+    for (c, (cloud, labels)) in clouds.iter().enumerate() {
+        let points = describe::points_of(cloud, None)?;
+        let seed = recipe.seed.wrapping_add(c as u64);
+        let examples = examples(labels, &points.index, (&recipe.labels, seed))?;
+        let local = describe::local(&points, recipe, monitor)?;
+        drafts.push((cloud, points, examples, local));
+    }
+    let mut road = Vec::new();
+    for (_, _, examples, local) in &drafts {
+        recipe.road.learn(examples, local);
+        road.append(&mut recipe.road.examples);
+    }
+    recipe.road.examples = road;
+    drafts
+        .into_iter()
+        .map(|(cloud, points, examples, local)| {
+            let features = describe::all(cloud, &points, &local, recipe, monitor)?;
+            let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0));
+            Ok(Lesson { points, features, examples, density })
+        })
+        .collect()
+}
+
+/// Rows of the examples, and the positions of their classes.
+fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
+    let each = || lessons.iter().flat_map(|l| l.examples.iter().map(move |e| (l, e)));
+    let rows = each().flat_map(|(l, e)| l.features.row(e.point as usize)).copied().collect();
+    let labels = each().filter_map(|(_, e)| classes.position(e.code)).map(|p| p as u16).collect();
+    (rows, labels)
+}
+
+fn seeded(recipe: &WeakRecipe) -> ForestParams {
+    let seed = recipe.forest.seed.wrapping_add(recipe.seed);
+    ForestParams { seed, ..recipe.forest.clone() }
+}
+
+/// Accuracy of every strength on the labels of one cloud that are held out.
+fn search(
+    lesson: &Lesson,
+    (recipe, classes): (&WeakRecipe, &ClassTable),
+    strengths: &[f64],
+    monitor: &Monitor,
+) -> Result<Vec<StrengthScore>> {
+    let labels: Vec<u16> = lesson.examples.iter().filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
+    let folds = stratified_folds(&labels, FOLDS, recipe.seed)?;
+    let scene = Scene::new(&lesson.points, Some(&head(&lesson.features)), &recipe.regularise, monitor)?;
+    let mut right = vec![0usize; strengths.len()];
+    for fold in 0..FOLDS as u32 {
+        let kept: Vec<usize> = (0..labels.len()).filter(|&i| folds[i] != fold).collect();
+        let rows: Vec<f32> =
+            kept.iter().flat_map(|&i| lesson.features.row(lesson.examples[i].point as usize)).copied().collect();
+        let names: Vec<u16> = kept.iter().map(|&i| labels[i]).collect();
+        let (width, classes) = (lesson.features.width(), classes.len());
+        let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
+        let forest = Forest::fit(&samples, &seeded(recipe), monitor)?;
+        let values = probabilities(&forest, &lesson.features)?;
+        for (s, &strength) in strengths.iter().enumerate() {
+            let params = RegulariseParams { strength, ..recipe.regularise.clone() };
+            params.validate()?;
+            let found = scene.decide(Probabilities { values: &values, classes }, &params, monitor)?;
+            let held = (0..labels.len()).filter(|&i| folds[i] == fold);
+            right[s] += held.filter(|&i| found.labels[lesson.examples[i].point as usize] == labels[i]).count();
+        }
+    }
+    let score =
+        |(&strength, right): (&f64, usize)| StrengthScore { strength, accuracy: right as f64 / labels.len() as f64 };
+    Ok(strengths.iter().zip(right).map(score).collect())
+}
+
+/// The strength of the best accuracy; the smallest of equal ones.
+fn best_of(scores: &[StrengthScore]) -> Option<f64> {
+    let better = |a: &&StrengthScore, b: &&StrengthScore| {
+        a.accuracy.total_cmp(&b.accuracy).then(b.strength.total_cmp(&a.strength))
+    };
+    scores.iter().max_by(better).map(|s| s.strength)
+}
+
+/// The four local descriptors: what segments are found by.
+fn head(features: &FeatureTable) -> FeatureTable {
+    let rows = features.values.chunks_exact(features.width());
+    FeatureTable { names: features.names[..4].to_vec(), values: rows.flat_map(|r| &r[..4]).copied().collect() }
+}
+
+fn probabilities(forest: &Forest, features: &FeatureTable) -> Result<Vec<f32>> {
+    let mut values = vec![0.0; features.rows() * forest.classes()];
+    forest.predict_proba(&features.values, &mut values)?;
+    Ok(values)
+}
+
+fn report(clouds: &[(Cloud, Labels)], codes: &[u8], recipe: &WeakRecipe, strengths: Vec<StrengthScore>) -> WeakReport {
+    let mut points = [0u64; 256];
+    for (_, labels) in clouds {
+        labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
+    }
+    let samples = |code| codes.iter().filter(|&&c| c == code).count() as u64;
+    let seen = (0..=255u8).filter(|&code| samples(code) > 0);
+    let classes: Vec<ClassCount> =
+        seen.map(|code| ClassCount { code, points: points[usize::from(code)], samples: samples(code) }).collect();
+    let road_examples = recipe.road.examples.iter().filter(|e| e.1).count();
+    let mut warnings = Vec::new();
+    if classes.len() == 1 {
+        warnings.push(format!("only one class is labelled ({}): every point will get it", classes[0].code));
+    }
+    if road_examples == 0 {
+        warnings
+            .push(format!("no label is road (road.codes {:?}): the lowest points stand in for it", recipe.road.codes));
+    }
+    let unlabelled = clouds.iter().map(|(_, l)| l.unlabelled).sum();
+    WeakReport { classes, unlabelled, road_examples, strengths, strength: recipe.regularise.strength, warnings }
+}
+
+/// Names every finite point of a cloud: the points, and the field's decision.
+pub(in crate::recipes) fn classify_weak(
+    cloud: &Cloud,
+    (model, recipe): (&Model, &WeakRecipe),
+    (metres, params): (Option<f64>, &RegulariseParams),
+    monitor: &Monitor,
+) -> Result<(Points, Regularised)> {
+    let points = describe::points_of(cloud, metres)?;
+    let local = describe::local(&points, recipe, monitor)?;
+    let features = describe::all(cloud, &points, &local, recipe, monitor)?;
+    if features.names != model.feature_names {
+        return Err(Error::ModelMismatch(format!(
+            "it needs the features {}; its recipe gives {}",
+            model.feature_names.join(", "),
+            features.names.join(", ")
+        )));
+    }
+    monitor.stage("classify", points.len() as u64);
+    let values = probabilities(&model.forest, &features)?;
+    drop(features);
+    let scene = Scene::new(&points, Some(&local), params, monitor)?;
+    drop(local);
+    let found = scene.decide(Probabilities { values: &values, classes: model.classes.len() }, params, monitor)?;
+    Ok((points, found))
+}

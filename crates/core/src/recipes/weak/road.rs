@@ -1,0 +1,165 @@
+//! Where the road is, and the two descriptors that need it (document 000, section 2.2).
+
+use super::examples::Example;
+use crate::classification::ForestParams;
+use crate::cloud::{Cloud, Points, names};
+use crate::error::{Error, Result};
+use crate::features::FeatureTable;
+use crate::parallel::Monitor;
+use crate::terrain::{
+    ElevationModel, Ground, Terrain, TerrainParams, is_likely, mask_of_classes, read_ascii_grid, road_probability,
+    terrain,
+};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Most examples of road, and of the rest, that travel in a model.
+const MOST: usize = 500;
+
+/// Points within this height of the lowest of their cell count as ground where nobody knows the road, metres.
+const NEAR_LOWEST: f32 = 0.2;
+
+/// Edge of these cells, metres.
+const CELL: f32 = 2.0;
+
+/// Where the road's points come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RoadSource {
+    /// From the ground class of the cloud if it has one beside the labels that were asked for, else learned; the lowest
+    /// points if no example is road.
+    #[default]
+    Learned,
+    /// The points of the cloud whose `Classification` is one of the codes.
+    Classification,
+    /// The lowest points of every 2 m square.
+    Lowest,
+}
+
+/// The road and its descriptors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RoadParams {
+    /// Where the road's points come from.
+    pub source: RoadSource,
+    /// Classes that are road.
+    pub codes: Vec<u8>,
+    /// An ESRI ASCII grid of the ground's height; it takes precedence over the road's points for the elevation.
+    pub elevation_model: Option<PathBuf>,
+    /// Elevation model and extent of the road.
+    pub terrain: TerrainParams,
+    /// Filled by training: linearity, planarity, scattering, verticality of examples, and whether each is road. A model
+    /// finds the road of another cloud by the forest of these.
+    pub examples: Vec<([f32; 4], bool)>,
+}
+
+impl Default for RoadParams {
+    fn default() -> Self {
+        Self {
+            source: RoadSource::Learned,
+            codes: vec![2, 11],
+            elevation_model: None,
+            terrain: TerrainParams::default(),
+            examples: Vec::new(),
+        }
+    }
+}
+
+impl RoadParams {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// Names the field, its value and what is allowed.
+    pub fn validate(&self) -> Result<()> {
+        if let Some((row, _)) = self.examples.iter().find(|(row, _)| row.iter().any(|v| !v.is_finite())) {
+            return Err(Error::parameter("road.examples", format!("{row:?}"), "finite numbers"));
+        }
+        self.terrain.validate()
+    }
+
+    /// Remembers the examples of road and of other classes, at most [`MOST`] of each, evenly over the examples.
+    pub(super) fn learn(&mut self, examples: &[Example], local: &FeatureTable) {
+        self.examples.clear();
+        for road in [true, false] {
+            let of: Vec<&Example> = examples.iter().filter(|e| self.codes.contains(&e.code) == road).collect();
+            let step = of.len().div_ceil(MOST).max(1);
+            for example in of.into_iter().step_by(step) {
+                let row = local.row(example.point as usize);
+                self.examples.push(([row[0], row[1], row[2], row[3]], road));
+            }
+        }
+    }
+
+    /// Height above the road and position with respect to it.
+    pub(super) fn describe(
+        &self,
+        (cloud, points): (&Cloud, &Points),
+        local: &FeatureTable,
+        forest: &ForestParams,
+        monitor: &Monitor,
+    ) -> Result<Terrain> {
+        let mut road = self.mask(cloud, points, local, forest, monitor)?;
+        if !road.contains(&true) {
+            road = lowest(points);
+        }
+        let model = self.elevation_model.as_deref().map(read_ascii_grid).transpose()?;
+        let model = model.map(ElevationModel::from_raster).transpose()?;
+        terrain(points, &Ground { road: &road, model: model.as_ref() }, &self.terrain, monitor)
+    }
+
+    fn mask(
+        &self,
+        cloud: &Cloud,
+        points: &Points,
+        local: &FeatureTable,
+        forest: &ForestParams,
+        monitor: &Monitor,
+    ) -> Result<Vec<bool>> {
+        let both = [true, false].iter().all(|side| self.examples.iter().any(|(_, road)| road == side));
+        match self.source {
+            RoadSource::Classification => {
+                let column = cloud.column(names::CLASSIFICATION).ok_or_else(|| {
+                    Error::input("road.source is classification, but the cloud has no Classification")
+                })?;
+                let codes: Vec<u16> = (0..cloud.len()).map(|i| column.values.get(i) as u16).collect();
+                mask_of_classes(points, &codes, &self.codes.iter().map(|&c| u16::from(c)).collect::<Vec<_>>())
+            }
+            RoadSource::Learned if both => {
+                let values: Vec<f32> =
+                    self.examples.iter().flat_map(|(row, _)| *row).chain(local.values.iter().copied()).collect();
+                let table = FeatureTable { names: local.names.clone(), values };
+                let examples: Vec<(u32, bool)> =
+                    self.examples.iter().zip(0..).map(|((_, road), row)| (row, *road)).collect();
+                let probability = road_probability(&table, &examples, forest, monitor)?;
+                Ok(is_likely(&probability[self.examples.len()..]))
+            }
+            _ => Ok(lowest(points)),
+        }
+    }
+}
+
+/// Points near the lowest one of their cell.
+fn lowest(points: &Points) -> Vec<bool> {
+    let cell = |i: usize| ((points.x[i] / CELL) as i32, (points.y[i] / CELL) as i32);
+    let mut order: Vec<((i32, i32), u32)> = (0..points.len()).map(|i| (cell(i), i as u32)).collect();
+    order.sort_unstable();
+    let mut mask = vec![false; points.len()];
+    for group in order.chunk_by(|a, b| a.0 == b.0) {
+        let z = |&(_, i): &((i32, i32), u32)| points.z[i as usize];
+        let low = group.iter().map(z).fold(f32::INFINITY, f32::min);
+        group.iter().filter(|p| z(p) <= low + NEAR_LOWEST).for_each(|&(_, i)| mask[i as usize] = true);
+    }
+    mask
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lowest_points_of_a_cell_are_ground() {
+        let rows = [[0.5, 0.5, 0.0], [1.0, 1.0, 0.1], [1.5, 0.5, 3.0], [2.5, 0.5, 3.0]];
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        assert_eq!(lowest(&points), [true, true, false, true]);
+    }
+}

@@ -1,0 +1,72 @@
+//! The split of one segment: 2-means, then minimum cuts between the means of both sides.
+
+use super::params::CutPursuitParams;
+use super::piece::Piece;
+use super::two_means::{Means, means_of_sides, two_means};
+use crate::error::Result;
+use crate::graph::MaxFlow;
+use crate::parallel::Monitor;
+use crate::random::Stream;
+
+/// Buffers of a split, reused from segment to segment.
+#[derive(Default)]
+pub(super) struct Scratch {
+    pub(super) piece: Piece,
+    network: MaxFlow,
+}
+
+impl Scratch {
+    /// The parts into which the gathered piece falls, as the smallest node of each node's part; nothing if it stays
+    /// whole. O(means + flow_steps · cut).
+    pub(super) fn split(
+        &mut self,
+        params: &CutPursuitParams,
+        random: &mut Stream,
+        monitor: &Monitor,
+    ) -> Result<Option<Vec<u32>>> {
+        let Self { piece, network } = self;
+        if piece.len() < 2 {
+            return Ok(None);
+        }
+        let Some(mut sides) = two_means(piece, params, random) else { return Ok(None) };
+        for _ in 0..params.flow_steps {
+            let Some(means) = means_of_sides(piece, &sides) else { return Ok(None) };
+            let next = cheapest_sides(network, piece, &means, monitor)?;
+            let settled = next == sides;
+            sides = next;
+            if settled {
+                break;
+            }
+        }
+        if sides.iter().all(|s| *s == sides[0]) {
+            return Ok(None);
+        }
+        let parts = piece.parts(&sides);
+        let whole = vec![0; piece.len()];
+        let worse = params.guard && piece.energy(&parts) >= piece.energy(&whole);
+        Ok((!worse).then_some(parts))
+    }
+}
+
+/// The sides of least fit and boundary when both sides keep these means; true for the second.
+fn cheapest_sides(network: &mut MaxFlow, piece: &Piece, means: &Means, monitor: &Monitor) -> Result<Vec<bool>> {
+    network.reset(piece.len());
+    for (node, preference) in preferences(piece, means).enumerate() {
+        network.add_terminals(node, preference.max(0.0), (-preference).max(0.0))?;
+    }
+    for (&[a, b], &cost) in piece.edges.iter().zip(&piece.costs) {
+        network.add_edge(a as usize, b as usize, cost, cost)?;
+    }
+    network.solve_watched(monitor)?;
+    Ok((0..piece.len()).map(|node| !network.is_source(node)).collect())
+}
+
+/// m (‖f − x_1‖² − ‖f − x_0‖²) of each node, which is linear in f.
+fn preferences<'a>(piece: &'a Piece, [zero, one]: &Means) -> impl Iterator<Item = f64> + use<'a> {
+    let slope: Vec<f64> = zero.iter().zip(one).map(|(a, b)| a - b).collect();
+    let middle: Vec<f64> = zero.iter().zip(one).map(|(a, b)| (a + b) / 2.0).collect();
+    piece.rows().map(move |(row, weight)| {
+        let product: f64 = row.iter().zip(&slope).zip(&middle).map(|((&f, s), m)| s * (f64::from(f) - m)).sum();
+        2.0 * weight * product
+    })
+}

@@ -1,0 +1,141 @@
+//! What cut pursuit can be told.
+
+use super::super::merge::check_not_negative;
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Sets of effort known from the reference implementation.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preset {
+    /// Its speed 0: 4 cuts a split, 5 restarts of 8 steps, 20 rounds, tolerance 1e-3.
+    Thorough,
+    /// Its speed 1: 3 cuts, 2 restarts of 5 steps, 10 rounds, tolerance 1e-2.
+    Standard,
+    /// Its speed 2: 2 cuts, 2 restarts of 5 steps, 5 rounds, tolerance 5e-2.
+    Fast,
+    /// Its speed 3: 1 cut, 1 start of 3 steps, 5 rounds, tolerance 0.1, no merging.
+    Fastest,
+    /// Its speed 4, that of superpoint graphs: 3 cuts, 10 restarts of 5 steps, 15 rounds, tolerance 5e-2.
+    Superpoints,
+}
+
+/// Parameters of [`cut_pursuit`](crate::segmentation::cut_pursuit()).
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CutPursuitParams {
+    /// ρ: what a boundary edge of weight 1 costs, in units of squared feature difference. Larger: fewer, larger
+    /// segments. ≥ 0; infinite gives one segment per connected piece.
+    pub strength: f64,
+    /// Segments of less weight than this join their best neighbour at the end, whatever it costs. ≥ 0; 0 keeps all.
+    pub cutoff: f64,
+    /// Graphs of more nodes than this are cut on a coarser graph, many times faster. `usize::MAX` never does so: the
+    /// method of the paper.
+    pub coarse_above: usize,
+    /// How often all of this is done, each time from the result before with other random numbers and, on large graphs,
+    /// another coarse graph; ends early when a cycle gains less than the tolerance. At least 1.
+    pub cycles: usize,
+    /// F: minimum cuts per split, each with the means of the one before. At least 1.
+    pub flow_steps: usize,
+    /// T: Lloyd steps of the 2-means that starts a split. At least 1.
+    pub means_steps: usize,
+    /// R: random starts of the 2-means, the best is used. At least 1.
+    pub restarts: usize,
+    /// Rounds of splitting and merging at most. At least 1.
+    pub max_iterations: usize,
+    /// Stop when a round lowers Q by less than this share of it. ≥ 0.
+    pub tolerance: f64,
+    /// Split only where Q falls at once: Q then never rises, the result is slightly worse on the average.
+    pub guard: bool,
+    /// Merge segments after each round of splits.
+    pub backward: bool,
+    /// Move single nodes across boundaries after each round where Q falls. The paper has no such moves.
+    pub moves: bool,
+    /// Seed of the 2-means.
+    pub seed: u64,
+}
+
+impl Default for CutPursuitParams {
+    fn default() -> Self {
+        Self {
+            strength: 0.1,
+            cutoff: 0.0,
+            coarse_above: 10_000,
+            cycles: 2,
+            flow_steps: 3,
+            means_steps: 5,
+            restarts: 3,
+            max_iterations: 10,
+            tolerance: 1e-3,
+            guard: false,
+            backward: true,
+            moves: true,
+            seed: 0,
+        }
+    }
+}
+
+impl CutPursuitParams {
+    /// The method of the paper and of the reference implementation, without moves, cycles and coarse graphs.
+    pub fn as_published(self) -> Self {
+        Self { coarse_above: usize::MAX, cycles: 1, moves: false, ..self }
+    }
+
+    /// The same problem with the effort of a preset of the reference implementation.
+    pub fn with_preset(self, preset: Preset) -> Self {
+        let (flow_steps, means_steps, restarts, max_iterations, tolerance) = match preset {
+            Preset::Thorough => (4, 8, 5, 20, 1e-3),
+            Preset::Standard => (3, 5, 2, 10, 1e-2),
+            Preset::Fast => (2, 5, 2, 5, 5e-2),
+            Preset::Fastest => (1, 3, 1, 5, 0.1),
+            Preset::Superpoints => (3, 5, 10, 15, 5e-2),
+        };
+        let backward = preset != Preset::Fastest;
+        Self { flow_steps, means_steps, restarts, max_iterations, tolerance, backward, ..self }
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] with the value found and what is allowed.
+    pub fn validate(&self) -> Result<()> {
+        check_not_negative("strength", self.strength)?;
+        check_not_negative("cutoff", self.cutoff)?;
+        check_not_negative("tolerance", self.tolerance)?;
+        let counts = [
+            ("flow_steps", self.flow_steps),
+            ("means_steps", self.means_steps),
+            ("restarts", self.restarts),
+            ("max_iterations", self.max_iterations),
+            ("cycles", self.cycles),
+        ];
+        match counts.into_iter().find(|(_, count)| *count == 0) {
+            Some((name, count)) => Err(Error::parameter(name, count, "1 or more")),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_out_of_range_are_refused_by_name() {
+        let refused = |params: CutPursuitParams| params.validate().unwrap_err().to_string();
+        let default = CutPursuitParams::default;
+        assert!(default().validate().is_ok());
+        assert!(refused(CutPursuitParams { strength: -1.0, ..default() }).contains("strength"));
+        assert!(refused(CutPursuitParams { strength: f64::NAN, ..default() }).contains("strength"));
+        assert!(refused(CutPursuitParams { cutoff: -0.5, ..default() }).contains("cutoff"));
+        assert!(refused(CutPursuitParams { flow_steps: 0, ..default() }).contains("flow_steps"));
+    }
+
+    #[test]
+    fn presets_keep_the_problem() {
+        let params = CutPursuitParams { strength: 0.7, seed: 3, ..CutPursuitParams::default() };
+        let fast = params.clone().with_preset(Preset::Fastest);
+        assert_eq!((fast.strength, fast.seed, fast.flow_steps, fast.backward), (0.7, 3, 1, false));
+        assert!(fast.validate().is_ok());
+    }
+}

@@ -1,0 +1,205 @@
+//! What a segment is like: its size, extent, oriented box, and the means of any values of its points.
+
+use super::Partition;
+use crate::cloud::Points;
+use crate::error::{Error, Result};
+use crate::linalg::{Sym3, mean};
+
+/// Shape of one segment, in metres relative to the origin of the points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SegmentShape {
+    /// Number of points.
+    pub points: usize,
+    /// Mean of the points.
+    pub centroid: [f64; 3],
+    /// Smallest coordinates.
+    pub low: [f64; 3],
+    /// Largest coordinates.
+    pub high: [f64; 3],
+    /// A tight box in any direction.
+    pub oriented: OrientedBox,
+}
+
+/// A box that need not follow the axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OrientedBox {
+    /// Centre, in metres.
+    pub centre: [f64; 3],
+    /// Three orthonormal directions, of falling side length.
+    pub axes: [[f64; 3]; 3],
+    /// Length of the side along each axis, in metres, falling.
+    pub sides: [f64; 3],
+}
+
+impl SegmentShape {
+    /// Side lengths of the box along the axes of the coordinates, in metres.
+    pub fn extent(&self) -> [f64; 3] {
+        [0, 1, 2].map(|a| self.high[a] - self.low[a])
+    }
+
+    /// Highest minus lowest point, in metres.
+    pub fn height_range(&self) -> f64 {
+        self.high[2] - self.low[2]
+    }
+}
+
+impl OrientedBox {
+    /// Product of the sides, in cubic metres.
+    pub fn volume(&self) -> f64 {
+        self.sides.iter().product()
+    }
+
+    fn half_surface(&self) -> f64 {
+        let [a, b, c] = self.sides;
+        a * b + b * c + c * a
+    }
+
+    /// The smallest box around the points in the given orthonormal directions.
+    fn around(points: &[[f64; 3]], axes: [[f64; 3]; 3]) -> Self {
+        let spans = axes.map(|axis| span(points.iter().map(|p| dot(*p, axis))));
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| (spans[b][1] - spans[b][0]).total_cmp(&(spans[a][1] - spans[a][0])));
+        let middle = spans.map(|[low, high]| (low + high) / 2.0);
+        let centre = [0, 1, 2].map(|c| (0..3).map(|a| middle[a] * axes[a][c]).sum());
+        Self { centre, axes: order.map(|a| axes[a]), sides: order.map(|a| spans[a][1] - spans[a][0]) }
+    }
+}
+
+/// Shape of each segment. The oriented box is that of least surface among three: along the coordinates, along the
+/// principal directions of the plan with a vertical axis, and along the principal directions in space. O(n).
+///
+/// # Errors
+/// If the partition is not one of these points.
+pub fn segment_shapes(partition: &Partition, points: &Points) -> Result<Vec<SegmentShape>> {
+    same_length(partition, points.len(), "points")?;
+    let mut own = Vec::new();
+    let describe = |members: &[u32]| {
+        own.clear();
+        own.extend(members.iter().map(|&i| {
+            let i = i as usize;
+            [f64::from(points.x[i]), f64::from(points.y[i]), f64::from(points.z[i])]
+        }));
+        shape(&own)
+    };
+    Ok(partition.iter().map(describe).collect())
+}
+
+fn shape(points: &[[f64; 3]]) -> SegmentShape {
+    let centroid = mean(points);
+    let scatter = Sym3::scatter(points, centroid, points.len().max(1) as f64);
+    let plan = Sym3 { diagonal: [scatter.diagonal[0], scatter.diagonal[1], 0.0], off: [scatter.off[0], 0.0, 0.0] };
+    let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let along = plan.eigen().vectors[0];
+    // Where the plan is a single spot its principal direction may be the vertical one.
+    let upright = if along[2].abs() < 0.5 { [along, [-along[1], along[0], 0.0], z] } else { [x, y, z] };
+    let candidates = [[x, y, z], upright, scatter.eigen().vectors].map(|axes| OrientedBox::around(points, axes));
+    let [first, second, third] = candidates;
+    let smaller = |a: OrientedBox, b: OrientedBox| if b.half_surface() < a.half_surface() { b } else { a };
+    let spans = [0, 1, 2].map(|a| span(points.iter().map(|p| p[a])));
+    SegmentShape {
+        points: points.len(),
+        centroid,
+        low: spans.map(|s| s[0]),
+        high: spans.map(|s| s[1]),
+        oriented: smaller(smaller(first, second), third),
+    }
+}
+
+/// Mean of each column over each segment, `width` values a segment: of features, or of red, green and blue. Values
+/// that are not finite are left out; a column without any is NaN. O(n · width).
+///
+/// # Errors
+/// If there are not `width` values (at least 1) for each node.
+pub fn segment_means(partition: &Partition, values: &[f32], width: usize) -> Result<Vec<f32>> {
+    if width == 0 || !values.len().is_multiple_of(width) {
+        return Err(Error::input(format!("{} values are no rows of {width} (allowed: 1 or more)", values.len())));
+    }
+    same_length(partition, values.len() / width, "rows")?;
+    let mut means = Vec::with_capacity(partition.len() * width);
+    for members in partition.iter() {
+        let mut sums = vec![(0.0f64, 0u32); width];
+        for &node in members {
+            for (sum, &value) in sums.iter_mut().zip(&values[node as usize * width..]) {
+                if value.is_finite() {
+                    *sum = (sum.0 + f64::from(value), sum.1 + 1);
+                }
+            }
+        }
+        means.extend(sums.iter().map(|&(sum, count)| (sum / f64::from(count)) as f32));
+    }
+    Ok(means)
+}
+
+pub(super) fn same_length(partition: &Partition, found: usize, what: &str) -> Result<()> {
+    if partition.nodes() == found {
+        return Ok(());
+    }
+    Err(Error::input(format!("{found} {what} for a partition of {} nodes", partition.nodes())))
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turned_box(sides: [f64; 3], angle: f64) -> Points {
+        let mut points = Points::default();
+        let (s, c) = angle.sin_cos();
+        for i in 0..1000 {
+            let [u, v, w] = [i % 10, i / 10 % 10, i / 100].map(|k| f64::from(k) / 9.0);
+            let [a, b] = [u * sides[0], v * sides[1]];
+            points.x.push((3.0 + c * a - s * b) as f32);
+            points.y.push((5.0 + s * a + c * b) as f32);
+            points.z.push((w * sides[2]) as f32);
+        }
+        points
+    }
+
+    #[test]
+    fn a_turned_box_has_its_own_sides() {
+        for angle in [0.0, 0.4, 1.1] {
+            let points = turned_box([8.0, 2.0, 4.0], angle);
+            let partition = Partition::from_labels(&[0; 1000]).unwrap();
+            let shapes = segment_shapes(&partition, &points).unwrap();
+            let SegmentShape { points: count, oriented, .. } = &shapes[0];
+            assert_eq!(*count, 1000);
+            assert!(oriented.sides.iter().zip([8.0, 4.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-4), "{oriented:?}");
+            assert!((oriented.volume() - 64.0).abs() < 0.01);
+            assert!(dot(oriented.axes[0], [angle.cos(), angle.sin(), 0.0]).abs() > 0.999_99);
+            assert!((0..3).all(|a| (oriented.centre[a] - shapes[0].centroid[a]).abs() < 1e-4));
+            assert!((shapes[0].height_range() - 4.0).abs() < 1e-5);
+            assert!((shapes[0].extent()[2] - 4.0).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_point_and_a_pole_have_boxes_too() {
+        let points = Points {
+            x: vec![1.0, 2.0, 2.0, 2.0],
+            y: vec![1.0, 2.0, 2.0, 2.0],
+            z: vec![1.0, 0.0, 1.0, 5.0],
+            ..Points::default()
+        };
+        let shapes = segment_shapes(&Partition::from_labels(&[0, 1, 1, 1]).unwrap(), &points).unwrap();
+        assert_eq!((shapes[0].oriented.sides, shapes[0].oriented.centre), ([0.0; 3], [1.0; 3]));
+        assert_eq!(shapes[1].oriented.sides, [5.0, 0.0, 0.0]);
+        assert_eq!((shapes[1].low, shapes[1].high), ([2.0, 2.0, 0.0], [2.0, 2.0, 5.0]));
+        assert!(segment_shapes(&Partition::from_labels(&[0; 3]).unwrap(), &points).is_err());
+    }
+
+    #[test]
+    fn means_leave_out_what_is_not_finite() {
+        let partition = Partition::from_labels(&[0, 1, 0]).unwrap();
+        let means = segment_means(&partition, &[1.0, 10.0, f32::NAN, 7.0, 3.0, f32::NAN], 2).unwrap();
+        assert_eq!((means[0], means[1], means[3]), (2.0, 10.0, 7.0));
+        assert!(means[2].is_nan());
+        assert!(segment_means(&partition, &[1.0; 5], 2).is_err() && segment_means(&partition, &[1.0; 4], 2).is_err());
+    }
+}

@@ -1,0 +1,80 @@
+"""From a few labelled points to a labelled scan."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from scansion._classifier import PointClassifier
+
+
+class WeakClassifier(PointClassifier):
+    """Names every point of a scan from a few labels (Guinard and Landrieu 2017).
+
+    Descriptors in optimal neighbourhoods and with respect to the road, a random forest on the labelled points, segments
+    by l0 cut pursuit, and a random field on the segments solved by alpha-expansion.
+
+    Parameters
+    ----------
+    recipe : path, str or mapping, optional
+        A TOML recipe of the kind ``weak``: its path, its text, or a mapping of dotted keys to values, as in
+        ``{"neighbourhood.k_min": 20, "regularise.strength": 0.5}``. Without one the paper's values hold.
+    strengths : sequence of float
+        Strengths of the field to choose from, by the labels of held-out folds; empty takes the recipe's.
+    unlabelled : iterable of int
+        Codes that mean "nobody has said". Negative labels never are learned from.
+    class_map : str
+        Changes of codes before learning, as in ``"3-4=5"``.
+    random_state : int, numpy.random.RandomState or None
+        Seed; None takes the recipe's (0 if it has none).
+    n_jobs : int, optional
+        Threads; None and -1 take all. Results do not depend on it.
+
+    Attributes
+    ----------
+    classes_ : array of shape (n_classes,)
+        Class codes, ascending.
+    report_ : dict
+        What training did; only after ``fit``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import WeakClassifier
+    >>> grid = np.arange(0.0, 20.0, 0.5)
+    >>> ground = np.stack(np.meshgrid(grid, grid, [0.0]), -1).reshape(-1, 3)
+    >>> wall = np.stack(np.meshgrid([10.2], grid, grid + 0.5), -1).reshape(-1, 3)
+    >>> xyz = np.concatenate([ground, wall])
+    >>> truth = np.repeat([2, 6], 1600)
+    >>> labels = np.full(3200, -1)
+    >>> picked = np.random.default_rng(0).choice(3200, 30, replace=False)
+    >>> labels[picked] = truth[picked]
+    >>> named = WeakClassifier(random_state=0).fit(xyz, labels).predict(xyz)
+    >>> bool((named == truth).mean() > 0.95)
+    True
+    """
+
+    def __init__(
+        self,
+        recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        *,
+        strengths: Iterable[float] = (),
+        unlabelled: Iterable[int] = (),
+        class_map: str = "",
+        random_state: int | np.random.RandomState | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        super().__init__(
+            recipe, unlabelled=unlabelled, class_map=class_map, random_state=random_state, n_jobs=n_jobs
+        )
+        self.strengths = strengths
+
+    def _strengths(self) -> list[float]:
+        return [float(s) for s in self.strengths]
+
+    def _recipe(self) -> tuple[str, list[str]]:
+        text, settings = super()._recipe()
+        return text or "weak", settings
