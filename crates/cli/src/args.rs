@@ -1,6 +1,7 @@
 //! What the user types.
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use scansion_core::classification::ClassifierKind;
 use scansion_core::recipes::Regularise;
 use std::path::PathBuf;
 
@@ -161,8 +162,14 @@ pub(crate) struct Convert {
     /// Point format of LAS and LAZ, 0 to 10; it must have all fields of the input's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
     pub(crate) point_format: Option<u8>,
+    /// Only points in this box: 4 numbers (x and y) or 6, lowest first; COPC files are read where the box is
+    #[arg(long, value_name = "X,Y[,Z],X,Y[,Z]", value_delimiter = ',', allow_hyphen_values = true)]
+    pub(crate) bounds: Vec<f64>,
+    /// A thinner cloud: points about so far apart, from the levels of a COPC file
+    #[arg(long, value_name = "DISTANCE")]
+    pub(crate) resolution: Option<f64>,
     /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
-    #[arg(long, conflicts_with = "point_format")]
+    #[arg(long, conflicts_with_all = ["point_format", "bounds", "resolution"])]
     pub(crate) salvage: bool,
     /// Replace the input itself if it is also the output
     #[arg(long)]
@@ -211,6 +218,27 @@ pub(crate) struct Features {
     pub(crate) overwrite: bool,
 }
 
+/// Kind of classifier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ClassifierName {
+    /// Random forest
+    Rf,
+    /// Gradient-boosted trees
+    Gbt,
+    /// Bagging of unpruned trees
+    Bagging,
+}
+
+impl ClassifierName {
+    pub(crate) fn kind(self) -> ClassifierKind {
+        match self {
+            Self::Rf => ClassifierKind::Forest,
+            Self::Gbt => ClassifierKind::Boosting,
+            Self::Bagging => ClassifierKind::Bagging,
+        }
+    }
+}
+
 /// scansion train LABELLED... -o MODEL
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Train {
@@ -224,6 +252,9 @@ pub(crate) struct Train {
     pub(crate) labels: LabelArgs,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    /// What is learned: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
+    #[arg(long, value_enum)]
+    pub(crate) classifier: Option<ClassifierName>,
     /// Learn from a few labels (document 000): the same as --recipe weak
     #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
     pub(crate) weak: bool,
