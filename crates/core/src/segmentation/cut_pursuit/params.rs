@@ -29,7 +29,7 @@ pub struct CutPursuitParams {
     pub strength: f64,
     /// Segments of less weight than this join their best neighbour at the end, whatever it costs. ≥ 0; 0 keeps all.
     pub cutoff: f64,
-    /// Graphs of more nodes than this are cut on a coarser graph, many times faster. `usize::MAX` never does so: the
+    /// Graphs of more nodes than this are cut on a coarser graph, many times faster, unless segments are tiny. `usize::MAX` never does so: the
     /// method of the paper.
     pub coarse_above: usize,
     /// How often all of this is done, each time from the result before with other random numbers and, on large graphs,
