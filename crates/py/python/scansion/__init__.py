@@ -7,7 +7,7 @@
 
 from scansion import evaluation, features, graph, neighbours, regularisation, segmentation
 from scansion._classifier import Classified, PointClassifier
-from scansion._cloud import PointCloud, convert, diff, info, merge, read, rewrite, salvage, write
+from scansion._cloud import PointCloud, blocks, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._core import FileFormatError, __version__
 from scansion._forest import RandomForestClassifier
 from scansion._render import render
@@ -21,6 +21,7 @@ __all__ = [
     "RandomForestClassifier",
     "WeakClassifier",
     "__version__",
+    "blocks",
     "convert",
     "diff",
     "evaluation",

@@ -1,0 +1,60 @@
+//! Times boosting on a table of features and judges it on held-out rows, for the comparison with other toolkits.
+//!
+//! `SCANSION_FEATURES` (raw little-endian f32, row-major) and `SCANSION_LABELS` (one byte a row) name the table,
+//! `SCANSION_WIDTH` its features a row, `SCANSION_ROUNDS` the number of rounds. The rows `5 i` are held out if
+//! `SCANSION_ROWS` is `most`; else all rows are learned from and judged on. `SCANSION_OUT` takes the probabilities.
+
+#![allow(clippy::print_stdout, reason = "a program for people")]
+
+use scansion_core::classification::{Boosting, BoostingParams, Samples};
+use scansion_core::parallel::Monitor;
+use std::time::Instant;
+
+fn number(name: &str, default: usize) -> usize {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
+
+fn file(name: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+    let path = std::env::var(name).map_err(|_| format!("{name} is not set"))?;
+    Ok(std::fs::read(path)?)
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let values: Vec<f32> =
+        file("SCANSION_FEATURES")?.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    let labels: Vec<u16> = file("SCANSION_LABELS")?.into_iter().map(u16::from).collect();
+    let classes = labels.iter().max().map_or(1, |&l| usize::from(l) + 1);
+    let most = std::env::var("SCANSION_ROWS").as_deref() == Ok("most");
+    let kept: Vec<f32> = (0..labels.len()).map(|i| f32::from(u8::from(!most || i % 5 != 0))).collect();
+    let width = number("SCANSION_WIDTH", 144);
+    let samples = Samples { features: &values, width, labels: &labels, weights: Some(&kept), classes };
+    let rounds = number("SCANSION_ROUNDS", 50);
+    let params = BoostingParams { rounds, max_leaves: number("SCANSION_LEAVES", 31), ..BoostingParams::default() };
+    let start = Instant::now();
+    let model = Boosting::fit(&samples, &params, &Monitor::default())?;
+    let fit = start.elapsed().as_secs_f64();
+    let mut out = vec![0.0; labels.len() * classes];
+    let mut predict = f64::INFINITY;
+    for _ in 0..number("SCANSION_REPEATS", 3) {
+        let start = Instant::now();
+        model.predict_proba(&values, &mut out)?;
+        predict = predict.min(start.elapsed().as_secs_f64());
+    }
+    let judged: Vec<usize> = (0..labels.len()).step_by(if most { 5 } else { 1 }).collect();
+    let row = |i: usize| &out[i * classes..][..classes];
+    let best = |row: &[f32]| (1..row.len()).fold(0, |b, c| if row[c] > row[b] { c } else { b });
+    let right = judged.iter().filter(|&&i| best(row(i)) == usize::from(labels[i])).count();
+    let loss: f64 = judged.iter().map(|&i| -f64::from(row(i)[usize::from(labels[i])].max(1e-15)).ln()).sum();
+    let count = judged.len() as f64;
+    println!(
+        "fit {fit:.2} s, predict {predict:.3} s ({:.0} rows/s), {} nodes, loss {:.5}, accuracy {:.5}",
+        labels.len() as f64 / predict,
+        model.nodes(),
+        loss / count,
+        right as f64 / count
+    );
+    if let Ok(path) = std::env::var("SCANSION_OUT") {
+        std::fs::write(path, out.iter().flat_map(|p| p.to_le_bytes()).collect::<Vec<_>>())?;
+    }
+    Ok(())
+}
