@@ -165,6 +165,7 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     let scores = done(f, &["evaluate", "a.laz", "n.laz", "--format", "json"]);
     let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
     assert!(scores["overall_accuracy"].as_f64().unwrap() > 0.85, "{scores}");
+    done(f, &["render", "n.laz", "--truth", "a.laz", "-o", "errors.png"]);
     for way in ["none", "local", "point-crf", "consensus", "segment-crf"] {
         done(f, &["classify", "a.laz", "-o", "r.laz", "--regularize", way, "--set", "regularise.strength=0.5"]);
     }

@@ -3,23 +3,29 @@
 use super::Context;
 use crate::args::{Render, ViewArg};
 use crate::exit_code::Failure;
+use scansion_core::Error;
 use scansion_core::classes::ClassTable;
-use scansion_core::cloud::{Cloud, names};
+use scansion_core::cloud::{Cloud, Column, names};
 use scansion_core::images::{self, ColourBy, RenderParams, View};
 use scansion_core::io::{self, atomic};
+use std::path::Path;
 
 pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
     if args.output.extension().and_then(|e| e.to_str()) != Some("png") {
         return Err(Failure::Usage(format!("{}: pictures are written as .png", args.output.display())));
     }
     let range = args.range.as_deref().map(range).transpose()?;
-    let cloud = io::read(&args.input)?;
+    let mut cloud = io::read(&args.input)?;
+    let by = match &args.truth {
+        Some(truth) => differences(&mut cloud, truth)?,
+        None => colour_by(args.by.as_deref(), &cloud),
+    };
     let params = RenderParams {
         view: match args.view {
             ViewArg::Map => View::Map,
             ViewArg::Oblique => View::Oblique { azimuth_deg: args.azimuth, elevation_deg: args.elevation },
         },
-        by: colour_by(args.by.as_deref(), &cloud),
+        by,
         width: args.width,
         height: args.height,
         shading: !args.no_shading,
@@ -41,6 +47,19 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         cloud.len()
     ));
     Ok(())
+}
+
+/// Puts the truth beside the cloud's classes.
+fn differences(cloud: &mut Cloud, truth: &Path) -> Result<ColourBy, Failure> {
+    let path = truth.display();
+    let truth = io::read(truth)?;
+    let missing = || Error::input(format!("{path} has no {} to compare with", names::CLASSIFICATION));
+    let codes = truth.column(names::CLASSIFICATION).ok_or_else(missing)?;
+    if truth.len() != cloud.len() {
+        return Err(Error::input(format!("{path} has {} points, not {}", truth.len(), cloud.len())).into());
+    }
+    cloud.set_column(Column::new("Truth", codes.values.clone()))?;
+    Ok(ColourBy::Agreement { truth: "Truth".into(), prediction: names::CLASSIFICATION.into() })
 }
 
 fn range(text: &str) -> Result<(f64, f64), Failure> {
