@@ -20,7 +20,7 @@ fn weak(settings: &[&str]) -> WeakRecipe {
 
 /// Overall accuracy and mean F1 of each method, in percent, for one seed.
 fn scores(cloud: &Cloud, labels: &Labels, seed: u64) -> Vec<(f64, f64)> {
-    let recipe = WeakRecipe { seed, ..weak(&["labels.per_class=15"]) };
+    let recipe = WeakRecipe { seed, ..weak(&["labels.per_class=15", "neighbourhood.k_step=10"]) };
     let monitor = Monitor::default();
     let (model, report) = train_weak(&[(cloud.clone(), labels.clone())], &recipe, &[], &monitor).unwrap();
     assert!(report.classes.iter().all(|c| c.samples == 15));

@@ -55,7 +55,7 @@ pub fn of(format: &str, folder: &Path) -> Vec<Sample> {
         other => vec![own(&format!("seed.{other}"), false), own(&format!("packed.{other}"), true)],
     };
     samples.extend(match format {
-        "copc" => shared(".copc.laz", 40_000),
+        "copc" => shared(".copc.laz", 5_000),
         "e57" => shared(".e57", 20_000),
         "pcd" => shared(".pcd", 20_000),
         _ => Vec::new(),

@@ -1,6 +1,7 @@
 //! What the user types.
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use scansion_core::classification::ClassifierKind;
 use scansion_core::recipes::Regularise;
 use std::path::PathBuf;
 
@@ -217,6 +218,27 @@ pub(crate) struct Features {
     pub(crate) overwrite: bool,
 }
 
+/// Kind of classifier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ClassifierName {
+    /// Random forest
+    Rf,
+    /// Gradient-boosted trees
+    Gbt,
+    /// Bagging of unpruned trees
+    Bagging,
+}
+
+impl ClassifierName {
+    pub(crate) fn kind(self) -> ClassifierKind {
+        match self {
+            Self::Rf => ClassifierKind::Forest,
+            Self::Gbt => ClassifierKind::Boosting,
+            Self::Bagging => ClassifierKind::Bagging,
+        }
+    }
+}
+
 /// scansion train LABELLED... -o MODEL
 #[derive(Debug, ClapArgs)]
 pub(crate) struct Train {
@@ -230,6 +252,9 @@ pub(crate) struct Train {
     pub(crate) labels: LabelArgs,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    /// What is learned: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
+    #[arg(long, value_enum)]
+    pub(crate) classifier: Option<ClassifierName>,
     /// Learn from a few labels (document 000): the same as --recipe weak
     #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
     pub(crate) weak: bool,

@@ -53,7 +53,8 @@ impl Blocks {
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Cloud>> {
         let take = || self.inner.lock().ok().and_then(|mut inner| inner.take());
         let Some(mut blocks) = take() else { return Ok(None) };
-        let (block, blocks) = call_with(py, self.n_jobs, &self.monitor, move |_| Ok((blocks.next().transpose()?, blocks)))?;
+        let (block, blocks) =
+            call_with(py, self.n_jobs, &self.monitor, move |_| Ok((blocks.next().transpose()?, blocks)))?;
         if let (Some(_), Ok(mut inner)) = (&block, self.inner.lock()) {
             *inner = Some(blocks);
         }

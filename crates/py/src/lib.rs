@@ -16,6 +16,7 @@ mod neighbours;
 mod recipes;
 mod regularisation;
 mod segmentation;
+mod segments;
 
 use pyo3::prelude::*;
 
@@ -47,6 +48,8 @@ mod _core {
     use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing};
     #[pymodule_export]
     use crate::segmentation::{cut_pursuit, merge_regions};
+    #[pymodule_export]
+    use crate::segments::{segment, suggest};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]

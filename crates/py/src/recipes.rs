@@ -153,7 +153,7 @@ impl Model {
     }
 
     fn importance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.inner.forest.importance())
+        PyArray1::from_slice(py, self.inner.classifier.importance())
     }
 }
 

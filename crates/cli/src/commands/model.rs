@@ -20,19 +20,20 @@ pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
     })
 }
 
-/// Features by falling impurity importance.
+/// Features by falling importance.
 fn ranked(model: &ModelFile) -> Vec<(&str, f64)> {
     let mut ranked: Vec<(&str, f64)> =
-        model.feature_names.iter().map(String::as_str).zip(model.forest.importance().iter().copied()).collect();
+        model.feature_names.iter().map(String::as_str).zip(model.classifier.importance().iter().copied()).collect();
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(b.0)));
     ranked
 }
 
 fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
     let mut text = format!(
-        "{} trees, {} nodes, {} features, trained at {:.1} points per square metre\n\n{:>5}  {:<20} {:>12}\n",
-        model.forest.trees(),
-        model.forest.nodes(),
+        "{}: {} trees, {} nodes, {} features, trained at {:.1} points per square metre\n\n{:>5}  {:<20} {:>12}\n",
+        model.classifier.kind().name(),
+        model.classifier.trees(),
+        model.classifier.nodes(),
         model.feature_names.len(),
         model.fingerprint.density,
         "code",
@@ -42,7 +43,7 @@ fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
     for (class, samples) in model.classes.classes().iter().zip(&model.fingerprint.class_counts) {
         let _ = writeln!(text, "{:>5}  {:<20} {samples:>12}", class.code, class.name);
     }
-    let _ = writeln!(text, "\nmost important features (share of the impurity removed)");
+    let _ = writeln!(text, "\nmost important features (share of what the splits gained)");
     for (name, importance) in ranked.iter().take(20) {
         let bar = "#".repeat((importance * 400.0).round().clamp(0.0, 60.0) as usize);
         let _ = writeln!(text, "{name:>32} {:>6.2} %  {bar}", 100.0 * importance);
@@ -57,8 +58,9 @@ fn csv(ranked: &[(&str, f64)]) -> String {
 
 fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
     serde_json::json!({
-        "trees": model.forest.trees(),
-        "nodes": model.forest.nodes(),
+        "classifier": model.classifier.kind(),
+        "trees": model.classifier.trees(),
+        "nodes": model.classifier.nodes(),
         "seed": model.seed,
         "classes": model.classes.classes(),
         "samples": model.fingerprint.class_counts,

@@ -13,8 +13,16 @@ use std::path::Path;
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     let mut recipe = match sources::any_recipe(&named(args))? {
         AnyRecipe::Pyramid(recipe) => *recipe,
+        AnyRecipe::Weak(_) if args.classifier.is_some() => {
+            return Err(Failure::Usage(
+                "--classifier needs the recipe pyramid; the recipe weak learns a forest".into(),
+            ));
+        }
         AnyRecipe::Weak(recipe) => return train_weak::run(args, *recipe, context),
     };
+    if let Some(classifier) = args.classifier {
+        recipe.classifier = classifier.kind();
+    }
     if args.weak_labels.is_some() || args.per_class.is_some() || !args.grid_strength.is_empty() {
         return Err(Failure::Usage("--weak-labels, --per-class and --grid-strength need --weak".into()));
     }
@@ -35,7 +43,7 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
             ));
         }
         if let Some(best) = scores.iter().rev().max_by(|a, b| a.mean_f1.total_cmp(&b.mean_f1)) {
-            recipe.forest.max_depth = best.max_depth;
+            recipe.set_max_depth(best.max_depth);
         }
     }
     let (model, report) = recipes::train(&clouds, &recipe, &context.monitor)?;

@@ -1,7 +1,6 @@
 //! Cross-validation: learning on all folds but one, judging on that one.
 
-use super::forest::Forest;
-use super::params::ForestParams;
+use super::classifier::{Classifier, ClassifierParams};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -76,10 +75,10 @@ pub fn grouped_folds(groups: &[u32], folds: usize) -> Result<Vec<u32>> {
 /// 0 take no part.
 ///
 /// # Errors
-/// Lengths that do not fit, fewer than two folds, and all errors of [`Forest::fit`].
+/// Lengths that do not fit, fewer than two folds, and all errors of [`Classifier::fit`].
 pub fn cross_validate(
     samples: &Samples<'_>,
-    params: &ForestParams,
+    params: &ClassifierParams,
     folds: &[u32],
     monitor: &Monitor,
 ) -> Result<Vec<FoldScore>> {
@@ -101,7 +100,7 @@ pub fn cross_validate(
 /// As [`cross_validate`].
 pub fn grid_search(
     samples: &Samples<'_>,
-    grid: &[ForestParams],
+    grid: &[ClassifierParams],
     folds: &[u32],
     monitor: &Monitor,
 ) -> Result<Vec<GridScore>> {
@@ -116,17 +115,17 @@ pub fn grid_search(
 /// Learns without one fold (its weights are 0) and judges on it.
 fn hold_out(
     samples: &Samples<'_>,
-    params: &ForestParams,
+    params: &ClassifierParams,
     (folds, fold): (&[u32], u32),
     monitor: &Monitor,
 ) -> Result<FoldScore> {
     let weight = |i: usize| if folds[i] == fold { 0.0 } else { samples.weight(i) as f32 };
     let weights: Vec<f32> = (0..samples.len()).map(weight).collect();
-    let forest = Forest::fit(&Samples { weights: Some(&weights), ..*samples }, params, monitor)?;
+    let classifier = Classifier::fit(&Samples { weights: Some(&weights), ..*samples }, params, monitor)?;
     let held: Vec<usize> = (0..samples.len()).filter(|&i| folds[i] == fold && samples.weight(i) > 0.0).collect();
     let rows: Vec<f32> = held.iter().flat_map(|&i| samples.row(i)).copied().collect();
     let mut confusion = vec![0u64; samples.classes * samples.classes];
-    for (&i, named) in held.iter().zip(forest.predict(&rows)?) {
+    for (&i, named) in held.iter().zip(classifier.predict(&rows)?) {
         confusion[usize::from(samples.labels[i]) * samples.classes + usize::from(named)] += 1;
     }
     let (accuracy, mean_f1) = scores(&confusion, samples.classes);
@@ -148,6 +147,7 @@ fn scores(confusion: &[u64], classes: usize) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ForestParams;
     use super::super::testing::blobs;
     use super::*;
 
@@ -183,7 +183,10 @@ mod tests {
     fn a_grid_prefers_the_deeper_forest_and_ignores_absent_samples() {
         let data = blobs(1200, 6, 4, 0.0);
         let folds = stratified_folds(&data.labels, 3, 0).unwrap();
-        let with = |depth| ForestParams { trees: 8, max_depth: Some(depth), ..ForestParams::default() };
+        let with = |depth| {
+            let params = ForestParams { trees: 8, max_depth: Some(depth), ..ForestParams::default() };
+            ClassifierParams::Forest(params)
+        };
         let scores = grid_search(&data.samples(), &[with(1), with(12)], &folds, &Monitor::default()).unwrap();
         assert!(scores[1].accuracy > scores[0].accuracy + 0.05, "{scores:?}");
         assert_eq!(scores[0].folds.iter().flat_map(|f| &f.confusion).sum::<u64>(), 1200);

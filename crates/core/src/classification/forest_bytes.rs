@@ -1,7 +1,8 @@
-//! A forest alone as bytes, without recipe and names: for copies between processes (Python's pickle).
+//! A classifier alone as bytes, without recipe and names: for copies between processes (Python's pickle).
 
-use super::codec::{Reader, encode, malformed};
-use super::fingerprint::Fingerprint;
+use super::boosting::Boosting;
+use super::boosting_codec;
+use super::codec::{Array, Reader, forest_arrays, malformed};
 use super::forest::Forest;
 use crate::error::{Error, Result};
 use safetensors::SafeTensors;
@@ -9,7 +10,8 @@ use safetensors::tensor::TensorView;
 use std::collections::HashMap;
 use std::path::Path;
 
-const KEY: &str = "scansion forest";
+const FOREST: &str = "scansion forest";
+const BOOSTING: &str = "scansion boosting";
 
 impl Forest {
     /// The forest as safetensors; the same forest gives the same bytes. Use [`Model`](super::Model) for files to keep.
@@ -17,14 +19,7 @@ impl Forest {
     /// # Errors
     /// None that is known; failures of the encoder are passed on.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let refused = |e: &dyn std::fmt::Display| Error::input(format!("forest cannot be written: {e}"));
-        let arrays = encode(self, &Fingerprint::default());
-        let views = arrays.iter().map(|(name, dtype, len, bytes)| {
-            TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
-        });
-        let shape = format!("{} {}", self.width(), self.classes());
-        let metadata = Some(HashMap::from([(KEY.to_string(), shape)]));
-        safetensors::serialize(views.collect::<Result<Vec<_>>>()?, metadata).map_err(|e| refused(&e))
+        write(&forest_arrays(self), FOREST, (self.width(), self.classes()))
     }
 
     /// Reads what [`Forest::to_bytes`] wrote; every index is checked.
@@ -32,17 +27,50 @@ impl Forest {
     /// # Errors
     /// [`Error::Malformed`] naming the field.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let path = Path::new("forest in memory");
-        let wrong = |e: &dyn std::fmt::Display| malformed(path, "header", e, "the header of a forest");
-        let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| wrong(&e))?;
-        let shape = metadata.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(|| wrong(&"no shape"))?;
-        let numbers: Vec<usize> = shape.split(' ').filter_map(|n| n.parse().ok()).collect();
-        let (Some(&width @ 1..=65_534), Some(&classes @ 1..=65_535)) = (numbers.first(), numbers.get(1)) else {
-            return Err(wrong(shape));
-        };
-        let tensors = SafeTensors::deserialize(bytes).map_err(|e| wrong(&e))?;
-        Reader { path, tensors }.forest(width, classes)
+        let (reader, (width, classes)) = read(bytes, FOREST)?;
+        reader.forest(width, classes)
     }
+}
+
+impl Boosting {
+    /// The trees as safetensors; the same trees give the same bytes. Use [`Model`](super::Model) for files to keep.
+    ///
+    /// # Errors
+    /// None that is known; failures of the encoder are passed on.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        write(&boosting_codec::encode(self), BOOSTING, (self.width(), self.classes()))
+    }
+
+    /// Reads what [`Boosting::to_bytes`] wrote; every index is checked.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] naming the field.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        let (reader, (width, classes)) = read(bytes, BOOSTING)?;
+        reader.boosting(width, classes)
+    }
+}
+
+fn write(arrays: &[Array], key: &str, (width, classes): (usize, usize)) -> Result<Vec<u8>> {
+    let refused = |e: &dyn std::fmt::Display| Error::input(format!("classifier cannot be written: {e}"));
+    let views = arrays.iter().map(|(name, dtype, len, bytes)| {
+        TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
+    });
+    let metadata = Some(HashMap::from([(key.to_string(), format!("{width} {classes}"))]));
+    safetensors::serialize(views.collect::<Result<Vec<_>>>()?, metadata).map_err(|e| refused(&e))
+}
+
+fn read<'a>(bytes: &'a [u8], key: &str) -> Result<(Reader<'a>, (usize, usize))> {
+    let path = Path::new("classifier in memory");
+    let wrong = |e: &dyn std::fmt::Display| malformed(path, "header", e, format!("the header of a {key}"));
+    let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| wrong(&e))?;
+    let shape = metadata.metadata().as_ref().and_then(|m| m.get(key)).ok_or_else(|| wrong(&"no shape"))?;
+    let numbers: Vec<usize> = shape.split(' ').filter_map(|n| n.parse().ok()).collect();
+    let (Some(&width @ 1..=65_534), Some(&classes @ 1..=65_535)) = (numbers.first(), numbers.get(1)) else {
+        return Err(wrong(shape));
+    };
+    let tensors = SafeTensors::deserialize(bytes).map_err(|e| wrong(&e))?;
+    Ok((Reader { path, tensors }, (width, classes)))
 }
 
 #[cfg(test)]

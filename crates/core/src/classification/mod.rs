@@ -1,11 +1,15 @@
 //! Classification: learning names from examples, and naming.
 //!
-//! `Samples -> Forest -> probabilities`. A [`Forest`] is learned on quantised features ([`Binning`]) and travels in a
-//! [`Model`] file together with the recipe that computes its features.
+//! `Samples -> Classifier -> probabilities`. A [`Classifier`] (a [`Forest`], [`Boosting`] or bagging) is learned on quantised
+//! features ([`Binning`]) and travels in a [`Model`] file together with the recipe that computes its features.
 
 mod bag;
+mod bagging;
 mod binning;
 mod boosting;
+mod boosting_codec;
+mod check_trees;
+mod classifier;
 mod codec;
 pub mod cross_validation;
 mod descend;
@@ -28,8 +32,10 @@ pub mod sampling;
 mod testing;
 mod train;
 
+pub use bagging::BaggingParams;
 pub use binning::{Binning, BinningParams};
 pub use boosting::{Boosting, BoostingParams, BoostingReport};
+pub use classifier::{Classifier, ClassifierKind, ClassifierParams};
 pub use fingerprint::Fingerprint;
 pub use forest::Forest;
 pub use importance::{Importance, permutation_importance};

@@ -1,10 +1,11 @@
-//! The model file: forest, recipe, classes, names of the features and what the training data looked like.
+//! The model file: classifier, recipe, classes, names of the features and what the training data looked like.
 //!
 //! Safetensors with one metadata entry, a JSON object. Its SHA-256 is that of the whole file with 64 zeros in its place.
 
-use super::codec::{Reader, encode, malformed};
+use super::boosting_codec;
+use super::classifier::{Classifier, ClassifierKind};
+use super::codec::{Reader, forest_arrays, malformed, print_arrays};
 use super::fingerprint::Fingerprint;
-use super::forest::Forest;
 use crate::classes::ClassTable;
 use crate::error::{Error, Result};
 use safetensors::SafeTensors;
@@ -14,8 +15,8 @@ use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Newest version of the file format that this version reads, and the one it writes.
-const VERSION: u64 = 1;
+/// Newest version of the file format that this version reads. Forests are written as version 1, others as version 2.
+const VERSION: u64 = 2;
 const FORMAT: &str = "scansion model";
 const KEY: &str = "scansion";
 
@@ -26,14 +27,14 @@ pub struct Model {
     pub recipe_toml: String,
     /// The classes, in the order of the probabilities.
     pub classes: ClassTable,
-    /// Names of the features in the order of the forest's columns; each once.
+    /// Names of the features in the order of the classifier's columns; each once.
     pub feature_names: Vec<String>,
     /// Seed of the training.
     pub seed: u64,
     /// Summary of the training samples, of the features in `feature_names`.
     pub fingerprint: Fingerprint,
-    /// The forest.
-    pub forest: Forest,
+    /// The classifier.
+    pub classifier: Classifier,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -42,22 +43,29 @@ struct Header {
     format: String,
     version: u64,
     sha256: String,
+    #[serde(default, skip_serializing_if = "is_forest")]
+    classifier: ClassifierKind,
     seed: u64,
     recipe: String,
     classes: ClassTable,
     features: Vec<String>,
 }
 
+fn is_forest(kind: &ClassifierKind) -> bool {
+    *kind == ClassifierKind::Forest
+}
+
 impl Model {
     /// The bytes of the model file; the same model gives the same bytes.
     ///
     /// # Errors
-    /// Classes, names, fingerprint and forest that do not fit together.
+    /// Classes, names, fingerprint and classifier that do not fit together.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         self.check_shape()?;
         let header = Header {
             format: FORMAT.into(),
-            version: VERSION,
+            version: if is_forest(&self.classifier.kind()) { 1 } else { VERSION },
+            classifier: self.classifier.kind(),
             sha256: "0".repeat(64),
             seed: self.seed,
             recipe: self.recipe_toml.clone(),
@@ -66,7 +74,11 @@ impl Model {
         };
         let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
-        let arrays = encode(&self.forest, &self.fingerprint);
+        let mut arrays = match &self.classifier {
+            Classifier::Forest(forest) | Classifier::Bagging(forest) => forest_arrays(forest),
+            Classifier::Boosting(trees) => boosting_codec::encode(trees),
+        };
+        arrays.extend(print_arrays(&self.fingerprint));
         let views = arrays.iter().map(|(name, dtype, len, bytes)| {
             TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
         });
@@ -97,7 +109,11 @@ impl Model {
             ));
         }
         let model = Self {
-            forest: reader.forest(width, classes)?,
+            classifier: match header.classifier {
+                ClassifierKind::Forest => Classifier::Forest(reader.forest(width, classes)?),
+                ClassifierKind::Bagging => Classifier::Bagging(reader.forest(width, classes)?),
+                ClassifierKind::Boosting => Classifier::Boosting(reader.boosting(width, classes)?),
+            },
             fingerprint: reader.fingerprint(width, classes)?,
             recipe_toml: header.recipe,
             classes: header.classes,
@@ -126,11 +142,11 @@ impl Model {
     }
 
     fn check_shape(&self) -> Result<()> {
-        let (width, classes) = (self.forest.width(), self.forest.classes());
+        let (width, classes) = (self.classifier.width(), self.classifier.classes());
         let print = &self.fingerprint;
         if self.feature_names.len() != width || self.classes.len() != classes {
             return Err(Error::input(format!(
-                "{} feature names and {} classes for a forest of {width} features and {classes} classes",
+                "{} feature names and {} classes for a classifier of {width} features and {classes} classes",
                 self.feature_names.len(),
                 self.classes.len()
             )));
@@ -139,7 +155,7 @@ impl Model {
         if print.means.len() != width || print.quantiles.len() != width * levels || print.class_counts.len() != classes
         {
             return Err(Error::input(format!(
-                "a fingerprint of {} features and {} classes for a forest of {width} and {classes}",
+                "a fingerprint of {} features and {} classes for a classifier of {width} and {classes}",
                 print.means.len(),
                 print.class_counts.len()
             )));
@@ -163,12 +179,13 @@ fn read_header(bytes: &[u8], path: &Path) -> Result<Header> {
         return Err(wrong(&"another format"));
     }
     match value.get("version").and_then(serde_json::Value::as_u64) {
-        Some(VERSION) => {}
+        Some(1..=VERSION) => {}
         Some(version) if version > VERSION => {
-            let reason = format!("model version {version} is newer than this program, which reads version {VERSION}");
+            let reason =
+                format!("model version {version} is newer than this program, which reads versions up to {VERSION}");
             return Err(Error::Unsupported { path: path.to_path_buf(), reason });
         }
-        other => return Err(malformed(path, "version", format!("{other:?}"), VERSION.to_string())),
+        other => return Err(malformed(path, "version", format!("{other:?}"), format!("1 to {VERSION}"))),
     }
     let header: Header = serde_json::from_value(value).map_err(|e| wrong(&e))?;
     let place = find(bytes, header.sha256.as_bytes()).filter(|_| header.sha256.len() == 64);
@@ -195,7 +212,7 @@ fn checksum(bytes: &[u8], place: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::testing::blobs;
-    use super::super::{ForestParams, Samples};
+    use super::super::{BoostingParams, ClassifierParams, Forest, ForestParams, Samples};
     use super::*;
     use crate::parallel::Monitor;
 
@@ -207,7 +224,7 @@ mod tests {
             feature_names: vec!["height".into(), "roughness \"r\"".into()],
             seed: u64::MAX,
             fingerprint: Fingerprint::of(samples, 7.5),
-            forest: Forest::fit(samples, &params, &Monitor::default()).unwrap(),
+            classifier: Classifier::Forest(Forest::fit(samples, &params, &Monitor::default()).unwrap()),
         }
     }
 
@@ -223,7 +240,9 @@ mod tests {
     /// A file with a right checksum around a forest that was tampered with.
     fn tampered(change: impl FnOnce(&mut Forest)) -> Error {
         let mut model = small();
-        change(&mut model.forest);
+        if let Classifier::Forest(forest) = &mut model.classifier {
+            change(forest);
+        }
         read(&model.to_bytes().unwrap()).unwrap_err()
     }
 
@@ -236,6 +255,24 @@ mod tests {
         assert_eq!(Model::load(&path).unwrap(), model);
         assert_eq!(model.to_bytes().unwrap(), small().to_bytes().unwrap());
         assert!(matches!(Model::load(&folder.path().join("none")), Err(Error::Io { .. })));
+    }
+
+    #[test]
+    fn boosted_and_bagged_trees_come_back_from_their_files() {
+        let data = blobs(200, 2, 3, 0.0);
+        let boosting = ClassifierParams::Boosting(BoostingParams { rounds: 3, ..BoostingParams::default() });
+        let bagging = ClassifierParams::Bagging(super::super::BaggingParams { trees: 2, ..Default::default() });
+        for params in [boosting, bagging] {
+            let classifier = Classifier::fit(&data.samples(), &params, &Monitor::default()).unwrap();
+            let model = Model { classifier, ..model(&data.samples()) };
+            let bytes = model.to_bytes().unwrap();
+            assert_eq!(read(&bytes).unwrap(), model);
+            for i in (0..bytes.len()).step_by(7) {
+                let mut broken = bytes.clone();
+                broken[i] ^= 1;
+                assert!(read(&broken).is_err(), "byte {i}");
+            }
+        }
     }
 
     #[test]
@@ -257,7 +294,7 @@ mod tests {
         let message = |change: fn(&mut Forest)| tampered(change).to_string();
         let inner = |f: &Forest| f.nodes.iter().position(|n| n.cut != LEAF).unwrap();
         const LEAF: u16 = u16::MAX;
-        assert!(inner(&small().forest) == 0);
+        assert!(matches!(small().classifier, Classifier::Forest(f) if inner(&f) == 0));
         assert!(message(|f| f.nodes[0].left = 0).contains("node_left at node 0"));
         assert!(message(|f| f.nodes[0].left = 1_000_000).contains("node_left at node 0"));
         assert!(message(|f| f.nodes[0].left += 2).contains("node_left"));
@@ -277,8 +314,8 @@ mod tests {
         let text = br#"\"version\":1"#;
         let place = find(&bytes, text).unwrap() + text.len() - 1;
         let mut newer = bytes;
-        newer[place] = b'2';
-        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 2")));
+        newer[place] = b'3';
+        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 3")));
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, Scratch, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
 
-/// Blocks that go through the forest together: the more rows share a path, the cheaper it is.
+/// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
 const TOGETHER: usize = 8;
 
 /// Groups of blocks whose probabilities are held at a time.
@@ -131,7 +131,7 @@ struct Workspace {
     scratch: Scratch,
     rows: Vec<f32>,
     group: Vec<f32>,
-    forest: PredictScratch,
+    trees: PredictScratch,
 }
 
 /// Points of a group of blocks and their class probabilities.
@@ -150,7 +150,7 @@ impl Workspace {
             self.group.extend_from_slice(&self.rows);
         }
         let mut probabilities = vec![0.0; points.len() * model.classes.len()];
-        model.forest.predict_block(&self.group, &mut self.forest, &mut probabilities)?;
+        model.classifier.predict_block(&self.group, &mut self.trees, &mut probabilities)?;
         monitor.advance(points.len() as u64);
         Ok(Part { points, probabilities })
     }

@@ -2,7 +2,7 @@
 
 use super::TrainingParams;
 use super::regularise::RegulariseParams;
-use crate::classification::ForestParams;
+use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams};
 use crate::error::{Error, Result};
 use crate::features::FeatureSet;
 use serde::{Deserialize, Serialize};
@@ -24,12 +24,18 @@ pub struct Recipe {
     pub recipe: PyramidKind,
     /// Seed of everything that is drawn by chance.
     pub seed: u64,
+    /// What is learned: `rf` (the paper's), `gbt` or `bagging`; each has its own section of settings.
+    pub classifier: ClassifierKind,
     /// Which features, on which scales.
     pub features: FeatureSet,
     /// Which points are learned from.
     pub training: TrainingParams,
-    /// The forest.
+    /// The forest (`rf`).
     pub forest: ForestParams,
+    /// Gradient-boosted trees (`gbt`).
+    pub boosting: BoostingParams,
+    /// Bagging.
+    pub bagging: BaggingParams,
     /// How labels are made to agree; document 004 names every point for itself.
     pub regularise: RegulariseParams,
 }
@@ -50,7 +56,27 @@ impl Recipe {
         self.features.validate()?;
         self.training.validate()?;
         self.forest.validate()?;
+        self.boosting.validate()?;
+        self.bagging.validate()?;
         self.regularise.validate()
+    }
+
+    /// Settings of the classifier chosen.
+    pub fn classifier(&self) -> ClassifierParams {
+        match self.classifier {
+            ClassifierKind::Forest => ClassifierParams::Forest(self.forest.clone()),
+            ClassifierKind::Boosting => ClassifierParams::Boosting(self.boosting.clone()),
+            ClassifierKind::Bagging => ClassifierParams::Bagging(self.bagging.clone()),
+        }
+    }
+
+    /// Limits the depth of the chosen classifier's trees.
+    pub fn set_max_depth(&mut self, depth: Option<usize>) {
+        match self.classifier {
+            ClassifierKind::Forest => self.forest.max_depth = depth,
+            ClassifierKind::Boosting => self.boosting.max_depth = depth,
+            ClassifierKind::Bagging => self.bagging.max_depth = depth,
+        }
     }
 
     /// Applies `section.key=value` settings, each value read as TOML (a bare word counts as text).

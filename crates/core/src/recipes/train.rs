@@ -1,4 +1,5 @@
-//! Learning the pyramid recipe: multi-scale features of labelled points and a random forest.
+//! Learning the pyramid recipe: multi-scale features of labelled points and a random forest
+//! (or another classifier).
 //!
 //! Reference: T. Hackel, *Large-scale machine learning for point cloud processing*, thesis, ETH Zurich 2018, chapter
 //! 4.4 (document 004). The steps of the chapter are the functions of this file, in order.
@@ -9,7 +10,7 @@ use super::training::{Candidate, ClassCount, TrainingReport, candidates, copies,
 use crate::classes::ClassTable;
 use crate::classification::cross_validation::{grid_search, grouped_folds};
 use crate::classification::sampling::{BalanceParams, balance};
-use crate::classification::{Fingerprint, Forest, ForestParams, Model, Samples};
+use crate::classification::{Classifier, ClassifierParams, Fingerprint, Model, Samples};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::features;
@@ -35,14 +36,13 @@ struct Source {
 /// A parameter out of range; fewer than one labelled point; a column that the features need is absent.
 pub fn train(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<(Model, TrainingReport)> {
     let (sources, described, recipe) = prepare(clouds, recipe, monitor)?;
-    let mut params = recipe.forest.clone();
-    params.seed = params.seed.wrapping_add(recipe.seed);
-    let (forest, fit) = Forest::fit_with_report(&described.samples(), &params, monitor)?;
-    let (forest, used) = forest.retain_used();
+    let params = recipe.classifier().with_seed(recipe.seed);
+    let (classifier, out_of_bag_accuracy) = Classifier::fit_with_score(&described.samples(), &params, monitor)?;
+    let (classifier, used) = classifier.retain_used();
     let report = TrainingReport {
         classes: count(clouds, &sources, &described.classes),
         unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
-        out_of_bag_accuracy: fit.oob_score,
+        out_of_bag_accuracy,
         first_scale: recipe.features.pyramid.first_scale.unwrap_or_default(),
         used_features: used.len(),
         features: described.names.len(),
@@ -50,7 +50,7 @@ pub fn train(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> 
     let fingerprint = Fingerprint::of(&described.samples(), mean_density(clouds, &recipe)).select(&used);
     let feature_names = used.iter().map(|&f| described.names[f].clone()).collect();
     let (recipe_toml, seed) = (recipe.to_toml()?, recipe.seed);
-    Ok((Model { recipe_toml, classes: described.classes, feature_names, seed, fingerprint, forest }, report))
+    Ok((Model { recipe_toml, classes: described.classes, feature_names, seed, fingerprint, classifier }, report))
 }
 
 /// Scores of one maximum depth, each the mean over the folds.
@@ -77,14 +77,18 @@ pub fn cross_validate(
 ) -> Result<Vec<DepthScore>> {
     let (_, described, recipe) = prepare(clouds, recipe, monitor)?;
     let folds = grouped_folds(&described.blocks, folds)?;
-    let mut grid: Vec<ForestParams> =
-        depths.iter().map(|&d| ForestParams { max_depth: Some(d), ..recipe.forest.clone() }).collect();
-    if grid.is_empty() {
-        grid.push(recipe.forest.clone());
+    let mut grid = vec![recipe.classifier()];
+    if !depths.is_empty() {
+        grid = depths.iter().map(|&depth| with_depth(recipe.classifier(), depth)).collect();
     }
     let scores = grid_search(&described.samples(), &grid, &folds, monitor)?;
-    let pairs = grid.iter().zip(scores);
-    Ok(pairs.map(|(p, s)| DepthScore { max_depth: p.max_depth, accuracy: s.accuracy, mean_f1: s.mean_f1 }).collect())
+    let pairs = grid.iter_mut().zip(scores);
+    Ok(pairs.map(|(p, s)| DepthScore { max_depth: *p.max_depth(), accuracy: s.accuracy, mean_f1: s.mean_f1 }).collect())
+}
+
+fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
+    *params.max_depth() = Some(depth);
+    params
 }
 
 /// Steps 1 to 3; returns the recipe with its first scale fixed.

@@ -16,8 +16,8 @@ use crate::graph::Graph;
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
-/// Up to so many links the pair of largest gain is merged first; above, all that are each other's best at once.
-const GREEDY_LINKS: usize = 100_000;
+/// Up to so many links the pair of largest gain is merged first; above, every region's best pair at once.
+pub(super) const GREEDY_LINKS: usize = 50_000;
 
 /// Parameters of [`merge`].
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -64,7 +64,7 @@ pub struct Merge {
 
 /// Merges single nodes into segments as long as Q = Σ m_i ‖f_i − x_c(i)‖² + ρ Σ w_ij [c(i) ≠ c(j)] falls.
 ///
-/// With at most 100,000 edges the pair of largest gain merges first; with more, every region's best partner is found
+/// With at most 50,000 edges the pair of largest gain merges first; with more, every region's best partner is found
 /// at once, and these pairs merge in the order of gain, each checked again with the means of that moment. Q never
 /// rises in either way.
 ///
@@ -86,7 +86,7 @@ pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Mon
         Some(partition) => partition,
         None => {
             let links = node_links(graph, params.strength);
-            Partition::from_labels(&merge_further(Regions::of_nodes(signal), links, monitor)?.became)?
+            Partition::from_labels(&merge_further(Regions::of_nodes(signal), links, GREEDY_LINKS, monitor)?.became)?
         }
     };
     let energy = energy(signal, graph, params.strength, &partition);
@@ -118,10 +118,10 @@ pub(super) struct Merger {
     pub(super) links: Vec<Link>,
 }
 
-/// Merges regions while a merger gains.
-pub(super) fn merge_further(regions: Regions, links: Vec<Link>, monitor: &Monitor) -> Result<Merger> {
+/// Merges regions while a merger gains; the largest gain goes first once there are no more than `greedy` links.
+pub(super) fn merge_further(regions: Regions, links: Vec<Link>, greedy: usize, monitor: &Monitor) -> Result<Merger> {
     let mut merger = Merger { became: (0..regions.len() as u32).collect(), regions, links };
-    while merger.links.len() > GREEDY_LINKS {
+    while merger.links.len() > greedy {
         monitor.check()?;
         let Some(sets) = batch::merge_best_pairs(&mut merger.regions, &merger.links) else { return Ok(merger) };
         merger.unite(sets);
@@ -187,7 +187,8 @@ mod tests {
             assert!(now < last, "every round lowers the energy");
             last = now;
         }
-        let one_by_one = merge_further(Regions::of_nodes(&signal), links, &Monitor::default()).unwrap().became;
+        let one_by_one =
+            merge_further(Regions::of_nodes(&signal), links, GREEDY_LINKS, &Monitor::default()).unwrap().became;
         for labels in [became, one_by_one] {
             let partition = Partition::from_labels(&labels).unwrap();
             let regions = Regions::of_segments(&signal, &partition);

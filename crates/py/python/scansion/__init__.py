@@ -11,6 +11,7 @@ from scansion._cloud import PointCloud, blocks, convert, diff, info, merge, read
 from scansion._core import FileFormatError, __version__
 from scansion._forest import RandomForestClassifier
 from scansion._render import render
+from scansion._segments import Segments, Suggestions, segment, suggest
 from scansion._weak import WeakClassifier
 
 __all__ = [
@@ -19,6 +20,8 @@ __all__ = [
     "PointClassifier",
     "PointCloud",
     "RandomForestClassifier",
+    "Segments",
+    "Suggestions",
     "WeakClassifier",
     "__version__",
     "blocks",
@@ -35,6 +38,8 @@ __all__ = [
     "render",
     "rewrite",
     "salvage",
+    "segment",
     "segmentation",
+    "suggest",
     "write",
 ]

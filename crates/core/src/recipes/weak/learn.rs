@@ -4,7 +4,7 @@ use super::examples::{Example, examples};
 use super::{WeakRecipe, describe};
 use crate::classes::ClassTable;
 use crate::classification::cross_validation::stratified_folds;
-use crate::classification::{Fingerprint, Forest, ForestParams, Model, Samples};
+use crate::classification::{Classifier, ClassifierParams, Fingerprint, Model, Samples};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
@@ -78,7 +78,7 @@ pub fn train_weak(
     if let Some(best) = best_of(&scores) {
         recipe.regularise.strength = best;
     }
-    let forest = Forest::fit(&samples, &seeded(&recipe), monitor)?;
+    let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
     let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
     let report = report(clouds, &codes, &recipe, scores);
     let model = Model {
@@ -87,7 +87,7 @@ pub fn train_weak(
         feature_names: lessons.first().map(|l| l.features.names.clone()).unwrap_or_default(),
         seed: recipe.seed,
         classes,
-        forest,
+        classifier,
     };
     Ok((model, report))
 }
@@ -126,9 +126,8 @@ fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
     (rows, labels)
 }
 
-fn seeded(recipe: &WeakRecipe) -> ForestParams {
-    let seed = recipe.forest.seed.wrapping_add(recipe.seed);
-    ForestParams { seed, ..recipe.forest.clone() }
+fn seeded(recipe: &WeakRecipe) -> ClassifierParams {
+    ClassifierParams::Forest(recipe.forest.clone()).with_seed(recipe.seed)
 }
 
 /// Accuracy of every strength on the labels of one cloud that are held out.
@@ -149,7 +148,7 @@ fn search(
         let names: Vec<u16> = kept.iter().map(|&i| labels[i]).collect();
         let (width, classes) = (lesson.features.width(), classes.len());
         let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
-        let forest = Forest::fit(&samples, &seeded(recipe), monitor)?;
+        let forest = Classifier::fit(&samples, &seeded(recipe), monitor)?;
         let values = probabilities(&forest, &lesson.features)?;
         for (s, &strength) in strengths.iter().enumerate() {
             let params = RegulariseParams { strength, ..recipe.regularise.clone() };
@@ -178,9 +177,9 @@ fn head(features: &FeatureTable) -> FeatureTable {
     FeatureTable { names: features.names[..4].to_vec(), values: rows.flat_map(|r| &r[..4]).copied().collect() }
 }
 
-fn probabilities(forest: &Forest, features: &FeatureTable) -> Result<Vec<f32>> {
-    let mut values = vec![0.0; features.rows() * forest.classes()];
-    forest.predict_proba(&features.values, &mut values)?;
+fn probabilities(classifier: &Classifier, features: &FeatureTable) -> Result<Vec<f32>> {
+    let mut values = vec![0.0; features.rows() * classifier.classes()];
+    classifier.predict_proba(&features.values, &mut values)?;
     Ok(values)
 }
 
@@ -224,7 +223,7 @@ pub(in crate::recipes) fn classify_weak(
         )));
     }
     monitor.stage("classify", points.len() as u64);
-    let values = probabilities(&model.forest, &features)?;
+    let values = probabilities(&model.classifier, &features)?;
     drop(features);
     let scene = Scene::new(&points, Some(&local), params, monitor)?;
     drop(local);

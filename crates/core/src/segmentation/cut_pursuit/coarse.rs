@@ -20,8 +20,10 @@ use crate::parallel::Monitor;
 const FIRST_SHARE: f64 = 1.0 / 128.0;
 /// ... until this share is passed ...
 const LAST_SHARE: f64 = 0.1;
-/// ... or so many nodes have become one on the average.
+/// ... or so many nodes have become one on the average, ...
 const NODES_TO_ONE: usize = 16;
+/// ... but so many coarse nodes to a segment are kept.
+const NODES_A_SEGMENT: usize = 32;
 
 /// A graph with its values.
 struct Problem<'a> {
@@ -48,7 +50,8 @@ pub(super) fn in_cycles(
     let mut best = CutPursuit { partition, centroids, energy: start, iterations: 0, converged: false, trace };
     for cycle in 0..params.cycles {
         let params = CutPursuitParams { seed: params.seed.wrapping_add(cycle as u64), ..params.clone() };
-        let found = if graph.len() > params.coarse_above {
+        let small_segments = NODES_A_SEGMENT * best.partition.len() > graph.len() / 2;
+        let found = if graph.len() > params.coarse_above && !small_segments {
             problem.coarse_cycle(&best.partition, &params)?
         } else {
             Pursuit::new((signal, graph), best.partition.clone(), &params, monitor)?.run()?
@@ -102,16 +105,18 @@ impl Problem<'_> {
         let values = smoothed(self.signal, (self.graph, &self.adjacency), partition);
         let mut regions = Regions::of_nodes(&self.signal.with_values(&values));
         let whose = |end: u32| partition.segments()[end as usize];
-        let mut share = FIRST_SHARE;
+        let nodes = self.graph.len();
+        let enough = (nodes / NODES_TO_ONE).max(NODES_A_SEGMENT * partition.len());
+        let mut share = FIRST_SHARE * nodes as f64 / (NODES_TO_ONE * enough) as f64;
         let mut links = node_links(self.graph, share * self.params.strength);
         links.retain(|link| whose(link.ends[0]) == whose(link.ends[1]));
         let mut labels: Vec<u32> = (0..self.graph.len() as u32).collect();
         loop {
-            let merger = merge_further(regions, links, self.monitor)?;
+            let merger = merge_further(regions, links, 0, self.monitor)?;
             labels.iter_mut().for_each(|label| *label = merger.became[*label as usize]);
             (regions, links) = (merger.regions, merger.links);
             share *= 2.0;
-            if share > LAST_SHARE || regions.len() <= labels.len() / NODES_TO_ONE {
+            if share > LAST_SHARE || regions.len() <= enough {
                 return Partition::from_labels(&labels);
             }
             links.iter_mut().for_each(|link| link.boundary *= 2.0);

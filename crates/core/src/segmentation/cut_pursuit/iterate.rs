@@ -1,6 +1,6 @@
 //! The rounds of cut pursuit: split open segments, merge, look at the energy.
 
-use super::super::merge::merge_further;
+use super::super::merge::{GREEDY_LINKS, merge_further};
 use super::super::refine::move_boundary_nodes;
 use super::super::regions::{Link, Regions, contract, energy, node_links};
 use super::super::{Partition, Signal};
@@ -133,7 +133,7 @@ impl<'a> Pursuit<'a> {
     fn merge(&mut self) -> Result<()> {
         let links = contract(&self.links, self.partition.segments());
         let regions = Regions::of_segments(self.source.signal, &self.partition);
-        let became = merge_further(regions, links, self.monitor)?.became;
+        let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
         let joined = Partition::from_labels(&became)?;
         self.saturated = joined.iter().map(|parts| parts.len() == 1 && self.saturated[parts[0] as usize]).collect();
         let labels: Vec<u32> = self.partition.segments().iter().map(|&s| joined.segments()[s as usize]).collect();

@@ -29,7 +29,7 @@ pub struct CutPursuitParams {
     pub strength: f64,
     /// Segments of less weight than this join their best neighbour at the end, whatever it costs. ≥ 0; 0 keeps all.
     pub cutoff: f64,
-    /// Graphs of more nodes than this are cut on a coarser graph, many times faster. `usize::MAX` never does so: the
+    /// Graphs of more nodes than this are cut on a coarser graph, many times faster, unless segments are tiny. `usize::MAX` never does so: the
     /// method of the paper.
     pub coarse_above: usize,
     /// How often all of this is done, each time from the result before with other random numbers and, on large graphs,
@@ -41,6 +41,8 @@ pub struct CutPursuitParams {
     pub means_steps: usize,
     /// R: random starts of the 2-means, the best is used. At least 1.
     pub restarts: usize,
+    /// Splits tried for each segment, of which that of least energy is taken. At least 1.
+    pub attempts: usize,
     /// Rounds of splitting and merging at most. At least 1.
     pub max_iterations: usize,
     /// Stop when a round lowers Q by less than this share of it. ≥ 0.
@@ -65,6 +67,7 @@ impl Default for CutPursuitParams {
             flow_steps: 3,
             means_steps: 5,
             restarts: 3,
+            attempts: 4,
             max_iterations: 10,
             tolerance: 1e-3,
             guard: false,
@@ -76,9 +79,9 @@ impl Default for CutPursuitParams {
 }
 
 impl CutPursuitParams {
-    /// The method of the paper and of the reference implementation, without moves, cycles and coarse graphs.
+    /// The method of the paper and of the reference implementation, without repeated attempts, moves, cycles and coarse graphs.
     pub fn as_published(self) -> Self {
-        Self { coarse_above: usize::MAX, cycles: 1, moves: false, ..self }
+        Self { coarse_above: usize::MAX, cycles: 1, attempts: 1, moves: false, ..self }
     }
 
     /// The same problem with the effort of a preset of the reference implementation.
@@ -106,6 +109,7 @@ impl CutPursuitParams {
             ("flow_steps", self.flow_steps),
             ("means_steps", self.means_steps),
             ("restarts", self.restarts),
+            ("attempts", self.attempts),
             ("max_iterations", self.max_iterations),
             ("cycles", self.cycles),
         ];

@@ -1,0 +1,85 @@
+//! The check of every index of trees that are read.
+
+use super::binning::Binning;
+use super::codec::Reader;
+use super::forest::{LEAF_CUT, Node};
+use super::params::MAX_DEPTH;
+use crate::error::Result;
+
+/// Trees of any classifier.
+pub(super) struct Trees<'a> {
+    pub(super) nodes: &'a [Node],
+    pub(super) roots: &'a [u32],
+    pub(super) binning: &'a Binning,
+    /// True if the leaf at this place may point there.
+    pub(super) leaf: &'a dyn Fn(usize, usize) -> bool,
+}
+
+impl Reader<'_> {
+    pub(super) fn check_trees(&self, trees: &Trees<'_>) -> Result<()> {
+        let (roots, count) = (trees.roots, trees.nodes.len());
+        let rising = roots.windows(2).all(|w| w[0] < w[1]);
+        if roots.first() != Some(&0) || !rising || roots.last().is_none_or(|&r| r as usize >= count) {
+            return Err(self.wrong(
+                "roots",
+                format!("{:?}", &roots[..roots.len().min(8)]),
+                format!("rising from 0, below {count}"),
+            ));
+        }
+        let ends = roots[1..].iter().map(|&r| r as usize).chain([count]);
+        roots.iter().zip(ends).try_for_each(|(&root, end)| self.check_tree(trees, root as usize..end))
+    }
+
+    /// Children stand behind their parent inside the tree and have one parent each: no cycle, no stray node.
+    fn check_tree(&self, trees: &Trees<'_>, range: std::ops::Range<usize>) -> Result<()> {
+        let mut depth = vec![0usize; range.len()];
+        for i in range.clone() {
+            let node = trees.nodes[i];
+            self.check_node(trees, i, range.end)?;
+            let own = depth[i - range.start];
+            if own > MAX_DEPTH + 1 || (own == 0 && i > range.start) {
+                let allowed = format!("one parent, depth up to {MAX_DEPTH}");
+                return Err(self.wrong(
+                    &format!("node_left at node {i}"),
+                    format!("depth {}", own.wrapping_sub(1)),
+                    allowed,
+                ));
+            }
+            if node.cut != LEAF_CUT {
+                for child in [node.left as usize - range.start, node.left as usize + 1 - range.start] {
+                    if depth[child] != 0 {
+                        return Err(self.wrong(
+                            &format!("node_left at node {i}"),
+                            node.left,
+                            "children without another parent",
+                        ));
+                    }
+                    depth[child] = own.max(1) + 1;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_node(&self, trees: &Trees<'_>, i: usize, end: usize) -> Result<()> {
+        let node = trees.nodes[i];
+        let (feature, left) = (usize::from(node.feature), node.left as usize);
+        let wrong = |field: &str, found: usize, allowed: String| {
+            Err(self.wrong(&format!("{field} at node {i}"), found, allowed))
+        };
+        if feature >= trees.binning.width() {
+            return wrong("node_feature", feature, format!("below {}", trees.binning.width()));
+        }
+        if node.cut == LEAF_CUT {
+            return if (trees.leaf)(i, left) { Ok(()) } else { wrong("node_left", left, "a leaf of the tree".into()) };
+        }
+        if left <= i || left + 1 >= end {
+            return wrong("node_left", left, format!("above {i}, below {}", end - 1));
+        }
+        let cuts = trees.binning.cuts(feature).len();
+        match usize::from(node.cut) < cuts {
+            true => Ok(()),
+            false => wrong("node_cut", usize::from(node.cut), format!("below {cuts}")),
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! Whichever classifier: what a model holds and what a recipe chooses.
+
+use super::bagging::BaggingParams;
+use super::boosting::{Boosting, BoostingParams};
+use super::forest::Forest;
+use super::params::ForestParams;
+use super::predict::{PredictScratch, largest};
+use super::samples::Samples;
+use crate::error::Result;
+use crate::parallel::Monitor;
+use serde::{Deserialize, Serialize};
+
+/// The kinds of classifiers, by their short names.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ClassifierKind {
+    /// Random forest.
+    #[default]
+    #[serde(rename = "rf")]
+    Forest,
+    /// Gradient-boosted trees.
+    #[serde(rename = "gbt")]
+    Boosting,
+    /// Bagging.
+    #[serde(rename = "bagging")]
+    Bagging,
+}
+
+impl ClassifierKind {
+    /// Every kind.
+    pub const ALL: [Self; 3] = [Self::Forest, Self::Boosting, Self::Bagging];
+
+    /// Short name, as in recipes and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Forest => "rf",
+            Self::Boosting => "gbt",
+            Self::Bagging => "bagging",
+        }
+    }
+}
+
+/// Settings of one kind of classifier.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ClassifierParams {
+    /// Random forest.
+    Forest(ForestParams),
+    /// Gradient-boosted trees.
+    Boosting(BoostingParams),
+    /// Bagging.
+    Bagging(BaggingParams),
+}
+
+impl ClassifierParams {
+    /// The same with this added to its seed.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        let own = match &mut self {
+            Self::Forest(params) => &mut params.seed,
+            Self::Boosting(params) => &mut params.seed,
+            Self::Bagging(params) => &mut params.seed,
+        };
+        *own = own.wrapping_add(seed);
+        self
+    }
+
+    /// The limit of its trees' depth.
+    pub fn max_depth(&mut self) -> &mut Option<usize> {
+        match self {
+            Self::Forest(params) => &mut params.max_depth,
+            Self::Boosting(params) => &mut params.max_depth,
+            Self::Bagging(params) => &mut params.max_depth,
+        }
+    }
+
+    /// The kind of classifier.
+    pub fn kind(&self) -> ClassifierKind {
+        match self {
+            Self::Forest(_) => ClassifierKind::Forest,
+            Self::Boosting(_) => ClassifierKind::Boosting,
+            Self::Bagging(_) => ClassifierKind::Bagging,
+        }
+    }
+}
+
+/// A learned classifier: class probabilities of rows of features.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Classifier {
+    /// Random forest.
+    Forest(Forest),
+    /// Gradient-boosted trees.
+    Boosting(Boosting),
+    /// Bagging: its trees stand in a forest.
+    Bagging(Forest),
+}
+
+/// Asks the trees, whichever they are.
+macro_rules! ask {
+    ($self:expr, $trees:ident => $answer:expr) => {
+        match $self {
+            Self::Forest($trees) | Self::Bagging($trees) => $answer,
+            Self::Boosting($trees) => $answer,
+        }
+    };
+}
+
+impl Classifier {
+    /// Learns. The result is the same bytes for any number of threads.
+    ///
+    /// # Errors
+    /// Samples that do not fit together, a parameter out of range, cancellation.
+    pub fn fit(samples: &Samples<'_>, params: &ClassifierParams, monitor: &Monitor) -> Result<Self> {
+        Ok(match params {
+            ClassifierParams::Forest(params) => Self::Forest(Forest::fit(samples, params, monitor)?),
+            ClassifierParams::Boosting(params) => Self::Boosting(Boosting::fit(samples, params, monitor)?),
+            ClassifierParams::Bagging(params) => Self::Bagging(Forest::fit(samples, &params.forest(), monitor)?),
+        })
+    }
+
+    /// As [`Classifier::fit`], with the out-of-bag accuracy where trees left samples out.
+    ///
+    /// # Errors
+    /// As [`Classifier::fit`].
+    pub fn fit_with_score(
+        samples: &Samples<'_>,
+        params: &ClassifierParams,
+        monitor: &Monitor,
+    ) -> Result<(Self, Option<f64>)> {
+        let forest = |params: &ForestParams| {
+            Forest::fit_with_report(samples, params, monitor).map(|(forest, report)| (forest, report.oob_score))
+        };
+        match params {
+            ClassifierParams::Forest(params) => forest(params).map(|(f, score)| (Self::Forest(f), score)),
+            ClassifierParams::Bagging(params) => forest(&params.forest()).map(|(f, score)| (Self::Bagging(f), score)),
+            ClassifierParams::Boosting(_) => Self::fit(samples, params, monitor).map(|found| (found, None)),
+        }
+    }
+
+    /// The kind of classifier.
+    pub fn kind(&self) -> ClassifierKind {
+        match self {
+            Self::Forest(_) => ClassifierKind::Forest,
+            Self::Boosting(_) => ClassifierKind::Boosting,
+            Self::Bagging(_) => ClassifierKind::Bagging,
+        }
+    }
+
+    /// Number of classes.
+    pub fn classes(&self) -> usize {
+        ask!(self, trees => trees.classes())
+    }
+
+    /// Number of features a row.
+    pub fn width(&self) -> usize {
+        ask!(self, trees => trees.width())
+    }
+
+    /// Number of trees.
+    pub fn trees(&self) -> usize {
+        ask!(self, trees => trees.trees())
+    }
+
+    /// Number of nodes of all trees, leaves included.
+    pub fn nodes(&self) -> usize {
+        ask!(self, trees => trees.nodes())
+    }
+
+    /// Share that each feature has in what the splits gained; sums to 1, or all 0 if no tree has a split.
+    pub fn importance(&self) -> &[f64] {
+        ask!(self, trees => trees.importance())
+    }
+
+    /// Without the features that no node asks for, and the features kept; the answers are the same.
+    pub fn retain_used(self) -> (Self, Vec<usize>) {
+        match self {
+            Self::Forest(trees) => {
+                let (trees, used) = trees.retain_used();
+                (Self::Forest(trees), used)
+            }
+            Self::Bagging(trees) => {
+                let (trees, used) = trees.retain_used();
+                (Self::Bagging(trees), used)
+            }
+            Self::Boosting(trees) => {
+                let (trees, used) = trees.retain_used();
+                (Self::Boosting(trees), used)
+            }
+        }
+    }
+
+    /// Class probabilities of `rows` (row-major), written row-major to `out`. Serial.
+    ///
+    /// # Errors
+    /// Lengths that do not fit.
+    pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
+        ask!(self, trees => trees.predict_block(rows, scratch, out))
+    }
+
+    /// As [`Classifier::predict_block`], in parallel over blocks.
+    ///
+    /// # Errors
+    /// Lengths that do not fit.
+    pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
+        ask!(self, trees => trees.predict_proba(rows, out))
+    }
+
+    /// The most probable class of every row; the smaller class where two are equal.
+    ///
+    /// # Errors
+    /// A length that does not fit.
+    pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
+        let mut out = vec![0.0; rows.len() / self.width().max(1) * self.classes()];
+        self.predict_proba(rows, &mut out)?;
+        Ok(out.chunks_exact(self.classes().max(1)).map(|row| largest(row) as u16).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::blobs;
+    use super::*;
+
+    #[test]
+    fn every_kind_names_most_samples_right_and_forgets_no_answer_with_its_features() {
+        let data = blobs(3000, 7, 4, 0.0);
+        let half = Samples { features: &data.features[..1500 * 7], labels: &data.labels[..1500], ..data.samples() };
+        let all = [
+            ClassifierParams::Forest(ForestParams { trees: 20, ..ForestParams::default() }),
+            ClassifierParams::Boosting(BoostingParams { rounds: 20, ..BoostingParams::default() }),
+            ClassifierParams::Bagging(BaggingParams { trees: 20, ..BaggingParams::default() }),
+        ];
+        for (params, kind) in all.into_iter().zip(ClassifierKind::ALL) {
+            let (found, score) = Classifier::fit_with_score(&half, &params, &Monitor::default()).unwrap();
+            assert_eq!((found.kind(), params.kind()), (kind, kind));
+            assert_eq!(found, Classifier::fit(&half, &params.with_seed(0), &Monitor::default()).unwrap());
+            let named = found.predict(&data.features[1500 * 7..]).unwrap();
+            let right = named.iter().zip(&data.labels[1500..]).filter(|(a, b)| a == b).count();
+            assert!(right > 900, "{kind:?} {right}");
+            assert!(score.is_none_or(|s| (s - right as f64 / 1500.0).abs() < 0.06));
+            assert!((found.importance().iter().sum::<f64>() - 1.0).abs() < 1e-9);
+            let (small, used) = found.retain_used();
+            let rows: Vec<f32> = data.features.chunks(7).flat_map(|r| used.iter().map(|&f| r[f])).collect();
+            assert_eq!(small.predict(&rows).unwrap()[1500..], named);
+        }
+    }
+
+    #[test]
+    fn bagged_trees_differ_from_a_forest_only_in_trying_all_features() {
+        let forest = BaggingParams::default().forest();
+        assert_eq!(forest.max_features.resolve(18), 18);
+        let breiman = ForestParams { max_features: forest.max_features, ..ForestParams::breiman() };
+        assert_eq!(forest, breiman);
+        assert!(BaggingParams { trees: 0, ..BaggingParams::default() }.validate().is_err());
+    }
+}
