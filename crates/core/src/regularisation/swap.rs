@@ -65,10 +65,16 @@ impl SwapParams {
 pub fn alpha_beta_swap(unary: &[f32], graph: &Graph, params: &SwapParams, monitor: &Monitor) -> Result<Labelling> {
     params.validate()?;
     let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?;
-    let labels = energy.labels as u16;
-    let pairs: Vec<[u16; 2]> = (0..labels).flat_map(|a| (a + 1..labels).map(move |b| [a, b])).collect();
-    Search::new(energy).run(pairs.len(), params.max_rounds, monitor, |search, number| {
-        offer(search, pairs[number], pairs.len() as u32, monitor)
+    let labels = energy.labels;
+    let pairs = labels * (labels - 1) / 2;
+    let mut pair = [0, 0];
+    Search::new(energy).run(pairs, params.max_rounds, monitor, |search, number| {
+        pair = match pair {
+            _ if number == 0 => [0, 1],
+            [alpha, beta] if usize::from(beta) + 1 < labels => [alpha, beta + 1],
+            [alpha, _] => [alpha + 1, alpha + 2],
+        };
+        offer(search, pair, pairs as u32, monitor)
     })
 }
 
