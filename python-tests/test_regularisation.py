@@ -129,7 +129,7 @@ UNARY, EDGES = [[0.0, 1.0], [1.0, 0.0]], [[0, 1]]
         (lambda: regularisation.energy([0], UNARY, EDGES), "1 labels"),
         (lambda: regularisation.energy([0.5, 1.0], UNARY, EDGES), "labels"),
         (lambda: segmentation.cut_pursuit(UNARY, EDGES, strength=-1.0), "strength"),
-        (lambda: segmentation.cut_pursuit(UNARY, EDGES, start="nowhere"), "start"),
+        (lambda: segmentation.cut_pursuit(UNARY, EDGES, cycles=0), "cycles"),
         (lambda: segmentation.cut_pursuit([[np.inf]], []), "inf"),
         (lambda: segmentation.merge(UNARY, EDGES, node_weights=[1.0]), "node_weights"),
     ],

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import choice, to_json
+from scansion._arrays import to_json
 from scansion._graph import as_edges, as_rows, as_weights
 
 __all__ = ["Segments", "cut_pursuit", "merge"]
@@ -30,7 +30,8 @@ def cut_pursuit(
     strength: float = 0.1,
     cutoff: float = 0.0,
     node_weights: Any = None,
-    start: Literal["coarse", "pieces"] = "coarse",
+    coarse_above: int | None = 10_000,
+    cycles: int = 2,
     flow_steps: int = 3,
     means_steps: int = 5,
     restarts: int = 3,
@@ -38,12 +39,13 @@ def cut_pursuit(
     tolerance: float = 1e-3,
     guard: bool = False,
     backward: bool = True,
+    moves: bool = True,
     random_state: int = 0,
     n_jobs: int | None = None,
 ) -> Segments:
     """Segments by l0 cut pursuit: least sum of squared differences and boundary.
 
-    Landrieu and Obozinski 2017.
+    Landrieu and Obozinski 2017; ``coarse_above=None, cycles=1, moves=False`` is their method.
 
     Parameters
     ----------
@@ -59,9 +61,10 @@ def cut_pursuit(
         Segments of less weight than this join their best neighbour at the end.
     node_weights : array_like of shape (n,), optional
         How much each node counts; 1 by default.
-    start : {"coarse", "pieces"}
-        Begin with the result on a coarser graph, many times faster on large clouds, or with the graph's connected
-        pieces.
+    coarse_above : int, optional
+        Graphs of more nodes than this are cut on a coarser graph, many times faster; None never does so.
+    cycles : int
+        How often all is done, each time from the result before; 1 or more.
     flow_steps : int
         Minimum cuts per split.
     means_steps : int
@@ -76,6 +79,8 @@ def cut_pursuit(
         Split only where the energy falls at once.
     backward : bool
         Merge segments after each round of splits.
+    moves : bool
+        Move single nodes across boundaries where the energy falls; the paper does not.
     random_state : int
         Seed of the 2-means.
     n_jobs : int, optional
@@ -89,11 +94,11 @@ def cut_pursuit(
     >>> found.labels.tolist(), found.centroids.ravel().tolist(), found.energy
     ([0, 0, 1, 1], [0.125, 5.125], 0.5625)
     """
-    choice(start, "start", ("coarse", "pieces"))
     settings = {
         "strength": strength,
         "cutoff": cutoff,
-        "start": start,
+        "coarse_above": 2**32 - 1 if coarse_above is None else coarse_above,
+        "cycles": cycles,
         "flow_steps": flow_steps,
         "means_steps": means_steps,
         "restarts": restarts,
@@ -101,6 +106,7 @@ def cut_pursuit(
         "tolerance": tolerance,
         "guard": guard,
         "backward": backward,
+        "moves": moves,
         "seed": random_state,
     }
     return Segments(
