@@ -17,7 +17,7 @@ use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
 /// Up to so many links the pair of largest gain is merged first; above, every region's best pair at once.
-pub(super) const GREEDY_LINKS: usize = 50_000;
+pub(super) const GREEDY_LINKS: usize = 10_000;
 
 /// Parameters of [`merge`].
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -64,7 +64,7 @@ pub struct Merge {
 
 /// Merges single nodes into segments as long as Q = Σ m_i ‖f_i − x_c(i)‖² + ρ Σ w_ij [c(i) ≠ c(j)] falls.
 ///
-/// With at most 50,000 edges the pair of largest gain merges first; with more, every region's best partner is found
+/// With at most 10,000 edges the pair of largest gain merges first; with more, every region's best partner is found
 /// at once, and these pairs merge in the order of gain, each checked again with the means of that moment. Q never
 /// rises in either way.
 ///
