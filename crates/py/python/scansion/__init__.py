@@ -6,6 +6,8 @@
 """
 
 from scansion import evaluation, features
+from scansion._bagging import BaggingClassifier
+from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
 from scansion._cloud import PointCloud, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._core import FileFormatError, __version__
@@ -14,8 +16,10 @@ from scansion._render import render
 from scansion._weak import WeakClassifier
 
 __all__ = [
+    "BaggingClassifier",
     "Classified",
     "FileFormatError",
+    "GradientBoostingClassifier",
     "PointClassifier",
     "PointCloud",
     "RandomForestClassifier",
