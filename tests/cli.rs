@@ -132,3 +132,45 @@ fn only_unclassified_and_skipped_points_are_respected() {
     done(f, &["classify", "scan.laz", "-o", "s.laz", "--skip", "6", "-q"]);
     assert!(before.iter().zip(&codes("s.laz")).all(|(b, a)| *b != 6.0 || *a == 6.0));
 }
+
+#[test]
+fn a_few_labels_go_from_suggestions_to_a_named_scan() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let scene = street(25.0, 7);
+    scansion_core::io::write(&f.join("a.laz"), &scene, &Default::default()).unwrap();
+    let table = done(f, &["segment", "a.laz", "-o", "s.laz", "--segments-per-hectare", "400"]);
+    assert!(table.contains("segments, strength") && table.contains("naming whole segments"), "{table}");
+    done(f, &["render", "s.laz", "-o", "s.png", "--by", "ClusterID"]);
+    let said =
+        done(f, &["suggest", "a.laz", "-n", "8", "-o", "l.csv", "-o", "l.html", "-o", "l.laz", "--format", "json"]);
+    let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(said.as_array().unwrap().len(), 8);
+    let page = std::fs::read_to_string(f.join("l.html")).unwrap();
+    assert_eq!(page.matches("data:image/png;base64,").count(), 16);
+    assert!(!page.contains("http"), "the page must not need the internet");
+    // The truth fills in the table.
+    let list = std::fs::read_to_string(f.join("l.csv")).unwrap();
+    let truth = &scene.column("Classification").unwrap().values;
+    let mut filled = String::new();
+    for (line, segment) in list.lines().zip(std::iter::once(None).chain(said.as_array().unwrap().iter().map(Some))) {
+        let class = segment.map(|s| truth.get(s["point"].as_u64().unwrap() as usize).to_string());
+        filled += &format!("{line}{}\n", class.unwrap_or_default());
+    }
+    std::fs::write(f.join("labels.csv"), filled).unwrap();
+    let trained =
+        done(f, &["train", "l.laz", "--weak", "--weak-labels", "labels.csv", "-o", "m.model", "--per-class", "50"]);
+    assert!(trained.contains("strength of the field"), "{trained}");
+    done(f, &["classify", "a.laz", "-m", "m.model", "-o", "n.laz"]);
+    let scores = done(f, &["evaluate", "a.laz", "n.laz", "--format", "json"]);
+    let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
+    assert!(scores["overall_accuracy"].as_f64().unwrap() > 0.85, "{scores}");
+    for way in ["none", "local", "point-crf", "consensus", "segment-crf"] {
+        done(f, &["classify", "a.laz", "-o", "r.laz", "--regularize", way, "--set", "regularise.strength=0.5"]);
+    }
+    std::fs::write(f.join("far.csv"), "x,y,z,class\n9000,0,0,2\n").unwrap();
+    let far = fails(f, &["train", "a.laz", "--weak", "--weak-labels", "far.csv", "-o", "x.model"], 4);
+    assert!(far.contains("far.csv:2") && far.contains("nearest point"), "{far}");
+    fails(f, &["train", "a.laz", "--per-class", "3", "-o", "x.model"], 2);
+    fails(f, &["suggest", "a.laz", "-o", "x.docx"], 2);
+}

@@ -2,17 +2,18 @@
 //!
 //! A child process with an address-space limit reads the mutants and says which one it is at; the parent restarts it behind
 //! one that ends or stops it, and fails at the end. `SCANSION_MUTANTS=1000000` sets the number for each format,
-//! `SCANSION_MUTANT=laz:1234` looks at one and keeps it as a file.
+//! `SCANSION_MUTANT_FORMAT=laz` hunts in one format, `SCANSION_MUTANT=laz:1234` looks at one mutant and keeps it as a file.
 
-use scansion_core::Cloud;
-use scansion_core::cloud::{Column, Values};
+use rayon::prelude::*;
 use scansion_core::io::{self, PointReader, ReadOptions, WriteOptions, salvage};
 use scansion_core::parallel::Monitor;
 use scansion_core::random::{Stream, stream};
 use scansion_tests::data;
+use scansion_tests::samples::{self, FORMATS, Sample, seal};
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
@@ -20,88 +21,8 @@ use std::time::{Duration, Instant};
 const MOST_TIME: Duration = Duration::from_secs(2);
 const MOST_MEMORY: u64 = 256 << 20;
 
-fn cloud(points: usize) -> Cloud {
-    let rows: Vec<[f64; 3]> =
-        (0..points).map(|i| [(i % 13) as f64 * 0.5, (i / 13) as f64, (i * 7 % 5) as f64 * 0.25]).collect();
-    let mut cloud = Cloud::from_rows(&rows).unwrap();
-    let n = points;
-    cloud.set_column(Column::new("Intensity", Values::U16((0..n).map(|i| (i * 31) as u16).collect()))).unwrap();
-    cloud.set_column(Column::new("Classification", Values::U8((0..n).map(|i| [2, 5, 6][i % 3]).collect()))).unwrap();
-    cloud.set_column(Column::new("Height", Values::F32((0..n).map(|i| i as f32 * 0.5).collect()))).unwrap();
-    cloud.crs = Some("PROJCS[\"a\",UNIT[\"metre\",1]]".into());
-    cloud
-}
-
-/// Small sound files of a format; formats that this version does not write, or whose samples are not here, give none.
-fn seeds(format: &str, folder: &Path) -> Vec<(String, Vec<u8>)> {
-    let own = |name: &str| {
-        let path = folder.join(name);
-        io::write(&path, &cloud(60), &WriteOptions::default()).ok()?;
-        Some((name.to_string(), std::fs::read(path).ok()?))
-    };
-    let shared = |part: &str, most: u64| {
-        let Some(hostile) = data().map(|d| d.join("hostile")) else { return Vec::new() };
-        let mut paths: Vec<PathBuf> = std::fs::read_dir(hostile).unwrap().map(|e| e.unwrap().path()).collect();
-        paths.sort();
-        let fits = |p: &PathBuf| p.to_string_lossy().ends_with(part) && p.metadata().is_ok_and(|m| m.len() < most);
-        let names = paths.into_iter().filter(fits).filter(|p| io::read(p).is_ok());
-        names.map(|p| (format!("seed{part}"), std::fs::read(p).unwrap())).collect()
-    };
-    let text = |name: &str, content: &str| vec![(name.to_string(), content.as_bytes().to_vec())];
-    match format {
-        "las" => own("seed.las").into_iter().chain(peer(folder, "las")).collect(),
-        "laz" => own("seed.laz").into_iter().chain(peer(folder, "laz")).collect(),
-        "copc" => shared(".copc.laz", 200_000),
-        "ply" => {
-            let ascii = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty double z\n\
-                         property uchar red\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
-                         0 0 1 7\n1 0 2.5 8\n0 1 -3e2 9\n3 0 1 2\n";
-            let big = [
-                &b"ply\nformat binary_big_endian 1.0\nelement face 1\nproperty list uchar int i\nelement vertex 2\nproperty float x\n\
-                   property float y\nproperty float z\nend_header\n\x02\0\0\0\x01\0\0\0\x02"[..],
-                &[63; 24],
-            ];
-            own("seed.ply")
-                .into_iter()
-                .chain(text("ascii.ply", ascii))
-                .chain([("big.ply".into(), big.concat())])
-                .collect()
-        }
-        "text" => {
-            let plain = "1.5 2.5 3.5 -100 10 20 30\n4 5 6 7 8 9 10\n-7.25e1 8 9 10 11 12 13\n";
-            own("seed.txt").into_iter().chain(text("plain.txt", plain)).collect()
-        }
-        "e57" => shared(".e57", 200_000),
-        other => own(&format!("seed.{other}")).into_iter().chain(shared(&format!(".{other}"), 20_000)).collect(),
-    }
-}
-
-/// A file of an old point format, whose LAZ chunks have no layers, written by the peer.
-fn peer(folder: &Path, extension: &str) -> Option<(String, Vec<u8>)> {
-    let path = folder.join(format!("peer.{extension}"));
-    let mut builder = las::Builder::from((1, 3));
-    builder.point_format = las::point::Format::new(3).ok()?;
-    builder.point_format.is_compressed = extension == "laz";
-    builder.point_format.extra_bytes = 2;
-    let mut writer = las::Writer::from_path(&path, builder.into_header().ok()?).ok()?;
-    for i in 0..40u16 {
-        let color = Some(las::Color::new(i, 2 * i, 3));
-        let point = las::Point {
-            x: f64::from(i),
-            intensity: i,
-            gps_time: Some(1.0),
-            color,
-            extra_bytes: vec![1, 2],
-            ..Default::default()
-        };
-        writer.write_point(point).ok()?;
-    }
-    writer.close().ok()?;
-    Some((format!("peer.{extension}"), std::fs::read(path).ok()?))
-}
-
 /// Mutant `i` of a format: 1 to 4 changes, mostly where sizes and counts stand.
-fn mutant(seeds: &[(String, Vec<u8>)], i: u64) -> (String, Vec<u8>) {
+fn mutant(seeds: &[Sample], i: u64) -> Sample {
     let mut random = stream(11, i);
     let (name, bytes) = &seeds[random.below(seeds.len())];
     let mut bytes = bytes.clone();
@@ -110,6 +31,10 @@ fn mutant(seeds: &[(String, Vec<u8>)], i: u64) -> (String, Vec<u8>) {
             break;
         }
         change(&mut bytes, &mut random);
+    }
+    // Else hardly one would come past the checksums.
+    if name.ends_with("e57") && !i.is_multiple_of(8) {
+        seal(&mut bytes);
     }
     (name.clone(), bytes)
 }
@@ -138,15 +63,39 @@ fn change(bytes: &mut Vec<u8>, random: &mut Stream) {
     }
 }
 
-/// Everything that reads.
-fn look(path: &Path) {
+/// Everything that reads; now and then in parts too, and the mutant is converted, so written.
+fn look(path: &Path, i: u64) {
     let _ = io::read(path);
     let _ = io::inspect(path);
     let _ = salvage::examine(path, &Monitor::default());
+    if i.is_multiple_of(3) {
+        parts(path);
+    }
+    if i.is_multiple_of(16) {
+        let _ = io::diff(path, path, &Monitor::default());
+        let target = path.with_file_name("out.laz");
+        let _ = io::convert(path, &target, &Default::default(), &WriteOptions::default());
+        let _ = io::merge(&[path.to_path_buf(), path.to_path_buf()], &target, &WriteOptions::default());
+    }
+}
+
+/// A box, a level, blocks, and the last point by its number.
+fn parts(path: &Path) {
+    let part = ReadOptions { bounds: Some(([0.0; 3], [5.0, 3.0, 1e6])), ..Default::default() };
+    let _ = io::read_with(path, &part);
+    let _ = io::read_with(path, &ReadOptions { resolution: Some(1.0), ..Default::default() });
+    if let Ok(blocks) = io::blocks(path, 7, &ReadOptions::default()) {
+        assert!(blocks.take_while(Result::is_ok).count() < 1 << 20);
+    }
     if let Ok(mut reader) = PointReader::open(path) {
         let last = reader.len().saturating_sub(1);
         let _ = reader.read(last..reader.len(), &ReadOptions::default());
     }
+}
+
+/// In memory where that is possible: mutants are many and short-lived.
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
 }
 
 /// The work of the child; does nothing in an ordinary run.
@@ -156,10 +105,10 @@ fn child() {
     let mut parts = job.split(':');
     let (format, first, end) = (parts.next().unwrap(), parts.next().unwrap(), parts.next().unwrap());
     let (first, end): (u64, u64) = (first.parse().unwrap(), end.parse().unwrap());
-    let folder = tempfile::tempdir().unwrap();
-    let seeds = seeds(format, folder.path());
+    let folder = folder();
+    let seeds = samples::of(format, folder.path());
     std::panic::set_hook(Box::new(|_| {}));
-    look(&demo(&seeds, folder.path()));
+    look(&demo(&seeds, folder.path()), 0);
     limit();
     let mut out = std::io::stdout();
     for i in first..end {
@@ -168,7 +117,7 @@ fn child() {
         std::fs::write(&path, &bytes).unwrap();
         writeln!(out, "\nat {i}").unwrap();
         let start = Instant::now();
-        let panicked = std::panic::catch_unwind(|| look(&path)).is_err();
+        let panicked = std::panic::catch_unwind(|| look(&path, i)).is_err();
         if panicked || start.elapsed() > MOST_TIME {
             writeln!(out, "\nbad {i} {}", if panicked { "panic" } else { "slow" }).unwrap();
         }
@@ -177,7 +126,7 @@ fn child() {
 }
 
 /// A sound file is read first, so that threads and tables are there before memory is limited.
-fn demo(seeds: &[(String, Vec<u8>)], folder: &Path) -> PathBuf {
+fn demo(seeds: &[Sample], folder: &Path) -> PathBuf {
     let path = folder.join(&seeds[0].0);
     std::fs::write(&path, &seeds[0].1).unwrap();
     path
@@ -233,38 +182,73 @@ fn hunt(format: &str, count: u64) -> Vec<String> {
 fn mutants_of_every_format_are_read_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     if let Some(one) = std::env::var("SCANSION_MUTANT").ok().as_deref().and_then(|v| v.split_once(':')) {
-        let (name, bytes) = mutant(&seeds(one.0, folder.path()), one.1.parse().unwrap());
+        let number = one.1.parse().unwrap();
+        let (name, bytes) = mutant(&samples::of(one.0, folder.path()), number);
         let path = std::env::temp_dir().join(format!("mutant-{}-{name}", one.1));
         std::fs::write(&path, bytes).unwrap();
         eprintln!("kept as {}", path.display());
-        look(&path);
+        look(&path, number);
         return;
     }
     let count = std::env::var("SCANSION_MUTANTS").ok().and_then(|v| v.parse().ok()).unwrap_or(20_000);
-    let mut finds = Vec::new();
-    for format in ["las", "laz", "copc", "ply", "text", "pcd", "npz", "e57"] {
-        if seeds(format, folder.path()).is_empty() {
-            eprintln!("{format}: skipped, no sample is written or here (set SCANSION_DATA)");
-            continue;
+    // Two children at a time: each has one thread.
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut finds = Vec::new();
+        while let Some(format) = FORMATS.get(next.fetch_add(1, Ordering::Relaxed)) {
+            if std::env::var("SCANSION_MUTANT_FORMAT").is_ok_and(|only| only != *format) {
+                continue;
+            }
+            let start = Instant::now();
+            let found = hunt(format, count);
+            eprintln!("{format}: {count} mutants in {:.1} s, {} finds", start.elapsed().as_secs_f64(), found.len());
+            finds.extend(found);
         }
-        let start = Instant::now();
-        let found = hunt(format, count);
-        eprintln!("{format}: {count} mutants in {:.1} s, {} finds", start.elapsed().as_secs_f64(), found.len());
-        finds.extend(found);
-    }
+        finds
+    };
+    let finds = std::thread::scope(|scope| {
+        let other = scope.spawn(work);
+        [work(), other.join().unwrap()].concat()
+    });
     assert!(finds.is_empty(), "{finds:#?}");
 }
 
-/// 4: a file cut at any byte, so at every boundary of its structure and beside it, is refused.
+/// Writes the samples as seeds of the fuzz targets, if it is asked to.
+#[test]
+fn corpus_of_the_fuzz_targets_is_written_on_demand() {
+    let Some(corpus) = std::env::var_os("SCANSION_CORPUS").map(PathBuf::from) else { return };
+    // Tests run in their package's folder.
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(corpus);
+    let folder = folder();
+    for format in FORMATS {
+        for (i, (name, bytes)) in samples::of(format, folder.path()).into_iter().enumerate() {
+            let target = match name.rsplit('.').next().unwrap() {
+                "pts" => "pts",
+                "ptx" => "ptx",
+                _ => format,
+            };
+            std::fs::create_dir_all(corpus.join(target)).unwrap();
+            std::fs::write(corpus.join(target).join(format!("{i}-{name}")), bytes).unwrap();
+        }
+    }
+}
+
+/// 4: a file cut at any byte, so at every boundary of its structure and beside it, is refused; cut text and meshes behind
+/// the points may be read, but never bring the program down.
 #[test]
 fn a_file_cut_at_any_byte_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    for format in ["las", "laz"] {
-        for (name, bytes) in seeds(format, folder.path()) {
+    let folder = folder();
+    for format in FORMATS {
+        for (name, bytes) in samples::of(format, folder.path()) {
             let path = folder.path().join(format!("cut-{name}"));
-            for length in 0..bytes.len() {
+            let binary = format != "text" && !name.starts_with("ascii") && !name.starts_with("real");
+            let step = if bytes.len() > 10_000 { 7 } else { 1 };
+            for length in (0..bytes.len()).step_by(step) {
                 std::fs::write(&path, &bytes[..length]).unwrap();
-                assert!(io::read(&path).is_err(), "{name} cut at {length} of {}", bytes.len());
+                let level = (format == "copc").then_some(1.0);
+                let whole = io::read_with(&path, &ReadOptions { resolution: level, ..Default::default() });
+                assert!(whole.is_err() || !binary, "{name} cut at {length} of {}", bytes.len());
+                let _ = (io::inspect(&path).is_ok(), salvage::examine(&path, &Monitor::default()).is_ok());
             }
         }
     }
@@ -277,41 +261,44 @@ fn the_hostile_corpus_passes_every_reading_command() {
         eprintln!("skipped: the hostile corpus is not here (set SCANSION_DATA)");
         return;
     };
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(hostile).unwrap().map(|e| e.unwrap().path()).collect();
+    paths.retain(|path| path.metadata().unwrap().len() <= 1 << 20);
+    let slowest = paths.par_iter().map(|path| commands(path.to_str().unwrap())).max().unwrap();
+    eprintln!("{} files, slowest: {slowest:?}", paths.len());
+    // Two seconds is the goal; a busy machine gets more.
+    assert!(slowest.0 < Duration::from_secs(6), "{slowest:?}");
+}
+
+/// Runs the commands that read; returns the longest time and whose it was.
+fn commands(file: &str) -> (Duration, String) {
     let folder = tempfile::tempdir().unwrap();
     let program = env!("CARGO_BIN_EXE_scansion-under-test");
     let mut slowest = (Duration::ZERO, String::new());
-    for entry in std::fs::read_dir(hostile).unwrap() {
-        let path = entry.unwrap().path();
-        let file = path.to_str().unwrap();
-        if path.metadata().unwrap().len() > 1 << 20 {
-            continue;
-        }
-        for command in [
-            &["info", "--stats", file][..],
-            &["info", "--salvage", file],
-            &["diff", file, file],
-            &["convert", file, "out.las"],
-        ] {
-            let start = Instant::now();
-            // Address space, so code, stacks and memory together.
-            let output = Command::new("sh")
-                .args(["-c", "ulimit -v 393216; exec \"$0\" -j 1 \"$@\"", program])
-                .args(command)
-                .env("MALLOC_ARENA_MAX", "1")
-                .current_dir(folder.path())
-                .output()
-                .unwrap();
-            let time = start.elapsed();
-            let stderr = String::from_utf8_lossy(&output.stderr);
-            let allowed = [0, 1, 4].map(Some);
-            assert!(allowed.contains(&output.status.code()), "{command:?}: {:?} {stderr}", output.status);
-            assert!(!stderr.contains("internal error") && !stderr.contains("panicked"), "{command:?}: {stderr}");
-            if time > slowest.0 {
-                slowest = (time, format!("{command:?}"));
-            }
-        }
+    for command in [
+        &["info", "--stats", file][..],
+        &["info", "--salvage", file],
+        &["diff", file, file],
+        &["convert", file, "out.las"],
+        &["convert", file, "out.laz", "--salvage"],
+        &["convert", file, "out.ply", "--bounds", "0,0,1e6,1e7"],
+        &["merge", file, file, "both.laz"],
+        &["evaluate", file, file],
+        &["render", file, "-o", "map.png", "--width", "200"],
+    ] {
+        let start = Instant::now();
+        // Address space, so code, stacks and memory together.
+        let output = Command::new("sh")
+            .args(["-c", "ulimit -v 393216; exec \"$0\" -j 1 \"$@\"", program])
+            .args(command)
+            .env("MALLOC_ARENA_MAX", "1")
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        let allowed = [0, 1, 4].map(Some);
+        assert!(allowed.contains(&output.status.code()), "{command:?}: {:?} {stderr}", output.status);
+        assert!(!stderr.contains("internal error") && !stderr.contains("panicked"), "{command:?}: {stderr}");
+        slowest = slowest.max((start.elapsed(), format!("{command:?}")));
     }
-    eprintln!("slowest: {slowest:?}");
-    // Two seconds is the goal; a busy machine gets more.
-    assert!(slowest.0 < Duration::from_secs(6), "{slowest:?}");
+    slowest
 }

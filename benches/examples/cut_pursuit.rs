@@ -1,13 +1,14 @@
 //! Times merging and cut pursuit on a graph with values, for the comparison with other libraries.
 //!
 //! `SCANSION_VALUES` (raw little-endian f32, row-major) and `SCANSION_EDGES` (raw little-endian u32 pairs) name the
-//! problem, `SCANSION_WIDTH` the values a node (4), `SCANSION_STRENGTH` the strengths, parted by commas.
+//! problem, `SCANSION_WIDTH` the values a node (4), `SCANSION_STRENGTH` the strengths, parted by commas;
+//! `SCANSION_PUBLISHED` asks for the method of the paper too.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
 use scansion_core::graph::Graph;
 use scansion_core::parallel::Monitor;
-use scansion_core::segmentation::{CutPursuitParams, MergeParams, Signal, Start, cut_pursuit, merge};
+use scansion_core::segmentation::{CutPursuitParams, MergeParams, Signal, cut_pursuit, merge};
 use std::time::Instant;
 
 fn file(name: &str) -> Result<Vec<[u8; 4]>, Box<dyn std::error::Error>> {
@@ -32,17 +33,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             merged.partition.len(),
             merged.energy
         );
-        let starts = match setting("SCANSION_START", "coarse").as_str() {
-            "pieces" => vec![Start::Pieces],
-            "both" => vec![Start::Coarse, Start::Pieces],
-            _ => vec![Start::Coarse],
-        };
-        for start_from in starts {
-            let params = CutPursuitParams { strength, start: start_from, ..CutPursuitParams::default() };
+        let params = CutPursuitParams { strength, ..CutPursuitParams::default() };
+        let mut runs = vec![("cut pursuit", params.clone())];
+        if std::env::var("SCANSION_PUBLISHED").is_ok() {
+            runs.push(("cut pursuit as published", params.as_published()));
+        }
+        for (name, params) in runs {
             let start = Instant::now();
             let found = cut_pursuit(&signal, &graph, &params, &Monitor::default())?;
             println!(
-                "cut pursuit from {start_from:?}, strength {strength}: {:.3} s, {} segments, energy {:.1}, trace {:.1?}",
+                "{name}, strength {strength}: {:.3} s, {} segments, energy {:.1}, trace {:.1?}",
                 start.elapsed().as_secs_f64(),
                 found.partition.len(),
                 found.energy,

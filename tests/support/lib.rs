@@ -1,5 +1,7 @@
 //! Support for the tests that cross rooms: synthetic scenes with known truth, and the shared real data.
 
+pub mod samples;
+
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::random::stream;
 use std::path::{Path, PathBuf};

@@ -162,8 +162,14 @@ pub(crate) struct Convert {
     /// Point format of LAS and LAZ, 0 to 10; it must have all fields of the input's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
     pub(crate) point_format: Option<u8>,
+    /// Only points in this box: 4 numbers (x and y) or 6, lowest first; COPC files are read where the box is
+    #[arg(long, value_name = "X,Y[,Z],X,Y[,Z]", value_delimiter = ',', allow_hyphen_values = true)]
+    pub(crate) bounds: Vec<f64>,
+    /// A thinner cloud: points about so far apart, from the levels of a COPC file
+    #[arg(long, value_name = "DISTANCE")]
+    pub(crate) resolution: Option<f64>,
     /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
-    #[arg(long, conflicts_with = "point_format")]
+    #[arg(long, conflicts_with_all = ["point_format", "bounds", "resolution"])]
     pub(crate) salvage: bool,
     /// Replace the input itself if it is also the output
     #[arg(long)]

@@ -20,17 +20,27 @@ pub(crate) fn call<T: Send>(
     n_jobs: Option<i64>,
     work: impl FnOnce(&Monitor) -> scansion_core::Result<T> + Send,
 ) -> PyResult<T> {
+    call_with(py, n_jobs, &Monitor::default(), work)
+}
+
+/// The same with a monitor that lives longer than the call; a signal cancels it for good.
+pub(crate) fn call_with<T: Send>(
+    py: Python<'_>,
+    n_jobs: Option<i64>,
+    monitor: &Monitor,
+    work: impl FnOnce(&Monitor) -> scansion_core::Result<T> + Send,
+) -> PyResult<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads(n_jobs)?).build();
     let pool = pool.map_err(|e| PyRuntimeError::new_err(format!("threads cannot be started: {e}")))?;
-    let (monitor, done, caller) = (Monitor::default(), AtomicBool::new(false), thread::current());
+    let (done, caller) = (AtomicBool::new(false), thread::current());
     thread::scope(|scope| {
         let worker = scope.spawn(|| {
-            let result = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(&monitor))));
+            let result = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(monitor))));
             done.store(true, Ordering::Release);
             caller.unpark();
             result
         });
-        let signal = watch(py, &done, &monitor);
+        let signal = watch(py, &done, monitor);
         let result = py.detach(|| worker.join()).and_then(|caught| caught);
         signal?;
         result.map_err(|_| PyRuntimeError::new_err("internal error in scansion; please report it"))?.map_err(raise)

@@ -1,30 +1,77 @@
 //! Room `io`: files in and out.
 
-use crate::call::call;
+use crate::call::{call, call_with};
 use crate::cloud::Cloud;
 use crate::convert::{values, vector};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use scansion_core::cloud::Column;
-use scansion_core::io::{self, Columns, ConvertParams, Edit, ReadOptions, WriteOptions};
+use scansion_core::io::{self, Bounds, Columns, ConvertParams, Edit, ReadOptions, WriteOptions};
 use scansion_core::parallel::Monitor;
+use scansion_core::recipes::planar_density;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
-/// Reads a file; `columns` limits what is kept beside the coordinates.
-#[pyfunction]
-#[pyo3(signature = (path, columns = None, n_jobs = None))]
-pub(crate) fn read(
-    py: Python<'_>,
-    path: PathBuf,
-    columns: Option<Vec<String>>,
-    n_jobs: Option<i64>,
-) -> PyResult<Cloud> {
+/// Columns to keep beside the coordinates, box, and resolution.
+type Part = (Option<Vec<String>>, Option<Bounds>, Option<f64>);
+
+fn part((columns, bounds, resolution): Part, monitor: &Monitor) -> ReadOptions {
     let columns = columns.map_or(Columns::All, Columns::Only);
+    ReadOptions { columns, bounds, resolution, monitor: monitor.clone() }
+}
+
+/// Reads a file, or a part of it.
+#[pyfunction]
+#[pyo3(signature = (path, part = (None, None, None), n_jobs = None))]
+pub(crate) fn read(py: Python<'_>, path: PathBuf, part: Part, n_jobs: Option<i64>) -> PyResult<Cloud> {
+    call(py, n_jobs, |monitor| io::read_with(&path, &self::part(part, monitor))).map(Cloud::of)
+}
+
+/// A file as clouds of at most so many points each.
+#[pyclass(module = "scansion._core")]
+pub(crate) struct Blocks {
+    /// `None` behind the last block and while one is read.
+    inner: Mutex<Option<io::Blocks>>,
+    monitor: Monitor,
+    n_jobs: Option<i64>,
+}
+
+#[pymethods]
+impl Blocks {
+    #[new]
+    #[pyo3(signature = (path, size, part = (None, None, None), n_jobs = None))]
+    fn new(py: Python<'_>, path: PathBuf, size: usize, part: Part, n_jobs: Option<i64>) -> PyResult<Self> {
+        let monitor = Monitor::default();
+        let blocks = call_with(py, n_jobs, &monitor, |monitor| io::blocks(&path, size, &self::part(part, monitor)))?;
+        Ok(Self { inner: Mutex::new(Some(blocks)), monitor, n_jobs })
+    }
+
+    fn __iter__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        this
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<Cloud>> {
+        let take = || self.inner.lock().ok().and_then(|mut inner| inner.take());
+        let Some(mut blocks) = take() else { return Ok(None) };
+        let (block, blocks) =
+            call_with(py, self.n_jobs, &self.monitor, move |_| Ok((blocks.next().transpose()?, blocks)))?;
+        if let (Some(_), Ok(mut inner)) = (&block, self.inner.lock()) {
+            *inner = Some(blocks);
+        }
+        Ok(block.map(Cloud::of))
+    }
+}
+
+/// What a file's header and its points say, as JSON: information, and counts over the points.
+#[pyfunction]
+#[pyo3(signature = (path, n_jobs = None))]
+pub(crate) fn statistics(py: Python<'_>, path: PathBuf, n_jobs: Option<i64>) -> PyResult<String> {
     call(py, n_jobs, |monitor| {
-        io::read_with(&path, &ReadOptions { columns, monitor: monitor.clone(), ..Default::default() })
+        let options = ReadOptions { monitor: monitor.clone(), ..Default::default() };
+        let (found, cloud) = io::statistics::statistics(&path, &options)?;
+        let unit = cloud.metres_per_unit.unwrap_or(1.0);
+        crate::json::text(&(found, planar_density(&cloud, unit), cloud.bounds()))
     })
-    .map(Cloud::of)
 }
 
 /// Writes a cloud in the format of the path's extension.
@@ -79,15 +126,16 @@ pub(crate) fn diff(py: Python<'_>, a: PathBuf, b: PathBuf, n_jobs: Option<i64>) 
 
 /// Copies a file into another format; returns what the target could not hold.
 #[pyfunction]
-#[pyo3(signature = (input, output, point_format = None, n_jobs = None))]
+#[pyo3(signature = (input, output, point_format = None, part = (None, None), n_jobs = None))]
 pub(crate) fn convert(
     py: Python<'_>,
     input: PathBuf,
     output: PathBuf,
     point_format: Option<u8>,
+    part: (Option<Bounds>, Option<f64>),
     n_jobs: Option<i64>,
 ) -> PyResult<Vec<String>> {
-    let params = ConvertParams { point_format };
+    let params = ConvertParams { point_format, bounds: part.0, resolution: part.1 };
     call(py, n_jobs, |monitor| io::convert(&input, &output, &params, &options(monitor))).map(|report| report.notes)
 }
 

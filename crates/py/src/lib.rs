@@ -8,10 +8,15 @@ mod convert;
 mod error;
 mod evaluation;
 mod features;
+mod graph;
 mod images;
 mod io;
 mod json;
+mod neighbours;
 mod recipes;
+mod regularisation;
+mod segmentation;
+mod segments;
 
 use pyo3::prelude::*;
 
@@ -30,11 +35,21 @@ mod _core {
     #[pymodule_export]
     use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale};
     #[pymodule_export]
+    use crate::graph::{connected_components, knn_graph, minimum_spanning_tree};
+    #[pymodule_export]
     use crate::images::render;
     #[pymodule_export]
-    use crate::io::{convert, diff, inspect, merge, read, rewrite, salvage, write};
+    use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, statistics, write};
+    #[pymodule_export]
+    use crate::neighbours::{knn, optimal};
     #[pymodule_export]
     use crate::recipes::{Model, recipe_columns};
+    #[pymodule_export]
+    use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing};
+    #[pymodule_export]
+    use crate::segmentation::{cut_pursuit, merge_regions};
+    #[pymodule_export]
+    use crate::segments::{segment, suggest};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]

@@ -3,7 +3,7 @@
 use super::{Context, sources};
 use crate::args::Convert;
 use crate::exit_code::Failure;
-use scansion_core::io::{self, ConvertParams, salvage};
+use scansion_core::io::{self, Bounds, ConvertParams, salvage};
 
 pub(crate) fn run(args: &Convert, context: &Context<'_>) -> Result<(), Failure> {
     sources::guard_input(&args.input, &args.output, args.overwrite)?;
@@ -14,8 +14,19 @@ pub(crate) fn run(args: &Convert, context: &Context<'_>) -> Result<(), Failure> 
         context.report(&args.output, &report);
         return Ok(());
     }
-    let params = ConvertParams { point_format: args.point_format };
+    let params =
+        ConvertParams { point_format: args.point_format, bounds: bounds(&args.bounds)?, resolution: args.resolution };
     let report = io::convert(&args.input, &args.output, &params, &context.write_options())?;
     context.report(&args.output, &report);
     Ok(())
+}
+
+/// A box in plan, or in space.
+fn bounds(numbers: &[f64]) -> Result<Option<Bounds>, Failure> {
+    match *numbers {
+        [] => Ok(None),
+        [x, y, to_x, to_y] => Ok(Some(([x, y, f64::NEG_INFINITY], [to_x, to_y, f64::INFINITY]))),
+        [x, y, z, to_x, to_y, to_z] => Ok(Some(([x, y, z], [to_x, to_y, to_z]))),
+        _ => Err(Failure::Usage(format!("--bounds: found {} numbers, expected 4 or 6", numbers.len()))),
+    }
 }

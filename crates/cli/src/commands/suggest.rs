@@ -67,10 +67,16 @@ fn uncertainty(input: &Path, model: &Path, context: &Context<'_>) -> Result<Vec<
 fn csv(found: &[Suggestion], cloud: &Cloud) -> String {
     let mut text = String::from("cluster_id,x,y,z,points,uncertainty,score,class\n");
     for s in found {
-        let [x, y, z] = cloud.xyz(s.point as usize);
+        let [x, y, z] = cloud.xyz(s.point as usize).map(short);
         let _ = writeln!(text, "{},{x},{y},{z},{},{:.4},{:.4},", s.cluster_id, s.points, s.uncertainty, s.score);
     }
     text
+}
+
+/// A coordinate with at most seven decimals (a centimetre where the unit is a degree).
+fn short(value: f64) -> String {
+    let text = format!("{value:.7}");
+    text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
 fn table(found: &[Suggestion]) -> String {

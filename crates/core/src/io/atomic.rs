@@ -111,7 +111,14 @@ impl AtomicFile {
         let suffix = if serial == 0 { String::new() } else { format!("-{serial}") };
         let partial =
             target.with_file_name(format!(".{}.{}{suffix}.partial", name.to_string_lossy(), std::process::id()));
-        let open = || OpenOptions::new().read(true).write(true).create(true).truncate(true).open(&partial);
+        // Never through a link that somebody else has put there. What bears our number is a dead process's.
+        let new = || OpenOptions::new().read(true).write(true).create_new(true).open(&partial);
+        let open = || match new() {
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
+                std::fs::remove_file(&partial).and_then(|()| new())
+            }
+            opened => opened,
+        };
         let file = step().and_then(|()| open()).map_err(|e| Error::io(target, explain(e)))?;
         if let Some(old) = old {
             // Who could not read the old file shall not read the new one; some file systems know no permissions.
@@ -127,6 +134,11 @@ impl AtomicFile {
     /// The name under which the file is written now, for checks before [`AtomicFile::finish`].
     pub fn partial(&self) -> &Path {
         &self.partial
+    }
+
+    /// The name that the file will have.
+    pub fn target(&self) -> &Path {
+        &self.target
     }
 
     /// Where bytes go.
@@ -246,6 +258,9 @@ mod tests {
         let mut cloud = Cloud::from_rows(&rows).unwrap();
         cloud.set_column(Column::new("Height", Values::F32(vec![1.25; rows.len()]))).unwrap();
         let options = WriteOptions::default();
+        let packed = WriteOptions { compressed: true, ..Default::default() };
+        let mut labelled = cloud.clone();
+        labelled.set_column(Column::new("Classification", Values::U8(vec![2; rows.len()]))).unwrap();
         let input = source.path().join("in.laz");
         io::write(&input, &cloud, &options).unwrap();
         let codes = [Edit::Classification(vec![6; rows.len()])];
@@ -257,6 +272,11 @@ mod tests {
             ("a.laz", write()),
             ("a.ply", write()),
             ("a.txt", write()),
+            ("a.labels", Box::new(|p| io::write(p, &labelled, &options))),
+            ("a.pcd", write()),
+            ("c.pcd", Box::new(|p| io::write(p, &cloud, &packed))),
+            ("a.npz", write()),
+            ("c.npz", Box::new(|p| io::write(p, &cloud, &packed))),
             ("b.las", rewrite()),
             ("b.laz", rewrite()),
             ("c.las", Box::new(|p| io::convert(&input, p, &ConvertParams::default(), &options).map(|_| ()))),

@@ -1,7 +1,7 @@
 //! Files in blocks of points, so that nothing needs the whole file in memory.
 
 use super::format::{Format, format_of};
-use super::{ReadOptions, check_resolution, inside, las, pcd, ply, text};
+use super::{ReadOptions, check_resolution, e57, inside, las, npz, pcd, ply, ptx, text};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -23,14 +23,7 @@ pub fn blocks(path: &Path, size: usize, options: &ReadOptions) -> Result<Blocks>
     }
     let format = format_of(path)?;
     check_resolution(format, options)?;
-    let source = match format {
-        Format::Las => Source::Las(Box::new(las::Reader::open(path, options)?)),
-        Format::Ply => Source::Ply(Box::new(ply::Reader::open(path, options)?)),
-        Format::Pcd => Source::Pcd(Box::new(pcd::Reader::open(path, options)?)),
-        Format::Text => Source::Text(Box::new(text::Reader::open(path, options)?)),
-        Format::E57 | Format::Npz | Format::Ptx => Source::Whole(Box::new(super::read_with(path, options)?), 0),
-    };
-    Ok(Blocks { source: Some(source), size, options: options.clone() })
+    Ok(Blocks { source: Some(Source::open(format, path, options)?), size, options: options.clone() })
 }
 
 /// The iterator that [`blocks`] makes.
@@ -42,8 +35,9 @@ pub struct Blocks {
     options: ReadOptions,
 }
 
+/// A file of which blocks are taken.
 #[derive(Debug)]
-enum Source {
+pub(super) enum Source {
     Las(Box<las::Reader>),
     Ply(Box<ply::Reader>),
     Pcd(Box<pcd::Reader>),
@@ -53,8 +47,24 @@ enum Source {
 }
 
 impl Source {
+    pub(super) fn open(format: Format, path: &Path, options: &ReadOptions) -> Result<Self> {
+        let whole = |cloud: Cloud| {
+            let cut = options.bounds.as_ref().map(|bounds| inside(&cloud, bounds));
+            Self::Whole(Box::new(cut.unwrap_or(cloud)), 0)
+        };
+        Ok(match format {
+            Format::Las => Self::Las(Box::new(las::Reader::open(path, options)?)),
+            Format::Ply => Self::Ply(Box::new(ply::Reader::open(path, options)?)),
+            Format::Pcd => Self::Pcd(Box::new(pcd::Reader::open(path, options)?)),
+            Format::Text => Self::Text(Box::new(text::Reader::open(path, options)?)),
+            Format::E57 => whole(e57::read(path, options)?),
+            Format::Npz => whole(npz::read(path, options)?),
+            Format::Ptx => whole(ptx::read(path, options)?),
+        })
+    }
+
     /// The next points and whether they must still be compared with the box; an empty cloud at the end.
-    fn take(&mut self, size: usize) -> Result<(Cloud, bool)> {
+    pub(super) fn take(&mut self, size: usize) -> Result<(Cloud, bool)> {
         match self {
             Self::Las(reader) => Ok((reader.take(size)?, false)),
             Self::Ply(reader) => Ok((reader.take(size)?, true)),

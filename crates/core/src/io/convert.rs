@@ -1,27 +1,41 @@
 //! From one format to another: everything that the target can hold is kept, and what it cannot is said.
 
 use super::diff::compare;
-use super::{ReadOptions, RewriteReport, WriteOptions, extension, inspect, las, read_with, write};
+use super::{Bounds, ReadOptions, RewriteReport, WriteOptions, extension, inspect, las, read_with, write};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// What [`convert`] is asked to change.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ConvertParams {
     /// Point format of a LAS or LAZ output made from LAS or LAZ, 0..=10; `None`: the input's. It must have all fields of the
     /// input's format. From 6 on the file becomes LAS 1.4.
     pub point_format: Option<u8>,
+    /// Only points in this box, in the file's unit; `None`: all.
+    pub bounds: Option<Bounds>,
+    /// Points about so far apart, in the file's unit, above 0; `None`: all. COPC inputs only.
+    pub resolution: Option<f64>,
 }
 
 impl ConvertParams {
-    /// Fails if the point format does not exist.
+    /// Fails if the point format does not exist, the box is not in order or the resolution not above 0.
     pub fn validate(&self) -> Result<()> {
-        match self.point_format {
-            Some(format) if format > 10 => Err(Error::parameter("point_format", format, "0 to 10")),
+        self.part(&WriteOptions::default()).validate()?;
+        match (self.point_format, self.bounds.is_some() || self.resolution.is_some()) {
+            (Some(format), _) if format > 10 => Err(Error::parameter("point_format", format, "0 to 10")),
+            (Some(format), true) => {
+                Err(Error::parameter("point_format", format, "none together with bounds or resolution; convert twice"))
+            }
             _ => Ok(()),
         }
+    }
+
+    /// What is read of the input.
+    fn part(&self, options: &WriteOptions) -> ReadOptions {
+        let (bounds, resolution) = (self.bounds, self.resolution);
+        ReadOptions { bounds, resolution, monitor: options.monitor.clone(), ..ReadOptions::default() }
     }
 }
 
@@ -36,19 +50,22 @@ pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
     params.validate()?;
     let to_las = ["las", "laz"].contains(&extension(output).as_str());
     let from_las = las::is_las(input)?;
+    let part = params.part(options);
     if from_las && to_las {
+        if part.bounds.is_some() || part.resolution.is_some() {
+            return las::crop(input, output, &part, options);
+        }
         return las::convert(input, output, params.point_format, options);
     }
     if params.point_format.is_some() {
         let reason = "a point format can be chosen from LAS or LAZ to LAS or LAZ only".to_string();
         return Err(Error::Unsupported { path: input.to_path_buf(), reason });
     }
-    let read = ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() };
-    let cloud = read_with(input, &read)?;
+    let cloud = read_with(input, &part)?;
     let records = if from_las { lost_records(input)? } else { Vec::new() };
     write(output, &cloud, options)?;
     options.monitor.stage("check", cloud.len() as u64);
-    let back = read_with(output, &read)?;
+    let back = read_with(output, &ReadOptions { bounds: None, resolution: None, ..part })?;
     let mut notes = losses(&cloud, &back, options)?;
     if !records.is_empty() {
         notes.push(format!("not kept: {}", records.join(", ")));
@@ -100,6 +117,7 @@ mod tests {
             .set_column(Column::new("GpsTime", Values::F64((0..500).map(|i| 1e9 + f64::from(i) * 1e-6).collect())))
             .unwrap();
         cloud.set_column(Column::new("Classification", Values::U8(vec![6; 500]))).unwrap();
+        cloud.set_column(Column::new("Id", Values::U64((0..500).map(|i| (1 << 60) + i).collect()))).unwrap();
         cloud.crs = Some("PROJCS[\"a\",UNIT[\"metre\",1]]".into());
         let path = folder.join(name);
         io::write(&path, &cloud, &WriteOptions::default()).unwrap();
@@ -115,8 +133,8 @@ mod tests {
         assert!(convert(&source, &las, &params, &options).unwrap().notes.is_empty());
         assert!(diff(&source, &las, &Monitor::default()).unwrap().is_empty());
         let notes = convert(&source, &ply, &params, &options).unwrap().notes.join("; ");
-        assert!(notes.contains("GpsTime: rounded in") && notes.contains("reference system"), "{notes}");
-        assert!(!notes.contains("Classification"), "{notes}");
+        assert!(notes.contains("Id: rounded in") && notes.contains("reference system"), "{notes}");
+        assert!(!notes.contains("Classification") && !notes.contains("GpsTime"), "{notes}");
     }
 
     #[test]
@@ -124,7 +142,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let source = file(folder.path(), "a.las");
         let target = folder.path().join("b.laz");
-        let to = |format| ConvertParams { point_format: Some(format) };
+        let to = |format| ConvertParams { point_format: Some(format), ..Default::default() };
         convert(&source, &target, &to(8), &WriteOptions::default()).unwrap();
         assert_eq!(inspect(&target).unwrap().point_format, Some(8));
         let found = diff(&source, &target, &Monitor::default()).unwrap();
@@ -133,5 +151,41 @@ mod tests {
         let message = convert(&target, &source, &to(1), &WriteOptions::default()).unwrap_err().to_string();
         assert!(message.contains("Infrared"), "{message}");
         assert!(convert(&source, &target, &to(11), &WriteOptions::default()).is_err());
+    }
+
+    #[test]
+    fn a_box_keeps_its_records_and_recounts_the_header() {
+        let folder = tempfile::tempdir().unwrap();
+        let bounds = Some(([10.0, 0.0, 0.0], [49.75, 4.0, 9.0]));
+        let params = ConvertParams { bounds, ..Default::default() };
+        for (from, to) in [("a.las", "b.laz"), ("a.laz", "b.las"), ("a.laz", "b.ply"), ("a.ply", "b.laz")] {
+            let (source, target) = (file(folder.path(), from), folder.path().join(to));
+            let report = convert(&source, &target, &params, &WriteOptions::default()).unwrap();
+            let part = io::read_with(&source, &ReadOptions { bounds, ..Default::default() }).unwrap();
+            // 80 points have x in the box, 5 of 7 of them y.
+            assert_eq!((report.points, part.len()), (57, 57), "{from} {to}");
+            let (back, info) = (io::read(&target).unwrap(), inspect(&target).unwrap());
+            assert_eq!((back.len(), info.points, back.bounds()), (57, 57, part.bounds()));
+            if to.contains(".la") {
+                assert_eq!(info.bounds, part.bounds());
+                let times = |c: &Cloud| c.column("GpsTime").unwrap().values.to_f64();
+                assert_eq!(times(&back), times(&part));
+            }
+        }
+        let nothing = ConvertParams { bounds: Some(([-9.0; 3], [-8.0; 3])), ..Default::default() };
+        let target = folder.path().join("none.laz");
+        assert_eq!(
+            convert(&folder.path().join("a.laz"), &target, &nothing, &WriteOptions::default()).unwrap().points,
+            0
+        );
+        assert!(io::read(&target).unwrap().is_empty());
+        for wrong in [
+            ConvertParams { bounds: Some(([1.0; 3], [0.0; 3])), ..Default::default() },
+            ConvertParams { resolution: Some(0.0), ..Default::default() },
+            ConvertParams { resolution: Some(1.0), ..Default::default() },
+            ConvertParams { point_format: Some(6), ..params.clone() },
+        ] {
+            assert!(convert(&folder.path().join("a.laz"), &target, &wrong, &WriteOptions::default()).is_err());
+        }
     }
 }

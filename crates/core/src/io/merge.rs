@@ -187,4 +187,26 @@ mod tests {
         assert_eq!((cloud.len(), cloud.xyz(399)), (400, [399.5; 3]));
         assert_eq!(cloud.column("PointSourceId").unwrap().values.get(200), 300.0);
     }
+
+    #[test]
+    fn counts_and_offsets_that_overflow_are_no_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["a.las", "b.las"].map(|n| folder.path().join(n));
+        let target = folder.path().join("all.las");
+        file(&paths[0], (0.01, 0.0, 100.0), None);
+        let sound = std::fs::read(&paths[0]).unwrap();
+        let with = |at: usize, value: [u8; 8]| {
+            let mut bytes = sound.clone();
+            bytes[at..at + 8].copy_from_slice(&value);
+            std::fs::write(&paths[1], bytes).unwrap();
+        };
+        // Points of the second return.
+        with(263, u64::MAX.to_le_bytes());
+        let twice = [paths[1].clone(), paths[1].clone()];
+        assert_eq!(merge(&twice, &target, &WriteOptions::default()).unwrap().points, 400);
+        for offset in [1e15, 9.223_372e16, 1e17, -1e17, 1e300] {
+            with(155, f64::to_le_bytes(offset));
+            assert!(merge(&paths, &target, &WriteOptions::default()).is_err(), "{offset}");
+        }
+    }
 }

@@ -23,6 +23,7 @@ pub mod salvage;
 pub mod statistics;
 mod table;
 mod text;
+mod verify;
 mod words;
 
 pub use blocks::{Blocks, blocks};

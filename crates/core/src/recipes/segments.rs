@@ -1,10 +1,9 @@
 //! Segments that vote and agree (document 000, section 4).
 
-use super::regularise::{Posterior, Regularise, RegulariseParams, Regularised, by_largest};
+use super::regularise::{Posterior, Regularise, RegulariseParams, Regularised, by_largest, field};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
-use crate::regularisation::{ExpansionParams, alpha_expansion};
 use crate::segmentation::{Interface, Partition, segment_graph};
 
 /// A partition and who touches whom in it.
@@ -36,8 +35,7 @@ impl Segments {
                     Posterior::LogOfMean => self.costs(mean.iter().map(|p| -f64::from(*p).ln()), classes),
                     Posterior::MeanOfLogs => self.costs(self.mean_of_logs(smooth, classes).into_iter(), classes),
                 };
-                let expansion = ExpansionParams { strength: params.strength, ..ExpansionParams::default() };
-                let found = alpha_expansion(&costs, &self.graph, &expansion, monitor)?;
+                let found = field((&costs, classes), &self.graph, params.strength, monitor)?;
                 (found.labels, Some(found.energy))
             }
         };

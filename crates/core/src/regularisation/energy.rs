@@ -10,7 +10,7 @@ pub enum Pairwise {
     /// 0 for equal labels, 1 for different ones.
     #[default]
     Potts,
-    /// Row-major `labels x labels`: 0 on the diagonal, symmetric, no detour shorter than the direct way.
+    /// Row-major `labels x labels`: 0 on the diagonal, symmetric; for α-expansion no detour is shorter than the direct way.
     Metric(Vec<f32>),
 }
 
@@ -24,11 +24,11 @@ impl Pairwise {
         }
     }
 
-    /// Verifies that the distances are a metric on `labels` labels. O(labels³).
+    /// Verifies that the distances are symmetric, 0 or more, and 0 from a label to itself. O(labels²).
     ///
     /// # Errors
     /// Names the labels that break a rule.
-    pub fn check(&self, labels: usize) -> Result<()> {
+    pub fn check_symmetric(&self, labels: usize) -> Result<()> {
         let Self::Metric(table) = self else { return Ok(()) };
         if table.len() != labels * labels {
             return Err(Error::input(format!("{} label distances for {labels} x {labels} labels", table.len())));
@@ -43,6 +43,19 @@ impl Pairwise {
                     v(a, b)
                 )));
             }
+        }
+        Ok(())
+    }
+
+    /// Verifies that the distances are a metric on `labels` labels: symmetric, and no detour is shorter. O(labels³).
+    ///
+    /// # Errors
+    /// Names the labels that break a rule.
+    pub fn check_metric(&self, labels: usize) -> Result<()> {
+        self.check_symmetric(labels)?;
+        let Self::Metric(table) = self else { return Ok(()) };
+        let v = |a: usize, b: usize| table[a * labels + b];
+        for (a, b) in (0..labels).flat_map(|a| (0..labels).map(move |b| (a, b))) {
             let slack = 1e-6 * v(a, b);
             if let Some(c) = (0..labels).find(|&c| v(a, c) + v(c, b) + slack < v(a, b)) {
                 return Err(Error::input(format!("labels {a} and {b} are nearer by way of {c}: no metric")));
@@ -65,13 +78,42 @@ pub struct Energy<'a> {
     pub strength: f64,
     /// Distance of labels.
     pub pairwise: &'a Pairwise,
+    /// What each label costs once if any node has it, 0 or more; empty if nothing.
+    pub label_costs: &'a [f32],
 }
 
-impl Energy<'_> {
-    /// Verifies that the parts fit together. O(nodes · labels + labels³).
+impl<'a> Energy<'a> {
+    /// Costs (`nodes x labels`, row-major) on a graph, checked; without label costs. The labels are counted from the costs.
     ///
     /// # Errors
-    /// Lengths that do not fit, a cost that is not finite, a strength below 0 or not finite, distances that are no metric.
+    /// As [`Energy::check`].
+    pub fn new(unary: &'a [f32], graph: &'a Graph, strength: f64, pairwise: &'a Pairwise) -> Result<Self> {
+        let labels = unary.len().checked_div(graph.len()).unwrap_or(1);
+        let energy = Self { unary, labels, graph, strength, pairwise, label_costs: &[] };
+        energy.check()?;
+        Ok(energy)
+    }
+
+    /// The same with costs of labels.
+    ///
+    /// # Errors
+    /// If there is not one cost a label, or none at all, or one is below 0 or not finite.
+    pub fn with_label_costs(self, label_costs: &'a [f32]) -> Result<Self> {
+        // Without nodes the number of labels is not known.
+        if !label_costs.is_empty() && label_costs.len() != self.labels && !self.graph.is_empty() {
+            return Err(Error::input(format!("{} label costs for {} labels", label_costs.len(), self.labels)));
+        }
+        match label_costs.iter().find(|cost| !(**cost >= 0.0 && cost.is_finite())) {
+            Some(cost) => Err(Error::parameter("label_costs", cost, "0 or more, finite")),
+            None => Ok(Self { label_costs, ..self }),
+        }
+    }
+
+    /// Verifies that the parts fit together. O(nodes · labels + labels²).
+    ///
+    /// # Errors
+    /// Lengths that do not fit, a cost that is not finite, a strength below 0 or not finite, distances that are not
+    /// symmetric.
     pub fn check(&self) -> Result<()> {
         if self.labels == 0 || self.labels > usize::from(u16::MAX) {
             return Err(Error::parameter("labels", self.labels, "1 to 65535"));
@@ -88,10 +130,15 @@ impl Energy<'_> {
             let (node, label) = (at / self.labels, at % self.labels);
             return Err(Error::input(format!("cost {} of label {label} at node {node} is not finite", self.unary[at])));
         }
-        if !(self.strength >= 0.0 && self.strength.is_finite()) {
-            return Err(Error::parameter("strength", self.strength, "0 or more, finite"));
-        }
-        self.pairwise.check(self.labels)
+        check_strength(self.strength)?;
+        // Without nodes the number of labels is not known.
+        if self.graph.is_empty() { Ok(()) } else { self.pairwise.check_symmetric(self.labels) }
+    }
+
+    /// What `label` costs once if any node has it.
+    #[inline]
+    pub fn label_cost(&self, label: u16) -> f64 {
+        self.label_costs.get(usize::from(label)).copied().map_or(0.0, f64::from)
     }
 
     /// Cost of `label` at `node`.
@@ -106,16 +153,44 @@ impl Energy<'_> {
         self.strength * f64::from(self.graph.weights()[edge]) * self.pairwise.distance(a, b, self.labels)
     }
 
-    /// Energy of a labelling, summed in the order of nodes, then edges.
+    /// Energy of a labelling, summed in the order of nodes, then edges, then labels. O(nodes + edges + labels).
     pub fn of(&self, labels: &[u16]) -> f64 {
         let nodes: f64 = labels.iter().enumerate().map(|(node, &label)| self.cost(node, label)).sum();
         let edges = self.graph.edges().iter().enumerate();
-        nodes + edges.map(|(e, &[i, j])| self.edge_cost(e, labels[i as usize], labels[j as usize])).sum::<f64>()
+        let edges: f64 = edges.map(|(e, &[i, j])| self.edge_cost(e, labels[i as usize], labels[j as usize])).sum();
+        let used = self.users(labels).into_iter().enumerate().filter(|(_, users)| *users > 0);
+        nodes + edges + used.map(|(label, _)| self.label_cost(label as u16)).sum::<f64>()
+    }
+
+    /// How many nodes have each label.
+    pub(super) fn users(&self, labels: &[u16]) -> Vec<usize> {
+        let mut users = vec![0; self.labels];
+        labels.iter().for_each(|&label| users[usize::from(label)] += 1);
+        users
+    }
+
+    /// Where a search begins: the cheapest label of every node, or one label for all if that costs less.
+    pub(super) fn start(&self) -> Vec<u16> {
+        let cheapest = self.cheapest();
+        let mut sums = vec![0.0; self.labels];
+        for row in self.unary.chunks_exact(self.labels) {
+            sums.iter_mut().zip(row).for_each(|(sum, cost)| *sum += f64::from(*cost));
+        }
+        let total = |label: usize| sums[label] + self.label_cost(label as u16);
+        let best = (1..self.labels).fold(0, |best, label| if total(label) < total(best) { label } else { best });
+        if total(best) < self.of(&cheapest) { vec![best as u16; cheapest.len()] } else { cheapest }
     }
 
     /// The cheapest label of every node by itself, the first of equals.
     pub fn cheapest(&self) -> Vec<u16> {
         let best = |row: &[f32]| (1..row.len()).fold(0, |best, l| if row[l] < row[best] { l } else { best }) as u16;
         self.unary.chunks_exact(self.labels).map(best).collect()
+    }
+}
+
+pub(super) fn check_strength(strength: f64) -> Result<()> {
+    match strength >= 0.0 && strength.is_finite() {
+        true => Ok(()),
+        false => Err(Error::parameter("strength", strength, "0 or more, finite")),
     }
 }

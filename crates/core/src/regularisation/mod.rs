@@ -5,17 +5,30 @@
 //! `E(l) = Σ_i D_i(l_i) + strength · Σ_(i,j) w_ij V(l_i, l_j)`,
 //!
 //! where `D` are the costs of every label at every node, `w` the weights of the graph's edges and `V` the distance of two
-//! labels: 1 for any two different ones (Potts), or a table.
+//! labels: 1 for any two different ones (Potts), or a table. Labels may cost something themselves, once, if any node has
+//! them.
+//!
+//! [`alpha_expansion`] is the one to take. [`alpha_beta_swap`] allows distances that are no metric,
+//! [`iterated_conditional_modes`] and [`local_smoothing`] are faster and worse.
 
 mod energy;
 mod expansion;
+mod hubs;
+mod icm;
 mod local;
 mod reduce;
+mod search;
 mod solve;
+mod swap;
+
+#[cfg(test)]
+mod instance;
 
 pub use energy::{Energy, Pairwise};
 pub use expansion::{ExpansionParams, alpha_expansion};
+pub use icm::{IcmParams, iterated_conditional_modes};
 pub use local::local_smoothing;
+pub use swap::{SwapParams, alpha_beta_swap};
 
 /// A label for every node and what it costs.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -26,19 +26,63 @@ pub(super) enum State {
 pub(super) struct Question {
     pub(super) theta: Vec<f64>,
     /// Sum of c over the edges to open neighbours.
-    slack: Vec<f64>,
+    pub(super) slack: Vec<f64>,
     pub(super) state: Vec<State>,
     /// c of each edge.
     pub(super) coupling: Vec<f64>,
     settled: Vec<u32>,
+    /// Nodes from here on are hubs.
+    hubs_from: usize,
 }
 
 impl Question {
-    /// Asks about `alpha` and settles what can be settled. O(nodes + edges).
+    /// Asks about `alpha` and settles what can be settled; the adjacency may have hubs. O(nodes + edges).
     pub(super) fn ask(&mut self, energy: &Energy<'_>, adjacency: &Adjacency, labels: &[u16], alpha: u16) {
         self.set_nodes(energy, labels, alpha);
         self.set_edges(energy, labels, alpha);
-        for node in 0..labels.len() {
+        if adjacency.offsets.len() > labels.len() + 1 {
+            self.add_hubs(energy, labels, alpha);
+        }
+        self.hubs_from = labels.len();
+        self.reduce(adjacency);
+    }
+
+    /// Asks which nodes of labels `alpha` and `beta` have `alpha` (they "take" it); all others stand apart.
+    pub(super) fn ask_swap(&mut self, energy: &Energy<'_>, adjacency: &Adjacency, labels: &[u16], pair: [u16; 2]) {
+        let [alpha, beta] = pair;
+        let inside = |node: usize| labels[node] == alpha || labels[node] == beta;
+        let difference = |i: usize| if inside(i) { energy.cost(i, alpha) - energy.cost(i, beta) } else { 0.0 };
+        self.theta.clear();
+        self.theta.extend((0..labels.len()).map(difference));
+        self.state.clear();
+        self.state.extend((0..labels.len()).map(|i| if inside(i) { State::Open } else { State::Stays }));
+        self.clear_edges(energy, labels.len());
+        for (e, &[i, j]) in energy.graph.edges().iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            let gain = |label| energy.edge_cost(e, alpha, label) - energy.edge_cost(e, beta, label);
+            match (inside(i), inside(j)) {
+                (true, true) => {
+                    self.coupling[e] = energy.edge_cost(e, alpha, beta);
+                    self.slack[i] += self.coupling[e];
+                    self.slack[j] += self.coupling[e];
+                }
+                (true, false) => self.theta[i] += gain(labels[j]),
+                (false, true) => self.theta[j] += gain(labels[i]),
+                (false, false) => {}
+            }
+        }
+        self.hubs_from = labels.len();
+        self.reduce(adjacency);
+    }
+
+    /// Nodes in this state; after the reduction those that are settled so.
+    pub(super) fn settled(&self, state: State) -> impl Iterator<Item = u32> + '_ {
+        self.state.iter().enumerate().filter(move |(_, s)| **s == state).map(|(node, _)| node as u32)
+    }
+
+    fn reduce(&mut self, adjacency: &Adjacency) {
+        self.settled.clear();
+        for node in 0..self.state.len() {
             self.settle(node);
         }
         while let Some(node) = self.settled.pop() {
@@ -49,17 +93,20 @@ impl Question {
     fn set_nodes(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
         self.theta.clear();
         self.theta.extend((0..labels.len()).map(|i| energy.cost(i, alpha) - energy.cost(i, labels[i])));
-        self.slack.clear();
-        self.slack.resize(labels.len(), 0.0);
         // A node that has the label already "takes" it: its edges speak for the label.
         self.state.clear();
         self.state.extend(labels.iter().map(|&label| if label == alpha { State::Takes } else { State::Open }));
-        self.settled.clear();
+    }
+
+    fn clear_edges(&mut self, energy: &Energy<'_>, nodes: usize) {
+        self.slack.clear();
+        self.slack.resize(nodes, 0.0);
+        self.coupling.clear();
+        self.coupling.resize(energy.graph.edges().len(), 0.0);
     }
 
     fn set_edges(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
-        self.coupling.clear();
-        self.coupling.resize(energy.graph.edges().len(), 0.0);
+        self.clear_edges(energy, labels.len());
         for (e, &[i, j]) in energy.graph.edges().iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let (a, b) = (labels[i], labels[j]);
@@ -104,6 +151,12 @@ impl Question {
                 let coupling = self.coupling[edge as usize];
                 self.theta[neighbour] += sign * coupling;
                 self.slack[neighbour] -= coupling;
+                let hub = neighbour >= self.hubs_from;
+                if hub && self.state[node] == State::Stays {
+                    // A label with one node left does not vanish, whatever rounding says.
+                    self.state[neighbour] = State::Stays;
+                    self.settled.push(neighbour as u32);
+                }
                 self.settle(neighbour);
             }
         }

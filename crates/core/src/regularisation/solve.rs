@@ -8,7 +8,7 @@ use crate::parallel::{Monitor, map_ordered_with};
 /// Pieces of open nodes that hang together, in the order of their smallest node.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pieces {
-    pub(super) nodes: Vec<u32>,
+    nodes: Vec<u32>,
     starts: Vec<usize>,
     /// Place of each open node within its piece.
     place: Vec<u32>,
@@ -44,6 +44,11 @@ impl Pieces {
             }
             if wanted { self.starts.push(start) } else { self.nodes.truncate(start) }
         }
+    }
+
+    /// All nodes of all pieces.
+    pub(super) fn nodes(&self) -> &[u32] {
+        &self.nodes
     }
 
     fn piece(&self, p: usize) -> &[u32] {

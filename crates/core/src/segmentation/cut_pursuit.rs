@@ -16,9 +16,10 @@ mod coarse;
 mod iterate;
 mod params;
 mod piece;
+mod smooth;
 mod two_means;
 
-pub use params::{CutPursuitParams, Preset, Start};
+pub use params::{CutPursuitParams, Preset};
 
 use super::cutoff::absorb_small;
 use super::merge::trivial_partition;
@@ -27,7 +28,7 @@ use super::{Partition, Signal};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
-use iterate::Pursuit;
+use coarse::in_cycles;
 
 /// Result of [`cut_pursuit`].
 #[derive(Clone, Debug, PartialEq)]
@@ -38,11 +39,11 @@ pub struct CutPursuit {
     pub centroids: Vec<f64>,
     /// Q of the best iterate, before the cutoff took part.
     pub energy: f64,
-    /// Rounds of splitting and merging.
+    /// Rounds of splitting and merging, of all cycles.
     pub iterations: usize,
     /// True if no segment could be split any more or Q fell by less than the tolerance.
     pub converged: bool,
-    /// Q at the start and after every round.
+    /// Q at the start and after every round; on a graph that was coarsened, after every cycle.
     pub trace: Vec<f64>,
 }
 
@@ -50,7 +51,8 @@ pub struct CutPursuit {
 ///
 /// Every round splits each open segment in two by a minimum cut between two means, and then merges segments that
 /// touch, largest gain first, while Q falls. A split may raise Q for a moment, because staying whole is not among the
-/// choices of the cut: the best partition that was met is returned, or `guard` forbids such splits.
+/// choices of the cut: the best partition that was met is returned, or `guard` forbids such splits. Then nodes move
+/// across boundaries one by one while Q falls. Large graphs are cut on a coarser graph.
 ///
 /// # Returns
 /// The partition, its means, Q, and how it was reached. Strength 0 gives the connected sets of equal values, an
@@ -58,7 +60,7 @@ pub struct CutPursuit {
 ///
 /// # Complexity
 /// A round costs k-means and `flow_steps` minimum cuts inside each open segment, and O(m log m) for merging;
-/// O(n · width + m) memory.
+/// O(n · width + m) memory. Coarsening costs O(m log m) a cycle and leaves a graph of about a sixteenth.
 ///
 /// # Determinism
 /// The random stream of a split depends on the seed, the segment's smallest node and the round: the same bytes for any
@@ -74,7 +76,7 @@ pub fn cut_pursuit(signal: &Signal, graph: &Graph, params: &CutPursuitParams, mo
             let energy = energy(signal, graph, params.strength, &partition);
             CutPursuit { partition, centroids: vec![], energy, iterations: 0, converged: true, trace: vec![energy] }
         }
-        None => Pursuit::new(signal, graph, params, monitor)?.run()?,
+        None => in_cycles(signal, graph, params, monitor)?,
     };
     found.partition = absorb_small(signal, graph, &found.partition, (params.strength, params.cutoff))?;
     found.centroids = Regions::of_segments(signal, &found.partition).into_means();
@@ -141,14 +143,15 @@ mod tests {
 
     #[test]
     fn chains_come_close_to_the_optimum_of_dynamic_programming() {
-        for start in [Start::Coarse, Start::Pieces] {
-            let ratios = chain_ratios(&CutPursuitParams { strength: STRENGTH, start, ..Default::default() });
+        let default = CutPursuitParams { strength: STRENGTH, ..Default::default() };
+        for (name, params) in [("default", default.clone()), ("as published", default.as_published())] {
+            let ratios = chain_ratios(&params);
             let mean = ratios.iter().sum::<f64>() / 60.0;
             let worst = ratios.iter().copied().fold(0.0, f64::max);
             let exact = ratios.iter().filter(|r| **r < 1.0 + 1e-9).count();
-            println!("{start:?}: mean {mean:.4}, worst {worst:.4}, exact {exact} of 60");
+            println!("{name}: mean {mean:.4}, worst {worst:.4}, exact {exact} of 60");
             assert!(ratios.iter().all(|r| *r > 1.0 - 1e-9), "nothing is better than the optimum");
-            assert!(mean <= 1.01 && worst <= 1.06, "{start:?}: {mean} {worst}");
+            assert!(mean <= 1.01 && worst <= 1.06, "{name}: {mean} {worst}");
         }
     }
 
@@ -186,7 +189,7 @@ mod tests {
             let (values, weights, graph) = random_problem(seed, 7);
             let signal = Signal::new(&values, 2).unwrap().with_weights(&weights).unwrap();
             let best = partitions.iter().map(|p| energy(&signal, &graph, 0.3, p)).fold(f64::INFINITY, f64::min);
-            let params = CutPursuitParams { strength: 0.3, start: Start::Pieces, ..Default::default() };
+            let params = CutPursuitParams { strength: 0.3, ..Default::default() };
             let found = cut_pursuit(&signal, &graph, &params, &Monitor::default()).unwrap();
             assert_eq!(found.energy, energy(&signal, &graph, 0.3, &found.partition));
             assert!(found.energy >= best - 1e-9, "{} {best}", found.energy);
@@ -216,6 +219,7 @@ mod tests {
 
     #[test]
     fn two_nodes_that_cannot_be_parted_are_one_of_twice_the_weight() {
+        let mut ratios = Vec::new();
         for seed in 0..30 {
             let values = noisy_stretches(seed, 40);
             let doubled = [&values[..], &values[20..22]].concat();
@@ -235,8 +239,10 @@ mod tests {
             let moved = Partition::from_labels(&one.partition.segments()[..40]).unwrap();
             let same = energy(&heavy, &chain(40), STRENGTH, &moved);
             assert!((same - one.energy).abs() < 1e-9, "{same} {}", one.energy);
-            assert!((one.energy / other.energy - 1.0).abs() < 0.06, "{} {}", one.energy, other.energy);
+            ratios.push(one.energy / other.energy);
         }
+        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        assert!((mean - 1.0).abs() < 0.01, "{ratios:?}");
     }
 
     #[test]
@@ -244,24 +250,57 @@ mod tests {
         for seed in 0..60 {
             let values = noisy_stretches(seed, 60);
             let signal = Signal::new(&values, 2).unwrap();
-            let params = CutPursuitParams { strength: 0.2, guard: true, start: Start::Pieces, ..Default::default() };
+            let params = CutPursuitParams { strength: 0.2, guard: true, ..Default::default() }.as_published();
             let found = cut_pursuit(&signal, &chain(60), &params, &Monitor::default()).unwrap();
             assert!(found.trace.windows(2).all(|w| w[1] <= w[0]), "{:?}", found.trace);
         }
     }
 
+    /// Fields of 12 x 12 nodes on a grid, with noise as large as a third of the contrast.
+    fn noisy_fields(side: u32) -> (Vec<f32>, Graph) {
+        let mut random = stream(5, 3);
+        let field = |v: u32| (v % side / 12 * 5 + v / side / 12 * 3) % 7;
+        let values = (0..side * side)
+            .flat_map(|v| [field(v) % 3, field(v) % 4].map(|m| (f64::from(m) + 0.33 * normal(&mut random)) as f32))
+            .collect();
+        let across = (0..side * side).filter(|v| v % side + 1 < side).map(|v| [v, v + 1]);
+        let pairs: Vec<[u32; 2]> = across.chain((0..side * (side - 1)).map(|v| [v, v + side])).collect();
+        (values, Graph::new((side * side) as usize, &pairs, &vec![1.0; pairs.len()]).unwrap())
+    }
+
+    #[test]
+    fn a_coarse_graph_leads_to_no_higher_energy() {
+        let (values, graph) = noisy_fields(120);
+        let signal = Signal::new(&values, 2).unwrap();
+        let run = |params: CutPursuitParams| cut_pursuit(&signal, &graph, &params, &Monitor::default()).unwrap();
+        let default = CutPursuitParams { strength: 0.5, ..Default::default() };
+        let (coarse, published) = (run(default.clone()), run(default.as_published()));
+        println!(
+            "coarse {} {}, published {} {}",
+            coarse.energy,
+            coarse.partition.len(),
+            published.energy,
+            published.partition.len()
+        );
+        assert!(coarse.energy <= 1.001 * published.energy);
+        assert_eq!(coarse.energy, energy(&signal, &graph, 0.5, &coarse.partition));
+        assert!(coarse.trace.windows(2).all(|w| w[1] <= w[0]), "{:?}", coarse.trace);
+    }
+
     #[test]
     fn any_number_of_threads_gives_the_same_partition() {
-        let values = noisy_stretches(3, 4000);
+        let (values, graph) = noisy_fields(60);
         let signal = Signal::new(&values, 2).unwrap();
-        let params = CutPursuitParams { strength: 0.05, ..Default::default() };
-        let with = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| cut_pursuit(&signal, &chain(4000), &params, &Monitor::default()).unwrap())
-        };
-        let alone = with(1);
-        assert!(alone.partition.len() > 5);
-        assert_eq!(alone, with(3));
+        for coarse_above in [1000, 10_000] {
+            let params = CutPursuitParams { strength: 0.5, coarse_above, ..Default::default() };
+            let with = |threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| cut_pursuit(&signal, &graph, &params, &Monitor::default()).unwrap())
+            };
+            let alone = with(1);
+            assert!(alone.partition.len() > 20, "{}", alone.partition.len());
+            assert_eq!(alone, with(3));
+        }
     }
 
     #[test]

@@ -16,8 +16,8 @@ use crate::graph::Graph;
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
-/// Up to so many links the pair of largest gain is merged first; above, all that are each other's best at once.
-const GREEDY_LINKS: usize = 100_000;
+/// Up to so many links the pair of largest gain is merged first; above, every region's best pair at once.
+pub(super) const GREEDY_LINKS: usize = 50_000;
 
 /// Parameters of [`merge`].
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -64,7 +64,7 @@ pub struct Merge {
 
 /// Merges single nodes into segments as long as Q = Σ m_i ‖f_i − x_c(i)‖² + ρ Σ w_ij [c(i) ≠ c(j)] falls.
 ///
-/// With at most 100,000 edges the pair of largest gain merges first; with more, every region's best partner is found
+/// With at most 50,000 edges the pair of largest gain merges first; with more, every region's best partner is found
 /// at once, and these pairs merge in the order of gain, each checked again with the means of that moment. Q never
 /// rises in either way.
 ///
@@ -86,7 +86,7 @@ pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Mon
         Some(partition) => partition,
         None => {
             let links = node_links(graph, params.strength);
-            Partition::from_labels(&merge_regions(Regions::of_nodes(signal), links, monitor)?)?
+            Partition::from_labels(&merge_further(Regions::of_nodes(signal), links, GREEDY_LINKS, monitor)?.became)?
         }
     };
     let energy = energy(signal, graph, params.strength, &partition);
@@ -108,25 +108,36 @@ pub(super) fn trivial_partition(signal: &Signal, graph: &Graph, strength: f64) -
     }
 }
 
-/// Merges regions while a merger gains; returns for each region the number of the one it became part of.
-pub(super) fn merge_regions(mut regions: Regions, mut links: Vec<Link>, monitor: &Monitor) -> Result<Vec<u32>> {
-    let mut became: Vec<u32> = (0..regions.len() as u32).collect();
-    let mut together = |regions: &mut Regions, links: &mut Vec<Link>, sets: Sets| {
-        let (number, left) = compact(regions, sets);
-        became.iter_mut().for_each(|region| *region = number[*region as usize]);
-        *links = contract(links, &number);
-        *regions = left;
-    };
-    while links.len() > GREEDY_LINKS {
+/// What merging leaves.
+pub(super) struct Merger {
+    /// The number of the region that each of those before became part of.
+    pub(super) became: Vec<u32>,
+    /// The regions that remain.
+    pub(super) regions: Regions,
+    /// The links between them.
+    pub(super) links: Vec<Link>,
+}
+
+/// Merges regions while a merger gains; the largest gain goes first once there are no more than `greedy` links.
+pub(super) fn merge_further(regions: Regions, links: Vec<Link>, greedy: usize, monitor: &Monitor) -> Result<Merger> {
+    let mut merger = Merger { became: (0..regions.len() as u32).collect(), regions, links };
+    while merger.links.len() > greedy {
         monitor.check()?;
-        let Some(sets) = batch::merge_best_pairs(&mut regions, &links) else { break };
-        together(&mut regions, &mut links, sets);
+        let Some(sets) = batch::merge_best_pairs(&mut merger.regions, &merger.links) else { return Ok(merger) };
+        merger.unite(sets);
     }
-    if links.len() <= GREEDY_LINKS {
-        let sets = greedy::merge_largest_gain_first(&mut regions, &links, monitor)?;
-        together(&mut regions, &mut links, sets);
+    let sets = greedy::merge_largest_gain_first(&mut merger.regions, &merger.links, monitor)?;
+    merger.unite(sets);
+    Ok(merger)
+}
+
+impl Merger {
+    fn unite(&mut self, sets: Sets) {
+        let (number, left) = compact(&self.regions, sets);
+        self.became.iter_mut().for_each(|region| *region = number[*region as usize]);
+        self.links = contract(&self.links, &number);
+        self.regions = left;
     }
-    Ok(became)
 }
 
 #[cfg(test)]
@@ -176,7 +187,8 @@ mod tests {
             assert!(now < last, "every round lowers the energy");
             last = now;
         }
-        let one_by_one = merge_regions(Regions::of_nodes(&signal), links, &Monitor::default()).unwrap();
+        let one_by_one =
+            merge_further(Regions::of_nodes(&signal), links, GREEDY_LINKS, &Monitor::default()).unwrap().became;
         for labels in [became, one_by_one] {
             let partition = Partition::from_labels(&labels).unwrap();
             let regions = Regions::of_segments(&signal, &partition);

@@ -17,7 +17,7 @@ pub use by_intent::{
     Aim, Candidate, Intent, Method, PartitionParams, Scene, Search, Trial, partition_by_intent, search_strength,
 };
 pub use connected::connected_partition;
-pub use cut_pursuit::{CutPursuit, CutPursuitParams, Preset, Start, cut_pursuit};
+pub use cut_pursuit::{CutPursuit, CutPursuitParams, Preset, cut_pursuit};
 pub use descriptors::{OrientedBox, SegmentShape, segment_means, segment_shapes};
 pub use majority::{Majority, majorities, oracle_accuracy};
 pub use merge::{Merge, MergeParams, merge};

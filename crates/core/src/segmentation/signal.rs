@@ -44,6 +44,14 @@ impl<'a> Signal<'a> {
         }
     }
 
+    /// The same weights with other finite values, as many.
+    pub(super) fn with_values<'b>(self, values: &'b [f32]) -> Signal<'b>
+    where
+        'a: 'b,
+    {
+        Signal { values, ..self }
+    }
+
     /// Number of nodes.
     pub fn len(&self) -> usize {
         self.values.len() / self.width

@@ -5,14 +5,15 @@
 2
 """
 
-from scansion import evaluation, features
+from scansion import evaluation, features, graph, neighbours, regularisation, segmentation
 from scansion._bagging import BaggingClassifier
 from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
-from scansion._cloud import PointCloud, convert, diff, info, merge, read, rewrite, salvage, write
+from scansion._cloud import PointCloud, blocks, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._core import FileFormatError, __version__
 from scansion._forest import RandomForestClassifier
 from scansion._render import render
+from scansion._segments import Segments, Suggestions, segment, suggest
 from scansion._weak import WeakClassifier
 
 __all__ = [
@@ -23,17 +24,26 @@ __all__ = [
     "PointClassifier",
     "PointCloud",
     "RandomForestClassifier",
+    "Segments",
+    "Suggestions",
     "WeakClassifier",
     "__version__",
+    "blocks",
     "convert",
     "diff",
     "evaluation",
     "features",
+    "graph",
     "info",
     "merge",
+    "neighbours",
     "read",
+    "regularisation",
     "render",
     "rewrite",
     "salvage",
+    "segment",
+    "segmentation",
+    "suggest",
     "write",
 ]

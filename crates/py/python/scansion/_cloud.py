@@ -67,7 +67,7 @@ class PointCloud:
     array([2, 6], dtype=uint8)
     """
 
-    __slots__ = ("_core",)
+    __slots__ = ("_core", "_header", "_path")
 
     def __init__(
         self,
@@ -78,6 +78,8 @@ class PointCloud:
         **columns: ArrayLike,
     ) -> None:
         self._core = _core.Cloud.from_xyz(coordinates(xyz))
+        self._path: str | None = None
+        self._header: dict[str, Any] | None = None
         self._fill(crs, metres_per_unit, columns)
 
     def _fill(self, crs: str | None, metres_per_unit: float | None, columns: Mapping[str, ArrayLike]) -> None:
@@ -87,9 +89,9 @@ class PointCloud:
             self[name] = values
 
     @classmethod
-    def _wrap(cls, core: _core.Cloud) -> PointCloud:
+    def _wrap(cls, core: _core.Cloud, path: str | None = None) -> PointCloud:
         cloud = cls.__new__(cls)
-        cloud._core = core
+        cloud._core, cloud._path, cloud._header = core, path, None
         return cloud
 
     @property
@@ -101,6 +103,14 @@ class PointCloud:
     def columns(self) -> list[str]:
         """Names of the columns in the file's order."""
         return self._core.columns()
+
+    @property
+    def header(self) -> dict[str, Any]:
+        """What the file that the cloud was read from says of itself, as `scansion.info` tells it when this is first asked
+        for; empty for a cloud that was made in memory."""
+        if self._header is None:
+            self._header = {} if self._path is None else info(self._path)
+        return self._header
 
     @property
     def crs(self) -> str | None:
@@ -152,7 +162,7 @@ class PointCloud:
 
     def copy(self) -> PointCloud:
         """A copy that may be changed without changing this cloud."""
-        return self._wrap(self._core.copy())
+        return self._wrap(self._core.copy(), self._path)
 
     @classmethod
     def from_laspy(cls, las: Any) -> PointCloud:
@@ -189,6 +199,9 @@ class PointCloud:
             finite = xyz[np.isfinite(xyz).all(axis=1)]
             header.scales = np.full(3, 0.001)
             header.offsets = np.floor(finite.min(axis=0)) if len(finite) else np.zeros(3)
+        if self.crs is not None and not self.crs.startswith("EPSG:"):
+            header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(self.crs))
+            header.global_encoding.wkt = True
         las = laspy.LasData(header)
         las.x, las.y, las.z = xyz[:, 0], xyz[:, 1], xyz[:, 2]
         if ticks is not None:
@@ -253,8 +266,26 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
     raise ValueError(f"structured array: expected the fields X, Y, Z or x, y, z, found {', '.join(fields)}")
 
 
-def read(path: str | os.PathLike[str], columns: list[str] | None = None) -> PointCloud:
-    """Reads LAS, LAZ, PLY or text.
+def _box(bounds: ArrayLike | None) -> Any:
+    """A box as the core wants it: lowest and highest corner."""
+    if bounds is None:
+        return None
+    box = np.asarray(bounds, dtype=np.float64)
+    if box.shape == (2, 2):
+        box = np.column_stack([box, [-np.inf, np.inf]])
+    if box.shape != (2, 3):
+        raise ValueError(f"bounds: found shape {box.shape}, expected (2, 3) or (2, 2): lowest and highest corner")
+    return tuple(map(tuple, box.tolist()))
+
+
+def read(
+    path: str | os.PathLike[str],
+    columns: list[str] | None = None,
+    *,
+    bounds: ArrayLike | None = None,
+    resolution: float | None = None,
+) -> PointCloud:
+    """Reads LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX or text.
 
     Parameters
     ----------
@@ -262,6 +293,10 @@ def read(path: str | os.PathLike[str], columns: list[str] | None = None) -> Poin
         The file; its content decides on the format, then its extension.
     columns : list of str, optional
         Columns to keep beside the coordinates; all by default. Fewer columns take less memory.
+    bounds : array_like of shape (2, 3) or (2, 2), optional
+        Only points in this box, lowest and highest corner, both included. COPC files are read where the box is.
+    resolution : float, optional
+        A thinner cloud whose points are about so far apart, in the file's unit, above 0; COPC files only.
 
     Returns
     -------
@@ -275,16 +310,49 @@ def read(path: str | os.PathLike[str], columns: list[str] | None = None) -> Poin
     FileFormatError
         The file is malformed (the message names the place) or its format is not supported.
     """
-    return PointCloud._wrap(_core.read(os.fspath(path), columns))
+    name = os.fspath(path)
+    return PointCloud._wrap(_core.read(name, (columns, _box(bounds), resolution)), name)
 
 
-def write(path: str | os.PathLike[str], cloud: Any) -> None:
-    """Writes points as LAS, LAZ, PLY or text, by the extension; the file appears whole or not at all.
+def blocks(
+    path: str | os.PathLike[str],
+    size: int = 1_000_000,
+    columns: list[str] | None = None,
+    *,
+    bounds: ArrayLike | None = None,
+    resolution: float | None = None,
+) -> Iterator[PointCloud]:
+    """Reads a file as clouds of at most ``size`` points, in the file's order; together they are what `read` gives.
+
+    LAS, LAZ, COPC, PLY, PCD and text take the memory of about one block; E57, npz, PTX and compressed PCD are read whole.
 
     Parameters
     ----------
     path : path
-        ``.las``, ``.laz``, ``.ply``, ``.txt``, ``.xyz`` or ``.csv``.
+        The file.
+    size : int
+        Most points of a block, 1 or more.
+    columns, bounds, resolution
+        As of `read`. Numbers of text are float64 in every block.
+
+    Returns
+    -------
+    iterator of PointCloud
+        Empty blocks are left out.
+    """
+    if size < 1:
+        raise ValueError(f"size: found {size}, expected 1 or more points a block")
+    part = (columns, _box(bounds), resolution)
+    return map(PointCloud._wrap, _core.Blocks(os.fspath(path), size, part))
+
+
+def write(path: str | os.PathLike[str], cloud: Any) -> None:
+    """Writes points as LAS, LAZ, PLY, PCD, npz or text, by the extension; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        ``.las``, ``.laz``, ``.ply``, ``.pcd``, ``.npz``, ``.txt``, ``.xyz``, ``.csv`` or ``.labels`` (class codes alone).
     cloud : PointCloud, laspy.LasData, structured array or array_like of shape (n, 3)
         What to write.
     """
@@ -318,13 +386,16 @@ def rewrite(
     return _core.rewrite(os.fspath(input), os.fspath(output), labels, extra)
 
 
-def info(path: str | os.PathLike[str]) -> dict[str, Any]:
+def info(path: str | os.PathLike[str], *, stats: bool = False) -> dict[str, Any]:
     """What a file's header says: format, version, point count, bounds, reference system, dimensions, warnings.
 
     Parameters
     ----------
     path : path
-        The file; the points of LAS and LAZ are not read.
+        The file; the points of LAS and LAZ are not read unless ``stats`` is set.
+    stats : bool
+        Read the points too: key ``stats`` tells ``points_per_square_metre``, ``not_finite``, ``duplicates``,
+        ``outside_bounds``, ``nan_values`` and ``classes`` (code, points).
 
     Returns
     -------
@@ -332,6 +403,11 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
         Only what JSON can hold: text, numbers, lists, dicts.
     """
     found: dict[str, Any] = json.loads(_core.inspect(os.fspath(path)))
+    if stats:
+        counts, density, bounds = json.loads(_core.statistics(os.fspath(path)))
+        found["warnings"] += counts.pop("warnings")
+        found["bounds"] = found["bounds"] or bounds
+        found["stats"] = {"points_per_square_metre": density, **counts}
     return found
 
 
@@ -357,7 +433,12 @@ def diff(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> dict[str, Any]
 
 
 def convert(
-    input: str | os.PathLike[str], output: str | os.PathLike[str], *, point_format: int | None = None
+    input: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    point_format: int | None = None,
+    bounds: ArrayLike | None = None,
+    resolution: float | None = None,
 ) -> list[str]:
     """Copies a file into the format of the output's extension.
 
@@ -367,13 +448,16 @@ def convert(
         May be the same file.
     point_format : int, optional
         Point format of a LAS or LAZ output made from LAS or LAZ, 0 to 10; it must have all fields of the input's.
+    bounds, resolution
+        Only this part of the input, as of `read`.
 
     Returns
     -------
     list of str
         What the target could not hold.
     """
-    return _core.convert(os.fspath(input), os.fspath(output), point_format)
+    part = (_box(bounds), resolution)
+    return _core.convert(os.fspath(input), os.fspath(output), point_format, part)
 
 
 def merge(inputs: Sequence[str | os.PathLike[str]], output: str | os.PathLike[str]) -> list[str]:

@@ -1,16 +1,24 @@
-from typing import Any, Final, final
+from typing import Any, Final, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Blocks",
     "Boosting",
     "Cloud",
     "FileFormatError",
     "Forest",
     "Model",
     "__version__",
+    "alpha_beta_swap",
+    "alpha_expansion",
     "confusion_matrix",
+    "connected_components",
+    "convert",
+    "cut_pursuit",
+    "diff",
+    "energy",
     "feature_columns",
     "feature_definitions",
     "feature_names",
@@ -18,15 +26,27 @@ __all__ = [
     "fit_bagging",
     "fit_boosting",
     "fit_forest",
+    "icm",
     "inspect",
+    "knn",
+    "knn_graph",
+    "local_smoothing",
+    "merge",
+    "merge_regions",
+    "minimum_spanning_tree",
     "multiscale",
+    "optimal",
     "read",
     "recipe_columns",
     "render",
     "report",
     "rewrite",
     "run",
+    "salvage",
     "scores",
+    "segment",
+    "statistics",
+    "suggest",
     "write",
 ]
 
@@ -105,7 +125,17 @@ class Model:
     def recipe(self) -> str: ...
     def importance(self) -> NDArray[np.float64]: ...
 
-def read(path: str, columns: list[str] | None = None, n_jobs: int | None = None) -> Cloud: ...
+_Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
+_Part = tuple[list[str] | None, _Bounds | None, float | None]
+
+@final
+class Blocks:
+    def __new__(cls, path: str, size: int, part: _Part = ..., n_jobs: int | None = None) -> Blocks: ...
+    def __iter__(self) -> Blocks: ...
+    def __next__(self) -> Cloud: ...
+
+def read(path: str, part: _Part = ..., n_jobs: int | None = None) -> Cloud: ...
+def statistics(path: str, n_jobs: int | None = None) -> str: ...
 def write(path: str, cloud: Cloud, n_jobs: int | None = None) -> None: ...
 def rewrite(
     input: str,
@@ -116,9 +146,24 @@ def rewrite(
 ) -> list[str]: ...
 def inspect(path: str) -> str: ...
 def diff(a: str, b: str, n_jobs: int | None = None) -> str: ...
-def convert(input: str, output: str, point_format: int | None = None, n_jobs: int | None = None) -> list[str]: ...
+def convert(
+    input: str,
+    output: str,
+    point_format: int | None = None,
+    part: tuple[_Bounds | None, float | None] = ...,
+    n_jobs: int | None = None,
+) -> list[str]: ...
 def merge(inputs: list[str], output: str, n_jobs: int | None = None) -> list[str]: ...
 def salvage(input: str, output: str | None = None, n_jobs: int | None = None) -> str: ...
+def segment(cloud: Cloud, settings: str, n_jobs: int | None = None) -> tuple[NDArray[np.uint32], str]: ...
+def suggest(
+    cloud: Cloud,
+    settings: str,
+    wishes: str,
+    uncertainty: NDArray[np.float32] | None = None,
+    labelled: bool = False,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint32], str]: ...
 def multiscale(cloud: Cloud, settings: str, n_jobs: int | None = None) -> NDArray[np.float32]: ...
 def feature_names(settings: str, first_scale: float) -> list[str]: ...
 def feature_columns(settings: str) -> list[str]: ...
@@ -160,3 +205,33 @@ def render(
     cloud: Cloud, settings: str, path: str | None = None, n_jobs: int | None = None
 ) -> NDArray[np.uint8]: ...
 def run(arguments: list[str]) -> int: ...
+def knn_graph(
+    cloud: Cloud, k: int, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+def connected_components(nodes: int, edges: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]: ...
+def minimum_spanning_tree(
+    nodes: int, edges: NDArray[np.uint32], weights: NDArray[np.float32] | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+def knn(
+    cloud: Cloud, k: int, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+def optimal(
+    cloud: Cloud, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+
+_Problem: TypeAlias = tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None]
+_Found: TypeAlias = tuple[NDArray[np.uint16], float, bool]
+
+def alpha_expansion(problem: _Problem, settings: str, n_jobs: int | None = None) -> _Found: ...
+def alpha_beta_swap(problem: _Problem, settings: str, n_jobs: int | None = None) -> _Found: ...
+def icm(problem: _Problem, settings: str) -> _Found: ...
+def energy(problem: _Problem, labels: NDArray[np.uint16], settings: str) -> float: ...
+def local_smoothing(problem: _Problem, n_jobs: int | None = None) -> NDArray[np.float32]: ...
+
+_Valued: TypeAlias = tuple[
+    NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None, NDArray[np.float32] | None
+]
+_Segments: TypeAlias = tuple[NDArray[np.uint32], NDArray[np.float64], float]
+
+def cut_pursuit(valued: _Valued, settings: str, n_jobs: int | None = None) -> _Segments: ...
+def merge_regions(valued: _Valued, settings: str) -> _Segments: ...

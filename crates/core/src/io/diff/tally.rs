@@ -33,7 +33,8 @@ impl Tally {
             let (x, y) = (a.get(i), b.get(i));
             let close = (x - y).abs() <= self.tolerance && !integers(a, b);
             // Columns of two types hold numbers; only then equal numbers are the same value.
-            let equal = a.type_name() != b.type_name() && x.to_bits() == y.to_bits();
+            let equal =
+                a.type_name() != b.type_name() && x.to_bits() == y.to_bits() && whole(a, i, x) == whole(b, i, y);
             if !(close && self.tolerance > 0.0 || equal) {
                 self.note(first + i as u64, (x - y).abs());
             }
@@ -86,6 +87,15 @@ fn integers(a: &Values, b: &Values) -> bool {
     a.type_name() == b.type_name() && !matches!(a, Values::F32(_) | Values::F64(_))
 }
 
+/// Value `i`, which is about `number`, as a whole number where `f64` may have rounded it.
+fn whole(values: &Values, i: usize, number: f64) -> i128 {
+    match values {
+        Values::U64(v) => i128::from(v[i]),
+        Values::I64(v) => i128::from(v[i]),
+        _ => number as i128,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -109,6 +119,9 @@ mod tests {
     fn a_number_is_the_same_in_another_type() {
         assert_eq!(tally(&Values::U8(vec![2, 6]), &Values::F32(vec![2.0, 6.0])), None);
         assert_eq!(tally(&Values::F64(vec![0.5]), &Values::F32(vec![0.5])), None);
+        let large = 1u64 << 60;
+        let rounded = Values::F64(vec![large as f64; 2]);
+        assert_eq!(tally(&Values::U64(vec![large, large + 1]), &rounded), Some((1, 11, 0.0)));
         assert!(tally(&Values::F64(vec![0.1]), &Values::F32(vec![0.1])).is_some());
         assert_eq!(tally(&Values::U8(vec![2]), &Values::F32(vec![2.5])), Some((1, 10, 0.5)));
     }

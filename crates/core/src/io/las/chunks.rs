@@ -1,21 +1,15 @@
-//! LAZ: the chunk table, and chunks decoded and encoded one by one in memory.
-//!
-//! The arithmetic coding is the `laz` crate's. Whatever it would allocate from declared sizes is checked here first, and a
-//! panic inside it becomes an error.
+//! LAZ: the record and the chunk table of a file, checked before anything is allocated, and chunks encoded in memory.
 
+use super::decoder::{guarded, layered};
 use super::header::{Header, RECORD_SIZES, bad, u16_at, u32_at};
 use super::vlr::{Vlr, read_at};
 use crate::error::{Error, Result};
 use laz::laszip::{ChunkTable, ChunkTableEntry, LazItemType};
-use laz::record::{
-    LayeredPointRecordCompressor, LayeredPointRecordDecompressor, RecordCompressor, RecordDecompressor,
-    SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
-};
-use laz::{DecompressionSelection, LazItem, LazVlr};
+use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
+use laz::{LazItem, LazVlr};
 use std::fs::File;
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A chunk: where its bytes stand and how many points it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +23,8 @@ pub(in crate::io) struct Chunk {
 #[derive(Debug)]
 pub(in crate::io) struct Chunks {
     pub(super) vlr: LazVlr,
+    /// Whether a chunk must end where its last point ends; not in a damaged file.
+    pub(super) whole: bool,
     pub(in crate::io) list: Vec<Chunk>,
 }
 
@@ -36,7 +32,7 @@ pub(in crate::io) struct Chunks {
 pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header, &[Vlr]), size: u64) -> Result<Chunks> {
     let vlr = check_record(path, header, vlrs)?;
     if header.points == 0 {
-        return Ok(Chunks { vlr, list: Vec::new() });
+        return Ok(Chunks { vlr, whole: true, list: Vec::new() });
     }
     let first = header.points_at + 8;
     let table_at = table_offset(path, file, header.points_at, size)?;
@@ -50,7 +46,7 @@ pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header,
     }
     let variable = vlr.uses_variable_size_chunks();
     let entries = guarded(path, "chunk table", || ChunkTable::read(&mut Cursor::new(&table), variable))?;
-    list(path, &entries, (&vlr, header.points), (first, table_at)).map(|list| Chunks { vlr, list })
+    list(path, &entries, (&vlr, header.points), (first, table_at)).map(|list| Chunks { vlr, whole: true, list })
 }
 
 /// The LAZ record, its items compared with the header.
@@ -174,80 +170,6 @@ fn item_bytes(data: &[u8]) -> std::result::Result<u64, (String, String)> {
     sizes.sum()
 }
 
-pub(super) fn layered(vlr: &LazVlr) -> bool {
-    vlr.items().first().is_some_and(|item| item.version() >= 3)
-}
-
-/// Decodes one chunk, some records at a time. `B` holds or borrows the chunk's bytes.
-pub(super) struct Decoder<'a, B> {
-    path: PathBuf,
-    place: String,
-    inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a>,
-}
-
-impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
-    /// A decoder of chunk `index`; fields outside the selection are left as they come (layered chunks only).
-    pub(super) fn new(
-        path: &Path,
-        (vlr, selection): (&LazVlr, DecompressionSelection),
-        (index, bytes): (usize, B),
-    ) -> Result<Self> {
-        if layered(vlr) {
-            check_layers(path, vlr, index, bytes.as_ref())?;
-        }
-        let place = format!("chunk {index}");
-        let inner = guarded(path, &place, || {
-            let source = Cursor::new(bytes);
-            let mut inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a> = match layered(vlr) {
-                true => Box::new(LayeredPointRecordDecompressor::new(source)),
-                false => Box::new(SequentialPointRecordDecompressor::new(source)),
-            };
-            inner.set_fields_from(vlr.items()).map_err(std::io::Error::other)?;
-            inner.set_selection(selection);
-            Ok(inner)
-        })?;
-        Ok(Self { path: path.to_path_buf(), place, inner })
-    }
-
-    /// Fills `out`, a whole number of records, with the next ones.
-    pub(super) fn next(&mut self, out: &mut [u8]) -> Result<()> {
-        guarded(&self.path, &self.place, || self.inner.decompress_many(out))
-    }
-
-    /// Bytes of the chunk that were read so far.
-    pub(super) fn consumed(&self) -> u64 {
-        self.inner.get().position()
-    }
-}
-
-/// Number of layers of a layered chunk.
-pub(super) fn layers(vlr: &LazVlr) -> usize {
-    let of = |item: &LazItem| match item.item_type() {
-        LazItemType::Point14 => 9,
-        LazItemType::RGBNIR14 => 2,
-        LazItemType::Byte14(count) => usize::from(count),
-        _ => 1,
-    };
-    vlr.items().iter().map(of).sum()
-}
-
-/// The layers of a chunk follow its first point and say how long they are: together they must fit.
-fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result<()> {
-    let layers = layers(vlr);
-    let start = vlr.items_size() as usize + 4;
-    let declared: u64 = (0..layers).map(|l| u64::from(u32_at(bytes, start + 4 * l))).sum();
-    let room = (bytes.len() as u64).saturating_sub((start + 4 * layers) as u64);
-    if bytes.len() < start + 4 * layers || declared > room {
-        return Err(bad(
-            path,
-            &format!("layers of chunk {index}"),
-            0,
-            (format!("{declared} bytes"), format!("at most {room}")),
-        ));
-    }
-    Ok(())
-}
-
 /// Encodes records as one chunk.
 pub(super) fn encode(path: &Path, vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8>> {
     let encoded = guarded(path, "LAZ encoder", || {
@@ -283,21 +205,4 @@ pub(super) fn encode_table(path: &Path, vlr: &LazVlr, sizes: &[(u64, u64)]) -> R
         let mut bytes = Vec::new();
         table.write_to(&mut bytes, vlr).map(|()| bytes)
     })
-}
-
-/// Runs a piece of the decoder; its errors and panics become an error about `what`.
-fn guarded<T>(path: &Path, what: &str, work: impl FnOnce() -> std::io::Result<T>) -> Result<T> {
-    let failed = |found: String| Error::Malformed {
-        path: path.to_path_buf(),
-        format: "LAZ",
-        field: "compressed points".into(),
-        place: what.to_string(),
-        found,
-        allowed: "what a LAZ encoder writes".into(),
-    };
-    match catch_unwind(AssertUnwindSafe(work)) {
-        Ok(Ok(value)) => Ok(value),
-        Ok(Err(e)) => Err(failed(e.to_string())),
-        Err(_) => Err(failed("bytes that no encoder writes".into())),
-    }
 }

@@ -183,7 +183,9 @@ fn fill_header(raw: &mut [u8], parts: &[Part], (points, length): (u64, u16), gri
     let (new_format, minor) = (raw[104] & 0x3f >= 6, raw[25]);
     let legacy = if new_format { 0 } else { u32::try_from(points).unwrap_or(0) };
     put(raw, 107, &legacy.to_le_bytes());
-    let returns = (0..15).map(|r| parts.iter().map(|p| by_return(&p.header, r)).sum::<u64>()).collect::<Vec<_>>();
+    // What headers say of returns nobody has checked.
+    let all = |r| parts.iter().fold(0, |sum: u64, p| sum.saturating_add(by_return(&p.header, r)));
+    let returns: Vec<u64> = (0..15).map(all).collect();
     for (r, &n) in returns.iter().enumerate().take(5) {
         let old = if new_format { 0 } else { u32::try_from(n).unwrap_or(0) };
         put(raw, 111 + 4 * r, &old.to_le_bytes());
@@ -275,8 +277,10 @@ impl Mapper {
         }
         for (a, &(factor, shift)) in self.ticks.iter().enumerate() {
             if (factor, shift) != (1, 0) {
-                let tick = i64::from(i32::from_le_bytes(array(old, 4 * a))) * factor + shift;
-                let tick = i32::try_from(tick).map_err(|_| format!("tick {tick} of axis {a} does not fit LAS"))?;
+                let tick = i32::from_le_bytes(array(old, 4 * a));
+                let moved = i64::from(tick).checked_mul(factor).and_then(|t| t.checked_add(shift));
+                let moved = moved.and_then(|t| i32::try_from(t).ok());
+                let tick = moved.ok_or_else(|| format!("tick {tick} of axis {a} does not fit the common grid"))?;
                 put(new, 4 * a, &tick.to_le_bytes());
             }
         }

@@ -2,6 +2,8 @@
 
 mod chunks;
 mod copc;
+mod crop;
+mod decoder;
 mod extra;
 mod fields;
 mod fit;
@@ -18,11 +20,13 @@ mod rewrite;
 mod salvage;
 mod sink;
 mod stream;
+mod tally;
 mod vlr;
 mod walk;
 mod write;
 mod writer;
 
+pub(super) use crop::crop;
 pub(super) use header::{Header, f64_at, u16_at, u32_at, u64_at};
 pub(super) use info::inspect;
 pub(super) use layout::Layout;

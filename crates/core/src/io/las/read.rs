@@ -11,7 +11,7 @@ use crate::parallel::Monitor;
 use std::path::Path;
 
 /// Opens a file and leaves out the parts of a COPC octree that are not wanted.
-fn open(path: &Path, options: &ReadOptions) -> Result<Records> {
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Records> {
     let mut records = Records::open(path)?;
     if (options.bounds.is_some() || options.resolution.is_some()) && copc::is(&records) {
         copc::narrow(&mut records, options)?;

@@ -1,6 +1,7 @@
 //! The raw records of a LAS or LAZ file, slab by slab, in the file's order.
 
-use super::chunks::{self, Chunk, Chunks, Decoder};
+use super::chunks::{self, Chunk, Chunks};
+use super::decoder::{Decoder, How, decode};
 use super::extra::{self, Extra};
 use super::header::{Header, bad};
 use super::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
@@ -103,8 +104,8 @@ impl Records {
     }
 
     fn for_each_chunk(&mut self, monitor: &Monitor, mut work: impl FnMut(Slab<'_>) -> Result<()>) -> Result<()> {
-        let Some(Chunks { vlr, list }) = &self.chunks else { return Ok(()) };
-        let (path, how) = (&self.path, (vlr, self.selection));
+        let Some(Chunks { vlr, whole, list }) = &self.chunks else { return Ok(()) };
+        let (path, how) = (&self.path, How { vlr, selection: self.selection, whole: *whole });
         let length = usize::from(self.header.record_length);
         let (mut first, mut begin) = (0, 0);
         while begin < list.len() {
@@ -127,11 +128,12 @@ impl Records {
                     decoder.next(&mut bytes)?;
                     pass_on(bytes)?;
                 }
+                decoder.end()?;
             } else {
                 let decoded = map_ordered(end - begin, monitor, |i| {
                     let mut bytes = vec![0; list[begin + i].points as usize * length];
                     if !bytes.is_empty() {
-                        Decoder::new(path, how, (begin + i, &packed[i]))?.next(&mut bytes)?;
+                        decode(path, how, (begin + i, &packed[i]), &mut bytes)?;
                     }
                     Ok(bytes)
                 })?;

@@ -1,9 +1,11 @@
 //! Opening a damaged LAS or LAZ file: what is there is taken, what is missing is counted.
 
-use super::chunks::{self, Chunk, Chunks, Decoder};
-use super::header::{Header, RECORD_SIZES, array, bad, put, u16_at, u32_at, u64_at};
+use super::chunks::{self, Chunk, Chunks};
+use super::decoder::{self, Decoder, How};
+use super::header::{Header, RECORD_SIZES, bad, put, u16_at, u32_at, u64_at};
 use super::records::{MOST_EVLR, Records, SLAB};
 use super::stream::Stream;
+use super::tally::Tally;
 use super::vlr::{Vlr, read_at};
 use super::walk;
 use crate::error::{Error, Result};
@@ -163,19 +165,22 @@ fn chunk_list(
         Err(e) => {
             losses.notes.push(format!("the chunk table is not usable ({e}); chunks are read one after the other"));
             let list = walk::chunks(path, file, (header, &vlr), end, monitor)?;
-            Chunks { vlr, list }
+            Chunks { vlr, whole: false, list }
         }
     };
-    let how = (&chunks.vlr, DecompressionSelection::all());
+    let how = How { vlr: &chunks.vlr, selection: DecompressionSelection::all(), whole: chunks.whole };
     let length = usize::from(header.record_length);
     let mut good = Vec::with_capacity(chunks.list.len());
     for (group, list) in chunks.list.chunks(rayon::current_num_threads().max(1)).enumerate() {
         let first = group * rayon::current_num_threads().max(1);
         let packed = list.iter().map(|c| read_at(path, file, c.at, c.bytes as usize)).collect::<Result<Vec<_>>>()?;
-        let points = map_ordered(list.len(), monitor, |i| {
+        let found = map_ordered(list.len(), monitor, |i| {
             readable(path, how, (first + i, &packed[i]), (list[i].points, length), monitor)
         })?;
-        for (i, (chunk, points)) in list.iter().zip(points).enumerate() {
+        for (i, (chunk, (points, sound))) in list.iter().zip(found).enumerate() {
+            if points == chunk.points && !sound {
+                losses.notes.push(format!("chunk {}: damaged somewhere, some of its points may be wrong", first + i));
+            }
             if points < chunk.points {
                 losses.notes.push(format!("chunk {}: {points} of {} points can be read", first + i, chunk.points));
             }
@@ -183,22 +188,22 @@ fn chunk_list(
         }
     }
     good.retain(|c| c.points > 0);
-    chunks.list = good;
+    (chunks.list, chunks.whole) = (good, false);
     Ok(chunks)
 }
 
-/// How many points of a chunk come out before the decoder refuses.
+/// How many points of a chunk come out before the decoder refuses, and whether the chunk ends where they end.
 fn readable(
     path: &Path,
-    how: (&laz::LazVlr, DecompressionSelection),
+    how: How<'_>,
     (index, bytes): (usize, &[u8]),
     (points, length): (u64, usize),
     monitor: &Monitor,
-) -> Result<u64> {
+) -> Result<(u64, bool)> {
     let mut done = 0;
     let mut step = SLAB as u64;
     let mut buffer = vec![0; (points.min(step) as usize) * length];
-    let Ok(mut decoder) = Decoder::new(path, how, (index, bytes)) else { return Ok(0) };
+    let Ok(mut decoder) = Decoder::new(path, how, (index, bytes)) else { return Ok((0, false)) };
     while done < points {
         monitor.check()?;
         let now = step.min(points - done);
@@ -208,7 +213,7 @@ fn readable(
             break;
         } else {
             // Once more from the start, then record by record.
-            let Ok(again) = Decoder::new(path, how, (index, bytes)) else { return Ok(done) };
+            let Ok(again) = Decoder::new(path, how, (index, bytes)) else { return Ok((done, false)) };
             decoder = again;
             for skipped in (0..done).step_by(SLAB) {
                 decoder.next(&mut buffer[..(done - skipped).min(SLAB as u64) as usize * length])?;
@@ -216,52 +221,32 @@ fn readable(
             step = 1;
         }
     }
-    Ok(done)
+    Ok((done, decoder.end().is_ok()))
 }
 
 /// Puts counts, returns and bounds of what is there into the header.
 fn recount(records: Records, monitor: &Monitor) -> Result<Records> {
     let mut stream = Stream::of(records);
-    let (mut returns, mut low, mut high) = ([0u64; 15], [i32::MAX; 3], [i32::MIN; 3]);
-    let mask = if stream.records.header.format >= 6 { 15 } else { 7 };
+    let (format, length) = (stream.records.header.format, stream.record_length());
+    let mut tally = Tally::new(format);
     loop {
         let block = stream.next(SLAB, monitor)?;
         if block.is_empty() {
             break;
         }
-        for record in block.chunks_exact(stream.record_length()) {
-            if let Some(count) = returns.get_mut(usize::from((record[14] & mask).wrapping_sub(1))) {
-                *count += 1;
-            }
-            for a in 0..3 {
-                let tick = i32::from_le_bytes(array(record, 4 * a));
-                (low[a], high[a]) = (low[a].min(tick), high[a].max(tick));
-            }
-        }
+        tally.add(&block, length);
     }
     let mut records = stream.records;
     let header = &mut records.header;
-    let old = header.format < 6;
-    let narrow = |n: u64| if old { u32::try_from(n).unwrap_or(0) } else { 0 };
-    put(&mut header.raw, 107, &narrow(header.points).to_le_bytes());
-    (0..5).for_each(|r| put(&mut header.raw, 111 + 4 * r, &narrow(returns[r]).to_le_bytes()));
-    if header.minor >= 4 {
-        put(&mut header.raw, 247, &header.points.to_le_bytes());
-        (0..15).for_each(|r| put(&mut header.raw, 255 + 8 * r, &returns[r].to_le_bytes()));
-    }
-    for a in (0..3).filter(|&a| low[a] <= high[a]) {
-        let place = |tick: i32| f64::from(tick).mul_add(header.scale[a], header.offset[a]);
-        (header.low[a], header.high[a]) = (place(low[a]), place(high[a]));
-        let (low, high) = (header.low[a].to_le_bytes(), header.high[a].to_le_bytes());
-        put(&mut header.raw, 187 + 16 * a, &low);
-        put(&mut header.raw, 179 + 16 * a, &high);
-    }
+    let mut raw = std::mem::take(&mut header.raw);
+    tally.put(header, &mut raw);
+    (header.raw, (header.low, header.high)) = (raw, tally.bounds(header));
     Ok(records)
 }
 
 /// Bytes of a layered chunk as it says itself, and its points; `None` if its head is cut.
 pub(super) fn layered_size(vlr: &laz::LazVlr, bytes: &[u8]) -> Option<(u64, u64)> {
-    let (start, layers) = (vlr.items_size() as usize, chunks::layers(vlr));
+    let (start, layers) = (vlr.items_size() as usize, decoder::layers(vlr));
     let head = bytes.get(start..start + 4 + 4 * layers)?;
     let sum: u64 = (0..layers).map(|l| u64::from(u32_at(head, 4 + 4 * l))).sum();
     Some(((start + head.len()) as u64 + sum, u64::from(u32_at(head, 0))))

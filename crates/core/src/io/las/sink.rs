@@ -76,21 +76,10 @@ impl Sink {
         match self.bounds {
             None => self.append(records),
             Some(bounds) => {
-                let inside = self.inside(records, bounds);
+                let inside = within(records, &self.header, bounds);
                 self.append(&inside);
             }
         }
-    }
-
-    fn inside(&self, records: &[u8], (low, high): Bounds) -> Vec<u8> {
-        let Header { scale, offset, record_length, .. } = &self.header;
-        let within = |record: &&[u8]| {
-            (0..3).all(|a| {
-                let v = f64::from(i32::from_le_bytes(array(record, 4 * a))).mul_add(scale[a], offset[a]);
-                low[a] <= v && v <= high[a]
-            })
-        };
-        records.chunks_exact(usize::from(*record_length)).filter(within).flatten().copied().collect()
     }
 
     fn append(&mut self, records: &[u8]) {
@@ -129,6 +118,18 @@ impl Sink {
         (cloud.crs, cloud.metres_per_unit) = (self.crs.clone(), self.metres_per_unit);
         Ok(cloud)
     }
+}
+
+/// Those of the records that lie in the box.
+pub(super) fn within(records: &[u8], header: &Header, (low, high): Bounds) -> Vec<u8> {
+    let Header { scale, offset, record_length, .. } = header;
+    let within = |record: &&[u8]| {
+        (0..3).all(|a| {
+            let v = f64::from(i32::from_le_bytes(array(record, 4 * a))).mul_add(scale[a], offset[a]);
+            low[a] <= v && v <= high[a]
+        })
+    };
+    records.chunks_exact(usize::from(*record_length)).filter(within).flatten().copied().collect()
 }
 
 /// Two dimensions of one name (it happens) are told apart by a number.

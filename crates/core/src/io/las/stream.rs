@@ -1,6 +1,7 @@
 //! Records on demand: the next ones, or those from any point on. Nothing needs the whole file in memory.
 
-use super::chunks::{Chunks, Decoder};
+use super::chunks::Chunks;
+use super::decoder::{Decoder, How, decode};
 use super::records::{LARGE, Records, SLAB};
 use super::vlr::read_at;
 use crate::error::{Error, Result};
@@ -141,13 +142,15 @@ impl Stream {
             *left -= (bytes.len() / length) as u64;
             self.ready.push_back(bytes);
             if *left == 0 {
+                decoder.end()?;
                 self.large = None;
             }
             return Ok(());
         }
-        let Some(Chunks { vlr, list }) = &self.records.chunks else { return Ok(()) };
+        let Some(Chunks { vlr, whole, list }) = &self.records.chunks else { return Ok(()) };
         let small = list[self.chunk..].iter().take(self.ahead).take_while(|c| c.points <= LARGE).count();
-        let (path, how, first) = (&self.records.path, (vlr, self.records.selection), self.chunk);
+        let how = How { vlr, selection: self.records.selection, whole: *whole };
+        let (path, first) = (&self.records.path, self.chunk);
         let mut packed = Vec::with_capacity(small.max(1));
         for chunk in list[first..].iter().take(small.max(1)) {
             packed.push(read_at(path, &mut self.records.file, chunk.at, chunk.bytes as usize)?);
@@ -162,7 +165,7 @@ impl Stream {
         let decoded = map_ordered(packed.len(), monitor, |i| {
             let mut bytes = vec![0; list[first + i].points as usize * length];
             if !bytes.is_empty() {
-                Decoder::new(path, how, (first + i, &packed[i]))?.next(&mut bytes)?;
+                decode(path, how, (first + i, &packed[i]), &mut bytes)?;
             }
             Ok(bytes)
         })?;

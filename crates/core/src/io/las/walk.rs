@@ -1,6 +1,7 @@
 //! Finding the chunks of a LAZ file without its table, one after the other.
 
-use super::chunks::{self, Chunk, Decoder};
+use super::chunks::Chunk;
+use super::decoder::{self, Decoder, How};
 use super::header::Header;
 use super::records::SLAB;
 use super::salvage::layered_size;
@@ -26,7 +27,7 @@ pub(super) fn chunks(
     let usual = if vlr.uses_variable_size_chunks() { left } else { u64::from(vlr.chunk_size()) };
     while at < end && left > 0 {
         monitor.check()?;
-        let found = match chunks::layered(vlr) {
+        let found = match decoder::layered(vlr) {
             true => layered(path, file, (vlr, usual.min(left)), (at, end))?,
             false => sequential(path, file, (header, vlr, usual.min(left)), (at, end), monitor)?,
         };
@@ -39,7 +40,7 @@ pub(super) fn chunks(
 }
 
 fn layered(path: &Path, file: &mut File, (vlr, most): (&LazVlr, u64), (at, end): (u64, u64)) -> Result<Option<Chunk>> {
-    let head = vlr.items_size() + 4 + 4 * chunks::layers(vlr) as u64;
+    let head = vlr.items_size() + 4 + 4 * decoder::layers(vlr) as u64;
     let bytes = read_at(path, file, at, head.min(end - at) as usize)?;
     Ok(match layered_size(vlr, &bytes) {
         Some((bytes, points)) if points > 0 && points <= most && bytes <= end - at => Some(Chunk { at, bytes, points }),
@@ -58,7 +59,8 @@ fn sequential(
     let length = usize::from(header.record_length);
     let room = (end - at).min(most.saturating_mul(2 * length as u64) + 1024).min(1 << 28);
     let bytes = read_at(path, file, at, room as usize)?;
-    let Ok(mut decoder) = Decoder::new(path, (vlr, DecompressionSelection::all()), (0, &bytes)) else {
+    let how = How { vlr, selection: DecompressionSelection::all(), whole: false };
+    let Ok(mut decoder) = Decoder::new(path, how, (0, &bytes)) else {
         return Ok(None);
     };
     let mut buffer = vec![0; most.min(SLAB as u64) as usize * length];

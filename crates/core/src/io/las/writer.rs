@@ -138,7 +138,7 @@ impl Writer {
         self.overwrite(0, &header)?;
         let length = tail(&mut self.file)?;
         self.file.flush()?;
-        self.verify(end + length)?;
+        self.verify(&header, end + length)?;
         self.file.finish()
     }
 
@@ -152,11 +152,11 @@ impl Writer {
         back.map(|_| ()).map_err(|e| Error::io(&path, e))
     }
 
-    /// Opens what was written and compares counts and sizes.
-    fn verify(&self, size: u64) -> Result<()> {
+    /// Opens what was written and compares header (so counts and bounds), chunk table and sizes.
+    fn verify(&self, header: &[u8], size: u64) -> Result<()> {
         let written = super::records::Records::open(self.file.partial())?;
-        let expected = if written.header.points == self.points { size } else { u64::MAX };
-        match written.size == expected {
+        let same = written.header.points == self.points && written.header.raw == header;
+        match same && written.size == size {
             true => Ok(()),
             false => Err(Error::input(format!(
                 "{}: wrote {} points and {} bytes, expected {} points and {size} bytes",

@@ -9,7 +9,8 @@ mod zip;
 
 use crate::cloud::{Cloud, Values};
 use crate::error::Result;
-use crate::io::{WriteOptions, number};
+use crate::io::format::Format;
+use crate::io::{WriteOptions, number, verify};
 use std::path::Path;
 
 pub(super) use read::{inspect, read};
@@ -40,7 +41,7 @@ pub(super) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Resul
     if let Some(metres) = cloud.metres_per_unit {
         archive.add("metres_per_unit.npy", once([npy::header("<f8", &[]), metres.to_le_bytes().to_vec()].concat()))?;
     }
-    archive.finish()
+    verify::finish(archive.close()?, Format::Npz, cloud, options)
 }
 
 fn once(bytes: Vec<u8>) -> impl FnMut() -> Result<Option<Vec<u8>>> {
@@ -140,7 +141,7 @@ mod tests {
             for (name, descr, shape, bytes) in arrays {
                 archive.add(name, once([npy::header(descr, shape), vec![0; *bytes]].concat())).unwrap();
             }
-            archive.finish().unwrap();
+            archive.close().unwrap().finish().unwrap();
             io::read(&path).map_err(|e| e.to_string())
         };
         assert!(write(&[("chair.npy", "<f4", &[2, 2], 16)]).unwrap_err().contains("chair"));

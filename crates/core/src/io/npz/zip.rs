@@ -272,14 +272,14 @@ impl<'a> Writer<'a> {
         back.map(|_| ()).map_err(|e| Error::io(self.path, e))
     }
 
-    /// Writes the list of entries and renames.
-    pub(super) fn finish(mut self) -> Result<()> {
+    /// Writes the list of entries; the file is complete but for its name.
+    pub(super) fn close(mut self) -> Result<AtomicFile> {
         let at = self.at;
         let list: Vec<u8> = self.entries.iter().flat_map(central_header).collect();
         self.put(&list)?;
         let end = end_records(self.entries.len() as u64, (list.len() as u64, at));
         self.put(&end)?;
-        self.file.finish()
+        Ok(self.file)
     }
 }
 

@@ -4,7 +4,8 @@ use super::lzf;
 use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
-use crate::io::{WriteOptions, number};
+use crate::io::format::Format;
+use crate::io::{WriteOptions, number, verify};
 use std::path::Path;
 
 /// Points that are put together at once.
@@ -34,7 +35,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     options.monitor.stage("write", cloud.len() as u64);
     if options.compressed {
         compressed(path, (cloud, &fields), &mut file, options)?;
-        return file.finish();
+        return verify::finish(file, Format::Pcd, cloud, options);
     }
     for first in (0..cloud.len()).step_by(SLAB) {
         options.monitor.check()?;
@@ -46,7 +47,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         file.write_all(&bytes)?;
         options.monitor.advance((end - first) as u64);
     }
-    file.finish()
+    verify::finish(file, Format::Pcd, cloud, options)
 }
 
 fn compressed(

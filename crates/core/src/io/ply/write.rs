@@ -2,24 +2,48 @@
 
 use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::Result;
-use crate::io::WriteOptions;
 use crate::io::atomic::AtomicFile;
+use crate::io::format::Format;
+use crate::io::{WriteOptions, verify};
 use std::path::Path;
 
 /// Points that are put together at once.
 const SLAB: usize = 16_384;
 
-/// Writes binary little-endian PLY: double x y z, colours of 8 bits as uchar, all other columns as float `scalar_NAME`.
+/// How a column is written.
+#[derive(Clone, Copy)]
+enum Kind {
+    Colour,
+    Single,
+    Double,
+}
+
+impl Kind {
+    fn of(column: &Column) -> Self {
+        let rounds = |v: f64| f64::from(v as f32).to_bits() != v.to_bits() && !v.is_nan();
+        let wide = |values: &Values| (0..values.len()).any(|i| rounds(values.get(i)));
+        match &column.values {
+            Values::U8(_) if names::COLOUR.contains(&column.name.as_str()) => Self::Colour,
+            Values::U8(_) | Values::I8(_) | Values::U16(_) | Values::I16(_) | Values::F32(_) => Self::Single,
+            values if wide(values) => Self::Double,
+            _ => Self::Single,
+        }
+    }
+}
+
+/// Writes binary little-endian PLY: double x y z, colours of 8 bits as uchar, all other columns as
+/// float `scalar_NAME`, or double if a value needs it.
 pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     let mut header =
         format!("ply\nformat binary_little_endian 1.0\ncomment written by scansion\nelement vertex {}\n", cloud.len());
     header += "property double x\nproperty double y\nproperty double z\n";
-    let is_colour = |c: &Column| names::COLOUR.contains(&c.name.as_str()) && matches!(c.values, Values::U8(_));
-    for column in cloud.columns() {
+    let kinds: Vec<Kind> = cloud.columns().iter().map(Kind::of).collect();
+    for (column, kind) in cloud.columns().iter().zip(&kinds) {
         let plain: String = column.name.chars().map(|c| if c.is_ascii_graphic() { c } else { '_' }).collect();
-        header += &match is_colour(column) {
-            true => format!("property uchar {}\n", plain.to_lowercase()),
-            false => format!("property float scalar_{plain}\n"),
+        header += &match kind {
+            Kind::Colour => format!("property uchar {}\n", plain.to_lowercase()),
+            Kind::Single => format!("property float scalar_{plain}\n"),
+            Kind::Double => format!("property double scalar_{plain}\n"),
         };
     }
     header += "end_header\n";
@@ -33,9 +57,10 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         options.monitor.advance(points.len() as u64);
         for i in points {
             cloud.xyz(i).iter().for_each(|v| buffer.extend(v.to_le_bytes()));
-            for column in cloud.columns() {
-                match (&column.values, is_colour(column)) {
-                    (Values::U8(v), true) => buffer.push(v[i]),
+            for (column, kind) in cloud.columns().iter().zip(&kinds) {
+                match (&column.values, kind) {
+                    (Values::U8(v), Kind::Colour) => buffer.push(v[i]),
+                    (values, Kind::Double) => buffer.extend(values.get(i).to_le_bytes()),
                     (values, _) => buffer.extend((values.get(i) as f32).to_le_bytes()),
                 }
             }
@@ -43,5 +68,5 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         file.write_all(&buffer)?;
         buffer.clear();
     }
-    file.finish()
+    verify::finish(file, Format::Ply, cloud, options)
 }

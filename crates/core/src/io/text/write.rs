@@ -2,8 +2,9 @@
 
 use crate::cloud::{Cloud, Coordinates, Values, names};
 use crate::error::{Error, Result};
-use crate::io::WriteOptions;
 use crate::io::atomic::AtomicFile;
+use crate::io::format::Format;
+use crate::io::{WriteOptions, verify};
 use std::io::Write;
 use std::path::Path;
 
@@ -24,7 +25,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     };
     let mut text = Vec::new();
     if classes.is_none() {
-        let names = ["x", "y", "z"].into_iter().chain(cloud.columns().iter().map(|c| c.name.as_str()));
+        let names = ["x", "y", "z"].map(String::from).into_iter().chain(cloud.columns().iter().map(|c| word(&c.name)));
         text = (names.collect::<Vec<_>>().join(separator) + "\n").into_bytes();
     }
     options.monitor.stage("write", cloud.len() as u64);
@@ -42,7 +43,23 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         file.write_all(&text)?;
         text.clear();
     }
-    file.finish()
+    match labels {
+        // Not a cloud by itself.
+        true => file.finish(),
+        false => verify::finish(file, Format::Text, cloud, options),
+    }
+}
+
+/// A name as one word that no reader takes for a number.
+fn word(name: &str) -> String {
+    let plain: String = name
+        .chars()
+        .map(|c| if c.is_whitespace() || c.is_control() || ",;\"#/".contains(c) { '_' } else { c })
+        .collect();
+    match plain.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_') {
+        true => plain,
+        false => format!("_{plain}"),
+    }
 }
 
 fn line(cloud: &Cloud, i: usize, separator: &str, text: &mut Vec<u8>) -> std::io::Result<()> {

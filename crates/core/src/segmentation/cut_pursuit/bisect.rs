@@ -17,19 +17,33 @@ pub(super) struct Scratch {
 
 impl Scratch {
     /// The parts into which the gathered piece falls, as the smallest node of each node's part; nothing if it stays
-    /// whole. O(means + flow_steps · cut).
+    /// whole. Of several attempts the one of least energy counts. O(attempts · (means + flow_steps · cut)).
     pub(super) fn split(
         &mut self,
         params: &CutPursuitParams,
         random: &mut Stream,
         monitor: &Monitor,
     ) -> Result<Option<Vec<u32>>> {
-        let Self { piece, network } = self;
-        if piece.len() < 2 {
-            return Ok(None);
+        let whole = vec![0; self.piece.len()];
+        let mut best = None;
+        let mut least = if params.guard { self.piece.energy(&whole) } else { f64::INFINITY };
+        for attempt in 0..params.attempts {
+            // The best of several 2-means first, then any: the best often leads to the same cut again.
+            let restarts = if attempt == 0 { params.restarts } else { 1 };
+            let Some(sides) = two_means(&self.piece, (restarts, params.means_steps), random) else { return Ok(None) };
+            let Some(parts) = self.cut(sides, params.flow_steps, monitor)? else { continue };
+            let energy = self.piece.energy(&parts);
+            if energy < least {
+                (least, best) = (energy, Some(parts));
+            }
         }
-        let Some(mut sides) = two_means(piece, params, random) else { return Ok(None) };
-        for _ in 0..params.flow_steps {
+        Ok(best)
+    }
+
+    /// The connected parts of both sides after some cuts, each with the means of the one before.
+    fn cut(&mut self, mut sides: Vec<bool>, steps: usize, monitor: &Monitor) -> Result<Option<Vec<u32>>> {
+        let Self { piece, network } = self;
+        for _ in 0..steps {
             let Some(means) = means_of_sides(piece, &sides) else { return Ok(None) };
             let next = cheapest_sides(network, piece, &means, monitor)?;
             let settled = next == sides;
@@ -38,13 +52,8 @@ impl Scratch {
                 break;
             }
         }
-        if sides.iter().all(|s| *s == sides[0]) {
-            return Ok(None);
-        }
-        let parts = piece.parts(&sides);
-        let whole = vec![0; piece.len()];
-        let worse = params.guard && piece.energy(&parts) >= piece.energy(&whole);
-        Ok((!worse).then_some(parts))
+        let parted = sides.iter().any(|s| *s != sides[0]);
+        Ok(parted.then(|| piece.parts(&sides)))
     }
 }
 

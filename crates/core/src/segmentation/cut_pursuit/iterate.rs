@@ -1,14 +1,12 @@
 //! The rounds of cut pursuit: split open segments, merge, look at the energy.
 
-use super::super::connected::connected_partition;
-use super::super::merge::merge_regions;
+use super::super::merge::{GREEDY_LINKS, merge_further};
 use super::super::refine::move_boundary_nodes;
 use super::super::regions::{Link, Regions, contract, energy, node_links};
 use super::super::{Partition, Signal};
 use super::bisect::Scratch;
-use super::coarse::coarse_partition;
 use super::piece::Source;
-use super::{CutPursuit, CutPursuitParams, Start};
+use super::{CutPursuit, CutPursuitParams};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::{Monitor, map_ordered_with};
@@ -28,21 +26,13 @@ pub(super) struct Pursuit<'a> {
 
 impl<'a> Pursuit<'a> {
     pub(super) fn new(
-        signal: &'a Signal<'a>,
-        graph: &'a Graph,
+        (signal, graph): (&'a Signal<'a>, &'a Graph),
+        partition: Partition,
         params: &'a CutPursuitParams,
         monitor: &'a Monitor,
     ) -> Result<Self> {
+        monitor.check()?;
         let links = node_links(graph, params.strength);
-        let partition = match params.start {
-            Start::Coarse => coarse_partition(signal, graph, params, monitor)?,
-            Start::Pieces => connected_partition(graph, |_, _| true)?,
-        };
-        let adjacency = graph.adjacency();
-        let partition = match params.start {
-            Start::Pieces => partition,
-            Start::Coarse => move_boundary_nodes(signal, (graph, &adjacency), (&partition, params.strength), monitor)?,
-        };
         let energy = energy(signal, graph, params.strength, &partition);
         let found = CutPursuit {
             partition: partition.clone(),
@@ -53,7 +43,7 @@ impl<'a> Pursuit<'a> {
             trace: vec![energy],
         };
         let saturated = vec![false; partition.len()];
-        let source = Source { signal, graph, adjacency, strength: params.strength };
+        let source = Source { signal, graph, adjacency: graph.adjacency(), strength: params.strength };
         Ok(Self { source, params, monitor, links, partition, saturated, found })
     }
 
@@ -78,6 +68,9 @@ impl<'a> Pursuit<'a> {
         self.divide(&splits)?;
         if self.params.backward {
             self.merge()?;
+        }
+        if self.params.moves {
+            self.move_nodes()?;
         }
         let Source { signal, graph, strength, .. } = self.source;
         let energy = energy(signal, graph, strength, &self.partition);
@@ -140,11 +133,22 @@ impl<'a> Pursuit<'a> {
     fn merge(&mut self) -> Result<()> {
         let links = contract(&self.links, self.partition.segments());
         let regions = Regions::of_segments(self.source.signal, &self.partition);
-        let became = merge_regions(regions, links, self.monitor)?;
+        let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
         let joined = Partition::from_labels(&became)?;
         self.saturated = joined.iter().map(|parts| parts.len() == 1 && self.saturated[parts[0] as usize]).collect();
         let labels: Vec<u32> = self.partition.segments().iter().map(|&s| joined.segments()[s as usize]).collect();
         self.partition = Partition::from_labels(&labels)?;
+        Ok(())
+    }
+
+    /// Moves boundary nodes; segments that changed are open again.
+    fn move_nodes(&mut self) -> Result<()> {
+        let Source { signal, graph, ref adjacency, strength } = self.source;
+        let moved = move_boundary_nodes(signal, (graph, adjacency), (&self.partition, strength), self.monitor)?;
+        let before = |members: &[u32]| self.partition.segments()[members[0] as usize] as usize;
+        let same = |members: &[u32]| self.partition.members(before(members)) == members;
+        self.saturated = moved.iter().map(|members| self.saturated[before(members)] && same(members)).collect();
+        self.partition = moved;
         Ok(())
     }
 }

@@ -4,18 +4,6 @@ use super::super::merge::check_not_negative;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Where cut pursuit begins.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Start {
-    /// From the result on a coarser graph, whose nodes have merged at a tenth of the strength: many times faster on
-    /// large clouds.
-    #[default]
-    Coarse,
-    /// From the connected pieces of the graph, as the paper does but for pieces that no edge joins.
-    Pieces,
-}
-
 /// Sets of effort known from the reference implementation.
 #[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -41,14 +29,20 @@ pub struct CutPursuitParams {
     pub strength: f64,
     /// Segments of less weight than this join their best neighbour at the end, whatever it costs. ≥ 0; 0 keeps all.
     pub cutoff: f64,
-    /// The first partition.
-    pub start: Start,
+    /// Graphs of more nodes than this are cut on a coarser graph, many times faster, unless segments are tiny. `usize::MAX` never does so: the
+    /// method of the paper.
+    pub coarse_above: usize,
+    /// How often all of this is done, each time from the result before with other random numbers and, on large graphs,
+    /// another coarse graph; ends early when a cycle gains less than the tolerance. At least 1.
+    pub cycles: usize,
     /// F: minimum cuts per split, each with the means of the one before. At least 1.
     pub flow_steps: usize,
     /// T: Lloyd steps of the 2-means that starts a split. At least 1.
     pub means_steps: usize,
     /// R: random starts of the 2-means, the best is used. At least 1.
     pub restarts: usize,
+    /// Splits tried for each segment, of which that of least energy is taken. At least 1.
+    pub attempts: usize,
     /// Rounds of splitting and merging at most. At least 1.
     pub max_iterations: usize,
     /// Stop when a round lowers Q by less than this share of it. ≥ 0.
@@ -57,6 +51,8 @@ pub struct CutPursuitParams {
     pub guard: bool,
     /// Merge segments after each round of splits.
     pub backward: bool,
+    /// Move single nodes across boundaries after each round where Q falls. The paper has no such moves.
+    pub moves: bool,
     /// Seed of the 2-means.
     pub seed: u64,
 }
@@ -66,20 +62,28 @@ impl Default for CutPursuitParams {
         Self {
             strength: 0.1,
             cutoff: 0.0,
-            start: Start::default(),
+            coarse_above: 10_000,
+            cycles: 2,
             flow_steps: 3,
             means_steps: 5,
             restarts: 3,
+            attempts: 4,
             max_iterations: 10,
             tolerance: 1e-3,
             guard: false,
             backward: true,
+            moves: true,
             seed: 0,
         }
     }
 }
 
 impl CutPursuitParams {
+    /// The method of the paper and of the reference implementation, without repeated attempts, moves, cycles and coarse graphs.
+    pub fn as_published(self) -> Self {
+        Self { coarse_above: usize::MAX, cycles: 1, attempts: 1, moves: false, ..self }
+    }
+
     /// The same problem with the effort of a preset of the reference implementation.
     pub fn with_preset(self, preset: Preset) -> Self {
         let (flow_steps, means_steps, restarts, max_iterations, tolerance) = match preset {
@@ -105,7 +109,9 @@ impl CutPursuitParams {
             ("flow_steps", self.flow_steps),
             ("means_steps", self.means_steps),
             ("restarts", self.restarts),
+            ("attempts", self.attempts),
             ("max_iterations", self.max_iterations),
+            ("cycles", self.cycles),
         ];
         match counts.into_iter().find(|(_, count)| *count == 0) {
             Some((name, count)) => Err(Error::parameter(name, count, "1 or more")),

@@ -1,7 +1,6 @@
 //! The start of a split: two means by k-means++ and Lloyd's steps.
 
 use super::super::regions::weighted_mean;
-use super::params::CutPursuitParams;
 use super::piece::Piece;
 use crate::random::Stream;
 
@@ -10,10 +9,13 @@ pub(super) type Means = [Vec<f64>; 2];
 
 /// Side of each node in the best of several 2-means (D. Arthur, S. Vassilvitskii, *k-means++*, SODA 2007); nothing if
 /// all rows are equal. O(restarts · steps · n · width).
-pub(super) fn two_means(piece: &Piece, params: &CutPursuitParams, random: &mut Stream) -> Option<Vec<bool>> {
+pub(super) fn two_means(piece: &Piece, (restarts, steps): (usize, usize), random: &mut Stream) -> Option<Vec<bool>> {
+    if piece.len() < 2 {
+        return None;
+    }
     let mut best: Option<(f64, Vec<bool>)> = None;
-    for _ in 0..params.restarts {
-        let means = lloyd(piece, seeds(piece, random)?, params.means_steps);
+    for _ in 0..restarts {
+        let means = lloyd(piece, seeds(piece, random)?, steps);
         let mut inertia = 0.0;
         let sides = piece
             .rows()
@@ -91,7 +93,7 @@ mod tests {
     #[test]
     fn two_clumps_are_found() {
         let piece = line(&[0.0, 0.1, 5.0, 5.1, 0.05]);
-        let sides = two_means(&piece, &CutPursuitParams::default(), &mut stream(0, 0)).unwrap();
+        let sides = two_means(&piece, (3, 5), &mut stream(0, 0)).unwrap();
         assert!([1, 4].iter().all(|&i| sides[i] == sides[0]) && [2, 3].iter().all(|&i| sides[i] != sides[0]));
         let means = means_of_sides(&piece, &[false, false, true, true, false]).unwrap();
         assert!((means[0][0] - 0.05).abs() < 1e-7 && (means[1][0] - 5.05).abs() < 1e-6);
@@ -99,7 +101,7 @@ mod tests {
 
     #[test]
     fn equal_rows_have_no_two_means() {
-        assert!(two_means(&line(&[2.0; 4]), &CutPursuitParams::default(), &mut stream(0, 0)).is_none());
+        assert!(two_means(&line(&[2.0; 4]), (3, 5), &mut stream(0, 0)).is_none());
         assert!(means_of_sides(&line(&[1.0, 2.0]), &[true, true]).is_none());
     }
 }

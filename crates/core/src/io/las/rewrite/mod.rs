@@ -127,7 +127,7 @@ pub(in crate::io) fn rewrite_as(
 }
 
 /// Everything before the points, as the input has it.
-fn front(records: &Records, to: Option<u8>, output: &Path) -> Front {
+pub(super) fn front(records: &Records, to: Option<u8>, output: &Path) -> Front {
     let wkt = records.vlrs.iter().any(|v| v.is("LASF_Projection", 2112));
     let header = match to {
         Some(to) => promote::header(&records.header, to, wkt),

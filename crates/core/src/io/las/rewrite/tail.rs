@@ -16,7 +16,7 @@ pub(in crate::io::las) struct Tail {
     ranges: Vec<Range<u64>>,
     /// Extended records among them.
     evlrs: u32,
-    pub(super) lost_copc: bool,
+    pub(in crate::io::las) lost_copc: bool,
 }
 
 impl Tail {

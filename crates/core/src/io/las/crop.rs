@@ -1,0 +1,58 @@
+//! A part of a LAS, LAZ or COPC file as a file: what lies in a box, or the levels of a resolution.
+
+use super::read::open;
+use super::records::SLAB;
+use super::rewrite::{front, tail::Tail};
+use super::sink::within;
+use super::stream::Stream;
+use super::tally::Tally;
+use super::writer::Writer;
+use crate::error::Result;
+use crate::io::{ReadOptions, RewriteReport, WriteOptions};
+use std::path::Path;
+
+/// Copies the records that lie in the box, byte for byte. Header, records and what stands behind the points stay; counts and
+/// bounds of the header become those of the points that are left.
+pub(in crate::io) fn crop(
+    input: &Path,
+    output: &Path,
+    part: &ReadOptions,
+    options: &WriteOptions,
+) -> Result<RewriteReport> {
+    let mut records = open(input, part)?;
+    let (old, all) = (records.header.clone(), records.header.points);
+    let mut front = front(&records, None, output);
+    let tail = Tail::of(&mut records, &mut front)?;
+    let mut notes = Vec::new();
+    if tail.lost_copc {
+        notes.push("the octree of the COPC input is not kept; the output is plain LAZ".into());
+    }
+    let mut writer = Writer::create(output, front)?;
+    let monitor = &options.monitor;
+    monitor.stage("write", all);
+    let mut stream = Stream::of(records);
+    let length = stream.record_length();
+    let mut tally = Tally::new(old.format);
+    loop {
+        let mut bytes = stream.next(SLAB, monitor)?;
+        if bytes.is_empty() {
+            break;
+        }
+        monitor.advance((bytes.len() / length) as u64);
+        if let Some(bounds) = part.bounds {
+            bytes = within(&bytes, &old, bounds);
+        }
+        tally.add(&bytes, length);
+        writer.push(&bytes, monitor)?;
+    }
+    let records = &mut stream.records;
+    writer.finish(
+        monitor,
+        |file| tail.copy(records, file, monitor),
+        |header, end| {
+            tally.put(&old, header);
+            tail.patch(&old, header, end);
+        },
+    )?;
+    Ok(RewriteReport { points: tally.points(), notes })
+}

@@ -1,0 +1,139 @@
+//! Chunks of LAZ decoded in memory, one by one.
+//!
+//! The arithmetic coding is the `laz` crate's. What it would allocate from declared sizes is checked here first, and a panic
+//! inside it becomes an error.
+
+use super::header::{bad, u32_at};
+use crate::error::{Error, Result};
+use laz::laszip::LazItemType;
+use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
+use laz::{DecompressionSelection, LazItem, LazVlr};
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+/// How the chunks of a file are decoded.
+#[derive(Clone, Copy)]
+pub(super) struct How<'a> {
+    pub(super) vlr: &'a LazVlr,
+    /// Fields outside are left as they come (layered chunks only).
+    pub(super) selection: DecompressionSelection,
+    /// Whether a chunk must end where its last point ends.
+    pub(super) whole: bool,
+}
+
+/// Whether chunks have a layer a field (LAZ of point formats from 6 on).
+pub(super) fn layered(vlr: &LazVlr) -> bool {
+    vlr.items().first().is_some_and(|item| item.version() >= 3)
+}
+
+/// Decodes one chunk, some records at a time. `B` holds or borrows the chunk's bytes.
+pub(super) struct Decoder<'a, B> {
+    path: PathBuf,
+    place: String,
+    /// Bytes of the chunk.
+    bytes: u64,
+    whole: bool,
+    inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a>,
+}
+
+impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
+    /// A decoder of chunk `index`.
+    pub(super) fn new(path: &Path, how: How<'_>, (index, bytes): (usize, B)) -> Result<Self> {
+        let How { vlr, selection, whole } = how;
+        if layered(vlr) {
+            check_layers(path, vlr, index, bytes.as_ref())?;
+        }
+        let place = format!("chunk {index}");
+        let length = bytes.as_ref().len() as u64;
+        let inner = guarded(path, &place, || {
+            let source = Cursor::new(bytes);
+            let mut inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a> = match layered(vlr) {
+                true => Box::new(LayeredPointRecordDecompressor::new(source)),
+                false => Box::new(SequentialPointRecordDecompressor::new(source)),
+            };
+            inner.set_fields_from(vlr.items()).map_err(std::io::Error::other)?;
+            inner.set_selection(selection);
+            Ok(inner)
+        })?;
+        Ok(Self { path: path.to_path_buf(), place, bytes: length, whole, inner })
+    }
+
+    /// Fills `out`, a whole number of records, with the next ones.
+    pub(super) fn next(&mut self, out: &mut [u8]) -> Result<()> {
+        guarded(&self.path, &self.place, || self.inner.decompress_many(out))
+    }
+
+    /// Fails unless the chunk ends where its last point, which has been decoded, ends: the decoder of damaged bytes loses its way.
+    pub(super) fn end(&self) -> Result<()> {
+        let (found, all) = (self.consumed(), self.bytes);
+        match found == all || !self.whole {
+            true => Ok(()),
+            false => Err(Error::Malformed {
+                path: self.path.clone(),
+                format: "LAZ",
+                field: "end of the compressed points".into(),
+                place: self.place.clone(),
+                found: format!("byte {found} of the chunk"),
+                allowed: format!("its last, {all}"),
+            }),
+        }
+    }
+
+    /// Bytes of the chunk that were read so far.
+    pub(super) fn consumed(&self) -> u64 {
+        self.inner.get().position()
+    }
+}
+
+/// Decodes a whole chunk.
+pub(super) fn decode(path: &Path, how: How<'_>, (index, bytes): (usize, &[u8]), out: &mut [u8]) -> Result<()> {
+    let mut decoder = Decoder::new(path, how, (index, bytes))?;
+    decoder.next(out)?;
+    decoder.end()
+}
+
+/// Number of layers of a layered chunk.
+pub(super) fn layers(vlr: &LazVlr) -> usize {
+    let of = |item: &LazItem| match item.item_type() {
+        LazItemType::Point14 => 9,
+        LazItemType::RGBNIR14 => 2,
+        LazItemType::Byte14(count) => usize::from(count),
+        _ => 1,
+    };
+    vlr.items().iter().map(of).sum()
+}
+
+/// The layers of a chunk follow its first point and say how long they are: together they must fit.
+fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result<()> {
+    let layers = layers(vlr);
+    let start = vlr.items_size() as usize + 4;
+    let declared: u64 = (0..layers).map(|l| u64::from(u32_at(bytes, start + 4 * l))).sum();
+    let room = (bytes.len() as u64).saturating_sub((start + 4 * layers) as u64);
+    if bytes.len() < start + 4 * layers || declared > room {
+        return Err(bad(
+            path,
+            &format!("layers of chunk {index}"),
+            0,
+            (format!("{declared} bytes"), format!("at most {room}")),
+        ));
+    }
+    Ok(())
+}
+
+/// Runs a piece of the decoder; its errors and panics become an error about `what`.
+pub(super) fn guarded<T>(path: &Path, what: &str, work: impl FnOnce() -> std::io::Result<T>) -> Result<T> {
+    let failed = |found: String| Error::Malformed {
+        path: path.to_path_buf(),
+        format: "LAZ",
+        field: "compressed points".into(),
+        place: what.to_string(),
+        found,
+        allowed: "what a LAZ encoder writes".into(),
+    };
+    match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(e)) => Err(failed(e.to_string())),
+        Err(_) => Err(failed("bytes that no encoder writes".into())),
+    }
+}

@@ -1,0 +1,71 @@
+//! Costs of labels: a hub for each label that might vanish, joined with all nodes that have it.
+//!
+//! Delong, Osokin, Isack, Boykov, *Fast approximate energy minimization with label costs*, IJCV 96, 2012. If every node of
+//! label k takes α, the cost h of k is saved. With y = 1 for "k vanishes" that is the least over y of
+//! `h (1 - y) + Σ_i h y (1 - x_i)`, where `y (1 - x) = (y - x + |y - x|)/2`: edges of h/2 from the hub to the nodes.
+//! The cost of α itself, if no node has it yet, is the same for every move: the move is made if it pays for that, too.
+
+use super::Energy;
+use super::reduce::{Question, State};
+use super::search::Search;
+use crate::graph::Adjacency;
+
+/// The hub of `label`, if it can vanish: nodes after those of the graph.
+fn hub(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
+    (label != alpha && energy.label_cost(label) > 0.0).then_some(energy.graph.len() + usize::from(label))
+}
+
+/// The adjacency with hubs, or none if no label costs anything. The edge from a node to its hub has the number of the node
+/// after those of the graph's edges. O(nodes + edges).
+pub(super) fn adjacency(search: &Search<'_>, alpha: u16) -> Option<Adjacency> {
+    let energy = &search.energy;
+    if energy.label_costs.iter().all(|cost| *cost == 0.0) {
+        return None;
+    }
+    let (nodes, edges) = (energy.graph.len(), energy.graph.edges().len());
+    let mut out = Adjacency { offsets: vec![0], ..Adjacency::default() };
+    let mut members = vec![Vec::new(); energy.labels];
+    for (node, &label) in search.labels.iter().enumerate() {
+        for (other, edge) in search.adjacency.of(node) {
+            out.neighbours.push(other);
+            out.edges.push(edge);
+        }
+        if let Some(hub) = hub(energy, label, alpha) {
+            out.neighbours.push(hub as u32);
+            out.edges.push((edges + node) as u32);
+            members[hub - nodes].push(node as u32);
+        }
+        out.offsets.push(out.neighbours.len());
+    }
+    for nodes_of_label in members {
+        out.edges.extend(nodes_of_label.iter().map(|node| (edges + *node as usize) as u32));
+        out.neighbours.extend(nodes_of_label);
+        out.offsets.push(out.neighbours.len());
+    }
+    Some(out)
+}
+
+impl Question {
+    /// Adds the hubs to the question about `alpha`. O(nodes).
+    pub(super) fn add_hubs(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
+        let nodes = labels.len();
+        self.slack.resize(nodes + energy.labels, 0.0);
+        self.coupling.resize(self.coupling.len() + nodes, 0.0);
+        let first = self.coupling.len() - nodes;
+        for label in 0..energy.labels as u16 {
+            let open = hub(energy, label, alpha).is_some();
+            self.theta.push(if open { -energy.label_cost(label) } else { 0.0 });
+            self.state.push(if open { State::Open } else { State::Stays });
+        }
+        for (node, &label) in labels.iter().enumerate() {
+            if let Some(hub) = hub(energy, label, alpha) {
+                let half = 0.5 * energy.label_cost(label);
+                self.coupling[first + node] = half;
+                self.theta[node] -= half;
+                self.theta[hub] += half;
+                self.slack[node] += half;
+                self.slack[hub] += half;
+            }
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! αβ-swap: pair after pair of labels, the nodes that have one of the two share them out anew, all at once and optimally.
+//!
+//! Boykov, Veksler, Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001. Distances of labels
+//! need not be a metric; in return there is no bound on the result, and the work grows with the square of the labels.
+
+use super::reduce::State;
+use super::search::Search;
+use super::{Energy, Labelling, Pairwise};
+use crate::error::{Error, Result};
+use crate::graph::Graph;
+use crate::parallel::Monitor;
+use serde::{Deserialize, Serialize};
+
+/// Parameters of [`alpha_beta_swap`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SwapParams {
+    /// Factor of the edge weights. Larger: fewer changes of label between neighbours. 0 or more.
+    pub strength: f64,
+    /// Distance of two labels, symmetric.
+    pub pairwise: Pairwise,
+    /// Most rounds over all pairs of labels, 1 or more.
+    pub max_rounds: usize,
+}
+
+impl Default for SwapParams {
+    fn default() -> Self {
+        Self { strength: 1.0, pairwise: Pairwise::Potts, max_rounds: 100 }
+    }
+}
+
+impl SwapParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        super::energy::check_strength(self.strength)?;
+        match self.max_rounds {
+            0 => Err(Error::parameter("max_rounds", 0, "1 or more")),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The labelling that no swap improves, from costs (`nodes x labels`, row-major) and a graph.
+///
+/// Starts from the cheapest label of every node, or from one label for all if that costs less. Deterministic for any number of threads. A round is
+/// O(labels² · (nodes + edges)) and the cuts.
+///
+/// ```
+/// use scansion_core::graph::Graph;
+/// use scansion_core::parallel::Monitor;
+/// use scansion_core::regularisation::{SwapParams, alpha_beta_swap};
+///
+/// let graph = Graph::new(3, &[[0, 1], [1, 2]], &[1.0, 1.0])?;
+/// let costs = [0.0, 1.0, 0.3, 0.0, 0.0, 1.0];
+/// let smooth = alpha_beta_swap(&costs, &graph, &SwapParams::default(), &Monitor::default())?;
+/// assert_eq!(smooth.labels, [0, 0, 0]);
+/// # Ok::<(), scansion_core::Error>(())
+/// ```
+///
+/// # Errors
+/// Lengths that do not fit, costs that are not finite, distances that are not symmetric, cancellation.
+pub fn alpha_beta_swap(unary: &[f32], graph: &Graph, params: &SwapParams, monitor: &Monitor) -> Result<Labelling> {
+    params.validate()?;
+    let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?;
+    let labels = energy.labels as u16;
+    let pairs: Vec<[u16; 2]> = (0..labels).flat_map(|a| (a + 1..labels).map(move |b| [a, b])).collect();
+    Search::new(energy).run(pairs.len(), params.max_rounds, monitor, |search, number| {
+        offer(search, pairs[number], pairs.len() as u32, monitor)
+    })
+}
+
+/// Offers a pair of labels to the nodes that have one of them; true if some changed. The pair was last offered `round`
+/// moves ago.
+fn offer(search: &mut Search<'_>, pair: [u16; 2], round: u32, monitor: &Monitor) -> Result<bool> {
+    let since = search.now.saturating_sub(round);
+    if !pair.iter().any(|&label| search.is_used(label)) {
+        return Ok(false);
+    }
+    search.question.ask_swap(&search.energy, &search.adjacency, &search.labels, pair);
+    search.pieces.collect(&search.question, &search.adjacency, |node| since == 0 || search.changed[node] > since);
+    let takers = search.pieces.answer(&search.question, &search.adjacency, monitor)?;
+    let [alpha, beta] = pair;
+    let mut answer: Vec<(u32, u16)> = search.pieces.nodes().iter().map(|&node| (node, beta)).collect();
+    answer.extend(search.question.settled(State::Stays).map(|node| (node, beta)));
+    answer.extend(search.question.settled(State::Takes).chain(takers).map(|node| (node, alpha)));
+    // The last word on a node counts; those that stand apart and those that keep their label do not move.
+    answer.sort_by_key(|(node, _)| *node);
+    let mut moves: Vec<(u32, u16)> = Vec::new();
+    for (node, label) in answer {
+        match moves.last_mut().filter(|last| last.0 == node) {
+            Some(last) => last.1 = label,
+            None => moves.push((node, label)),
+        }
+    }
+    let labels = &search.labels;
+    moves.retain(|&(node, label)| pair.contains(&labels[node as usize]) && labels[node as usize] != label);
+    Ok(search.apply(&moves))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::regularisation::ExpansionParams;
+    use crate::regularisation::instance::{Instance, random};
+
+    fn solve(instance: &Instance, params: &SwapParams) -> Labelling {
+        let result = alpha_beta_swap(&instance.unary, &instance.graph, params, &Monitor::default()).unwrap();
+        instance.verify(&same(params), &result);
+        result
+    }
+
+    fn same(params: &SwapParams) -> ExpansionParams {
+        let SwapParams { strength, pairwise, .. } = params.clone();
+        ExpansionParams { strength, pairwise, ..ExpansionParams::default() }
+    }
+
+    #[test]
+    fn two_labels_are_solved_exactly() {
+        for seed in 0..80 {
+            let instance = random(seed, 8, 2);
+            let params = SwapParams { strength: 0.5, ..SwapParams::default() };
+            assert_eq!(solve(&instance, &params).energy, instance.optimum(&same(&params)), "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn no_single_swap_improves_the_result_even_without_a_metric() {
+        // Labels 0 and 2 are farther apart than the way by 1.
+        let pairwise = Pairwise::Metric(vec![0.0, 1.0, 9.0, 1.0, 0.0, 1.5, 9.0, 1.5, 0.0]);
+        for seed in 0..60 {
+            let instance = random(seed, 8, 3);
+            let params = SwapParams { pairwise: pairwise.clone(), ..SwapParams::default() };
+            let result = solve(&instance, &params);
+            let same = same(&params);
+            let energy = instance.energy(&same);
+            for ([alpha, beta], set) in
+                [[0, 1], [0, 2], [1, 2]].into_iter().flat_map(|pair| (0..1u32 << 8).map(move |set| (pair, set)))
+            {
+                let share = |(i, &label): (usize, &u16)| match (label == alpha || label == beta, set >> i & 1 == 1) {
+                    (true, true) => alpha,
+                    (true, false) => beta,
+                    (false, _) => label,
+                };
+                let other: Vec<u16> = result.labels.iter().enumerate().map(share).collect();
+                assert!(energy.of(&other) >= result.energy - 1e-9, "seed {seed}, labels {alpha} and {beta}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_label_no_nodes_and_nonsense() {
+        let graph = Graph::new(2, &[[0, 1]], &[1.0]).unwrap();
+        let run = |unary: &[f32], graph: &Graph, params: &SwapParams| {
+            alpha_beta_swap(unary, graph, params, &Monitor::default())
+        };
+        let one = run(&[0.5, 0.25], &graph, &SwapParams::default()).unwrap();
+        assert!(one.converged && one.labels == [0, 0] && one.energy == 0.75);
+        assert!(run(&[], &Graph::default(), &SwapParams::default()).unwrap().converged);
+        let lopsided = Pairwise::Metric(vec![0.0, 1.0, 2.0, 0.0]);
+        assert!(run(&[0.0; 4], &graph, &SwapParams { pairwise: lopsided, ..SwapParams::default() }).is_err());
+        assert!(run(&[0.0; 4], &graph, &SwapParams { max_rounds: 0, ..SwapParams::default() }).is_err());
+    }
+}

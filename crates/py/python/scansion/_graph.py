@@ -1,0 +1,48 @@
+"""Bringing edges and weights to what the core takes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion._arrays import NUMBERS, native
+
+
+def as_edges(edges: Any) -> NDArray[np.uint32]:
+    """``edges`` as ``(m, 2)`` of uint32."""
+    array = np.asarray(edges)
+    if array.size == 0:
+        array = array.astype(np.uint32).reshape(0, 2)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"edges: expected shape (m, 2), found {array.shape}")
+    if array.dtype.kind not in "iu":
+        raise TypeError(f"edges: expected whole numbers, found dtype {array.dtype}")
+    if array.dtype != np.uint32 and array.size and (array.min() < 0 or array.max() > 0xFFFFFFFF):
+        raise ValueError(f"edges: expected nodes in 0..4294967295, found {array.min()} and {array.max()}")
+    return native(array, np.uint32)
+
+
+def as_weights(weights: Any, length: int, name: str = "weights") -> NDArray[np.float32] | None:
+    """``weights`` as ``(length,)`` of float32; a single number stands for all."""
+    if weights is None:
+        return None
+    array = np.asarray(weights)
+    if array.dtype.kind not in NUMBERS:
+        raise TypeError(f"{name}: expected numbers, found dtype {array.dtype}")
+    if array.ndim == 0:
+        array = np.full(length, array)
+    if array.shape != (length,):
+        raise ValueError(f"{name}: expected shape ({length},), found {array.shape}")
+    return native(array, np.float32)
+
+
+def as_rows(values: Any, name: str) -> NDArray[np.float32]:
+    """``values`` as ``(n, width)`` of float32."""
+    array = np.asarray(values)
+    if array.dtype.kind not in NUMBERS:
+        raise TypeError(f"{name}: expected numbers, found dtype {array.dtype}")
+    if array.ndim != 2 or array.shape[1] == 0:
+        raise ValueError(f"{name}: expected shape (n, width) with a width of 1 or more, found {array.shape}")
+    return native(array, np.float32)

@@ -1,0 +1,132 @@
+"""Who touches whom: graphs on points, their components and spanning trees.
+
+A graph is two arrays: edges ``(m, 2)`` of uint32, each pair once, the smaller node first, ascending; and their weights
+``(m,)`` of float32.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import choice, to_json
+from scansion._cloud import as_cloud
+from scansion._graph import as_edges, as_weights
+
+__all__ = ["connected_components", "knn_graph", "minimum_spanning_tree"]
+
+
+def knn_graph(
+    xyz: Any,
+    *,
+    k: int = 10,
+    weights: Literal["constant", "inverse", "exponential"] = "constant",
+    offset: float = 1.0,
+    scale: float = 1.0,
+    multiplicity: Literal["once", "count"] = "once",
+    prune: float | None = None,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """Edges between points of which one is among the ``k`` nearest of the other.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    k : int
+        Neighbours of a point, itself not counted; fewer if there are fewer points.
+    weights : {"constant", "inverse", "exponential"}
+        1, ``1 / (offset + d / mean)`` or ``exp(-d / (scale * mean))`` for an edge of length d, where mean is the mean
+        length of the edges.
+    offset : float
+        For "inverse"; above 0. Superpoint graphs have 1.
+    scale : float
+        For "exponential"; above 0.
+    multiplicity : {"once", "count"}
+        Whether points that are neighbours of each other have an edge of twice the weight.
+    prune : float, optional
+        Edges longer than this many mean lengths are left out.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    edges : array of shape (m, 2), uint32
+    weights : array of shape (m,), float32
+
+    Examples
+    --------
+    >>> from scansion import graph
+    >>> edges, weights = graph.knn_graph([[0, 0, 0], [1, 0, 0], [3, 0, 0]], k=1)
+    >>> edges.tolist(), weights.tolist()
+    ([[0, 1], [1, 2]], [1.0, 1.0])
+    """
+    choice(weights, "weights", ("constant", "inverse", "exponential"))
+    choice(multiplicity, "multiplicity", ("once", "count"))
+    kinds = {"constant": "constant", "inverse": {"inverse": {"offset": offset}}}
+    weight = kinds.get(weights, {"exponential": {"scale": scale}})
+    settings = to_json({"weight": weight, "multiplicity": multiplicity, "prune": prune})
+    return _core.knn_graph(as_cloud(xyz, columns=[])._core, k, settings, metres_per_unit, n_jobs)
+
+
+def connected_components(nodes: int, edges: Any) -> tuple[NDArray[np.uint32], int]:
+    """Which nodes hang together.
+
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes in any order.
+
+    Returns
+    -------
+    components : array of shape (nodes,), uint32
+        Component of each node, numbered in the order of the smallest nodes.
+    count : int
+        Number of components.
+
+    Examples
+    --------
+    >>> from scansion import graph
+    >>> components, count = graph.connected_components(5, [[3, 1], [4, 2]])
+    >>> components.tolist(), count
+    ([0, 1, 2, 1, 2], 3)
+    """
+    return _core.connected_components(nodes, as_edges(edges))
+
+
+def minimum_spanning_tree(
+    nodes: int, edges: Any, weights: Any = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """The lightest edges that hold together what hangs together: a tree for every component.
+
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes in any order; pairs that occur more than once are one edge with the sum of the weights.
+    weights : array_like of shape (m,), optional
+        Finite, 0 or more; 1 by default.
+
+    Returns
+    -------
+    edges : array of shape (nodes - components, 2), uint32
+    weights : array of shape (nodes - components,), float32
+
+    Examples
+    --------
+    >>> from scansion import graph
+    >>> edges, weights = graph.minimum_spanning_tree(3, [[0, 1], [0, 2], [1, 2]], [1.0, 3.0, 2.0])
+    >>> edges.tolist(), float(weights.sum())
+    ([[0, 1], [1, 2]], 3.0)
+    """
+    pairs = as_edges(edges)
+    return _core.minimum_spanning_tree(nodes, pairs, as_weights(weights, len(pairs)))

@@ -1,0 +1,101 @@
+"""Who is near whom, and how many neighbours describe a place best."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import choice, to_json
+from scansion._cloud import as_cloud
+
+__all__ = ["knn", "optimal"]
+
+
+def knn(
+    xyz: Any, k: int = 10, *, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """The ``k`` nearest other points of every point, exactly.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    k : int
+        Neighbours of a point, itself not counted; less than the number of points.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    indices : array of shape (n, k), uint32
+        The nearest first, of equally near ones the smaller index first.
+    distances : array of shape (n, k), float32
+        In metres.
+
+    Examples
+    --------
+    >>> from scansion import neighbours
+    >>> indices, distances = neighbours.knn([[0, 0, 0], [1, 0, 0], [3, 0, 0]], k=2)
+    >>> indices.tolist(), distances.tolist()
+    ([[1, 2], [0, 2], [1, 0]], [[1.0, 3.0], [1.0, 2.0], [2.0, 3.0]])
+    """
+    return _core.knn(as_cloud(xyz, columns=[])._core, k, metres_per_unit, n_jobs)
+
+
+def optimal(
+    xyz: Any,
+    *,
+    k_min: int = 10,
+    k_max: int = 100,
+    k_step: int = 1,
+    eigenvalues: str = "raw",
+    verticality_factor: float = 1.0,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """Every point's neighbourhood of least eigenentropy, and its shape.
+
+    After Weinmann et al. 2015 and Guinard and Landrieu 2017.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    k_min, k_max : int
+        Fewest and most neighbours, the point itself not counted; 2 <= k_min <= k_max <= 1000.
+    k_step : int
+        Neighbourhoods of k_min, k_min + k_step, ... and of k_max neighbours are compared.
+    eigenvalues : {"raw", "sqrt"}
+        What enters linearity, planarity and scattering: the eigenvalues or their roots.
+    verticality_factor : float
+        Verticality is multiplied by this.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    k : array of shape (n,), uint32
+        Neighbours of the chosen neighbourhood.
+    features : array of shape (n, 4), float32
+        Its linearity, planarity, scattering and verticality.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import neighbours
+    >>> wall = np.stack(np.meshgrid(np.arange(20.0), [0.0], np.arange(20.0)), -1).reshape(-1, 3)
+    >>> k, features = neighbours.optimal(wall, k_max=50)
+    >>> features.shape, float(features[:, 2].max())
+    ((400, 4), 0.0)
+    """
+    choice(eigenvalues, "eigenvalues", ("raw", "sqrt"))
+    settings = {"k_min": k_min, "k_max": k_max, "k_step": k_step, "eigenvalues": eigenvalues}
+    text = to_json({**settings, "verticality_factor": verticality_factor})
+    return _core.optimal(as_cloud(xyz, columns=[])._core, text, metres_per_unit, n_jobs)

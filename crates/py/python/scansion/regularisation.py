@@ -1,0 +1,265 @@
+"""Neighbours agree: labellings of least energy, and smoothed probabilities.
+
+The energy of labels is ``sum_i unary[i, l_i] + strength * sum_(i,j) weights_ij * distance(l_i, l_j)``, and the costs of the
+labels that occur.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import to_json
+from scansion._graph import as_edges, as_rows, as_weights
+
+__all__ = ["Labelling", "alpha_beta_swap", "alpha_expansion", "energy", "icm", "local_smoothing"]
+
+
+class Labelling(NamedTuple):
+    """Labels, what they cost, and whether the search came to its end."""
+
+    labels: NDArray[np.uint16]
+    energy: float
+    converged: bool
+
+
+def alpha_expansion(
+    unary: Any,
+    edges: Any,
+    weights: Any = None,
+    *,
+    strength: float = 1.0,
+    distances: Any = None,
+    label_costs: Any = None,
+    max_rounds: int = 100,
+    n_jobs: int | None = None,
+) -> Labelling:
+    """The labelling that no expansion of a label improves.
+
+    Boykov, Veksler and Zabih 2001. With two labels and no label costs it is the least energy of all.
+
+    Parameters
+    ----------
+    unary : array_like of shape (n, labels)
+        What each label costs at each node, e.g. ``-np.log(probabilities)``; finite.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes, e.g. of `scansion.graph.knn_graph`.
+    weights : array_like of shape (m,), optional
+        Finite, 0 or more; 1 by default.
+    strength : float
+        Factor of the weights; larger for fewer changes of label between neighbours.
+    distances : array_like of shape (labels, labels), optional
+        A metric on the labels; by default 1 for any two different ones (Potts).
+    label_costs : array_like of shape (labels,), optional
+        What each label costs once if any node has it; 0 or more (Delong et al. 2012).
+    max_rounds : int
+        Most rounds over all labels.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Examples
+    --------
+    >>> from scansion import regularisation
+    >>> found = regularisation.alpha_expansion([[0, 1], [0.3, 0], [0, 1]], [[0, 1], [1, 2]])
+    >>> found.labels.tolist(), round(found.energy, 6), found.converged
+    ([0, 0, 0], 0.3, True)
+    """
+    problem = _problem(unary, edges, weights)
+    costs = {"label_costs": _label_costs(label_costs)}
+    text = to_json({**_settings(problem, strength, distances), **costs, "max_rounds": max_rounds})
+    return Labelling(*_core.alpha_expansion(problem, text, n_jobs))
+
+
+def alpha_beta_swap(
+    unary: Any,
+    edges: Any,
+    weights: Any = None,
+    *,
+    strength: float = 1.0,
+    distances: Any = None,
+    max_rounds: int = 100,
+    n_jobs: int | None = None,
+) -> Labelling:
+    """The labelling that no swap of two labels improves, for distances that are no metric.
+
+    Boykov, Veksler and Zabih 2001.
+
+    Parameters
+    ----------
+    unary : array_like of shape (n, labels)
+        What each label costs at each node; finite.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes.
+    weights : array_like of shape (m,), optional
+        Finite, 0 or more; 1 by default.
+    strength : float
+        Factor of the weights.
+    distances : array_like of shape (labels, labels), optional
+        Symmetric, 0 from a label to itself; by default 1 for any two different ones (Potts).
+    max_rounds : int
+        Most rounds over all pairs of labels.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Examples
+    --------
+    >>> from scansion import regularisation
+    >>> regularisation.alpha_beta_swap([[0, 1], [0.3, 0], [0, 1]], [[0, 1], [1, 2]]).labels.tolist()
+    [0, 0, 0]
+    """
+    problem = _problem(unary, edges, weights)
+    text = to_json({**_settings(problem, strength, distances), "max_rounds": max_rounds})
+    return Labelling(*_core.alpha_beta_swap(problem, text, n_jobs))
+
+
+def icm(
+    unary: Any,
+    edges: Any,
+    weights: Any = None,
+    *,
+    strength: float = 1.0,
+    distances: Any = None,
+    max_rounds: int = 100,
+) -> Labelling:
+    """Iterated conditional modes: the labelling that no change of a single node improves.
+
+    Besag 1986; faster and worse than `alpha_expansion`.
+
+    Parameters
+    ----------
+    unary : array_like of shape (n, labels)
+        What each label costs at each node; finite.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes.
+    weights : array_like of shape (m,), optional
+        Finite, 0 or more; 1 by default.
+    strength : float
+        Factor of the weights.
+    distances : array_like of shape (labels, labels), optional
+        Symmetric, 0 from a label to itself; by default 1 for any two different ones (Potts).
+    max_rounds : int
+        Most rounds over all nodes.
+
+    Examples
+    --------
+    >>> from scansion import regularisation
+    >>> regularisation.icm([[0, 1], [0.3, 0], [0, 1]], [[0, 1], [1, 2]]).labels.tolist()
+    [0, 0, 0]
+    """
+    problem = _problem(unary, edges, weights)
+    text = to_json({**_settings(problem, strength, distances), "max_rounds": max_rounds})
+    return Labelling(*_core.icm(problem, text))
+
+
+def energy(
+    labels: Any,
+    unary: Any,
+    edges: Any,
+    weights: Any = None,
+    *,
+    strength: float = 1.0,
+    distances: Any = None,
+    label_costs: Any = None,
+) -> float:
+    """What labels cost.
+
+    Parameters
+    ----------
+    labels : array_like of shape (n,)
+        Label of each node.
+    unary : array_like of shape (n, labels)
+        What each label costs at each node; finite.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes.
+    weights : array_like of shape (m,), optional
+        Finite, 0 or more; 1 by default.
+    strength : float
+        Factor of the weights.
+    distances : array_like of shape (labels, labels), optional
+        Symmetric, 0 from a label to itself; by default 1 for any two different ones (Potts).
+    label_costs : array_like of shape (labels,), optional
+        What each label costs once if any node has it.
+
+    Examples
+    --------
+    >>> from scansion import regularisation
+    >>> regularisation.energy([0, 1, 0], [[0, 1], [0.3, 0], [0, 1]], [[0, 1], [1, 2]], strength=0.5)
+    1.0
+    """
+    array = np.asarray(labels)
+    if array.ndim != 1 or array.dtype.kind not in "iub":
+        raise ValueError(f"labels: expected whole numbers of shape (n,), found {array.dtype} {array.shape}")
+    if array.size and not (array.min() >= 0 and array.max() <= 0xFFFF):
+        raise ValueError(f"labels: expected 0..65535, found {array.min()} and {array.max()}")
+    problem = _problem(unary, edges, weights)
+    costs = {"label_costs": _label_costs(label_costs)}
+    text = to_json({**_settings(problem, strength, distances), **costs})
+    return _core.energy(problem, np.ascontiguousarray(array, np.uint16), text)
+
+
+def local_smoothing(
+    probabilities: Any,
+    edges: Any,
+    weights: Any = None,
+    *,
+    n_jobs: int | None = None,
+) -> NDArray[np.float32]:
+    """Probabilities as the weighted mean of each node's own, of weight 1, and those of its neighbours.
+
+    Schindler 2012; ``argmax(axis=1)`` gives labels.
+
+    Parameters
+    ----------
+    probabilities : array_like of shape (n, classes)
+        Of each class at each node; finite.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes.
+    weights : array_like of shape (m,), optional
+        Finite, 0 or more; 1 by default.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Examples
+    --------
+    >>> from scansion import regularisation
+    >>> smooth = regularisation.local_smoothing([[0.75, 0.25], [0.25, 0.75], [1, 0]], [[0, 1], [1, 2]])
+    >>> smooth.argmax(axis=1).tolist()
+    [0, 0, 0]
+    """
+    pairs = as_edges(edges)
+    problem = (as_rows(probabilities, "probabilities"), pairs, as_weights(weights, len(pairs)))
+    return _core.local_smoothing(problem, n_jobs)
+
+
+_Problem = tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None]
+
+
+def _problem(unary: Any, edges: Any, weights: Any) -> _Problem:
+    pairs = as_edges(edges)
+    return as_rows(unary, "unary"), pairs, as_weights(weights, len(pairs))
+
+
+def _settings(problem: _Problem, strength: float, distances: Any) -> dict[str, Any]:
+    labels = problem[0].shape[1]
+    if distances is None:
+        return {"strength": strength, "pairwise": "potts"}
+    table = as_rows(distances, "distances")
+    if table.shape != (labels, labels):
+        raise ValueError(f"distances: expected shape ({labels}, {labels}), found {table.shape}")
+    return {"strength": strength, "pairwise": {"metric": _finite(table.ravel(), "distances")}}
+
+
+def _label_costs(costs: Any) -> list[float]:
+    if costs is None:
+        return []
+    array = np.asarray(costs)
+    return _finite(as_weights(array, array.size, "label_costs"), "label_costs")
+
+
+def _finite(values: Any, name: str) -> list[float]:
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name}: expected finite numbers, found NaN or infinity")
+    return [float(value) for value in values]

@@ -1,0 +1,161 @@
+"""What belongs together: segments of a graph on which values are nearly constant."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import to_json
+from scansion._graph import as_edges, as_rows, as_weights
+
+__all__ = ["Segments", "cut_pursuit", "merge"]
+
+
+class Segments(NamedTuple):
+    """Segment of each node, mean values of each segment, and the energy that was reached."""
+
+    labels: NDArray[np.uint32]
+    centroids: NDArray[np.float64]
+    energy: float
+
+
+def cut_pursuit(
+    values: Any,
+    edges: Any,
+    weights: Any = None,
+    *,
+    strength: float = 0.1,
+    cutoff: float = 0.0,
+    node_weights: Any = None,
+    coarse_above: int | None = 10_000,
+    cycles: int = 2,
+    flow_steps: int = 3,
+    means_steps: int = 5,
+    restarts: int = 3,
+    max_iterations: int = 10,
+    tolerance: float = 1e-3,
+    guard: bool = False,
+    backward: bool = True,
+    moves: bool = True,
+    random_state: int = 0,
+    n_jobs: int | None = None,
+) -> Segments:
+    """Segments by l0 cut pursuit: least sum of squared differences and boundary.
+
+    Landrieu and Obozinski 2017; ``coarse_above=None, cycles=1, moves=False`` is their method.
+
+    Parameters
+    ----------
+    values : array_like of shape (n, d)
+        Of each node, e.g. the features of `scansion.neighbours.optimal`; finite.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes.
+    weights : array_like of shape (m,), optional
+        Finite, 0 or more; 1 by default.
+    strength : float
+        What a boundary edge of weight 1 costs, in units of squared difference; larger for fewer, larger segments.
+    cutoff : float
+        Segments of less weight than this join their best neighbour at the end.
+    node_weights : array_like of shape (n,), optional
+        How much each node counts; 1 by default.
+    coarse_above : int, optional
+        Graphs of more nodes than this are cut on a coarser graph, many times faster; None never does so.
+    cycles : int
+        How often all is done, each time from the result before; 1 or more.
+    flow_steps : int
+        Minimum cuts per split.
+    means_steps : int
+        Steps of the 2-means that starts a split.
+    restarts : int
+        Random starts of the 2-means.
+    max_iterations : int
+        Most rounds of splitting and merging.
+    tolerance : float
+        Stop when a round lowers the energy by less than this share of it.
+    guard : bool
+        Split only where the energy falls at once.
+    backward : bool
+        Merge segments after each round of splits.
+    moves : bool
+        Move single nodes across boundaries where the energy falls; the paper does not.
+    random_state : int
+        Seed of the 2-means.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Examples
+    --------
+    >>> from scansion import segmentation
+    >>> edges = [[0, 1], [1, 2], [2, 3]]
+    >>> found = segmentation.cut_pursuit([[0.0], [0.25], [5.0], [5.25]], edges, strength=0.5)
+    >>> found.labels.tolist(), found.centroids.ravel().tolist(), found.energy
+    ([0, 0, 1, 1], [0.125, 5.125], 0.5625)
+    """
+    settings = {
+        "strength": strength,
+        "cutoff": cutoff,
+        "coarse_above": 2**32 - 1 if coarse_above is None else coarse_above,
+        "cycles": cycles,
+        "flow_steps": flow_steps,
+        "means_steps": means_steps,
+        "restarts": restarts,
+        "max_iterations": max_iterations,
+        "tolerance": tolerance,
+        "guard": guard,
+        "backward": backward,
+        "moves": moves,
+        "seed": random_state,
+    }
+    return Segments(
+        *_core.cut_pursuit(_valued(values, edges, weights, node_weights), to_json(settings), n_jobs)
+    )
+
+
+def merge(
+    values: Any,
+    edges: Any,
+    weights: Any = None,
+    *,
+    strength: float = 0.1,
+    cutoff: float = 0.0,
+    node_weights: Any = None,
+) -> Segments:
+    """Segments by merging, from single nodes, the pairs that gain most, as long as the energy of `cut_pursuit` falls.
+
+    Parameters
+    ----------
+    values : array_like of shape (n, d)
+        Of each node; finite.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes.
+    weights : array_like of shape (m,), optional
+        Finite, 0 or more; 1 by default.
+    strength : float
+        What a boundary edge of weight 1 costs, in units of squared difference; larger for fewer, larger segments.
+    cutoff : float
+        Segments of less weight than this join their best neighbour at the end.
+    node_weights : array_like of shape (n,), optional
+        How much each node counts; 1 by default.
+
+    Examples
+    --------
+    >>> from scansion import segmentation
+    >>> edges = [[0, 1], [1, 2], [2, 3]]
+    >>> segmentation.merge([[0.0], [0.25], [5.0], [5.25]], edges, strength=0.5).labels.tolist()
+    [0, 0, 1, 1]
+    """
+    settings = to_json({"strength": strength, "cutoff": cutoff})
+    return Segments(*_core.merge_regions(_valued(values, edges, weights, node_weights), settings))
+
+
+_Valued = tuple[
+    NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None, NDArray[np.float32] | None
+]
+
+
+def _valued(values: Any, edges: Any, weights: Any, node_weights: Any) -> _Valued:
+    rows, pairs = as_rows(values, "values"), as_edges(edges)
+    return rows, pairs, as_weights(weights, len(pairs)), as_weights(node_weights, len(rows), "node_weights")

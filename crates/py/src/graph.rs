@@ -1,0 +1,90 @@
+//! Room `graph`: edges between points, components, spanning trees.
+
+use crate::call::call;
+use crate::cloud::Cloud;
+use crate::convert::{matrix, to_matrix, vector};
+use crate::json;
+use crate::neighbours::points;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use scansion_core::graph::{self, Graph, KnnGraphParams};
+use scansion_core::neighbours::knn;
+use scansion_core::{Error, Result};
+use std::sync::Arc;
+
+/// Edges `(m, 2)` and their weights.
+type Edges<'py> = (Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<f32>>);
+
+/// A graph from rows of two nodes; without weights every edge has 1.
+pub(crate) fn graph_of(nodes: usize, edges: &[u32], weights: Option<&[f32]>) -> Result<Graph> {
+    let (pairs, rest) = edges.as_chunks::<2>();
+    if !rest.is_empty() {
+        return Err(Error::input(format!("edges: {} nodes are not pairs", edges.len())));
+    }
+    match weights {
+        Some(weights) => Graph::new(nodes, pairs, weights),
+        None => Graph::new(nodes, pairs, &vec![1.0; pairs.len()]),
+    }
+}
+
+/// The elements of the weights, if there are any.
+pub(crate) fn optional<'a>(array: Option<&'a PyReadonlyArray1<'_, f32>>, name: &str) -> PyResult<Option<&'a [f32]>> {
+    array.map(|a| vector(a, name)).transpose()
+}
+
+fn give<'py>(py: Python<'py>, graph: &Graph) -> PyResult<Edges<'py>> {
+    let edges = to_matrix(py, graph.edges().as_flattened().to_vec(), 2)?;
+    Ok((edges, PyArray1::from_slice(py, graph.weights())))
+}
+
+/// Edges between each point and its nearest, with weights.
+#[pyfunction]
+#[pyo3(signature = (cloud, k, settings, metres_per_unit = None, n_jobs = None))]
+pub(crate) fn knn_graph<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    k: usize,
+    settings: &str,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<Edges<'py>> {
+    let params: KnnGraphParams = json::settings(settings)?;
+    let cloud = Arc::clone(&cloud.inner);
+    let graph = call(py, n_jobs, |monitor| {
+        let points = points(&cloud, metres_per_unit)?;
+        graph::knn_graph(points.len(), &knn(&points, k, monitor)?, &params, monitor)
+    })?;
+    give(py, &graph)
+}
+
+/// Component of each node, and how many there are.
+#[pyfunction]
+pub(crate) fn connected_components<'py>(
+    py: Python<'py>,
+    nodes: usize,
+    edges: PyReadonlyArray2<'py, u32>,
+) -> PyResult<(Bound<'py, PyArray1<u32>>, usize)> {
+    let edges = matrix(&edges, "edges")?;
+    let found = call(py, Some(1), |_| Ok(graph::connected_components(&graph_of(nodes, edges, None)?)))?;
+    Ok((PyArray1::from_vec(py, found.of), found.count))
+}
+
+/// The edges of the minimum spanning forest and their weights.
+#[pyfunction]
+#[pyo3(signature = (nodes, edges, weights = None))]
+pub(crate) fn minimum_spanning_tree<'py>(
+    py: Python<'py>,
+    nodes: usize,
+    edges: PyReadonlyArray2<'py, u32>,
+    weights: Option<PyReadonlyArray1<'py, f32>>,
+) -> PyResult<Edges<'py>> {
+    let (edges, weights) = (matrix(&edges, "edges")?, optional(weights.as_ref(), "weights")?);
+    let tree = call(py, Some(1), |_| {
+        let graph = graph_of(nodes, edges, weights)?;
+        let tree = graph::minimum_spanning_tree(&graph);
+        let pairs: Vec<[u32; 2]> = tree.iter().map(|&e| graph.edges()[e as usize]).collect();
+        let weights: Vec<f32> = tree.iter().map(|&e| graph.weights()[e as usize]).collect();
+        Graph::new(nodes, &pairs, &weights)
+    })?;
+    give(py, &tree)
+}

@@ -1,0 +1,68 @@
+//! Room `neighbours`: the nearest points, and how many of them describe a place best.
+
+use crate::call::call;
+use crate::cloud::Cloud;
+use crate::convert::to_matrix;
+use crate::json;
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use scansion_core::cloud::Points;
+use scansion_core::features::optimal_features;
+use scansion_core::neighbours::OptimalParams;
+use scansion_core::{Cloud as CoreCloud, Error, Result};
+use std::sync::Arc;
+
+/// The points of a cloud in metres; all of them, so that indices fit.
+pub(crate) fn points(cloud: &CoreCloud, metres_per_unit: Option<f64>) -> Result<Points> {
+    let metres = metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0);
+    if !(metres > 0.0 && metres.is_finite()) {
+        return Err(Error::parameter("metres_per_unit", metres, "above 0, finite"));
+    }
+    let points = Points::from_cloud(cloud, metres);
+    match cloud.len() - points.len() {
+        0 => Ok(points),
+        lost => Err(Error::input(format!("{lost} of {} points have NaN or infinite coordinates", cloud.len()))),
+    }
+}
+
+/// Indices of the nearest points and their distances, `(n, k)` each.
+#[pyfunction]
+#[pyo3(signature = (cloud, k, metres_per_unit = None, n_jobs = None))]
+#[expect(clippy::type_complexity, reason = "two arrays")]
+pub(crate) fn knn<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    k: usize,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<(Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>)> {
+    let cloud = Arc::clone(&cloud.inner);
+    let near = call(py, n_jobs, |monitor| {
+        let points = points(&cloud, metres_per_unit)?;
+        if k == 0 || k >= points.len() {
+            let most = points.len().saturating_sub(1);
+            return Err(Error::parameter("k", k, format!("1..{most} for {} points", points.len())));
+        }
+        scansion_core::neighbours::knn(&points, k, monitor)
+    })?;
+    let distances = (0..near.len()).flat_map(|i| near.squared_distances(i)).map(|d| d.sqrt()).collect();
+    Ok((to_matrix(py, near.indices().to_vec(), k)?, to_matrix(py, distances, k)?))
+}
+
+/// Neighbours of each point's optimal neighbourhood, and the four descriptors of it.
+#[pyfunction]
+#[pyo3(signature = (cloud, settings, metres_per_unit = None, n_jobs = None))]
+#[expect(clippy::type_complexity, reason = "two arrays")]
+pub(crate) fn optimal<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    settings: &str,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<(Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>)> {
+    let params: OptimalParams = json::settings(settings)?;
+    let cloud = Arc::clone(&cloud.inner);
+    let found = call(py, n_jobs, |monitor| optimal_features(&points(&cloud, metres_per_unit)?, &params, monitor))?;
+    let width = found.table.width();
+    Ok((PyArray1::from_vec(py, found.k), to_matrix(py, found.table.values, width)?))
+}

@@ -1,0 +1,108 @@
+//! Room `regularisation`: labellings of least energy, smoothed probabilities.
+
+use crate::call::call;
+use crate::convert::{matrix, to_matrix, vector};
+use crate::graph::{graph_of, optional};
+use crate::json;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use scansion_core::graph::Graph;
+use scansion_core::parallel::Monitor;
+use scansion_core::regularisation::{self, Energy, ExpansionParams, IcmParams, Labelling, SwapParams};
+use scansion_core::{Error, Result};
+
+/// Labels, energy, whether the search came to an end.
+type Found<'py> = (Bound<'py, PyArray1<u16>>, f64, bool);
+
+/// Arrays of a labelling problem.
+#[derive(FromPyObject)]
+pub(crate) struct Problem<'py>(
+    PyReadonlyArray2<'py, f32>,
+    PyReadonlyArray2<'py, u32>,
+    Option<PyReadonlyArray1<'py, f32>>,
+);
+
+fn solve<'py>(
+    py: Python<'py>,
+    problem: &Problem<'py>,
+    n_jobs: Option<i64>,
+    search: impl FnOnce(&[f32], &Graph, &Monitor) -> Result<Labelling> + Send,
+) -> PyResult<Found<'py>> {
+    let nodes = problem.0.shape()[0];
+    let (unary, edges) = (matrix(&problem.0, "unary")?, matrix(&problem.1, "edges")?);
+    let weights = optional(problem.2.as_ref(), "weights")?;
+    let found = call(py, n_jobs, |monitor| search(unary, &graph_of(nodes, edges, weights)?, monitor))?;
+    Ok((PyArray1::from_vec(py, found.labels), found.energy, found.converged))
+}
+
+#[pyfunction]
+#[pyo3(signature = (problem, settings, n_jobs = None))]
+pub(crate) fn alpha_expansion<'py>(
+    py: Python<'py>,
+    problem: Problem<'py>,
+    settings: &str,
+    n_jobs: Option<i64>,
+) -> PyResult<Found<'py>> {
+    let params: ExpansionParams = json::settings(settings)?;
+    solve(py, &problem, n_jobs, |unary, graph, m| regularisation::alpha_expansion(unary, graph, &params, m))
+}
+
+#[pyfunction]
+#[pyo3(signature = (problem, settings, n_jobs = None))]
+pub(crate) fn alpha_beta_swap<'py>(
+    py: Python<'py>,
+    problem: Problem<'py>,
+    settings: &str,
+    n_jobs: Option<i64>,
+) -> PyResult<Found<'py>> {
+    let params: SwapParams = json::settings(settings)?;
+    solve(py, &problem, n_jobs, |unary, graph, m| regularisation::alpha_beta_swap(unary, graph, &params, m))
+}
+
+#[pyfunction]
+pub(crate) fn icm<'py>(py: Python<'py>, problem: Problem<'py>, settings: &str) -> PyResult<Found<'py>> {
+    let params: IcmParams = json::settings(settings)?;
+    solve(py, &problem, Some(1), |unary, graph, m| regularisation::iterated_conditional_modes(unary, graph, &params, m))
+}
+
+/// Energy of given labels; the settings are those of `alpha_expansion`.
+#[pyfunction]
+pub(crate) fn energy(
+    py: Python<'_>,
+    problem: Problem<'_>,
+    labels: PyReadonlyArray1<'_, u16>,
+    settings: &str,
+) -> PyResult<f64> {
+    let params: ExpansionParams = json::settings(settings)?;
+    let labels = vector(&labels, "labels")?;
+    let found = solve(py, &problem, Some(1), |unary, graph, _| {
+        let energy =
+            Energy::new(unary, graph, params.strength, &params.pairwise)?.with_label_costs(&params.label_costs)?;
+        match labels.iter().find(|label| usize::from(**label) >= energy.labels) {
+            Some(label) => {
+                Err(Error::input(format!("label {label} is not below the number of labels {}", energy.labels)))
+            }
+            None if labels.len() != graph.len() => {
+                Err(Error::input(format!("{} labels for {} nodes", labels.len(), graph.len())))
+            }
+            None => Ok(Labelling { energy: energy.of(labels), ..Labelling::default() }),
+        }
+    })?;
+    Ok(found.1)
+}
+
+/// Mean of the probabilities around each node.
+#[pyfunction]
+#[pyo3(signature = (problem, n_jobs = None))]
+pub(crate) fn local_smoothing<'py>(
+    py: Python<'py>,
+    problem: Problem<'py>,
+    n_jobs: Option<i64>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let [nodes, classes] = [problem.0.shape()[0], problem.0.shape()[1]];
+    let (rows, edges) = (matrix(&problem.0, "probabilities")?, matrix(&problem.1, "edges")?);
+    let weights = optional(problem.2.as_ref(), "weights")?;
+    let smooth =
+        call(py, n_jobs, |_| regularisation::local_smoothing(rows, classes, &graph_of(nodes, edges, weights)?))?;
+    to_matrix(py, smooth, classes)
+}

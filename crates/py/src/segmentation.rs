@@ -1,0 +1,73 @@
+//! Room `segmentation`: segments on which values are nearly constant.
+
+use crate::call::call;
+use crate::convert::{matrix, to_matrix};
+use crate::graph::{graph_of, optional};
+use crate::json;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use scansion_core::graph::Graph;
+use scansion_core::parallel::Monitor;
+use scansion_core::segmentation::{self, CutPursuitParams, MergeParams, Partition, Signal};
+use scansion_core::{Error, Result};
+
+/// Segment of each node, mean of each segment, energy.
+type Segments<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f64>>, f64);
+
+/// Values `(n, d)`, edges `(m, 2)`, weights of the edges and of the nodes.
+#[derive(FromPyObject)]
+pub(crate) struct Valued<'py>(
+    PyReadonlyArray2<'py, f32>,
+    PyReadonlyArray2<'py, u32>,
+    Option<PyReadonlyArray1<'py, f32>>,
+    Option<PyReadonlyArray1<'py, f32>>,
+);
+
+fn solve<'py>(
+    py: Python<'py>,
+    valued: &Valued<'py>,
+    n_jobs: Option<i64>,
+    search: impl FnOnce(&Signal<'_>, &Graph, &Monitor) -> Result<(Partition, Vec<f64>, f64)> + Send,
+) -> PyResult<Segments<'py>> {
+    let [nodes, width] = [valued.0.shape()[0], valued.0.shape()[1]];
+    let (values, edges) = (matrix(&valued.0, "values")?, matrix(&valued.1, "edges")?);
+    let weights = optional(valued.2.as_ref(), "weights")?;
+    let node_weights = optional(valued.3.as_ref(), "node_weights")?;
+    let (partition, centroids, energy) = call(py, n_jobs, |monitor| {
+        if width == 0 {
+            return Err(Error::input(format!("values: found shape ({nodes}, 0), expected 1 column or more")));
+        }
+        let signal = Signal::new(values, width)?;
+        let signal = match node_weights {
+            Some(weights) => signal.with_weights(weights)?,
+            None => signal,
+        };
+        search(&signal, &graph_of(nodes, edges, weights)?, monitor)
+    })?;
+    let segments = PyArray1::from_slice(py, partition.segments());
+    Ok((segments, to_matrix(py, centroids, width)?, energy))
+}
+
+#[pyfunction]
+#[pyo3(signature = (valued, settings, n_jobs = None))]
+pub(crate) fn cut_pursuit<'py>(
+    py: Python<'py>,
+    valued: Valued<'py>,
+    settings: &str,
+    n_jobs: Option<i64>,
+) -> PyResult<Segments<'py>> {
+    let params: CutPursuitParams = json::settings(settings)?;
+    solve(py, &valued, n_jobs, |signal, graph, monitor| {
+        let found = segmentation::cut_pursuit(signal, graph, &params, monitor)?;
+        Ok((found.partition, found.centroids, found.energy))
+    })
+}
+
+#[pyfunction]
+pub(crate) fn merge_regions<'py>(py: Python<'py>, valued: Valued<'py>, settings: &str) -> PyResult<Segments<'py>> {
+    let params: MergeParams = json::settings(settings)?;
+    solve(py, &valued, Some(1), |signal, graph, monitor| {
+        let found = segmentation::merge(signal, graph, &params, monitor)?;
+        Ok((found.partition, found.centroids, found.energy))
+    })
+}

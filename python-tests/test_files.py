@@ -1,0 +1,206 @@
+"""Room `io`: every version and point format of LAS with laspy, the other formats with their own libraries, and the commands
+on files."""
+
+import laspy
+import numpy as np
+import pytest
+import scansion
+
+N = 500
+VERSIONS = {"1.1": range(2), "1.2": range(4), "1.3": range(6), "1.4": range(11)}
+MATRIX = [
+    (version, point_format, suffix)
+    for version, formats in VERSIONS.items()
+    for point_format in formats
+    for suffix in (".las", ".laz")
+]
+#: Dimensions of laspy that are several of ours, or none.
+WAVE = ("wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location", "x_t", "y_t", "z_t")
+
+
+def las_of(version, point_format):
+    """A LAS file in memory, made by laspy, every dimension filled."""
+    header = laspy.LasHeader(version=version, point_format=point_format)
+    header.scales, header.offsets = [0.001, 0.01, 0.0005], [500_000, 5_000_000, 100]
+    header.add_extra_dims([laspy.ExtraBytesParams("Quality", "f4"), laspy.ExtraBytesParams("Strip", "u2")])
+    las = laspy.LasData(header)
+    random = np.random.default_rng(point_format)
+    las.X, las.Y, las.Z = (random.integers(-(2**30), 2**30, N).astype(np.int32) for _ in range(3))
+    for name in las.point_format.dimension_names:
+        if name in ("X", "Y", "Z") or name in WAVE:
+            continue
+        info = las.point_format.dimension_by_name(name)
+        if info.kind == laspy.point.dims.DimensionKind.FloatingPoint:
+            las[name] = random.random(N)
+        else:
+            las[name] = random.integers(0, min(2 ** (info.num_bits - 1), 30_000), N)
+    return las
+
+
+def same(again, las, but=()):
+    for name in las.point_format.dimension_names:
+        if name not in but:
+            np.testing.assert_array_equal(np.asarray(again[name]), np.asarray(las[name]), err_msg=name)
+
+
+@pytest.mark.parametrize(("version", "point_format", "suffix"), MATRIX)
+def test_laspy_finds_only_the_classes_changed_in_every_version_and_format(tmp_path, version, point_format, suffix):
+    if suffix == ".laz" and point_format in (4, 5, 9, 10):
+        pytest.skip("lazrs writes no waveforms")
+    las, source, out = las_of(version, point_format), tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
+    las.write(source)
+    labels = np.arange(N, dtype="u1") % 32
+    assert scansion.rewrite(source, out, labels) == []
+    again = laspy.read(out)
+    assert again.point_format.id == point_format and str(again.header.version) == version
+    np.testing.assert_array_equal(again.classification, labels)
+    same(again, las, but=("classification",))
+    np.testing.assert_array_equal(again.header.scales, las.header.scales)
+    found = scansion.diff(source, out)
+    assert not found["same"] and [f["name"] for f in found["fields"]] == ["Classification"]
+    assert f"{found['fields'][0]['differing']:,}" in found["summary"] or "only Classification" in found["summary"]
+    assert sum(c["points"] for c in found["classes"]) == N
+
+
+@pytest.mark.parametrize(("version", "point_format"), [(v, f) for v, fs in VERSIONS.items() for f in fs])
+def test_clouds_of_laspy_agree_column_by_column(tmp_path, version, point_format):
+    las = las_of(version, point_format)
+    las.write(tmp_path / "a.las")
+    cloud = scansion.read(tmp_path / "a.las")
+    theirs = scansion.PointCloud.from_laspy(laspy.read(tmp_path / "a.las"))
+    np.testing.assert_allclose(cloud.xyz, theirs.xyz, rtol=0, atol=1e-9)
+    shared = [name for name in cloud.columns if name in theirs.columns]
+    assert {"Intensity", "Classification", "Quality", "Strip", "PointSourceId"} <= set(shared)
+    for name in shared:
+        np.testing.assert_array_equal(cloud[name], theirs[name], err_msg=name)
+
+
+def test_laspy_data_go_out_and_come_back_with_all_columns(tmp_path):
+    las_of("1.4", 8).write(tmp_path / "a.laz")
+    cloud = scansion.read(tmp_path / "a.laz")
+    assert cloud.header["version"] == "1.4" and cloud.header["points"] == N
+    cloud.crs = 'PROJCS["a",UNIT["metre",1]]'
+    again = scansion.PointCloud.from_laspy(cloud.to_laspy())
+    assert again.crs == cloud.crs and again.header == {}
+    np.testing.assert_array_equal(again.xyz, cloud.xyz)
+    for name in cloud.columns:
+        np.testing.assert_array_equal(again[name], cloud[name], err_msg=name)
+
+
+def test_pye57_scans_with_poses_are_read(tmp_path):
+    pye57 = pytest.importorskip("pye57")
+    random = np.random.default_rng(0)
+    path, turn = tmp_path / "a.e57", np.array([np.cos(np.pi / 8), 0, 0, np.sin(np.pi / 8)])
+    file = pye57.E57(str(path), mode="w")
+    points = random.uniform(-10, 10, (2, 300, 3))
+    for scan, move in zip(points, ([1000.0, 2000.0, 5.0], [0.0, 0.0, 0.0]), strict=True):
+        columns = {f"cartesian{axis}": scan[:, i].copy() for i, axis in enumerate("XYZ")}
+        columns["intensity"] = np.arange(300) / 300
+        file.write_scan_raw(columns, rotation=turn, translation=np.array(move))
+    file.close()
+    cloud = scansion.read(path)
+    theirs = pye57.E57(str(path))
+    scans = [theirs.read_scan(i, intensity=True, ignore_missing_fields=True) for i in range(2)]
+    expected = np.concatenate([np.column_stack([s[f"cartesian{a}"] for a in "XYZ"]) for s in scans])
+    np.testing.assert_allclose(cloud.xyz, expected, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(cloud["Intensity"], np.concatenate([s["intensity"] for s in scans]), atol=1e-6)
+    np.testing.assert_array_equal(cloud["ScanIndex"], np.repeat([0, 1], 300))
+
+
+def test_pypcd4_and_we_read_each_other(tmp_path):
+    pypcd4 = pytest.importorskip("pypcd4")
+    xyz = np.random.default_rng(0).uniform(0, 10, (N, 3)).astype("f4")
+    intensity = np.arange(N, dtype="f4")
+    cloud = scansion.PointCloud(xyz, Intensity=intensity, Ring=np.arange(N, dtype="u2") % 7)
+    scansion.write(tmp_path / "a.pcd", cloud)
+    theirs = pypcd4.PointCloud.from_path(tmp_path / "a.pcd")
+    np.testing.assert_array_equal(theirs.numpy(("x", "y", "z")), xyz)
+    np.testing.assert_array_equal(theirs["Ring"], cloud["Ring"])
+    for encoding in ("ASCII", "BINARY", "BINARY_COMPRESSED"):
+        theirs.save(tmp_path / "b.pcd", encoding=getattr(pypcd4.Encoding, encoding))
+        again = scansion.read(tmp_path / "b.pcd")
+        np.testing.assert_allclose(again.xyz, xyz, rtol=1e-6)
+        np.testing.assert_array_equal(again["Intensity"], intensity)
+        np.testing.assert_array_equal(again["Ring"], cloud["Ring"])
+
+
+def test_numpy_reads_our_npz_and_we_read_numpys(tmp_path):
+    cloud = scansion.PointCloud(np.random.default_rng(0).normal(size=(N, 3)), Classification=np.full(N, 6, "u1"))
+    scansion.write(tmp_path / "a.npz", cloud)
+    with np.load(tmp_path / "a.npz") as archive:
+        np.testing.assert_array_equal(archive["xyz"], cloud.xyz)
+        np.testing.assert_array_equal(archive["Classification"], cloud["Classification"])
+    for save in (np.savez, np.savez_compressed):
+        save(tmp_path / "b.npz", xyz=cloud.xyz, Classification=cloud["Classification"])
+        again = scansion.read(tmp_path / "b.npz")
+        np.testing.assert_array_equal(again.xyz, cloud.xyz)
+        np.testing.assert_array_equal(again["Classification"], cloud["Classification"])
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz", "a.ply", "a.pcd", "a.npz", "a.xyz"])
+def test_blocks_together_are_the_cloud(tmp_path, name):
+    xyz = np.round(np.random.default_rng(0).uniform(0, 100, (N, 3)), 3)
+    scansion.write(tmp_path / name, scansion.PointCloud(xyz, Classification=np.arange(N, dtype="u1") % 9))
+    whole, blocks = scansion.read(tmp_path / name), list(scansion.blocks(tmp_path / name, 99))
+    assert [len(block) for block in blocks] == [99] * 5 + [5]
+    np.testing.assert_array_equal(np.concatenate([b.xyz for b in blocks]), whole.xyz)
+    classes = np.concatenate([b["Classification"] for b in blocks])
+    np.testing.assert_array_equal(classes, whole["Classification"])
+    low, high = [20, 20, 0], [60, 90, 100]
+    inside = ((whole.xyz >= low) & (whole.xyz <= high)).all(axis=1)
+    np.testing.assert_array_equal(scansion.read(tmp_path / name, bounds=(low, high)).xyz, whole.xyz[inside])
+    plan = scansion.blocks(tmp_path / name, 99, [], bounds=(low[:2], high[:2]))
+    assert sum(map(len, plan)) == inside.sum()
+    with pytest.raises(ValueError, match="size"):
+        scansion.blocks(tmp_path / name, 0)
+    with pytest.raises(FileNotFoundError):
+        scansion.blocks(tmp_path / "absent.las")
+    with pytest.raises(ValueError, match="resolution"):
+        scansion.read(tmp_path / name, resolution=1.0)
+    with pytest.raises(ValueError, match="shape"):
+        scansion.read(tmp_path / name, bounds=[1, 2, 3])
+
+
+def test_levels_of_copc_thin_the_cloud(data, tmp_path):
+    path = data / "scale" / "lone-star.copc.laz"
+    octree = scansion.info(path)["octree"]
+    coarse = scansion.read(path, [], resolution=octree["spacing"])
+    assert len(coarse) == octree["points_per_level"][0]
+    notes = scansion.convert(path, tmp_path / "a.laz", resolution=octree["spacing"])
+    assert any("octree" in note for note in notes)
+    np.testing.assert_array_equal(scansion.read(tmp_path / "a.laz", []).xyz, coarse.xyz)
+    np.testing.assert_array_equal(laspy.read(tmp_path / "a.laz").x, coarse.xyz[:, 0])
+
+
+def test_files_are_joined_salvaged_and_counted(tmp_path):
+    las_of("1.4", 7).write(tmp_path / "a.las")
+    las_of("1.4", 7).write(tmp_path / "b.laz")
+    scansion.merge([tmp_path / "a.las", tmp_path / "b.laz"], tmp_path / "all.laz")
+    assert scansion.info(tmp_path / "all.laz")["points"] == 2 * N
+    found = scansion.info(tmp_path / "all.laz", stats=True)
+    assert found["stats"]["duplicates"] == N and found["stats"]["outside_bounds"] == 0
+    assert sum(count for _, count in found["stats"]["classes"]) == 2 * N
+    (tmp_path / "cut.las").write_bytes((tmp_path / "a.las").read_bytes()[:-1000])
+    losses = scansion.salvage(tmp_path / "cut.las", tmp_path / "saved.las")
+    assert losses["lost"] > 0 and losses["notes"]
+    assert len(laspy.read(tmp_path / "saved.las")) == losses["read"] == N - losses["lost"]
+    assert scansion.diff(tmp_path / "a.las", tmp_path / "a.las")["same"]
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz", "a.ply", "a.pcd", "a.npz", "a.txt"])
+def test_damaged_files_raise_what_python_knows(tmp_path, name):
+    path, random = tmp_path / name, np.random.default_rng(1)
+    scansion.write(path, scansion.PointCloud(random.uniform(0, 9, (50, 3)), Intensity=np.arange(50, dtype="u2")))
+    sound, raised = path.read_bytes(), 0
+    for _ in range(300):
+        mutant = bytearray(sound)
+        for place in random.integers(0, min(len(mutant), 600), 3):
+            mutant[place] = random.integers(0, 256)
+        path.write_bytes(mutant[: random.integers(len(mutant) // 2, len(mutant) + 1)])
+        for work in (scansion.read, scansion.info, scansion.salvage, lambda p: scansion.diff(p, p)):
+            try:
+                work(path)
+            except (scansion.FileFormatError, ValueError, OSError) as error:
+                assert str(error)
+                raised += 1
+    assert raised > 100

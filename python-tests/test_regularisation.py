@@ -1,0 +1,139 @@
+"""Rooms `regularisation` and `segmentation`: against all labellings of small problems, and on a noisy picture."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scansion import graph, neighbours, regularisation, segmentation
+
+
+def grid(side):
+    node = np.arange(side * side).reshape(side, side)
+    return np.concatenate(
+        [np.c_[node[:, :-1].ravel(), node[:, 1:].ravel()], np.c_[node[:-1].ravel(), node[1:].ravel()]]
+    )
+
+
+def problem(seed, labels, side=3):
+    random = np.random.default_rng(seed)
+    edges = grid(side)
+    return random.integers(0, 20, (side * side, labels)), edges, random.integers(0, 8, len(edges))
+
+
+def cost(labels, unary, edges, weights, distances, label_costs):
+    labels = np.asarray(labels)
+    ends = labels[edges]
+    used = np.unique(labels)
+    pairs = (weights * distances[ends[:, 0], ends[:, 1]]).sum()
+    return unary[np.arange(len(labels)), labels].sum() + pairs + label_costs[used].sum()
+
+
+def optimum(unary, edges, weights, distances, label_costs):
+    nodes, labels = unary.shape
+    return min(
+        cost(each, unary, edges, weights, distances, label_costs)
+        for each in itertools.product(range(labels), repeat=nodes)
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_two_labels_are_solved_exactly(seed):
+    unary, edges, weights = problem(seed, 2)
+    best = optimum(unary, edges, weights, 1 - np.eye(2), np.zeros(2))
+    for solve in (regularisation.alpha_expansion, regularisation.alpha_beta_swap):
+        found = solve(unary, edges, weights)
+        assert found.energy == best and found.converged
+        assert found.labels.dtype == np.uint16
+        assert regularisation.energy(found.labels, unary, edges, weights) == best
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_more_labels_metrics_and_label_costs_stay_near_the_optimum(seed):
+    unary, edges, weights = problem(seed, 3)
+    line = np.abs(np.subtract.outer(np.arange(3), np.arange(3))).astype(float)
+    costs = np.array([5.0, 0.0, 9.0])
+    found = regularisation.alpha_expansion(unary, edges, weights, distances=line, label_costs=costs)
+    assert found.energy == cost(found.labels, unary, edges, weights, line, costs)
+    assert found.energy == regularisation.energy(
+        found.labels, unary, edges, weights, distances=line, label_costs=costs
+    )
+    best = optimum(unary, edges, weights, line, costs)
+    assert best <= found.energy <= 1.1 * best
+    assert regularisation.icm(unary, edges, weights, distances=line).converged
+
+
+def test_a_noisy_picture_becomes_clean():
+    side = 60
+    truth = (np.add.outer(np.arange(side), np.arange(side)) // 40).ravel()
+    random = np.random.default_rng(4)
+    seen = np.where(random.random(side * side) < 0.3, random.integers(0, 3, side * side), truth)
+    probabilities = np.full((side * side, 3), 0.1)
+    probabilities[np.arange(side * side), seen] = 0.8
+    unary, edges = -np.log(probabilities), grid(side)
+    right = {
+        "seen": (seen == truth).mean(),
+        "local": (regularisation.local_smoothing(probabilities, edges).argmax(axis=1) == truth).mean(),
+        "icm": (regularisation.icm(unary, edges).labels == truth).mean(),
+        "expansion": (regularisation.alpha_expansion(unary, edges).labels == truth).mean(),
+    }
+    assert right["seen"] < right["local"] < right["expansion"] and right["seen"] < right["icm"]
+    assert right["expansion"] > 0.98
+    one = regularisation.alpha_expansion(unary, edges, n_jobs=1)
+    assert one.labels.tobytes() == regularisation.alpha_expansion(unary, edges, n_jobs=3).labels.tobytes()
+
+
+def test_segments_of_a_picture_of_three_colours():
+    side = 40
+    truth = (np.arange(side * side) % side) * 3 // side
+    values = truth[:, None] * 1.0 + np.random.default_rng(0).normal(0, 0.1, (side * side, 1))
+    for solve in (segmentation.cut_pursuit, segmentation.merge):
+        found = solve(values, grid(side), strength=0.1)
+        assert found.centroids.shape == (3, 1) and found.labels.dtype == np.uint32
+        assert (np.unique(np.c_[truth, found.labels], axis=0)[:, 0] == [0, 1, 2]).all()
+        means = [values[truth == t].mean() for t in range(3)]
+        np.testing.assert_allclose(np.sort(found.centroids.ravel()), means, rtol=1e-4, atol=1e-4)
+        fit = ((values.astype(np.float32) - found.centroids[found.labels]) ** 2).sum()
+        boundary = (found.labels[grid(side)[:, 0]] != found.labels[grid(side)[:, 1]]).sum()
+        assert found.energy == pytest.approx(fit + 0.1 * boundary, rel=1e-6)
+
+
+def test_from_points_to_segments():
+    random = np.random.default_rng(1)
+    floor = np.c_[random.uniform(0, 10, (2000, 2)), random.normal(0, 0.01, 2000)]
+    wall = np.c_[random.uniform(0, 10, 2000), random.normal(10, 0.01, 2000), random.uniform(0, 6, 2000)]
+    xyz = np.concatenate([floor, wall])
+    _, features = neighbours.optimal(xyz, k_max=40)
+    edges, weights = graph.knn_graph(xyz, k=8, weights="inverse")
+    found = segmentation.cut_pursuit(features, edges, weights, strength=1.0)
+    largest = np.bincount(found.labels[:2000]).argmax(), np.bincount(found.labels[2000:]).argmax()
+    assert largest[0] != largest[1]
+
+
+UNARY, EDGES = [[0.0, 1.0], [1.0, 0.0]], [[0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: regularisation.alpha_expansion([[np.nan, 0.0]], []), "NaN"),
+        (lambda: regularisation.alpha_expansion([0.0, 1.0], []), "unary"),
+        (lambda: regularisation.alpha_expansion(UNARY, EDGES, strength=-1.0), "strength"),
+        (lambda: regularisation.alpha_expansion(UNARY, EDGES, max_rounds=0), "max_rounds"),
+        (lambda: regularisation.alpha_expansion(UNARY, EDGES, distances=[[0, 1]]), "distances"),
+        (lambda: regularisation.alpha_expansion(UNARY, EDGES, distances=[[0, 1], [2, 0]]), "distance"),
+        (lambda: regularisation.alpha_expansion(UNARY, EDGES, label_costs=[1.0]), "label costs"),
+        (lambda: regularisation.alpha_expansion(UNARY, EDGES, label_costs=[1.0, -1.0]), "label_costs"),
+        (lambda: regularisation.alpha_expansion(UNARY, [[0, 0]]), "0-0"),
+        (lambda: regularisation.alpha_expansion(UNARY, EDGES, [-1.0]), "weight"),
+        (lambda: regularisation.energy([0, 2], UNARY, EDGES), "label 2"),
+        (lambda: regularisation.energy([0], UNARY, EDGES), "1 labels"),
+        (lambda: regularisation.energy([0.5, 1.0], UNARY, EDGES), "labels"),
+        (lambda: segmentation.cut_pursuit(UNARY, EDGES, strength=-1.0), "strength"),
+        (lambda: segmentation.cut_pursuit(UNARY, EDGES, cycles=0), "cycles"),
+        (lambda: segmentation.cut_pursuit([[np.inf]], []), "inf"),
+        (lambda: segmentation.merge(UNARY, EDGES, node_weights=[1.0]), "node_weights"),
+    ],
+)
+def test_nonsense_is_refused_with_the_value_found(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,0 +1,78 @@
+"""Few labels, segments, and neighbours that agree."""
+
+import numpy as np
+import pytest
+import scansion
+from conftest import street
+from scansion import WeakClassifier
+
+
+def few(labels, per_class=15, seed=0):
+    random = np.random.default_rng(seed)
+    picked = np.full(len(labels), -1)
+    for code in np.unique(labels):
+        chosen = random.choice(np.flatnonzero(labels == code), per_class, replace=False)
+        picked[chosen] = code
+    return picked
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    xyz, labels = street(0)
+    return WeakClassifier(random_state=0).fit(xyz, few(labels))
+
+
+def test_a_few_labels_name_the_street(fitted):
+    xyz, labels = street(0)
+    assert (fitted.predict(xyz) == labels).mean() > 0.9
+    assert fitted.classes_.tolist() == [2, 5, 6]
+    assert fitted.report_["road_examples"] == 15
+    alone = fitted.classify(xyz, regularize="none").codes
+    assert (fitted.predict(xyz) == labels).mean() >= (alone == labels).mean()
+
+
+def test_the_model_is_a_file_that_the_command_takes_and_knows_its_recipe(fitted, tmp_path):
+    fitted.save(tmp_path / "m.model")
+    xyz, _ = street(0)
+    again = WeakClassifier.load(tmp_path / "m.model")
+    assert (again.predict(xyz) == fitted.predict(xyz)).all()
+    assert 'recipe = "weak"' in again.recipe_
+
+
+def test_the_strength_is_chosen_by_held_out_labels():
+    xyz, labels = street(0)
+    found = WeakClassifier(strengths=[0.1, 1.0], random_state=1).fit(xyz, few(labels)).report_
+    assert [s["strength"] for s in found["strengths"]] == [0.1, 1.0]
+    assert found["strength"] in (0.1, 1.0)
+
+
+def test_any_model_takes_a_way_to_agree():
+    xyz, _ = street(0)
+    model = scansion.PointClassifier.default()
+    for way in ("none", "local", "point-crf", "consensus", "segment-crf"):
+        found = model.classify(xyz, probabilities=True, regularize=way)
+        np.testing.assert_allclose(found.probabilities.sum(axis=1), 1, atol=1e-4)
+    with pytest.raises(ValueError, match="regularize"):
+        model.classify(xyz, regularize="strong")
+
+
+def test_segments_and_suggestions(labelled):
+    found = scansion.segment(labelled, segments_per_hectare=300)
+    assert found.cluster_id.min() == 1 and found.report["segments"] == found.cluster_id.max()
+    assert 0 < found.report["oracle_accuracy"] <= 1 and len(found.report["trials"]) >= 1
+    asked = scansion.suggest(labelled.xyz, 5)
+    assert len(asked.segments) <= 5
+    scores = [s["points"] for s in asked.segments]
+    assert all((asked.cluster_id == s["cluster_id"]).sum() == s["points"] for s in asked.segments), scores
+    with pytest.raises(ValueError, match="at most one"):
+        scansion.segment(labelled, strength=1.0, smallest_object=0.5)
+    with pytest.raises(ValueError, match="uncertaint"):
+        scansion.suggest(labelled.xyz, 5, uncertainty=[0.5])
+
+
+def test_bad_labels_are_refused():
+    xyz, labels = street(0)
+    with pytest.raises(ValueError, match="no labelled point"):
+        WeakClassifier().fit(xyz, np.full(len(xyz), -1))
+    with pytest.raises(ValueError, match="strength"):
+        WeakClassifier({"regularise.strength": -1}).fit(xyz, few(labels))
