@@ -45,7 +45,7 @@ def test_the_same_bytes_for_any_number_of_threads(trainer):
     X, y = load_digits(return_X_y=True)
     made = [RandomForestClassifier(20, trainer=trainer, n_jobs=n).fit(X, y) for n in (1, 2, 3, 8)]
     assert len({forest.predict_proba(X).tobytes() for forest in made}) == 1
-    assert len({pickle.dumps(forest._forest) for forest in made}) == 1
+    assert len({pickle.dumps(forest._trees) for forest in made}) == 1
 
 
 def test_random_state_decides_and_none_stands_for_zero():

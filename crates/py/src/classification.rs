@@ -1,4 +1,4 @@
-//! Room `classification`: the forest for tables.
+//! Room `classification`: forests, boosted trees and bagging for tables.
 
 use crate::call::call;
 use crate::convert::{matrix, to_matrix, vector};
@@ -8,7 +8,9 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArr
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use scansion_core::classification::{Forest as CoreForest, ForestParams, Samples};
+use scansion_core::classification::{
+    BaggingParams, Boosting as CoreBoosting, BoostingParams, Forest as CoreForest, ForestParams, Samples,
+};
 use scansion_core::parallel::Monitor;
 
 /// Rows between two looks at whether the user has cancelled.
@@ -18,6 +20,12 @@ const BLOCK: usize = 1 << 16;
 #[pyclass(module = "scansion._core", frozen)]
 pub(crate) struct Forest {
     inner: CoreForest,
+}
+
+/// Fitted boosted trees.
+#[pyclass(module = "scansion._core", frozen)]
+pub(crate) struct Boosting {
+    inner: CoreBoosting,
 }
 
 /// Fits a forest; returns it and, if asked for, its out-of-bag accuracy.
@@ -35,58 +43,131 @@ pub(crate) fn fit_forest(
     n_jobs: Option<i64>,
 ) -> PyResult<(Forest, Option<f64>)> {
     let params: ForestParams = json::settings(params)?;
-    let samples = Samples {
-        features: matrix(&table, "table")?,
+    fit_trees(py, &samples(&table, &labels, &weights, classes)?, &params, (oob_score, n_jobs))
+}
+
+/// Fits bagged trees, which are a forest; returns it and, if asked for, its out-of-bag accuracy.
+#[pyfunction]
+#[pyo3(signature = (table, labels, weights, classes, params, oob_score = false, n_jobs = None))]
+#[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
+pub(crate) fn fit_bagging(
+    py: Python<'_>,
+    table: PyReadonlyArray2<'_, f32>,
+    labels: PyReadonlyArray1<'_, u16>,
+    weights: Option<PyReadonlyArray1<'_, f32>>,
+    classes: usize,
+    params: &str,
+    oob_score: bool,
+    n_jobs: Option<i64>,
+) -> PyResult<(Forest, Option<f64>)> {
+    let params: BaggingParams = json::settings(params)?;
+    fit_trees(py, &samples(&table, &labels, &weights, classes)?, &params.forest(), (oob_score, n_jobs))
+}
+
+/// A fit's trees, its losses in training and validation, and the rounds kept.
+type Boosted<'py> = (Boosting, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, usize);
+
+/// Fits boosted trees.
+#[pyfunction]
+#[pyo3(signature = (table, labels, weights, classes, params, n_jobs = None))]
+#[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
+pub(crate) fn fit_boosting<'py>(
+    py: Python<'py>,
+    table: PyReadonlyArray2<'_, f32>,
+    labels: PyReadonlyArray1<'_, u16>,
+    weights: Option<PyReadonlyArray1<'_, f32>>,
+    classes: usize,
+    params: &str,
+    n_jobs: Option<i64>,
+) -> PyResult<Boosted<'py>> {
+    let params: BoostingParams = json::settings(params)?;
+    let samples = samples(&table, &labels, &weights, classes)?;
+    let fit = |monitor: &_| CoreBoosting::fit_with_report(&samples, None, &params, monitor);
+    let (inner, report) = call(py, n_jobs, fit)?;
+    let training = PyArray1::from_vec(py, report.training_loss);
+    Ok((Boosting { inner }, training, PyArray1::from_vec(py, report.validation_loss), report.rounds))
+}
+
+fn samples<'a>(
+    table: &'a PyReadonlyArray2<'_, f32>,
+    labels: &'a PyReadonlyArray1<'_, u16>,
+    weights: &'a Option<PyReadonlyArray1<'_, f32>>,
+    classes: usize,
+) -> PyResult<Samples<'a>> {
+    Ok(Samples {
+        features: matrix(table, "table")?,
         width: table.shape()[1],
-        labels: vector(&labels, "labels")?,
+        labels: vector(labels, "labels")?,
         weights: weights.as_ref().map(|w| vector(w, "weights")).transpose()?,
         classes,
-    };
+    })
+}
+
+fn fit_trees(
+    py: Python<'_>,
+    samples: &Samples<'_>,
+    params: &ForestParams,
+    (oob_score, n_jobs): (bool, Option<i64>),
+) -> PyResult<(Forest, Option<f64>)> {
     let fit = |monitor: &_| match oob_score {
         true => {
-            CoreForest::fit_with_report(&samples, &params, monitor).map(|(forest, report)| (forest, report.oob_score))
+            CoreForest::fit_with_report(samples, params, monitor).map(|(forest, report)| (forest, report.oob_score))
         }
-        false => CoreForest::fit(&samples, &params, monitor).map(|forest| (forest, None)),
+        false => CoreForest::fit(samples, params, monitor).map(|forest| (forest, None)),
     };
     call(py, n_jobs, fit).map(|(inner, score)| (Forest { inner }, score))
 }
 
-#[pymethods]
-impl Forest {
-    #[staticmethod]
-    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        py.detach(|| CoreForest::from_bytes(data)).map(|inner| Self { inner }).map_err(raise)
-    }
+/// The methods of a class of trees.
+macro_rules! trees {
+    ($name:ident, $core:ident) => {
+        #[pymethods]
+        impl $name {
+            #[staticmethod]
+            fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+                py.detach(|| $core::from_bytes(data)).map(|inner| Self { inner }).map_err(raise)
+            }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
-        let bytes = slf.get().inner.to_bytes().map_err(raise)?;
-        Ok((slf.getattr("from_bytes")?, (PyBytes::new(slf.py(), &bytes),)))
-    }
+            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+                let bytes = slf.get().inner.to_bytes().map_err(raise)?;
+                Ok((slf.getattr("from_bytes")?, (PyBytes::new(slf.py(), &bytes),)))
+            }
 
-    #[pyo3(signature = (table, n_jobs = None))]
-    fn predict_proba<'py>(
-        &self,
-        py: Python<'py>,
-        table: PyReadonlyArray2<'_, f32>,
-        n_jobs: Option<i64>,
-    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let (rows, width) = (table.shape()[0], table.shape()[1]);
-        let values = matrix(&table, "table")?;
-        if width != self.inner.width() {
-            let message = format!("table: found {width} columns, expected {}", self.inner.width());
-            return Err(PyValueError::new_err(message));
+            #[pyo3(signature = (table, n_jobs = None))]
+            fn predict_proba<'py>(
+                &self,
+                py: Python<'py>,
+                table: PyReadonlyArray2<'_, f32>,
+                n_jobs: Option<i64>,
+            ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+                let shape = (self.inner.width(), self.inner.classes());
+                predict(py, &table, (shape, n_jobs), |rows, out| self.inner.predict_proba(rows, out))
+            }
+
+            fn importance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+                PyArray1::from_slice(py, self.inner.importance())
+            }
         }
-        let classes = self.inner.classes();
-        let mut result = vec![0.0; rows * classes];
-        let mut blocks = values.chunks(BLOCK * width).zip(result.chunks_mut(BLOCK * classes));
-        let predict = |monitor: &Monitor| {
-            blocks.try_for_each(|(rows, out)| monitor.check().and_then(|()| self.inner.predict_proba(rows, out)))
-        };
-        call::<()>(py, n_jobs, predict)?;
-        to_matrix(py, result, classes)
-    }
+    };
+}
 
-    fn importance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.inner.importance())
+trees!(Forest, CoreForest);
+trees!(Boosting, CoreBoosting);
+
+fn predict<'py>(
+    py: Python<'py>,
+    table: &PyReadonlyArray2<'_, f32>,
+    ((width, classes), n_jobs): ((usize, usize), Option<i64>),
+    ask: impl Fn(&[f32], &mut [f32]) -> scansion_core::Result<()> + Send + Sync,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let (rows, found) = (table.shape()[0], table.shape()[1]);
+    let values = matrix(table, "table")?;
+    if found != width {
+        return Err(PyValueError::new_err(format!("table: found {found} columns, expected {width}")));
     }
+    let mut result = vec![0.0; rows * classes];
+    let mut blocks = values.chunks(BLOCK * width).zip(result.chunks_mut(BLOCK * classes));
+    let all = |monitor: &Monitor| blocks.try_for_each(|(rows, out)| monitor.check().and_then(|()| ask(rows, out)));
+    call::<()>(py, n_jobs, all)?;
+    to_matrix(py, result, classes)
 }

@@ -23,7 +23,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use crate::classification::{Forest, fit_forest};
+    use crate::classification::{Boosting, Forest, fit_bagging, fit_boosting, fit_forest};
     #[pymodule_export]
     use crate::cli::run;
     #[pymodule_export]

@@ -19,6 +19,8 @@ pub struct BaggingParams {
     pub min_samples_split: usize,
     /// No child gets fewer different samples, 1 or more.
     pub min_samples_leaf: usize,
+    /// No child gets a smaller share of the tree's weight, 0..=0.5.
+    pub min_weight_leaf: f64,
     /// Weight of the classes.
     pub class_weight: ClassWeight,
     /// Bins a feature, 2..=255.
@@ -34,6 +36,7 @@ impl Default for BaggingParams {
             max_depth: None,
             min_samples_split: 2,
             min_samples_leaf: 1,
+            min_weight_leaf: 0.0,
             class_weight: ClassWeight::None,
             max_bins: 255,
             seed: 0,
@@ -49,6 +52,7 @@ impl BaggingParams {
             max_depth: self.max_depth,
             min_samples_split: self.min_samples_split,
             min_samples_leaf: self.min_samples_leaf,
+            min_weight_leaf: self.min_weight_leaf,
             class_weight: self.class_weight.clone(),
             max_bins: self.max_bins,
             seed: self.seed,

@@ -6,6 +6,8 @@
 """
 
 from scansion import evaluation, features, graph, neighbours, regularisation, segmentation
+from scansion._bagging import BaggingClassifier
+from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
 from scansion._cloud import PointCloud, blocks, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._core import FileFormatError, __version__
@@ -15,8 +17,10 @@ from scansion._segments import Segments, Suggestions, segment, suggest
 from scansion._weak import WeakClassifier
 
 __all__ = [
+    "BaggingClassifier",
     "Classified",
     "FileFormatError",
+    "GradientBoostingClassifier",
     "PointClassifier",
     "PointCloud",
     "RandomForestClassifier",

@@ -15,7 +15,7 @@ from scansion import _core
 from scansion._arrays import codes, column
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
-from scansion._forest import seed
+from scansion._settings import seed
 
 _LABELS = "Classification"
 

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Blocks",
+    "Boosting",
     "Cloud",
     "FileFormatError",
     "Forest",
@@ -22,6 +23,8 @@ __all__ = [
     "feature_definitions",
     "feature_names",
     "feature_preset",
+    "fit_bagging",
+    "fit_boosting",
     "fit_forest",
     "icm",
     "inspect",
@@ -74,6 +77,14 @@ class Cloud:
 class Forest:
     @staticmethod
     def from_bytes(data: bytes) -> Forest: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+    def predict_proba(self, table: NDArray[np.float32], n_jobs: int | None = None) -> NDArray[np.float32]: ...
+    def importance(self) -> NDArray[np.float64]: ...
+
+@final
+class Boosting:
+    @staticmethod
+    def from_bytes(data: bytes) -> Boosting: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
     def predict_proba(self, table: NDArray[np.float32], n_jobs: int | None = None) -> NDArray[np.float32]: ...
     def importance(self) -> NDArray[np.float64]: ...
@@ -158,6 +169,23 @@ def feature_names(settings: str, first_scale: float) -> list[str]: ...
 def feature_columns(settings: str) -> list[str]: ...
 def feature_definitions() -> str: ...
 def feature_preset(name: str) -> str: ...
+def fit_bagging(
+    table: NDArray[np.float32],
+    labels: NDArray[np.uint16],
+    weights: NDArray[np.float32] | None,
+    classes: int,
+    params: str,
+    oob_score: bool = False,
+    n_jobs: int | None = None,
+) -> tuple[Forest, float | None]: ...
+def fit_boosting(
+    table: NDArray[np.float32],
+    labels: NDArray[np.uint16],
+    weights: NDArray[np.float32] | None,
+    classes: int,
+    params: str,
+    n_jobs: int | None = None,
+) -> tuple[Boosting, NDArray[np.float64], NDArray[np.float64], int]: ...
 def fit_forest(
     table: NDArray[np.float32],
     labels: NDArray[np.uint16],

@@ -7,17 +7,18 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from scansion import _core, _validation
+from scansion import _core
 from scansion._arrays import choice
-from scansion._base import Classifier
+from scansion._settings import class_weight, seed, share, whole
+from scansion._table import Lesson, TableClassifier
 
 BAG = 0.632
 """Share of the samples that one tree of the trainer "ethz" sees."""
 
 
-class RandomForestClassifier(Classifier):
+class RandomForestClassifier(TableClassifier):
     """Random forest (Breiman 2001, doi:10.1023/A:1010933404324) on binned features.
 
     Same data, same parameters, same ``random_state``: the same bytes, for any number of threads.
@@ -76,10 +77,6 @@ class RandomForestClassifier(Classifier):
     ['low', 'high']
     """
 
-    classes_: NDArray[Any]
-    n_classes_: int
-    n_features_in_: int
-    feature_names_in_: NDArray[np.object_]
     oob_score_: float
 
     def __init__(
@@ -115,90 +112,14 @@ class RandomForestClassifier(Classifier):
         self.random_state = random_state
         self.n_jobs = n_jobs
 
-    def fit(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
-    ) -> RandomForestClassifier:
-        """Grows the trees.
-
-        Parameters
-        ----------
-        X : array_like of shape (n_samples, n_features)
-            Features; used as float32.
-        y : array_like of shape (n_samples,)
-            Class labels: numbers or text.
-        sample_weight : array_like of shape (n_samples,), optional
-            Weight of each sample, 0 or more; 0 is as if it were absent.
-        """
-        name = type(self).__name__
-        names = _validation.feature_names(X)
-        table = _validation.table(X, name)
-        targets = _validation.labels(y, len(table), name)
-        weights = _validation.weights(sample_weight, len(table))
-        classes, positions = np.unique(targets, return_inverse=True)
-        if len(classes) > 65_535:
-            raise ValueError(f"y: found {len(classes)} classes, expected at most 65535")
-        params = json.dumps(self._settings(classes))
-        indices = positions.astype(np.uint16)
+    def _learn(self, lesson: Lesson) -> Any:
+        params = json.dumps(self._settings(lesson.classes))
         asked = bool(self.oob_score and self.bootstrap)
-        forest, oob = _core.fit_forest(table, indices, weights, len(classes), params, asked, self.n_jobs)
-        self._forest = forest
-        self.classes_, self.n_classes_, self.n_features_in_ = classes, len(classes), table.shape[1]
-        for stale in ("feature_names_in_", "oob_score_"):
-            self.__dict__.pop(stale, None)
-        if names is not None:
-            self.feature_names_in_ = names
+        forest, oob = _core.fit_forest(*lesson.samples, params, asked, self.n_jobs)
+        self.__dict__.pop("oob_score_", None)
         if oob is not None:
             self.oob_score_ = oob
-        return self
-
-    def predict_proba(self, X: ArrayLike) -> NDArray[np.float32]:
-        """Probability of each class: the mean over the trees.
-
-        Parameters
-        ----------
-        X : array_like of shape (n_samples, n_features)
-
-        Returns
-        -------
-        array of shape (n_samples, n_classes)
-            Columns in the order of ``classes_``.
-        """
-        self._check_is_fitted()
-        name = type(self).__name__
-        fitted = getattr(self, "feature_names_in_", None)
-        _validation.check_feature_names(_validation.feature_names(X), fitted, name)
-        table = _validation.table(X, name)
-        _validation.check_width(table.shape[1], self.n_features_in_, name)
-        return self._forest.predict_proba(table, self.n_jobs)
-
-    def predict(self, X: ArrayLike) -> NDArray[Any]:
-        """The most probable class of each row.
-
-        Parameters
-        ----------
-        X : array_like of shape (n_samples, n_features)
-        """
-        probabilities = self.predict_proba(X)
-        labels: NDArray[Any] = self.classes_[probabilities.argmax(axis=1)]
-        return labels
-
-    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
-        """Share of rows that are named rightly (accuracy), 0..1.
-
-        Parameters
-        ----------
-        X : array_like of shape (n_samples, n_features)
-        y : array_like of shape (n_samples,)
-        sample_weight : array_like of shape (n_samples,), optional
-        """
-        right = self.predict(X) == np.asarray(y)
-        return float(np.average(right, weights=None if sample_weight is None else np.asarray(sample_weight)))
-
-    @property
-    def feature_importances_(self) -> NDArray[np.float64]:
-        """Mean decrease of impurity by feature, summing to 1."""
-        self._check_is_fitted()
-        return self._forest.importance()
+        return forest
 
     def _settings(self, classes: NDArray[Any]) -> dict[str, Any]:
         """The parameters under the core's names."""
@@ -209,46 +130,19 @@ class RandomForestClassifier(Classifier):
                 "oob_score: found True, expected False without bootstrap (every tree sees every sample)"
             )
         return {
-            "trees": _whole(self.n_estimators, "n_estimators"),
-            "max_depth": 0 if self.max_depth is None else _whole(self.max_depth, "max_depth"),
+            "trees": whole(self.n_estimators, "n_estimators"),
+            "max_depth": 0 if self.max_depth is None else whole(self.max_depth, "max_depth"),
             "trainer": self.trainer,
             "criterion": self.criterion,
             "max_features": _max_features(self.max_features),
-            "min_samples_split": _whole(self.min_samples_split, "min_samples_split"),
-            "min_samples_leaf": _whole(self.min_samples_leaf, "min_samples_leaf"),
-            "min_weight_leaf": _half(self.min_weight_fraction_leaf, "min_weight_fraction_leaf"),
+            "min_samples_split": whole(self.min_samples_split, "min_samples_split"),
+            "min_samples_leaf": whole(self.min_samples_leaf, "min_samples_leaf"),
+            "min_weight_leaf": share(self.min_weight_fraction_leaf, "min_weight_fraction_leaf", (0, 0.5)),
             "bootstrap": _bootstrap(self.bootstrap, self.trainer),
-            "class_weight": _class_weight(self.class_weight, classes),
-            "max_bins": _whole(self.max_bins, "max_bins"),
+            "class_weight": class_weight(self.class_weight, classes),
+            "max_bins": whole(self.max_bins, "max_bins"),
             "seed": seed(self.random_state),
         }
-
-
-def seed(random_state: Any) -> int:
-    """A seed from what scikit-learn calls ``random_state``; None stands for 0."""
-    if random_state is None:
-        return 0
-    if isinstance(random_state, (int, np.integer)) and 0 <= random_state < 2**63:
-        return int(random_state)
-    if isinstance(random_state, np.random.RandomState):
-        return int(random_state.randint(0, 2**31 - 1))
-    if isinstance(random_state, np.random.Generator):
-        return int(random_state.integers(0, 2**63))
-    raise ValueError(
-        f"random_state: found {random_state!r}, expected a whole number in 0..2^63, a RandomState or None"
-    )
-
-
-def _whole(value: Any, name: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ValueError(f"{name}: found {value!r}, expected a whole number, 1 or more")
-    return int(value)
-
-
-def _half(value: Any, name: str) -> float:
-    if not isinstance(value, (int, float, np.floating)) or not 0 <= value <= 0.5:
-        raise ValueError(f"{name}: found {value!r}, expected a share in 0..0.5")
-    return float(value)
 
 
 def _max_features(value: Any) -> Any:
@@ -269,19 +163,3 @@ def _bootstrap(value: Any, trainer: str) -> Any:
     if not value:
         return "none"
     return {"without_replacement": BAG} if trainer == "ethz" else "with_replacement"
-
-
-def _class_weight(value: Any, classes: NDArray[Any]) -> Any:
-    if value is None:
-        return "none"
-    if isinstance(value, str) and value == "balanced":
-        return "balanced"
-    if not isinstance(value, Mapping):
-        raise ValueError(
-            f"class_weight: found {value!r}, expected None, 'balanced' or a dict of label to weight"
-        )
-    known = classes.tolist()
-    unknown = [label for label in value if label not in known]
-    if unknown:
-        raise ValueError(f"class_weight: the labels {unknown} are not in y")
-    return {"per_class": [float(value.get(label, 1.0)) for label in known]}

@@ -13,8 +13,8 @@ from scansion._arrays import native
 from scansion._base import DataConversionWarning, from_sklearn
 
 
-def table(values: Any, name: str) -> NDArray[np.float32]:
-    """A table of numbers as C-ordered float32, at least one row and column, all finite."""
+def table(values: Any, name: str, missing: bool = False) -> NDArray[np.float32]:
+    """A table of numbers as C-ordered float32, at least one row and column, all finite (or NaN if ``missing``)."""
     if hasattr(values, "toarray") and hasattr(values, "nnz"):
         raise TypeError(
             "Sparse data was passed for X, but dense data is required. Use '.toarray()' to convert to a dense array."
@@ -27,7 +27,10 @@ def table(values: Any, name: str) -> NDArray[np.float32]:
         array = array.astype(np.float64)
     with np.errstate(over="ignore"):
         result = native(array, np.float32)
-    _check_finite(result, "X", "float32")
+    if not missing:
+        _check_finite(result, "X", "float32")
+    elif np.isinf(result).any():
+        raise ValueError("Input X contains infinity or a value too large for dtype('float32').")
     return result
 
 

@@ -1,0 +1,114 @@
+"""Bagging of unpruned trees for tables, in scikit-learn's shape."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._settings import class_weight, seed, share, whole
+from scansion._table import Lesson, TableClassifier
+
+
+class BaggingClassifier(TableClassifier):
+    """Bagging (Breiman 1996, doi:10.1007/BF00058655): the mean of unpruned trees on bootstrap samples.
+
+    Every tree tries every feature at every node. Same data, same parameters, same ``random_state``: the same bytes, for any
+    number of threads.
+
+    Parameters
+    ----------
+    n_estimators : int
+        Trees.
+    max_depth : int, optional
+        Deepest level; without limit by default.
+    min_samples_split : int
+        Nodes with fewer samples become leaves.
+    min_samples_leaf : int
+        Splits that leave fewer samples on a side are not made.
+    min_weight_fraction_leaf : float
+        Splits that leave a smaller share of the weight on a side are not made; 0..0.5.
+    max_bins : int
+        Bins of a feature, 2..255.
+    oob_score : bool
+        Measure accuracy on the samples that each tree has not seen, as ``oob_score_``.
+    class_weight : {None, "balanced"} or dict
+        Weight of each class by label.
+    random_state : int, numpy.random.RandomState or None
+        Seed; None stands for 0, so that results repeat.
+    n_jobs : int, optional
+        Threads; None and -1 take all.
+
+    Attributes
+    ----------
+    classes_ : array of shape (n_classes,)
+    n_classes_ : int
+    n_features_in_ : int
+    feature_names_in_ : array of shape (n_features,)
+        Only if ``X`` had column names.
+    feature_importances_ : array of shape (n_features,)
+        Mean decrease of impurity, summing to 1 (to 0 if no tree splits).
+    oob_score_ : float
+        Only with ``oob_score=True``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import BaggingClassifier
+    >>> X = np.arange(20.0).reshape(-1, 1)
+    >>> trees = BaggingClassifier(n_estimators=10).fit(X, np.where(X[:, 0] < 10, "low", "high"))
+    >>> trees.predict([[2], [18]]).tolist()
+    ['low', 'high']
+    """
+
+    oob_score_: float
+
+    def __init__(
+        self,
+        n_estimators: int = 100,
+        *,
+        max_depth: int | None = None,
+        min_samples_split: int = 2,
+        min_samples_leaf: int = 1,
+        min_weight_fraction_leaf: float = 0.0,
+        max_bins: int = 255,
+        oob_score: bool = False,
+        class_weight: Literal["balanced"] | Mapping[Any, float] | None = None,
+        random_state: int | np.random.RandomState | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.n_estimators = n_estimators
+        self.max_depth = max_depth
+        self.min_samples_split = min_samples_split
+        self.min_samples_leaf = min_samples_leaf
+        self.min_weight_fraction_leaf = min_weight_fraction_leaf
+        self.max_bins = max_bins
+        self.oob_score = oob_score
+        self.class_weight = class_weight
+        self.random_state = random_state
+        self.n_jobs = n_jobs
+
+    def _learn(self, lesson: Lesson) -> Any:
+        params = json.dumps(self._settings(lesson.classes))
+        trees, oob = _core.fit_bagging(*lesson.samples, params, bool(self.oob_score), self.n_jobs)
+        self.__dict__.pop("oob_score_", None)
+        if oob is not None:
+            self.oob_score_ = oob
+        return trees
+
+    def _settings(self, classes: NDArray[Any]) -> dict[str, Any]:
+        """The parameters under the core's names."""
+        return {
+            "trees": whole(self.n_estimators, "n_estimators"),
+            "max_depth": 0 if self.max_depth is None else whole(self.max_depth, "max_depth"),
+            "min_samples_split": whole(self.min_samples_split, "min_samples_split"),
+            "min_samples_leaf": whole(self.min_samples_leaf, "min_samples_leaf"),
+            "min_weight_leaf": share(self.min_weight_fraction_leaf, "min_weight_fraction_leaf", (0, 0.5)),
+            "class_weight": class_weight(self.class_weight, classes),
+            "max_bins": whole(self.max_bins, "max_bins"),
+            "seed": seed(self.random_state),
+        }

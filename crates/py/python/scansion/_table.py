@@ -1,0 +1,121 @@
+"""What the classifiers of tables share: fitting, predicting, scoring in scikit-learn's shape."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scansion import _validation
+from scansion._base import Classifier
+
+Self = TypeVar("Self", bound="TableClassifier")
+
+
+class Lesson(NamedTuple):
+    """What is learned from: the table, positions of the labels in ``classes``, weights; and the labels themselves."""
+
+    samples: tuple[NDArray[np.float32], NDArray[np.uint16], NDArray[np.float32] | None, int]
+    classes: NDArray[Any]
+
+
+class TableClassifier(Classifier):
+    """A classifier of rows of features. A subclass learns its trees in ``_learn``."""
+
+    classes_: NDArray[Any]
+    n_classes_: int
+    n_features_in_: int
+    feature_names_in_: NDArray[np.object_]
+    n_jobs: int | None
+
+    _missing = False
+    """NaN in the table is allowed."""
+
+    def _learn(self, lesson: Lesson) -> Any:
+        raise NotImplementedError
+
+    def fit(self: Self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> Self:
+        """Grows the trees.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+            Features; used as float32.
+        y : array_like of shape (n_samples,)
+            Class labels: numbers or text.
+        sample_weight : array_like of shape (n_samples,), optional
+            Weight of each sample, 0 or more; 0 is as if it were absent.
+        """
+        name = type(self).__name__
+        names = _validation.feature_names(X)
+        table = _validation.table(X, name, self._missing)
+        targets = _validation.labels(y, len(table), name)
+        weights = _validation.weights(sample_weight, len(table))
+        classes, positions = np.unique(targets, return_inverse=True)
+        if len(classes) > 65_535:
+            raise ValueError(f"y: found {len(classes)} classes, expected at most 65535")
+        self._trees = self._learn(
+            Lesson((table, positions.astype(np.uint16), weights, len(classes)), classes)
+        )
+        self.classes_, self.n_classes_, self.n_features_in_ = classes, len(classes), table.shape[1]
+        self.__dict__.pop("feature_names_in_", None)
+        if names is not None:
+            self.feature_names_in_ = names
+        return self
+
+    def predict_proba(self, X: ArrayLike) -> NDArray[np.float32]:
+        """Probability of each class.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+
+        Returns
+        -------
+        array of shape (n_samples, n_classes)
+            Columns in the order of ``classes_``.
+        """
+        self._check_is_fitted()
+        name = type(self).__name__
+        fitted = getattr(self, "feature_names_in_", None)
+        _validation.check_feature_names(_validation.feature_names(X), fitted, name)
+        table = _validation.table(X, name, self._missing)
+        _validation.check_width(table.shape[1], self.n_features_in_, name)
+        found: NDArray[np.float32] = self._trees.predict_proba(table, self.n_jobs)
+        return found
+
+    def predict(self, X: ArrayLike) -> NDArray[Any]:
+        """The most probable class of each row.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+        """
+        probabilities = self.predict_proba(X)
+        labels: NDArray[Any] = self.classes_[probabilities.argmax(axis=1)]
+        return labels
+
+    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+        """Share of rows that are named rightly (accuracy), 0..1.
+
+        Parameters
+        ----------
+        X : array_like of shape (n_samples, n_features)
+        y : array_like of shape (n_samples,)
+        sample_weight : array_like of shape (n_samples,), optional
+        """
+        right = self.predict(X) == np.asarray(y)
+        return float(np.average(right, weights=None if sample_weight is None else np.asarray(sample_weight)))
+
+    @property
+    def feature_importances_(self) -> NDArray[np.float64]:
+        """Share of each feature in what the splits gained, summing to 1."""
+        self._check_is_fitted()
+        found: NDArray[np.float64] = self._trees.importance()
+        return found
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = self._missing
+        return tags
