@@ -116,9 +116,14 @@ fn child() {
         let path = folder.path().join(format!("mutant-{name}"));
         std::fs::write(&path, &bytes).unwrap();
         writeln!(out, "\nat {i}").unwrap();
-        let start = Instant::now();
-        let panicked = std::panic::catch_unwind(|| look(&path, i)).is_err();
-        if panicked || start.elapsed() > MOST_TIME {
+        let timed = || {
+            let start = Instant::now();
+            let panicked = std::panic::catch_unwind(|| look(&path, i)).is_err();
+            (panicked, start.elapsed())
+        };
+        let (panicked, time) = timed();
+        // Once more, for the machine may have been busy.
+        if panicked || time > MOST_TIME && timed().1 > MOST_TIME {
             writeln!(out, "\nbad {i} {}", if panicked { "panic" } else { "slow" }).unwrap();
         }
     }
@@ -201,7 +206,7 @@ fn mutants_of_every_format_are_read_or_refused() {
             }
             let start = Instant::now();
             let found = hunt(format, count);
-            eprintln!("{format}: {count} mutants in {:.1} s, {} finds", start.elapsed().as_secs_f64(), found.len());
+            eprintln!("{format}: {count} mutants in {:.1} s, finds: {found:?}", start.elapsed().as_secs_f64());
             finds.extend(found);
         }
         finds

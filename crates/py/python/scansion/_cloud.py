@@ -178,7 +178,8 @@ class PointCloud:
             values = np.asarray(las[name])
             if name in ("scan_angle", "scan_angle_rank"):
                 unit = _SCAN_ANGLE_UNIT if name == "scan_angle" else 1.0
-                cloud[_SCAN_ANGLE] = (values * unit).astype(np.float32)
+                # As the core does: both factors in single precision.
+                cloud[_SCAN_ANGLE] = values.astype(np.float32) * np.float32(unit)
             elif values.ndim == 1 and values.dtype.kind in "fiub":
                 cloud[_LASPY_NAMES.get(name, name)] = values
         parsed = _laspy_crs(las.header)
