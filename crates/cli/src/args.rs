@@ -326,7 +326,7 @@ pub(crate) struct SegmentArgs {
     /// How segments are found
     #[arg(long, value_enum, default_value_t = MethodArg::CutPursuit)]
     pub(crate) method: MethodArg,
-    /// Cost of a boundary edge: larger gives fewer, larger segments [default: 0.1]
+    /// Cost of a boundary edge: larger gives fewer, larger segments [default: 0.03]
     #[arg(long, value_name = "RHO", group = "intent")]
     pub(crate) strength: Option<f64>,
     /// Aim at so many segments on a hectare of covered ground

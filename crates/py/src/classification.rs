@@ -70,7 +70,6 @@ type Boosted<'py> = (Boosting, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f6
 /// Fits boosted trees.
 #[pyfunction]
 #[pyo3(signature = (table, labels, weights, classes, params, n_jobs = None))]
-#[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
 pub(crate) fn fit_boosting<'py>(
     py: Python<'py>,
     table: PyReadonlyArray2<'_, f32>,

@@ -60,7 +60,7 @@ fn settings(args: &SegmentArgs) -> SegmentParams {
             MethodArg::CutPursuit => Method::CutPursuit,
             MethodArg::Merge => Method::Merge,
         },
-        intent: intent.into_iter().flatten().next().unwrap_or_default(),
+        intent: intent.into_iter().flatten().next().unwrap_or(params.partition.intent),
         cutoff: args.cutoff,
         seed: args.seed,
         ..PartitionParams::default()

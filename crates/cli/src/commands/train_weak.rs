@@ -68,6 +68,14 @@ fn table(report: &WeakReport, output: &Path) -> String {
         let _ = writeln!(text, "{:>5}  {name:<20} {:>12} {:>12}", class.code, class.points, class.samples);
     }
     let _ = writeln!(text, "{:>5}  {:<20} {:>12}", "", "unlabelled", report.unlabelled);
+    for score in &report.partitions {
+        let _ = writeln!(
+            text,
+            "segments of strength {:<8.4} could have {:.1} % of the labels right",
+            score.strength,
+            100.0 * score.accuracy
+        );
+    }
     for score in &report.strengths {
         let _ = writeln!(
             text,

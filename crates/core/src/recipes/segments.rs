@@ -4,7 +4,7 @@ use super::regularise::{Posterior, Regularise, RegulariseParams, Regularised, by
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
-use crate::segmentation::{Interface, Partition, segment_graph};
+use crate::segmentation::{Interface, Partition, oracle_accuracy, segment_graph};
 
 /// A partition and who touches whom in it.
 #[derive(Debug)]
@@ -18,6 +18,11 @@ impl Segments {
     pub(super) fn new(partition: Partition, points: &Graph) -> Result<Self> {
         let graph = segment_graph(points, &partition, Interface::Weight)?;
         Ok(Self { partition, graph })
+    }
+
+    /// Best accuracy of labels by segment, if there are any.
+    pub(super) fn oracle_accuracy(&self, labels: &[Option<u8>]) -> Result<Option<f64>> {
+        oracle_accuracy(&self.partition, labels)
     }
 
     /// One label a segment, handed to its points.

@@ -53,7 +53,7 @@ def segment(
     ----------
     cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
     strength : float, optional
-        Cost of a boundary edge; larger gives fewer, larger segments. 0.1 if nothing is said.
+        Cost of a boundary edge; larger gives fewer, larger segments. 0.03 if nothing is said.
     segments_per_hectare : float, optional
         Aim at so many segments on a hectare of covered ground.
     smallest_object : float, optional
@@ -144,6 +144,6 @@ def _settings(
     if len(given) > 1:
         raise ValueError(f"found {', '.join(given)}, expected at most one of them")
     partition: dict[str, Any] = {"method": method, "cutoff": cutoff, "seed": random_state}
-    partition["intent"] = given or {"strength": 0.1}
+    partition["intent"] = given or {"strength": 0.03}
     neighbourhood = {"k_min": k_min, "k_max": max(100, k_min)}
     return json.dumps({"neighbourhood": neighbourhood, "partition": partition})

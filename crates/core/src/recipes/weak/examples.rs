@@ -15,11 +15,13 @@ pub struct WeakLabels {
     pub most: usize,
     /// A picked place must have a point of the cloud within so many metres.
     pub within: f64,
+    /// Make the segments finer than the partition's strength says if whole ones could not be named as the labels are.
+    pub fit_partition: bool,
 }
 
 impl Default for WeakLabels {
     fn default() -> Self {
-        Self { per_class: 0, most: 100_000, within: 0.5 }
+        Self { per_class: 0, most: 100_000, within: 0.5, fit_partition: true }
     }
 }
 

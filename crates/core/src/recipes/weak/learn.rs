@@ -9,9 +9,16 @@ use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::recipes::regularise::{Probabilities, RegulariseParams, Regularised, Scene};
+use crate::recipes::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, Scene};
 use crate::recipes::{ClassCount, Labels, planar_density};
+use crate::segmentation::Intent;
 use serde::Serialize;
+
+/// Share of the labels that whole segments must be able to have right, strengths of the partition that are tried, and the
+/// factor between them.
+const ENOUGH: f64 = 0.9;
+const TRIALS: usize = 4;
+const FINER: f64 = 0.3;
 
 /// Folds of the search for the strength.
 const FOLDS: usize = 5;
@@ -25,6 +32,8 @@ pub struct WeakReport {
     pub unlabelled: u64,
     /// Examples of road (0: the lowest points stood in for it).
     pub road_examples: usize,
+    /// Strengths of the partition that were tried, and what naming whole segments could reach of the labels; the last is used.
+    pub partitions: Vec<StrengthScore>,
     /// Strengths that were tried, with their scores; empty if none were asked for.
     pub strengths: Vec<StrengthScore>,
     /// Strength that the model uses.
@@ -33,12 +42,12 @@ pub struct WeakReport {
     pub warnings: Vec<String>,
 }
 
-/// Score of a strength of the field, over labels that were held out.
+/// Score of a strength, over labels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StrengthScore {
-    /// σ.
+    /// σ or ρ.
     pub strength: f64,
-    /// Share of the held-out labels that were found, 0..1.
+    /// Share of the labels that were found, 0..1.
     pub accuracy: f64,
 }
 
@@ -71,6 +80,7 @@ pub fn train_weak(
     let (rows, labels) = table(&lessons, &classes);
     let width = lessons.first().map_or(0, |l| l.features.width());
     let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: classes.len() };
+    let partitions = fit_partition(&lessons, &mut recipe, monitor)?;
     let scores = match (strengths, lessons.first()) {
         ([], _) | (_, None) => Vec::new(),
         (_, Some(lesson)) => search(lesson, (&recipe, &classes), strengths, monitor)?,
@@ -80,7 +90,7 @@ pub fn train_weak(
     }
     let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
     let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
-    let report = report(clouds, &codes, &recipe, scores);
+    let report = WeakReport { partitions, ..report(clouds, &codes, &recipe, scores) };
     let model = Model {
         recipe_toml: toml::to_string(&recipe).map_err(|e| Error::input(format!("recipe cannot be written: {e}")))?,
         fingerprint: Fingerprint::of(&samples, density),
@@ -128,6 +138,27 @@ fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
 
 fn seeded(recipe: &WeakRecipe) -> ClassifierParams {
     ClassifierParams::Forest(recipe.forest.clone()).with_seed(recipe.seed)
+}
+
+/// Finer segments until whole ones could be named as the labels of the first cloud are.
+///
+/// The paper's strength suits its street scans; roofs and ground of airborne scans would share segments.
+fn fit_partition(lessons: &[Lesson], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
+    let mut tried = Vec::new();
+    let voting = matches!(recipe.regularise.method, Regularise::Consensus | Regularise::SegmentCrf);
+    let (Some(lesson), true) = (lessons.first(), voting && recipe.labels.fit_partition) else { return Ok(tried) };
+    let mut labels = vec![None; lesson.points.len()];
+    lesson.examples.iter().for_each(|e| labels[e.point as usize] = Some(e.code));
+    while let Intent::Strength(strength) = recipe.regularise.partition.intent {
+        let scene = Scene::new(&lesson.points, Some(&head(&lesson.features)), &recipe.regularise, monitor)?;
+        let accuracy = scene.oracle_accuracy(&labels)?.unwrap_or(1.0);
+        tried.push(StrengthScore { strength, accuracy });
+        if accuracy >= ENOUGH || tried.len() == TRIALS || strength <= 0.0 {
+            break;
+        }
+        recipe.regularise.partition.intent = Intent::Strength(strength * FINER);
+    }
+    Ok(tried)
 }
 
 /// Accuracy of every strength on the labels of one cloud that are held out.
@@ -202,7 +233,8 @@ fn report(clouds: &[(Cloud, Labels)], codes: &[u8], recipe: &WeakRecipe, strengt
             .push(format!("no label is road (road.codes {:?}): the lowest points stand in for it", recipe.road.codes));
     }
     let unlabelled = clouds.iter().map(|(_, l)| l.unlabelled).sum();
-    WeakReport { classes, unlabelled, road_examples, strengths, strength: recipe.regularise.strength, warnings }
+    let strength = recipe.regularise.strength;
+    WeakReport { classes, unlabelled, road_examples, partitions: Vec::new(), strengths, strength, warnings }
 }
 
 /// Names every finite point of a cloud: the points, and the field's decision.

@@ -29,6 +29,7 @@ use crate::classification::ForestParams;
 use crate::cloud::names;
 use crate::error::Result;
 use crate::neighbours::OptimalParams;
+use crate::segmentation::PartitionParams;
 use serde::{Deserialize, Serialize};
 
 /// The name of the recipe, in its TOML.
@@ -69,7 +70,11 @@ impl Default for WeakRecipe {
             road: RoadParams::default(),
             labels: WeakLabels::default(),
             forest: ForestParams::breiman(),
-            regularise: RegulariseParams { method: Regularise::SegmentCrf, ..RegulariseParams::default() },
+            regularise: RegulariseParams {
+                method: Regularise::SegmentCrf,
+                partition: PartitionParams::default(),
+                ..RegulariseParams::default()
+            },
         }
     }
 }
