@@ -92,7 +92,7 @@ def test_recipes_come_as_mapping_text_or_file(labelled, tmp_path):
     assert by_text.recipe_ == by_file.recipe_ and "trees = 7" in by_text.recipe_
     with pytest.raises(ValueError, match="did you mean `trees`"):
         PointClassifier({"forest.treees": 7}).fit(labelled)
-    assert PointClassifier(text, random_state=9).fit(labelled).recipe_.startswith("seed = 9")
+    assert PointClassifier(text, random_state=9).fit(labelled).recipe_.startswith('recipe = "pyramid"\nseed = 9')
 
 
 def test_importances_belong_to_the_features(fitted):

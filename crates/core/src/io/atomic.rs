@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 static SERIAL: AtomicU64 = AtomicU64::new(0);
 
-/// The file that is written now. Every operation passes [`step`], where tests let one fail.
+/// The file that is written now. Every operation passes `step`, where tests let one fail.
 #[derive(Debug)]
 pub struct Storage(File);
 

@@ -44,7 +44,7 @@ pub fn examine(path: &Path, monitor: &Monitor) -> Result<Losses> {
     Ok(read(path, &ReadOptions { monitor: monitor.clone(), ..ReadOptions::default() })?.1)
 }
 
-/// Like [`read_with`](super::read_with), but takes what is there of a damaged LAS or LAZ file: points up to the end of the
+/// Like [`read_with`], but takes what is there of a damaged LAS or LAZ file: points up to the end of the
 /// file, chunks that can be decoded (found one after the other if their table is lost), records that fit.
 ///
 /// # Errors
