@@ -85,7 +85,7 @@ pub struct SegmentReport {
 
 /// Parts a cloud into segments by l0 cut pursuit or greedy merging on its graph of nearest neighbours.
 ///
-/// Labels, few or many, only serve to tell how good the partition is, and the intent that asks for them. About 400 bytes
+/// Labels, few or many, only serve to tell how good the partition is, and the intent that asks for them. About 600 bytes
 /// a point. Same bytes for any number of threads.
 ///
 /// # Errors
