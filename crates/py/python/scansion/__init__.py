@@ -9,8 +9,9 @@ from scansion import evaluation, features, graph, neighbours, regularisation, se
 from scansion._bagging import BaggingClassifier
 from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
-from scansion._cloud import PointCloud, blocks, convert, diff, info, merge, read, rewrite, salvage, write
+from scansion._cloud import PointCloud
 from scansion._core import FileFormatError, __version__
+from scansion._files import blocks, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._forest import RandomForestClassifier
 from scansion._render import render
 from scansion._segments import Segments, Suggestions, segment, suggest

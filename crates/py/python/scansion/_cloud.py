@@ -1,17 +1,17 @@
-"""Clouds and files."""
+"""Clouds: points and their columns."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import codes, column, coordinates
+from scansion._arrays import column, coordinates
 
 _LASPY_NAMES = {
     "intensity": "Intensity",
@@ -109,7 +109,7 @@ class PointCloud:
         """What the file that the cloud was read from says of itself, as `scansion.info` tells it when this is first asked
         for; empty for a cloud that was made in memory."""
         if self._header is None:
-            self._header = {} if self._path is None else info(self._path)
+            self._header = {} if self._path is None else json.loads(_core.inspect(self._path))
         return self._header
 
     @property
@@ -251,7 +251,8 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
     if isinstance(points, PointCloud):
         return points
     if isinstance(points, (str, os.PathLike)):
-        return read(points, columns=columns)
+        name = os.fspath(points)
+        return PointCloud._wrap(_core.read(name, (columns, None, None)), name)
     if hasattr(points, "point_format") and hasattr(points, "header") and hasattr(points, "X"):
         return PointCloud.from_laspy(points)
     fields = getattr(getattr(points, "dtype", None), "names", None)
@@ -265,236 +266,3 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
                     cloud[name] = points[name]
             return cloud
     raise ValueError(f"structured array: expected the fields X, Y, Z or x, y, z, found {', '.join(fields)}")
-
-
-def _box(bounds: ArrayLike | None) -> Any:
-    """A box as the core wants it: lowest and highest corner."""
-    if bounds is None:
-        return None
-    box = np.asarray(bounds, dtype=np.float64)
-    if box.shape == (2, 2):
-        box = np.column_stack([box, [-np.inf, np.inf]])
-    if box.shape != (2, 3):
-        raise ValueError(f"bounds: found shape {box.shape}, expected (2, 3) or (2, 2): lowest and highest corner")
-    return tuple(map(tuple, box.tolist()))
-
-
-def read(
-    path: str | os.PathLike[str],
-    columns: list[str] | None = None,
-    *,
-    bounds: ArrayLike | None = None,
-    resolution: float | None = None,
-) -> PointCloud:
-    """Reads LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX or text.
-
-    Parameters
-    ----------
-    path : path
-        The file; its content decides on the format, then its extension.
-    columns : list of str, optional
-        Columns to keep beside the coordinates; all by default. Fewer columns take less memory.
-    bounds : array_like of shape (2, 3) or (2, 2), optional
-        Only points in this box, lowest and highest corner, both included. COPC files are read where the box is.
-    resolution : float, optional
-        A thinner cloud whose points are about so far apart, in the file's unit, above 0; COPC files only.
-
-    Returns
-    -------
-    PointCloud
-        In the file's order, with the file's types.
-
-    Raises
-    ------
-    FileNotFoundError, PermissionError, OSError
-        The file cannot be read.
-    FileFormatError
-        The file is malformed (the message names the place) or its format is not supported.
-    """
-    name = os.fspath(path)
-    return PointCloud._wrap(_core.read(name, (columns, _box(bounds), resolution)), name)
-
-
-def blocks(
-    path: str | os.PathLike[str],
-    size: int = 1_000_000,
-    columns: list[str] | None = None,
-    *,
-    bounds: ArrayLike | None = None,
-    resolution: float | None = None,
-) -> Iterator[PointCloud]:
-    """Reads a file as clouds of at most ``size`` points, in the file's order; together they are what `read` gives.
-
-    LAS, LAZ, COPC, PLY, PCD and text take the memory of about one block; E57, npz, PTX and compressed PCD are read whole.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    size : int
-        Most points of a block, 1 or more.
-    columns, bounds, resolution
-        As of `read`. Numbers of text are float64 in every block.
-
-    Returns
-    -------
-    iterator of PointCloud
-        Empty blocks are left out.
-    """
-    if size < 1:
-        raise ValueError(f"size: found {size}, expected 1 or more points a block")
-    part = (columns, _box(bounds), resolution)
-    return map(PointCloud._wrap, _core.Blocks(os.fspath(path), size, part))
-
-
-def write(path: str | os.PathLike[str], cloud: Any) -> None:
-    """Writes points as LAS, LAZ, PLY, PCD, npz or text, by the extension; the file appears whole or not at all.
-
-    Parameters
-    ----------
-    path : path
-        ``.las``, ``.laz``, ``.ply``, ``.pcd``, ``.npz``, ``.txt``, ``.xyz``, ``.csv`` or ``.labels`` (class codes alone).
-    cloud : PointCloud, laspy.LasData, structured array or array_like of shape (n, 3)
-        What to write.
-    """
-    _core.write(os.fspath(path), as_cloud(cloud)._core)
-
-
-def rewrite(
-    input: str | os.PathLike[str],
-    output: str | os.PathLike[str],
-    classification: ArrayLike | None = None,
-    dimensions: Mapping[str, ArrayLike] | None = None,
-) -> list[str]:
-    """Copies a file with other classes or more dimensions; every other byte stays as it is.
-
-    Parameters
-    ----------
-    input, output : path
-        May be the same file.
-    classification : array_like of shape (n,), optional
-        Class codes 0..255 in the file's order.
-    dimensions : mapping of str to array_like of shape (n,), optional
-        Dimensions to add or replace (Extra Bytes in LAS).
-
-    Returns
-    -------
-    list of str
-        What could not stay as it was, e.g. that LAS was promoted to 1.4 for classes above 31.
-    """
-    labels = None if classification is None else codes(classification, "classification")
-    extra = [(name, column(values, name)) for name, values in (dimensions or {}).items()]
-    return _core.rewrite(os.fspath(input), os.fspath(output), labels, extra)
-
-
-def info(path: str | os.PathLike[str], *, stats: bool = False) -> dict[str, Any]:
-    """What a file's header says: format, version, point count, bounds, reference system, dimensions, warnings.
-
-    Parameters
-    ----------
-    path : path
-        The file; the points of LAS and LAZ are not read unless ``stats`` is set.
-    stats : bool
-        Read the points too: key ``stats`` tells ``points_per_square_metre``, ``not_finite``, ``duplicates``,
-        ``outside_bounds``, ``nan_values`` and ``classes`` (code, points).
-
-    Returns
-    -------
-    dict
-        Only what JSON can hold: text, numbers, lists, dicts.
-    """
-    found: dict[str, Any] = json.loads(_core.inspect(os.fspath(path)))
-    if stats:
-        counts, density, bounds = json.loads(_core.statistics(os.fspath(path)))
-        found["warnings"] += counts.pop("warnings")
-        found["bounds"] = found["bounds"] or bounds
-        found["stats"] = {"points_per_square_metre": density, **counts}
-    return found
-
-
-def diff(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> dict[str, Any]:
-    """What differs between two files, field by field, point by point in their order.
-
-    LAS and LAZ are compared with header and records, block by block; other formats by their columns.
-
-    Parameters
-    ----------
-    a, b : path
-        The files; their formats may differ. How points are packed (LAS or LAZ) is no difference.
-
-    Returns
-    -------
-    dict
-        ``same`` (bool), ``summary`` (one sentence), ``points``, ``compared``, and what differs, empty where all is the same:
-        ``header``, ``records``, ``types`` (lists of ``name``, ``a``, ``b``), ``fields`` (``name``, ``differing``, ``first``,
-        ``largest``), ``only_in`` (two lists of names), ``classes`` (``from``, ``to``, ``points``).
-    """
-    same, summary, found = json.loads(_core.diff(os.fspath(a), os.fspath(b)))
-    return {"same": same, "summary": summary, **found}
-
-
-def convert(
-    input: str | os.PathLike[str],
-    output: str | os.PathLike[str],
-    *,
-    point_format: int | None = None,
-    bounds: ArrayLike | None = None,
-    resolution: float | None = None,
-) -> list[str]:
-    """Copies a file into the format of the output's extension.
-
-    Parameters
-    ----------
-    input, output : path
-        May be the same file.
-    point_format : int, optional
-        Point format of a LAS or LAZ output made from LAS or LAZ, 0 to 10; it must have all fields of the input's.
-    bounds, resolution
-        Only this part of the input, as of `read`.
-
-    Returns
-    -------
-    list of str
-        What the target could not hold.
-    """
-    part = (_box(bounds), resolution)
-    return _core.convert(os.fspath(input), os.fspath(output), point_format, part)
-
-
-def merge(inputs: Sequence[str | os.PathLike[str]], output: str | os.PathLike[str]) -> list[str]:
-    """Joins files in the order given; coordinates of LAS and LAZ are put on one grid exactly.
-
-    Parameters
-    ----------
-    inputs : sequence of path
-        Files in one reference system.
-    output : path
-        May be one of the inputs.
-
-    Returns
-    -------
-    list of str
-        What could not stay as it was.
-    """
-    return _core.merge([os.fspath(path) for path in inputs], os.fspath(output))
-
-
-def salvage(
-    input: str | os.PathLike[str], output: str | os.PathLike[str] | None = None
-) -> dict[str, Any]:
-    """Tells what of a damaged LAS or LAZ file can be read, and writes it as a sound file if an output is given.
-
-    Parameters
-    ----------
-    input : path
-        A file that is cut, whose counts are wrong, whose chunk table is lost or some of whose chunks are damaged.
-    output : path, optional
-        Where to write what is there.
-
-    Returns
-    -------
-    dict
-        ``declared`` and ``read`` (numbers of points), ``lost``, ``notes`` (what is wrong; empty for a sound file).
-    """
-    found: dict[str, Any] = json.loads(_core.salvage(os.fspath(input), None if output is None else os.fspath(output)))
-    return {**found, "lost": max(0, found["declared"] - found["read"])}

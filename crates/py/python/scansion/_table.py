@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -32,8 +33,9 @@ class TableClassifier(Classifier):
     _missing = False
     """NaN in the table is allowed."""
 
+    @abstractmethod
     def _learn(self, lesson: Lesson) -> Any:
-        raise NotImplementedError
+        """The trees that were learned."""
 
     def fit(self: Self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> Self:
         """Grows the trees.

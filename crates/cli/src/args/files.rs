@@ -1,0 +1,65 @@
+//! Arguments of the commands that read and write files.
+
+use clap::Args as ClapArgs;
+use std::path::PathBuf;
+
+/// scansion info FILE...
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Info {
+    /// Files to look at (`*`, `?` and `[...]` are understood)
+    #[arg(required = true)]
+    pub(crate) inputs: Vec<PathBuf>,
+    /// Read the points too: classes, density, spacing, duplicates, points that are not finite or out of bounds
+    #[arg(long)]
+    pub(crate) stats: bool,
+    /// Tell how much of a damaged LAS or LAZ file can be read
+    #[arg(long, conflicts_with = "stats")]
+    pub(crate) salvage: bool,
+    /// The same as --format json
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// scansion convert IN OUT
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Convert {
+    /// File to copy
+    pub(crate) input: PathBuf,
+    /// Result; its extension tells the format
+    pub(crate) output: PathBuf,
+    /// Point format of LAS and LAZ, 0 to 10; it must have all fields of the input's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
+    pub(crate) point_format: Option<u8>,
+    /// Only points in this box: 4 numbers (x and y) or 6, lowest first; COPC files are read where the box is
+    #[arg(long, value_name = "X,Y[,Z],X,Y[,Z]", value_delimiter = ',', allow_hyphen_values = true)]
+    pub(crate) bounds: Vec<f64>,
+    /// A thinner cloud: points about so far apart, from the levels of a COPC file
+    #[arg(long, value_name = "DISTANCE")]
+    pub(crate) resolution: Option<f64>,
+    /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
+    #[arg(long, conflicts_with_all = ["point_format", "bounds", "resolution"])]
+    pub(crate) salvage: bool,
+    /// Replace the input itself if it is also the output
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// scansion merge IN... OUT
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Merge {
+    /// Files to join, in this order (`*`, `?` and `[...]` are understood), and the result last
+    #[arg(required = true, num_args = 2.., value_names = ["IN...", "OUT"])]
+    pub(crate) files: Vec<PathBuf>,
+    /// Replace an input if it is also the output
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// scansion diff A B
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Diff {
+    /// First file
+    pub(crate) a: PathBuf,
+    /// Second file
+    pub(crate) b: PathBuf,
+}

@@ -1,0 +1,144 @@
+//! What the user types.
+
+mod files;
+mod learning;
+mod pictures;
+mod segments;
+
+pub(crate) use files::{Convert, Diff, Info, Merge};
+pub(crate) use learning::{Classify, Evaluate, Features, Model, Train};
+pub(crate) use pictures::{Render, ViewArg};
+pub(crate) use segments::{MethodArg, Segment, SegmentArgs, Suggest};
+
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Divides a LiDAR scan into its parts and names every point.
+#[derive(Debug, Parser)]
+#[command(
+    name = "scansion",
+    version,
+    max_term_width = 110,
+    after_help = "\
+Exit codes: 0 done, 1 failed, 2 usage, 3 some inputs failed, 4 bad input, 130 interrupted, 143 terminated.
+
+First steps:
+  scansion demo                                  the whole way on a small scan that is built in
+  scansion classify my.laz -o named.laz          name every point with the built-in model
+  scansion render named.laz -o named.png         look at it"
+)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    pub(crate) global: Global,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// Flags of every command.
+#[derive(Clone, Debug, ClapArgs)]
+#[command(next_help_heading = "Common options")]
+pub(crate) struct Global {
+    /// Threads [default: RAYON_NUM_THREADS, SLURM_CPUS_PER_TASK, or all cores given to the process]
+    #[arg(short = 'j', long, global = true, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    pub(crate) threads: Option<usize>,
+    /// Form of the data on stdout
+    #[arg(long, global = true, value_enum, default_value_t = Format::Table)]
+    pub(crate) format: Format,
+    /// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere
+    #[arg(long, global = true, value_enum, default_value_t = ProgressMode::Auto)]
+    pub(crate) progress: ProgressMode,
+    /// Say nothing but errors
+    #[arg(short, long, global = true)]
+    pub(crate) quiet: bool,
+}
+
+/// Form of the data on stdout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    Table,
+    Json,
+    Csv,
+}
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ProgressMode {
+    Auto,
+    Never,
+    Json,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Show the whole way on a small real scan that is built in
+    Demo(Demo),
+    /// Tell what a file holds
+    Info(Info),
+    /// Copy a file into another format; what the target cannot hold is said
+    Convert(Convert),
+    /// Join several files into one
+    Merge(Merge),
+    /// Compare two files field by field; exit code 0 if they are the same, 1 if not
+    Diff(Diff),
+    /// Compute multi-scale features, or list them
+    Features(Features),
+    /// Learn a model from labelled clouds
+    Train(Train),
+    /// Name every point
+    #[command(visible_alias = "predict")]
+    Classify(Classify),
+    /// Part a cloud into segments
+    Segment(Segment),
+    /// Name the segments whose labels would help most
+    Suggest(Suggest),
+    /// Compare a classification with the truth
+    #[command(visible_alias = "eval")]
+    Evaluate(Evaluate),
+    /// Draw a map or an oblique view
+    Render(Render),
+    /// Look into a model
+    #[command(subcommand)]
+    Model(Model),
+}
+
+/// Where labels come from and what they mean.
+#[derive(Clone, Debug, ClapArgs)]
+pub(crate) struct LabelArgs {
+    /// Change codes before use, e.g. 3=5,4=5 or 3-4=5
+    #[arg(long, value_name = "OLD=NEW,...", default_value = "")]
+    pub(crate) map: String,
+    /// Change the codes of one input in another way than --map says, e.g. old_scan.laz:1=5; may be repeated
+    #[arg(long, value_name = "FILE:OLD=NEW,...")]
+    pub(crate) map_of: Vec<String>,
+    /// Use only these codes (after --map)
+    #[arg(long, value_name = "CODES", value_delimiter = ',')]
+    pub(crate) classes: Vec<u8>,
+    /// Codes (after --map) that mean "nobody has said"; they are skipped and counted
+    #[arg(long, value_name = "CODES", value_delimiter = ',', default_values_t = [0, 1])]
+    pub(crate) unlabelled: Vec<u8>,
+    /// Dimension that holds the labels
+    #[arg(long, value_name = "NAME", default_value = "Classification")]
+    pub(crate) label_dimension: String,
+}
+
+/// The recipe and changes to it.
+#[derive(Clone, Debug, ClapArgs)]
+pub(crate) struct RecipeArgs {
+    /// Recipe to follow: pyramid (document 004), weak (document 000), or a TOML file [default: pyramid]
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    pub(crate) recipe: Option<PathBuf>,
+    /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Seed of everything that is drawn by chance
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+}
+
+/// scansion demo
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Demo {
+    /// Folder for the results; made if absent
+    #[arg(short, long, default_value = "scansion-demo")]
+    pub(crate) output: PathBuf,
+}

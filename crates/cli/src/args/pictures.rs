@@ -1,0 +1,54 @@
+//! Arguments of `render`.
+
+use clap::{Args as ClapArgs, ValueEnum};
+use std::path::PathBuf;
+
+/// scansion render IN -o OUT.png
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Render {
+    /// Cloud to draw
+    pub(crate) input: PathBuf,
+    /// Picture to write (.png); a map gets a world file (.pgw) beside it
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// What the colours show: class, height, rgb, or the name of a dimension [default: class if there is one]
+    #[arg(long)]
+    pub(crate) by: Option<String>,
+    /// Show where the classes differ from those of this cloud, point by point the same (codes 0 and 1 of it count too)
+    #[arg(long, value_name = "FILE", conflicts_with = "by")]
+    pub(crate) truth: Option<PathBuf>,
+    /// From above, or from the side
+    #[arg(long, value_enum, default_value_t = ViewArg::Map)]
+    pub(crate) view: ViewArg,
+    /// Direction the viewer looks to, degrees from north over east
+    #[arg(long, default_value_t = 30.0)]
+    pub(crate) azimuth: f64,
+    /// Height of the viewer above the horizon, degrees
+    #[arg(long, default_value_t = 35.0)]
+    pub(crate) elevation: f64,
+    /// Width in pixels
+    #[arg(long, default_value_t = 1600)]
+    pub(crate) width: u32,
+    /// Height in pixels [default: from the cloud's shape]
+    #[arg(long)]
+    pub(crate) height: Option<u32>,
+    /// Range of the colours, low,high [default: from the data]
+    #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true)]
+    pub(crate) range: Option<String>,
+    /// Line above the picture
+    #[arg(long)]
+    pub(crate) title: Option<String>,
+    /// No shading of the relief
+    #[arg(long)]
+    pub(crate) no_shading: bool,
+    /// No legend, scale bar and title
+    #[arg(long)]
+    pub(crate) no_legend: bool,
+}
+
+/// Kind of picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ViewArg {
+    Map,
+    Oblique,
+}
