@@ -21,13 +21,14 @@ mod two_means;
 
 pub use params::{CutPursuitParams, Preset};
 
+use super::Signal;
 use super::cutoff::absorb_small;
 use super::merge::trivial_partition;
 use super::regions::{Regions, energy};
-use super::{Partition, Signal};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
+use crate::segmentation::Partition;
 use coarse::in_cycles;
 
 /// Result of [`cut_pursuit`].
