@@ -1,28 +1,20 @@
 //! What belongs together: partitions of a cloud into segments.
 
-mod by_intent;
 mod connected;
-mod cut_pursuit;
-mod cutoff;
 mod descriptors;
 mod majority;
-mod merge;
+mod minimal_partition;
 mod octree;
 mod partition;
-mod refine;
-mod regions;
 mod segment_graph;
-mod signal;
 
-pub use by_intent::{
-    Aim, Candidate, Intent, Method, PartitionParams, Scene, Search, Trial, partition_by_intent, search_strength,
-};
 pub use connected::connected_partition;
-pub use cut_pursuit::{CutPursuit, CutPursuitParams, Preset, cut_pursuit};
 pub use descriptors::{OrientedBox, SegmentShape, segment_means, segment_shapes};
 pub use majority::{Majority, majorities, oracle_accuracy};
-pub use merge::{Merge, MergeParams, merge};
+pub use minimal_partition::{
+    Aim, Candidate, CutPursuit, CutPursuitParams, Intent, Merge, MergeParams, Method, PartitionParams, Preset, Scene,
+    Search, Signal, Trial, cut_pursuit, merge, partition_by_intent, search_strength,
+};
 pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};
 pub use partition::Partition;
 pub use segment_graph::{Interface, segment_graph};
-pub use signal::Signal;
