@@ -6,6 +6,8 @@ mod majority;
 mod minimal_partition;
 mod octree;
 mod partition;
+mod region_growing;
+mod riemannian;
 mod segment_graph;
 
 pub use connected::connected_partition;
@@ -17,4 +19,11 @@ pub use minimal_partition::{
 };
 pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};
 pub use partition::Partition;
+pub use region_growing::{
+    GrownRegions, Leftovers, OctreeGrowingParams, Reference, RegionGrowingParams, octree_region_growing, region_growing,
+};
+pub use riemannian::{
+    GraphSizes, KMeansParams, Nearest, NodeWeight, Riemannian, RiemannianGraphParams, RiemannianParams, Scale, Sides,
+    StageSeconds, Start, Symmetry, multi_scale, riemannian, riemannian_with_normals,
+};
 pub use segment_graph::{Interface, segment_graph};
