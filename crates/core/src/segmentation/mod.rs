@@ -12,6 +12,7 @@ mod refine;
 mod regions;
 mod segment_graph;
 mod signal;
+mod supervoxels;
 
 pub use by_intent::{
     Aim, Candidate, Intent, Method, PartitionParams, Scene, Search, Trial, partition_by_intent, search_strength,
@@ -24,3 +25,7 @@ pub use merge::{Merge, MergeParams, merge};
 pub use partition::Partition;
 pub use segment_graph::{Interface, segment_graph};
 pub use signal::Signal;
+pub use supervoxels::{
+    NO_SUPERVOXEL, Normaliser, PointAttributes, SlicParams, SupervoxelShape, SupervoxelWeights, Supervoxels,
+    VccsParams, slic, vccs,
+};
