@@ -3,6 +3,7 @@
 mod build;
 mod components;
 mod max_flow;
+mod orientation;
 mod spanning_tree;
 mod union_find;
 mod weight;
@@ -10,6 +11,7 @@ mod weight;
 pub use build::{KnnGraphParams, Multiplicity, knn_graph};
 pub use components::{Components, connected_components};
 pub use max_flow::MaxFlow;
+pub use orientation::{Orientation, orient};
 pub use spanning_tree::minimum_spanning_tree;
 pub use weight::EdgeWeight;
 

@@ -1,7 +1,7 @@
 //! The graph on segments: which touch, and over how much of a boundary.
 
 use super::Partition;
-use super::regions::{Link, contract};
+use super::minimal_partition::{Link, contract};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use serde::{Deserialize, Serialize};

@@ -4,17 +4,18 @@
 //! nodes whose noise agrees, and such a gathering keeps its noise; by values smoothed over the graph it averages the
 //! noise out. The coarse problem has the energy of the full one for every partition of coarse nodes, but for a constant.
 
-use super::super::connected::connected_partition;
+use super::super::Signal;
 use super::super::merge::merge_further;
 use super::super::refine::move_boundary_nodes;
 use super::super::regions::{Regions, contract, energy, node_links};
-use super::super::{Partition, Signal};
 use super::iterate::Pursuit;
 use super::smooth::smoothed;
 use super::{CutPursuit, CutPursuitParams};
 use crate::error::Result;
 use crate::graph::{Adjacency, Graph};
 use crate::parallel::Monitor;
+use crate::segmentation::Partition;
+use crate::segmentation::connected::connected_partition;
 
 /// Nodes merge at this share of the strength first, then at twice as much, ...
 const FIRST_SHARE: f64 = 1.0 / 128.0;

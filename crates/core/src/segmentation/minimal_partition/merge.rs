@@ -7,13 +7,14 @@
 mod batch;
 mod greedy;
 
-use super::connected::{Sets, connected_partition};
+use super::Signal;
 use super::cutoff::absorb_small;
 use super::regions::{Link, Regions, compact, contract, energy, node_links};
-use super::{Partition, Signal};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::Monitor;
+use crate::segmentation::Partition;
+use crate::segmentation::connected::{Sets, connected_partition};
 use serde::{Deserialize, Serialize};
 
 /// Up to so many links the pair of largest gain is merged first; above, every region's best pair at once.

@@ -1,8 +1,9 @@
 //! One segment taken out of the cloud: its rows and inner edges lie together in memory, nodes are numbered from 0.
 
-use super::super::connected::Sets;
-use super::super::{Partition, Signal};
+use super::super::Signal;
 use crate::graph::{Adjacency, Graph};
+use crate::segmentation::Partition;
+use crate::segmentation::connected::Sets;
 
 /// Buffers of a segment, reused from segment to segment.
 #[derive(Default)]

@@ -21,13 +21,14 @@ mod two_means;
 
 pub use params::{CutPursuitParams, Preset};
 
+use super::Signal;
 use super::cutoff::absorb_small;
 use super::merge::trivial_partition;
 use super::regions::{Regions, energy};
-use super::{Partition, Signal};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
+use crate::segmentation::Partition;
 use coarse::in_cycles;
 
 /// Result of [`cut_pursuit`].
@@ -285,6 +286,40 @@ mod tests {
         assert!(coarse.energy <= 1.001 * published.energy);
         assert_eq!(coarse.energy, energy(&signal, &graph, 0.5, &coarse.partition));
         assert!(coarse.trace.windows(2).all(|w| w[1] <= w[0]), "{:?}", coarse.trace);
+    }
+
+    /// The same problem with node v called `names[v]`.
+    fn renamed(values: &[f32], graph: &Graph, names: &[u32]) -> (Vec<f32>, Graph) {
+        let mut moved = vec![0.0; values.len()];
+        for (v, &name) in names.iter().enumerate() {
+            moved[2 * name as usize..][..2].copy_from_slice(&values[2 * v..][..2]);
+        }
+        let pairs: Vec<[u32; 2]> = graph.edges().iter().map(|e| e.map(|v| names[v as usize])).collect();
+        (moved, Graph::new(names.len(), &pairs, graph.weights()).unwrap())
+    }
+
+    #[test]
+    fn other_names_of_the_nodes_change_the_energy_by_less_than_a_hundredth() {
+        let (values, graph) = noisy_fields(48);
+        let params = CutPursuitParams { strength: STRENGTH, ..Default::default() };
+        let energies: Vec<f64> = (0..8)
+            .map(|seed| {
+                let mut names: Vec<u32> = (0..48 * 48).collect();
+                if seed > 0 {
+                    stream(seed, 4).shuffle(&mut names);
+                }
+                let (moved, other) = renamed(&values, &graph, &names);
+                let signal = Signal::new(&moved, 2).unwrap();
+                let found = cut_pursuit(&signal, &other, &params, &Monitor::default()).unwrap();
+                let of: Vec<u32> = names.iter().map(|&n| found.partition.segments()[n as usize]).collect();
+                let back = Partition::from_labels(&of).unwrap();
+                let original = energy(&Signal::new(&values, 2).unwrap(), &graph, STRENGTH, &back);
+                assert!((original - found.energy).abs() < 1e-6 * original, "a partition costs the same by any names");
+                found.energy
+            })
+            .collect();
+        let (least, most) = energies.iter().fold((f64::INFINITY, 0.0f64), |(l, m), &e| (l.min(e), m.max(e)));
+        assert!(most < 1.01 * least, "{energies:?}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The search for the strength: every trial tells whether it was too fine or too coarse.
 
-use super::super::Partition;
 use crate::error::Result;
+use crate::segmentation::Partition;
 
 /// A step before both sides are known.
 const STEP: f64 = 4.0;

@@ -1,7 +1,8 @@
 //! Values averaged over the graph, to tell which nodes belong together in spite of noise.
 
-use super::super::{Partition, Signal};
+use super::super::Signal;
 use crate::graph::{Adjacency, Graph};
+use crate::segmentation::Partition;
 use rayon::prelude::*;
 
 /// Each pass averages over the nodes one hop away: two reach some dozens of nodes, as many as average noise out but

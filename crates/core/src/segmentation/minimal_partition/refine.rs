@@ -1,11 +1,12 @@
 //! Boundary nodes move to the segment in which they cost least.
 
-use super::connected::connected_partition;
+use super::Signal;
 use super::regions::Regions;
-use super::{Partition, Signal};
 use crate::error::Result;
 use crate::graph::{Adjacency, Graph};
 use crate::parallel::Monitor;
+use crate::segmentation::Partition;
+use crate::segmentation::connected::connected_partition;
 use std::collections::VecDeque;
 
 /// The state of the moves.

@@ -1,8 +1,9 @@
 //! Weights and means of the segments of a partition, the boundaries between them, and the energy of the whole.
 
-use super::connected::Sets;
-use super::{Partition, Signal};
+use super::Signal;
 use crate::graph::Graph;
+use crate::segmentation::Partition;
+use crate::segmentation::connected::Sets;
 
 /// Weight M and mean x of each region; f64 throughout, so that thousands of mergers lose nothing.
 #[derive(Clone, Debug)]
@@ -14,9 +15,9 @@ pub(super) struct Regions {
 
 /// Two regions that touch and what the edges between them cost together.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Link {
-    pub(super) ends: [u32; 2],
-    pub(super) boundary: f64,
+pub(in crate::segmentation) struct Link {
+    pub(in crate::segmentation) ends: [u32; 2],
+    pub(in crate::segmentation) boundary: f64,
 }
 
 impl Regions {
@@ -116,7 +117,7 @@ pub(super) fn node_links(graph: &Graph, strength: f64) -> Vec<Link> {
 }
 
 /// The links between the segments of a partition of the nodes that `links` join, ascending by their ends.
-pub(super) fn contract(links: &[Link], segment: &[u32]) -> Vec<Link> {
+pub(in crate::segmentation) fn contract(links: &[Link], segment: &[u32]) -> Vec<Link> {
     let rename = |link: &Link| {
         let [a, b] = link.ends.map(|end| segment[end as usize]);
         (a != b).then_some(Link { ends: [a.min(b), a.max(b)], boundary: link.boundary })

@@ -1,7 +1,7 @@
 //! One round of merging for large graphs: every region names its best partner, then the pairs merge.
 
-use super::super::connected::Sets;
 use super::super::regions::{Link, Regions};
+use crate::segmentation::connected::Sets;
 
 /// Merges pairs in the order of gain where one is the other's best; nothing if no merger gains.
 ///

@@ -1,9 +1,9 @@
 //! The rounds of cut pursuit: split open segments, merge, look at the energy.
 
+use super::super::Signal;
 use super::super::merge::{GREEDY_LINKS, merge_further};
 use super::super::refine::move_boundary_nodes;
 use super::super::regions::{Link, Regions, contract, energy, node_links};
-use super::super::{Partition, Signal};
 use super::bisect::Scratch;
 use super::piece::Source;
 use super::{CutPursuit, CutPursuitParams};
@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::{Monitor, map_ordered_with};
 use crate::random::stream;
+use crate::segmentation::Partition;
 
 /// State between rounds.
 pub(super) struct Pursuit<'a> {

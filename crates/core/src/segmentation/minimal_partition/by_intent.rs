@@ -6,13 +6,14 @@ mod search;
 pub use params::{Intent, Method, PartitionParams};
 pub use search::{Aim, Candidate, Search, Trial, search_strength};
 
+use super::Signal;
 use super::cut_pursuit::{CutPursuitParams, cut_pursuit};
 use super::merge::{MergeParams, merge};
-use super::{Partition, Signal, oracle_accuracy};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::Monitor;
+use crate::segmentation::{Partition, oracle_accuracy};
 
 /// Side of the plan's cells that count as covered, in metres.
 const CELL: f32 = 2.0;

@@ -1,10 +1,11 @@
 //! Segments that are too small join their best neighbour.
 
-use super::connected::Sets;
+use super::Signal;
 use super::regions::{Link, Regions, compact, contract, node_links};
-use super::{Partition, Signal};
 use crate::error::Result;
 use crate::graph::Graph;
+use crate::segmentation::Partition;
+use crate::segmentation::connected::Sets;
 
 /// As the reference implementation: a chain of small segments needs several passes, but never many.
 const PASSES: usize = 50;

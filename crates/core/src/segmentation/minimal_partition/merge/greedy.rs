@@ -1,9 +1,9 @@
 //! The pair of largest gain merges first: a priority queue in which outdated pairs are skipped.
 
-use super::super::connected::Sets;
 use super::super::regions::{Link, Regions};
 use crate::error::Result;
 use crate::parallel::Monitor;
+use crate::segmentation::connected::Sets;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
