@@ -2,19 +2,23 @@
 
 mod connected;
 mod descriptors;
+mod local_graphs;
 mod majority;
 mod minimal_partition;
+mod object_features;
 mod partition;
 mod segment_graph;
 mod supervoxels;
 
 pub use connected::connected_partition;
 pub use descriptors::{OrientedBox, SegmentShape, segment_means, segment_shapes};
+pub use local_graphs::{Combination, LocalGraphParams, SurfaceRule, local_graphs};
 pub use majority::{Majority, majorities, oracle_accuracy};
 pub use minimal_partition::{
     Aim, Candidate, CutPursuit, CutPursuitParams, Intent, Merge, MergeParams, Method, PartitionParams, Preset, Scene,
     Search, Signal, Trial, cut_pursuit, merge, partition_by_intent, search_strength,
 };
+pub use object_features::{GEOMETRIC, HEIGHT, ObjectAttributes, SPECTRAL, object_features};
 pub use partition::Partition;
 pub use segment_graph::{Interface, segment_graph};
 pub use supervoxels::{

@@ -40,7 +40,7 @@ impl PointAttributes<'_> {
             if rows.len() != points {
                 return Err(Error::input(format!("{} {name} for {points} points", rows.len())));
             }
-            if let Some(at) = rows.iter().position(|row| row.iter().any(|v| !(v.abs() <= 1.001))) {
+            if let Some(at) = rows.iter().position(|row| row.iter().any(|v| v.is_nan() || v.abs() > 1.001)) {
                 return Err(Error::input(format!("{name}: {:?} of point {at} (allowed: -1..=1)", rows[at])));
             }
         }
@@ -132,12 +132,9 @@ impl Supervoxels {
     /// # Errors
     /// If the partition is not one of these supervoxels.
     pub fn point_partition(&self, segments: &Partition) -> Result<Partition> {
-        let mut next = segments.len() as u32;
         let mut labels = self.spread(segments)?;
-        for label in labels.iter_mut().filter(|l| **l == NO_SUPERVOXEL) {
-            *label = next;
-            next += 1;
-        }
+        let alone = labels.iter_mut().filter(|l| **l == NO_SUPERVOXEL);
+        alone.zip(segments.len() as u32..).for_each(|(label, own)| *label = own);
         Partition::from_labels(&labels)
     }
 
