@@ -124,7 +124,7 @@ pub(crate) struct LabelArgs {
 /// The recipe and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe to follow: pyramid (document 004), weak (document 000), or a TOML file [default: pyramid]
+    /// Recipe to follow: pyramid (document 004), weak (document 000), objects (document 002), or a TOML file [default: pyramid]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated

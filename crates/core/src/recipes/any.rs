@@ -22,6 +22,15 @@ impl AnyRecipe {
     /// The names of the recipes that are built in.
     pub const NAMES: [&'static str; 3] = ["pyramid", "weak", "objects"];
 
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Pyramid(_) => "pyramid",
+            Self::Weak(_) => "weak",
+            Self::Objects(_) => "objects",
+        }
+    }
+
     /// The recipe of that name with all defaults.
     ///
     /// # Errors

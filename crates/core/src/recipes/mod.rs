@@ -23,7 +23,7 @@ pub use objects::{
 };
 pub use recipe::{PyramidKind, Recipe, set_key};
 pub use regularise::{Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
-pub use segment::{SegmentParams, SegmentReport, Segmented, segment};
+pub use segment::{GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment};
 pub use suggest::{SuggestParams, Suggestion, suggest};
 pub use train::{DepthScore, cross_validate, train};
 pub use training::{ClassCount, TrainingParams, TrainingReport, planar_density};

@@ -116,6 +116,14 @@ impl ObjectSegments {
         monitor: &Monitor,
     ) -> Result<Partition> {
         let supervoxels = self.supervoxels(points, colours, monitor)?;
-        supervoxels.point_partition(&local_graphs(&supervoxels, &self.local_graphs, monitor)?)
+        self.joined(&supervoxels, monitor)
+    }
+
+    /// Supervoxels joined to segments of the points.
+    ///
+    /// # Errors
+    /// A parameter out of range, cancellation.
+    pub(in crate::recipes) fn joined(&self, supervoxels: &Supervoxels, monitor: &Monitor) -> Result<Partition> {
+        supervoxels.point_partition(&local_graphs(supervoxels, &self.local_graphs, monitor)?)
     }
 }
