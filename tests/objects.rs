@@ -20,9 +20,11 @@ fn objects(settings: &[&str]) -> ObjectsRecipe {
 fn village(seed: u64) -> (Cloud, Labels) {
     let mut random = stream(seed, 1);
     let mut spot = |low: f64, high: f64| low + (high - low) * random.uniform();
-    let houses: Vec<[f64; 3]> =
-        (0..4).map(|i| [8.0 + 26.0 * f64::from(i % 2) + spot(0.0, 4.0), 8.0 + 26.0 * f64::from(i / 2), spot(4.0, 9.0)]).collect();
-    let trees: Vec<[f64; 3]> = (0..6).map(|i| [5.0 + 9.0 * f64::from(i), 27.0 + spot(-1.0, 1.0), spot(3.0, 7.0)]).collect();
+    let houses: Vec<[f64; 3]> = (0..4)
+        .map(|i| [8.0 + 26.0 * f64::from(i % 2) + spot(0.0, 4.0), 8.0 + 26.0 * f64::from(i / 2), spot(4.0, 9.0)])
+        .collect();
+    let trees: Vec<[f64; 3]> =
+        (0..6).map(|i| [5.0 + 9.0 * f64::from(i), 27.0 + spot(-1.0, 1.0), spot(3.0, 7.0)]).collect();
     let (mut rows, mut codes) = (Vec::new(), Vec::new());
     for (i, j) in (0..120).flat_map(|i| (0..120).map(move |j| (i, j))) {
         let (x, y) = (f64::from(i) * 0.5, f64::from(j) * 0.5);

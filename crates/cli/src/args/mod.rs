@@ -8,7 +8,7 @@ mod segments;
 pub(crate) use files::{Convert, Diff, Info, Merge};
 pub(crate) use learning::{Classify, Evaluate, Features, Model, Train};
 pub(crate) use pictures::{Render, ViewArg};
-pub(crate) use segments::{MethodArg, Segment, SegmentArgs, Suggest};
+pub(crate) use segments::{Segment, SegmentArgs, Suggest};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;

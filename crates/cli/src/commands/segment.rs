@@ -5,9 +5,7 @@ use crate::args::{Format, LabelArgs, Segment, SegmentArgs};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::io::{self, Columns, Edit};
-use scansion_core::recipes::{
-    self, Labels, LevelReport, SegmentParams, SegmentReport, Segmented, read_labels,
-};
+use scansion_core::recipes::{self, Labels, LevelReport, SegmentParams, SegmentReport, Segmented, read_labels};
 use scansion_core::segmentation::Intent;
 use std::fmt::Write;
 use std::path::Path;
@@ -86,7 +84,10 @@ fn aimed(args: &SegmentArgs, mut params: SegmentParams) -> scansion_core::Result
 
 fn table(report: &SegmentReport) -> String {
     let mut text = format!("{} segments by {}", report.segments, report.method.name());
-    for (value, what) in [(report.strength.map(|s| format!("{s:.4}")), "strength"), (report.supervoxels.map(|n| n.to_string()), "supervoxels")] {
+    for (value, what) in [
+        (report.strength.map(|s| format!("{s:.4}")), "strength"),
+        (report.supervoxels.map(|n| n.to_string()), "supervoxels"),
+    ] {
         value.iter().for_each(|value| text += &format!(", {what} {value}"));
     }
     text.push('\n');

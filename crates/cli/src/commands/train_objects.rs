@@ -70,11 +70,8 @@ fn held_out(scores: &Scores, what: &str) -> String {
         let name = preset::asprs(class.code).name;
         let percent = [class.precision, class.recall, class.f1_score].map(|v| format!("{:.2} %", 100.0 * v));
         let [precision, recall, f1] = percent;
-        let _ = writeln!(
-            text,
-            "{:>5}  {name:<20} {precision:>10} {recall:>10} {f1:>10} {:>10}",
-            class.code, class.support
-        );
+        let _ =
+            writeln!(text, "{:>5}  {name:<20} {precision:>10} {recall:>10} {f1:>10} {:>10}", class.code, class.support);
     }
     text
 }

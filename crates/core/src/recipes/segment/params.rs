@@ -169,7 +169,11 @@ impl SegmentParams {
             (aim, method) if method.is_on_points() => self.partition.intent = aim,
             (Intent::Strength(strength), SegmentMethod::Riemannian) => self.riemannian.strength = strength,
             (Intent::Strength(_), method) => {
-                return Err(Error::parameter("method", method.name(), "cut-pursuit, merge or riemannian with a strength"));
+                return Err(Error::parameter(
+                    "method",
+                    method.name(),
+                    "cut-pursuit, merge or riemannian with a strength",
+                ));
             }
             (_, method) => return Err(Error::parameter("method", method.name(), "cut-pursuit or merge with this aim")),
         }

@@ -109,11 +109,7 @@ fn on_supervoxels(points: &Points, params: &SegmentParams, monitor: &Monitor) ->
     })
 }
 
-fn of_supervoxels(
-    (cloud, points): (&Cloud, &Points),
-    params: &SegmentParams,
-    monitor: &Monitor,
-) -> Result<Parted> {
+fn of_supervoxels((cloud, points): (&Cloud, &Points), params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
     let mut objects = params.objects.clone();
     let colours = objects.colours(cloud, points)?;
     objects.supervoxels = match params.method {
