@@ -7,12 +7,15 @@ mod extras;
 mod optimal;
 mod params;
 mod pyramid;
+mod region;
 mod spacing;
 mod table;
 mod tensor;
+mod tiles;
 
 pub use extractor::{Extractor, Scratch, Wanted};
 pub use optimal::{OPTIMAL, OptimalFeatures, local_descriptors, optimal_features, optimal_features_of};
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};
 pub use spacing::spacing;
 pub use table::{FeatureTable, table, table_at};
+pub use tiles::Tiles;
