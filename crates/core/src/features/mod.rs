@@ -13,6 +13,7 @@ mod table;
 mod tensor;
 
 pub use extractor::{Extractor, Scratch, Wanted};
+pub use extras::colours;
 pub use normals::{Normals, normals};
 pub use optimal::{OPTIMAL, OptimalFeatures, local_descriptors, optimal_features, optimal_features_of};
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};

@@ -6,7 +6,10 @@ mod local_graphs;
 mod majority;
 mod minimal_partition;
 mod object_features;
+mod octree;
 mod partition;
+mod region_growing;
+mod riemannian;
 mod segment_graph;
 mod supervoxels;
 
@@ -19,7 +22,15 @@ pub use minimal_partition::{
     Search, Signal, Trial, cut_pursuit, merge, partition_by_intent, search_strength,
 };
 pub use object_features::{GEOMETRIC, HEIGHT, ObjectAttributes, SPECTRAL, object_features};
+pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};
 pub use partition::Partition;
+pub use region_growing::{
+    GrownRegions, Leftovers, OctreeGrowingParams, Reference, RegionGrowingParams, octree_region_growing, region_growing,
+};
+pub use riemannian::{
+    GraphSizes, KMeansParams, Nearest, NodeWeight, Riemannian, RiemannianGraphParams, RiemannianParams, Scale, Sides,
+    StageSeconds, Start, Symmetry, multi_scale, riemannian, riemannian_with_normals,
+};
 pub use segment_graph::{Interface, segment_graph};
 pub use supervoxels::{
     NO_SUPERVOXEL, Normaliser, PointAttributes, SlicParams, SupervoxelShape, SupervoxelWeights, Supervoxels,
