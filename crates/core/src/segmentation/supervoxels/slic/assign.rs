@@ -61,18 +61,36 @@ impl WithSimd for Block<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Vec<u32> {
+        match (self.scene.normals[0].is_empty(), self.scene.colours[0].is_empty()) {
+            (true, true) => self.run::<false, false>(),
+            (true, false) => self.run::<false, true>(),
+            (false, true) => self.run::<true, false>(),
+            (false, false) => self.run::<true, true>(),
+        }
+    }
+}
+
+impl Block<'_> {
+    #[inline(always)]
+    fn run<const NORMALS: bool, const COLOURS: bool>(self) -> Vec<u32> {
         let cells = &self.scene.cells;
         let points = cells.range(self.cells.start).start..cells.range(self.cells.end - 1).end;
-        let mut labels = vec![NO_SUPERVOXEL; points.len()];
-        let mut best = vec![f32::INFINITY; points.len()];
+        let mut labels = Vec::with_capacity(points.len());
+        let mut groups = Vec::new();
         for cell in self.cells {
             let own = cells.range(cell);
-            let at = own.start - points.start..own.end - points.start;
+            let rim = load(self.scene, own.clone(), &mut groups);
             gather(self.by_cell, cells.keys[cell], self.near);
-            let (best, labels) = (&mut best[at.clone()], &mut labels[at]);
             for &c in self.near.iter() {
-                compete(self.scene, own.clone(), (c, &self.centres[c as usize], self.distance), (best, labels));
+                let centre = &self.centres[c as usize];
+                if rim.is_within(centre.place, self.distance.reach) {
+                    for group in &mut groups {
+                        compete::<NORMALS, COLOURS>(group, (c, centre), self.distance);
+                    }
+                }
             }
+            let all = groups.iter().flat_map(|group| &group.labels);
+            labels.extend(all.take(own.len()));
         }
         labels
     }
@@ -86,62 +104,103 @@ fn gather(by_cell: &Cells, key: u64, near: &mut Vec<u32>) {
     near.sort_unstable();
 }
 
-/// One centre against the points of a range. Loops over plain slices of one length, which the compiler vectorises.
+/// Points that compete together.
+const LANES: usize = 16;
+
+/// Place, normal and colour of points, one in each lane, and what they have found so far. Lanes without a point are
+/// infinitely far away.
+#[derive(Clone)]
+struct Group {
+    place: [[f32; LANES]; 3],
+    normal: [[f32; LANES]; 3],
+    colour: [[f32; LANES]; 3],
+    best: [f32; LANES],
+    labels: [u32; LANES],
+}
+
+const EMPTY: Group = Group {
+    place: [[f32::INFINITY; LANES]; 3],
+    normal: [[0.0; LANES]; 3],
+    colour: [[0.0; LANES]; 3],
+    best: [f32::INFINITY; LANES],
+    labels: [NO_SUPERVOXEL; LANES],
+};
+
+/// The smallest box around some points.
+struct Rim {
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl Rim {
+    /// True if the box and the cube of a centre meet.
+    fn is_within(&self, centre: [f32; 3], reach: f32) -> bool {
+        // As the points themselves are measured: no rounding can lose one of them.
+        (0..3).all(|a| self.low[a] - centre[a] <= reach && self.high[a] - centre[a] >= -reach)
+    }
+}
+
+/// Fills the groups with the points of a range.
+fn load(scene: &Sorted, points: Range<usize>, groups: &mut Vec<Group>) -> Rim {
+    groups.clear();
+    groups.resize(points.len().div_ceil(LANES), EMPTY);
+    let mut rim = Rim { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
+    for (a, axis) in [&scene.x, &scene.y, &scene.z].into_iter().enumerate() {
+        let axis = &axis[points.clone()];
+        for (group, values) in groups.iter_mut().zip(axis.chunks(LANES)) {
+            group.place[a][..values.len()].copy_from_slice(values);
+        }
+        (rim.low[a], rim.high[a]) =
+            axis.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+        for (columns, pick) in [(&scene.normals, false), (&scene.colours, true)] {
+            let Some(values) = columns[a].get(points.clone()) else { continue };
+            for (group, values) in groups.iter_mut().zip(values.chunks(LANES)) {
+                let slot = if pick { &mut group.colour } else { &mut group.normal };
+                slot[a][..values.len()].copy_from_slice(values);
+            }
+        }
+    }
+    rim
+}
+
+/// One centre against a group. Loops over lanes, which the compiler turns into vector instructions.
 #[inline(always)]
-fn compete(
-    scene: &Sorted,
-    points: Range<usize>,
-    (label, centre, distance): (u32, &Centre, &Distance),
-    (best, labels): (&mut [f32], &mut [u32]),
+fn compete<const NORMALS: bool, const COLOURS: bool>(
+    group: &mut Group,
+    (label, centre): (u32, &Centre),
+    distance: &Distance,
 ) {
-    match (scene.normals[0].is_empty(), scene.colours[0].is_empty()) {
-        (true, true) => run::<false, false>(scene, points, (label, centre, distance), (best, labels)),
-        (true, false) => run::<false, true>(scene, points, (label, centre, distance), (best, labels)),
-        (false, true) => run::<true, false>(scene, points, (label, centre, distance), (best, labels)),
-        (false, false) => run::<true, true>(scene, points, (label, centre, distance), (best, labels)),
+    let (Distance { reach, spatial, colour, normal }, Centre { place: p, normal: m, colour: c }) = (*distance, *centre);
+    let [x, y, z] = &group.place;
+    let (mut value, mut far) = ([0.0f32; LANES], [0.0f32; LANES]);
+    for l in 0..LANES {
+        let d = [x[l] - p[0], y[l] - p[1], z[l] - p[2]];
+        value[l] = spatial * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        far[l] = larger(larger(d[0].abs(), d[1].abs()), d[2].abs());
+    }
+    if NORMALS {
+        let [x, y, z] = &group.normal;
+        for l in 0..LANES {
+            value[l] += normal * angle_squared([x[l], y[l], z[l]], m);
+        }
+    }
+    if COLOURS {
+        let [r, g, b] = &group.colour;
+        for l in 0..LANES {
+            let d = [r[l] - c[0], g[l] - c[1], b[l] - c[2]];
+            value[l] += colour * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        }
+    }
+    for l in 0..LANES {
+        let better = (far[l] <= reach) & (value[l] < group.best[l]);
+        group.best[l] = if better { value[l] } else { group.best[l] };
+        group.labels[l] = if better { label } else { group.labels[l] };
     }
 }
 
 #[inline(always)]
-fn run<const NORMALS: bool, const COLOURS: bool>(
-    scene: &Sorted,
-    points: Range<usize>,
-    (label, centre, distance): (u32, &Centre, &Distance),
-    (best, labels): (&mut [f32], &mut [u32]),
-) {
-    let n = points.len();
-    let (x, y, z) = (&scene.x[points.clone()][..n], &scene.y[points.clone()][..n], &scene.z[points.clone()][..n]);
-    let [nx, ny, nz] = rows(&scene.normals, points.clone(), NORMALS);
-    let [r, g, b] = rows(&scene.colours, points, COLOURS);
-    let (best, labels) = (&mut best[..n], &mut labels[..n]);
-    for i in 0..n {
-        let d = [x[i] - centre.place[0], y[i] - centre.place[1], z[i] - centre.place[2]];
-        let inside = within(d, distance.reach);
-        let mut value = distance.spatial * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-        if NORMALS {
-            value += distance.normal * angle_squared([nx[i], ny[i], nz[i]], centre.normal);
-        }
-        if COLOURS {
-            let d = [r[i] - centre.colour[0], g[i] - centre.colour[1], b[i] - centre.colour[2]];
-            value += distance.colour * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-        }
-        let better = inside & (value < best[i]);
-        best[i] = if better { value } else { best[i] };
-        labels[i] = if better { label } else { labels[i] };
-    }
-}
-
-/// Three columns over a range, or nothing.
-#[inline(always)]
-fn rows(columns: &[Vec<f32>; 3], points: Range<usize>, wanted: bool) -> [&[f32]; 3] {
-    let n = points.len();
-    let [a, b, c] = columns;
-    if wanted { [&a[points.clone()][..n], &b[points.clone()][..n], &c[points][..n]] } else { [&[]; 3] }
-}
-
-#[inline(always)]
-fn within(d: [f32; 3], reach: f32) -> bool {
-    (d[0].abs() <= reach) & (d[1].abs() <= reach) & (d[2].abs() <= reach)
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 /// Square of the angle between two directions without sign, radians: acos²(|a · b|) by Abramowitz and Stegun 4.4.46,
@@ -177,7 +236,7 @@ impl Distance {
     /// True if the cube of a centre holds a point.
     pub(super) fn reaches(&self, scene: &Sorted, i: usize, centre: &Centre) -> bool {
         let p = scene.place(i);
-        within([0, 1, 2].map(|a| p[a] - centre.place[a]), self.reach)
+        (0..3).all(|a| (p[a] - centre.place[a]).abs() <= self.reach)
     }
 }
 

@@ -107,6 +107,7 @@ impl<'a> Flow<'a> {
         best
     }
 
+    #[inline(always)]
     fn distance(&self, v: usize, owner: u32) -> f32 {
         let centre = self.centres.get(owner as usize);
         centre.map_or(f32::INFINITY, |centre| self.metric.between(&self.voxels.voxels[v], centre))
