@@ -3,6 +3,7 @@
 use super::contour::{Surfaces, contour_features};
 use super::definition::PER_LEVEL;
 use super::params::{Column, PyramidParams};
+use super::region::Region;
 use super::tensor::{Batch, Convention, LANES, MOST, Tensor, covariance_features, tensor};
 use crate::cloud::Points;
 use crate::error::Result;
@@ -29,6 +30,10 @@ pub(super) struct Stage {
     surfaces: Vec<Packed>,
     columns: Option<Columns>,
     slots: Slots,
+    /// Where the level is whole, if not everywhere.
+    region: Option<Region>,
+    /// Level points whose surface may not be the whole level's; empty if the level is whole.
+    open: Vec<bool>,
 }
 
 /// Reusable state of one thread.
@@ -39,6 +44,26 @@ pub struct Scratch {
     batch: Batch,
     surfaces: Surfaces,
     found: [[u32; LANES]; MOST],
+    loose: Vec<u32>,
+}
+
+impl Scratch {
+    /// Rows of the block that was computed last whose neighbours may lie beyond the part of the cloud that is held;
+    /// ascending.
+    pub fn loose(&self) -> &[u32] {
+        &self.loose
+    }
+
+    /// Before the stages of a block.
+    pub(super) fn begin(&mut self) {
+        self.loose.clear();
+    }
+
+    /// After the stages of a block.
+    pub(super) fn finish(&mut self) {
+        self.loose.sort_unstable();
+        self.loose.dedup();
+    }
 }
 
 impl Default for Scratch {
@@ -49,6 +74,7 @@ impl Default for Scratch {
             batch: Batch::default(),
             surfaces: Surfaces::default(),
             found: [[0; LANES]; MOST],
+            loose: Vec::new(),
         }
     }
 }
@@ -62,12 +88,20 @@ pub(super) struct Job<'a> {
 }
 
 impl Stage {
-    /// Prepares a level; surfaces and columns only if some wanted feature needs them.
-    pub(super) fn new(level: Level, slots: Slots, params: &PyramidParams, monitor: &Monitor) -> Result<Self> {
+    /// Prepares a level that is whole in `region`, or everywhere; surfaces and columns only if some wanted feature needs them.
+    pub(super) fn new(
+        (level, region): (Level, Option<Region>),
+        slots: Slots,
+        params: &PyramidParams,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let wants = |range: Range<usize>| slots[range].iter().any(|&s| s != NOWHERE);
         let columns = wants(13..16).then(|| Columns::new(&level, params.column_radius * level.size));
-        let surfaces = if wants(9..13) { surfaces(&level, params, monitor)? } else { Vec::new() };
-        Ok(Self { level, surfaces, columns, slots })
+        let (surfaces, open) = match wants(9..13) {
+            true => surfaces(&level, region.as_ref(), params, monitor)?,
+            false => (Vec::new(), Vec::new()),
+        };
+        Ok(Self { level, surfaces, columns, slots, region, open })
     }
 
     /// Computes the wanted features of the queries.
@@ -91,6 +125,9 @@ impl Stage {
             }
             if self.slots[..13].iter().any(|&s| s != NOWHERE) {
                 let count = fill(simd, (&self.level, &self.surfaces), points, lanes.clone(), (params, &mut *scratch));
+                if let Some(region) = &self.region {
+                    self.note_loose(region, points, lanes.clone(), (count, row), (params, &mut *scratch));
+                }
                 self.shape(simd, count, lanes.len(), job, row, (params, &mut *scratch));
             }
         }
@@ -129,6 +166,28 @@ impl Stage {
             contour_features(simd, &scratch.batch, &scratch.surfaces, count, &tensor.second, near)
         };
         store(&contour, &self.slots[9..13], lanes, job, row);
+    }
+
+    /// Notes the queries of the filled batch that may have nearer neighbours beyond the region, or neighbours that may.
+    #[inline(never)]
+    fn note_loose(
+        &self,
+        region: &Region,
+        points: &Points,
+        lanes: Range<usize>,
+        (count, row): (usize, usize),
+        (params, scratch): (&PyramidParams, &mut Scratch),
+    ) {
+        let found = count - usize::from(params.include_query);
+        let all = found == params.k.min(MOST - 1) - usize::from(params.include_query);
+        for (l, i) in lanes.enumerate() {
+            let at = [points.x[i], points.y[i], points.z[i]];
+            let open = |rows: &[u32; LANES]| self.open.get(rows[l] as usize).is_some_and(|&open| open);
+            let sure = region.holds(at, farthest(&scratch.batch, found, l), all);
+            if !sure || scratch.found[..found].iter().any(open) {
+                scratch.loose.push((row + l) as u32);
+            }
+        }
     }
 
     #[inline(always)]
@@ -178,6 +237,8 @@ struct Pack<'a> {
     points: &'a Points,
     params: &'a PyramidParams,
     packed: &'a mut [Packed],
+    /// Where the level is whole, and the points whose neighbours may lie elsewhere.
+    open: Option<(&'a Region, &'a mut [bool])>,
 }
 
 impl WithSimd for Pack<'_> {
@@ -185,7 +246,7 @@ impl WithSimd for Pack<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        pack_all(simd, self.level, self.points, self.params, self.packed);
+        pack_all(simd, self);
     }
 }
 
@@ -271,8 +332,23 @@ fn unpack(packed: &[Packed], found: &[[u32; LANES]], surfaces: &mut Surfaces) {
     }
 }
 
-/// First pass: normal and surface variation of every point of the level, from its k nearest on the level (itself one).
-fn surfaces(level: &Level, params: &PyramidParams, monitor: &Monitor) -> Result<Vec<Packed>> {
+/// Squared distance of the last of the first `found` neighbours of a lane, which stand in ascending order.
+#[inline(always)]
+fn farthest(batch: &Batch, found: usize, lane: usize) -> f32 {
+    match found.checked_sub(1) {
+        Some(last) => batch.x[last][lane].powi(2) + batch.y[last][lane].powi(2) + batch.z[last][lane].powi(2),
+        None => 0.0,
+    }
+}
+
+/// First pass: normal and surface variation of every point of the level, from its k nearest on the level (itself one), and
+/// which of them may be different on the whole level.
+fn surfaces(
+    level: &Level,
+    region: Option<&Region>,
+    params: &PyramidParams,
+    monitor: &Monitor,
+) -> Result<(Vec<Packed>, Vec<bool>)> {
     let params = PyramidParams { include_query: false, ..params.clone() };
     let chunks = map_ordered(level.len().div_ceil(CHUNK), monitor, |c| {
         let range = c * CHUNK..((c + 1) * CHUNK).min(level.len());
@@ -283,19 +359,31 @@ fn surfaces(level: &Level, params: &PyramidParams, monitor: &Monitor) -> Result<
             ..Points::default()
         };
         let mut packed = vec![[0; 4]; range.len()];
-        Arch::new().dispatch(Pack { level, points: &points, params: &params, packed: &mut packed });
-        Ok(packed)
+        let mut open = vec![false; if region.is_some() { range.len() } else { 0 }];
+        let part = region.map(|region| (region, &mut open[..]));
+        Arch::new().dispatch(Pack { level, points: &points, params: &params, packed: &mut packed, open: part });
+        Ok((packed, open))
     })?;
-    Ok(chunks.concat())
+    let (mut packed, mut open) = (Vec::new(), Vec::new());
+    packed.reserve_exact(level.len());
+    for chunk in chunks {
+        packed.extend(chunk.0);
+        open.extend(chunk.1);
+    }
+    Ok((packed, open))
 }
 
 #[inline(always)]
-fn pack_all<S: Simd>(simd: S, level: &Level, points: &Points, params: &PyramidParams, packed: &mut [Packed]) {
+fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
+    let Pack { level, points, params, packed, mut open } = work;
     let mut scratch = Scratch::default();
     let convention = Convention { centre: params.centre, divisor: params.divisor };
     for first in (0..points.len()).step_by(LANES) {
         let lanes = first..(first + LANES).min(points.len());
         let count = fill(simd, (level, &[]), points, lanes.clone(), (params, &mut scratch));
+        if let Some((region, open)) = &mut open {
+            note_open(region, points, lanes.clone(), (&scratch.batch, count, params), open);
+        }
         let found = if count == 10 {
             tensor(&scratch.batch, 10, convention)
         } else {
@@ -306,6 +394,21 @@ fn pack_all<S: Simd>(simd: S, level: &Level, points: &Points, params: &PyramidPa
             let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
             *slot = [part(0), part(1), part(2), (variation[l] * 196_605.0).round() as u16];
         }
+    }
+}
+
+/// Notes the level points of the filled batch that may have nearer neighbours beyond the region.
+#[inline(never)]
+fn note_open(
+    region: &Region,
+    points: &Points,
+    lanes: Range<usize>,
+    (batch, count, params): (&Batch, usize, &PyramidParams),
+    open: &mut [bool],
+) {
+    for (l, i) in lanes.enumerate() {
+        let at = [points.x[i], points.y[i], points.z[i]];
+        open[i] = !region.holds(at, farthest(batch, count, l), count == params.k.min(MOST - 1));
     }
 }
 
@@ -325,7 +428,7 @@ mod tests {
         let points = sorted(points, &grid);
         let params = PyramidParams::default();
         for level in build_levels(&points, &grid, 5) {
-            let stage = Stage::new(level, std::array::from_fn(|f| f), &params, &Monitor::default()).unwrap();
+            let stage = Stage::new((level, None), std::array::from_fn(|f| f), &params, &Monitor::default()).unwrap();
             let with = |vectors: bool| {
                 let mut out = vec![0.0; points.len() * PER_LEVEL];
                 let mut job = Job { points: &points, range: 0..points.len(), width: PER_LEVEL, out: &mut out };

@@ -2,6 +2,7 @@
 
 mod build;
 mod components;
+mod felzenszwalb;
 mod max_flow;
 mod orientation;
 mod spanning_tree;
@@ -10,6 +11,7 @@ mod weight;
 
 pub use build::{KnnGraphParams, Multiplicity, knn_graph};
 pub use components::{Components, connected_components};
+pub use felzenszwalb::{EdgeMeaning, FelzenszwalbMerger, FelzenszwalbParams, felzenszwalb};
 pub use max_flow::MaxFlow;
 pub use orientation::{Orientation, orient};
 pub use spanning_tree::minimum_spanning_tree;

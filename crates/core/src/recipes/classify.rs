@@ -1,6 +1,7 @@
 //! Naming every point of a cloud with a model, block by block.
 
 use super::any::AnyRecipe;
+use super::objects::classify_objects;
 use super::recipe::Recipe;
 use super::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, largest, regularise};
 use super::training::planar_density;
@@ -8,7 +9,7 @@ use super::weak::classify_weak;
 use crate::classification::{Model, PredictScratch};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
-use crate::features::{Extractor, FeatureSet, Scratch, Wanted};
+use crate::features::{Extractor, FeatureSet, Scratch, Tiles, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
 
 /// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
@@ -57,14 +58,28 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
     match &recipe {
         AnyRecipe::Pyramid(recipe) => classify_pyramid(cloud, (model, recipe), (params, &agree), monitor),
         AnyRecipe::Weak(recipe) => {
-            let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
-            let metres = params.metres_per_unit.or(cloud.metres_per_unit);
-            result.warnings = warnings(cloud, model, metres.unwrap_or(1.0));
             let (points, found) = classify_weak(cloud, (model, recipe), (params.metres_per_unit, &agree), monitor)?;
-            result.adopt(&points.index, &found, model);
-            Ok(result)
+            Ok(adopted(cloud, model, params, (&points.index, &found)))
+        }
+        AnyRecipe::Objects(recipe) => {
+            let metres = params.metres_per_unit;
+            let (points, found) = classify_objects(cloud, (model, recipe), (metres, &agree), monitor)?;
+            Ok(adopted(cloud, model, params, (&points.index, &found)))
         }
     }
+}
+
+/// The answers of a recipe that decides on all points together.
+fn adopted(
+    cloud: &Cloud,
+    model: &Model,
+    params: &ClassifyParams,
+    (index, found): (&[u32], &Regularised),
+) -> Classified {
+    let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
+    result.warnings = warnings(cloud, model, params.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0));
+    result.adopt(index, found, model);
+    result
 }
 
 fn classify_pyramid(
@@ -101,21 +116,43 @@ fn point_by_point(
 ) -> Result<Classified> {
     let mut result = Classified::unknown(cloud.len(), model.classes.len(), probabilities);
     result.warnings = warnings(cloud, model, set.metres(cloud));
-    let extractor = prepare(cloud, set, model, monitor)?;
-    monitor.stage("classify", extractor.len() as u64);
-    let blocks = extractor.blocks();
-    let groups = blocks.div_ceil(TOGETHER);
-    for first in (0..groups).step_by(GROUPS_AT_ONCE) {
-        let range = first..(first + GROUPS_AT_ONCE).min(groups);
-        let parts =
-            map_ordered_with(range, monitor, Workspace::default, |w, g| w.group(g, &extractor, model, monitor))?;
-        parts.iter().for_each(|part| result.place(part, model));
+    let tiles = prepare(cloud, set, model, monitor)?;
+    monitor.stage("classify", tiles.len() as u64);
+    for part in 0..tiles.parts() {
+        let (mut places, mut attempt) = (tiles.places(part), 0);
+        while !places.is_empty() {
+            let extractor = tiles.extractor(&places, attempt, monitor)?;
+            let loose = all_blocks(&extractor, model, &mut result, monitor)?;
+            places = loose.into_iter().map(|row| places[row]).collect();
+            attempt += 1;
+        }
     }
     Ok(result)
 }
 
+/// Names the points of an extractor; returns the rows that it cannot be sure of.
+fn all_blocks(
+    extractor: &Extractor<'_>,
+    model: &Model,
+    result: &mut Classified,
+    monitor: &Monitor,
+) -> Result<Vec<usize>> {
+    let groups = extractor.blocks().div_ceil(TOGETHER);
+    let mut loose = Vec::new();
+    for first in (0..groups).step_by(GROUPS_AT_ONCE) {
+        let range = first..(first + GROUPS_AT_ONCE).min(groups);
+        let parts = map_ordered_with(range, monitor, Workspace::default, |w, g| w.group(g, extractor, model, monitor))?;
+        for part in parts {
+            result.place(&part, model);
+            monitor.advance((part.points.len() - part.loose.len()) as u64);
+            loose.extend(part.loose);
+        }
+    }
+    Ok(loose)
+}
+
 /// The pyramid with just the features that the model's trees use.
-fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Monitor) -> Result<Extractor<'a>> {
+fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Monitor) -> Result<Tiles<'a>> {
     let known = set.names(set.pyramid.first_scale.unwrap_or_default());
     if let Some(name) = model.feature_names.iter().find(|name| !known.contains(name)) {
         return Err(Error::ModelMismatch(format!(
@@ -123,7 +160,7 @@ fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Moni
             known.len()
         )));
     }
-    Extractor::prepare(cloud, set, (Wanted::Names(&model.feature_names), None), monitor)
+    Tiles::prepare(cloud, set, Wanted::Names(&model.feature_names), monitor)
 }
 
 #[derive(Default)]
@@ -138,21 +175,23 @@ struct Workspace {
 struct Part {
     points: Vec<u32>,
     probabilities: Vec<f32>,
+    /// Rows of the extractor that it cannot be sure of.
+    loose: Vec<usize>,
 }
 
 impl Workspace {
     fn group(&mut self, g: usize, extractor: &Extractor<'_>, model: &Model, monitor: &Monitor) -> Result<Part> {
-        let mut points = Vec::new();
+        let (mut points, mut loose) = (Vec::new(), Vec::new());
         self.group.clear();
         for b in g * TOGETHER..((g + 1) * TOGETHER).min(extractor.blocks()) {
             monitor.check()?;
             points.extend_from_slice(extractor.block(b, &mut self.scratch, &mut self.rows));
             self.group.extend_from_slice(&self.rows);
+            loose.extend(self.scratch.loose().iter().map(|&row| b * Extractor::BLOCK + row as usize));
         }
         let mut probabilities = vec![0.0; points.len() * model.classes.len()];
         model.classifier.predict_block(&self.group, &mut self.trees, &mut probabilities)?;
-        monitor.advance(points.len() as u64);
-        Ok(Part { points, probabilities })
+        Ok(Part { points, probabilities, loose })
     }
 }
 

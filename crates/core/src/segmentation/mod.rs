@@ -2,21 +2,26 @@
 
 mod connected;
 mod descriptors;
+mod local_graphs;
 mod majority;
 mod minimal_partition;
+mod object_features;
 mod octree;
 mod partition;
 mod region_growing;
 mod riemannian;
 mod segment_graph;
+mod supervoxels;
 
 pub use connected::connected_partition;
 pub use descriptors::{OrientedBox, SegmentShape, segment_means, segment_shapes};
+pub use local_graphs::{Combination, LocalGraphParams, SurfaceRule, local_graphs};
 pub use majority::{Majority, majorities, oracle_accuracy};
 pub use minimal_partition::{
     Aim, Candidate, CutPursuit, CutPursuitParams, Intent, Merge, MergeParams, Method, PartitionParams, Preset, Scene,
     Search, Signal, Trial, cut_pursuit, merge, partition_by_intent, search_strength,
 };
+pub use object_features::{GEOMETRIC, HEIGHT, ObjectAttributes, SPECTRAL, object_features};
 pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};
 pub use partition::Partition;
 pub use region_growing::{
@@ -27,3 +32,7 @@ pub use riemannian::{
     StageSeconds, Start, Symmetry, multi_scale, riemannian, riemannian_with_normals,
 };
 pub use segment_graph::{Interface, segment_graph};
+pub use supervoxels::{
+    NO_SUPERVOXEL, Normaliser, PointAttributes, SlicParams, SupervoxelShape, SupervoxelWeights, Supervoxels,
+    VccsParams, slic, vccs,
+};

@@ -86,7 +86,7 @@ pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Mon
     let partition = match trivial_partition(signal, graph, params.strength)? {
         Some(partition) => partition,
         None => {
-            let links = node_links(graph, params.strength);
+            let links = node_links(graph, params.strength).collect();
             Partition::from_labels(&merge_further(Regions::of_nodes(signal), links, GREEDY_LINKS, monitor)?.became)?
         }
     };
@@ -136,7 +136,7 @@ impl Merger {
     fn unite(&mut self, sets: Sets) {
         let (number, left) = compact(&self.regions, sets);
         self.became.iter_mut().for_each(|region| *region = number[*region as usize]);
-        self.links = contract(&self.links, &number);
+        self.links = contract(std::mem::take(&mut self.links), &number);
         self.regions = left;
     }
 }
@@ -175,7 +175,7 @@ mod tests {
     fn many_at_once_and_one_by_one_both_leave_no_merger_that_gains() {
         let (values, graph) = (chequer(32, 2), grid(32));
         let signal = Signal::new(&values, 1).unwrap();
-        let links = node_links(&graph, 0.03);
+        let links: Vec<Link> = node_links(&graph, 0.03).collect();
         let start = energy(&signal, &graph, 0.03, &Partition::from_labels(&(0..1024).collect::<Vec<_>>()).unwrap());
         let (mut regions, mut left) = (Regions::of_nodes(&signal), links.clone());
         let mut became: Vec<u32> = (0..1024).collect();
@@ -183,7 +183,7 @@ mod tests {
         while let Some(sets) = batch::merge_best_pairs(&mut regions, &left) {
             let (number, next) = compact(&regions, sets);
             became.iter_mut().for_each(|r| *r = number[*r as usize]);
-            (left, regions) = (contract(&left, &number), next);
+            (left, regions) = (contract(left, &number), next);
             let now = energy(&signal, &graph, 0.03, &Partition::from_labels(&became).unwrap());
             assert!(now < last, "every round lowers the energy");
             last = now;
@@ -193,7 +193,7 @@ mod tests {
         for labels in [became, one_by_one] {
             let partition = Partition::from_labels(&labels).unwrap();
             let regions = Regions::of_segments(&signal, &partition);
-            let links = contract(&node_links(&graph, 0.03), partition.segments());
+            let links = contract(node_links(&graph, 0.03), partition.segments());
             assert!(links.iter().all(|l| l.boundary - regions.loss(l.ends) < 1e-9));
         }
     }

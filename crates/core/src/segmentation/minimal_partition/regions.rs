@@ -111,18 +111,19 @@ pub(super) fn weighted_mean<'a>(rows: impl Iterator<Item = (&'a [f32], f64)>, me
 }
 
 /// The edges of a graph as links between its nodes, each costing `strength` times its weight.
-pub(super) fn node_links(graph: &Graph, strength: f64) -> Vec<Link> {
+pub(super) fn node_links(graph: &Graph, strength: f64) -> impl Iterator<Item = Link> {
     let edges = graph.edges().iter().zip(graph.weights());
-    edges.map(|(&ends, &w)| Link { ends, boundary: strength * f64::from(w) }).collect()
+    edges.map(move |(&ends, &w)| Link { ends, boundary: strength * f64::from(w) })
 }
 
-/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends.
-pub(in crate::segmentation) fn contract(links: &[Link], segment: &[u32]) -> Vec<Link> {
-    let rename = |link: &Link| {
+/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends; a vector of
+/// links is contracted in its own memory.
+pub(in crate::segmentation) fn contract(links: impl IntoIterator<Item = Link>, segment: &[u32]) -> Vec<Link> {
+    let rename = |link: Link| {
         let [a, b] = link.ends.map(|end| segment[end as usize]);
         (a != b).then_some(Link { ends: [a.min(b), a.max(b)], boundary: link.boundary })
     };
-    let mut joined: Vec<Link> = links.iter().filter_map(rename).collect();
+    let mut joined: Vec<Link> = links.into_iter().filter_map(rename).collect();
     // A stable sort: the sum of parallel links does not depend on how the sort moves equal keys.
     joined.sort_by_key(|link| link.ends);
     joined.dedup_by(|next, kept| {
@@ -185,7 +186,7 @@ mod tests {
             let graph = Graph::new(8, &pairs, &vec![0.25; pairs.len()]).unwrap();
             let before = Partition::from_labels(&[0, 0, 1, 1, 2, 2, 2, 1]).unwrap();
             let after = Partition::from_labels(&[0, 0, 1, 1, 1, 1, 1, 1]).unwrap();
-            let links = contract(&node_links(&graph, 0.3), before.segments());
+            let links = contract(node_links(&graph, 0.3), before.segments());
             let mut regions = Regions::of_segments(&signal, &before);
             let link = links.iter().find(|l| l.ends == [1, 2]).unwrap();
             let gain = link.boundary - regions.loss(link.ends);
@@ -201,6 +202,6 @@ mod tests {
     fn parallel_links_add_up_and_inner_ones_vanish() {
         let link = |a, b, boundary| Link { ends: [a, b], boundary };
         let links = [link(0, 1, 1.0), link(0, 2, 2.0), link(1, 3, 4.0), link(2, 3, 8.0)];
-        assert_eq!(contract(&links, &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
+        assert_eq!(contract(links, &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
     }
 }

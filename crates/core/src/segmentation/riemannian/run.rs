@@ -12,10 +12,11 @@ use crate::graph::orient;
 use crate::neighbours::{Neighbours, knn};
 use crate::parallel::Monitor;
 use crate::segmentation::{CutPursuitParams, Partition, Signal, cut_pursuit, octree};
+use serde::Serialize;
 use std::time::Instant;
 
 /// Seconds that the stages took.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct StageSeconds {
     /// Neighbours, normals and their orientation; 0 if they were given.
     pub normals: f64,

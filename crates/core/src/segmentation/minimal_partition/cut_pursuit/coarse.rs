@@ -7,12 +7,12 @@
 use super::super::Signal;
 use super::super::merge::merge_further;
 use super::super::refine::move_boundary_nodes;
-use super::super::regions::{Regions, contract, energy, node_links};
+use super::super::regions::{Link, Regions, contract, energy, node_links};
 use super::iterate::Pursuit;
 use super::smooth::smoothed;
 use super::{CutPursuit, CutPursuitParams};
 use crate::error::Result;
-use crate::graph::{Adjacency, Graph};
+use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::segmentation::Partition;
 use crate::segmentation::connected::connected_partition;
@@ -26,11 +26,10 @@ const NODES_TO_ONE: usize = 16;
 /// ... but so many coarse nodes to a segment are kept.
 const NODES_A_SEGMENT: usize = 32;
 
-/// A graph with its values.
+/// A graph with its values. The adjacency of a large graph is large and quickly made: only who needs it holds it.
 struct Problem<'a> {
     signal: &'a Signal<'a>,
     graph: &'a Graph,
-    adjacency: Adjacency,
     params: &'a CutPursuitParams,
     monitor: &'a Monitor,
 }
@@ -44,7 +43,7 @@ pub(super) fn in_cycles(
     params: &CutPursuitParams,
     monitor: &Monitor,
 ) -> Result<CutPursuit> {
-    let problem = Problem { signal, graph, adjacency: graph.adjacency(), params, monitor };
+    let problem = Problem { signal, graph, params, monitor };
     let partition = connected_partition(graph, |_, _| true)?;
     let start = energy(signal, graph, params.strength, &partition);
     let (centroids, trace) = (Vec::new(), vec![start]);
@@ -79,7 +78,7 @@ impl Problem<'_> {
         let regions = Regions::of_segments(signal, &merged);
         let weights: Vec<f32> = (0..merged.len() as u32).map(|region| regions.weight(region) as f32).collect();
         let means: Vec<f32> = regions.into_means().into_iter().map(|x| x as f32).collect();
-        let links = contract(&node_links(graph, 1.0), merged.segments());
+        let links = contract(node_links(graph, 1.0), merged.segments());
         let (ends, costs): (Vec<_>, Vec<_>) = links.iter().map(|l| (l.ends, l.boundary as f32)).unzip();
         let coarse = Graph::new(merged.len(), &ends, &costs)?;
         let coarse_signal = Signal::new(&means, signal.width())?.with_weights(&weights)?;
@@ -98,19 +97,19 @@ impl Problem<'_> {
             return Ok(partition);
         }
         let at = (&partition, self.params.strength);
-        move_boundary_nodes(self.signal, (self.graph, &self.adjacency), at, self.monitor)
+        move_boundary_nodes(self.signal, (self.graph, &self.graph.adjacency()), at, self.monitor)
     }
 
     /// The nodes of the coarse graph: nodes of one segment that merge when their values are smoothed.
     fn merged(&self, partition: &Partition) -> Result<Partition> {
-        let values = smoothed(self.signal, (self.graph, &self.adjacency), partition);
+        let values = smoothed(self.signal, (self.graph, &self.graph.adjacency()), partition);
         let mut regions = Regions::of_nodes(&self.signal.with_values(&values));
         let whose = |end: u32| partition.segments()[end as usize];
         let nodes = self.graph.len();
         let enough = (nodes / NODES_TO_ONE).max(NODES_A_SEGMENT * partition.len());
         let mut share = FIRST_SHARE * nodes as f64 / (NODES_TO_ONE * enough) as f64;
-        let mut links = node_links(self.graph, share * self.params.strength);
-        links.retain(|link| whose(link.ends[0]) == whose(link.ends[1]));
+        let inside = |link: &Link| whose(link.ends[0]) == whose(link.ends[1]);
+        let mut links: Vec<Link> = node_links(self.graph, share * self.params.strength).filter(inside).collect();
         let mut labels: Vec<u32> = (0..self.graph.len() as u32).collect();
         loop {
             let merger = merge_further(regions, links, 0, self.monitor)?;

@@ -33,7 +33,7 @@ impl<'a> Pursuit<'a> {
         monitor: &'a Monitor,
     ) -> Result<Self> {
         monitor.check()?;
-        let links = node_links(graph, params.strength);
+        let links = node_links(graph, params.strength).collect();
         let energy = energy(signal, graph, params.strength, &partition);
         let found = CutPursuit {
             partition: partition.clone(),
@@ -132,7 +132,7 @@ impl<'a> Pursuit<'a> {
 
     /// Merges segments while that gains; what merged is open again.
     fn merge(&mut self) -> Result<()> {
-        let links = contract(&self.links, self.partition.segments());
+        let links = contract(self.links.iter().copied(), self.partition.segments());
         let regions = Regions::of_segments(self.source.signal, &self.partition);
         let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
         let joined = Partition::from_labels(&became)?;
