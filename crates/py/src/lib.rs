@@ -49,7 +49,7 @@ mod _core {
     #[pymodule_export]
     use crate::segmentation::{cut_pursuit, merge_regions};
     #[pymodule_export]
-    use crate::segments::{segment, suggest};
+    use crate::segments::{segment, segment_columns, suggest};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]

@@ -82,6 +82,8 @@ impl Model {
                 }
                 AnyRecipe::Weak(recipe) => recipes::train_weak(&pairs, &recipe, &strengths, monitor)
                     .and_then(|(m, report)| Ok((m, json::text(&report)?))),
+                AnyRecipe::Objects(recipe) => recipes::train_objects(&pairs, &recipe, monitor)
+                    .and_then(|(m, report)| Ok((m, json::text(&report)?))),
             }
         };
         let (inner, report) = call(py, n_jobs, train)?;

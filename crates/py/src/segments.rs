@@ -3,53 +3,84 @@
 use crate::call::call;
 use crate::cloud::Cloud;
 use crate::convert::vector;
+use crate::error::raise;
 use crate::json;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use scansion_core::cloud::{Cloud as CoreCloud, names};
 use scansion_core::recipes::{self, LabelParams, Labels, SegmentParams, SuggestParams, read_labels};
+use scansion_core::segmentation::Intent;
 use std::sync::Arc;
 
 /// Segment of each point, from 1 (0: not finite), and the report as JSON.
 type Parted<'py> = (Bound<'py, PyArray1<u32>>, String);
 
+/// The same, with the segments of each level between them.
+type Levels<'py> = (Bound<'py, PyArray1<u32>>, Vec<Bound<'py, PyArray1<u32>>>, String);
+
+/// Settings from TOML text, single settings, and JSON of an aim and a size.
+fn params(text: &str, settings: &[String], (aim, size): (&str, Option<f64>)) -> PyResult<SegmentParams> {
+    let aim: Option<Intent> = json::settings(aim)?;
+    let base = SegmentParams::from_toml(text).map_err(raise)?;
+    let mut params = base.with_settings(settings.iter().map(String::as_str)).map_err(raise)?;
+    if let Some(aim) = aim {
+        params = params.aimed(aim).map_err(raise)?;
+    }
+    size.map_or(Ok(params.clone()), |size| params.with_size(size)).map_err(raise)
+}
+
+/// Columns of a cloud that a method needs (beside labels).
+#[pyfunction]
+pub(crate) fn segment_columns(recipe: &str, settings: Vec<String>) -> PyResult<Vec<String>> {
+    Ok(params(recipe, &settings, ("null", None))?.columns())
+}
+
 /// Parts a cloud into segments.
 #[pyfunction]
-#[pyo3(signature = (cloud, settings, n_jobs = None))]
+#[pyo3(signature = (cloud, recipe, settings, aim, size = None, n_jobs = None))]
 pub(crate) fn segment<'py>(
     py: Python<'py>,
     cloud: &Cloud,
-    settings: &str,
+    recipe: &str,
+    settings: Vec<String>,
+    aim: &str,
+    size: Option<f64>,
     n_jobs: Option<i64>,
-) -> PyResult<Parted<'py>> {
-    let params: SegmentParams = json::settings(settings)?;
+) -> PyResult<Levels<'py>> {
+    let params = params(recipe, &settings, (aim, size))?;
     let cloud = Arc::clone(&cloud.inner);
-    let (clusters, report) = call(py, n_jobs, |monitor| {
+    let (clusters, levels, report) = call(py, n_jobs, |monitor| {
         let found = recipes::segment(&cloud, labels(&cloud)?.as_ref(), &params, monitor)?;
-        Ok((found.clusters, json::text(&found.report)?))
+        Ok((found.clusters, found.levels, json::text(&found.report)?))
     })?;
-    Ok((PyArray1::from_vec(py, clusters), report))
+    let levels = levels.into_iter().map(|level| PyArray1::from_vec(py, level)).collect();
+    Ok((PyArray1::from_vec(py, clusters), levels, report))
 }
 
 /// Parts a cloud and names the segments whose labels would help most.
 #[pyfunction]
-#[pyo3(signature = (cloud, settings, wishes, uncertainty = None, labelled = false, n_jobs = None))]
+#[pyo3(signature = (cloud, recipe, settings, aim, wishes, size = None, uncertainty = None, labelled = false, n_jobs = None))]
+#[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
 pub(crate) fn suggest<'py>(
     py: Python<'py>,
     cloud: &Cloud,
-    settings: &str,
+    recipe: &str,
+    settings: Vec<String>,
+    aim: &str,
     wishes: &str,
+    size: Option<f64>,
     uncertainty: Option<PyReadonlyArray1<'_, f32>>,
     labelled: bool,
     n_jobs: Option<i64>,
 ) -> PyResult<Parted<'py>> {
-    let params: SegmentParams = json::settings(settings)?;
+    let params = params(recipe, &settings, (aim, size))?;
     let wishes: SuggestParams = json::settings(wishes)?;
     let uncertainty = uncertainty.as_ref().map(|u| vector(u, "uncertainty").map(<[f32]>::to_vec)).transpose()?;
     let cloud = Arc::clone(&cloud.inner);
     let (clusters, found) = call(py, n_jobs, |monitor| {
         let labels = labels(&cloud)?;
-        let parted = recipes::segment(&cloud, labels.as_ref(), &params, monitor)?;
+        let mut parted = recipes::segment(&cloud, labels.as_ref(), &params, monitor)?;
+        parted.describe(&params.neighbourhood, monitor)?;
         let known = labels.as_ref().filter(|_| labelled);
         let found = recipes::suggest(&parted, uncertainty.as_deref(), known, &wishes)?;
         Ok((parted.clusters, json::text(&found)?))

@@ -8,7 +8,7 @@ mod segments;
 pub(crate) use files::{Convert, Diff, Info, Merge};
 pub(crate) use learning::{Classify, Evaluate, Features, Model, Train};
 pub(crate) use pictures::{Render, ViewArg};
-pub(crate) use segments::{MethodArg, Segment, SegmentArgs, Suggest};
+pub(crate) use segments::{Segment, SegmentArgs, Suggest};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -124,7 +124,7 @@ pub(crate) struct LabelArgs {
 /// The recipe and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe to follow: pyramid (document 004), weak (document 000), or a TOML file [default: pyramid]
+    /// Recipe to follow: pyramid (document 004), weak (document 000), objects (document 002), or a TOML file [default: pyramid]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated

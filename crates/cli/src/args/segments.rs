@@ -2,44 +2,83 @@
 
 use super::LabelArgs;
 use clap::{Args as ClapArgs, ValueEnum};
+use scansion_core::recipes::SegmentMethod;
 use std::path::PathBuf;
 
 /// How segments are found, and how large they are to be.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct SegmentArgs {
-    /// How segments are found
-    #[arg(long, value_enum, default_value_t = MethodArg::CutPursuit)]
-    pub(crate) method: MethodArg,
-    /// Cost of a boundary edge: larger gives fewer, larger segments [default: 0.03]
+    /// How segments are found [default: cut-pursuit]
+    #[arg(long, value_enum)]
+    pub(crate) method: Option<MethodArg>,
+    /// Cost of a boundary edge (cut-pursuit, merge, riemannian): larger gives fewer, larger segments [default: 0.03;
+    /// riemannian: 0.1]
     #[arg(long, value_name = "RHO", group = "intent")]
     pub(crate) strength: Option<f64>,
-    /// Aim at so many segments on a hectare of covered ground
+    /// Aim at so many segments on a hectare of covered ground (cut-pursuit, merge)
     #[arg(long, value_name = "N", group = "intent")]
     pub(crate) segments_per_hectare: Option<f64>,
-    /// Aim at the smallest object that is to be a segment of its own, metres
+    /// Aim at the smallest object that is to be a segment of its own, metres (cut-pursuit, merge)
     #[arg(long, value_name = "METRES", group = "intent")]
     pub(crate) smallest_object: Option<f64>,
     /// Aim at the fewest segments that could be named with at most so much loss of accuracy on the cloud's labels, 0..1
+    /// (cut-pursuit, merge)
     #[arg(long, value_name = "LOSS", group = "intent")]
     pub(crate) oracle_loss: Option<f64>,
-    /// Segments of fewer points join their best neighbour
-    #[arg(long, value_name = "POINTS", default_value_t = 0.0)]
-    pub(crate) cutoff: f64,
-    /// Smallest neighbourhood that describes a point (20 or more on scans that consist of lines)
-    #[arg(long, value_name = "K", default_value_t = 10)]
-    pub(crate) k_min: usize,
-    /// Seed of everything that is drawn by chance
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(crate) seed: u64,
+    /// Size of the supervoxels (local-graph, slic, vccs) or of the largest voxels (octree-region-growing) [default: 1.2; 2]
+    #[arg(long, value_name = "METRES", group = "intent")]
+    pub(crate) size: Option<f64>,
+    /// Segments of fewer points join their best neighbour (cut-pursuit, merge) [default: 0]
+    #[arg(long, value_name = "POINTS")]
+    pub(crate) cutoff: Option<f64>,
+    /// Smallest neighbourhood that describes a point (20 or more on scans that consist of lines) [default: 10]
+    #[arg(long, value_name = "K")]
+    pub(crate) k_min: Option<usize>,
+    /// Settings of all methods as TOML; flags win over the file
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) recipe: Option<PathBuf>,
+    /// Change one setting, e.g. objects.vccs.voxel=0.4; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Seed of everything that is drawn by chance [default: 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
 }
 
 /// How segments are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MethodArg {
-    /// l0 cut pursuit: lower energy
+    /// l0 cut pursuit on the points (document 000): lower energy
     CutPursuit,
-    /// Greedy merging: faster
+    /// The same energy by greedy merging: faster
     Merge,
+    /// Supervoxels of an octree, their Riemannian graph, l0 cut pursuit (document 001)
+    Riemannian,
+    /// Local graphs of supervoxels (document 002)
+    LocalGraph,
+    /// Supervoxels on points
+    Slic,
+    /// Supervoxels on voxels that touch
+    Vccs,
+    /// Smooth regions of points
+    RegionGrowing,
+    /// Flat voxels of an octree, grown and refined
+    OctreeRegionGrowing,
+}
+
+impl From<MethodArg> for SegmentMethod {
+    fn from(arg: MethodArg) -> Self {
+        match arg {
+            MethodArg::CutPursuit => Self::CutPursuit,
+            MethodArg::Merge => Self::Merge,
+            MethodArg::Riemannian => Self::Riemannian,
+            MethodArg::LocalGraph => Self::LocalGraph,
+            MethodArg::Slic => Self::Slic,
+            MethodArg::Vccs => Self::Vccs,
+            MethodArg::RegionGrowing => Self::RegionGrowing,
+            MethodArg::OctreeRegionGrowing => Self::OctreeRegionGrowing,
+        }
+    }
 }
 
 /// scansion segment IN -o OUT
@@ -52,6 +91,9 @@ pub(crate) struct Segment {
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) segments: SegmentArgs,
+    /// Part the cloud at each of these least depths of the octree too (riemannian), as dimensions ClusterID_L1, ClusterID_L2, ...
+    #[arg(long, value_name = "DEPTHS", value_delimiter = ',')]
+    pub(crate) levels: Vec<u32>,
     #[command(flatten)]
     pub(crate) labels: LabelArgs,
     /// Replace the input itself if it is also the output

@@ -15,6 +15,7 @@ mod sources;
 mod suggest;
 mod suggest_page;
 mod train;
+mod train_objects;
 mod train_weak;
 
 use crate::args::{Args, Command};

@@ -1,12 +1,12 @@
 //! `scansion segment`: part a cloud into segments.
 
 use super::{Context, sources};
-use crate::args::{Format, LabelArgs, MethodArg, Segment, SegmentArgs};
+use crate::args::{Format, LabelArgs, Segment, SegmentArgs};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::io::{self, Columns, Edit};
-use scansion_core::recipes::{self, Labels, SegmentParams, SegmentReport, Segmented, read_labels};
-use scansion_core::segmentation::{Intent, Method, PartitionParams};
+use scansion_core::recipes::{self, Labels, LevelReport, SegmentParams, SegmentReport, Segmented, read_labels};
+use scansion_core::segmentation::Intent;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -15,9 +15,12 @@ pub(crate) const CLUSTER: &str = "ClusterID";
 
 pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> {
     sources::guard_input(&args.input, &args.output, args.overwrite)?;
-    let (_, _, found) = parted(&args.input, &args.segments, &args.labels, context)?;
-    let edit = Edit::Dimension(Column::new(CLUSTER, Values::U32(found.clusters)));
-    let report = io::rewrite(&args.input, &args.output, &[edit], &context.write_options())?;
+    let (_, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
+    let mut edits = vec![Edit::Dimension(Column::new(CLUSTER, Values::U32(found.clusters)))];
+    for (level, clusters) in found.levels.into_iter().enumerate() {
+        edits.push(Edit::Dimension(Column::new(format!("{CLUSTER}_L{}", level + 1), Values::U32(clusters))));
+    }
+    let report = io::rewrite(&args.input, &args.output, &edits, &context.write_options())?;
     context.report(&args.output, &report);
     context.printer.data(&match context.printer.format {
         Format::Json => serde_json::to_string_pretty(&found.report).unwrap_or_default(),
@@ -29,47 +32,68 @@ pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> 
 /// Reads a cloud, with its labels if it has any, and parts it.
 pub(crate) fn parted(
     input: &Path,
-    args: &SegmentArgs,
+    (args, levels): (&SegmentArgs, &[u32]),
     labels: &LabelArgs,
     context: &Context<'_>,
 ) -> Result<(Cloud, Option<Labels>, Segmented), Failure> {
+    let settings = SegmentParams { levels: levels.to_vec(), ..settings(args)? };
     let params = sources::labels(labels, input)?;
     let mut options = context.read_options();
-    options.columns = Columns::Only(vec![params.dimension.clone()]);
+    options.columns = Columns::Only([vec![params.dimension.clone()], settings.columns()].concat());
     let cloud = io::read_with(input, &options)?;
     let labels = match cloud.column(&params.dimension) {
         Some(_) => Some(read_labels(&cloud, &params)?).filter(|l| l.unlabelled < cloud.len() as u64),
         None => None,
     };
-    let found = recipes::segment(&cloud, labels.as_ref(), &settings(args), &context.monitor)?;
+    let found = recipes::segment(&cloud, labels.as_ref(), &settings, &context.monitor)?;
     Ok((cloud, labels, found))
 }
 
-fn settings(args: &SegmentArgs) -> SegmentParams {
-    let mut params = SegmentParams::default();
-    params.neighbourhood.k_min = args.k_min;
-    params.neighbourhood.k_max = params.neighbourhood.k_max.max(args.k_min);
-    let intent = [
+/// Flags before `--set` before the file before the defaults.
+fn settings(args: &SegmentArgs) -> Result<SegmentParams, Failure> {
+    let file = args.recipe.as_deref().map(sources::text).transpose()?;
+    let base = file.map_or_else(|| Ok(SegmentParams::default()), |text| SegmentParams::from_toml(&text))?;
+    let mut params = base.with_settings(args.set.iter().map(String::as_str))?;
+    params.method = args.method.map_or(params.method, Into::into);
+    if let Some(k_min) = args.k_min {
+        params.neighbourhood.k_min = k_min;
+        params.neighbourhood.k_max = params.neighbourhood.k_max.max(k_min);
+    }
+    params.partition.cutoff = args.cutoff.unwrap_or(params.partition.cutoff);
+    (params.partition.seed, params.riemannian.seed) =
+        (args.seed.unwrap_or(params.partition.seed), args.seed.unwrap_or(params.riemannian.seed));
+    Ok(aimed(args, params)?)
+}
+
+/// How large segments are to be, in the terms of the method.
+fn aimed(args: &SegmentArgs, mut params: SegmentParams) -> scansion_core::Result<SegmentParams> {
+    let aims = [
         args.strength.map(Intent::Strength),
         args.segments_per_hectare.map(Intent::SegmentsPerHectare),
         args.smallest_object.map(Intent::SmallestObject),
         args.oracle_loss.map(Intent::OracleAccuracy),
     ];
-    params.partition = PartitionParams {
-        method: match args.method {
-            MethodArg::CutPursuit => Method::CutPursuit,
-            MethodArg::Merge => Method::Merge,
-        },
-        intent: intent.into_iter().flatten().next().unwrap_or(params.partition.intent),
-        cutoff: args.cutoff,
-        seed: args.seed,
-        ..PartitionParams::default()
-    };
-    params
+    if let Some(aim) = aims.into_iter().flatten().next() {
+        params = params.aimed(aim)?;
+    }
+    match args.size {
+        Some(size) => params.with_size(size),
+        None => Ok(params),
+    }
 }
 
 fn table(report: &SegmentReport) -> String {
-    let mut text = format!("{} segments, strength {:.4}\n", report.segments, report.strength);
+    let mut text = format!("{} segments by {}", report.segments, report.method.name());
+    for (value, what) in [
+        (report.strength.map(|s| format!("{s:.4}")), "strength"),
+        (report.supervoxels.map(|n| n.to_string()), "supervoxels"),
+    ] {
+        value.iter().for_each(|value| text += &format!(", {what} {value}"));
+    }
+    text.push('\n');
+    if !report.levels.is_empty() {
+        text += &levels(&report.levels);
+    }
     if report.trials.len() > 1 {
         let _ = writeln!(text, "\n{:>12} {:>10} {:>14} {:>8}", "strength", "segments", "energy", "oracle");
         for trial in &report.trials {
@@ -94,6 +118,24 @@ fn table(report: &SegmentReport) -> String {
         );
     }
     text.trim_end().to_string()
+}
+
+/// The table of document 001.
+fn levels(levels: &[LevelReport]) -> String {
+    let mut text = format!(
+        "\n{:>5} {:>11} {:>9} {:>9} {:>9} {:>9} {:>9} {:>8}\n",
+        "depth", "supervoxels", "segments", "normals s", "voxels s", "graph s", "cuts s", "oracle"
+    );
+    for l in levels {
+        let oracle = l.oracle_accuracy.map_or(String::new(), |a| format!("{:.2} %", 100.0 * a));
+        let s = &l.seconds;
+        let _ = writeln!(
+            text,
+            "{:>5} {:>11} {:>9} {:>9.3} {:>9.3} {:>9.3} {:>9.3} {oracle:>8}",
+            l.min_depth, l.supervoxels, l.segments, s.normals, s.supervoxels, s.graph, s.optimisation
+        );
+    }
+    text
 }
 
 fn csv(report: &SegmentReport) -> String {

@@ -29,11 +29,12 @@ pub(crate) fn any_recipe(args: &RecipeArgs) -> Result<AnyRecipe> {
 pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
     match any_recipe(args)? {
         AnyRecipe::Pyramid(recipe) => Ok(*recipe),
-        AnyRecipe::Weak(_) => Err(Error::parameter("recipe", "weak", "pyramid for this command")),
+        other => Err(Error::parameter("recipe", other.name(), "pyramid for this command")),
     }
 }
 
-fn text(path: &Path) -> Result<String> {
+/// The text of a file.
+pub(crate) fn text(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).map_err(|e| Error::io(path, e))
 }
 

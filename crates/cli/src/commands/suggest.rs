@@ -7,13 +7,15 @@ use crate::args::{Format, Suggest};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::io::{self, Edit, atomic};
+use scansion_core::neighbours::OptimalParams;
 use scansion_core::recipes::{self, ClassifyParams, SuggestParams, Suggestion};
 use std::fmt::Write;
 use std::path::Path;
 
 pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> {
     let kinds = args.output.iter().map(|path| kind(path)).collect::<Result<Vec<_>, _>>()?;
-    let (cloud, labels, segmented) = parted(&args.input, &args.segments, &args.labels, context)?;
+    let (cloud, labels, mut segmented) = parted(&args.input, (&args.segments, &[]), &args.labels, context)?;
+    segmented.describe(&OptimalParams::default(), &context.monitor)?;
     let uncertainty = args.model.as_deref().map(|model| uncertainty(&args.input, model, context)).transpose()?;
     let labels = labels.filter(|_| args.labelled);
     let params = SuggestParams { count: args.count, ..SuggestParams::default() };

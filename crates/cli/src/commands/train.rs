@@ -1,12 +1,12 @@
 //! `scansion train`: learn a model from labelled clouds.
 
-use super::{Context, sources, train_weak};
+use super::{Context, sources, train_objects, train_weak};
 use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
 use scansion_core::classes::preset;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns, ReadOptions};
-use scansion_core::recipes::{self, AnyRecipe, LabelParams, Labels, Recipe, TrainingReport, read_labels};
+use scansion_core::recipes::{self, AnyRecipe, LabelParams, Labels, TrainingReport, read_labels};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -19,17 +19,20 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
             ));
         }
         AnyRecipe::Weak(recipe) => return train_weak::run(args, *recipe, context),
+        AnyRecipe::Objects(recipe) => {
+            without_weak(args)?;
+            return train_objects::run(args, *recipe, context);
+        }
     };
+    without_weak(args)?;
     if let Some(classifier) = args.classifier {
         recipe.classifier = classifier.kind();
     }
-    if args.weak_labels.is_some() || args.per_class.is_some() || !args.grid_strength.is_empty() {
-        return Err(Failure::Usage("--weak-labels, --per-class and --grid-strength need --weak".into()));
-    }
+    let columns: Vec<String> = recipe.features.columns().into_iter().map(String::from).collect();
     let clouds = args
         .inputs
         .iter()
-        .map(|path| read(path, &sources::labels(&args.labels, path)?, &recipe, context))
+        .map(|path| read(path, &sources::labels(&args.labels, path)?, &columns, context))
         .collect::<Result<Vec<_>, Failure>>()?;
     if !args.grid_depth.is_empty() || args.cross_validate.is_some() {
         let folds = usize::from(args.cross_validate.unwrap_or(5));
@@ -64,8 +67,22 @@ fn named(args: &Train) -> RecipeArgs {
     recipe
 }
 
-fn read(path: &Path, labels: &LabelParams, recipe: &Recipe, context: &Context<'_>) -> Result<(Cloud, Labels), Failure> {
-    let mut wanted: Vec<String> = recipe.features.columns().iter().map(ToString::to_string).collect();
+/// Refuses what only the weak recipe knows.
+fn without_weak(args: &Train) -> Result<(), Failure> {
+    match args.weak_labels.is_some() || args.per_class.is_some() || !args.grid_strength.is_empty() {
+        true => Err(Failure::Usage("--weak-labels, --per-class and --grid-strength need --weak".into())),
+        false => Ok(()),
+    }
+}
+
+/// A cloud with these columns, and its labels.
+pub(super) fn read(
+    path: &Path,
+    labels: &LabelParams,
+    columns: &[String],
+    context: &Context<'_>,
+) -> Result<(Cloud, Labels), Failure> {
+    let mut wanted = columns.to_vec();
     wanted.push(labels.dimension.clone());
     let options =
         ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone(), ..Default::default() };

@@ -4,7 +4,11 @@ mod confusion;
 mod partition;
 pub mod report;
 mod scores;
+mod segmentation_error;
 
 pub use confusion::Confusion;
 pub use partition::{BoundaryScores, SizeBin, boundary_scores, oracle_accuracy, purities, size_histogram};
 pub use scores::{ClassScores, Scores};
+pub use segmentation_error::{
+    ClassEdges, ClassImage, EmptyCells, SegmentationError, SegmentationErrorParams, compare_edges, segmentation_error,
+};

@@ -95,6 +95,15 @@ fn colour(cloud: &Cloud, channel: usize) -> Result<Source<'_>> {
     Ok(Source::One(Own { values: column(cloud, names::COLOUR[channel])?, form: Form::Times(1.0 / full) }))
 }
 
+/// Red, green and blue, 0..=1, of the points `at` of a cloud, scaled as the features of the same names.
+///
+/// # Errors
+/// The cloud lacks a colour; the message names it and lists the columns that are there.
+pub fn colours(cloud: &Cloud, at: &[u32]) -> Result<Vec<[f32; 3]>> {
+    let channels = [colour(cloud, 0)?, colour(cloud, 1)?, colour(cloud, 2)?];
+    Ok(at.iter().map(|&point| [0, 1, 2].map(|c: usize| channels[c].get(point))).collect())
+}
+
 fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
     cloud.column(name).map(|c| &c.values).ok_or_else(|| {
         let known: Vec<&str> = cloud.columns().iter().map(|c| c.name.as_str()).collect();

@@ -4,6 +4,7 @@ mod contour;
 pub mod definition;
 mod extractor;
 mod extras;
+mod normals;
 mod optimal;
 mod params;
 mod pyramid;
@@ -15,6 +16,8 @@ mod tensor;
 mod tiles;
 
 pub use extractor::{Extractor, Scratch, Wanted};
+pub use extras::colours;
+pub use normals::{Normals, normals};
 pub use optimal::{OPTIMAL, OptimalFeatures, local_descriptors, optimal_features, optimal_features_of};
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};
 pub use spacing::spacing;

@@ -2,14 +2,18 @@
 
 mod build;
 mod components;
+mod felzenszwalb;
 mod max_flow;
+mod orientation;
 mod spanning_tree;
 mod union_find;
 mod weight;
 
 pub use build::{KnnGraphParams, Multiplicity, knn_graph};
 pub use components::{Components, connected_components};
+pub use felzenszwalb::{EdgeMeaning, FelzenszwalbMerger, FelzenszwalbParams, felzenszwalb};
 pub use max_flow::MaxFlow;
+pub use orientation::{Orientation, orient};
 pub use spanning_tree::minimum_spanning_tree;
 pub use weight::EdgeWeight;
 

@@ -1,5 +1,6 @@
 //! A recipe of whichever system: what a model file or a TOML file holds.
 
+use super::objects::ObjectsRecipe;
 use super::recipe::{Recipe, explained, set_key};
 use super::regularise::RegulariseParams;
 use super::weak::WeakRecipe;
@@ -13,11 +14,22 @@ pub enum AnyRecipe {
     Pyramid(Box<Recipe>),
     /// Document 000: a few labels, segments and a field.
     Weak(Box<WeakRecipe>),
+    /// Document 002: segments are named, not points.
+    Objects(Box<ObjectsRecipe>),
 }
 
 impl AnyRecipe {
     /// The names of the recipes that are built in.
-    pub const NAMES: [&'static str; 2] = ["pyramid", "weak"];
+    pub const NAMES: [&'static str; 3] = ["pyramid", "weak", "objects"];
+
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Pyramid(_) => "pyramid",
+            Self::Weak(_) => "weak",
+            Self::Objects(_) => "objects",
+        }
+    }
 
     /// The recipe of that name with all defaults.
     ///
@@ -27,6 +39,7 @@ impl AnyRecipe {
         match name {
             "pyramid" => Ok(Self::Pyramid(Box::default())),
             "weak" => Ok(Self::Weak(Box::default())),
+            "objects" => Ok(Self::Objects(Box::default())),
             _ => Err(Error::parameter("recipe", name, Self::NAMES.join(", "))),
         }
     }
@@ -40,6 +53,7 @@ impl AnyRecipe {
         match table.get("recipe").map(|kind| kind.as_str().unwrap_or_default()) {
             None | Some("pyramid") => Ok(Self::Pyramid(Box::new(Recipe::from_toml(text)?))),
             Some("weak") => Ok(Self::Weak(Box::new(explained(text)?))),
+            Some("objects") => Ok(Self::Objects(Box::new(explained(text)?))),
             Some(other) => Err(Error::parameter("recipe", other, Self::NAMES.join(", "))),
         }
     }
@@ -49,12 +63,12 @@ impl AnyRecipe {
     /// # Errors
     /// Never for values that pass [`AnyRecipe::validate`].
     pub fn to_toml(&self) -> Result<String> {
-        match self {
-            Self::Pyramid(recipe) => recipe.to_toml(),
-            Self::Weak(recipe) => {
-                toml::to_string(recipe).map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
-            }
-        }
+        let text = match self {
+            Self::Pyramid(recipe) => return recipe.to_toml(),
+            Self::Weak(recipe) => toml::to_string(recipe),
+            Self::Objects(recipe) => toml::to_string(recipe),
+        };
+        text.map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
     }
 
     /// Checks every part.
@@ -65,6 +79,7 @@ impl AnyRecipe {
         match self {
             Self::Pyramid(recipe) => recipe.validate(),
             Self::Weak(recipe) => recipe.validate(),
+            Self::Objects(recipe) => recipe.validate(),
         }
     }
 
@@ -85,6 +100,7 @@ impl AnyRecipe {
         match &mut self {
             Self::Pyramid(recipe) => recipe.seed = seed,
             Self::Weak(recipe) => recipe.seed = seed,
+            Self::Objects(recipe) => recipe.seed = seed,
         }
         self
     }
@@ -94,6 +110,7 @@ impl AnyRecipe {
         match self {
             Self::Pyramid(recipe) => &recipe.regularise,
             Self::Weak(recipe) => &recipe.regularise,
+            Self::Objects(recipe) => &recipe.regularise,
         }
     }
 
@@ -102,6 +119,7 @@ impl AnyRecipe {
         match self {
             Self::Pyramid(recipe) => recipe.features.columns().into_iter().map(String::from).collect(),
             Self::Weak(recipe) => recipe.columns(),
+            Self::Objects(recipe) => recipe.columns(),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Naming every point of a cloud with a model, block by block.
 
 use super::any::AnyRecipe;
+use super::objects::classify_objects;
 use super::recipe::Recipe;
 use super::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, largest, regularise};
 use super::training::planar_density;
@@ -57,14 +58,28 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
     match &recipe {
         AnyRecipe::Pyramid(recipe) => classify_pyramid(cloud, (model, recipe), (params, &agree), monitor),
         AnyRecipe::Weak(recipe) => {
-            let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
-            let metres = params.metres_per_unit.or(cloud.metres_per_unit);
-            result.warnings = warnings(cloud, model, metres.unwrap_or(1.0));
             let (points, found) = classify_weak(cloud, (model, recipe), (params.metres_per_unit, &agree), monitor)?;
-            result.adopt(&points.index, &found, model);
-            Ok(result)
+            Ok(adopted(cloud, model, params, (&points.index, &found)))
+        }
+        AnyRecipe::Objects(recipe) => {
+            let metres = params.metres_per_unit;
+            let (points, found) = classify_objects(cloud, (model, recipe), (metres, &agree), monitor)?;
+            Ok(adopted(cloud, model, params, (&points.index, &found)))
         }
     }
+}
+
+/// The answers of a recipe that decides on all points together.
+fn adopted(
+    cloud: &Cloud,
+    model: &Model,
+    params: &ClassifyParams,
+    (index, found): (&[u32], &Regularised),
+) -> Classified {
+    let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
+    result.warnings = warnings(cloud, model, params.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0));
+    result.adopt(index, found, model);
+    result
 }
 
 fn classify_pyramid(

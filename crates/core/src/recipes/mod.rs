@@ -4,6 +4,7 @@ mod any;
 mod builtin;
 mod classify;
 mod labels;
+mod objects;
 mod recipe;
 mod regularise;
 mod segment;
@@ -17,12 +18,16 @@ pub use any::AnyRecipe;
 pub use builtin::{BUILTIN_MAP, default_model};
 pub use classify::{Classified, ClassifyParams, classify};
 pub use labels::{LabelParams, Labels, read_labels};
+pub use objects::{
+    Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode, train_objects,
+};
 pub use recipe::{PyramidKind, Recipe, set_key};
 pub use regularise::{Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
-pub use segment::{SegmentParams, SegmentReport, Segmented, segment};
+pub use segment::{GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment};
 pub use suggest::{SuggestParams, Suggestion, suggest};
 pub use train::{DepthScore, cross_validate, train};
 pub use training::{ClassCount, TrainingParams, TrainingReport, planar_density};
 pub use weak::{
-    Example, LabelFile, RoadParams, RoadSource, StrengthScore, WeakKind, WeakLabels, WeakRecipe, WeakReport, train_weak,
+    ClassShares, Descriptors, Example, LabelFile, RoadParams, RoadSource, StrengthScore, WeakKind, WeakLabels,
+    WeakRecipe, WeakReport, train_weak,
 };

@@ -99,6 +99,10 @@ pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
     let mut here = table;
     for part in parts {
         let next = here.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        if !next.is_table() {
+            // A choice that was a word becomes one with a value, e.g. forest.max_features.count=5.
+            *next = toml::Value::Table(toml::Table::new());
+        }
         here = next.as_table_mut().ok_or_else(bad)?;
     }
     here.insert(last.to_string(), value);
@@ -171,6 +175,9 @@ mod tests {
     fn settings_reach_nested_keys() {
         let recipe = Recipe::default().with_settings(["forest.trees=7", "seed=3"]).unwrap();
         assert_eq!((recipe.forest.trees, recipe.seed), (7, 3));
+        let counted = Recipe::default().with_settings(["forest.max_features.count=5"]).unwrap();
+        assert_eq!(counted.forest.max_features, crate::classification::MaxFeatures::Count(5));
+        assert!(Recipe::default().with_settings(["seed.forest=5"]).is_err());
         assert!(Recipe::default().with_settings(["forest.trees"]).is_err());
         assert!(Recipe::default().with_settings(["forest.trees=many"]).is_err());
     }

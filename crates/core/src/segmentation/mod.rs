@@ -1,26 +1,38 @@
 //! What belongs together: partitions of a cloud into segments.
 
-mod by_intent;
 mod connected;
-mod cut_pursuit;
-mod cutoff;
 mod descriptors;
+mod local_graphs;
 mod majority;
-mod merge;
+mod minimal_partition;
+mod object_features;
+mod octree;
 mod partition;
-mod refine;
-mod regions;
+mod region_growing;
+mod riemannian;
 mod segment_graph;
-mod signal;
+mod supervoxels;
 
-pub use by_intent::{
-    Aim, Candidate, Intent, Method, PartitionParams, Scene, Search, Trial, partition_by_intent, search_strength,
-};
 pub use connected::connected_partition;
-pub use cut_pursuit::{CutPursuit, CutPursuitParams, Preset, cut_pursuit};
 pub use descriptors::{OrientedBox, SegmentShape, segment_means, segment_shapes};
+pub use local_graphs::{Combination, LocalGraphParams, SurfaceRule, local_graphs};
 pub use majority::{Majority, majorities, oracle_accuracy};
-pub use merge::{Merge, MergeParams, merge};
+pub use minimal_partition::{
+    Aim, Candidate, CutPursuit, CutPursuitParams, Intent, Merge, MergeParams, Method, PartitionParams, Preset, Scene,
+    Search, Signal, Trial, cut_pursuit, merge, partition_by_intent, search_strength,
+};
+pub use object_features::{GEOMETRIC, HEIGHT, ObjectAttributes, SPECTRAL, object_features};
+pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};
 pub use partition::Partition;
+pub use region_growing::{
+    GrownRegions, Leftovers, OctreeGrowingParams, Reference, RegionGrowingParams, octree_region_growing, region_growing,
+};
+pub use riemannian::{
+    GraphSizes, KMeansParams, Nearest, NodeWeight, Riemannian, RiemannianGraphParams, RiemannianParams, Scale, Sides,
+    StageSeconds, Start, Symmetry, multi_scale, riemannian, riemannian_with_normals,
+};
 pub use segment_graph::{Interface, segment_graph};
-pub use signal::Signal;
+pub use supervoxels::{
+    NO_SUPERVOXEL, Normaliser, PointAttributes, SlicParams, SupervoxelShape, SupervoxelWeights, Supervoxels,
+    VccsParams, slic, vccs,
+};

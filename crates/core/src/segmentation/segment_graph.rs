@@ -1,7 +1,7 @@
 //! The graph on segments: which touch, and over how much of a boundary.
 
 use super::Partition;
-use super::regions::{Link, contract};
+use super::minimal_partition::{Link, contract};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use serde::{Deserialize, Serialize};
@@ -26,14 +26,12 @@ pub fn segment_graph(graph: &Graph, partition: &Partition, interface: Interface)
         return Err(Error::input(format!("a partition of {} nodes for a graph of {}", partition.nodes(), graph.len())));
     }
     let edges = graph.edges().iter().zip(graph.weights());
-    let links: Vec<Link> = edges
-        .map(|(&ends, &weight)| match interface {
-            Interface::Count => Link { ends, boundary: 1.0 },
-            Interface::Weight => Link { ends, boundary: f64::from(weight) },
-        })
-        .collect();
+    let links = edges.map(|(&ends, &weight)| match interface {
+        Interface::Count => Link { ends, boundary: 1.0 },
+        Interface::Weight => Link { ends, boundary: f64::from(weight) },
+    });
     let (ends, weights): (Vec<_>, Vec<_>) =
-        contract(&links, partition.segments()).iter().map(|l| (l.ends, l.boundary as f32)).unzip();
+        contract(links, partition.segments()).iter().map(|l| (l.ends, l.boundary as f32)).unzip();
     Graph::new(partition.len(), &ends, &weights)
 }
 

@@ -13,6 +13,7 @@ from scansion._cloud import PointCloud
 from scansion._core import FileFormatError, __version__
 from scansion._files import blocks, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._forest import RandomForestClassifier
+from scansion._objects import ObjectClassifier
 from scansion._render import render
 from scansion._segments import Segments, Suggestions, segment, suggest
 from scansion._weak import WeakClassifier
@@ -22,6 +23,7 @@ __all__ = [
     "Classified",
     "FileFormatError",
     "GradientBoostingClassifier",
+    "ObjectClassifier",
     "PointClassifier",
     "PointCloud",
     "RandomForestClassifier",

@@ -15,6 +15,7 @@ from scansion import _core
 from scansion._arrays import codes, column
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
+from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
 
 _LABELS = "Classification"
@@ -224,14 +225,7 @@ class PointClassifier(Classifier):
 
     def _recipe(self) -> tuple[str, list[str]]:
         """The recipe's TOML and the settings on top of it."""
-        text, settings = "", []
-        if isinstance(self.recipe, Mapping):
-            settings = [f"{key}={json.dumps(value)}" for key, value in self.recipe.items()]
-        elif isinstance(self.recipe, str) and ("\n" in self.recipe or "=" in self.recipe):
-            text = self.recipe
-        elif self.recipe is not None:
-            with open(self.recipe, encoding="utf-8") as file:
-                text = file.read()
+        text, settings = read_recipe(self.recipe)
         if self.random_state is not None:
             settings.append(f"seed={seed(self.random_state)}")
         return text, settings

@@ -45,6 +45,7 @@ __all__ = [
     "salvage",
     "scores",
     "segment",
+    "segment_columns",
     "statistics",
     "suggest",
     "write",
@@ -155,11 +156,22 @@ def convert(
 ) -> list[str]: ...
 def merge(inputs: list[str], output: str, n_jobs: int | None = None) -> list[str]: ...
 def salvage(input: str, output: str | None = None, n_jobs: int | None = None) -> str: ...
-def segment(cloud: Cloud, settings: str, n_jobs: int | None = None) -> tuple[NDArray[np.uint32], str]: ...
+def segment(
+    cloud: Cloud,
+    recipe: str,
+    settings: list[str],
+    aim: str,
+    size: float | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint32], list[NDArray[np.uint32]], str]: ...
+def segment_columns(recipe: str, settings: list[str]) -> list[str]: ...
 def suggest(
     cloud: Cloud,
-    settings: str,
+    recipe: str,
+    settings: list[str],
+    aim: str,
     wishes: str,
+    size: float | None = None,
     uncertainty: NDArray[np.float32] | None = None,
     labelled: bool = False,
     n_jobs: int | None = None,

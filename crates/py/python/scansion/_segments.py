@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
 from scansion._cloud import as_cloud
+from scansion._settings import recipe as read_recipe
 
 _LABELS = "Classification"
 
@@ -19,8 +22,11 @@ class Segments(NamedTuple):
 
     cluster_id: NDArray[np.uint32]
     """Segment of each point, from 1; 0 where coordinates are not finite."""
+    levels: list[NDArray[np.uint32]]
+    """The same at each level that was asked for."""
     report: dict[str, Any]
-    """``segments``, ``strength``, ``trials``, ``sizes``; with labels ``oracle_accuracy`` and ``boundaries``."""
+    """``method``, ``segments``, ``supervoxels``, ``strength``, ``trials``, ``sizes``, ``levels``; with labels
+    ``oracle_accuracy`` and ``boundaries``."""
 
 
 class Suggestions(NamedTuple):
@@ -35,38 +41,53 @@ class Suggestions(NamedTuple):
 def segment(
     cloud: Any,
     *,
+    method: str = "cut-pursuit",
     strength: float | None = None,
     segments_per_hectare: float | None = None,
     smallest_object: float | None = None,
     oracle_loss: float | None = None,
-    method: str = "cut-pursuit",
-    cutoff: float = 0.0,
-    k_min: int = 10,
-    random_state: int = 0,
+    size: float | None = None,
+    levels: Sequence[int] = (),
+    recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    cutoff: float | None = None,
+    k_min: int | None = None,
+    random_state: int | None = None,
     n_jobs: int | None = None,
 ) -> Segments:
-    """Parts a cloud into segments on which linearity, planarity, scattering and verticality are nearly constant.
+    """Parts a cloud into segments.
 
-    Say at most one of the first four options.
+    Say at most one of ``strength``, ``segments_per_hectare``, ``smallest_object`` and ``oracle_loss``.
 
     Parameters
     ----------
     cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+    method : str
+        ``"cut-pursuit"``: linearity, planarity, scattering and verticality nearly constant on each segment; ``"merge"``:
+        the same, faster; ``"riemannian"``: l0 cut pursuit on the graph of an octree's supervoxels; ``"local-graph"``:
+        supervoxels joined by their local graphs; ``"slic"``, ``"vccs"``: supervoxels; ``"region-growing"``,
+        ``"octree-region-growing"``: smooth and flat regions.
     strength : float, optional
-        Cost of a boundary edge; larger gives fewer, larger segments. 0.03 if nothing is said.
+        Cost of a boundary edge; larger gives fewer, larger segments. 0.03 if nothing is said; "riemannian": 0.1.
     segments_per_hectare : float, optional
-        Aim at so many segments on a hectare of covered ground.
+        Aim at so many segments on a hectare of covered ground ("cut-pursuit", "merge").
     smallest_object : float, optional
-        Aim at the smallest object that is to be a segment of its own, metres.
+        Aim at the smallest object that is to be a segment of its own, metres ("cut-pursuit", "merge").
     oracle_loss : float, optional
-        Aim at the fewest segments that could be named with at most so much loss of accuracy on the cloud's labels, 0..1.
-    method : {"cut-pursuit", "merge"}
-        Lower energy, or faster.
-    cutoff : float
-        Segments of fewer points join their best neighbour.
-    k_min : int
+        Aim at the fewest segments that could be named with at most so much loss of accuracy on the cloud's labels, 0..1
+        ("cut-pursuit", "merge").
+    size : float, optional
+        Size of the supervoxels, metres ("local-graph", "slic", "vccs": 1.2 if nothing is said), or of the largest voxels
+        ("octree-region-growing": 2).
+    levels : sequence of int
+        Part the cloud at each of these least depths of the octree too ("riemannian").
+    recipe : path, str or mapping, optional
+        Settings of all methods: TOML as a path or text, or a mapping of dotted keys to values, as in
+        ``{"objects.vccs.voxel": 0.4}``. What is said by itself wins.
+    cutoff : float, optional
+        Segments of fewer points join their best neighbour ("cut-pursuit", "merge").
+    k_min : int, optional
         Smallest neighbourhood that describes a point; 20 or more on scans that consist of lines.
-    random_state : int
+    random_state : int, optional
         Seed.
     n_jobs : int, optional
         Threads; None and -1 take all. Results do not depend on it.
@@ -81,12 +102,12 @@ def segment(
     >>> bool(found.cluster_id[0] != found.cluster_id[-1])
     True
     """
-    points = as_cloud(cloud, columns=[_LABELS])
-    settings = _settings(
-        (strength, segments_per_hectare, smallest_object, oracle_loss), method, cutoff, k_min, random_state
-    )
-    clusters, report = _core.segment(points._core, settings, n_jobs)
-    return Segments(clusters, json.loads(report))
+    text, settings = _settings(recipe, method, cutoff, k_min, random_state)
+    settings += [f"levels={[int(level) for level in levels]}"] if len(levels) else []
+    aim = _aim(strength, segments_per_hectare, smallest_object, oracle_loss)
+    points = as_cloud(cloud, columns=[_LABELS, *_core.segment_columns(text, settings)])
+    clusters, found, report = _core.segment(points._core, text, settings, aim, size, n_jobs)
+    return Segments(clusters, found, json.loads(report))
 
 
 def suggest(
@@ -95,12 +116,14 @@ def suggest(
     *,
     uncertainty: ArrayLike | None = None,
     labelled: bool = False,
+    method: str = "cut-pursuit",
     strength: float | None = None,
     segments_per_hectare: float | None = None,
     smallest_object: float | None = None,
-    method: str = "cut-pursuit",
-    k_min: int = 10,
-    random_state: int = 0,
+    size: float | None = None,
+    recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    k_min: int | None = None,
+    random_state: int | None = None,
     n_jobs: int | None = None,
 ) -> Suggestions:
     """The segments whose labels would help most: uncertain, large, and unlike those that are labelled or named before.
@@ -114,7 +137,7 @@ def suggest(
         Uncertainty of each point, 0..1: its entropy over ln(classes); all are 1 without it.
     labelled : bool
         Leave out segments that hold a label (a code of 2 or more in the column Classification).
-    strength, segments_per_hectare, smallest_object, method, k_min, random_state, n_jobs
+    method, strength, segments_per_hectare, smallest_object, size, recipe, k_min, random_state, n_jobs
         As in :func:`segment`.
 
     Examples
@@ -127,23 +150,34 @@ def suggest(
     >>> sorted(s["points"] >= 10 for s in found.segments)
     [True, True]
     """
-    points = as_cloud(cloud, columns=[_LABELS])
-    settings = _settings((strength, segments_per_hectare, smallest_object, None), method, 0.0, k_min, random_state)
+    text, settings = _settings(recipe, method, None, k_min, random_state)
+    aim = _aim(strength, segments_per_hectare, smallest_object, None)
+    points = as_cloud(cloud, columns=[_LABELS, *_core.segment_columns(text, settings)])
     wishes = json.dumps({"count": count})
     unsure = None if uncertainty is None else np.ascontiguousarray(uncertainty, dtype=np.float32)
-    clusters, found = _core.suggest(points._core, settings, wishes, unsure, labelled, n_jobs)
+    clusters, found = _core.suggest(points._core, text, settings, aim, wishes, size, unsure, labelled, n_jobs)
     return Suggestions(clusters, json.loads(found))
 
 
 def _settings(
-    intents: tuple[float | None, ...], method: str, cutoff: float, k_min: int, random_state: int
-) -> str:
-    """The core's parameters as JSON."""
+    given: Any, method: str, cutoff: float | None, k_min: int | None, random_state: int | None
+) -> tuple[str, list[str]]:
+    """The core's settings as TOML and single settings."""
+    text, settings = read_recipe(given)
+    settings.append(f"method={json.dumps(method)}")
+    if cutoff is not None:
+        settings.append(f"partition.cutoff={float(cutoff)}")
+    if k_min is not None:
+        settings += [f"neighbourhood.k_min={int(k_min)}", f"neighbourhood.k_max={max(100, int(k_min))}"]
+    if random_state is not None:
+        settings += [f"partition.seed={int(random_state)}", f"riemannian.seed={int(random_state)}"]
+    return text, settings
+
+
+def _aim(*aims: float | None) -> str:
+    """What the segments are for, as JSON."""
     names = ("strength", "segments-per-hectare", "smallest-object", "oracle-accuracy")
-    given = {name: value for name, value in zip(names, intents, strict=True) if value is not None}
+    given = {name: float(value) for name, value in zip(names, aims, strict=True) if value is not None}
     if len(given) > 1:
         raise ValueError(f"found {', '.join(given)}, expected at most one of them")
-    partition: dict[str, Any] = {"method": method, "cutoff": cutoff, "seed": random_state}
-    partition["intent"] = given or {"strength": 0.03}
-    neighbourhood = {"k_min": k_min, "k_max": max(100, k_min)}
-    return json.dumps({"neighbourhood": neighbourhood, "partition": partition})
+    return json.dumps(given or None)

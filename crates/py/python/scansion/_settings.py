@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+def recipe(given: Any) -> tuple[str, list[str]]:
+    """The TOML of a recipe and the settings on top of it, from a path, a text, a mapping of dotted keys, or None."""
+    if isinstance(given, Mapping):
+        return "", [f"{key}={json.dumps(value)}" for key, value in given.items()]
+    if isinstance(given, str) and ("\n" in given or "=" in given):
+        return given, []
+    if given is None:
+        return "", []
+    with open(given, encoding="utf-8") as file:
+        return file.read(), []
 
 
 def seed(random_state: Any) -> int:

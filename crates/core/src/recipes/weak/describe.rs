@@ -1,10 +1,11 @@
-//! The six descriptors of every point (document 000, section 2).
+//! What a point is described by: the six descriptors of document 000, section 2, and features of many scales.
 
-use super::WeakRecipe;
+use super::{Descriptors, WeakRecipe};
+use crate::classification::{Classifier, PredictScratch};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
-use crate::features::{FeatureTable, optimal_features};
-use crate::parallel::Monitor;
+use crate::features::{Extractor, FeatureSet, FeatureTable, Scratch, Wanted, optimal_features, table_at};
+use crate::parallel::{Monitor, map_ordered_with};
 use crate::terrain::{DESCRIPTORS, Terrain};
 
 /// Local coordinates of a cloud, metres.
@@ -22,8 +23,11 @@ pub(super) fn local(points: &Points, recipe: &WeakRecipe, monitor: &Monitor) -> 
     Ok(optimal_features(points, &recipe.neighbourhood, monitor)?.table)
 }
 
+/// Blocks whose probabilities are held at a time.
+const AT_ONCE: usize = 128;
+
 /// Section 2.2: the local descriptors, height above the road and position with respect to it.
-pub(super) fn all(
+pub(super) fn six(
     cloud: &Cloud,
     points: &Points,
     local: &FeatureTable,
@@ -41,4 +45,111 @@ pub(super) fn all(
         values.extend([height, place]);
     }
     Ok(FeatureTable { names, values })
+}
+
+/// The points of a cloud and their six descriptors.
+pub(super) struct Described<'a> {
+    pub(super) cloud: &'a Cloud,
+    pub(super) points: Points,
+    pub(super) six: FeatureTable,
+}
+
+/// The features beside the six, if there are any.
+pub(super) fn more(recipe: &WeakRecipe, metres: Option<f64>) -> Option<FeatureSet> {
+    let mut set = recipe.features.clone();
+    set.metres_per_unit = metres.or(set.metres_per_unit);
+    (recipe.descriptors == Descriptors::MultiScale).then_some(set)
+}
+
+impl Described<'_> {
+    /// Names of all columns.
+    pub(super) fn names(&self, more: Option<&FeatureSet>) -> Vec<String> {
+        let scaled = more.map(|set| set.names(set.pyramid.first_scale.unwrap_or_default()));
+        self.six.names.iter().cloned().chain(scaled.unwrap_or_default()).collect()
+    }
+
+    /// All columns of the points `at`, and the finest scale.
+    pub(super) fn rows(
+        &self,
+        at: &[u32],
+        more: Option<&FeatureSet>,
+        monitor: &Monitor,
+    ) -> Result<(FeatureTable, Option<f64>)> {
+        let places: Vec<u32> = at.iter().map(|&point| self.points.index[point as usize]).collect();
+        let scaled = more.map(|set| table_at(self.cloud, set, &places, monitor)).transpose()?;
+        let mut found = FeatureTable { names: self.six.names.clone(), values: Vec::new() };
+        if let Some((scaled, _)) = &scaled {
+            found.names.extend_from_slice(&scaled.names);
+        }
+        for (row, &point) in at.iter().enumerate() {
+            found.values.extend_from_slice(self.six.row(point as usize));
+            if let Some((scaled, _)) = &scaled {
+                found.values.extend_from_slice(scaled.row(row));
+            }
+        }
+        Ok((found, scaled.map(|(_, scale)| scale)))
+    }
+
+    /// Class probabilities of all points, row-major; features of many scales are computed and forgotten block by block.
+    pub(super) fn probabilities(
+        &self,
+        classifier: &Classifier,
+        more: Option<&FeatureSet>,
+        monitor: &Monitor,
+    ) -> Result<Vec<f32>> {
+        let classes = classifier.classes();
+        let mut values = vec![0.0; self.points.len() * classes];
+        let Some(set) = more else {
+            monitor.stage("classify", self.points.len() as u64);
+            classifier.predict_proba(&self.six.values, &mut values)?;
+            return Ok(values);
+        };
+        let extractor = Extractor::prepare(self.cloud, set, (Wanted::All, None), monitor)?;
+        monitor.stage("classify", extractor.len() as u64);
+        let mut position = vec![0u32; self.cloud.len()];
+        self.points.index.iter().zip(0..).for_each(|(&place, point)| position[place as usize] = point);
+        for first in (0..extractor.blocks()).step_by(AT_ONCE) {
+            let range = first..(first + AT_ONCE).min(extractor.blocks());
+            let parts = map_ordered_with(range, monitor, Workspace::default, |work, block| {
+                work.block(block, (self, &extractor, &position), classifier, monitor)
+            })?;
+            for (points, rows) in parts {
+                for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
+                    values[point as usize * classes..][..classes].copy_from_slice(row);
+                }
+            }
+        }
+        Ok(values)
+    }
+}
+
+#[derive(Default)]
+struct Workspace {
+    scratch: Scratch,
+    scaled: Vec<f32>,
+    rows: Vec<f32>,
+    trees: PredictScratch,
+}
+
+impl Workspace {
+    /// The points of a block and their class probabilities.
+    fn block(
+        &mut self,
+        block: usize,
+        (described, extractor, position): (&Described<'_>, &Extractor<'_>, &[u32]),
+        classifier: &Classifier,
+        monitor: &Monitor,
+    ) -> Result<(Vec<u32>, Vec<f32>)> {
+        let places = extractor.block(block, &mut self.scratch, &mut self.scaled);
+        let points: Vec<u32> = places.iter().map(|&place| position[place as usize]).collect();
+        self.rows.clear();
+        for (&point, scaled) in points.iter().zip(self.scaled.chunks_exact(extractor.names().len())) {
+            self.rows.extend_from_slice(described.six.row(point as usize));
+            self.rows.extend_from_slice(scaled);
+        }
+        let mut found = vec![0.0; points.len() * classifier.classes()];
+        classifier.predict_block(&self.rows, &mut self.trees, &mut found)?;
+        monitor.advance(points.len() as u64);
+        Ok((points, found))
+    }
 }

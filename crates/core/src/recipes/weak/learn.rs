@@ -1,7 +1,8 @@
 //! Learning from a few points, and naming all.
 
+use super::WeakRecipe;
+use super::describe::{self, Described};
 use super::examples::{Example, examples};
-use super::{WeakRecipe, describe};
 use crate::classes::ClassTable;
 use crate::classification::cross_validation::stratified_folds;
 use crate::classification::{Classifier, ClassifierParams, Fingerprint, Model, Samples};
@@ -52,10 +53,11 @@ pub struct StrengthScore {
 }
 
 /// The labelled points of one cloud, described.
-struct Lesson {
-    points: Points,
-    features: FeatureTable,
+struct Lesson<'a> {
+    described: Described<'a>,
     examples: Vec<Example>,
+    /// One row an example.
+    rows: FeatureTable,
     density: f64,
 }
 
@@ -78,8 +80,9 @@ pub fn train_weak(
     let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
     let classes = ClassTable::from_codes(&codes);
     let (rows, labels) = table(&lessons, &classes);
-    let width = lessons.first().map_or(0, |l| l.features.width());
+    let width = lessons.first().map_or(0, |l| l.rows.width());
     let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: classes.len() };
+    recipe.shares.learn(&labels, classes.len());
     let partitions = fit_partition(&lessons, &mut recipe, monitor)?;
     let scores = match (strengths, lessons.first()) {
         ([], _) | (_, None) => Vec::new(),
@@ -94,7 +97,7 @@ pub fn train_weak(
     let model = Model {
         recipe_toml: toml::to_string(&recipe).map_err(|e| Error::input(format!("recipe cannot be written: {e}")))?,
         fingerprint: Fingerprint::of(&samples, density),
-        feature_names: lessons.first().map(|l| l.features.names.clone()).unwrap_or_default(),
+        feature_names: lessons.first().map(|l| l.rows.names.clone()).unwrap_or_default(),
         seed: recipe.seed,
         classes,
         classifier,
@@ -103,10 +106,10 @@ pub fn train_weak(
 }
 
 /// Examples and descriptors of every cloud; the recipe learns what road looks like from all of them.
-fn study(clouds: &[(Cloud, Labels)], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<Lesson>> {
+fn study<'a>(clouds: &'a [(Cloud, Labels)], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<Lesson<'a>>> {
     let mut drafts = Vec::new();
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
-        let points = describe::points_of(cloud, None)?;
+        let points = describe::points_of(cloud, recipe.features.metres_per_unit)?;
         let seed = recipe.seed.wrapping_add(c as u64);
         let examples = examples(labels, &points.index, (&recipe.labels, seed))?;
         let local = describe::local(&points, recipe, monitor)?;
@@ -118,21 +121,26 @@ fn study(clouds: &[(Cloud, Labels)], recipe: &mut WeakRecipe, monitor: &Monitor)
         road.append(&mut recipe.road.examples);
     }
     recipe.road.examples = road;
-    drafts
-        .into_iter()
-        .map(|(cloud, points, examples, local)| {
-            let features = describe::all(cloud, &points, &local, recipe, monitor)?;
-            let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0));
-            Ok(Lesson { points, features, examples, density })
-        })
-        .collect()
+    let mut lessons = Vec::new();
+    for (cloud, points, examples, local) in drafts {
+        let six = describe::six(cloud, &points, &local, recipe, monitor)?;
+        let described = Described { cloud, points, six };
+        let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
+        let more = describe::more(recipe, None);
+        let (rows, scale) = described.rows(&at, more.as_ref(), monitor)?;
+        // The finest scale of the first cloud is that of the others, and of all that the model will name.
+        recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
+        let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0));
+        lessons.push(Lesson { described, examples, rows, density });
+    }
+    Ok(lessons)
 }
 
 /// Rows of the examples, and the positions of their classes.
-fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
-    let each = || lessons.iter().flat_map(|l| l.examples.iter().map(move |e| (l, e)));
-    let rows = each().flat_map(|(l, e)| l.features.row(e.point as usize)).copied().collect();
-    let labels = each().filter_map(|(_, e)| classes.position(e.code)).map(|p| p as u16).collect();
+fn table(lessons: &[Lesson<'_>], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
+    let rows = lessons.iter().flat_map(|l| &l.rows.values).copied().collect();
+    let each = lessons.iter().flat_map(|l| &l.examples);
+    let labels = each.filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
     (rows, labels)
 }
 
@@ -143,14 +151,15 @@ fn seeded(recipe: &WeakRecipe) -> ClassifierParams {
 /// Finer segments until whole ones could be named as the labels of the first cloud are.
 ///
 /// The paper's strength suits its street scans; roofs and ground of airborne scans would share segments.
-fn fit_partition(lessons: &[Lesson], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
+fn fit_partition(lessons: &[Lesson<'_>], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
     let mut tried = Vec::new();
     let voting = matches!(recipe.regularise.method, Regularise::Consensus | Regularise::SegmentCrf);
     let (Some(lesson), true) = (lessons.first(), voting && recipe.labels.fit_partition) else { return Ok(tried) };
-    let mut labels = vec![None; lesson.points.len()];
+    let mut labels = vec![None; lesson.described.points.len()];
     lesson.examples.iter().for_each(|e| labels[e.point as usize] = Some(e.code));
     while let Intent::Strength(strength) = recipe.regularise.partition.intent {
-        let scene = Scene::new(&lesson.points, Some(&head(&lesson.features)), &recipe.regularise, monitor)?;
+        let scene =
+            Scene::new(&lesson.described.points, Some(&head(&lesson.described.six)), &recipe.regularise, monitor)?;
         let accuracy = scene.oracle_accuracy(&labels)?.unwrap_or(1.0);
         tried.push(StrengthScore { strength, accuracy });
         if accuracy >= ENOUGH || tried.len() == TRIALS || strength <= 0.0 {
@@ -163,24 +172,25 @@ fn fit_partition(lessons: &[Lesson], recipe: &mut WeakRecipe, monitor: &Monitor)
 
 /// Accuracy of every strength on the labels of one cloud that are held out.
 fn search(
-    lesson: &Lesson,
+    lesson: &Lesson<'_>,
     (recipe, classes): (&WeakRecipe, &ClassTable),
     strengths: &[f64],
     monitor: &Monitor,
 ) -> Result<Vec<StrengthScore>> {
     let labels: Vec<u16> = lesson.examples.iter().filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
     let folds = stratified_folds(&labels, FOLDS, recipe.seed)?;
-    let scene = Scene::new(&lesson.points, Some(&head(&lesson.features)), &recipe.regularise, monitor)?;
+    let scene = Scene::new(&lesson.described.points, Some(&head(&lesson.described.six)), &recipe.regularise, monitor)?;
+    let more = describe::more(recipe, None);
     let mut right = vec![0usize; strengths.len()];
     for fold in 0..FOLDS as u32 {
         let kept: Vec<usize> = (0..labels.len()).filter(|&i| folds[i] != fold).collect();
-        let rows: Vec<f32> =
-            kept.iter().flat_map(|&i| lesson.features.row(lesson.examples[i].point as usize)).copied().collect();
+        let rows: Vec<f32> = kept.iter().flat_map(|&i| lesson.rows.row(i)).copied().collect();
         let names: Vec<u16> = kept.iter().map(|&i| labels[i]).collect();
-        let (width, classes) = (lesson.features.width(), classes.len());
+        let (width, classes) = (lesson.rows.width(), classes.len());
         let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
         let forest = Classifier::fit(&samples, &seeded(recipe), monitor)?;
-        let values = probabilities(&forest, &lesson.features)?;
+        let mut values = lesson.described.probabilities(&forest, more.as_ref(), monitor)?;
+        recipe.shares.apply(&mut values, classes);
         for (s, &strength) in strengths.iter().enumerate() {
             let params = RegulariseParams { strength, ..recipe.regularise.clone() };
             params.validate()?;
@@ -206,12 +216,6 @@ fn best_of(scores: &[StrengthScore]) -> Option<f64> {
 fn head(features: &FeatureTable) -> FeatureTable {
     let rows = features.values.chunks_exact(features.width());
     FeatureTable { names: features.names[..4].to_vec(), values: rows.flat_map(|r| &r[..4]).copied().collect() }
-}
-
-fn probabilities(classifier: &Classifier, features: &FeatureTable) -> Result<Vec<f32>> {
-    let mut values = vec![0.0; features.rows() * classifier.classes()];
-    classifier.predict_proba(&features.values, &mut values)?;
-    Ok(values)
 }
 
 fn report(clouds: &[(Cloud, Labels)], codes: &[u8], recipe: &WeakRecipe, strengths: Vec<StrengthScore>) -> WeakReport {
@@ -244,19 +248,22 @@ pub(in crate::recipes) fn classify_weak(
     (metres, params): (Option<f64>, &RegulariseParams),
     monitor: &Monitor,
 ) -> Result<(Points, Regularised)> {
-    let points = describe::points_of(cloud, metres)?;
+    let points = describe::points_of(cloud, metres.or(recipe.features.metres_per_unit))?;
     let local = describe::local(&points, recipe, monitor)?;
-    let features = describe::all(cloud, &points, &local, recipe, monitor)?;
-    if features.names != model.feature_names {
+    let six = describe::six(cloud, &points, &local, recipe, monitor)?;
+    let more = describe::more(recipe, metres);
+    let described = Described { cloud, points, six };
+    let names = described.names(more.as_ref());
+    if names != model.feature_names {
         return Err(Error::ModelMismatch(format!(
             "it needs the features {}; its recipe gives {}",
             model.feature_names.join(", "),
-            features.names.join(", ")
+            names.join(", ")
         )));
     }
-    monitor.stage("classify", points.len() as u64);
-    let values = probabilities(&model.classifier, &features)?;
-    drop(features);
+    let mut values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
+    recipe.shares.apply(&mut values, model.classes.len());
+    let points = described.points;
     let scene = Scene::new(&points, Some(&local), params, monitor)?;
     drop(local);
     let found = scene.decide(Probabilities { values: &values, classes: model.classes.len() }, params, monitor)?;

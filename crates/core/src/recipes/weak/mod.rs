@@ -8,7 +8,9 @@
 //! | 2.1 local descriptors | [`WeakRecipe::neighbourhood`] |
 //! | 2.2 road, elevation, position | [`WeakRecipe::road`] |
 //! | 3 segmentation | [`WeakRecipe::regularise`], `partition` |
+//! | beyond the paper: features of many scales | [`WeakRecipe::descriptors`], [`WeakRecipe::features`] |
 //! | 4.1 weakly supervised classifier | [`WeakRecipe::labels`], [`WeakRecipe::forest`] |
+//! | beyond the paper: shares of the classes | [`WeakRecipe::shares`] |
 //! | 4.2 probabilities of segments, field | [`WeakRecipe::regularise`] |
 
 mod describe;
@@ -16,11 +18,13 @@ mod examples;
 mod label_file;
 mod learn;
 mod road;
+mod shares;
 
 pub use examples::{Example, WeakLabels};
 pub use label_file::LabelFile;
 pub use learn::{StrengthScore, WeakReport, train_weak};
 pub use road::{RoadParams, RoadSource};
+pub use shares::ClassShares;
 
 pub(super) use learn::classify_weak;
 
@@ -28,6 +32,7 @@ use super::regularise::{Regularise, RegulariseParams};
 use crate::classification::ForestParams;
 use crate::cloud::names;
 use crate::error::Result;
+use crate::features::FeatureSet;
 use crate::neighbours::OptimalParams;
 use crate::segmentation::PartitionParams;
 use serde::{Deserialize, Serialize};
@@ -41,6 +46,17 @@ pub enum WeakKind {
     Weak,
 }
 
+/// What a point is described by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Descriptors {
+    /// The six of the paper.
+    Paper,
+    /// These, and the features of many scales ([`WeakRecipe::features`]): far better where labels are few.
+    #[default]
+    MultiScale,
+}
+
 /// The settings of the weakly supervised recipe; every default is the paper's where it tells one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -49,6 +65,10 @@ pub struct WeakRecipe {
     pub recipe: WeakKind,
     /// Seed of everything that is drawn by chance.
     pub seed: u64,
+    /// What a point is described by.
+    pub descriptors: Descriptors,
+    /// Features of many scales (document 004, chapter 4.4). Training fills in the finest scale.
+    pub features: FeatureSet,
     /// Optimal neighbourhoods of the local descriptors.
     pub neighbourhood: OptimalParams,
     /// The road, and the descriptors that need it.
@@ -57,6 +77,8 @@ pub struct WeakRecipe {
     pub labels: WeakLabels,
     /// The forest.
     pub forest: ForestParams,
+    /// How probabilities follow the classes' shares of the cloud.
+    pub shares: ClassShares,
     /// Segments, and how labels are made to agree.
     pub regularise: RegulariseParams,
 }
@@ -66,10 +88,13 @@ impl Default for WeakRecipe {
         Self {
             recipe: WeakKind::Weak,
             seed: 0,
+            descriptors: Descriptors::default(),
+            features: FeatureSet::default(),
             neighbourhood: OptimalParams::default(),
             road: RoadParams::default(),
             labels: WeakLabels::default(),
             forest: ForestParams::breiman(),
+            shares: ClassShares::default(),
             regularise: RegulariseParams {
                 method: Regularise::SegmentCrf,
                 partition: PartitionParams::default(),
@@ -85,16 +110,22 @@ impl WeakRecipe {
     /// # Errors
     /// Names the field, its value and what is allowed.
     pub fn validate(&self) -> Result<()> {
+        self.features.validate()?;
         self.neighbourhood.validate()?;
         self.road.validate()?;
         self.labels.validate()?;
         self.forest.validate()?;
+        self.shares.validate()?;
         self.regularise.validate()
     }
 
     /// Columns of a cloud that the recipe reads, beside labels.
     pub fn columns(&self) -> Vec<String> {
         let own = self.road.source == RoadSource::Classification;
-        own.then(|| names::CLASSIFICATION.to_string()).into_iter().collect()
+        let scaled = match self.descriptors {
+            Descriptors::Paper => Vec::new(),
+            Descriptors::MultiScale => self.features.columns(),
+        };
+        own.then_some(names::CLASSIFICATION).into_iter().chain(scaled).map(str::to_string).collect()
     }
 }

@@ -1,0 +1,219 @@
+//! Merging by internal difference.
+
+use super::{Components, Graph};
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// What the weight of an edge says.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EdgeMeaning {
+    /// How different its ends are: 0 means alike. The original form.
+    #[default]
+    Dissimilarity,
+    /// How alike its ends are, 0..=1: 1 means alike. The same as the dissimilarity 1 − w.
+    Similarity,
+}
+
+/// Parameters of [`felzenszwalb`].
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FelzenszwalbParams {
+    /// k: the larger, the larger the components; in units of the weights, ≥ 0. Infinite gives the connected components.
+    pub k: f64,
+    /// What the weights say.
+    pub meaning: EdgeMeaning,
+}
+
+impl Default for FelzenszwalbParams {
+    fn default() -> Self {
+        Self { k: 0.9, meaning: EdgeMeaning::Dissimilarity }
+    }
+}
+
+impl FelzenszwalbParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// If k is negative or not a number.
+    pub fn validate(&self) -> Result<()> {
+        if self.k >= 0.0 { Ok(()) } else { Err(Error::parameter("k", self.k, "0 or more")) }
+    }
+}
+
+/// Graph-based segmentation: components that differ more from each other than within.
+///
+/// Felzenszwalb and Huttenlocher, *Efficient graph-based image segmentation*, IJCV 59(2), 2004. Edges are taken from the
+/// most alike to the least, ties in the graph's order. Int of a component is the dissimilarity of the edge that closed it
+/// last, 0 at the start; two components are joined by an edge δ if δ ≤ min(Int1 + k/|C1|, Int2 + k/|C2|). For
+/// similarities w = 1 − δ that is w ≥ max(Int1 − k/|C1|, Int2 − k/|C2|), with Int = 1 at the start.
+///
+/// O(m log m).
+///
+/// ```
+/// use scansion_core::graph::{FelzenszwalbParams, Graph, felzenszwalb};
+///
+/// let graph = Graph::new(4, &[[0, 1], [1, 2], [2, 3]], &[0.1, 0.9, 0.2])?;
+/// let parts = felzenszwalb(&graph, &FelzenszwalbParams { k: 0.5, ..Default::default() })?;
+/// assert_eq!(parts.of, [0, 0, 1, 1]);
+/// # Ok::<(), scansion_core::Error>(())
+/// ```
+///
+/// # Errors
+/// If k is negative or not a number.
+pub fn felzenszwalb(graph: &Graph, params: &FelzenszwalbParams) -> Result<Components> {
+    params.validate()?;
+    let mut merger = FelzenszwalbMerger::default();
+    let edges = graph.edges().iter().zip(graph.weights()).map(|(&ends, &weight)| (ends, f64::from(weight)));
+    merger.merge(graph.len(), edges, params);
+    let mut name = vec![u32::MAX; graph.len()];
+    let mut count = 0;
+    let of = (0..graph.len() as u32).map(|node| {
+        let slot = &mut name[merger.component(node) as usize];
+        if *slot == u32::MAX {
+            *slot = count;
+            count += 1;
+        }
+        *slot
+    });
+    Ok(Components { of: of.collect(), count: count as usize })
+}
+
+/// The working memory of many small segmentations.
+#[derive(Clone, Debug, Default)]
+pub struct FelzenszwalbMerger {
+    edges: Vec<([u32; 2], f64)>,
+    parent: Vec<u32>,
+    size: Vec<u32>,
+    internal: Vec<f64>,
+}
+
+impl FelzenszwalbMerger {
+    /// Segments nodes `0..nodes` by edges between them. As [`felzenszwalb`], without checks of the parameters.
+    pub fn merge(&mut self, nodes: usize, edges: impl Iterator<Item = ([u32; 2], f64)>, params: &FelzenszwalbParams) {
+        let similar = params.meaning == EdgeMeaning::Similarity;
+        self.edges.clear();
+        self.edges.extend(edges);
+        // Stable sorts: ties stay in the order of the edges.
+        if similar {
+            self.edges.sort_by(|a, b| b.1.total_cmp(&a.1));
+        } else {
+            self.edges.sort_by(|a, b| a.1.total_cmp(&b.1));
+        }
+        self.parent.clear();
+        self.parent.extend(0..nodes as u32);
+        self.size.clear();
+        self.size.resize(nodes, 1);
+        self.internal.clear();
+        self.internal.resize(nodes, if similar { 1.0 } else { 0.0 });
+        for at in 0..self.edges.len() {
+            let ([a, b], weight) = self.edges[at];
+            let (a, b) = (self.component(a), self.component(b));
+            let share = |c: u32| params.k / f64::from(self.size[c as usize]);
+            let within = |c: u32| self.internal[c as usize];
+            let joins = if similar {
+                weight >= (within(a) - share(a)).max(within(b) - share(b))
+            } else {
+                weight <= (within(a) + share(a)).min(within(b) + share(b))
+            };
+            if a != b && joins {
+                let (kept, gone) = if self.size[a as usize] >= self.size[b as usize] { (a, b) } else { (b, a) };
+                self.parent[gone as usize] = kept;
+                self.size[kept as usize] += self.size[gone as usize];
+                self.internal[kept as usize] = weight;
+            }
+        }
+    }
+
+    /// The node that stands for the component of a node after [`FelzenszwalbMerger::merge`].
+    pub fn component(&mut self, mut node: u32) -> u32 {
+        while self.parent[node as usize] != node {
+            let above = self.parent[self.parent[node as usize] as usize];
+            self.parent[node as usize] = above;
+            node = above;
+        }
+        node
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::graph::connected_components;
+    use crate::random::{Stream, stream};
+
+    /// A graph of up to 20 nodes with similarities that are multiples of 1/1024.
+    fn random_graph(s: &mut Stream) -> Graph {
+        let nodes = 2 + s.below(19);
+        let mut pairs: Vec<[u32; 2]> = (0..3 * nodes).map(|_| [s.below(nodes) as u32, s.below(nodes) as u32]).collect();
+        pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+        pairs.retain(|[a, b]| a != b);
+        pairs.sort_unstable();
+        pairs.dedup();
+        let weights: Vec<f32> = pairs.iter().map(|_| s.below(1025) as f32 / 1024.0).collect();
+        Graph::new(nodes, &pairs, &weights).unwrap()
+    }
+
+    fn run(graph: &Graph, k: f64, meaning: EdgeMeaning) -> Components {
+        felzenszwalb(graph, &FelzenszwalbParams { k, meaning }).unwrap()
+    }
+
+    /// By the letter of the paper: components as lists, Int as the largest edge of their spanning tree.
+    fn by_the_letter(graph: &Graph, k: f64) -> Vec<u32> {
+        let mut order: Vec<usize> = (0..graph.edges().len()).collect();
+        order.sort_by(|&a, &b| graph.weights()[a].total_cmp(&graph.weights()[b]).then(a.cmp(&b)));
+        let mut parts: Vec<(Vec<u32>, f64)> = (0..graph.len() as u32).map(|v| (vec![v], 0.0)).collect();
+        for e in order {
+            let delta = f64::from(graph.weights()[e]);
+            let [a, b] = graph.edges()[e].map(|v| parts.iter().position(|p| p.0.contains(&v)).unwrap());
+            let bound = |p: usize| parts[p].1 + k / parts[p].0.len() as f64;
+            if a != b && delta <= bound(a).min(bound(b)) {
+                let gone = parts.remove(a.max(b));
+                let kept = &mut parts[a.min(b)];
+                kept.0.extend(gone.0);
+                kept.1 = kept.1.max(gone.1).max(delta);
+            }
+        }
+        let mut of = vec![0; graph.len()];
+        parts.iter().for_each(|p| p.0.iter().for_each(|&v| of[v as usize] = *p.0.iter().min().unwrap()));
+        of
+    }
+
+    #[test]
+    fn similarities_give_what_dissimilarities_give() {
+        let mut s = stream(21, 0);
+        for round in 0..500 {
+            let graph = random_graph(&mut s);
+            let turned: Vec<f32> = graph.weights().iter().map(|w| 1.0 - w).collect();
+            let turned = graph.clone().with_weights(turned).unwrap();
+            let k = [0.05, 0.2, 0.5, 0.9, 2.0][round % 5];
+            let expected = run(&turned, k, EdgeMeaning::Dissimilarity);
+            assert_eq!(run(&graph, k, EdgeMeaning::Similarity), expected);
+            let letter = by_the_letter(&turned, k);
+            assert!(
+                (0..graph.len())
+                    .all(|a| (0..a).all(|b| { (letter[a] == letter[b]) == (expected.of[a] == expected.of[b]) }))
+            );
+        }
+    }
+
+    #[test]
+    fn without_k_only_perfect_edges_join_and_with_much_all_that_hangs_together() {
+        let mut s = stream(22, 0);
+        for _ in 0..100 {
+            let graph = random_graph(&mut s);
+            assert_eq!(run(&graph, f64::INFINITY, EdgeMeaning::Similarity), connected_components(&graph));
+            let kept: Vec<[u32; 2]> =
+                graph.edges().iter().zip(graph.weights()).filter(|(_, w)| **w == 1.0).map(|(e, _)| *e).collect();
+            let perfect = Graph::new(graph.len(), &kept, &vec![1.0; kept.len()]).unwrap();
+            assert_eq!(run(&graph, 0.0, EdgeMeaning::Similarity), connected_components(&perfect));
+        }
+    }
+
+    #[test]
+    fn a_negative_k_is_refused() {
+        let graph = Graph::new(2, &[[0, 1]], &[1.0]).unwrap();
+        assert!(felzenszwalb(&graph, &FelzenszwalbParams { k: -1.0, ..Default::default() }).is_err());
+        assert!(felzenszwalb(&graph, &FelzenszwalbParams { k: f64::NAN, ..Default::default() }).is_err());
+    }
+}

@@ -1,0 +1,62 @@
+//! The objects of a cloud and their features (document 002, section 3.4).
+
+use super::{Heights, ObjectsRecipe};
+use crate::cloud::{Cloud, Points};
+use crate::error::{Error, Result};
+use crate::features::FeatureTable;
+use crate::parallel::Monitor;
+use crate::segmentation::{ObjectAttributes, Partition, object_features};
+use crate::terrain::{ElevationModel, ground_points};
+
+/// Segments of a cloud's points and one row of features for each.
+pub(super) struct Objects {
+    pub(super) points: Points,
+    pub(super) partition: Partition,
+    pub(super) features: FeatureTable,
+}
+
+/// Local coordinates of a cloud, metres.
+fn points_of(cloud: &Cloud, metres: Option<f64>) -> Result<Points> {
+    let points = Points::from_cloud(cloud, metres.or(cloud.metres_per_unit).unwrap_or(1.0));
+    match points.is_empty() {
+        true => Err(Error::input("the cloud has no point with finite coordinates")),
+        false => Ok(points),
+    }
+}
+
+/// Finds and describes the objects of a cloud.
+pub(super) fn objects(
+    cloud: &Cloud,
+    recipe: &ObjectsRecipe,
+    metres: Option<f64>,
+    monitor: &Monitor,
+) -> Result<Objects> {
+    let points = points_of(cloud, metres.or(recipe.metres_per_unit))?;
+    let colours = recipe.segments.colours(cloud, &points)?;
+    let partition = recipe.segments.partition(&points, colours.as_deref(), monitor)?;
+    let heights = match recipe.heights {
+        Heights::AboveGround => Some(above_ground(&points, recipe, monitor)?),
+        Heights::Datum => None,
+    };
+    let attributes = ObjectAttributes { colours: colours.as_deref(), heights: heights.as_deref() };
+    let mut features = object_features(&points, &partition, &attributes, monitor)?;
+    if heights.is_some() {
+        features = without(&features, "MeanZ");
+    }
+    Ok(Objects { points, partition, features })
+}
+
+fn above_ground(points: &Points, recipe: &ObjectsRecipe, monitor: &Monitor) -> Result<Vec<f32>> {
+    let ground = ground_points(points, &recipe.ground, monitor)?;
+    ElevationModel::fit(points, &ground, &recipe.elevation, monitor)?.heights(points, monitor)
+}
+
+/// The table without one column.
+fn without(table: &FeatureTable, name: &str) -> FeatureTable {
+    let kept: Vec<usize> = (0..table.width()).filter(|&c| table.names[c] != name).collect();
+    let rows = table.values.chunks_exact(table.width());
+    FeatureTable {
+        names: kept.iter().map(|&c| table.names[c].clone()).collect(),
+        values: rows.flat_map(|row| kept.iter().map(move |&c| row[c])).collect(),
+    }
+}

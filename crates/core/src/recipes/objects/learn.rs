@@ -1,0 +1,197 @@
+//! Learning from a share of the segments, and scoring the others.
+
+use super::ObjectsRecipe;
+use super::describe::{Objects, objects};
+use super::split::{Labelled, split};
+use crate::classes::ClassTable;
+use crate::classification::{Classifier, Fingerprint, Model, Samples};
+use crate::cloud::Cloud;
+use crate::error::{Error, Result};
+use crate::evaluation::{Confusion, Scores};
+use crate::parallel::Monitor;
+use crate::recipes::{ClassCount, Labels, planar_density};
+use crate::segmentation::majorities;
+use serde::Serialize;
+
+/// What training did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ObjectsReport {
+    /// Per class, ascending by code: labelled points, and segments that were learned from.
+    pub classes: Vec<ClassCount>,
+    /// Points without a label.
+    pub unlabelled: u64,
+    /// Segments of all clouds.
+    pub segments: usize,
+    /// Those with a label of their own, that is a majority.
+    pub labelled: usize,
+    /// Those that were learned from.
+    pub learned: usize,
+    /// Best accuracy that naming whole segments could reach, 0..1.
+    pub oracle_accuracy: f64,
+    /// The segments that were not learned from, one by one; absent if all were.
+    pub by_segment: Option<Scores>,
+    /// The points of these segments.
+    pub by_point: Option<Scores>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// The segments of one cloud, described.
+struct Lesson {
+    found: Objects,
+    /// Class of each segment, if it has one.
+    codes: Vec<Option<u8>>,
+    learned: Vec<bool>,
+    /// Label of each point of `found`.
+    truth: Vec<Option<u8>>,
+    density: f64,
+}
+
+/// Learns from a share of the segments of one or more labelled clouds; a segment has the majority class of its points.
+///
+/// # Errors
+/// No labelled point, a parameter out of range, colours are asked for that a cloud does not have, cancellation.
+pub fn train_objects(
+    clouds: &[(Cloud, Labels)],
+    recipe: &ObjectsRecipe,
+    monitor: &Monitor,
+) -> Result<(Model, ObjectsReport)> {
+    recipe.validate()?;
+    let mut recipe = recipe.clone();
+    let mut lessons = Vec::new();
+    for (c, (cloud, labels)) in clouds.iter().enumerate() {
+        let lesson = study((cloud, labels), &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
+        // Whether the first cloud has colours decides for all that the model will name.
+        let colour = lesson.found.features.names.iter().any(|name| name == "MeanRed");
+        recipe.segments.colour = Some(colour);
+        lessons.push(lesson);
+    }
+    let codes: Vec<u8> = lessons.iter().flat_map(|l| l.codes.iter().flatten().copied()).collect();
+    if codes.is_empty() {
+        return Err(Error::input("no labelled point to learn from; check the labels and the unlabelled codes"));
+    }
+    let classes = ClassTable::from_codes(&codes);
+    let (rows, labels) = table(&lessons, &classes);
+    let names = lessons.first().map(|l| l.found.features.names.clone()).unwrap_or_default();
+    let samples =
+        Samples { features: &rows, width: names.len(), labels: &labels, weights: None, classes: classes.len() };
+    let classifier = Classifier::fit(&samples, &recipe.classifier(), monitor)?;
+    let report = report(clouds, &lessons, (&classifier, &classes))?;
+    let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
+    let model = Model {
+        recipe_toml: toml::to_string(&recipe).map_err(|e| Error::input(format!("recipe cannot be written: {e}")))?,
+        fingerprint: Fingerprint::of(&samples, density),
+        feature_names: names,
+        seed: recipe.seed,
+        classes,
+        classifier,
+    };
+    Ok((model, report))
+}
+
+fn study((cloud, labels): (&Cloud, &Labels), recipe: &ObjectsRecipe, seed: u64, monitor: &Monitor) -> Result<Lesson> {
+    let found = objects(cloud, recipe, None, monitor)?;
+    let of = |&i: &u32| labels.codes.get(i as usize).copied().flatten();
+    let truth: Vec<Option<u8>> = found.points.index.iter().map(of).collect();
+    let votes = majorities(&found.partition, &truth)?;
+    let pure = |votes: f64, labelled: f64| votes >= recipe.training.purity * labelled;
+    let codes: Vec<Option<u8>> =
+        votes.iter().map(|m| m.code.filter(|_| pure(f64::from(m.votes), f64::from(m.labelled)))).collect();
+    let named: Vec<usize> = (0..codes.len()).filter(|&s| codes[s].is_some()).collect();
+    let segments: Vec<Labelled> =
+        named.iter().map(|&s| Labelled { code: codes[s].unwrap_or_default(), at: middle(&found, s) }).collect();
+    let mut learned = vec![false; codes.len()];
+    named.iter().zip(split(&segments, &recipe.training, seed)).for_each(|(&s, chosen)| learned[s] = chosen);
+    let density = planar_density(cloud, recipe.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0));
+    Ok(Lesson { found, codes, learned, truth, density })
+}
+
+/// Mean place of a segment, metres.
+fn middle(found: &Objects, segment: usize) -> [f64; 2] {
+    let members = found.partition.members(segment);
+    let mean = |axis: &[f32]| members.iter().map(|&i| f64::from(axis[i as usize])).sum::<f64>() / members.len() as f64;
+    [mean(&found.points.x), mean(&found.points.y)]
+}
+
+/// Rows of the segments that are learned from, and the positions of their classes.
+fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
+    let (mut rows, mut labels) = (Vec::new(), Vec::new());
+    for lesson in lessons {
+        for s in (0..lesson.codes.len()).filter(|&s| lesson.learned[s]) {
+            if let Some(position) = lesson.codes[s].and_then(|code| classes.position(code)) {
+                rows.extend_from_slice(lesson.found.features.row(s));
+                labels.push(position as u16);
+            }
+        }
+    }
+    (rows, labels)
+}
+
+fn report(
+    clouds: &[(Cloud, Labels)],
+    lessons: &[Lesson],
+    (classifier, classes): (&Classifier, &ClassTable),
+) -> Result<ObjectsReport> {
+    let mut points = [0u64; 256];
+    for (_, labels) in clouds {
+        labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
+    }
+    let learned = |code| {
+        let of = |l: &Lesson| l.codes.iter().zip(&l.learned).filter(|(c, l)| **c == Some(code) && **l).count();
+        lessons.iter().map(of).sum::<usize>() as u64
+    };
+    let counts: Vec<ClassCount> = (classes.classes().iter())
+        .map(|c| ClassCount { code: c.code, points: points[usize::from(c.code)], samples: learned(c.code) })
+        .collect();
+    let unseen = counts.iter().filter(|c| c.samples == 0);
+    let mut warnings: Vec<String> =
+        unseen.map(|c| format!("class {} is in no segment that was learned from", c.code)).collect();
+    if classes.len() == 1 {
+        warnings.push(format!("only one class is labelled ({}): every point will get it", counts[0].code));
+    }
+    let (by_segment, by_point) = held_out(lessons, (classifier, classes))?;
+    Ok(ObjectsReport {
+        unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
+        segments: lessons.iter().map(|l| l.codes.len()).sum(),
+        labelled: lessons.iter().flat_map(|l| &l.codes).flatten().count(),
+        learned: counts.iter().map(|c| c.samples as usize).sum(),
+        classes: counts,
+        oracle_accuracy: oracle(lessons)?,
+        by_segment,
+        by_point,
+        warnings,
+    })
+}
+
+fn oracle(lessons: &[Lesson]) -> Result<f64> {
+    let (mut right, mut all) = (0u64, 0u64);
+    for lesson in lessons {
+        for majority in majorities(&lesson.found.partition, &lesson.truth)? {
+            right += u64::from(majority.votes);
+            all += u64::from(majority.labelled);
+        }
+    }
+    Ok(right as f64 / all.max(1) as f64)
+}
+
+/// Scores of the segments that were not learned from, and of their points.
+fn held_out(
+    lessons: &[Lesson],
+    (classifier, classes): (&Classifier, &ClassTable),
+) -> Result<(Option<Scores>, Option<Scores>)> {
+    let (mut segments, mut points) = (Confusion::new(classes.clone()), Confusion::new(classes.clone()));
+    for lesson in lessons {
+        let predicted = classifier.predict(&lesson.found.features.values)?;
+        for (s, code) in lesson.codes.iter().enumerate().filter(|(s, _)| !lesson.learned[*s]) {
+            let (Some(code), name) = (code, classes.classes()[usize::from(predicted[s])].code) else { continue };
+            segments.add(*code, name)?;
+            let known = lesson.found.partition.members(s).iter().filter_map(|&i| lesson.truth[i as usize]);
+            // A class that is nowhere the majority of a segment is not in the table: no name can be right.
+            for truth in known.filter(|&truth| classes.position(truth).is_some()) {
+                points.add(truth, name)?;
+            }
+        }
+    }
+    let scores = |found: &Confusion| (found.points() > 0).then(|| found.scores());
+    Ok((scores(&segments), scores(&points)))
+}

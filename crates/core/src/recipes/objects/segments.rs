@@ -1,0 +1,129 @@
+//! Points to supervoxels, supervoxels to segments (document 002, sections 3.1 to 3.3).
+
+use crate::cloud::{Cloud, Points};
+use crate::error::{Error, Result};
+use crate::features::{colours, normals};
+use crate::graph::{Orientation, orient};
+use crate::neighbours::knn;
+use crate::parallel::Monitor;
+use crate::segmentation::{
+    LocalGraphParams, Partition, PointAttributes, SlicParams, Supervoxels, VccsParams, local_graphs, slic, vccs,
+};
+use serde::{Deserialize, Serialize};
+
+/// Which supervoxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SupervoxelMode {
+    /// On points, as the document.
+    #[default]
+    Slic,
+    /// On voxels that touch: no supervoxel crosses a gap.
+    Vccs,
+}
+
+/// How supervoxels and segments are found; the defaults are document 002's, for airborne scans.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ObjectSegments {
+    /// Nearest neighbours of a point that its normal is found by, 2..=32.
+    pub neighbours: usize,
+    /// The side that normals point to.
+    pub orientation: Orientation,
+    /// Use the points' colours; absent: if the cloud has any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub colour: Option<bool>,
+    /// Which supervoxels.
+    pub supervoxels: SupervoxelMode,
+    /// Those on points.
+    pub slic: SlicParams,
+    /// Those on voxels.
+    pub vccs: VccsParams,
+    /// From supervoxels to segments.
+    pub local_graphs: LocalGraphParams,
+}
+
+impl Default for ObjectSegments {
+    fn default() -> Self {
+        Self {
+            neighbours: 10,
+            orientation: Orientation::Up,
+            colour: None,
+            supervoxels: SupervoxelMode::default(),
+            slic: SlicParams::default(),
+            vccs: VccsParams::default(),
+            local_graphs: LocalGraphParams::default(),
+        }
+    }
+}
+
+impl ObjectSegments {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// Names the field, its value and what is allowed.
+    pub fn validate(&self) -> Result<()> {
+        if !(2..=32).contains(&self.neighbours) {
+            return Err(Error::parameter("neighbours", self.neighbours, "2..=32"));
+        }
+        self.slic.validate()?;
+        self.vccs.validate()?;
+        self.local_graphs.validate()
+    }
+
+    /// Colours of the points, 0..=1, if they are wanted.
+    ///
+    /// # Errors
+    /// If they are asked for and the cloud has none.
+    pub(in crate::recipes) fn colours(&self, cloud: &Cloud, points: &Points) -> Result<Option<Vec<[f32; 3]>>> {
+        match (self.colour, colours(cloud, &points.index)) {
+            (Some(false), _) => Ok(None),
+            (None, found) => Ok(found.ok()),
+            (Some(true), found) => found.map(Some),
+        }
+    }
+
+    /// The supervoxels of a cloud.
+    ///
+    /// # Errors
+    /// A parameter out of range, cancellation.
+    pub(in crate::recipes) fn supervoxels(
+        &self,
+        points: &Points,
+        colours: Option<&[[f32; 3]]>,
+        monitor: &Monitor,
+    ) -> Result<Supervoxels> {
+        self.validate()?;
+        let near = knn(points, self.neighbours, monitor)?;
+        let mut directions = normals(points, &near, monitor)?.directions;
+        orient(points, &near, &mut directions, &self.orientation, monitor)?;
+        drop(near);
+        let attributes = PointAttributes { normals: Some(&directions), colours };
+        match self.supervoxels {
+            SupervoxelMode::Slic => slic(points, &attributes, &self.slic, monitor),
+            SupervoxelMode::Vccs => vccs(points, &attributes, &self.vccs, monitor),
+        }
+    }
+
+    /// The segments of a cloud's points; points that belong to no supervoxel are segments of their own.
+    ///
+    /// # Errors
+    /// As [`ObjectSegments::supervoxels`].
+    pub(in crate::recipes) fn partition(
+        &self,
+        points: &Points,
+        colours: Option<&[[f32; 3]]>,
+        monitor: &Monitor,
+    ) -> Result<Partition> {
+        let supervoxels = self.supervoxels(points, colours, monitor)?;
+        self.joined(&supervoxels, monitor)
+    }
+
+    /// Supervoxels joined to segments of the points.
+    ///
+    /// # Errors
+    /// A parameter out of range, cancellation.
+    pub(in crate::recipes) fn joined(&self, supervoxels: &Supervoxels, monitor: &Monitor) -> Result<Partition> {
+        supervoxels.point_partition(&local_graphs(supervoxels, &self.local_graphs, monitor)?)
+    }
+}

@@ -1,0 +1,269 @@
+//! How a cloud is parted: one method, and the settings of each.
+
+use crate::cloud::names;
+use crate::error::{Error, Result};
+use crate::graph::KnnGraphParams;
+use crate::neighbours::OptimalParams;
+use crate::recipes::objects::ObjectSegments;
+use crate::recipes::recipe::{explained, set_key};
+use crate::segmentation::{
+    Intent, Leftovers, OctreeGrowingParams, PartitionParams, RegionGrowingParams, RiemannianParams,
+};
+use serde::{Deserialize, Serialize};
+
+/// How segments are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SegmentMethod {
+    /// l0 cut pursuit on the points (document 000): lower energy.
+    #[default]
+    CutPursuit,
+    /// The same energy by greedy merging: faster.
+    Merge,
+    /// Supervoxels of an adaptive octree, their Riemannian graph, l0 cut pursuit on it (document 001).
+    Riemannian,
+    /// Local graphs of supervoxels (document 002).
+    LocalGraph,
+    /// Supervoxels on points (document 002).
+    Slic,
+    /// Supervoxels on voxels that touch (Papon 2013).
+    Vccs,
+    /// Smooth regions of points (Rabbani 2006).
+    RegionGrowing,
+    /// Flat voxels of an octree, grown and refined (Vo 2015).
+    OctreeRegionGrowing,
+}
+
+impl SegmentMethod {
+    /// All methods.
+    pub const ALL: [Self; 8] = [
+        Self::CutPursuit,
+        Self::Merge,
+        Self::Riemannian,
+        Self::LocalGraph,
+        Self::Slic,
+        Self::Vccs,
+        Self::RegionGrowing,
+        Self::OctreeRegionGrowing,
+    ];
+
+    /// The name as in TOML and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CutPursuit => "cut-pursuit",
+            Self::Merge => "merge",
+            Self::Riemannian => "riemannian",
+            Self::LocalGraph => "local-graph",
+            Self::Slic => "slic",
+            Self::Vccs => "vccs",
+            Self::RegionGrowing => "region-growing",
+            Self::OctreeRegionGrowing => "octree-region-growing",
+        }
+    }
+
+    /// True if the four local descriptors and the graph of the points make the segments.
+    pub fn is_on_points(self) -> bool {
+        matches!(self, Self::CutPursuit | Self::Merge)
+    }
+}
+
+/// What both kinds of region growing need besides their own settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GrowingParams {
+    /// Nearest neighbours that a region grows over and normals are found by, 2..=32.
+    pub neighbours: usize,
+    /// What becomes of points without a region.
+    pub leftovers: Leftovers,
+}
+
+impl Default for GrowingParams {
+    fn default() -> Self {
+        Self { neighbours: 15, leftovers: Leftovers::default() }
+    }
+}
+
+/// Settings of [`segment`](super::segment()): a recipe of its own. The defaults are the documents', but for a strength of 0.03
+/// that suits airborne scans too.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SegmentParams {
+    /// How segments are found; only the sections of this method count.
+    pub method: SegmentMethod,
+    /// `riemannian`: part the cloud at each of these least depths of the octree too.
+    pub levels: Vec<u32>,
+    /// `cut-pursuit`, `merge`: nearest neighbours that each point is joined with, at least 1. Boundaries of every method are
+    /// judged on this graph.
+    pub neighbours: usize,
+    /// Neighbourhoods of the four descriptors that are nearly constant on a segment.
+    pub neighbourhood: OptimalParams,
+    /// Weights of these edges.
+    pub adjacency: KnnGraphParams,
+    /// The partition: a strength, or what it is for. Its `method` is that of [`SegmentParams::method`].
+    pub partition: PartitionParams,
+    /// `riemannian`.
+    pub riemannian: RiemannianParams,
+    /// `local-graph`, `slic`, `vccs`.
+    pub objects: ObjectSegments,
+    /// `region-growing`, `octree-region-growing`.
+    pub growing: GrowingParams,
+    /// `region-growing`.
+    pub region_growing: RegionGrowingParams,
+    /// `octree-region-growing`.
+    pub octree_region_growing: OctreeGrowingParams,
+}
+
+impl Default for SegmentParams {
+    fn default() -> Self {
+        Self {
+            method: SegmentMethod::default(),
+            levels: Vec::new(),
+            neighbours: 10,
+            neighbourhood: OptimalParams::default(),
+            adjacency: KnnGraphParams::default(),
+            partition: PartitionParams { intent: Intent::Strength(0.03), ..PartitionParams::default() },
+            riemannian: RiemannianParams::default(),
+            objects: ObjectSegments::default(),
+            growing: GrowingParams::default(),
+            region_growing: RegionGrowingParams::default(),
+            octree_region_growing: OctreeGrowingParams::default(),
+        }
+    }
+}
+
+impl SegmentParams {
+    /// Reads TOML; a wrong key is named with its line and the nearest valid key.
+    ///
+    /// # Errors
+    /// Not TOML, an unknown key or value.
+    pub fn from_toml(text: &str) -> Result<Self> {
+        explained(text)
+    }
+
+    /// The settings as TOML, all values resolved.
+    ///
+    /// # Errors
+    /// Never for values that pass [`SegmentParams::validate`].
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string(self).map_err(|e| Error::input(format!("settings cannot be written as TOML: {e}")))
+    }
+
+    /// Applies `section.key=value` settings, each value read as TOML (a bare word counts as text).
+    ///
+    /// # Errors
+    /// As [`SegmentParams::from_toml`].
+    pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
+        let mut table: toml::Table = self.to_toml()?.parse().map_err(|e| Error::input(format!("settings: {e}")))?;
+        for setting in settings {
+            set_key(&mut table, setting)?;
+        }
+        Self::from_toml(&table.to_string())
+    }
+
+    /// The same with another aim: a strength, or what the segments are for.
+    ///
+    /// # Errors
+    /// If the method has no such aim.
+    pub fn aimed(mut self, aim: Intent) -> Result<Self> {
+        match (aim, self.method) {
+            (aim, method) if method.is_on_points() => self.partition.intent = aim,
+            (Intent::Strength(strength), SegmentMethod::Riemannian) => self.riemannian.strength = strength,
+            (Intent::Strength(_), method) => {
+                return Err(Error::parameter(
+                    "method",
+                    method.name(),
+                    "cut-pursuit, merge or riemannian with a strength",
+                ));
+            }
+            (_, method) => return Err(Error::parameter("method", method.name(), "cut-pursuit or merge with this aim")),
+        }
+        Ok(self)
+    }
+
+    /// The same for another size, metres: that of the supervoxels, or of the largest voxels of an octree.
+    ///
+    /// # Errors
+    /// If the method has no size.
+    pub fn with_size(mut self, size: f64) -> Result<Self> {
+        match self.method {
+            SegmentMethod::LocalGraph | SegmentMethod::Slic | SegmentMethod::Vccs => {
+                self.objects.vccs.voxel *= size / self.objects.vccs.size;
+                (self.objects.slic.size, self.objects.vccs.size) = (size, size);
+            }
+            SegmentMethod::OctreeRegionGrowing => {
+                self.octree_region_growing.smallest_voxel *= size / self.octree_region_growing.largest_voxel;
+                self.octree_region_growing.largest_voxel = size;
+            }
+            other => {
+                let expected = "one of local-graph, slic, vccs, octree-region-growing: the others have no size";
+                return Err(Error::parameter("method", other.name(), expected));
+            }
+        }
+        Ok(self)
+    }
+
+    /// Columns of a cloud that the method reads, beside labels.
+    pub fn columns(&self) -> Vec<String> {
+        let coloured = matches!(self.method, SegmentMethod::LocalGraph | SegmentMethod::Slic | SegmentMethod::Vccs);
+        match coloured && self.objects.colour != Some(false) {
+            true => names::COLOUR.iter().map(ToString::to_string).collect(),
+            false => Vec::new(),
+        }
+    }
+
+    /// Checks the ranges of the method's fields.
+    ///
+    /// # Errors
+    /// Names the field, its value and what is allowed.
+    pub fn validate(&self) -> Result<()> {
+        if self.neighbours == 0 {
+            return Err(Error::parameter("neighbours", 0, "1 or more"));
+        }
+        if !(2..=32).contains(&self.growing.neighbours) {
+            return Err(Error::parameter("growing.neighbours", self.growing.neighbours, "2..=32"));
+        }
+        if !self.levels.is_empty() && self.method != SegmentMethod::Riemannian {
+            return Err(Error::parameter("levels", format!("{:?}", self.levels), "the method riemannian, or none"));
+        }
+        self.neighbourhood.validate()?;
+        self.adjacency.validate()?;
+        self.partition.validate()?;
+        self.riemannian.validate()?;
+        self.objects.validate()?;
+        self.region_growing.validate()?;
+        self.octree_region_growing.validate()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_survive_toml_and_reach_the_method() {
+        let params = SegmentParams { method: SegmentMethod::Vccs, ..SegmentParams::default() };
+        assert_eq!(SegmentParams::from_toml(&params.to_toml().unwrap()).unwrap(), params);
+        let other = params.with_settings(["objects.vccs.size=2", "method=slic"]).unwrap();
+        assert_eq!((other.objects.vccs.size, other.method), (2.0, SegmentMethod::Slic));
+        let message = params.with_settings(["objects.vccs.syze=2"]).unwrap_err().to_string();
+        assert!(message.contains("syze") && message.contains("did you mean `size`"), "{message}");
+    }
+
+    #[test]
+    fn every_method_goes_by_its_name() {
+        for method in SegmentMethod::ALL {
+            let text = format!("method = \"{}\"", method.name());
+            assert_eq!(SegmentParams::from_toml(&text).unwrap().method, method);
+        }
+    }
+
+    #[test]
+    fn a_size_scales_the_voxels_and_needs_a_method_that_has_one() {
+        let params = SegmentParams { method: SegmentMethod::Vccs, ..SegmentParams::default() };
+        let larger = params.with_size(2.4).unwrap().objects;
+        assert_eq!((larger.slic.size, larger.vccs.size, larger.vccs.voxel), (2.4, 2.4, 0.6));
+        assert!(SegmentParams::default().with_size(1.0).is_err());
+        let levels = SegmentParams { levels: vec![4], ..SegmentParams::default() };
+        assert!(levels.validate().is_err());
+    }
+}

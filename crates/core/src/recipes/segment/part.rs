@@ -1,0 +1,126 @@
+//! The partition of a cloud's points by each method.
+
+use super::{SegmentMethod, SegmentParams};
+use crate::cloud::{Cloud, Points};
+use crate::error::Result;
+use crate::features::{FeatureTable, normals, optimal_features};
+use crate::graph::{Graph, knn_graph};
+use crate::neighbours::knn;
+use crate::parallel::Monitor;
+use crate::segmentation::{
+    Method, Partition, PartitionParams, Scene, Signal, StageSeconds, Trial, multi_scale, octree_region_growing,
+    partition_by_intent, region_growing, riemannian,
+};
+
+/// A partition and what its method knows of it.
+#[derive(Default)]
+pub(super) struct Parted {
+    pub(super) partition: Partition,
+    pub(super) descriptors: FeatureTable,
+    pub(super) graph: Option<Graph>,
+    pub(super) strength: Option<f64>,
+    pub(super) trials: Vec<Trial>,
+    pub(super) supervoxels: Option<usize>,
+    pub(super) levels: Vec<Level>,
+}
+
+/// The partition at one depth.
+pub(super) struct Level {
+    pub(super) min_depth: u32,
+    pub(super) supervoxels: usize,
+    pub(super) segments: Partition,
+    pub(super) seconds: StageSeconds,
+}
+
+/// Parts the points; `labels`, one a point, serve the intent that asks for them.
+pub(super) fn part(
+    (cloud, points): (&Cloud, &Points),
+    labels: Option<&[Option<u8>]>,
+    params: &SegmentParams,
+    monitor: &Monitor,
+) -> Result<Parted> {
+    match params.method {
+        SegmentMethod::CutPursuit => on_points(points, labels, (params, Method::CutPursuit), monitor),
+        SegmentMethod::Merge => on_points(points, labels, (params, Method::Merge), monitor),
+        SegmentMethod::Riemannian => on_supervoxels(points, params, monitor),
+        SegmentMethod::LocalGraph | SegmentMethod::Slic | SegmentMethod::Vccs => {
+            of_supervoxels((cloud, points), params, monitor)
+        }
+        SegmentMethod::RegionGrowing => {
+            let near = knn(points, params.growing.neighbours, monitor)?;
+            let surface = normals(points, &near, monitor)?;
+            let grown = region_growing(&near, &surface, &params.region_growing, monitor)?;
+            let partition = grown.partition(points, params.growing.leftovers, monitor)?;
+            Ok(Parted { partition, ..Parted::default() })
+        }
+        SegmentMethod::OctreeRegionGrowing => {
+            let grown = octree_region_growing(points, &params.octree_region_growing, monitor)?;
+            let partition = grown.partition(points, params.growing.leftovers, monitor)?;
+            Ok(Parted { partition, ..Parted::default() })
+        }
+    }
+}
+
+/// The graph that every point shares with its nearest neighbours.
+pub(super) fn adjacency(points: &Points, params: &SegmentParams, monitor: &Monitor) -> Result<Graph> {
+    let near = knn(points, params.neighbours, monitor)?;
+    knn_graph(points.len(), &near, &params.adjacency, monitor)
+}
+
+fn on_points(
+    points: &Points,
+    labels: Option<&[Option<u8>]>,
+    (params, method): (&SegmentParams, Method),
+    monitor: &Monitor,
+) -> Result<Parted> {
+    monitor.stage("describe", points.len() as u64);
+    let descriptors = optimal_features(points, &params.neighbourhood, monitor)?.table;
+    let graph = adjacency(points, params, monitor)?;
+    monitor.stage("segments", points.len() as u64);
+    let signal = Signal::new(&descriptors.values, descriptors.width())?;
+    let scene = Scene { signal, graph: &graph, points: Some(points), labels };
+    let partition = PartitionParams { method, ..params.partition.clone() };
+    let found = partition_by_intent(&scene, &partition, monitor)?;
+    Ok(Parted {
+        partition: found.partition,
+        descriptors,
+        graph: Some(graph),
+        strength: Some(found.strength),
+        trials: found.trials,
+        ..Parted::default()
+    })
+}
+
+fn on_supervoxels(points: &Points, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
+    let found = riemannian(points, &params.riemannian, monitor)?;
+    let scales = multi_scale(points, &params.riemannian, params.levels.iter().copied(), monitor)?;
+    let level = |scale: crate::segmentation::Scale| Level {
+        min_depth: scale.min_depth,
+        supervoxels: scale.found.supervoxels.len(),
+        seconds: scale.found.seconds,
+        segments: scale.found.segments,
+    };
+    Ok(Parted {
+        partition: found.segments,
+        strength: Some(params.riemannian.strength),
+        supervoxels: Some(found.supervoxels.len()),
+        levels: scales.into_iter().map(level).collect(),
+        ..Parted::default()
+    })
+}
+
+fn of_supervoxels((cloud, points): (&Cloud, &Points), params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
+    let mut objects = params.objects.clone();
+    let colours = objects.colours(cloud, points)?;
+    objects.supervoxels = match params.method {
+        SegmentMethod::Slic => crate::recipes::SupervoxelMode::Slic,
+        SegmentMethod::Vccs => crate::recipes::SupervoxelMode::Vccs,
+        _ => objects.supervoxels,
+    };
+    let supervoxels = objects.supervoxels(points, colours.as_deref(), monitor)?;
+    let partition = match params.method {
+        SegmentMethod::LocalGraph => objects.joined(&supervoxels, monitor)?,
+        _ => supervoxels.partition()?,
+    };
+    Ok(Parted { partition, supervoxels: Some(supervoxels.len()), ..Parted::default() })
+}

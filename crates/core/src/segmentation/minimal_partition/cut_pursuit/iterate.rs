@@ -1,0 +1,155 @@
+//! The rounds of cut pursuit: split open segments, merge, look at the energy.
+
+use super::super::Signal;
+use super::super::merge::{GREEDY_LINKS, merge_further};
+use super::super::refine::move_boundary_nodes;
+use super::super::regions::{Link, Regions, contract, energy, node_links};
+use super::bisect::Scratch;
+use super::piece::Source;
+use super::{CutPursuit, CutPursuitParams};
+use crate::error::Result;
+use crate::graph::Graph;
+use crate::parallel::{Monitor, map_ordered_with};
+use crate::random::stream;
+use crate::segmentation::Partition;
+
+/// State between rounds.
+pub(super) struct Pursuit<'a> {
+    source: Source<'a>,
+    params: &'a CutPursuitParams,
+    monitor: &'a Monitor,
+    links: Vec<Link>,
+    partition: Partition,
+    /// Segments that no cut divides.
+    saturated: Vec<bool>,
+    found: CutPursuit,
+}
+
+impl<'a> Pursuit<'a> {
+    pub(super) fn new(
+        (signal, graph): (&'a Signal<'a>, &'a Graph),
+        partition: Partition,
+        params: &'a CutPursuitParams,
+        monitor: &'a Monitor,
+    ) -> Result<Self> {
+        monitor.check()?;
+        let links = node_links(graph, params.strength).collect();
+        let energy = energy(signal, graph, params.strength, &partition);
+        let found = CutPursuit {
+            partition: partition.clone(),
+            centroids: Vec::new(),
+            energy,
+            iterations: 0,
+            converged: false,
+            trace: vec![energy],
+        };
+        let saturated = vec![false; partition.len()];
+        let source = Source { signal, graph, adjacency: graph.adjacency(), strength: params.strength };
+        Ok(Self { source, params, monitor, links, partition, saturated, found })
+    }
+
+    pub(super) fn run(mut self) -> Result<CutPursuit> {
+        self.monitor.stage("cut pursuit", self.params.max_iterations as u64);
+        while self.found.iterations < self.params.max_iterations {
+            if !self.round()? {
+                self.found.converged = true;
+                break;
+            }
+            self.monitor.advance(1);
+        }
+        Ok(self.found)
+    }
+
+    /// One round; false if nothing was left to do or too little was gained.
+    fn round(&mut self) -> Result<bool> {
+        let splits = self.split_open_segments()?;
+        if splits.iter().all(|(_, parts)| parts.is_none()) {
+            return Ok(false);
+        }
+        self.divide(&splits)?;
+        if self.params.backward {
+            self.merge()?;
+        }
+        if self.params.moves {
+            self.move_nodes()?;
+        }
+        let Source { signal, graph, strength, .. } = self.source;
+        let energy = energy(signal, graph, strength, &self.partition);
+        let before = self.found.trace.last().copied().unwrap_or(energy);
+        self.found.trace.push(energy);
+        self.found.iterations += 1;
+        if energy < self.found.energy {
+            self.found.energy = energy;
+            self.found.partition = self.partition.clone();
+        }
+        let gained = before - energy;
+        let little = gained >= 0.0 && gained < self.params.tolerance * before;
+        Ok(!(little || self.saturated.iter().all(|s| *s)))
+    }
+
+    /// The parts of each open segment, in parallel.
+    fn split_open_segments(&self) -> Result<Vec<(usize, Option<Vec<u32>>)>> {
+        let mut place = vec![0u32; self.partition.nodes()];
+        for members in self.partition.iter() {
+            (0u32..).zip(members).for_each(|(at, &node)| place[node as usize] = at);
+        }
+        let open: Vec<usize> = (0..self.partition.len()).filter(|&s| !self.saturated[s]).collect();
+        let round = (self.found.iterations as u64) << 32;
+        map_ordered_with(0..open.len(), self.monitor, Scratch::default, |scratch, i| {
+            let segment = open[i];
+            scratch.piece.gather(&self.source, &self.partition, (segment, &place));
+            let smallest = self.partition.members(segment).first().copied().unwrap_or_default();
+            let mut random = stream(self.params.seed, round | u64::from(smallest));
+            Ok((segment, scratch.split(self.params, &mut random, self.monitor)?))
+        })
+    }
+
+    /// Makes the parts segments; what stayed whole is saturated.
+    fn divide(&mut self, splits: &[(usize, Option<Vec<u32>>)]) -> Result<()> {
+        let mut smallest = vec![0u32; self.partition.nodes()];
+        for members in self.partition.iter() {
+            members.iter().for_each(|&node| smallest[node as usize] = members[0]);
+        }
+        let mut closed = vec![false; self.partition.nodes()];
+        for (segment, members) in self.partition.iter().enumerate() {
+            closed[members[0] as usize] = self.saturated[segment];
+        }
+        for (segment, parts) in splits {
+            let members = self.partition.members(*segment);
+            match parts {
+                None => closed[members[0] as usize] = true,
+                Some(parts) => {
+                    for (&node, &part) in members.iter().zip(parts) {
+                        smallest[node as usize] = members[part as usize];
+                    }
+                }
+            }
+        }
+        self.partition = Partition::from_labels(&smallest)?;
+        self.saturated = self.partition.iter().map(|members| closed[members[0] as usize]).collect();
+        Ok(())
+    }
+
+    /// Merges segments while that gains; what merged is open again.
+    fn merge(&mut self) -> Result<()> {
+        let links = contract(self.links.iter().copied(), self.partition.segments());
+        let regions = Regions::of_segments(self.source.signal, &self.partition);
+        let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
+        let joined = Partition::from_labels(&became)?;
+        self.saturated = joined.iter().map(|parts| parts.len() == 1 && self.saturated[parts[0] as usize]).collect();
+        let labels: Vec<u32> = self.partition.segments().iter().map(|&s| joined.segments()[s as usize]).collect();
+        self.partition = Partition::from_labels(&labels)?;
+        Ok(())
+    }
+
+    /// Moves boundary nodes; segments that changed are open again.
+    fn move_nodes(&mut self) -> Result<()> {
+        let Source { signal, graph, ref adjacency, strength } = self.source;
+        let moved = move_boundary_nodes(signal, (graph, adjacency), (&self.partition, strength), self.monitor)?;
+        let before = |members: &[u32]| self.partition.segments()[members[0] as usize] as usize;
+        let same = |members: &[u32]| self.partition.members(before(members)) == members;
+        self.saturated = moved.iter().map(|members| self.saturated[before(members)] && same(members)).collect();
+        self.partition = moved;
+        Ok(())
+    }
+}

@@ -1,0 +1,87 @@
+//! One segment taken out of the cloud: its rows and inner edges lie together in memory, nodes are numbered from 0.
+
+use super::super::Signal;
+use crate::graph::{Adjacency, Graph};
+use crate::segmentation::Partition;
+use crate::segmentation::connected::Sets;
+
+/// Buffers of a segment, reused from segment to segment.
+#[derive(Default)]
+pub(super) struct Piece {
+    pub(super) width: usize,
+    pub(super) values: Vec<f32>,
+    pub(super) weights: Vec<f64>,
+    /// Inner edges, ascending, and what cutting them costs.
+    pub(super) edges: Vec<[u32; 2]>,
+    pub(super) costs: Vec<f64>,
+}
+
+/// Where pieces come from.
+pub(super) struct Source<'a> {
+    pub(super) signal: &'a Signal<'a>,
+    pub(super) graph: &'a Graph,
+    pub(super) adjacency: Adjacency,
+    pub(super) strength: f64,
+}
+
+impl Piece {
+    /// Fills the buffers; `place` tells the position of each node among the members of its segment.
+    pub(super) fn gather(&mut self, source: &Source, partition: &Partition, (segment, place): (usize, &[u32])) {
+        let Self { width, values, weights, edges, costs } = self;
+        *width = source.signal.width();
+        values.clear();
+        weights.clear();
+        edges.clear();
+        costs.clear();
+        for (here, &node) in (0u32..).zip(partition.members(segment)) {
+            values.extend_from_slice(source.signal.row(node as usize));
+            weights.push(source.signal.weight(node as usize));
+            for (other, edge) in source.adjacency.of(node as usize) {
+                if other > node && partition.segments()[other as usize] as usize == segment {
+                    edges.push([here, place[other as usize]]);
+                    costs.push(source.strength * f64::from(source.graph.weights()[edge as usize]));
+                }
+            }
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// Rows with their weights.
+    pub(super) fn rows(&self) -> impl Iterator<Item = (&[f32], f64)> {
+        self.values.chunks_exact(self.width).zip(self.weights.iter().copied())
+    }
+
+    /// Root of the connected part of equal side that each node is in: its smallest node.
+    pub(super) fn parts(&self, sides: &[bool]) -> Vec<u32> {
+        let mut sets = Sets::new(self.len());
+        for &[a, b] in &self.edges {
+            if sides[a as usize] == sides[b as usize] {
+                sets.unite(a, b);
+            }
+        }
+        sets.roots()
+    }
+
+    /// Q of this piece alone under a numbering of its nodes (any labels below the number of nodes).
+    pub(super) fn energy(&self, labels: &[u32]) -> f64 {
+        let mut weights = vec![0.0; self.len()];
+        let mut sums = vec![0.0; self.len() * self.width];
+        let mut squares = 0.0;
+        for ((row, weight), &label) in self.rows().zip(labels) {
+            weights[label as usize] += weight;
+            let sum = &mut sums[label as usize * self.width..][..self.width];
+            for (s, &f) in sum.iter_mut().zip(row) {
+                *s += weight * f64::from(f);
+                squares += weight * f64::from(f).powi(2);
+            }
+        }
+        let means = sums.chunks_exact(self.width).zip(&weights).filter(|(_, w)| **w > 0.0);
+        let explained: f64 = means.map(|(sum, weight)| sum.iter().map(|s| s * s).sum::<f64>() / weight).sum();
+        let cut = self.edges.iter().zip(&self.costs);
+        let boundary: f64 = cut.filter(|(e, _)| labels[e[0] as usize] != labels[e[1] as usize]).map(|(_, c)| c).sum();
+        squares - explained + boundary
+    }
+}

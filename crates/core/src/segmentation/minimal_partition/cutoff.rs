@@ -1,0 +1,83 @@
+//! Segments that are too small join their best neighbour.
+
+use super::Signal;
+use super::regions::{Link, Regions, compact, contract, node_links};
+use crate::error::Result;
+use crate::graph::Graph;
+use crate::segmentation::Partition;
+use crate::segmentation::connected::Sets;
+
+/// As the reference implementation: a chain of small segments needs several passes, but never many.
+const PASSES: usize = 50;
+
+/// Merges every segment whose weight is below `cutoff` into the neighbour of largest gain, be it negative; segments
+/// without neighbours stay. At most 50 passes of O(m log m).
+pub(super) fn absorb_small(
+    signal: &Signal,
+    graph: &Graph,
+    partition: &Partition,
+    (strength, cutoff): (f64, f64),
+) -> Result<Partition> {
+    let mut regions = Regions::of_segments(signal, partition);
+    if (0..regions.len() as u32).all(|region| regions.weight(region) >= cutoff) {
+        return Ok(partition.clone());
+    }
+    let mut segment = partition.segments().to_vec();
+    // With an infinite strength only edges of weight 0 are left between segments: they save nothing.
+    let strength = if strength.is_finite() { strength } else { 0.0 };
+    let mut links = contract(node_links(graph, strength), &segment);
+    for _ in 0..PASSES {
+        let Some(sets) = absorb_once(&mut regions, &links, cutoff) else { break };
+        let (number, left) = compact(&regions, sets);
+        segment.iter_mut().for_each(|s| *s = number[*s as usize]);
+        links = contract(links, &number);
+        regions = left;
+    }
+    Partition::from_labels(&segment)
+}
+
+fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64) -> Option<Sets> {
+    let mut best: Vec<Option<(f64, u32)>> = vec![None; regions.len()];
+    for link in links {
+        let gain = link.boundary - regions.loss(link.ends);
+        for (end, other) in [(link.ends[0], link.ends[1]), (link.ends[1], link.ends[0])] {
+            let slot = &mut best[end as usize];
+            if regions.weight(end) < cutoff && slot.is_none_or(|(most, _)| gain > most) {
+                *slot = Some((gain, other));
+            }
+        }
+    }
+    let mut sets = Sets::new(regions.len());
+    let mut any = false;
+    for (region, choice) in (0u32..).zip(best) {
+        let Some((_, other)) = choice else { continue };
+        let root = sets.root(region);
+        // A region that has grown enough in this pass needs no further partner.
+        if regions.weight(root) < cutoff
+            && let Some((kept, gone)) = sets.unite(region, other)
+        {
+            regions.absorb(kept, gone);
+            any = true;
+        }
+    }
+    any.then_some(sets)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_segments_join_the_neighbour_most_like_them() {
+        let values = [0.0, 0.0, 0.0, 0.4, 1.0, 1.0, 1.0, 9.0];
+        let signal = Signal::new(&values, 1).unwrap();
+        let graph = Graph::new(8, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 5], [5, 6]], &[1.0; 6]).unwrap();
+        let partition = Partition::from_labels(&[0, 0, 0, 1, 2, 2, 2, 3]).unwrap();
+        let kept = absorb_small(&signal, &graph, &partition, (1.0, 1.0)).unwrap();
+        assert_eq!(kept, partition);
+        let joined = absorb_small(&signal, &graph, &partition, (1.0, 2.0)).unwrap();
+        assert_eq!(joined.segments(), [0, 0, 0, 0, 1, 1, 1, 2], "the lonely node has nobody to join");
+        let all = absorb_small(&signal, &graph, &partition, (1.0, 5.0)).unwrap();
+        assert_eq!(all.segments(), [0, 0, 0, 0, 0, 0, 0, 1]);
+    }
+}

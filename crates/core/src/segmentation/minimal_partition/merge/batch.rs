@@ -1,0 +1,45 @@
+//! One round of merging for large graphs: every region names its best partner, then the pairs merge.
+
+use super::super::regions::{Link, Regions};
+use crate::segmentation::connected::Sets;
+
+/// Merges pairs in the order of gain where one is the other's best; nothing if no merger gains.
+///
+/// A region may take part several times: the gain is then recomputed with the current means and the boundary at the
+/// beginning of the round, which can only have grown since. So every merger lowers the energy. O(m log m).
+pub(super) fn merge_best_pairs(regions: &mut Regions, links: &[Link]) -> Option<Sets> {
+    let chosen = best_links(regions, links);
+    if chosen.is_empty() {
+        return None;
+    }
+    let mut sets = Sets::new(regions.len());
+    for (_, link) in chosen {
+        let link = &links[link as usize];
+        let ends = link.ends.map(|end| sets.root(end));
+        if ends[0] != ends[1]
+            && link.boundary > regions.loss(ends)
+            && let Some((kept, gone)) = sets.unite(ends[0], ends[1])
+        {
+            regions.absorb(kept, gone);
+        }
+    }
+    Some(sets)
+}
+
+/// Links of positive gain that are the best one of an end, by falling gain; ties by index.
+fn best_links(regions: &Regions, links: &[Link]) -> Vec<(f64, u32)> {
+    let mut best = vec![(0.0, u32::MAX); regions.len()];
+    for (index, link) in links.iter().enumerate() {
+        let gain = link.boundary - regions.loss(link.ends);
+        for end in link.ends {
+            let slot = &mut best[end as usize];
+            if gain > slot.0 {
+                *slot = (gain, index as u32);
+            }
+        }
+    }
+    best.retain(|&(_, link)| link != u32::MAX);
+    best.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    best.dedup_by_key(|&mut (_, link)| link);
+    best
+}

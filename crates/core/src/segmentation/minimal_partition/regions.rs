@@ -1,0 +1,207 @@
+//! Weights and means of the segments of a partition, the boundaries between them, and the energy of the whole.
+
+use super::Signal;
+use crate::graph::Graph;
+use crate::segmentation::Partition;
+use crate::segmentation::connected::Sets;
+
+/// Weight M and mean x of each region; f64 throughout, so that thousands of mergers lose nothing.
+#[derive(Clone, Debug)]
+pub(super) struct Regions {
+    width: usize,
+    weights: Vec<f64>,
+    means: Vec<f64>,
+}
+
+/// Two regions that touch and what the edges between them cost together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::segmentation) struct Link {
+    pub(in crate::segmentation) ends: [u32; 2],
+    pub(in crate::segmentation) boundary: f64,
+}
+
+impl Regions {
+    /// Every node a region of its own.
+    pub(super) fn of_nodes(signal: &Signal) -> Self {
+        let nodes = 0..signal.len();
+        Self {
+            width: signal.width(),
+            weights: nodes.clone().map(|v| signal.weight(v)).collect(),
+            means: nodes.flat_map(|v| signal.row(v)).map(|&f| f64::from(f)).collect(),
+        }
+    }
+
+    /// The segments of a partition.
+    pub(super) fn of_segments(signal: &Signal, partition: &Partition) -> Self {
+        let width = signal.width();
+        let mut regions =
+            Self { width, weights: Vec::with_capacity(partition.len()), means: vec![0.0; partition.len() * width] };
+        for (members, mean) in partition.iter().zip(regions.means.chunks_exact_mut(width)) {
+            let nodes = members.iter().map(|&v| (signal.row(v as usize), signal.weight(v as usize)));
+            regions.weights.push(weighted_mean(nodes, mean));
+        }
+        regions
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.weights.len()
+    }
+
+    pub(super) fn weight(&self, region: u32) -> f64 {
+        self.weights[region as usize]
+    }
+
+    pub(super) fn mean(&self, region: u32) -> &[f64] {
+        &self.means[region as usize * self.width..][..self.width]
+    }
+
+    pub(super) fn into_means(self) -> Vec<f64> {
+        self.means
+    }
+
+    /// By how much the fit gets worse if two regions share one mean: M_s M_t / (M_s + M_t) ‖x_s − x_t‖².
+    pub(super) fn loss(&self, [s, t]: [u32; 2]) -> f64 {
+        let (m, n) = (self.weight(s), self.weight(t));
+        let square: f64 = self.mean(s).iter().zip(self.mean(t)).map(|(a, b)| (a - b) * (a - b)).sum();
+        m * n / (m + n) * square
+    }
+
+    /// ‖f − x‖² of a row.
+    pub(super) fn square_distance(&self, region: u32, row: &[f32]) -> f64 {
+        self.mean(region).iter().zip(row).map(|(x, &f)| (f64::from(f) - x).powi(2)).sum()
+    }
+
+    /// A node leaves one region, which keeps others, and joins another.
+    pub(super) fn shift(&mut self, row: &[f32], weight: f64, [from, to]: [u32; 2]) {
+        for (region, change) in [(from, -weight), (to, weight)] {
+            let region = region as usize;
+            self.weights[region] += change;
+            let share = change / self.weights[region];
+            let mean = &mut self.means[region * self.width..][..self.width];
+            mean.iter_mut().zip(row).for_each(|(x, &f)| *x += share * (f64::from(f) - *x));
+        }
+    }
+
+    /// Moves everything of `gone` into `kept`.
+    pub(super) fn absorb(&mut self, kept: u32, gone: u32) {
+        let (m, n) = (self.weight(kept), self.weight(gone));
+        let share = n / (m + n);
+        for i in 0..self.width {
+            let from = self.means[gone as usize * self.width + i];
+            let mean = &mut self.means[kept as usize * self.width + i];
+            *mean += share * (from - *mean);
+        }
+        self.weights[kept as usize] = m + n;
+        self.weights[gone as usize] = 0.0;
+    }
+}
+
+/// Writes the weighted mean of rows into `mean` and returns the sum of weights.
+pub(super) fn weighted_mean<'a>(rows: impl Iterator<Item = (&'a [f32], f64)>, mean: &mut [f64]) -> f64 {
+    mean.fill(0.0);
+    let mut total = 0.0;
+    for (row, weight) in rows {
+        total += weight;
+        mean.iter_mut().zip(row).for_each(|(m, &f)| *m += weight * f64::from(f));
+    }
+    if total > 0.0 {
+        mean.iter_mut().for_each(|m| *m /= total);
+    }
+    total
+}
+
+/// The edges of a graph as links between its nodes, each costing `strength` times its weight.
+pub(super) fn node_links(graph: &Graph, strength: f64) -> impl Iterator<Item = Link> {
+    let edges = graph.edges().iter().zip(graph.weights());
+    edges.map(move |(&ends, &w)| Link { ends, boundary: strength * f64::from(w) })
+}
+
+/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends; a vector of
+/// links is contracted in its own memory.
+pub(in crate::segmentation) fn contract(links: impl IntoIterator<Item = Link>, segment: &[u32]) -> Vec<Link> {
+    let rename = |link: Link| {
+        let [a, b] = link.ends.map(|end| segment[end as usize]);
+        (a != b).then_some(Link { ends: [a.min(b), a.max(b)], boundary: link.boundary })
+    };
+    let mut joined: Vec<Link> = links.into_iter().filter_map(rename).collect();
+    // A stable sort: the sum of parallel links does not depend on how the sort moves equal keys.
+    joined.sort_by_key(|link| link.ends);
+    joined.dedup_by(|next, kept| {
+        let same = next.ends == kept.ends;
+        if same {
+            kept.boundary += next.boundary;
+        }
+        same
+    });
+    joined
+}
+
+/// The roots of `sets` renumbered 0, 1, ... in order, and the regions that remain, in the same order.
+pub(super) fn compact(regions: &Regions, sets: Sets) -> (Vec<u32>, Regions) {
+    let roots = sets.roots();
+    let mut number = vec![0u32; roots.len()];
+    let mut left = Regions { width: regions.width, weights: Vec::new(), means: Vec::new() };
+    for (region, &root) in roots.iter().enumerate() {
+        if region == root as usize {
+            number[region] = left.len() as u32;
+            left.weights.push(regions.weight(root));
+            left.means.extend_from_slice(regions.mean(root));
+        }
+    }
+    (roots.iter().map(|&root| number[root as usize]).collect(), left)
+}
+
+/// Q = Σ m_i ‖f_i − x_c(i)‖² + strength · Σ w over the edges that join different segments. O((n + m) · width).
+pub(super) fn energy(signal: &Signal, graph: &Graph, strength: f64, partition: &Partition) -> f64 {
+    let regions = Regions::of_segments(signal, partition);
+    let fit: f64 = (0..signal.len())
+        .map(|v| {
+            let mean = regions.mean(partition.segments()[v]);
+            let square: f64 = signal.row(v).iter().zip(mean).map(|(&f, x)| (f64::from(f) - x).powi(2)).sum();
+            signal.weight(v) * square
+        })
+        .sum();
+    let segment = |end: u32| partition.segments()[end as usize];
+    let cut: f64 = (graph.edges().iter().zip(graph.weights()))
+        .filter(|(ends, _)| segment(ends[0]) != segment(ends[1]))
+        .map(|(_, &w)| f64::from(w))
+        .sum();
+    // Not strength · 0: an infinite strength forbids boundaries, and none is no cost.
+    fit + if cut > 0.0 { strength * cut } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    #[test]
+    fn merging_two_regions_changes_the_energy_by_exactly_the_gain() {
+        for seed in 0..20 {
+            let mut random = stream(seed, 0);
+            let values: Vec<f32> = (0..24).map(|_| random.uniform() as f32).collect();
+            let weights: Vec<f32> = (0..8).map(|_| 0.5 + random.uniform() as f32).collect();
+            let signal = Signal::new(&values, 3).unwrap().with_weights(&weights).unwrap();
+            let pairs: Vec<[u32; 2]> = (0..8).flat_map(|a| (0..a).map(move |b| [b, a])).collect();
+            let graph = Graph::new(8, &pairs, &vec![0.25; pairs.len()]).unwrap();
+            let before = Partition::from_labels(&[0, 0, 1, 1, 2, 2, 2, 1]).unwrap();
+            let after = Partition::from_labels(&[0, 0, 1, 1, 1, 1, 1, 1]).unwrap();
+            let links = contract(node_links(&graph, 0.3), before.segments());
+            let mut regions = Regions::of_segments(&signal, &before);
+            let link = links.iter().find(|l| l.ends == [1, 2]).unwrap();
+            let gain = link.boundary - regions.loss(link.ends);
+            let difference = energy(&signal, &graph, 0.3, &before) - energy(&signal, &graph, 0.3, &after);
+            assert!((gain - difference).abs() < 1e-12, "{gain} {difference}");
+            regions.absorb(1, 2);
+            let merged = Regions::of_segments(&signal, &after);
+            assert!(regions.mean(1).iter().zip(merged.mean(1)).all(|(a, b)| (a - b).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn parallel_links_add_up_and_inner_ones_vanish() {
+        let link = |a, b, boundary| Link { ends: [a, b], boundary };
+        let links = [link(0, 1, 1.0), link(0, 2, 2.0), link(1, 3, 4.0), link(2, 3, 8.0)];
+        assert_eq!(contract(links, &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
+    }
+}

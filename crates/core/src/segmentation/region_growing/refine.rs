@@ -1,0 +1,108 @@
+//! Points beside the coarse regions join them where they lie on the plane of the voxel next to them.
+
+use super::params::OctreeGrowingParams;
+use super::voxels::{Patch, Touching, place};
+use crate::cloud::Points;
+use crate::error::Result;
+use crate::parallel::{Monitor, map_ordered};
+use crate::segmentation::Octree;
+
+/// A voxel that was looked at: the regions of its points, and the region and plane that took most of them.
+type Taken = (Vec<u32>, Option<(u32, Patch)>);
+
+/// Region of each point from the regions of the voxels; 0 for none.
+///
+/// Ring by ring: every point of a voxel that has no region and touches some is compared with their planes, and joins the
+/// region of the nearest plane within `distance` (ties: the first voxel). Beyond, the voxel counts as part of the region
+/// that took most of its points, with that region's plane.
+pub(super) fn refine(
+    points: &Points,
+    (tree, touching): (&Octree, &Touching),
+    (patches, regions): (&[Patch], &[u32]),
+    params: &OctreeGrowingParams,
+    monitor: &Monitor,
+) -> Result<Vec<u32>> {
+    let mut labels = vec![0u32; points.len()];
+    for (members, &region) in tree.points.groups().zip(regions) {
+        members.iter().for_each(|&i| labels[i as usize] = region);
+    }
+    let (mut patches, mut regions) = (patches.to_vec(), regions.to_vec());
+    let mut seen: Vec<bool> = regions.iter().map(|r| *r > 0).collect();
+    for _ in 0..params.rings {
+        let ring: Vec<usize> =
+            (0..seen.len()).filter(|&l| !seen[l] && touching.of(l).iter().any(|&o| regions[o as usize] > 0)).collect();
+        if ring.is_empty() {
+            break;
+        }
+        let found = map_ordered(ring.len(), monitor, |r| {
+            let members = tree.points.group(ring[r]);
+            Ok(look_at(points, members, touching.of(ring[r]), (&patches, &regions), params.distance))
+        })?;
+        for (&l, (own, most)) in ring.iter().zip(found) {
+            seen[l] = true;
+            tree.points.group(l).iter().zip(own).for_each(|(&i, region)| labels[i as usize] = region);
+            if let Some((region, patch)) = most {
+                (regions[l], patches[l]) = (region, patch);
+            }
+        }
+    }
+    Ok(labels)
+}
+
+fn look_at(
+    points: &Points,
+    members: &[u32],
+    around: &[u32],
+    (patches, regions): (&[Patch], &[u32]),
+    distance: f64,
+) -> Taken {
+    let near: Vec<(u32, Patch)> =
+        around.iter().map(|&o| (regions[o as usize], patches[o as usize])).filter(|(region, _)| *region > 0).collect();
+    let mut votes = vec![0u32; near.len()];
+    let mut own = Vec::with_capacity(members.len());
+    for &i in members {
+        let at = place(points, i);
+        let mut best = (distance, None);
+        for (n, (_, patch)) in near.iter().enumerate() {
+            let apart = patch.distance(at);
+            if apart < best.0 || (best.1.is_none() && apart <= distance) {
+                best = (apart, Some(n));
+            }
+        }
+        if let Some(n) = best.1 {
+            votes[n] += 1;
+        }
+        own.push(best.1.map_or(0, |n| near[n].0));
+    }
+    // Votes of all planes of a region count together; the plane that goes on is its own with the most.
+    let total = |region: u32| near.iter().zip(&votes).filter(|(n, _)| n.0 == region).map(|(_, v)| *v).sum::<u32>();
+    let most =
+        (0..near.len()).filter(|&n| votes[n] > 0).max_by_key(|&n| (total(near[n].0), votes[n], std::cmp::Reverse(n)));
+    (own, most.map(|n| near[n]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_join_the_nearest_plane_within_reach() {
+        let x = vec![0.1, 0.5, 0.02, 0.9, 0.03];
+        let points = Points {
+            y: vec![0.0; 5],
+            z: vec![0.05, 0.01, 0.5, 0.9, 0.04],
+            index: (0..5).collect(),
+            x,
+            origin: [0.0; 3],
+        };
+        let floor = Patch { centre: [1.0, 0.0, 0.0], normal: [0.0, 0.0, 1.0], residual: 0.0 };
+        let wall = Patch { centre: [0.0, 0.0, 1.0], normal: [1.0, 0.0, 0.0], residual: 0.0 };
+        let none = Patch { residual: f64::INFINITY, ..Patch::default() };
+        let planes = ([none, wall, floor], [0, 7, 4]);
+        let (own, most) = look_at(&points, &[0, 1, 2, 3, 4], &[0, 1, 2], (&planes.0, &planes.1), 0.06);
+        assert_eq!(own, [4, 4, 7, 0, 7]);
+        assert_eq!(most, Some((7, wall)), "two votes each: the first");
+        let (own, most) = look_at(&points, &[3], &[0, 1, 2], (&planes.0, &planes.1), 0.06);
+        assert_eq!((own, most), (vec![0], None));
+    }
+}

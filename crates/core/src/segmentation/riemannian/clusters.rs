@@ -1,0 +1,404 @@
+//! Modified k-means: clusters of points near each other with like normals.
+//!
+//! Document 001, equation 2: D = (2 − D_N) · D_s with D_N = n_p · n_c (kept within −1..1), D_s = ‖p − c‖; each point
+//! goes to the centre of least D, each centre to the mean of its points. D_s ≤ D ≤ 3 D_s. There is no objective that
+//! must fall: the mean does not minimise Σ D.
+
+use super::boxes::{Bounds, Boxes, Visitor};
+use super::params::{KMeansParams, Sides, Start};
+use crate::cloud::Points;
+use crate::error::Result;
+use crate::parallel::{Monitor, map_ordered_with};
+use crate::segmentation::Octree;
+use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
+
+/// Points that are compared with a centre at once.
+const LANES: usize = 16;
+/// Points of a leaf that share the centres they are compared with.
+const GROUP: usize = 64;
+/// Points of a task, at least.
+const TASK: usize = 8192;
+/// A sum of unit vectors shorter than this share of their number has no direction.
+const NO_DIRECTION: f64 = 1e-6;
+
+/// A place and a unit normal: x, y, z, n_x, n_y, n_z.
+type Row = [f32; 6];
+
+/// Result of [`clusters`].
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Clusters {
+    /// Cluster of each point; clusters are numbered as the leaves of the octree, some may be empty.
+    pub(super) of: Vec<u32>,
+    /// Iterations done.
+    pub(super) iterations: usize,
+    /// Mean move of the centres in the last iteration, metres.
+    pub(super) mean_move: f64,
+}
+
+/// The clusters that the leaves of an octree become.
+///
+/// Nearest centres are exact, ties go to the smaller number. O(n · candidates) an iteration, about 50 candidates.
+pub(super) fn clusters(
+    (points, directions): (&Points, &[[f32; 3]]),
+    tree: &Octree,
+    (params, sides, cell): (&KMeansParams, Sides, f64),
+    monitor: &Monitor,
+) -> Result<Clusters> {
+    let rows = Rows::new(points, directions, tree, sides);
+    let leaves: Vec<Range<usize>> = tree.points.offsets().windows(2).map(|w| w[0] as usize..w[1] as usize).collect();
+    let mut of: Vec<u32> = (0u32..).zip(&leaves).flat_map(|(l, range)| range.clone().map(move |_| l)).collect();
+    let mut centres = vec![[0.0; 6]; leaves.len()];
+    rows.first_normals(&leaves, &mut centres);
+    rows.update(&of, &mut centres);
+    if params.start == Start::Cube {
+        for (centre, leaf) in centres.iter_mut().zip(&tree.leaves) {
+            centre.iter_mut().zip(tree.centre(leaf)).for_each(|(c, at)| *c = at as f32);
+        }
+    }
+    let tasks = tasks(&leaves);
+    let (mut iterations, mut mean_move) = (0, 0.0);
+    monitor.stage("supervoxels", (params.max_iterations * of.len()) as u64);
+    while iterations < params.max_iterations {
+        of = rows.assign(&of, &centres, (&leaves, &tasks), monitor)?;
+        mean_move = rows.update(&of, &mut centres);
+        iterations += 1;
+        if mean_move < params.tolerance * cell {
+            break;
+        }
+    }
+    let mut labels = vec![0; of.len()];
+    tree.points.items().iter().zip(of).for_each(|(&i, cluster)| labels[i as usize] = cluster);
+    Ok(Clusters { of: labels, iterations, mean_move })
+}
+
+/// Runs of leaves that together hold about [`TASK`] points.
+fn tasks(leaves: &[Range<usize>]) -> Vec<Range<usize>> {
+    let mut tasks: Vec<Range<usize>> = Vec::new();
+    let mut points = TASK;
+    for (l, leaf) in leaves.iter().enumerate() {
+        if points >= TASK {
+            tasks.push(l..l);
+            points = 0;
+        }
+        points += leaf.len();
+        if let Some(task) = tasks.last_mut() {
+            task.end = l + 1;
+        }
+    }
+    tasks
+}
+
+/// The points in Morton order.
+struct Rows {
+    axes: [Vec<f32>; 6],
+    sides: Sides,
+}
+
+impl Rows {
+    fn new(points: &Points, directions: &[[f32; 3]], tree: &Octree, sides: Sides) -> Self {
+        let order = tree.points.items();
+        let place = |axis: &[f32]| order.iter().map(|&i| axis[i as usize]).collect();
+        let normal = |a: usize| order.iter().map(|&i| directions[i as usize][a]).collect();
+        let axes = [place(&points.x), place(&points.y), place(&points.z), normal(0), normal(1), normal(2)];
+        Self { axes, sides }
+    }
+
+    fn row(&self, i: usize) -> Row {
+        std::array::from_fn(|a| self.axes[a][i])
+    }
+
+    /// Gives each centre the normal of its leaf's first point.
+    fn first_normals(&self, leaves: &[Range<usize>], centres: &mut [Row]) {
+        for (centre, leaf) in centres.iter_mut().zip(leaves) {
+            centre[3..].copy_from_slice(&self.row(leaf.start)[3..]);
+        }
+    }
+
+    /// Moves centres to the means of their points; one without points stays. Returns the mean move.
+    ///
+    /// Where sides do not differ, normals count on the side of the centre's normal before.
+    fn update(&self, of: &[u32], centres: &mut [Row]) -> f64 {
+        let mut sums = vec![[0f64; 7]; centres.len()];
+        for (i, &cluster) in of.iter().enumerate() {
+            let row = self.row(i);
+            let centre = &centres[cluster as usize];
+            let turned = self.sides == Sides::Unsigned && cosine(&row, centre) < 0.0;
+            let side = if turned { -1.0 } else { 1.0 };
+            let sum = &mut sums[cluster as usize];
+            sum[6] += 1.0;
+            (0..3).for_each(|a| sum[a] += f64::from(row[a]));
+            (3..6).for_each(|a| sum[a] += side * f64::from(row[a]));
+        }
+        let (mut moved, mut filled) = (0.0, 0.0);
+        for (centre, sum) in centres.iter_mut().zip(&sums).filter(|(_, sum)| sum[6] > 0.0) {
+            let next = [0, 1, 2].map(|a| (sum[a] / sum[6]) as f32);
+            moved += (0..3).map(|a| f64::from(next[a] - centre[a]).powi(2)).sum::<f64>().sqrt();
+            filled += 1.0;
+            centre[..3].copy_from_slice(&next);
+            let length = (sum[3] * sum[3] + sum[4] * sum[4] + sum[5] * sum[5]).sqrt();
+            if length > NO_DIRECTION * sum[6] {
+                (3..6).for_each(|a| centre[a] = (sum[a] / length) as f32);
+            }
+        }
+        if filled > 0.0 { moved / filled } else { 0.0 }
+    }
+
+    /// The nearest centre of every point. `of` is where to start looking from, any centre would do.
+    fn assign(
+        &self,
+        of: &[u32],
+        centres: &[Row],
+        (leaves, tasks): (&[Range<usize>], &[Range<usize>]),
+        monitor: &Monitor,
+    ) -> Result<Vec<u32>> {
+        let places: Vec<[f32; 3]> = centres.iter().map(|c| [c[0], c[1], c[2]]).collect();
+        let boxes = Boxes::new(&places);
+        let parts = map_ordered_with(0..tasks.len(), monitor, Vec::new, |found: &mut Vec<(u32, Row)>, t| {
+            let leaves = &leaves[tasks[t].clone()];
+            let mut out = Vec::with_capacity(leaves.iter().map(ExactSizeIterator::len).sum());
+            for leaf in leaves {
+                for first in leaf.clone().step_by(GROUP) {
+                    let group = first..(first + GROUP).min(leaf.end);
+                    self.gather(group.clone(), of, (centres, &boxes), found);
+                    Arch::new().dispatch(Compare { rows: self, group, centres: found, out: &mut out });
+                }
+            }
+            monitor.advance(out.len() as u64);
+            Ok(out)
+        })?;
+        Ok(parts.into_iter().flatten().collect())
+    }
+
+    /// The centres that one of the points may be nearest to, ascending: D² ≥ D_s² ≥ the squared gap to the points' box.
+    fn gather(&self, group: Range<usize>, of: &[u32], (centres, boxes): (&[Row], &Boxes), found: &mut Vec<(u32, Row)>) {
+        let (mut bounds, mut reach) = (Bounds::none(), 0f32);
+        for i in group {
+            let row = self.row(i);
+            bounds.include(&Bounds::at([row[0], row[1], row[2]]));
+            reach = reach.max(squared_distance(&row, &centres[of[i] as usize], self.sides));
+        }
+        found.clear();
+        boxes.visit(&mut Within { bounds, reach, centres, found });
+    }
+}
+
+/// The centres within reach of a box.
+struct Within<'a> {
+    bounds: Bounds,
+    reach: f32,
+    centres: &'a [Row],
+    found: &'a mut Vec<(u32, Row)>,
+}
+
+impl Visitor for Within<'_> {
+    #[inline(always)]
+    fn wants(&mut self, _: usize, _: usize, bounds: &Bounds) -> bool {
+        bounds.gap(&self.bounds) <= self.reach
+    }
+
+    #[inline(always)]
+    fn take(&mut self, places: Range<usize>) {
+        for (c, centre) in (places.start as u32..).zip(&self.centres[places]) {
+            if Bounds::at([centre[0], centre[1], centre[2]]).gap(&self.bounds) <= self.reach {
+                self.found.push((c, *centre));
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn cosine(a: &Row, b: &Row) -> f32 {
+    a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+}
+
+/// D² of a point and a centre, m².
+#[inline(always)]
+fn squared_distance(p: &Row, c: &Row, sides: Sides) -> f32 {
+    let cosine = cosine(p, c);
+    let alike = if sides == Sides::Unsigned { cosine.abs() } else { cosine };
+    let factor = (2.0 - alike).clamp(1.0, 3.0);
+    let [x, y, z] = [p[0] - c[0], p[1] - c[1], p[2] - c[2]];
+    factor * factor * (x * x + y * y + z * z)
+}
+
+/// The comparison of a group with its candidates, compiled for each instruction set.
+struct Compare<'a> {
+    rows: &'a Rows,
+    group: Range<usize>,
+    centres: &'a [(u32, Row)],
+    out: &'a mut Vec<u32>,
+}
+
+impl WithSimd for Compare<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for first in self.group.clone().step_by(LANES) {
+            let lanes = LANES.min(self.group.end - first);
+            let mut at = [[0f32; LANES]; 6];
+            for (lane, axis) in at.iter_mut().zip(&self.rows.axes) {
+                lane[..lanes].copy_from_slice(&axis[first..first + lanes]);
+            }
+            let best = match self.rows.sides {
+                Sides::Signed => nearest::<false>(&at, self.centres),
+                Sides::Unsigned => nearest::<true>(&at, self.centres),
+            };
+            self.out.extend_from_slice(&best[..lanes]);
+        }
+    }
+}
+
+/// For 16 points the centre of least D²: as [`squared_distance`], operation by operation.
+#[inline(always)]
+fn nearest<const UNSIGNED: bool>(at: &[[f32; LANES]; 6], centres: &[(u32, Row)]) -> [u32; LANES] {
+    let mut best = [f32::INFINITY; LANES];
+    let mut index = [0u32; LANES];
+    for (c, centre) in centres {
+        for l in 0..LANES {
+            let cosine = at[3][l] * centre[3] + at[4][l] * centre[4] + at[5][l] * centre[5];
+            let alike = if UNSIGNED { cosine.abs() } else { cosine };
+            let factor = (2.0 - alike).clamp(1.0, 3.0);
+            let (x, y, z) = (at[0][l] - centre[0], at[1][l] - centre[1], at[2][l] - centre[2]);
+            let distance = factor * factor * (x * x + y * y + z * z);
+            let closer = distance < best[l];
+            best[l] = if closer { distance } else { best[l] };
+            index[l] = if closer { *c } else { index[l] };
+        }
+    }
+    index
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Stream, stream};
+    use crate::segmentation::{OctreeParams, StopRule, octree};
+
+    fn unit(random: &mut Stream) -> [f32; 3] {
+        let v = [0; 3].map(|_| random.uniform() - 0.5);
+        let length = v.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-9);
+        v.map(|c| (c / length) as f32)
+    }
+
+    /// A wall of two faces, a floor and a bush, with normals of noise.
+    fn scene(count: usize) -> (Points, Vec<[f32; 3]>) {
+        let mut random = stream(3, 9);
+        let mut points = Points::default();
+        let mut normals = Vec::new();
+        for i in 0..count {
+            let [a, b, c] = [0; 3].map(|_| random.uniform() as f32);
+            let (at, normal) = match i % 4 {
+                0 => ([6.0 * a, 6.0 * b, 0.0], [0.0, 0.0, 1.0]),
+                1 => ([6.0 * a, 3.0, 2.0 * b], [0.0, -1.0, 0.0]),
+                2 => ([6.0 * a, 3.1, 2.0 * b], [0.0, 1.0, 0.0]),
+                _ => ([1.0 + a, 1.0 + b, 1.0 + c], unit(&mut random)),
+            };
+            let bent: [f32; 3] = std::array::from_fn(|k| normal[k] + 0.2 * unit(&mut random)[k]);
+            let length = bent.iter().map(|c| c * c).sum::<f32>().sqrt();
+            points.x.push(at[0]);
+            points.y.push(at[1]);
+            points.z.push(at[2]);
+            points.index.push(i as u32);
+            normals.push(bent.map(|c| c / length));
+        }
+        (points, normals)
+    }
+
+    fn tree(points: &Points) -> Octree {
+        let params = OctreeParams { min_depth: 3, stop: StopRule::Sigma(0.02), ..OctreeParams::default() };
+        octree(points, &params, &Monitor::default()).unwrap()
+    }
+
+    #[test]
+    fn the_nearest_centre_is_that_of_brute_force() {
+        let (points, normals) = scene(3000);
+        let tree = tree(&points);
+        let leaves: Vec<Range<usize>> =
+            tree.points.offsets().windows(2).map(|w| w[0] as usize..w[1] as usize).collect();
+        let mut random = stream(4, 4);
+        for sides in [Sides::Signed, Sides::Unsigned] {
+            let rows = Rows::new(&points, &normals, &tree, sides);
+            let mut centres: Vec<Row> = leaves.iter().map(|l| rows.row(l.start + l.len() / 2)).collect();
+            centres[5] = centres[6];
+            for start in ["leaf", "anywhere"] {
+                let of: Vec<u32> = match start {
+                    "leaf" => (0u32..).zip(&leaves).flat_map(|(l, r)| r.clone().map(move |_| l)).collect(),
+                    _ => (0..3000).map(|_| random.below(leaves.len()) as u32).collect(),
+                };
+                let found = rows.assign(&of, &centres, (&leaves, &tasks(&leaves)), &Monitor::default()).unwrap();
+                for (i, &cluster) in found.iter().enumerate() {
+                    let distance = |c: usize| squared_distance(&rows.row(i), &centres[c], sides);
+                    let expected = (1..centres.len()).fold(0, |b, c| if distance(c) < distance(b) { c } else { b });
+                    assert_eq!(cluster as usize, expected, "point {i} from {start}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_distance_lies_between_the_euclidean_and_three_times_it() {
+        let mut random = stream(8, 8);
+        for _ in 0..1000 {
+            let row = |random: &mut Stream| {
+                let (place, normal) = (unit(random), unit(random));
+                [place[0], place[1], place[2], normal[0], normal[1], normal[2]]
+            };
+            let (p, c) = (row(&mut random), row(&mut random));
+            let euclidean: f32 = (0..3).map(|a| (p[a] - c[a]).powi(2)).sum::<f32>();
+            for (sides, most) in [(Sides::Signed, 9.0), (Sides::Unsigned, 4.0)] {
+                let found = squared_distance(&p, &c, sides);
+                assert!(found >= euclidean * 0.999_999 && found <= most * euclidean * 1.000_001);
+            }
+        }
+        let (p, c) = ([0.0, 0.0, 0.0, 0.0, 0.0, 1.0], [2.0, 0.0, 0.0, 0.0, 0.0, -1.0]);
+        assert_eq!(squared_distance(&p, &c, Sides::Signed), 36.0);
+        assert_eq!(squared_distance(&p, &c, Sides::Unsigned), 4.0);
+    }
+
+    #[test]
+    fn iterations_end_and_opposite_faces_of_a_wall_are_parted() {
+        let (points, normals) = scene(6000);
+        let tree = tree(&points);
+        let cell = tree.edge(3);
+        let run = |start, sides| {
+            let params = KMeansParams { start, ..KMeansParams::default() };
+            clusters((&points, &normals), &tree, (&params, sides, cell), &Monitor::default()).unwrap()
+        };
+        for start in [Start::Centroid, Start::Cube] {
+            let signed = run(start, Sides::Signed);
+            assert!((1..=10).contains(&signed.iterations));
+            assert!(signed.iterations == 10 || signed.mean_move < 0.01 * cell);
+            assert!(signed.of.iter().all(|&c| (c as usize) < tree.leaves.len()));
+            let mixed = |of: &[u32]| {
+                let mut faces = vec![[0u32; 2]; tree.leaves.len()];
+                (0..6000).filter(|i| (1..3).contains(&(i % 4))).for_each(|i| faces[of[i] as usize][i % 4 - 1] += 1);
+                faces.iter().map(|f| f[0].min(f[1])).sum::<u32>()
+            };
+            let before: Vec<u32> = {
+                let mut labels = vec![0; 6000];
+                tree.points
+                    .groups()
+                    .enumerate()
+                    .for_each(|(l, g)| g.iter().for_each(|&i| labels[i as usize] = l as u32));
+                labels
+            };
+            assert!(mixed(&signed.of) * 2 < mixed(&before), "{} {}", mixed(&signed.of), mixed(&before));
+        }
+    }
+
+    #[test]
+    fn unsigned_clusters_do_not_depend_on_the_sides_of_normals_at_first() {
+        let (points, normals) = scene(2000);
+        let tree = tree(&points);
+        let turned: Vec<[f32; 3]> =
+            normals.iter().enumerate().map(|(i, n)| if i % 3 == 0 { n.map(|c| -c) } else { *n }).collect();
+        let params = KMeansParams::default();
+        let run = |normals: &[[f32; 3]]| {
+            let setting = (&params, Sides::Unsigned, tree.edge(3));
+            clusters((&points, normals), &tree, setting, &Monitor::default()).unwrap()
+        };
+        assert_eq!(run(&normals), run(&turned));
+    }
+}

@@ -1,0 +1,224 @@
+//! Things in the cells of a grid, found by sorted keys: no table of hashes, the same order everywhere.
+
+use crate::cloud::Points;
+use crate::csr::Csr;
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Bits of a cell index in a key.
+const BITS: u32 = 21;
+/// Empty cells in front of the first one, so that no neighbour is below 0.
+const MARGIN: i64 = 2;
+/// Cells whose neighbours are looked up in one go.
+const BLOCK: usize = 4096;
+
+/// A grid of cubes with a corner at the origin of the coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grid {
+    size: f64,
+    first: [i64; 3],
+}
+
+impl Grid {
+    /// A grid that holds all points. `name` is that of the parameter that gave the size.
+    ///
+    /// # Errors
+    /// If a coordinate is not finite, or the points need 2^21 cells or more along an axis.
+    pub(super) fn new(points: &Points, size: f64, name: &'static str) -> Result<Self> {
+        let mut first = [0; 3];
+        for (axis, first) in [&points.x, &points.y, &points.z].into_iter().zip(&mut first) {
+            let (low, high) = axis.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
+            if axis.iter().any(|v| !v.is_finite()) {
+                return Err(Error::input("a coordinate is not finite (allowed: finite numbers)"));
+            }
+            if axis.is_empty() {
+                continue;
+            }
+            let (low, high) = ((f64::from(low) / size).floor(), (f64::from(high) / size).floor());
+            let most = f64::from((1u32 << BITS) - 8);
+            // The negation refuses what is not a number too.
+            if !(high - low < most && low.abs() < 1e15) {
+                let expected = format!("a size that gives fewer than {most} cells along an axis, not {}", high - low);
+                return Err(Error::parameter(name, size, expected));
+            }
+            *first = low as i64 - MARGIN;
+        }
+        Ok(Self { size, first })
+    }
+
+    /// Key of the cell that holds a place: y before z before x.
+    #[inline(always)]
+    pub(super) fn key(&self, at: [f32; 3]) -> u64 {
+        let mut cell = [0u64; 3];
+        for ((cell, v), first) in cell.iter_mut().zip(at).zip(self.first) {
+            *cell = ((f64::from(v) / self.size).floor() as i64).wrapping_sub(first) as u64;
+        }
+        cell[1] << (2 * BITS) | cell[2] << BITS | cell[0]
+    }
+
+    /// Centre of the cell of a key.
+    pub(super) fn centre(&self, key: u64) -> [f32; 3] {
+        let index = |shift: u32| (key >> shift & ((1 << BITS) - 1)) as i64;
+        let cell = [index(0), index(2 * BITS), index(BITS)];
+        [0, 1, 2].map(|a| (((cell[a] + self.first[a]) as f64 + 0.5) * self.size) as f32)
+    }
+}
+
+/// What keys of the nine rows of cells around a cell differ by, ascending; each row is three cells long from one to
+/// the left.
+fn rows() -> impl Iterator<Item = i64> {
+    (0..9).map(|i| ((i / 3 - 1) << (2 * BITS)) + ((i % 3 - 1) << BITS) - 1)
+}
+
+/// Items by occupied cell: cells ascending by key, items of a cell ascending.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Cells {
+    pub(super) keys: Vec<u64>,
+    starts: Vec<u32>,
+    pub(super) items: Vec<u32>,
+}
+
+impl Cells {
+    /// From the key of each of `len` items. O(len log len), 12 bytes an item and as many while it is made.
+    pub(super) fn new(len: usize, key: impl Fn(usize) -> u64 + Sync) -> Self {
+        let mut rows: Vec<(u64, u32)> = (0..len).into_par_iter().map(|i| (key(i), i as u32)).collect();
+        if rows.windows(2).any(|w| w[0].0 > w[1].0) {
+            rows.par_sort_unstable();
+        }
+        let mut cells = Self::default();
+        cells.items.reserve_exact(len);
+        for (key, item) in rows {
+            if cells.keys.last() != Some(&key) {
+                cells.keys.push(key);
+                cells.starts.push(cells.items.len() as u32);
+            }
+            cells.items.push(item);
+        }
+        cells.starts.push(len as u32);
+        cells
+    }
+
+    /// Number of occupied cells.
+    pub(super) fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// Where the items of a cell stand in `items`.
+    pub(super) fn range(&self, cell: usize) -> Range<usize> {
+        self.starts[cell] as usize..self.starts[cell + 1] as usize
+    }
+
+    /// Items of a cell.
+    pub(super) fn of(&self, cell: usize) -> &[u32] {
+        &self.items[self.range(cell)]
+    }
+
+    /// Occupied cells among the 27 around a key, ascending. Nine binary searches.
+    pub(super) fn around(&self, key: u64) -> impl Iterator<Item = usize> + '_ {
+        rows().flat_map(move |row| {
+            let first = key.wrapping_add_signed(row);
+            let at = self.keys.partition_point(|&k| k < first);
+            (at..self.keys.len()).take_while(move |&c| self.keys[c] <= first + 2)
+        })
+    }
+}
+
+/// The 26 neighbours of each of these cells that are there too, ascending; `keys` ascend. O(cells).
+pub(super) fn adjacency(keys: &[u64], monitor: &Monitor) -> Result<Csr> {
+    let parts = map_ordered(keys.len().div_ceil(BLOCK), monitor, |block| {
+        let range = block * BLOCK..((block + 1) * BLOCK).min(keys.len());
+        let mut pointers: [(i64, usize); 9] = [(0, 0); 9];
+        for (slot, row) in pointers.iter_mut().zip(rows()) {
+            let first = keys[range.start].wrapping_add_signed(row);
+            *slot = (row, keys.partition_point(|&k| k < first));
+        }
+        Ok(neighbours(keys, range, &mut pointers))
+    })?;
+    let mut offsets = Vec::with_capacity(keys.len() + 1);
+    let mut items = Vec::with_capacity(parts.iter().map(|(_, items)| items.len()).sum());
+    offsets.push(0u32);
+    let mut end = 0u32;
+    for (counts, found) in parts {
+        for count in counts {
+            end = end.checked_add(u32::from(count)).ok_or_else(|| Error::input("more than 2^32 pairs of voxels"))?;
+            offsets.push(end);
+        }
+        items.extend(found);
+    }
+    Csr::new(offsets, items, keys.len())
+}
+
+/// Number of neighbours of each cell of a range, and all of them: the rows around ascending keys ascend too.
+fn neighbours(keys: &[u64], range: Range<usize>, pointers: &mut [(i64, usize); 9]) -> (Vec<u8>, Vec<u32>) {
+    let mut counts = Vec::with_capacity(range.len());
+    let mut found = Vec::with_capacity(10 * range.len());
+    for (cell, &key) in range.clone().zip(&keys[range]) {
+        let before = found.len();
+        for (row, pointer) in pointers.iter_mut() {
+            let first = key.wrapping_add_signed(*row);
+            while keys.get(*pointer).is_some_and(|&k| k < first) {
+                *pointer += 1;
+            }
+            let near = keys[*pointer..].iter().take(3).take_while(|&&k| k <= first + 2);
+            found.extend(near.zip(*pointer..).map(|(_, c)| c as u32).filter(|&c| c as usize != cell));
+        }
+        counts.push((found.len() - before) as u8);
+    }
+    (counts, found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::random::stream;
+
+    fn scattered() -> Points {
+        let mut s = stream(5, 0);
+        let rows: Vec<[f64; 3]> =
+            (0..4000).map(|_| [s.uniform() * 9.0, s.uniform() * 7.0, s.uniform() * 2.0]).collect();
+        Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0)
+    }
+
+    #[test]
+    fn neighbours_of_cells_are_those_of_brute_force() {
+        let points = scattered();
+        let grid = Grid::new(&points, 0.5, "size").unwrap();
+        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]));
+        let near = adjacency(&cells.keys, &Monitor::default()).unwrap();
+        let centre = |c: usize| grid.centre(cells.keys[c]);
+        for a in 0..cells.len() {
+            let touch = |b: &usize| (0..3).all(|k| (centre(a)[k] - centre(*b)[k]).abs() < 0.6);
+            let expected: Vec<usize> = (0..cells.len()).filter(touch).collect();
+            assert_eq!(cells.around(cells.keys[a]).collect::<Vec<_>>(), expected);
+            let others: Vec<u32> = expected.into_iter().filter(|&b| b != a).map(|b| b as u32).collect();
+            assert_eq!(near.group(a), others);
+        }
+    }
+
+    #[test]
+    fn items_stand_in_the_cell_that_holds_them() {
+        let mut points = scattered();
+        points.x.iter_mut().for_each(|x| *x -= 4.0);
+        let grid = Grid::new(&points, 0.7, "size").unwrap();
+        let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
+        let cells = Cells::new(points.len(), |i| grid.key(place(i)));
+        let held = (0..cells.len()).flat_map(|c| cells.of(c).iter().map(move |&i| (c, i as usize)));
+        assert_eq!(cells.items.len(), points.len());
+        for (c, i) in held {
+            let centre = grid.centre(cells.keys[c]);
+            assert!((0..3).all(|a| (centre[a] - place(i)[a]).abs() <= 0.35001));
+        }
+    }
+
+    #[test]
+    fn sizes_without_keys_and_places_that_are_no_numbers_are_refused() {
+        let mut points = scattered();
+        assert!(Grid::new(&points, 1e-6, "size").unwrap_err().to_string().contains("size"));
+        points.y[7] = f32::NAN;
+        assert!(Grid::new(&points, 1.0, "size").is_err());
+        assert!(Grid::new(&Points::default(), 1.0, "size").is_ok());
+    }
+}

@@ -1,0 +1,122 @@
+//! The moving seeds: where they begin, and the means they move to.
+
+use super::super::NO_SUPERVOXEL;
+use super::sorted::Sorted;
+use crate::linalg::Sym3;
+use rayon::prelude::*;
+
+/// A seed: mean place, normal of the plane and mean colour of its points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Centre {
+    pub(super) place: [f32; 3],
+    pub(super) normal: [f32; 3],
+    pub(super) colour: [f32; 3],
+}
+
+/// Sums over the points of a centre, relative to its place before.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    count: u32,
+    place: [f64; 3],
+    square: [f64; 3],
+    mixed: [f64; 3],
+    colour: [f64; 3],
+}
+
+/// The cell each point begins in, as a label, and the seeds: means of the cells with at least `min_points`.
+pub(super) fn seeds(scene: &Sorted, min_points: usize) -> (Vec<u32>, Vec<Centre>) {
+    let mut labels = vec![NO_SUPERVOXEL; scene.len()];
+    let mut centres = Vec::new();
+    for cell in 0..scene.cells.len() {
+        let range = scene.cells.range(cell);
+        if range.len() >= min_points {
+            let place = scene.grid.centre(scene.cells.keys[cell]);
+            labels[range].fill(centres.len() as u32);
+            centres.push(Centre { place, normal: [0.0, 0.0, 1.0], colour: [0.0; 3] });
+        }
+    }
+    update(scene, &labels, &mut centres);
+    (labels, centres)
+}
+
+/// Moves each centre to its points, those without any stay; returns the mean distance moved, metres.
+pub(super) fn update(scene: &Sorted, labels: &[u32], centres: &mut [Centre]) -> f64 {
+    let mut sums = vec![Sums::default(); centres.len()];
+    for (i, &label) in labels.iter().enumerate().filter(|(_, l)| **l != NO_SUPERVOXEL) {
+        let (sum, at) = (&mut sums[label as usize], centres[label as usize].place);
+        sum.count += 1;
+        let p = scene.place(i);
+        let d = [0, 1, 2].map(|a| f64::from(p[a]) - f64::from(at[a]));
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            sum.place[a] += d[a];
+            sum.square[a] += d[a] * d[a];
+            sum.mixed[a] += d[a] * d[b];
+        }
+        if let Some(colour) = scene.colour(i) {
+            (0..3).for_each(|a| sum.colour[a] += f64::from(colour[a]));
+        }
+    }
+    let moves: Vec<f64> = centres.par_iter_mut().zip(&sums).map(|(centre, sum)| centre.follow(sum)).collect();
+    moves.iter().sum::<f64>() / moves.len().max(1) as f64
+}
+
+impl Centre {
+    /// Takes the means of its points; returns how far it moved.
+    fn follow(&mut self, sum: &Sums) -> f64 {
+        if sum.count == 0 {
+            return 0.0;
+        }
+        let n = f64::from(sum.count);
+        let mean = sum.place.map(|v| v / n);
+        let [x, y, z] = mean;
+        let [xy, yz, zx] = sum.mixed;
+        let scatter = Sym3 {
+            diagonal: [0, 1, 2].map(|a| sum.square[a] / n - mean[a] * mean[a]),
+            off: [xy / n - x * y, zx / n - x * z, yz / n - y * z],
+        };
+        let eigen = scatter.eigen();
+        // Fewer than three points, or points on a line, have no plane: the normal stays.
+        if sum.count >= 3 && eigen.values[1] > 1e-9 * eigen.values[0] {
+            self.normal = eigen.vectors[2].map(|v| v as f32);
+        }
+        self.place = [0, 1, 2].map(|a| (f64::from(self.place[a]) + mean[a]) as f32);
+        self.colour = sum.colour.map(|v| (v / n) as f32);
+        (x * x + y * y + z * z).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::PointAttributes;
+    use super::super::super::testing::floor_and_wall;
+    use super::*;
+
+    #[test]
+    fn seeds_are_centroids_of_occupied_voxels() {
+        let scene = floor_and_wall();
+        let sorted = Sorted::new(&scene.points, &scene.attributes(), 1.2).unwrap();
+        let (labels, seeds) = seeds(&sorted, 3);
+        for (s, seed) in seeds.iter().enumerate() {
+            let own: Vec<usize> = (0..labels.len()).filter(|&i| labels[i] == s as u32).collect();
+            assert!(own.len() >= 3);
+            let keys: Vec<u64> = own.iter().map(|&i| sorted.grid.key(sorted.place(i))).collect();
+            assert!(keys.iter().all(|&k| k == sorted.grid.key(seed.place)), "a box holds the mean of what it holds");
+            for a in 0..3 {
+                let mean = own.iter().map(|&i| f64::from(sorted.place(i)[a])).sum::<f64>() / own.len() as f64;
+                assert!((f64::from(seed.place[a]) - mean).abs() < 1e-5);
+            }
+        }
+        assert!(labels.iter().filter(|l| **l == NO_SUPERVOXEL).count() < 30);
+    }
+
+    #[test]
+    fn a_centre_takes_the_normal_of_the_plane_of_its_points() {
+        let rows: Vec<[f64; 3]> = (0..30).map(|i| [f64::from(i % 6), 2.0, f64::from(i / 6)]).collect();
+        let points = super::super::super::testing::points_of(&rows);
+        let sorted = Sorted::new(&points, &PointAttributes::default(), 10.0).unwrap();
+        let (labels, mut seeds) = seeds(&sorted, 3);
+        assert_eq!(seeds.len(), 1);
+        assert!((seeds[0].normal[1].abs() - 1.0).abs() < 1e-6);
+        assert!(update(&sorted, &labels, &mut seeds) < 1e-6);
+    }
+}

@@ -1,0 +1,63 @@
+//! The points cell by cell, each of their values in an array of its own.
+
+use super::super::PointAttributes;
+use super::super::cells::{Cells, Grid};
+use crate::cloud::Points;
+use crate::error::Result;
+use rayon::prelude::*;
+
+/// Points in the order of their cells of edge S.
+pub(super) struct Sorted {
+    pub(super) grid: Grid,
+    /// Items are positions among the points as they were given.
+    pub(super) cells: Cells,
+    pub(super) x: Vec<f32>,
+    pub(super) y: Vec<f32>,
+    pub(super) z: Vec<f32>,
+    /// Empty if there are none.
+    pub(super) normals: [Vec<f32>; 3],
+    /// Empty if there are none.
+    pub(super) colours: [Vec<f32>; 3],
+}
+
+impl Sorted {
+    pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64) -> Result<Self> {
+        let grid = Grid::new(points, size, "size")?;
+        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]));
+        let pick = |axis: &[f32]| cells.items.par_iter().map(|&i| axis[i as usize]).collect::<Vec<f32>>();
+        let rows = |rows: Option<&[[f32; 3]]>| {
+            let rows = rows.unwrap_or_default();
+            let column = |a: usize| match rows.len() {
+                0 => Vec::new(),
+                _ => cells.items.par_iter().map(|&i| rows[i as usize][a]).collect(),
+            };
+            [0, 1, 2].map(column)
+        };
+        let (x, y, z) = (pick(&points.x), pick(&points.y), pick(&points.z));
+        let (normals, colours) = (rows(attributes.normals), rows(attributes.colours));
+        Ok(Self { grid, cells, x, y, z, normals, colours })
+    }
+
+    /// Number of points.
+    pub(super) fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Place of a sorted point.
+    pub(super) fn place(&self, i: usize) -> [f32; 3] {
+        [self.x[i], self.y[i], self.z[i]]
+    }
+
+    /// Colour of a sorted point, if there are colours.
+    pub(super) fn colour(&self, i: usize) -> Option<[f32; 3]> {
+        let [r, g, b] = &self.colours;
+        (!r.is_empty()).then(|| [r[i], g[i], b[i]])
+    }
+
+    /// Values of the sorted points in the order the points were given in.
+    pub(super) fn in_order_of_points(&self, values: &[u32]) -> Vec<u32> {
+        let mut out = vec![0; values.len()];
+        self.cells.items.iter().zip(values).for_each(|(&i, &v)| out[i as usize] = v);
+        out
+    }
+}

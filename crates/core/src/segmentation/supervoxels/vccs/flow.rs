@@ -1,0 +1,214 @@
+//! How supervoxels grow over voxels that touch.
+
+use super::super::describe::dot;
+use super::super::{NO_SUPERVOXEL, PointAttributes, VccsParams};
+use super::voxels::{Sum, Voxel, Voxels};
+use crate::error::Result;
+use crate::graph::{Graph, connected_components};
+use crate::parallel::{Monitor, map_ordered};
+use rayon::prelude::*;
+
+/// Voxels that choose in one go.
+const BLOCK: usize = 4096;
+
+/// The distance D: a factor for each of the three differences.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Metric {
+    spatial: f32,
+    colour: f32,
+    normal: f32,
+}
+
+impl Metric {
+    /// A missing attribute has no weight.
+    pub(super) fn new(params: &VccsParams, attributes: &PointAttributes<'_>) -> Self {
+        let given = |there: bool, weight: f64| if there { weight as f32 } else { 0.0 };
+        Self {
+            spatial: (params.weights.spatial / params.size) as f32,
+            colour: given(attributes.colours.is_some(), params.weights.colour),
+            normal: given(attributes.normals.is_some(), params.weights.normal),
+        }
+    }
+
+    #[inline(always)]
+    fn between(&self, a: &Voxel, b: &Voxel) -> f32 {
+        let far = |a: [f32; 3], b: [f32; 3]| {
+            let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+            (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
+        };
+        self.normal * (1.0 - dot(a.normal, b.normal).abs())
+            + self.colour * far(a.colour, b.colour)
+            + self.spatial * far(a.place, b.place)
+    }
+}
+
+/// The state of the growth.
+pub(super) struct Flow<'a> {
+    voxels: &'a Voxels,
+    metric: Metric,
+    centres: Vec<Voxel>,
+    owners: Vec<u32>,
+}
+
+impl<'a> Flow<'a> {
+    /// Each seed is a supervoxel of one voxel.
+    pub(super) fn new(voxels: &'a Voxels, metric: Metric, seeds: &[u32]) -> Self {
+        let mut owners = vec![NO_SUPERVOXEL; voxels.len()];
+        seeds.iter().zip(0..).for_each(|(&seed, s)| owners[seed as usize] = s);
+        Self { voxels, metric, centres: seeds.iter().map(|&s| voxels.voxels[s as usize]).collect(), owners }
+    }
+
+    /// Supervoxel of each voxel, or none.
+    pub(super) fn owners(&self) -> &[u32] {
+        &self.owners
+    }
+
+    /// At most so many steps, each followed by a move of the centres.
+    pub(super) fn expand(&mut self, steps: usize, monitor: &Monitor) -> Result<()> {
+        for _ in 0..steps {
+            if !self.step(|_| true, monitor)? {
+                break;
+            }
+            self.move_centres();
+        }
+        Ok(())
+    }
+
+    /// Lets the wanted voxels choose; false if nothing changed.
+    fn step(&mut self, wanted: impl Fn(u32) -> bool + Sync, monitor: &Monitor) -> Result<bool> {
+        let parts = map_ordered(self.owners.len().div_ceil(BLOCK), monitor, |block| {
+            let range = block * BLOCK..((block + 1) * BLOCK).min(self.owners.len());
+            let choose = |v| if wanted(self.owners[v]) { self.choose(v) } else { self.owners[v] };
+            Ok(range.map(choose).collect::<Vec<u32>>())
+        })?;
+        let chosen = parts.concat();
+        let changed = chosen != self.owners;
+        self.owners = chosen;
+        Ok(changed)
+    }
+
+    /// The nearest of the supervoxels of a voxel and its neighbours, the smaller of equally near ones.
+    #[inline(always)]
+    fn choose(&self, v: usize) -> u32 {
+        let own = self.owners[v];
+        let (mut best, mut least, mut seen) = (own, None, own);
+        for &u in self.voxels.near.group(v) {
+            let other = self.owners[u as usize];
+            if other == seen || other == own || other == NO_SUPERVOXEL {
+                continue;
+            }
+            seen = other;
+            let limit = *least.get_or_insert_with(|| self.distance(v, own));
+            let d = self.distance(v, other);
+            if d < limit || (d <= limit && other < best) {
+                (best, least) = (other, Some(d));
+            }
+        }
+        best
+    }
+
+    #[inline(always)]
+    fn distance(&self, v: usize, owner: u32) -> f32 {
+        let centre = self.centres.get(owner as usize);
+        centre.map_or(f32::INFINITY, |centre| self.metric.between(&self.voxels.voxels[v], centre))
+    }
+
+    /// Centres become the means of their voxels; those without any stay.
+    fn move_centres(&mut self) {
+        let mut sums = vec![Sum::default(); self.centres.len()];
+        for (voxel, &owner) in self.voxels.voxels.iter().zip(&self.owners) {
+            if let Some(sum) = sums.get_mut(owner as usize) {
+                sum.add(voxel);
+            }
+        }
+        let means = self.centres.par_iter_mut().zip(&sums);
+        means.filter(|(_, sum)| !sum.is_empty()).for_each(|(centre, sum)| *centre = sum.mean());
+    }
+
+    /// Of each supervoxel that has voxels the one nearest to its mean, the first of equally near ones.
+    pub(super) fn nearest_to_means(&self) -> Vec<u32> {
+        let mut best = vec![(f32::INFINITY, NO_SUPERVOXEL); self.centres.len()];
+        for ((v, voxel), &owner) in (0..).zip(&self.voxels.voxels).zip(&self.owners) {
+            let Some(centre) = self.centres.get(owner as usize) else { continue };
+            let d: f32 = (0..3).map(|a| (voxel.place[a] - centre.place[a]).powi(2)).sum();
+            let slot = &mut best[owner as usize];
+            if d < slot.0 {
+                *slot = (d, v);
+            }
+        }
+        best.into_iter().map(|(_, v)| v).filter(|&v| v != NO_SUPERVOXEL).collect()
+    }
+
+    /// Parts that were cut off from the largest part of their supervoxel (the first of equal ones) join supervoxels that
+    /// touch them, as far as there are any.
+    pub(super) fn mend(&mut self, monitor: &Monitor) -> Result<()> {
+        let owners = &self.owners;
+        let mut pairs = Vec::new();
+        for (v, &owner) in owners.iter().enumerate().filter(|(_, o)| **o != NO_SUPERVOXEL) {
+            let alike = |u: &u32| (*u as usize) > v && owners[*u as usize] == owner;
+            pairs.extend(self.voxels.near.group(v).iter().copied().filter(alike).map(|u| [v as u32, u]));
+        }
+        monitor.check()?;
+        let pieces = connected_components(&Graph::new(owners.len(), &pairs, &vec![1.0; pairs.len()])?);
+        let mut sizes = vec![0u32; pieces.count];
+        pieces.of.iter().for_each(|&p| sizes[p as usize] += 1);
+        let mut largest = vec![NO_SUPERVOXEL; self.centres.len()];
+        for (&piece, &owner) in pieces.of.iter().zip(owners) {
+            if let Some(best) = largest.get_mut(owner as usize)
+                && (*best == NO_SUPERVOXEL || sizes[piece as usize] > sizes[*best as usize])
+            {
+                *best = piece;
+            }
+        }
+        for (owner, piece) in self.owners.iter_mut().zip(pieces.of) {
+            if largest.get(*owner as usize).is_some_and(|&best| best != piece) {
+                *owner = NO_SUPERVOXEL;
+            }
+        }
+        while self.step(|owner| owner == NO_SUPERVOXEL, monitor)? {}
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::testing::points_of;
+    use super::*;
+
+    /// Two seeds at the ends of a row of 21 voxels.
+    fn row(steps: usize) -> Vec<u32> {
+        let rows: Vec<[f64; 3]> = (0..21).map(|i| [f64::from(i) + 0.5, 0.5, 0.5]).collect();
+        let none = PointAttributes::default();
+        let voxels = Voxels::new(&points_of(&rows), &none, 1.0, &Monitor::default()).unwrap();
+        let metric = Metric::new(&VccsParams::default(), &none);
+        let mut flow = Flow::new(&voxels, metric, &[0, 20]);
+        flow.expand(steps, &Monitor::default()).unwrap();
+        flow.owners().to_vec()
+    }
+
+    #[test]
+    fn a_supervoxel_grows_one_voxel_a_step() {
+        for steps in 1..9 {
+            let owners = row(steps);
+            assert_eq!(owners.iter().filter(|o| **o == 0).count(), steps + 1);
+            assert_eq!(owners.iter().filter(|o| **o == 1).count(), steps + 1);
+        }
+    }
+
+    #[test]
+    fn two_supervoxels_meet_in_the_middle() {
+        let owners = row(50);
+        assert!(owners[..10].iter().all(|&o| o == 0) && owners[11..].iter().all(|&o| o == 1));
+    }
+
+    #[test]
+    fn a_part_that_is_cut_off_joins_its_neighbour() {
+        let rows: Vec<[f64; 3]> = (0..9).map(|i| [f64::from(i) + 0.5, 0.5, 0.5]).collect();
+        let none = PointAttributes::default();
+        let voxels = Voxels::new(&points_of(&rows), &none, 1.0, &Monitor::default()).unwrap();
+        let mut flow = Flow::new(&voxels, Metric::new(&VccsParams::default(), &none), &[0, 4]);
+        flow.owners = vec![0, 0, 0, 1, 1, 0, 0, NO_SUPERVOXEL, NO_SUPERVOXEL];
+        flow.mend(&Monitor::default()).unwrap();
+        assert_eq!(flow.owners(), [0, 0, 0, 1, 1, 1, 1, 1, 1]);
+    }
+}

@@ -1,0 +1,110 @@
+//! The voxels that supervoxels are made of, and which of them touch.
+
+use super::super::PointAttributes;
+use super::super::cells::{Cells, Grid, adjacency};
+use super::super::describe::dot;
+use crate::cloud::Points;
+use crate::csr::Csr;
+use crate::error::Result;
+use crate::parallel::Monitor;
+use rayon::prelude::*;
+
+/// Mean place, normal (unit, any sign) and colour of some points.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Voxel {
+    pub(super) place: [f32; 3],
+    pub(super) normal: [f32; 3],
+    pub(super) colour: [f32; 3],
+}
+
+/// All occupied voxels.
+pub(super) struct Voxels {
+    /// Items are points.
+    pub(super) cells: Cells,
+    pub(super) voxels: Vec<Voxel>,
+    /// The voxels among the 26 around each one.
+    pub(super) near: Csr,
+}
+
+impl Voxels {
+    pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
+        let grid = Grid::new(points, size, "voxel")?;
+        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]));
+        monitor.check()?;
+        let near = adjacency(&cells.keys, monitor)?;
+        let voxels = (0..cells.len()).into_par_iter().map(|c| voxel(points, attributes, cells.of(c))).collect();
+        Ok(Self { cells, voxels, near })
+    }
+
+    /// Number of voxels.
+    pub(super) fn len(&self) -> usize {
+        self.voxels.len()
+    }
+}
+
+fn voxel(points: &Points, attributes: &PointAttributes<'_>, members: &[u32]) -> Voxel {
+    let mut sum = Sum::default();
+    for &i in members {
+        let i = i as usize;
+        sum.add(&Voxel {
+            place: [points.x[i], points.y[i], points.z[i]],
+            normal: attributes.normals.map_or([0.0; 3], |n| n[i]),
+            colour: attributes.colours.map_or([0.0; 3], |c| c[i]),
+        });
+    }
+    sum.mean()
+}
+
+/// A running mean. Normals are turned to the side of their sum so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sum {
+    count: u32,
+    place: [f64; 3],
+    normal: [f32; 3],
+    colour: [f32; 3],
+}
+
+impl Sum {
+    #[inline(always)]
+    pub(super) fn add(&mut self, voxel: &Voxel) {
+        self.count += 1;
+        let sign = if dot(self.normal, voxel.normal) < 0.0 { -1.0 } else { 1.0 };
+        for a in 0..3 {
+            self.place[a] += f64::from(voxel.place[a]);
+            self.normal[a] += sign * voxel.normal[a];
+            self.colour[a] += voxel.colour[a];
+        }
+    }
+
+    /// True if nothing was added.
+    pub(super) fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    pub(super) fn mean(&self) -> Voxel {
+        let n = f64::from(self.count.max(1));
+        let long = dot(self.normal, self.normal).sqrt();
+        Voxel {
+            place: self.place.map(|v| (v / n) as f32),
+            normal: if long > 0.0 { self.normal.map(|v| v / long) } else { [0.0; 3] },
+            colour: self.colour.map(|v| v / n as f32),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_of_either_sign_have_one_mean() {
+        let mut sum = Sum::default();
+        for normal in [[0.6, 0.0, 0.8], [0.6, 0.0, -0.8], [-0.6, 0.0, -0.8]] {
+            sum.add(&Voxel { place: [3.0, 0.0, 1.0], normal, colour: [0.5; 3] });
+        }
+        let mean = sum.mean();
+        assert!((dot(mean.normal, mean.normal) - 1.0).abs() < 1e-6);
+        assert_eq!((mean.place, mean.colour), ([3.0, 0.0, 1.0], [0.5; 3]));
+        assert_eq!(Sum::default().mean(), Voxel::default());
+    }
+}

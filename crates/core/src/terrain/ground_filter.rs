@@ -1,0 +1,260 @@
+//! Which points are ground, from their places alone.
+
+use super::elevation::{ElevationModel, ElevationParams};
+use super::raster::Raster;
+use crate::cloud::Points;
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Points of a block.
+const BLOCK: usize = 16_384;
+
+/// A cell lower than a hole of one cell around it could be, by this many cells' edges, is noise.
+const PIT: f64 = 5.0;
+
+/// Parameters of [`ground_points`]; the defaults are the paper's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GroundParams {
+    /// Edge of a cell, metres; above 0.
+    pub cell: f64,
+    /// Steepest ground, rise over run; 0 or more.
+    pub slope: f64,
+    /// Half the width of the widest object, metres; at least a cell.
+    pub window: f64,
+    /// Ground points lie within so many metres of the ground's height; above 0 ...
+    pub threshold: f64,
+    /// ... and within so many metres more for each unit of slope; 0 or more.
+    pub scaling: f64,
+}
+
+impl Default for GroundParams {
+    fn default() -> Self {
+        Self { cell: 1.0, slope: 0.15, window: 18.0, threshold: 0.5, scaling: 1.25 }
+    }
+}
+
+impl GroundParams {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        let wrong = |name, value: f64, expected: &str| Err(Error::parameter(name, value, expected));
+        match self {
+            Self { cell, .. } if !(*cell > 0.0 && cell.is_finite()) => wrong("cell", *cell, "metres, above 0"),
+            Self { slope, .. } if !(*slope >= 0.0 && slope.is_finite()) => wrong("slope", *slope, "0 or more"),
+            Self { window, cell, .. } if !(window >= cell && *window <= 1000.0 * cell) => {
+                wrong("window", *window, "1 to 1000 cells")
+            }
+            Self { threshold, .. } if !(*threshold > 0.0 && threshold.is_finite()) => {
+                wrong("threshold", *threshold, "metres, above 0")
+            }
+            Self { scaling, .. } if !(*scaling >= 0.0 && scaling.is_finite()) => {
+                wrong("scaling", *scaling, "metres, 0 or more")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The ground points of a cloud by the simple morphological filter.
+///
+/// Pingel, Clarke and McBride, *An improved simple morphological filter for the terrain classification of airborne LIDAR
+/// data*, ISPRS Journal 77, 2013. The lowest heights of the cells are opened by wider and wider (square) windows; a cell that
+/// an opening lowers by more than slope · width is an object. What is left, its holes filled by the nearest height, is the
+/// ground, and points near it are ground points. O(n + cells · window).
+///
+/// # Errors
+/// If there is no point, a parameter is out of range, the extent has too many cells, or the work was cancelled.
+///
+/// ```
+/// use scansion_core::{Cloud, cloud::Points, parallel::Monitor, terrain::ground_points};
+///
+/// let field = (0..1600).map(|i| [f64::from(i % 40), f64::from(i / 40), 0.0]);
+/// let roof = (0..100).map(|i| [15.0 + f64::from(i % 10), 15.0 + f64::from(i / 10), 5.0]);
+/// let rows: Vec<[f64; 3]> = field.filter(|p| p[0] < 15.0 || p[0] > 24.0 || p[1] < 15.0 || p[1] > 24.0).chain(roof).collect();
+/// let points = Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0);
+/// let ground = ground_points(&points, &Default::default(), &Monitor::default())?;
+/// assert!(ground.iter().zip(&rows).all(|(&ground, p)| ground == (p[2] == 0.0)));
+/// # Ok::<(), scansion_core::Error>(())
+/// ```
+pub fn ground_points(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<Vec<bool>> {
+    params.validate()?;
+    monitor.stage("ground", points.len() as u64);
+    let lowest = ElevationParams { cell: params.cell, percentile: 0.0, median: 1 };
+    let model = ElevationModel::fit(points, &vec![true; points.len()], &lowest, monitor)?;
+    let ground = ElevationModel::from_raster(bare(model.raster(), params, monitor)?)?;
+    let heights = ground.heights(points, monitor)?;
+    let steepness = steepness(ground.raster());
+    let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
+        let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
+        monitor.advance(range.len() as u64);
+        let near = |i: usize| {
+            let at = [f64::from(points.x[i]) + points.origin[0], f64::from(points.y[i]) + points.origin[1]];
+            let slope = steepness[ground.raster().cell_of(at)];
+            f64::from(heights[i].abs()) <= params.threshold + params.scaling * slope
+        };
+        Ok(range.map(near).collect::<Vec<bool>>())
+    })?;
+    Ok(parts.concat())
+}
+
+/// The heights of cells that are ground; the others are holes.
+fn bare(lowest: &Raster, params: &GroundParams, monitor: &Monitor) -> Result<Raster> {
+    let columns = lowest.columns();
+    let mut surface = lowest.values().to_vec();
+    let closed = eroded(&dilated(&surface, columns, 1), columns, 1);
+    let pit: Vec<bool> = surface.iter().zip(&closed).map(|(s, c)| c - s > PIT * params.cell).collect();
+    surface.iter_mut().zip(&closed).zip(&pit).for_each(|((s, c), &pit)| *s = if pit { *c } else { *s });
+    let mut object = pit;
+    for reach in 1..=(params.window / params.cell) as usize {
+        monitor.check()?;
+        let opened = dilated(&eroded(&surface, columns, reach), columns, reach);
+        let most = params.slope * reach as f64 * params.cell;
+        object.iter_mut().zip(surface.iter().zip(&opened)).for_each(|(object, (s, o))| *object |= s - o > most);
+        surface = opened;
+    }
+    let kept = lowest.values().iter().zip(&object).map(|(&z, &object)| if object { f64::NAN } else { z });
+    Raster::new(lowest.origin(), lowest.cell(), columns, kept.collect())
+}
+
+/// Rise over run at each cell, by the differences of its neighbours.
+fn steepness(raster: &Raster) -> Vec<f64> {
+    let (rows, columns, z) = (raster.rows(), raster.columns(), raster.values());
+    let difference = |a: usize, b: usize, steps: usize| match steps {
+        0 => 0.0,
+        _ => (z[b] - z[a]) / (steps as f64 * raster.cell()),
+    };
+    let at = |r: usize, c: usize| {
+        let (west, east) = (c.saturating_sub(1), (c + 1).min(columns - 1));
+        let (south, north) = (r.saturating_sub(1), (r + 1).min(rows - 1));
+        let x = difference(r * columns + west, r * columns + east, east - west);
+        let y = difference(south * columns + c, north * columns + c, north - south);
+        x.hypot(y)
+    };
+    (0..rows * columns).map(|i| at(i / columns, i % columns)).collect()
+}
+
+fn eroded(values: &[f64], columns: usize, reach: usize) -> Vec<f64> {
+    filtered(values, columns, reach, |new, old| new <= old)
+}
+
+fn dilated(values: &[f64], columns: usize, reach: usize) -> Vec<f64> {
+    filtered(values, columns, reach, |new, old| new >= old)
+}
+
+/// The extreme of the square window of 2 · reach + 1 cells, which is cut off at the border. O(cells).
+fn filtered(values: &[f64], columns: usize, reach: usize, beats: impl Fn(f64, f64) -> bool) -> Vec<f64> {
+    let mut rows = vec![0.0; values.len()];
+    for (row, out) in values.chunks_exact(columns).zip(rows.chunks_exact_mut(columns)) {
+        along(row.len(), reach, |i| row[i], |i, v| out[i] = v, &beats);
+    }
+    let mut both = vec![0.0; values.len()];
+    for c in 0..columns {
+        let count = values.len() / columns;
+        along(count, reach, |r| rows[r * columns + c], |r, v| both[r * columns + c] = v, &beats);
+    }
+    both
+}
+
+/// Extremes of a sliding window: candidates wait in a queue until a better one comes or the window leaves them.
+fn along(
+    count: usize,
+    reach: usize,
+    value: impl Fn(usize) -> f64,
+    mut put: impl FnMut(usize, f64),
+    beats: &impl Fn(f64, f64) -> bool,
+) {
+    let mut waiting: VecDeque<usize> = VecDeque::with_capacity(2 * reach + 2);
+    let mut next = 0;
+    for middle in 0..count {
+        while next < count && next <= middle + reach {
+            while waiting.back().is_some_and(|&last| beats(value(next), value(last))) {
+                waiting.pop_back();
+            }
+            waiting.push_back(next);
+            next += 1;
+        }
+        while waiting.front().is_some_and(|&first| first + reach < middle) {
+            waiting.pop_front();
+        }
+        put(middle, waiting.front().map_or(f64::NAN, |&best| value(best)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::random::stream;
+
+    fn points(rows: &[[f64; 3]]) -> Points {
+        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+    }
+
+    fn ground(rows: &[[f64; 3]]) -> Vec<bool> {
+        ground_points(&points(rows), &GroundParams::default(), &Monitor::default()).unwrap()
+    }
+
+    #[test]
+    fn windows_give_the_extremes_that_brute_force_finds() {
+        let mut random = stream(1, 1);
+        let (rows, columns) = (9, 13);
+        let values: Vec<f64> = (0..rows * columns).map(|_| random.uniform()).collect();
+        for reach in [1, 2, 5, 20] {
+            let (low, high) = (eroded(&values, columns, reach), dilated(&values, columns, reach));
+            for (r, c) in (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))) {
+                let window = (0..rows * columns)
+                    .filter(|i| (i / columns).abs_diff(r) <= reach && (i % columns).abs_diff(c) <= reach);
+                let (least, most) =
+                    window.map(|i| values[i]).fold((f64::INFINITY, 0.0f64), |(l, m), v| (l.min(v), m.max(v)));
+                assert_eq!((low[r * columns + c], high[r * columns + c]), (least, most));
+            }
+        }
+    }
+
+    #[test]
+    fn a_house_and_a_tree_on_a_hill_are_not_ground_but_the_hill_is() {
+        let hill = |x: f64, y: f64| 0.1 * x + 0.05 * y;
+        let mut random = stream(2, 1);
+        let mut rows = Vec::new();
+        for (x, y) in (0..120).flat_map(|i| (0..120).map(move |j| (f64::from(i) * 0.5, f64::from(j) * 0.5))) {
+            let house = (20.0..32.0).contains(&x) && (20.0..30.0).contains(&y);
+            let tree = (x - 45.0).hypot(y - 45.0) < 3.0 && random.uniform() < 0.5;
+            rows.push([
+                x,
+                y,
+                hill(x, y)
+                    + if house {
+                        6.0
+                    } else if tree {
+                        2.0 + 4.0 * random.uniform()
+                    } else {
+                        0.0
+                    },
+            ]);
+        }
+        let wrong = ground(&rows).iter().zip(&rows).filter(|(found, p)| **found != (p[2] - hill(p[0], p[1]) < 0.1));
+        assert_eq!(wrong.count(), 0);
+    }
+
+    #[test]
+    fn a_pit_of_noise_is_not_ground_and_does_not_draw_the_ground_down() {
+        let mut rows: Vec<[f64; 3]> = (0..900).map(|i| [f64::from(i % 30), f64::from(i / 30), 0.0]).collect();
+        rows.push([15.2, 15.2, -20.0]);
+        let found = ground(&rows);
+        assert!(!found[900]);
+        assert!(found[..900].iter().all(|&ground| ground));
+    }
+
+    #[test]
+    fn one_point_is_ground_and_none_is_an_error() {
+        assert_eq!(ground(&[[1.0, 2.0, 3.0]]), [true]);
+        assert!(ground_points(&Points::default(), &GroundParams::default(), &Monitor::default()).is_err());
+        let wide = GroundParams { window: f64::INFINITY, ..GroundParams::default() };
+        assert!(ground_points(&points(&[[0.0; 3]]), &wide, &Monitor::default()).is_err());
+    }
+}

@@ -1,0 +1,160 @@
+//! Document 002 from end to end, and every way to part a cloud.
+
+use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::evaluation::Confusion;
+use scansion_core::parallel::Monitor;
+use scansion_core::random::stream;
+use scansion_core::recipes::{
+    AnyRecipe, ClassifyParams, LabelParams, Labels, ObjectsRecipe, SegmentMethod, SegmentParams, classify, read_labels,
+    segment, train_objects,
+};
+
+fn objects(settings: &[&str]) -> ObjectsRecipe {
+    match AnyRecipe::named("objects").unwrap().with_settings(settings.iter().copied()).unwrap() {
+        AnyRecipe::Objects(recipe) => *recipe,
+        _ => unreachable!("the objects recipe was asked for"),
+    }
+}
+
+/// A labelled field of 60 x 60 m on a slope with flat-roofed houses (6) and round trees (5), two points a metre.
+fn village(seed: u64) -> (Cloud, Labels) {
+    let mut random = stream(seed, 1);
+    let mut spot = |low: f64, high: f64| low + (high - low) * random.uniform();
+    let houses: Vec<[f64; 3]> = (0..4)
+        .map(|i| [8.0 + 26.0 * f64::from(i % 2) + spot(0.0, 4.0), 8.0 + 26.0 * f64::from(i / 2), spot(4.0, 9.0)])
+        .collect();
+    let trees: Vec<[f64; 3]> =
+        (0..6).map(|i| [5.0 + 9.0 * f64::from(i), 27.0 + spot(-1.0, 1.0), spot(3.0, 7.0)]).collect();
+    let (mut rows, mut codes) = (Vec::new(), Vec::new());
+    for (i, j) in (0..120).flat_map(|i| (0..120).map(move |j| (i, j))) {
+        let (x, y) = (f64::from(i) * 0.5, f64::from(j) * 0.5);
+        let ground = 0.05 * x + 0.02 * spot(-1.0, 1.0);
+        let house = houses.iter().find(|h| (h[0]..h[0] + 12.0).contains(&x) && (h[1]..h[1] + 10.0).contains(&y));
+        let tree = trees.iter().find(|t| (x - t[0]).hypot(y - t[1]) < 2.5);
+        let (z, code) = match (house, tree) {
+            (Some(h), _) => (h[2] + 3.0, 6),
+            (None, Some(t)) => (ground + spot(0.3, t[2]), 5),
+            (None, None) => (ground, 2),
+        };
+        rows.push([x, y, z]);
+        codes.push(code);
+    }
+    labelled(&rows, &codes)
+}
+
+fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> (Cloud, Labels) {
+    let mut cloud = Cloud::from_rows(rows).unwrap();
+    cloud.set_column(Column::new("Classification", Values::U8(codes.to_vec()))).unwrap();
+    let labels = read_labels(&cloud, &LabelParams::default()).unwrap();
+    (cloud, labels)
+}
+
+const SIZE: &str = "segments.slic.size=2";
+
+#[test]
+fn a_village_is_named_by_the_segments_of_another() {
+    let monitor = Monitor::default();
+    let (other, truth) = village(2);
+    for classifier in ["rf", "gbt", "bagging"] {
+        let recipe = objects(&[SIZE, "training.share=0.5", &format!("classifier={classifier}")]);
+        let (model, report) = train_objects(&[village(1)], &recipe, &monitor).unwrap();
+        assert!(report.learned < report.labelled && report.oracle_accuracy > 0.97, "{report:?}");
+        let (by_segment, by_point) = (report.by_segment.unwrap(), report.by_point.unwrap());
+        assert_eq!(by_segment.points as usize, report.labelled - report.learned);
+        assert!(by_point.overall_accuracy > 0.93, "{classifier}: {}", by_point.overall_accuracy);
+        let found = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();
+        let scores = Confusion::from_options(&truth.codes, &found.codes).unwrap().scores();
+        assert!(scores.overall_accuracy > 0.93, "{classifier}: {}", scores.overall_accuracy);
+    }
+}
+
+#[test]
+fn squares_that_are_learned_from_and_purity_reach_the_report() {
+    let monitor = Monitor::default();
+    let settings = [SIZE, "training.disjoint=true", "training.square=15", "training.purity=0.9"];
+    let (_, report) = train_objects(&[village(1)], &objects(&settings), &monitor).unwrap();
+    let share = report.learned as f64 / report.labelled as f64;
+    assert!((0.25..0.45).contains(&share), "{share}");
+    assert!(report.labelled < report.segments, "impure segments have no class");
+    let (_, all) = train_objects(&[village(1)], &objects(&[SIZE, "training.share=1.0"]), &monitor).unwrap();
+    assert!(all.by_segment.is_none() && all.learned == all.labelled);
+}
+
+#[test]
+fn models_and_segments_are_the_same_for_1_2_3_and_8_threads() {
+    let (cloud, labels) = village(3);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let monitor = Monitor::default();
+            let (model, _) = train_objects(&[(cloud.clone(), labels.clone())], &objects(&[SIZE]), &monitor).unwrap();
+            let found = classify(&cloud, &model, &ClassifyParams::default(), &monitor).unwrap();
+            let parted = SegmentMethod::ALL.map(|method| {
+                let params = SegmentParams { method, ..SegmentParams::default() };
+                segment(&cloud, Some(&labels), &params, &monitor).unwrap().clusters
+            });
+            (model.to_bytes().unwrap(), found, parted)
+        })
+    };
+    let expected = run(1);
+    for threads in [2, 3, 8] {
+        assert!(run(threads) == expected, "{threads} threads");
+    }
+}
+
+#[test]
+fn every_method_parts_the_village_well() {
+    let (cloud, labels) = village(4);
+    for method in SegmentMethod::ALL {
+        let mut params = SegmentParams { method, ..SegmentParams::default() };
+        if let Ok(sized) = params.clone().with_size(2.0) {
+            params = sized;
+        }
+        let found = segment(&cloud, Some(&labels), &params, &Monitor::default()).unwrap();
+        let oracle = found.report.oracle_accuracy.unwrap();
+        println!("{}: {} segments, {oracle:.4}", method.name(), found.report.segments);
+        assert!(found.clusters.iter().all(|&c| c > 0));
+        assert_eq!(*found.clusters.iter().max().unwrap() as usize, found.report.segments);
+        assert!(found.report.segments < cloud.len() / 4, "{}: {}", method.name(), found.report.segments);
+        assert!(oracle > 0.9, "{}: {oracle}", method.name());
+    }
+}
+
+#[test]
+fn levels_are_parted_too() {
+    let (cloud, labels) = village(5);
+    let params = SegmentParams { method: SegmentMethod::Riemannian, levels: vec![4, 5], ..SegmentParams::default() };
+    let found = segment(&cloud, Some(&labels), &params, &Monitor::default()).unwrap();
+    assert_eq!((found.levels.len(), found.report.levels.len()), (2, 2));
+    let [coarse, fine] = &found.report.levels[..] else { unreachable!() };
+    assert!(coarse.min_depth == 4 && coarse.supervoxels < fine.supervoxels);
+    assert_eq!(*found.levels[1].iter().max().unwrap() as usize, fine.segments);
+}
+
+#[test]
+fn odd_clouds_are_parted_or_refused_but_never_break() {
+    let plane: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 0.0]).collect();
+    let mut holes = plane.clone();
+    holes[11] = [f64::NAN; 3];
+    let far: Vec<[f64; 3]> = plane.iter().copied().chain(plane.iter().map(|p| [p[0] + 5e4, p[1], p[2]])).collect();
+    let clouds: [&[[f64; 3]]; 6] =
+        [&[[1.0, 2.0, 3.0]], &[[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]], &[[5.0; 3]; 30], &plane, &holes, &far];
+    for (rows, method) in clouds.iter().flat_map(|&rows| SegmentMethod::ALL.map(move |method| (rows, method))) {
+        let cloud = Cloud::from_rows(rows).unwrap();
+        let params = SegmentParams { method, ..SegmentParams::default() };
+        let found = segment(&cloud, None, &params, &Monitor::default());
+        let clusters = found.unwrap_or_else(|e| panic!("{} on {} points: {e}", method.name(), rows.len())).clusters;
+        let finite = rows.iter().map(|p| p[0].is_finite());
+        assert!(clusters.iter().zip(finite).all(|(&c, finite)| (c > 0) == finite), "{}", method.name());
+    }
+    let train = |rows: &[[f64; 3]], codes: &[u8], settings: &[&str]| {
+        train_objects(&[labelled(rows, codes)], &objects(settings), &Monitor::default()).map_err(|e| e.to_string())
+    };
+    assert!(train(&plane, &[0; 400], &[]).unwrap_err().contains("no labelled point"));
+    assert!(train(&plane, &[2; 400], &["segments.colour=true"]).unwrap_err().contains("Red"));
+    let (model, report) = train(&holes, &[2; 400], &[SIZE]).unwrap();
+    assert!(report.warnings[0].contains("only one class"), "{:?}", report.warnings);
+    let cloud = Cloud::from_rows(&holes).unwrap();
+    let codes = classify(&cloud, &model, &ClassifyParams::default(), &Monitor::default()).unwrap().codes;
+    assert_eq!((codes[11], codes[12]), (1, 2), "points that are not finite stay unclassified");
+}
