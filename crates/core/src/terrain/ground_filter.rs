@@ -237,7 +237,8 @@ mod tests {
                     },
             ]);
         }
-        let wrong = ground(&rows).iter().zip(&rows).filter(|(found, p)| **found != (p[2] - hill(p[0], p[1]) < 0.1));
+        let found = ground(&rows);
+        let wrong = found.iter().zip(&rows).filter(|(found, p)| **found != (p[2] - hill(p[0], p[1]) < 0.1));
         assert_eq!(wrong.count(), 0);
     }
 
