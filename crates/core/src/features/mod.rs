@@ -10,6 +10,7 @@ mod params;
 mod pyramid;
 mod region;
 mod spacing;
+mod surfaces;
 mod table;
 mod tensor;
 mod tiles;

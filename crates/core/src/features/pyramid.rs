@@ -4,24 +4,19 @@ use super::contour::{Surfaces, contour_features};
 use super::definition::PER_LEVEL;
 use super::params::{Column, PyramidParams};
 use super::region::Region;
+use super::surfaces::{Packed, farthest, surfaces};
 use super::tensor::{Batch, Convention, LANES, MOST, Tensor, covariance_features, tensor};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::{ColumnSearch, Columns, Level, Search};
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::Monitor;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
-
-/// Level points whose surfaces are computed by one task.
-const CHUNK: usize = 4096;
 
 /// Where the features of a level go: the column of each of the 16, or [`NOWHERE`].
 pub(super) type Slots = [usize; PER_LEVEL];
 /// This feature is not wanted.
 pub(super) const NOWHERE: usize = usize::MAX;
-
-/// Normal (three numbers in -32767..=32767) and surface variation (0..=1/3 as 0..=65535) of a level point.
-type Packed = [u16; 4];
 
 /// A level with what the wanted features need.
 #[derive(Clone, Debug)]
@@ -41,7 +36,7 @@ pub(super) struct Stage {
 pub struct Scratch {
     search: Search,
     columns: ColumnSearch,
-    batch: Batch,
+    pub(super) batch: Batch,
     surfaces: Surfaces,
     found: [[u32; LANES]; MOST],
     loose: Vec<u32>,
@@ -231,25 +226,6 @@ impl WithSimd for Describe<'_, '_> {
     }
 }
 
-/// The first pass on a chunk of a level, compiled for each instruction set.
-struct Pack<'a> {
-    level: &'a Level,
-    points: &'a Points,
-    params: &'a PyramidParams,
-    packed: &'a mut [Packed],
-    /// Where the level is whole, and the points whose neighbours may lie elsewhere.
-    open: Option<(&'a Region, &'a mut [bool])>,
-}
-
-impl WithSimd for Pack<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        pack_all(simd, self);
-    }
-}
-
 /// Writes the lanes of each wanted feature into its column.
 #[inline(always)]
 fn store(features: &[[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job<'_>, row: usize) {
@@ -270,7 +246,7 @@ fn own_surface(tensor: &Tensor, variation: &[f32; LANES], row: usize, surfaces: 
 
 /// Finds the neighbours of up to 16 points, lays them out by lanes, and returns the size of a neighbourhood.
 #[inline(always)]
-fn fill<S: Simd>(
+pub(super) fn fill<S: Simd>(
     simd: S,
     (level, packed): (&Level, &[Packed]),
     points: &Points,
@@ -329,86 +305,6 @@ fn unpack(packed: &[Packed], found: &[[u32; LANES]], surfaces: &mut Surfaces) {
             z[l] = f32::from(raw[2][l] as i16) * (1.0 / 32767.0);
             variation[l] = f32::from(raw[3][l]) * (1.0 / 196_605.0);
         }
-    }
-}
-
-/// Squared distance of the last of the first `found` neighbours of a lane, which stand in ascending order.
-#[inline(always)]
-fn farthest(batch: &Batch, found: usize, lane: usize) -> f32 {
-    match found.checked_sub(1) {
-        Some(last) => batch.x[last][lane].powi(2) + batch.y[last][lane].powi(2) + batch.z[last][lane].powi(2),
-        None => 0.0,
-    }
-}
-
-/// First pass: normal and surface variation of every point of the level, from its k nearest on the level (itself one), and
-/// which of them may be different on the whole level.
-fn surfaces(
-    level: &Level,
-    region: Option<&Region>,
-    params: &PyramidParams,
-    monitor: &Monitor,
-) -> Result<(Vec<Packed>, Vec<bool>)> {
-    let params = PyramidParams { include_query: false, ..params.clone() };
-    let chunks = map_ordered(level.len().div_ceil(CHUNK), monitor, |c| {
-        let range = c * CHUNK..((c + 1) * CHUNK).min(level.len());
-        let points = Points {
-            x: level.x[range.clone()].to_vec(),
-            y: level.y[range.clone()].to_vec(),
-            z: level.z[range.clone()].to_vec(),
-            ..Points::default()
-        };
-        let mut packed = vec![[0; 4]; range.len()];
-        let mut open = vec![false; if region.is_some() { range.len() } else { 0 }];
-        let part = region.map(|region| (region, &mut open[..]));
-        Arch::new().dispatch(Pack { level, points: &points, params: &params, packed: &mut packed, open: part });
-        Ok((packed, open))
-    })?;
-    let (mut packed, mut open) = (Vec::new(), Vec::new());
-    packed.reserve_exact(level.len());
-    for chunk in chunks {
-        packed.extend(chunk.0);
-        open.extend(chunk.1);
-    }
-    Ok((packed, open))
-}
-
-#[inline(always)]
-fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
-    let Pack { level, points, params, packed, mut open } = work;
-    let mut scratch = Scratch::default();
-    let convention = Convention { centre: params.centre, divisor: params.divisor };
-    for first in (0..points.len()).step_by(LANES) {
-        let lanes = first..(first + LANES).min(points.len());
-        let count = fill(simd, (level, &[]), points, lanes.clone(), (params, &mut scratch));
-        if let Some((region, open)) = &mut open {
-            note_open(region, points, lanes.clone(), (&scratch.batch, count, params), open);
-        }
-        let found = if count == 10 {
-            tensor(&scratch.batch, 10, convention)
-        } else {
-            tensor(&scratch.batch, count, convention)
-        };
-        let variation = covariance_features(&found, false)[6];
-        for (l, slot) in packed[lanes].iter_mut().enumerate() {
-            let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
-            *slot = [part(0), part(1), part(2), (variation[l] * 196_605.0).round() as u16];
-        }
-    }
-}
-
-/// Notes the level points of the filled batch that may have nearer neighbours beyond the region.
-#[inline(never)]
-fn note_open(
-    region: &Region,
-    points: &Points,
-    lanes: Range<usize>,
-    (batch, count, params): (&Batch, usize, &PyramidParams),
-    open: &mut [bool],
-) {
-    for (l, i) in lanes.enumerate() {
-        let at = [points.x[i], points.y[i], points.z[i]];
-        open[i] = !region.holds(at, farthest(batch, count, l), count == params.k.min(MOST - 1));
     }
 }
 

@@ -80,7 +80,7 @@ mod tests {
         let mut shares = ClassShares { power: 1.0, ..ClassShares::default() };
         shares.learn(&[0, 1], 2);
         // Nine points of class 0, one of class 1 that is nearly undecided.
-        let rows: Vec<f32> = [vec![0.8, 0.2].repeat(9), vec![0.45, 0.55]].concat();
+        let rows: Vec<f32> = [[0.8, 0.2].repeat(9), vec![0.45, 0.55]].concat();
         let mut even = rows.clone();
         shares.apply(&mut even, 2);
         let odds = |row: &[f32]| row[0] / row[1];
