@@ -14,7 +14,9 @@ use scansion_core::classification::{
     BaggingParams, BoostingParams, Classifier, ClassifierParams, ForestParams, Samples,
 };
 use scansion_core::cloud::{Cloud, Column, Points, Values};
-use scansion_core::evaluation::{EmptyCells, SegmentationErrorParams, oracle_accuracy, segmentation_error};
+use scansion_core::evaluation::{
+    Confusion, EmptyCells, OneVsRest, SegmentationErrorParams, oracle_accuracy, segmentation_error,
+};
 use scansion_core::features::normals;
 use scansion_core::graph::{Orientation, orient};
 use scansion_core::neighbours::knn;
@@ -24,6 +26,7 @@ use scansion_core::segmentation::{
     Combination, LocalGraphParams, ObjectAttributes, Partition, PointAttributes, SlicParams, Supervoxels, SurfaceRule,
     VccsParams, local_graphs, majorities, object_features, slic, vccs,
 };
+use scansion_core::terrain::{ElevationModel, ElevationParams, GroundParams, ground_points};
 use scansion_core::{Result, io};
 use std::path::Path;
 use std::time::Instant;
@@ -255,10 +258,11 @@ fn chain(scene: &Scene) -> Outcome {
     let (supervoxels, a) = timed(|| scene.slic(false))?;
     let (segments, b) = timed(|| local_graphs(&supervoxels, &LocalGraphParams::default(), &Monitor::default()))?;
     let partition = supervoxels.point_partition(&segments)?;
-    let attributes = ObjectAttributes { colours: scene.colours.as_deref(), heights: None };
+    let (heights, d) = timed(|| heights(&scene.points))?;
+    let attributes = ObjectAttributes { colours: scene.colours.as_deref(), heights: Some(&heights) };
     let (table, c) = timed(|| object_features(&scene.points, &partition, &attributes, &Monitor::default()))?;
     println!(
-        "slic {a:.2} s, {} supervoxels; local graphs {b:.2} s, {} segments; {} features {c:.2} s; oracle {:.2} %",
+        "slic {a:.2} s, {} supervoxels; local graphs {b:.2} s, {} segments; heights {d:.2} s; {} features {c:.2} s; oracle {:.2} %",
         supervoxels.len(),
         segments.len(),
         table.width(),
@@ -277,18 +281,31 @@ fn chain(scene: &Scene) -> Outcome {
         let name = params.kind().name();
         let (model, fit) = timed(|| Classifier::fit(&samples, &params, &Monitor::default()))?;
         let (named, predict) = timed(|| model.predict(&table.values))?;
-        let (mut right, mut points, mut held) = (0, 0, vec![false; table.rows()]);
+        let mut held = vec![false; table.rows()];
         chosen.iter().for_each(|&s| held[s] = true);
-        for (s, members) in partition.iter().enumerate().filter(|(s, _)| !held[*s]) {
-            for truth in members.iter().filter_map(|&i| scene.truth[i as usize]) {
-                points += 1;
-                right += usize::from(u16::from(truth) == named[s]);
-            }
-        }
-        let accuracy = 100.0 * right as f64 / points as f64;
-        println!("{name}: fit {fit:.2} s, predict {predict:.2} s, {accuracy:.2} % of the points of other segments");
+        let pairs = partition.iter().enumerate().filter(|(s, _)| !held[*s]);
+        let pairs = pairs.flat_map(|(s, members)| members.iter().map(move |&i| (i as usize, s)));
+        let (truth, found): (Vec<_>, Vec<u8>) = pairs.map(|(i, s)| (scene.truth[i], named[s] as u8)).unzip();
+        let rows = Confusion::from_options(&truth, &found)?.one_vs_rest();
+        let mean = |value: fn(&OneVsRest) -> f64| 100.0 * rows.iter().map(value).sum::<f64>() / rows.len() as f64;
+        let classes: Vec<String> = rows.iter().map(|r| format!("{}: {:.2}", r.code, 100.0 * r.precision)).collect();
+        println!(
+            "{name}: fit {fit:.2} s, predict {predict:.2} s; precision {} | mean {:.2} | sensitivity {:.2} | specificity {:.2} | accuracy {:.2}",
+            classes.join(" "),
+            mean(|r| r.precision),
+            mean(|r| r.sensitivity),
+            mean(|r| r.specificity),
+            mean(|r| r.accuracy)
+        );
     }
     Ok(())
+}
+
+/// Height above a ground found without labels.
+fn heights(points: &Points) -> Result<Vec<f32>> {
+    let monitor = Monitor::default();
+    let ground = ground_points(points, &GroundParams::default(), &monitor)?;
+    ElevationModel::fit(points, &ground, &ElevationParams::default(), &monitor)?.heights(points, &monitor)
 }
 
 /// 30 % of the segments of each class.
