@@ -19,8 +19,8 @@ fn weak(settings: &[&str]) -> WeakRecipe {
 }
 
 /// Overall accuracy and mean F1 of each method, in percent, for one seed.
-fn scores(cloud: &Cloud, labels: &Labels, descriptors: &str, seed: u64) -> Vec<(f64, f64)> {
-    let settings = ["labels.per_class=15", "neighbourhood.k_step=10", &format!("descriptors={descriptors}")];
+fn scores(cloud: &Cloud, labels: &Labels, settings: &[&str], seed: u64) -> Vec<(f64, f64)> {
+    let settings = [&["labels.per_class=15", "neighbourhood.k_step=10"], settings].concat();
     let recipe = WeakRecipe { seed, ..weak(&settings) };
     let monitor = Monitor::default();
     let (model, report) = train_weak(&[(cloud.clone(), labels.clone())], &recipe, &[], &monitor).unwrap();
@@ -47,23 +47,23 @@ fn fifteen_labels_a_class_name_an_oakland_street() {
     let cloud = io::read(&folder.join("oakland/part_14.laz")).unwrap();
     let params = LabelParams { classes: vec![2, 5, 6, 14, 15], ..LabelParams::default() };
     let labels = read_labels(&cloud, &params).unwrap();
-    let means = |descriptors: &str| {
-        let runs: Vec<Vec<(f64, f64)>> = (0..5).map(|seed| scores(&cloud, &labels, descriptors, seed)).collect();
+    let means = |settings: &[&str]| {
+        let runs: Vec<Vec<(f64, f64)>> = (0..5).map(|seed| scores(&cloud, &labels, settings, seed)).collect();
         let mean = |method: usize| {
             let sum = runs.iter().fold((0.0, 0.0), |sum, run| (sum.0 + run[method].0, sum.1 + run[method].1));
             (sum.0 / 5.0, sum.1 / 5.0)
         };
         let found = [0, 1, 2, 3].map(mean);
-        println!("{descriptors}: alone, point field, consensus, segment field {found:.1?}");
+        println!("{settings:?}: alone, point field, consensus, segment field {found:.1?}");
         found
     };
-    let [alone, points, consensus, segments] = means("paper");
+    let [alone, points, consensus, segments] = means(&["descriptors=paper", "shares.power=0"]);
     assert!(consensus.0 > alone.0 + 2.0);
     assert!(segments.1 > alone.1 + 8.0);
     assert!(points.0 > alone.0 + 2.0 && segments.0 > consensus.0 - 0.2);
     assert!(segments.0 > 97.0 && segments.1 > 84.0);
-    let [more_alone, .., more] = means("multi-scale");
-    assert!(more_alone.0 > alone.0 && more_alone.1 > alone.1, "features of many scales help");
+    let [more_alone, .., more] = means(&[]);
+    assert!(more_alone.0 > alone.0 && more_alone.1 > alone.1, "more descriptors and shares help");
     assert!(more.0 > 97.5 && more.1 > 86.0);
 }
 

@@ -4,7 +4,7 @@
 //! left at every node. Where the samples hold NaN, the first cut is the lowest finite number and code 0 is NaN's alone.
 
 use super::descend::Codes;
-use super::quantise::{Block, Rows, Table};
+use super::quantise::{Columns, Rows, Table};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::random::stream;
@@ -133,21 +133,26 @@ impl Binning {
         Ok(())
     }
 
-    /// Codes of row-major values in both layouts that a tree walk reads; lengths as in [`Binning::bin_block`], for all rows
-    /// of `codes` at once.
-    pub(super) fn bin_codes(&self, values: &[f32], codes: &mut Codes<u8>) {
-        codes.resize(values.len() / self.width().max(1), self.width());
-        pulp::Arch::new().dispatch(Block { tables: &self.tables, values, codes });
+    /// Codes of row-major values, row by row, with [`compact::WIDTH`](super::compact::WIDTH) zeros behind them.
+    pub(super) fn bin_rows(&self, values: &[f32], codes: &mut Codes<u8>) {
+        (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
+        codes.by_row.resize(values.len() + super::compact::WIDTH, 0);
+        let by_row = codes.by_row.get_mut(..values.len()).unwrap_or_default();
+        pulp::Arch::new().dispatch(Rows { tables: &self.tables, values, codes: by_row });
     }
 
-    /// As [`Binning::bin_codes`], for binnings of any size.
-    pub(super) fn bin_codes_wide(&self, values: &[f32], codes: &mut Codes<u16>) {
-        codes.resize(values.len() / self.width().max(1), self.width());
+    /// As [`Binning::bin_rows`], for binnings of any size.
+    pub(super) fn bin_rows_wide(&self, values: &[f32], codes: &mut Codes<u16>) {
+        (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
+        codes.by_row.resize(values.len(), 0);
         self.bin_wide(values, &mut codes.by_row);
-        let rows = codes.rows;
-        for (row, of_row) in codes.by_row.chunks_exact(codes.width.max(1)).enumerate() {
-            of_row.iter().enumerate().for_each(|(f, &code)| codes.by_feature[f * rows + row] = code);
-        }
+    }
+
+    /// Codes of row-major values, a column a feature, with `spare` codes behind them.
+    pub(super) fn bin_columns(&self, values: &[f32], spare: usize, codes: &mut Codes<u8>) {
+        (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
+        codes.by_feature.resize(values.len() + spare, 0);
+        pulp::Arch::new().dispatch(Columns { tables: &self.tables, values, codes });
     }
 
     /// The cuts of these features only.

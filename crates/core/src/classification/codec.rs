@@ -3,7 +3,7 @@
 use super::binning::Binning;
 pub(super) use super::check_trees::Trees;
 use super::fingerprint::Fingerprint;
-use super::forest::{Forest, Node};
+use super::forest::{Descent, Forest, Node};
 use crate::error::{Error, Result};
 use safetensors::{Dtype, SafeTensors};
 use std::path::Path;
@@ -123,10 +123,11 @@ impl Reader<'_> {
 
     /// The forest of `width` features and `classes` classes, every index checked.
     pub(super) fn forest(&self, width: usize, classes: usize) -> Result<Forest> {
-        let forest = Forest {
+        let mut forest = Forest {
             classes,
             binning: self.binning(width)?,
             nodes: self.nodes()?,
+            descent: Descent::default(),
             roots: self.read("roots", None)?,
             leaves: self.read("leaves", None)?,
             importance: self.importance(width)?,
@@ -135,6 +136,7 @@ impl Reader<'_> {
         let leaf = |_: usize, left: usize| left < forest.leaves.len() / classes;
         let (nodes, roots, binning) = (&forest.nodes[..], &forest.roots[..], &forest.binning);
         self.check_trees(&Trees { nodes, roots, binning, leaf: &leaf })?;
+        forest.prepare();
         Ok(forest)
     }
 

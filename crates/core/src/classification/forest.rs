@@ -1,6 +1,7 @@
 //! The forest: quantisation, trees and leaves.
 
 use super::binning::Binning;
+use super::compact::Compact;
 use super::grow::{LEAF, Tree};
 use crate::error::{Error, Result};
 
@@ -16,6 +17,20 @@ pub(super) struct Node {
 /// Cut of a leaf.
 pub(super) const LEAF_CUT: u16 = u16::MAX;
 
+/// Trees as [`Forest::predict_block`] walks them.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Descent {
+    Compact(Compact),
+    /// The nodes, with a leaf's own place in `left`.
+    Large(Vec<Node>),
+}
+
+impl Default for Descent {
+    fn default() -> Self {
+        Self::Large(Vec::new())
+    }
+}
+
 /// A random forest on quantised features.
 ///
 /// Breiman, *Random forests*, Machine Learning 45, 2001. The probabilities of a sample are the mean over the trees of the
@@ -26,6 +41,8 @@ pub struct Forest {
     pub(super) binning: Binning,
     /// All trees behind one another; children stand behind their parents.
     pub(super) nodes: Vec<Node>,
+    /// The same trees for walking down.
+    pub(super) descent: Descent,
     /// First node of every tree.
     pub(super) roots: Vec<u32>,
     /// Rows of `classes` probabilities; the first `classes` rows are those of pure leaves.
@@ -85,6 +102,7 @@ impl Forest {
         }
         self.binning = self.binning.select(&used);
         self.importance = used.iter().map(|&f| self.importance[f]).collect();
+        self.prepare();
         (self, used)
     }
 
@@ -99,12 +117,27 @@ impl Forest {
             classes,
             binning,
             nodes: Vec::with_capacity(total),
+            descent: Descent::default(),
             roots: Vec::with_capacity(trees.len()),
             leaves: one_hot(classes),
             importance: mean_importance(trees, width),
         };
         trees.iter().for_each(|tree| forest.append(tree));
+        forest.prepare();
         Ok(forest)
+    }
+
+    /// Lays the trees out for walking down; to be called when nodes or features have changed.
+    pub(super) fn prepare(&mut self) {
+        let shape = (self.width(), self.binning.fits_u8());
+        let own = |(i, node): (usize, &Node)| match node.cut {
+            LEAF_CUT => Node { left: i as u32, ..*node },
+            _ => *node,
+        };
+        self.descent = match Compact::new(&self.nodes, &self.roots, shape) {
+            Some(trees) => Descent::Compact(trees),
+            None => Descent::Large(self.nodes.iter().enumerate().map(own).collect()),
+        };
     }
 
     fn append(&mut self, tree: &Tree) {

@@ -11,6 +11,7 @@ mod boosting_codec;
 mod check_trees;
 mod classifier;
 mod codec;
+mod compact;
 pub mod cross_validation;
 mod descend;
 mod exact;

@@ -1,12 +1,13 @@
 //! Prediction: a block of rows is quantised once, then every tree takes the whole block down.
 
+use super::compact::{Compact, Places};
 use super::descend::{Codes, Walk};
-use super::forest::{Forest, LEAF_CUT, Node};
+use super::forest::{Descent, Forest, LEAF_CUT, Node};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
-/// Rows of a block: enough that a tree is worth loading, few enough that the codes stay in the cache.
-const BLOCK: usize = 8192;
+/// Rows of a block: enough that a tree is worth loading, few enough that codes and tree stay in the cache.
+const BLOCK: usize = 4096;
 
 /// Working memory of [`Forest::predict_block`], to be used again for the next block.
 #[derive(Clone, Debug, Default)]
@@ -14,6 +15,8 @@ pub struct PredictScratch {
     pub(super) narrow: Codes<u8>,
     wide: Codes<u16>,
     pub(super) walk: Walk,
+    places: Places,
+    leaves: Vec<u32>,
     /// Rows with additional columns, and scores, of boosted trees.
     pub(super) extended: Vec<f32>,
     pub(super) scores: Vec<f32>,
@@ -29,12 +32,16 @@ impl Forest {
         self.check_lengths(rows, out)?;
         out.fill(0.0);
         for (rows, out) in rows.chunks(BLOCK * self.width()).zip(out.chunks_mut(BLOCK * self.classes)) {
-            if self.binning.fits_u8() {
-                self.binning.bin_codes(rows, &mut scratch.narrow);
-                self.add_trees(&scratch.narrow, &mut scratch.walk, out);
-            } else {
-                self.binning.bin_codes_wide(rows, &mut scratch.wide);
-                self.add_trees(&scratch.wide, &mut scratch.walk, out);
+            match &self.descent {
+                Descent::Compact(trees) => self.add_compact(rows, trees, scratch, out),
+                Descent::Large(nodes) if self.binning.fits_u8() => {
+                    self.binning.bin_rows(rows, &mut scratch.narrow);
+                    self.add_large(nodes, &scratch.narrow, &mut scratch.walk, out);
+                }
+                Descent::Large(nodes) => {
+                    self.binning.bin_rows_wide(rows, &mut scratch.wide);
+                    self.add_large(nodes, &scratch.wide, &mut scratch.walk, out);
+                }
             }
             let trees = self.trees().max(1) as f32;
             out.iter_mut().for_each(|p| *p /= trees);
@@ -81,21 +88,54 @@ impl Forest {
         )))
     }
 
-    fn add_trees<C: Copy + Default + Into<u16>>(&self, codes: &Codes<C>, walk: &mut Walk, out: &mut [f32]) {
-        let classes = self.classes;
+    fn add_compact(&self, rows: &[f32], trees: &Compact, scratch: &mut PredictScratch, out: &mut [f32]) {
+        let PredictScratch { narrow, places, leaves, .. } = scratch;
+        self.binning.bin_rows(rows, narrow);
+        for tree in 0..trees.trees() {
+            trees.walk(tree, narrow, places, leaves);
+            self.add_leaves(leaves, out);
+        }
+    }
+
+    fn add_large<C: Copy + Default + Into<u16>>(
+        &self,
+        nodes: &[Node],
+        codes: &Codes<C>,
+        walk: &mut Walk,
+        out: &mut [f32],
+    ) {
         for &root in &self.roots {
-            walk.tree(&self.nodes, root, codes, |rows, leaf| {
-                let leaf = leaf as usize;
-                if leaf < classes {
-                    rows.iter().for_each(|&row| out[usize::from(row) * classes + leaf] += 1.0);
-                    return;
-                }
-                let shares = &self.leaves[leaf * classes..(leaf + 1) * classes];
-                for &row in rows {
-                    let out = &mut out[usize::from(row) * classes..][..classes];
+            walk.tree(nodes, root, codes);
+            walk.at.iter_mut().for_each(|at| *at = self.node(*at).left);
+            self.add_leaves(&walk.at, out);
+        }
+    }
+
+    /// Adds the shares of the leaf of every row; compiled for every small number of classes.
+    fn add_leaves(&self, leaves: &[u32], out: &mut [f32]) {
+        match self.classes {
+            2 => self.add::<2>(leaves, out),
+            3 => self.add::<3>(leaves, out),
+            4 => self.add::<4>(leaves, out),
+            5 => self.add::<5>(leaves, out),
+            6 => self.add::<6>(leaves, out),
+            7 => self.add::<7>(leaves, out),
+            8 => self.add::<8>(leaves, out),
+            classes => {
+                for (out, &leaf) in out.chunks_exact_mut(classes).zip(leaves) {
+                    let first = leaf as usize * classes;
+                    let shares = &self.leaves[first..first + classes];
                     out.iter_mut().zip(shares).for_each(|(p, &share)| *p += share);
                 }
-            });
+            }
+        }
+    }
+
+    fn add<const N: usize>(&self, leaves: &[u32], out: &mut [f32]) {
+        for (out, &leaf) in out.as_chunks_mut::<N>().0.iter_mut().zip(leaves) {
+            let first = (leaf as usize).wrapping_mul(N);
+            let Some(shares) = self.leaves.get(first..).and_then(|s| s.first_chunk::<N>()) else { continue };
+            out.iter_mut().zip(shares).for_each(|(p, &share)| *p += share);
         }
     }
 

@@ -1,6 +1,7 @@
 //! From values to codes: two counts among 16 cuts instead of a search, compiled for each instruction set.
 
 use super::descend::Codes;
+use pulp::{Simd, bytemuck};
 
 /// 255 cuts and infinity, and every 16th of them once more: a code is found by two counts among 16 numbers, which the
 /// processor does at once.
@@ -18,19 +19,33 @@ impl Table {
     }
 
     #[inline(always)]
-    fn code(&self, x: f32) -> u8 {
-        let block = count_below(&self.coarse, x);
-        (block.wrapping_mul(16).wrapping_add(count_below(&self.fine[(block & 15) as usize], x))) as u8
+    fn code<S: Simd>(&self, simd: S, x: f32) -> u8 {
+        let x = simd.splat_f32s(x);
+        let block = count_below(simd, &self.coarse, x);
+        let within = count_below(simd, &self.fine[(block & 15) as usize], x);
+        block.wrapping_mul(16).wrapping_add(within) as u8
     }
 }
 
+/// Number of cuts below `x`.
 #[inline(always)]
-fn count_below(cuts: &[f32; 16], x: f32) -> u32 {
-    let mut counts = [0u32; 16];
-    for (count, &cut) in counts.iter_mut().zip(cuts) {
-        *count = u32::from(x > cut);
+fn count_below<S: Simd>(simd: S, cuts: &[f32; 16], x: S::f32s) -> u32 {
+    let (lanes, _) = S::as_simd_f32s(cuts);
+    if const { size_of::<S::m32s>() == size_of::<u16>() } {
+        // A bit a lane.
+        let mut count = 0u32;
+        for &cuts in lanes {
+            let below: u16 = bytemuck::cast(simd.less_than_f32s(cuts, x));
+            count = count.wrapping_add(below.count_ones());
+        }
+        return count;
     }
-    counts.iter().fold(0, |sum, count| sum.wrapping_add(*count))
+    let (one, zero) = (simd.splat_f32s(1.0), simd.splat_f32s(0.0));
+    let mut counts = zero;
+    for &cuts in lanes {
+        counts = simd.add_f32s(counts, simd.select_f32s(simd.less_than_f32s(cuts, x), one, zero));
+    }
+    simd.reduce_sum_f32s(counts) as u32
 }
 
 /// Codes of whole rows, compiled for each instruction set.
@@ -40,45 +55,47 @@ pub(super) struct Rows<'a> {
     pub(super) codes: &'a mut [u8],
 }
 
+/// Rows that are quantised feature by feature: their values and the feature's table stay in the nearest cache.
+const CHUNK: usize = 64;
+
 impl pulp::WithSimd for Rows<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let width = self.tables.len();
-        for (values, codes) in self.values.chunks_exact(width).zip(self.codes.chunks_exact_mut(width)) {
-            for ((code, &x), table) in codes.iter_mut().zip(values).zip(self.tables) {
-                *code = table.code(x);
+    fn with_simd<S: Simd>(self, simd: S) {
+        let width = self.tables.len().max(1);
+        for (values, codes) in self.values.chunks(CHUNK * width).zip(self.codes.chunks_mut(CHUNK * width)) {
+            for (f, table) in self.tables.iter().enumerate() {
+                let values = values.get(f..).unwrap_or_default().iter().step_by(width);
+                let codes = codes.get_mut(f..).unwrap_or_default().iter_mut().step_by(width);
+                for (code, &x) in codes.zip(values) {
+                    *code = table.code(simd, x);
+                }
             }
         }
     }
 }
 
-/// Rows that are quantised feature by feature: their values stay in the nearest cache.
-const CHUNK: usize = 64;
-
-/// Codes of rows in both layouts, compiled for each instruction set.
-pub(super) struct Block<'a> {
+/// Codes of rows, a column a feature, compiled for each instruction set.
+pub(super) struct Columns<'a> {
     pub(super) tables: &'a [Table],
     pub(super) values: &'a [f32],
     pub(super) codes: &'a mut Codes<u8>,
 }
 
-impl pulp::WithSimd for Block<'_> {
+impl pulp::WithSimd for Columns<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let (width, rows) = (self.tables.len().max(1), self.codes.rows.max(1));
-        let chunks = self.values.chunks(CHUNK * width).zip(self.codes.by_row.chunks_mut(CHUNK * width));
-        for (chunk, (values, by_row)) in chunks.enumerate() {
+        for (chunk, values) in self.values.chunks(CHUNK * width).enumerate() {
             let columns = self.codes.by_feature.chunks_exact_mut(rows);
             for (f, (column, table)) in columns.zip(self.tables).enumerate() {
-                let column = column.get_mut(chunk * CHUNK..).unwrap_or_default();
-                let of_rows = values.chunks_exact(width).zip(by_row.chunks_exact_mut(width));
-                for (slot, (values, codes)) in column.iter_mut().zip(of_rows) {
-                    *slot = table.code(values[f]);
-                    codes[f] = *slot;
+                let codes = column.get_mut(chunk.wrapping_mul(CHUNK)..).unwrap_or_default();
+                let values = values.get(f..).unwrap_or_default().iter().step_by(width);
+                for (code, &x) in codes.iter_mut().zip(values) {
+                    *code = table.code(simd, x);
                 }
             }
         }

@@ -4,16 +4,15 @@ use super::definition::PER_LEVEL;
 use super::extras::{Source, sources};
 use super::params::FeatureSet;
 use super::pyramid::{Job, NOWHERE, Stage};
+use super::region::Region;
 use super::spacing::{scale_of, spacing};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
-use crate::neighbours::{Columns, Grid, build_levels, sorted};
+use crate::neighbours::{Columns, Grid, Level, build_levels, sorted};
 use crate::parallel::Monitor;
+use std::sync::Arc;
 
 pub use super::pyramid::Scratch;
-
-/// Points of a block: their rows stay in the second-level cache while 144 features are computed and used.
-const BLOCK: usize = 1024;
 
 /// Which features are computed.
 #[derive(Clone, Copy, Debug)]
@@ -24,33 +23,24 @@ pub enum Wanted<'a> {
     Names(&'a [String]),
 }
 
-/// A cloud's pyramid and what else the wanted features need.
-///
-/// Points stand in Morton order, so that the points of a block lie close together.
-pub struct Extractor<'a> {
-    set: FeatureSet,
+/// What is computed: settings, names, and where each feature goes.
+#[derive(Clone)]
+pub(super) struct Plan<'a> {
+    pub(super) set: FeatureSet,
     first_scale: f64,
     names: Vec<String>,
-    stages: Vec<Stage>,
+    slots: Vec<usize>,
     own: Vec<(usize, Source<'a>)>,
-    queries: Points,
 }
 
-impl<'a> Extractor<'a> {
-    /// Builds the pyramid of all finite points; the features will be those of all of them, or of the points `at`
-    /// (indices into the cloud, each once).
-    ///
-    /// O(n log n) time; about 40 bytes a point while it lives.
-    ///
-    /// # Errors
-    /// A parameter out of range, an unknown feature name, a column that a feature needs is absent, voxels too small for
-    /// the extent.
-    pub fn prepare(
+impl<'a> Plan<'a> {
+    /// The plan, and the cloud's finite points in the order of the grid.
+    pub(super) fn new(
         cloud: &'a Cloud,
         set: &FeatureSet,
-        (wanted, at): (Wanted<'_>, Option<&[u32]>),
+        wanted: Wanted<'_>,
         monitor: &Monitor,
-    ) -> Result<Self> {
+    ) -> Result<(Self, Grid, Points)> {
         set.validate()?;
         let points = Points::from_cloud(cloud, set.metres(cloud));
         let first_scale = match set.pyramid.first_scale {
@@ -72,30 +62,76 @@ impl<'a> Extractor<'a> {
             return Err(Error::parameter("column_radius", set.pyramid.column_radius, expected));
         }
         let points = sorted(points, &grid);
-        let mut stages = Vec::with_capacity(set.pyramid.levels);
-        for (level, slots) in
-            build_levels(&points, &grid, set.pyramid.levels).into_iter().zip(slots.chunks_exact(PER_LEVEL))
-        {
+        Ok((Self { set: set.clone(), first_scale, names, slots, own }, grid, points))
+    }
+
+    /// Makes levels, from number `first` on and whole in `region` (or everywhere), ready.
+    pub(super) fn stages(
+        &self,
+        first: usize,
+        levels: Vec<Level>,
+        region: Option<Region>,
+        monitor: &Monitor,
+    ) -> Result<Vec<Arc<Stage>>> {
+        let slots = self.slots.chunks_exact(PER_LEVEL).skip(first);
+        let stage = |(level, slots): (Level, &[usize])| {
             monitor.check()?;
-            let mut own_slots = [NOWHERE; PER_LEVEL];
-            own_slots.copy_from_slice(slots);
-            stages.push(Stage::new(level, own_slots, &set.pyramid, monitor)?);
-        }
+            let mut own = [NOWHERE; PER_LEVEL];
+            own.copy_from_slice(slots);
+            Stage::new((level, region), own, &self.set.pyramid, monitor).map(Arc::new)
+        };
+        levels.into_iter().zip(slots).map(stage).collect()
+    }
+}
+
+/// A cloud's pyramid and what else the wanted features need.
+///
+/// Points stand in Morton order, so that the points of a block lie close together.
+pub struct Extractor<'a> {
+    plan: Plan<'a>,
+    stages: Vec<Arc<Stage>>,
+    queries: Points,
+}
+
+impl<'a> Extractor<'a> {
+    /// Points of a block but the last: their rows stay in the second-level cache while 144 features are computed and used.
+    pub const BLOCK: usize = 1024;
+
+    /// Builds the pyramid of all finite points; the features will be those of all of them, or of the points `at`
+    /// (indices into the cloud, each once).
+    ///
+    /// O(n log n) time; up to 150 bytes a point while it lives. [`Tiles`](super::Tiles) need less.
+    ///
+    /// # Errors
+    /// A parameter out of range, an unknown feature name, a column that a feature needs is absent, voxels too small for
+    /// the extent.
+    pub fn prepare(
+        cloud: &'a Cloud,
+        set: &FeatureSet,
+        (wanted, at): (Wanted<'_>, Option<&[u32]>),
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
+        let stages = plan.stages(0, build_levels(&points, &grid, set.pyramid.levels), None, monitor)?;
         let queries = match at {
             Some(at) => subset(points, at, cloud.len())?,
             None => points,
         };
-        Ok(Self { set: set.clone(), first_scale, names, stages, own, queries })
+        Ok(Self { plan, stages, queries })
+    }
+
+    pub(super) fn from_parts(plan: Plan<'a>, stages: Vec<Arc<Stage>>, queries: Points) -> Self {
+        Self { plan, stages, queries }
     }
 
     /// Edge of the finest voxel, metres.
     pub fn first_scale(&self) -> f64 {
-        self.first_scale
+        self.plan.first_scale
     }
 
     /// Names of the columns.
     pub fn names(&self) -> &[String] {
-        &self.names
+        &self.plan.names
     }
 
     /// Points whose features can be asked for.
@@ -110,24 +146,26 @@ impl<'a> Extractor<'a> {
 
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
-        self.queries.len().div_ceil(BLOCK)
+        self.queries.len().div_ceil(Self::BLOCK)
     }
 
     /// Computes the features of a block into `rows` (row-major, replaced) and returns the cloud index of each row.
     ///
     /// May be called from many threads, each with its own scratch.
     pub fn block(&self, block: usize, scratch: &mut Scratch, rows: &mut Vec<f32>) -> &[u32] {
-        let first = (block * BLOCK).min(self.queries.len());
-        let range = first..(first + BLOCK).min(self.queries.len());
+        let first = (block * Self::BLOCK).min(self.queries.len());
+        let range = first..(first + Self::BLOCK).min(self.queries.len());
         rows.clear();
-        rows.resize(range.len() * self.names.len(), 0.0);
-        let mut job = Job { points: &self.queries, range: range.clone(), width: self.names.len(), out: rows };
+        rows.resize(range.len() * self.plan.names.len(), 0.0);
+        let mut job = Job { points: &self.queries, range: range.clone(), width: self.plan.names.len(), out: rows };
+        scratch.begin();
         for stage in &self.stages {
-            stage.describe(&mut job, &self.set.pyramid, scratch);
+            stage.describe(&mut job, &self.plan.set.pyramid, scratch);
         }
+        scratch.finish();
         let points = &self.queries.index[range];
-        for (slot, source) in &self.own {
-            let column = rows.chunks_exact_mut(self.names.len());
+        for (slot, source) in &self.plan.own {
+            let column = rows.chunks_exact_mut(self.plan.names.len());
             column.zip(points).for_each(|(row, &point)| row[*slot] = source.get(point));
         }
         points

@@ -32,6 +32,7 @@ impl Own<'_> {
 }
 
 /// A feature of the points themselves, by definition.
+#[derive(Clone)]
 pub(super) enum Source<'a> {
     /// One column, transformed.
     One(Own<'a>),

@@ -8,9 +8,12 @@ mod normals;
 mod optimal;
 mod params;
 mod pyramid;
+mod region;
 mod spacing;
+mod surfaces;
 mod table;
 mod tensor;
+mod tiles;
 
 pub use extractor::{Extractor, Scratch, Wanted};
 pub use extras::colours;
@@ -19,3 +22,4 @@ pub use optimal::{OPTIMAL, OptimalFeatures, local_descriptors, optimal_features,
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};
 pub use spacing::spacing;
 pub use table::{FeatureTable, table, table_at};
+pub use tiles::Tiles;

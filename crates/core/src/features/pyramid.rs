@@ -3,24 +3,20 @@
 use super::contour::{Surfaces, contour_features};
 use super::definition::PER_LEVEL;
 use super::params::{Column, PyramidParams};
+use super::region::Region;
+use super::surfaces::{Packed, farthest, surfaces};
 use super::tensor::{Batch, Convention, LANES, MOST, Tensor, covariance_features, tensor};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::{ColumnSearch, Columns, Level, Search};
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::Monitor;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
-
-/// Level points whose surfaces are computed by one task.
-const CHUNK: usize = 4096;
 
 /// Where the features of a level go: the column of each of the 16, or [`NOWHERE`].
 pub(super) type Slots = [usize; PER_LEVEL];
 /// This feature is not wanted.
 pub(super) const NOWHERE: usize = usize::MAX;
-
-/// Normal (three numbers in -32767..=32767) and surface variation (0..=1/3 as 0..=65535) of a level point.
-type Packed = [u16; 4];
 
 /// A level with what the wanted features need.
 #[derive(Clone, Debug)]
@@ -29,6 +25,10 @@ pub(super) struct Stage {
     surfaces: Vec<Packed>,
     columns: Option<Columns>,
     slots: Slots,
+    /// Where the level is whole, if not everywhere.
+    region: Option<Region>,
+    /// Level points whose surface may not be the whole level's; empty if the level is whole.
+    open: Vec<bool>,
 }
 
 /// Reusable state of one thread.
@@ -36,9 +36,29 @@ pub(super) struct Stage {
 pub struct Scratch {
     search: Search,
     columns: ColumnSearch,
-    batch: Batch,
+    pub(super) batch: Batch,
     surfaces: Surfaces,
     found: [[u32; LANES]; MOST],
+    loose: Vec<u32>,
+}
+
+impl Scratch {
+    /// Rows of the block that was computed last whose neighbours may lie beyond the part of the cloud that is held;
+    /// ascending.
+    pub fn loose(&self) -> &[u32] {
+        &self.loose
+    }
+
+    /// Before the stages of a block.
+    pub(super) fn begin(&mut self) {
+        self.loose.clear();
+    }
+
+    /// After the stages of a block.
+    pub(super) fn finish(&mut self) {
+        self.loose.sort_unstable();
+        self.loose.dedup();
+    }
 }
 
 impl Default for Scratch {
@@ -49,6 +69,7 @@ impl Default for Scratch {
             batch: Batch::default(),
             surfaces: Surfaces::default(),
             found: [[0; LANES]; MOST],
+            loose: Vec::new(),
         }
     }
 }
@@ -62,12 +83,20 @@ pub(super) struct Job<'a> {
 }
 
 impl Stage {
-    /// Prepares a level; surfaces and columns only if some wanted feature needs them.
-    pub(super) fn new(level: Level, slots: Slots, params: &PyramidParams, monitor: &Monitor) -> Result<Self> {
+    /// Prepares a level that is whole in `region`, or everywhere; surfaces and columns only if some wanted feature needs them.
+    pub(super) fn new(
+        (level, region): (Level, Option<Region>),
+        slots: Slots,
+        params: &PyramidParams,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let wants = |range: Range<usize>| slots[range].iter().any(|&s| s != NOWHERE);
         let columns = wants(13..16).then(|| Columns::new(&level, params.column_radius * level.size));
-        let surfaces = if wants(9..13) { surfaces(&level, params, monitor)? } else { Vec::new() };
-        Ok(Self { level, surfaces, columns, slots })
+        let (surfaces, open) = match wants(9..13) {
+            true => surfaces(&level, region.as_ref(), params, monitor)?,
+            false => (Vec::new(), Vec::new()),
+        };
+        Ok(Self { level, surfaces, columns, slots, region, open })
     }
 
     /// Computes the wanted features of the queries.
@@ -91,6 +120,9 @@ impl Stage {
             }
             if self.slots[..13].iter().any(|&s| s != NOWHERE) {
                 let count = fill(simd, (&self.level, &self.surfaces), points, lanes.clone(), (params, &mut *scratch));
+                if let Some(region) = &self.region {
+                    self.note_loose(region, points, lanes.clone(), (count, row), (params, &mut *scratch));
+                }
                 self.shape(simd, count, lanes.len(), job, row, (params, &mut *scratch));
             }
         }
@@ -129,6 +161,28 @@ impl Stage {
             contour_features(simd, &scratch.batch, &scratch.surfaces, count, &tensor.second, near)
         };
         store(&contour, &self.slots[9..13], lanes, job, row);
+    }
+
+    /// Notes the queries of the filled batch that may have nearer neighbours beyond the region, or neighbours that may.
+    #[inline(never)]
+    fn note_loose(
+        &self,
+        region: &Region,
+        points: &Points,
+        lanes: Range<usize>,
+        (count, row): (usize, usize),
+        (params, scratch): (&PyramidParams, &mut Scratch),
+    ) {
+        let found = count - usize::from(params.include_query);
+        let all = found == params.k.min(MOST - 1) - usize::from(params.include_query);
+        for (l, i) in lanes.enumerate() {
+            let at = [points.x[i], points.y[i], points.z[i]];
+            let open = |rows: &[u32; LANES]| self.open.get(rows[l] as usize).is_some_and(|&open| open);
+            let sure = region.holds(at, farthest(&scratch.batch, found, l), all);
+            if !sure || scratch.found[..found].iter().any(open) {
+                scratch.loose.push((row + l) as u32);
+            }
+        }
     }
 
     #[inline(always)]
@@ -172,23 +226,6 @@ impl WithSimd for Describe<'_, '_> {
     }
 }
 
-/// The first pass on a chunk of a level, compiled for each instruction set.
-struct Pack<'a> {
-    level: &'a Level,
-    points: &'a Points,
-    params: &'a PyramidParams,
-    packed: &'a mut [Packed],
-}
-
-impl WithSimd for Pack<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        pack_all(simd, self.level, self.points, self.params, self.packed);
-    }
-}
-
 /// Writes the lanes of each wanted feature into its column.
 #[inline(always)]
 fn store(features: &[[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job<'_>, row: usize) {
@@ -209,7 +246,7 @@ fn own_surface(tensor: &Tensor, variation: &[f32; LANES], row: usize, surfaces: 
 
 /// Finds the neighbours of up to 16 points, lays them out by lanes, and returns the size of a neighbourhood.
 #[inline(always)]
-fn fill<S: Simd>(
+pub(super) fn fill<S: Simd>(
     simd: S,
     (level, packed): (&Level, &[Packed]),
     points: &Points,
@@ -271,44 +308,6 @@ fn unpack(packed: &[Packed], found: &[[u32; LANES]], surfaces: &mut Surfaces) {
     }
 }
 
-/// First pass: normal and surface variation of every point of the level, from its k nearest on the level (itself one).
-fn surfaces(level: &Level, params: &PyramidParams, monitor: &Monitor) -> Result<Vec<Packed>> {
-    let params = PyramidParams { include_query: false, ..params.clone() };
-    let chunks = map_ordered(level.len().div_ceil(CHUNK), monitor, |c| {
-        let range = c * CHUNK..((c + 1) * CHUNK).min(level.len());
-        let points = Points {
-            x: level.x[range.clone()].to_vec(),
-            y: level.y[range.clone()].to_vec(),
-            z: level.z[range.clone()].to_vec(),
-            ..Points::default()
-        };
-        let mut packed = vec![[0; 4]; range.len()];
-        Arch::new().dispatch(Pack { level, points: &points, params: &params, packed: &mut packed });
-        Ok(packed)
-    })?;
-    Ok(chunks.concat())
-}
-
-#[inline(always)]
-fn pack_all<S: Simd>(simd: S, level: &Level, points: &Points, params: &PyramidParams, packed: &mut [Packed]) {
-    let mut scratch = Scratch::default();
-    let convention = Convention { centre: params.centre, divisor: params.divisor };
-    for first in (0..points.len()).step_by(LANES) {
-        let lanes = first..(first + LANES).min(points.len());
-        let count = fill(simd, (level, &[]), points, lanes.clone(), (params, &mut scratch));
-        let found = if count == 10 {
-            tensor(&scratch.batch, 10, convention)
-        } else {
-            tensor(&scratch.batch, count, convention)
-        };
-        let variation = covariance_features(&found, false)[6];
-        for (l, slot) in packed[lanes].iter_mut().enumerate() {
-            let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
-            *slot = [part(0), part(1), part(2), (variation[l] * 196_605.0).round() as u16];
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -325,7 +324,7 @@ mod tests {
         let points = sorted(points, &grid);
         let params = PyramidParams::default();
         for level in build_levels(&points, &grid, 5) {
-            let stage = Stage::new(level, std::array::from_fn(|f| f), &params, &Monitor::default()).unwrap();
+            let stage = Stage::new((level, None), std::array::from_fn(|f| f), &params, &Monitor::default()).unwrap();
             let with = |vectors: bool| {
                 let mut out = vec![0.0; points.len() * PER_LEVEL];
                 let mut job = Job { points: &points, range: 0..points.len(), width: PER_LEVEL, out: &mut out };

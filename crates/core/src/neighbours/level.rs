@@ -108,19 +108,28 @@ impl Voxels {
 
 /// Levels 0..count of points that stand in the grid's Morton order. O(n) time a level.
 pub fn build_levels(points: &Points, grid: &Grid, count: usize) -> Vec<Level> {
+    coarse_levels(points, grid, (count, usize::MAX)).1
+}
+
+/// As [`build_levels`], without the finest levels while they have more than `most` points; also returns how many these are.
+pub fn coarse_levels(points: &Points, grid: &Grid, (count, most): (usize, usize)) -> (usize, Vec<Level>) {
     let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
     let finest = (0..points.len()).map(|i| (grid.code(points.x[i], points.y[i], points.z[i]), place(i), 1));
-    let (mut voxels, means) = Voxels::unite(finest);
-    let mut levels = vec![voxels.level(grid.size, means)];
-    for l in 1..count {
-        let finer = &levels[l - 1];
-        let pairs = voxels.codes.iter().zip(&voxels.counts).enumerate();
-        let points = pairs.map(|(i, (code, &n))| (code >> 3, [finer.x[i], finer.y[i], finer.z[i]], n));
-        let (coarser, means) = Voxels::unite(points);
-        voxels = coarser;
-        levels.push(voxels.level(grid.size * f64::from(1u32 << l), means));
+    let (mut voxels, mut means) = Voxels::unite(finest);
+    let (mut fine, mut levels) = (0, Vec::<Level>::new());
+    for l in 0..count {
+        if l > 0 {
+            let [x, y, z] =
+                levels.last().map_or([&means[0], &means[1], &means[2]], |level| [&level.x, &level.y, &level.z]);
+            let pairs = voxels.codes.iter().zip(&voxels.counts).enumerate();
+            (voxels, means) = Voxels::unite(pairs.map(|(i, (code, &n))| (code >> 3, [x[i], y[i], z[i]], n)));
+        }
+        match levels.is_empty() && voxels.codes.len() > most {
+            true => fine = l + 1,
+            false => levels.push(voxels.level(grid.size * f64::from(1u32 << l), std::mem::take(&mut means))),
+        }
     }
-    levels
+    (fine, levels)
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ mod search;
 pub use batch::LANES;
 pub use columns::{ColumnSearch, Columns};
 pub use knn::{knn, nearest_of};
-pub use level::{Level, build_levels};
+pub use level::{Level, build_levels, coarse_levels};
 pub use nearest::Neighbours;
 pub use optimal::{Eigenvalues, Optimal, OptimalParams, map_optimal, optimal};
 pub use order::{Grid, sorted};

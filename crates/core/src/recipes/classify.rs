@@ -9,7 +9,7 @@ use super::weak::classify_weak;
 use crate::classification::{Model, PredictScratch};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
-use crate::features::{Extractor, FeatureSet, Scratch, Wanted};
+use crate::features::{Extractor, FeatureSet, Scratch, Tiles, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
 
 /// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
@@ -116,21 +116,43 @@ fn point_by_point(
 ) -> Result<Classified> {
     let mut result = Classified::unknown(cloud.len(), model.classes.len(), probabilities);
     result.warnings = warnings(cloud, model, set.metres(cloud));
-    let extractor = prepare(cloud, set, model, monitor)?;
-    monitor.stage("classify", extractor.len() as u64);
-    let blocks = extractor.blocks();
-    let groups = blocks.div_ceil(TOGETHER);
-    for first in (0..groups).step_by(GROUPS_AT_ONCE) {
-        let range = first..(first + GROUPS_AT_ONCE).min(groups);
-        let parts =
-            map_ordered_with(range, monitor, Workspace::default, |w, g| w.group(g, &extractor, model, monitor))?;
-        parts.iter().for_each(|part| result.place(part, model));
+    let tiles = prepare(cloud, set, model, monitor)?;
+    monitor.stage("classify", tiles.len() as u64);
+    for part in 0..tiles.parts() {
+        let (mut places, mut attempt) = (tiles.places(part), 0);
+        while !places.is_empty() {
+            let extractor = tiles.extractor(&places, attempt, monitor)?;
+            let loose = all_blocks(&extractor, model, &mut result, monitor)?;
+            places = loose.into_iter().map(|row| places[row]).collect();
+            attempt += 1;
+        }
     }
     Ok(result)
 }
 
+/// Names the points of an extractor; returns the rows that it cannot be sure of.
+fn all_blocks(
+    extractor: &Extractor<'_>,
+    model: &Model,
+    result: &mut Classified,
+    monitor: &Monitor,
+) -> Result<Vec<usize>> {
+    let groups = extractor.blocks().div_ceil(TOGETHER);
+    let mut loose = Vec::new();
+    for first in (0..groups).step_by(GROUPS_AT_ONCE) {
+        let range = first..(first + GROUPS_AT_ONCE).min(groups);
+        let parts = map_ordered_with(range, monitor, Workspace::default, |w, g| w.group(g, extractor, model, monitor))?;
+        for part in parts {
+            result.place(&part, model);
+            monitor.advance((part.points.len() - part.loose.len()) as u64);
+            loose.extend(part.loose);
+        }
+    }
+    Ok(loose)
+}
+
 /// The pyramid with just the features that the model's trees use.
-fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Monitor) -> Result<Extractor<'a>> {
+fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Monitor) -> Result<Tiles<'a>> {
     let known = set.names(set.pyramid.first_scale.unwrap_or_default());
     if let Some(name) = model.feature_names.iter().find(|name| !known.contains(name)) {
         return Err(Error::ModelMismatch(format!(
@@ -138,7 +160,7 @@ fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Moni
             known.len()
         )));
     }
-    Extractor::prepare(cloud, set, (Wanted::Names(&model.feature_names), None), monitor)
+    Tiles::prepare(cloud, set, Wanted::Names(&model.feature_names), monitor)
 }
 
 #[derive(Default)]
@@ -153,21 +175,23 @@ struct Workspace {
 struct Part {
     points: Vec<u32>,
     probabilities: Vec<f32>,
+    /// Rows of the extractor that it cannot be sure of.
+    loose: Vec<usize>,
 }
 
 impl Workspace {
     fn group(&mut self, g: usize, extractor: &Extractor<'_>, model: &Model, monitor: &Monitor) -> Result<Part> {
-        let mut points = Vec::new();
+        let (mut points, mut loose) = (Vec::new(), Vec::new());
         self.group.clear();
         for b in g * TOGETHER..((g + 1) * TOGETHER).min(extractor.blocks()) {
             monitor.check()?;
             points.extend_from_slice(extractor.block(b, &mut self.scratch, &mut self.rows));
             self.group.extend_from_slice(&self.rows);
+            loose.extend(self.scratch.loose().iter().map(|&row| b * Extractor::BLOCK + row as usize));
         }
         let mut probabilities = vec![0.0; points.len() * model.classes.len()];
         model.classifier.predict_block(&self.group, &mut self.trees, &mut probabilities)?;
-        monitor.advance(points.len() as u64);
-        Ok(Part { points, probabilities })
+        Ok(Part { points, probabilities, loose })
     }
 }
 

@@ -28,6 +28,6 @@ pub use suggest::{SuggestParams, Suggestion, suggest};
 pub use train::{DepthScore, cross_validate, train};
 pub use training::{ClassCount, TrainingParams, TrainingReport, planar_density};
 pub use weak::{
-    Descriptors, Example, LabelFile, RoadParams, RoadSource, StrengthScore, WeakKind, WeakLabels, WeakRecipe,
-    WeakReport, train_weak,
+    ClassShares, Descriptors, Example, LabelFile, RoadParams, RoadSource, StrengthScore, WeakKind, WeakLabels,
+    WeakRecipe, WeakReport, train_weak,
 };

@@ -70,11 +70,11 @@ impl Boosting {
         scores.clear();
         self.start.iter().for_each(|&s| scores.extend(std::iter::repeat_n(s, stride)));
         let rows = if self.twins.is_empty() { rows } else { self.extend(rows, extended) };
-        self.binning.bin_codes(rows, narrow);
         if self.is_narrow() {
-            narrow.by_feature.resize(count * self.binning.width() + TILE, 0);
+            self.binning.bin_columns(rows, TILE, narrow);
             pulp::Arch::new().dispatch(Sweep { model: self, codes: narrow, stride, scores });
         } else {
+            self.binning.bin_rows(rows, narrow);
             self.add_trees(narrow, walk, (stride, scores));
         }
         self.probabilities((stride, scores), out);
@@ -104,10 +104,9 @@ impl Boosting {
     ) {
         for (tree, &root) in self.roots.iter().enumerate() {
             let column = tree % self.groups() * stride;
-            walk.tree(&self.nodes, root, codes, |rows, leaf| {
-                let answer = self.answers[leaf as usize];
-                rows.iter().for_each(|&row| scores[column + usize::from(row)] += answer);
-            });
+            walk.tree(&self.nodes, root, codes);
+            let scores = scores[column..].iter_mut();
+            scores.zip(&walk.at).for_each(|(score, &leaf)| *score += self.answers[leaf as usize]);
         }
     }
 

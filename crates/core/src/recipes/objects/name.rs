@@ -33,7 +33,7 @@ pub(in crate::recipes) fn classify_objects(
         let decided = regularise(&found.points, Probabilities { values: &values, classes }, None, agree, monitor)?;
         return Ok((found.points, decided));
     }
-    let names: Vec<u16> = rows.chunks_exact(classes).map(|row| u16::from(largest(row))).collect();
+    let names: Vec<u16> = rows.chunks_exact(classes).map(largest).collect();
     let labels = of.iter().map(|&s| names[s as usize]).collect();
     let decided = Regularised { labels, probabilities: values, partition: Some(found.partition), energy: None };
     Ok((found.points, decided))

@@ -82,6 +82,7 @@ pub fn train_weak(
     let (rows, labels) = table(&lessons, &classes);
     let width = lessons.first().map_or(0, |l| l.rows.width());
     let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: classes.len() };
+    recipe.shares.learn(&labels, classes.len());
     let partitions = fit_partition(&lessons, &mut recipe, monitor)?;
     let scores = match (strengths, lessons.first()) {
         ([], _) | (_, None) => Vec::new(),
@@ -188,7 +189,8 @@ fn search(
         let (width, classes) = (lesson.rows.width(), classes.len());
         let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
         let forest = Classifier::fit(&samples, &seeded(recipe), monitor)?;
-        let values = lesson.described.probabilities(&forest, more.as_ref(), monitor)?;
+        let mut values = lesson.described.probabilities(&forest, more.as_ref(), monitor)?;
+        recipe.shares.apply(&mut values, classes);
         for (s, &strength) in strengths.iter().enumerate() {
             let params = RegulariseParams { strength, ..recipe.regularise.clone() };
             params.validate()?;
@@ -259,7 +261,8 @@ pub(in crate::recipes) fn classify_weak(
             names.join(", ")
         )));
     }
-    let values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
+    let mut values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
+    recipe.shares.apply(&mut values, model.classes.len());
     let points = described.points;
     let scene = Scene::new(&points, Some(&local), params, monitor)?;
     drop(local);

@@ -10,6 +10,7 @@
 //! | 3 segmentation | [`WeakRecipe::regularise`], `partition` |
 //! | beyond the paper: features of many scales | [`WeakRecipe::descriptors`], [`WeakRecipe::features`] |
 //! | 4.1 weakly supervised classifier | [`WeakRecipe::labels`], [`WeakRecipe::forest`] |
+//! | beyond the paper: shares of the classes | [`WeakRecipe::shares`] |
 //! | 4.2 probabilities of segments, field | [`WeakRecipe::regularise`] |
 
 mod describe;
@@ -17,11 +18,13 @@ mod examples;
 mod label_file;
 mod learn;
 mod road;
+mod shares;
 
 pub use examples::{Example, WeakLabels};
 pub use label_file::LabelFile;
 pub use learn::{StrengthScore, WeakReport, train_weak};
 pub use road::{RoadParams, RoadSource};
+pub use shares::ClassShares;
 
 pub(super) use learn::classify_weak;
 
@@ -74,6 +77,8 @@ pub struct WeakRecipe {
     pub labels: WeakLabels,
     /// The forest.
     pub forest: ForestParams,
+    /// How probabilities follow the classes' shares of the cloud.
+    pub shares: ClassShares,
     /// Segments, and how labels are made to agree.
     pub regularise: RegulariseParams,
 }
@@ -89,6 +94,7 @@ impl Default for WeakRecipe {
             road: RoadParams::default(),
             labels: WeakLabels::default(),
             forest: ForestParams::breiman(),
+            shares: ClassShares::default(),
             regularise: RegulariseParams {
                 method: Regularise::SegmentCrf,
                 partition: PartitionParams::default(),
@@ -109,6 +115,7 @@ impl WeakRecipe {
         self.road.validate()?;
         self.labels.validate()?;
         self.forest.validate()?;
+        self.shares.validate()?;
         self.regularise.validate()
     }
 

@@ -1,0 +1,195 @@
+//! A cloud's pyramid in parts: the fine levels are held for one part at a time, the coarse ones for all.
+//!
+//! A part is a cube of voxels with a margin around it and all heights. Voxels of all levels nest, so that a part's levels are the whole
+//! levels' there; a point whose neighbours, or their neighbours, might lie beyond the margin is reported and asked for
+//! again with a wider one. So the features are the same bytes as those of [`Extractor::prepare`].
+
+use super::extractor::{Extractor, Plan, Wanted};
+use super::params::FeatureSet;
+use super::region::Region;
+use crate::cloud::{Cloud, Points};
+use crate::error::Result;
+use crate::neighbours::{Grid, build_levels, coarse_levels};
+use crate::parallel::Monitor;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Points of a part, at most.
+const PART: usize = 1 << 20;
+
+/// Levels with more than this share of the points are held in parts.
+const COARSE_SHARE: usize = 8;
+
+/// Voxels of the coarsest fine level around a part, unless columns need more.
+const MARGIN: u32 = 32;
+
+/// A cloud's sorted points and coarse levels.
+pub struct Tiles<'a> {
+    plan: Plan<'a>,
+    grid: Grid,
+    points: Points,
+    fine: usize,
+    coarse: Vec<Arc<super::pyramid::Stage>>,
+    parts: Vec<Range<usize>>,
+}
+
+impl<'a> Tiles<'a> {
+    /// Sorts the points and builds the coarse levels.
+    ///
+    /// O(n log n) time; about 20 bytes a point while it lives, twice that while it is built.
+    ///
+    /// # Errors
+    /// As [`Extractor::prepare`].
+    pub fn prepare(cloud: &'a Cloud, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
+        Self::with_parts(cloud, set, wanted, (PART, monitor))
+    }
+
+    fn with_parts(
+        cloud: &'a Cloud,
+        set: &FeatureSet,
+        wanted: Wanted<'_>,
+        (part, monitor): (usize, &Monitor),
+    ) -> Result<Self> {
+        let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
+        let most = if points.len() <= part { usize::MAX } else { points.len() / COARSE_SHARE };
+        let (fine, levels) = coarse_levels(&points, &grid, (set.pyramid.levels, most));
+        let coarse = plan.stages(fine, levels, None, monitor)?;
+        let mut parts = Vec::new();
+        divide(&points, &grid, (0..points.len(), 63), part, &mut parts);
+        Ok(Self { plan, grid, points, fine, coarse, parts })
+    }
+
+    /// Number of points in all parts.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// True if there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Number of parts.
+    pub fn parts(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// The places, in the order of the sorted points, of a part's points.
+    pub fn places(&self, part: usize) -> Vec<u32> {
+        self.parts[part].clone().map(|i| i as u32).collect()
+    }
+
+    /// Prepares the fine levels around the points at these places (ascending); row r of its blocks is that of `places[r]`.
+    /// The `attempt`-th try, from 0, has a margin 4^attempt times as wide.
+    ///
+    /// # Errors
+    /// Cancellation.
+    pub fn extractor(&self, places: &[u32], attempt: u32, monitor: &Monitor) -> Result<Extractor<'_>> {
+        let mut stages = Vec::new();
+        if self.fine > 0 {
+            let columns = (4.0 * self.plan.set.pyramid.column_radius).ceil() as u32;
+            let margin = MARGIN.max(columns).saturating_mul(4u32.saturating_pow(attempt));
+            let (region, held) = Region::around(&self.points, &self.grid, places, (self.fine - 1, margin));
+            let held = pick(&self.points, &held);
+            stages = self.plan.stages(0, build_levels(&held, &self.grid, self.fine), region, monitor)?;
+        }
+        stages.extend(self.coarse.iter().cloned());
+        Ok(Extractor::from_parts(self.plan.clone(), stages, pick(&self.points, places)))
+    }
+}
+
+fn pick(points: &Points, places: &[u32]) -> Points {
+    let axis = |from: &[f32]| places.iter().map(|&i| from[i as usize]).collect();
+    Points {
+        x: axis(&points.x),
+        y: axis(&points.y),
+        z: axis(&points.z),
+        index: places.iter().map(|&i| points.index[i as usize]).collect(),
+        origin: points.origin,
+    }
+}
+
+/// Cuts a range of sorted points where the codes differ in the three bits below `bits`, until no part has too many points.
+fn divide(
+    points: &Points,
+    grid: &Grid,
+    (range, bits): (Range<usize>, u32),
+    most: usize,
+    parts: &mut Vec<Range<usize>>,
+) {
+    let code = |i: usize| grid.code(points.x[i], points.y[i], points.z[i]);
+    if range.is_empty() {
+        return;
+    }
+    if range.len() <= most || bits == 0 {
+        parts.push(range);
+        return;
+    }
+    let octant = |i: usize| code(i) >> (bits - 3) & 7;
+    let mut first = range.start;
+    for o in 0..8 {
+        let (mut low, mut high) = (first, range.end);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if octant(middle) <= o { low = middle + 1 } else { high = middle }
+        }
+        divide(points, grid, (first..low, bits - 3), most, parts);
+        first = low;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    #[test]
+    fn features_in_parts_have_the_bytes_of_the_whole() {
+        let mut s = stream(12, 0);
+        let mut rows: Vec<[f64; 3]> =
+            (0..30_000).map(|_| [s.uniform() * 90.0, s.uniform() * 70.0, s.uniform() * 0.4]).collect();
+        rows.extend((0..3000).map(|_| [20.0 + s.uniform() * 5.0, 30.0 + s.uniform() * 5.0, s.uniform() * 9.0]));
+        // Far from all others.
+        rows.extend([[45.0, 20.0, 60.0], [200.0, 10.0, 0.0], [201.0, 10.0, 0.0]]);
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let mut set = FeatureSet::default();
+        (set.pyramid.levels, set.pyramid.first_scale) = (6, Some(0.1));
+        let monitor = Monitor::default();
+        let whole = Extractor::prepare(&cloud, &set, (Wanted::All, None), &monitor).unwrap();
+        let width = whole.names().len();
+        let mut wanted = vec![0.0f32; cloud.len() * width];
+        let (mut scratch, mut block) = (super::super::Scratch::default(), Vec::new());
+        for b in 0..whole.blocks() {
+            let points = whole.block(b, &mut scratch, &mut block).to_vec();
+            assert!(scratch.loose().is_empty());
+            points.iter().zip(block.chunks(width)).for_each(|(&p, row)| {
+                wanted[p as usize * width..][..width].copy_from_slice(row);
+            });
+        }
+        let tiles = Tiles::with_parts(&cloud, &set, Wanted::All, (2000, &monitor)).unwrap();
+        assert!(tiles.parts() > 16 && tiles.fine > 1 && tiles.fine < 6, "{} {}", tiles.parts(), tiles.fine);
+        let (mut seen, mut again) = (0, 0);
+        for part in 0..tiles.parts() {
+            let (mut places, mut attempt) = (tiles.places(part), 0);
+            while !places.is_empty() {
+                let extractor = tiles.extractor(&places, attempt, &monitor).unwrap();
+                let mut loose = Vec::new();
+                for b in 0..extractor.blocks() {
+                    let points = extractor.block(b, &mut scratch, &mut block).to_vec();
+                    for (r, (&p, row)) in points.iter().zip(block.chunks(width)).enumerate() {
+                        match scratch.loose().contains(&(r as u32)) {
+                            true => loose.push(places[b * Extractor::BLOCK + r]),
+                            false => {
+                                assert_eq!(row, &wanted[p as usize * width..][..width], "point {p}");
+                                seen += 1;
+                            }
+                        }
+                    }
+                }
+                again += loose.len();
+                (places, attempt) = (loose, attempt + 1);
+            }
+        }
+        assert!(seen == cloud.len() && again > 0, "{seen} {again}");
+    }
+}
