@@ -6,7 +6,7 @@
 //! `points.f32`: x y z, normal, colour of each point, for other programs). POINTS cuts the cloud to that many around its
 //! middle. `SCANSION_METRES` is the metres of a unit where the file does not say, `SCANSION_SIZE` S (1.2), `SCANSION_VOXEL` R_voxel (S/4), `SCANSION_CELL` that of the error (0.3),
 //! `SCANSION_IGNORE` classes that count as unlabelled, parted by commas, `SCANSION_MAP` classes that count as others
-//! (`3=5,4=5`).
+//! (`3=5,4=5`), `SCANSION_MODE` the supervoxels of the tables that use them: slic, connected, vccs.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
@@ -88,6 +88,15 @@ impl Scene {
     fn vccs(&self, refinements: usize) -> Result<Supervoxels> {
         let params = VccsParams { size: self.size, voxel: self.voxel, refinements, ..VccsParams::default() };
         vccs(&self.points, &self.attributes(), &params, &Monitor::default())
+    }
+
+    /// SLIC, or what `SCANSION_MODE` asks for.
+    fn supervoxels(&self) -> Result<Supervoxels> {
+        match std::env::var("SCANSION_MODE").as_deref() {
+            Ok("vccs") => self.vccs(1),
+            Ok("connected") => self.slic(true),
+            _ => self.slic(false),
+        }
     }
 
     fn oracle(&self, partition: &Partition) -> Result<f64> {
@@ -188,7 +197,7 @@ fn modes(scene: &mut Scene) -> Outcome {
 }
 
 fn sweep(scene: &Scene) -> Outcome {
-    let supervoxels = scene.slic(false)?;
+    let supervoxels = scene.supervoxels()?;
     println!("{} supervoxels, oracle {:.2} %", supervoxels.len(), scene.oracle(&supervoxels.partition()?)?);
     println!("λp/S | λs | k | surface | combination | isolated | segments | oracle % | error | precision | largest %");
     let default = LocalGraphParams::default;
@@ -232,7 +241,7 @@ fn sweep(scene: &Scene) -> Outcome {
 }
 
 fn neighbours(scene: &Scene) -> Outcome {
-    let supervoxels = scene.slic(false)?;
+    let supervoxels = scene.supervoxels()?;
     println!("{} supervoxels, oracle {:.2} %", supervoxels.len(), scene.oracle(&supervoxels.partition()?)?);
     println!("isolated | N | segments | oracle % | error per class | mean | precision | mean with background | s");
     for (attach_isolated, neighbours) in [true, false].into_iter().flat_map(|a| (3..=12).map(move |n| (a, n))) {
@@ -255,14 +264,14 @@ fn neighbours(scene: &Scene) -> Outcome {
 }
 
 fn chain(scene: &Scene) -> Outcome {
-    let (supervoxels, a) = timed(|| scene.slic(false))?;
+    let (supervoxels, a) = timed(|| scene.supervoxels())?;
     let (segments, b) = timed(|| local_graphs(&supervoxels, &LocalGraphParams::default(), &Monitor::default()))?;
     let partition = supervoxels.point_partition(&segments)?;
     let (heights, d) = timed(|| heights(&scene.points))?;
     let attributes = ObjectAttributes { colours: scene.colours.as_deref(), heights: Some(&heights) };
     let (table, c) = timed(|| object_features(&scene.points, &partition, &attributes, &Monitor::default()))?;
     println!(
-        "slic {a:.2} s, {} supervoxels; local graphs {b:.2} s, {} segments; heights {d:.2} s; {} features {c:.2} s; oracle {:.2} %",
+        "supervoxels {a:.2} s, {}; local graphs {b:.2} s, {} segments; heights {d:.2} s; {} features {c:.2} s; oracle {:.2} %",
         supervoxels.len(),
         segments.len(),
         table.width(),
@@ -321,8 +330,7 @@ fn stratified(labels: &[Option<u8>]) -> Vec<usize> {
 }
 
 fn segments(scene: &mut Scene) -> Outcome {
-    let supervoxels =
-        if std::env::var("SCANSION_MODE").as_deref() == Ok("vccs") { scene.vccs(1)? } else { scene.slic(false)? };
+    let supervoxels = scene.supervoxels()?;
     let found = local_graphs(&supervoxels, &LocalGraphParams::default(), &Monitor::default())?;
     for (name, partition) in
         [("supervoxels.laz", supervoxels.partition()?), ("segments.laz", supervoxels.point_partition(&found)?)]
