@@ -73,22 +73,32 @@ pub(super) fn in_cycles(
 impl Problem<'_> {
     /// Cut pursuit on the coarse graph; the energy is that of the full one.
     fn coarse_cycle(&self, partition: &Partition, params: &CutPursuitParams) -> Result<CutPursuit> {
+        let Self { signal, graph, .. } = *self;
+        let mut found = self.coarse_pursuit(partition, params)?;
+        found.partition = self.moved(std::mem::take(&mut found.partition))?;
+        found.energy = energy(signal, graph, params.strength, &found.partition);
+        found.trace = vec![energy(signal, graph, params.strength, partition), found.energy];
+        Ok(found)
+    }
+
+    /// The same before nodes are moved; the coarse graph is gone when this returns.
+    fn coarse_pursuit(&self, partition: &Partition, params: &CutPursuitParams) -> Result<CutPursuit> {
         let Self { signal, graph, monitor, .. } = *self;
         let merged = self.merged(partition)?;
         let regions = Regions::of_segments(signal, &merged);
         let weights: Vec<f32> = (0..merged.len() as u32).map(|region| regions.weight(region) as f32).collect();
         let means: Vec<f32> = regions.into_means().into_iter().map(|x| x as f32).collect();
-        let links = contract(node_links(graph, 1.0), merged.segments());
-        let (ends, costs): (Vec<_>, Vec<_>) = links.iter().map(|l| (l.ends, l.boundary as f32)).unzip();
-        let coarse = Graph::new(merged.len(), &ends, &costs)?;
+        let coarse = {
+            let links = contract(node_links(graph, 1.0), merged.segments());
+            let (ends, costs): (Vec<_>, Vec<_>) = links.into_iter().map(|l| (l.ends, l.boundary as f32)).unzip();
+            Graph::new(merged.len(), &ends, &costs)?
+        };
         let coarse_signal = Signal::new(&means, signal.width())?.with_weights(&weights)?;
         let whose: Vec<u32> = merged.iter().map(|nodes| partition.segments()[nodes[0] as usize]).collect();
         let start = Partition::from_labels(&whose)?;
         let mut found = Pursuit::new((&coarse_signal, &coarse), start, params, monitor)?.run()?;
         let labels: Vec<u32> = merged.segments().iter().map(|&s| found.partition.segments()[s as usize]).collect();
-        found.partition = self.moved(Partition::from_labels(&labels)?)?;
-        found.energy = energy(signal, graph, params.strength, &found.partition);
-        found.trace = vec![energy(signal, graph, params.strength, partition), found.energy];
+        found.partition = Partition::from_labels(&labels)?;
         Ok(found)
     }
 
