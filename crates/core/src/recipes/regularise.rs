@@ -171,7 +171,8 @@ impl Scene {
                     segment((points, &found.table), &scene.graph, params, monitor)?
                 }
             };
-            scene.segments = Some(Segments::new(partition, &scene.graph)?);
+            // Segments have a graph of their own; that of the points is large and no longer needed.
+            scene.segments = Some(Segments::new(partition, &std::mem::take(&mut scene.graph))?);
         }
         Ok(scene)
     }

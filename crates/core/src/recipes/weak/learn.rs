@@ -250,7 +250,10 @@ pub(in crate::recipes) fn classify_weak(
 ) -> Result<(Points, Regularised)> {
     let points = describe::points_of(cloud, metres.or(recipe.features.metres_per_unit))?;
     let local = describe::local(&points, recipe, monitor)?;
+    // First what needs most memory, while little else is held.
+    let scene = Scene::new(&points, Some(&local), params, monitor)?;
     let six = describe::six(cloud, &points, &local, recipe, monitor)?;
+    drop(local);
     let more = describe::more(recipe, metres);
     let described = Described { cloud, points, six };
     let names = described.names(more.as_ref());
@@ -264,8 +267,7 @@ pub(in crate::recipes) fn classify_weak(
     let mut values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
     recipe.shares.apply(&mut values, model.classes.len());
     let points = described.points;
-    let scene = Scene::new(&points, Some(&local), params, monitor)?;
-    drop(local);
+    drop(described.six);
     let found = scene.decide(Probabilities { values: &values, classes: model.classes.len() }, params, monitor)?;
     Ok((points, found))
 }
