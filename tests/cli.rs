@@ -140,7 +140,7 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     let scene = street(25.0, 7);
     scansion_core::io::write(&f.join("a.laz"), &scene, &Default::default()).unwrap();
     let table = done(f, &["segment", "a.laz", "-o", "s.laz", "--segments-per-hectare", "400"]);
-    assert!(table.contains("segments, strength") && table.contains("naming whole segments"), "{table}");
+    assert!(table.contains("segments by cut-pursuit, strength") && table.contains("naming whole segments"), "{table}");
     done(f, &["render", "s.laz", "-o", "s.png", "--by", "ClusterID"]);
     let said =
         done(f, &["suggest", "a.laz", "-n", "8", "-o", "l.csv", "-o", "l.html", "-o", "l.laz", "--format", "json"]);
@@ -174,4 +174,43 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     assert!(far.contains("far.csv:2") && far.contains("nearest point"), "{far}");
     fails(f, &["train", "a.laz", "--per-class", "3", "-o", "x.model"], 2);
     fails(f, &["suggest", "a.laz", "-o", "x.docx"], 2);
+}
+
+#[test]
+fn every_method_parts_a_scan_and_objects_are_learned_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    scansion_core::io::write(&f.join("a.laz"), &street(25.0, 7), &Default::default()).unwrap();
+    for method in ["riemannian", "local-graph", "slic", "vccs", "region-growing", "octree-region-growing", "merge"] {
+        let said = done(f, &["segment", "a.laz", "-o", "s.laz", "--method", method, "--format", "json"]);
+        let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+        assert_eq!(said["method"], method);
+        assert!(said["segments"].as_u64().unwrap() > 1 && said["oracle_accuracy"].as_f64().unwrap() > 0.5, "{said}");
+    }
+    let levels = done(f, &["segment", "a.laz", "-o", "l.laz", "--method", "riemannian", "--levels", "3,4"]);
+    assert!(levels.contains("supervoxels") && levels.contains("cuts s"), "{levels}");
+    assert!(done(f, &["info", "l.laz"]).contains("ClusterID_L2"));
+    let sizes = ["1.5", "3"].map(|size| {
+        let said = done(f, &["segment", "a.laz", "-o", "s.laz", "--method", "slic", "--size", size, "--format", "json"]);
+        serde_json::from_str::<serde_json::Value>(&said).unwrap()["segments"].as_u64().unwrap()
+    });
+    assert!(sizes[0] > sizes[1]);
+    fails(f, &["segment", "a.laz", "-o", "x.laz", "--method", "slic", "--strength", "1"], 2);
+    fails(f, &["segment", "a.laz", "-o", "x.laz", "--size", "1"], 2);
+    let wrong = fails(f, &["segment", "a.laz", "-o", "x.laz", "--set", "objects.slic.syze=1"], 4);
+    assert!(wrong.contains("did you mean `size`"), "{wrong}");
+
+    for classifier in ["rf", "gbt", "bagging"] {
+        let settings = ["--recipe", "objects", "--set", "segments.slic.size=1.5", "--set", "training.share=0.6"];
+        let train = [&["train", "a.laz", "-o", "o.model", "--classifier", classifier], &settings[..]].concat();
+        let said = done(f, &train);
+        assert!(said.contains("segments") && said.contains("naming whole segments could reach"), "{said}");
+        done(f, &["classify", "a.laz", "-m", "o.model", "-o", "n.laz"]);
+        let scores = done(f, &["evaluate", "a.laz", "n.laz", "--format", "json"]);
+        let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
+        assert!(scores["overall_accuracy"].as_f64().unwrap() > 0.7, "{classifier}: {scores}");
+    }
+    fails(f, &["train", "a.laz", "--recipe", "objects", "--per-class", "3", "-o", "x.model"], 2);
+    fails(f, &["train", "a.laz", "--recipe", "objects", "--cross-validate", "3", "-o", "x.model"], 2);
+    fails(f, &["features", "a.laz", "--recipe", "objects", "-o", "x.npy"], 2);
 }

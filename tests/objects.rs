@@ -52,20 +52,30 @@ fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> (Cloud, Labels) {
 const SIZE: &str = "segments.slic.size=2";
 
 #[test]
-fn a_village_is_named_by_the_segments_of_another() {
+fn a_village_is_named_by_the_segments_of_others() {
     let monitor = Monitor::default();
     let (other, truth) = village(2);
     for classifier in ["rf", "gbt", "bagging"] {
-        let recipe = objects(&[SIZE, "training.share=0.5", &format!("classifier={classifier}")]);
-        let (model, report) = train_objects(&[village(1)], &recipe, &monitor).unwrap();
-        assert!(report.learned < report.labelled && report.oracle_accuracy > 0.97, "{report:?}");
-        let (by_segment, by_point) = (report.by_segment.unwrap(), report.by_point.unwrap());
-        assert_eq!(by_segment.points as usize, report.labelled - report.learned);
-        assert!(by_point.overall_accuracy > 0.93, "{classifier}: {}", by_point.overall_accuracy);
+        let kind = format!("classifier={classifier}");
+        // Each has one large segment of ground: a single village would not tell what varies.
+        let others = [1, 6, 7, 8, 9].map(village);
+        let settings = [SIZE, &kind, "training.share=1.0", "boosting.min_samples_leaf=3"];
+        let (model, report) = train_objects(&others, &objects(&settings), &monitor).unwrap();
+        assert!(report.by_segment.is_none() && report.oracle_accuracy > 0.97, "{report:?}");
         let found = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();
         let scores = Confusion::from_options(&truth.codes, &found.codes).unwrap().scores();
-        assert!(scores.overall_accuracy > 0.93, "{classifier}: {}", scores.overall_accuracy);
+        assert!(scores.overall_accuracy > 0.9, "{classifier}: {}", scores.overall_accuracy);
     }
+}
+
+#[test]
+fn segments_that_are_not_learned_from_are_scored() {
+    let recipe = objects(&[SIZE, "training.share=0.5"]);
+    let (_, report) = train_objects(&[village(1), village(2)], &recipe, &Monitor::default()).unwrap();
+    assert!(report.learned < report.labelled);
+    let (by_segment, by_point) = (report.by_segment.unwrap(), report.by_point.unwrap());
+    assert_eq!(by_segment.points as usize, report.labelled - report.learned);
+    assert!(by_point.points > by_segment.points && by_segment.overall_accuracy > 0.8, "{by_segment:?}");
 }
 
 #[test]

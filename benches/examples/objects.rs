@@ -6,7 +6,7 @@
 //! `points.f32`: x y z, normal, colour of each point, for other programs). POINTS cuts the cloud to that many around its
 //! middle. `SCANSION_METRES` is the metres of a unit where the file does not say, `SCANSION_SIZE` S (1.2), `SCANSION_VOXEL` R_voxel (S/4), `SCANSION_CELL` that of the error (0.3),
 //! `SCANSION_IGNORE` classes that count as unlabelled, parted by commas, `SCANSION_MAP` classes that count as others
-//! (`3=5,4=5`).
+//! (`3=5,4=5`), `SCANSION_MODE` the supervoxels of the tables that use them: slic, connected, vccs.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
@@ -14,7 +14,9 @@ use scansion_core::classification::{
     BaggingParams, BoostingParams, Classifier, ClassifierParams, ForestParams, Samples,
 };
 use scansion_core::cloud::{Cloud, Column, Points, Values};
-use scansion_core::evaluation::{EmptyCells, SegmentationErrorParams, oracle_accuracy, segmentation_error};
+use scansion_core::evaluation::{
+    Confusion, EmptyCells, OneVsRest, SegmentationErrorParams, oracle_accuracy, segmentation_error,
+};
 use scansion_core::features::normals;
 use scansion_core::graph::{Orientation, orient};
 use scansion_core::neighbours::knn;
@@ -24,6 +26,7 @@ use scansion_core::segmentation::{
     Combination, LocalGraphParams, ObjectAttributes, Partition, PointAttributes, SlicParams, Supervoxels, SurfaceRule,
     VccsParams, local_graphs, majorities, object_features, slic, vccs,
 };
+use scansion_core::terrain::{ElevationModel, ElevationParams, GroundParams, ground_points};
 use scansion_core::{Result, io};
 use std::path::Path;
 use std::time::Instant;
@@ -85,6 +88,15 @@ impl Scene {
     fn vccs(&self, refinements: usize) -> Result<Supervoxels> {
         let params = VccsParams { size: self.size, voxel: self.voxel, refinements, ..VccsParams::default() };
         vccs(&self.points, &self.attributes(), &params, &Monitor::default())
+    }
+
+    /// SLIC, or what `SCANSION_MODE` asks for.
+    fn supervoxels(&self) -> Result<Supervoxels> {
+        match std::env::var("SCANSION_MODE").as_deref() {
+            Ok("vccs") => self.vccs(1),
+            Ok("connected") => self.slic(true),
+            _ => self.slic(false),
+        }
     }
 
     fn oracle(&self, partition: &Partition) -> Result<f64> {
@@ -185,7 +197,7 @@ fn modes(scene: &mut Scene) -> Outcome {
 }
 
 fn sweep(scene: &Scene) -> Outcome {
-    let supervoxels = scene.slic(false)?;
+    let supervoxels = scene.supervoxels()?;
     println!("{} supervoxels, oracle {:.2} %", supervoxels.len(), scene.oracle(&supervoxels.partition()?)?);
     println!("λp/S | λs | k | surface | combination | isolated | segments | oracle % | error | precision | largest %");
     let default = LocalGraphParams::default;
@@ -229,7 +241,7 @@ fn sweep(scene: &Scene) -> Outcome {
 }
 
 fn neighbours(scene: &Scene) -> Outcome {
-    let supervoxels = scene.slic(false)?;
+    let supervoxels = scene.supervoxels()?;
     println!("{} supervoxels, oracle {:.2} %", supervoxels.len(), scene.oracle(&supervoxels.partition()?)?);
     println!("isolated | N | segments | oracle % | error per class | mean | precision | mean with background | s");
     for (attach_isolated, neighbours) in [true, false].into_iter().flat_map(|a| (3..=12).map(move |n| (a, n))) {
@@ -252,13 +264,14 @@ fn neighbours(scene: &Scene) -> Outcome {
 }
 
 fn chain(scene: &Scene) -> Outcome {
-    let (supervoxels, a) = timed(|| scene.slic(false))?;
+    let (supervoxels, a) = timed(|| scene.supervoxels())?;
     let (segments, b) = timed(|| local_graphs(&supervoxels, &LocalGraphParams::default(), &Monitor::default()))?;
     let partition = supervoxels.point_partition(&segments)?;
-    let attributes = ObjectAttributes { colours: scene.colours.as_deref(), heights: None };
+    let (heights, d) = timed(|| heights(&scene.points))?;
+    let attributes = ObjectAttributes { colours: scene.colours.as_deref(), heights: Some(&heights) };
     let (table, c) = timed(|| object_features(&scene.points, &partition, &attributes, &Monitor::default()))?;
     println!(
-        "slic {a:.2} s, {} supervoxels; local graphs {b:.2} s, {} segments; {} features {c:.2} s; oracle {:.2} %",
+        "supervoxels {a:.2} s, {}; local graphs {b:.2} s, {} segments; heights {d:.2} s; {} features {c:.2} s; oracle {:.2} %",
         supervoxels.len(),
         segments.len(),
         table.width(),
@@ -277,18 +290,31 @@ fn chain(scene: &Scene) -> Outcome {
         let name = params.kind().name();
         let (model, fit) = timed(|| Classifier::fit(&samples, &params, &Monitor::default()))?;
         let (named, predict) = timed(|| model.predict(&table.values))?;
-        let (mut right, mut points, mut held) = (0, 0, vec![false; table.rows()]);
+        let mut held = vec![false; table.rows()];
         chosen.iter().for_each(|&s| held[s] = true);
-        for (s, members) in partition.iter().enumerate().filter(|(s, _)| !held[*s]) {
-            for truth in members.iter().filter_map(|&i| scene.truth[i as usize]) {
-                points += 1;
-                right += usize::from(u16::from(truth) == named[s]);
-            }
-        }
-        let accuracy = 100.0 * right as f64 / points as f64;
-        println!("{name}: fit {fit:.2} s, predict {predict:.2} s, {accuracy:.2} % of the points of other segments");
+        let pairs = partition.iter().enumerate().filter(|(s, _)| !held[*s]);
+        let pairs = pairs.flat_map(|(s, members)| members.iter().map(move |&i| (i as usize, s)));
+        let (truth, found): (Vec<_>, Vec<u8>) = pairs.map(|(i, s)| (scene.truth[i], named[s] as u8)).unzip();
+        let rows = Confusion::from_options(&truth, &found)?.one_vs_rest();
+        let mean = |value: fn(&OneVsRest) -> f64| 100.0 * rows.iter().map(value).sum::<f64>() / rows.len() as f64;
+        let classes: Vec<String> = rows.iter().map(|r| format!("{}: {:.2}", r.code, 100.0 * r.precision)).collect();
+        println!(
+            "{name}: fit {fit:.2} s, predict {predict:.2} s; precision {} | mean {:.2} | sensitivity {:.2} | specificity {:.2} | accuracy {:.2}",
+            classes.join(" "),
+            mean(|r| r.precision),
+            mean(|r| r.sensitivity),
+            mean(|r| r.specificity),
+            mean(|r| r.accuracy)
+        );
     }
     Ok(())
+}
+
+/// Height above a ground found without labels.
+fn heights(points: &Points) -> Result<Vec<f32>> {
+    let monitor = Monitor::default();
+    let ground = ground_points(points, &GroundParams::default(), &monitor)?;
+    ElevationModel::fit(points, &ground, &ElevationParams::default(), &monitor)?.heights(points, &monitor)
 }
 
 /// 30 % of the segments of each class.
@@ -304,8 +330,7 @@ fn stratified(labels: &[Option<u8>]) -> Vec<usize> {
 }
 
 fn segments(scene: &mut Scene) -> Outcome {
-    let supervoxels =
-        if std::env::var("SCANSION_MODE").as_deref() == Ok("vccs") { scene.vccs(1)? } else { scene.slic(false)? };
+    let supervoxels = scene.supervoxels()?;
     let found = local_graphs(&supervoxels, &LocalGraphParams::default(), &Monitor::default())?;
     for (name, partition) in
         [("supervoxels.laz", supervoxels.partition()?), ("segments.laz", supervoxels.point_partition(&found)?)]

@@ -1,8 +1,9 @@
 //! Tables of supervoxels, segments and seconds by least depth of the octree, as tables 1 and 2 of document 001, and
-//! both ways of region growing.
+//! both ways of region growing; with the best accuracy that labelling whole segments can reach, if there are classes.
 //!
 //! Arguments: clouds. `SCANSION_SIGMA` (0.03) is the scatter at which cells are flat, in metres; `SCANSION_RULE=paper`
-//! takes the rule of the paper; `SCANSION_DEPTHS` (4-7) the least depths; `SCANSION_STRENGTH` (0.1); `SCANSION_OUT` names
+//! takes the rule of the paper, octree-based growing always takes the scatter; `SCANSION_DEPTHS` (4-7) the least depths; `SCANSION_STRENGTH` (0.1); `SCANSION_OPTIONS` some of
+//! unsigned, up, cube, connected, points, min, thin-wall, tree-path, inverse; `SCANSION_OUT` names
 //! a folder for clouds with the column ClusterID.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
@@ -10,11 +11,13 @@
 use scansion_core::Cloud;
 use scansion_core::cloud::{Column, Points, Values};
 use scansion_core::features::normals;
+use scansion_core::graph::{EdgeWeight, Orientation};
 use scansion_core::neighbours::knn;
 use scansion_core::parallel::Monitor;
 use scansion_core::segmentation::{
-    GrownRegions, Leftovers, OctreeGrowingParams, OctreeParams, RegionGrowingParams, RiemannianParams, StopRule,
-    multi_scale, octree_region_growing, region_growing,
+    GrownRegions, Leftovers, Nearest, NodeWeight, OctreeGrowingParams, OctreeParams, Partition, Reference,
+    RegionGrowingParams, RiemannianParams, Sides, Start, StopRule, Symmetry, multi_scale, octree_region_growing,
+    oracle_accuracy, region_growing,
 };
 use std::path::Path;
 use std::time::Instant;
@@ -44,17 +47,35 @@ fn scales(cloud: &mut Cloud, points: &Points, name: &str) -> Fallible<()> {
         _ => OctreeParams { stop: StopRule::Sigma(sigma), ..OctreeParams::adaptive() },
     };
     let strength = setting("SCANSION_STRENGTH", "0.1").parse()?;
-    let params = RiemannianParams { octree, strength, ..RiemannianParams::default() };
+    let mut params = RiemannianParams { octree, strength, ..RiemannianParams::default() };
+    for option in setting("SCANSION_OPTIONS", "").split_whitespace() {
+        match option {
+            "unsigned" => params.sides = Sides::Unsigned,
+            "up" => params.orientation = Orientation::Up,
+            "cube" => params.clusters.start = Start::Cube,
+            "connected" => params.clusters.connected = true,
+            "points" => params.node_weight = NodeWeight::Points,
+            "min" => params.graph.symmetry = Symmetry::Min,
+            "thin-wall" => params.graph.thin_wall = true,
+            "tree-path" => params.graph.nearest_by = Nearest::TreePath,
+            "inverse" => params.graph.edge_weight = EdgeWeight::Inverse { offset: 1.0 },
+            _ => return Err(format!("unknown option {option}").into()),
+        }
+    }
     let depths = setting("SCANSION_DEPTHS", "4-7");
     let (first, last) = depths.split_once('-').ok_or("SCANSION_DEPTHS: first-last")?;
-    println!("d_min | supervoxels | segments | edges | iterations | s: normals, supervoxels, graph, optimisation, all");
+    println!(
+        "d_min | supervoxels (oracle) | segments (oracle) | edges | iterations | s: normals, supervoxels, graph, optimisation, all"
+    );
     for scale in multi_scale(points, &params, first.parse()?..=last.parse()?, &Monitor::default())? {
         let (found, s) = (&scale.found, scale.found.seconds);
         println!(
-            "{} | {} | {} | {} | {} | {:.3}, {:.3}, {:.3}, {:.3}, {:.3}",
+            "{} | {} ({}) | {} ({}) | {} | {} | {:.3}, {:.3}, {:.3}, {:.3}, {:.3}",
             scale.min_depth,
             found.supervoxels.len(),
+            oracle(cloud, points, &found.supervoxels)?,
             found.segments.len(),
+            oracle(cloud, points, &found.segments)?,
             found.sizes.edges,
             found.iterations,
             s.normals,
@@ -73,26 +94,46 @@ fn growing(cloud: &mut Cloud, points: &Points, name: &str) -> Fallible<()> {
     let monitor = Monitor::default();
     let start = Instant::now();
     let near = knn(points, 30, &monitor)?;
+    println!("30 neighbours: {:.3} s", start.elapsed().as_secs_f64());
     let surface = normals(points, &near, &monitor)?;
-    let ready = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let plain = region_growing(&near, &surface, &RegionGrowingParams::default(), &monitor)?;
-    report("region growing", &plain, start);
-    println!("  normals before: {ready:.3} s");
-    let start = Instant::now();
-    let coarse = octree_region_growing(points, &OctreeGrowingParams::default(), &monitor)?;
-    report("octree-based region growing", &coarse, start);
-    for (found, kind) in [(plain, "grown"), (coarse, "octree_grown")] {
-        let partition = found.partition(points, Leftovers::Nearest, &monitor)?;
-        write(cloud, points, partition.segments(), &format!("{name}_{kind}"))?;
-        write(cloud, points, &found.labels, &format!("{name}_{kind}_only"))?;
+    let residual: f64 = setting("SCANSION_SIGMA", "0.03").parse()?;
+    for reference in [Reference::Current, Reference::Seed] {
+        let start = Instant::now();
+        let params = RegionGrowingParams { reference, ..RegionGrowingParams::default() };
+        let plain = region_growing(&near, &surface, &params, &monitor)?;
+        let plain_seconds = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        let params =
+            OctreeGrowingParams { residual, distance: 2.0 * residual, reference, ..OctreeGrowingParams::default() };
+        let coarse = octree_region_growing(points, &params, &monitor)?;
+        let seconds = start.elapsed().as_secs_f64();
+        for (found, kind, seconds) in [(plain, "grown", plain_seconds), (coarse, "octree_grown", seconds)] {
+            report(cloud, (points, name), (&found, &format!("{kind}_{reference:?}")), seconds)?;
+        }
     }
     Ok(())
 }
 
-fn report(name: &str, found: &GrownRegions, start: Instant) {
-    let seconds = start.elapsed().as_secs_f64();
-    println!("{name}: {} regions, {:.1} % of the points, {seconds:.3} s", found.count, 100.0 * found.coverage());
+fn report(
+    cloud: &mut Cloud,
+    (points, name): (&Points, &str),
+    found: (&GrownRegions, &str),
+    seconds: f64,
+) -> Fallible<()> {
+    let (found, kind) = found;
+    let partition = found.partition(points, Leftovers::Nearest, &Monitor::default())?;
+    let (share, oracle) = (100.0 * found.coverage(), oracle(cloud, points, &partition)?);
+    println!("{kind}: {} regions, {share:.1} % of the points, oracle {oracle}, {seconds:.3} s", found.count);
+    write(cloud, points, &found.labels, &format!("{name}_{kind}"))
+}
+
+/// Best accuracy of labels of whole segments, in percent.
+fn oracle(cloud: &Cloud, points: &Points, partition: &Partition) -> Fallible<String> {
+    let Some(column) = cloud.column("Classification").or_else(|| cloud.column("label")) else {
+        return Ok("no classes".into());
+    };
+    let labels: Vec<Option<u8>> = points.index.iter().map(|&i| Some(column.values.get(i as usize) as u8)).collect();
+    Ok(oracle_accuracy(partition, &labels)?.map_or("no labels".into(), |a| format!("{:.1} %", 100.0 * a)))
 }
 
 /// Writes the cloud with its segments, if a folder is named.

@@ -1,10 +1,16 @@
 //! Room `evaluation`: how good labels are.
 
+use crate::call::call;
+use crate::cloud::Cloud;
 use crate::convert::{to_matrix, vector};
 use crate::error::raise;
+use crate::json;
+use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
-use scansion_core::evaluation::{Confusion, report as texts};
+use scansion_core::evaluation::{self, Confusion, SegmentationErrorParams, report as texts};
+use scansion_core::segmentation::Partition;
+use std::sync::Arc;
 
 fn confusion(
     py: Python<'_>,
@@ -52,4 +58,23 @@ pub(crate) fn report(
     unlabelled: Vec<u8>,
 ) -> PyResult<String> {
     confusion(py, &truth, &predicted, unlabelled).map(|confusion| texts::to_table(&confusion))
+}
+
+/// How well segments keep the edges of the classes, as JSON; class 0 is unlabelled.
+#[pyfunction]
+pub(crate) fn segmentation_error(
+    py: Python<'_>,
+    cloud: &Cloud,
+    labels: PyReadonlyArray1<'_, u32>,
+    truth: PyReadonlyArray1<'_, u8>,
+    settings: &str,
+) -> PyResult<String> {
+    let params: SegmentationErrorParams = json::settings(settings)?;
+    let (labels, truth) = (vector(&labels, "labels")?, vector(&truth, "truth")?);
+    let cloud = Arc::clone(&cloud.inner);
+    call(py, Some(1), |_| {
+        let truth: Vec<Option<u8>> = truth.iter().map(|&code| (code > 0).then_some(code)).collect();
+        let partition = Partition::from_labels(labels)?;
+        json::text(&evaluation::segmentation_error(&points(&cloud, None)?, &partition, &truth, &params)?)
+    })
 }

@@ -5,9 +5,12 @@ use crate::cloud::Cloud;
 use crate::convert::to_matrix;
 use crate::error::raise;
 use crate::json;
-use numpy::PyArray2;
+use crate::neighbours::points;
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use scansion_core::features::{self, FeatureSet, PyramidParams};
+use scansion_core::graph::{Orientation, orient};
+use scansion_core::neighbours::knn;
 use std::sync::Arc;
 
 /// Features of every point, one row a point.
@@ -50,4 +53,29 @@ pub(crate) fn feature_definitions() -> PyResult<String> {
 #[pyfunction]
 pub(crate) fn feature_preset(name: &str) -> PyResult<String> {
     PyramidParams::preset(name).and_then(|params| json::text(&params)).map_err(raise)
+}
+
+/// Unit normals `(n, 3)` and surface variation `(n,)`.
+#[pyfunction]
+#[pyo3(signature = (cloud, k, orientation, metres_per_unit = None, n_jobs = None))]
+#[expect(clippy::type_complexity, reason = "two arrays")]
+pub(crate) fn normals<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    k: usize,
+    orientation: &str,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<(Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<f32>>)> {
+    let orientation: Orientation = json::settings(orientation)?;
+    let cloud = Arc::clone(&cloud.inner);
+    let found = call(py, n_jobs, |monitor| {
+        let points = points(&cloud, metres_per_unit)?;
+        let near = knn(&points, k, monitor)?;
+        let mut found = features::normals(&points, &near, monitor)?;
+        orient(&points, &near, &mut found.directions, &orientation, monitor)?;
+        Ok(found)
+    })?;
+    let directions = to_matrix(py, found.directions.into_flattened(), 3)?;
+    Ok((directions, PyArray1::from_vec(py, found.variation)))
 }

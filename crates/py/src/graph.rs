@@ -7,7 +7,7 @@ use crate::json;
 use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use scansion_core::graph::{self, Graph, KnnGraphParams};
+use scansion_core::graph::{self, FelzenszwalbParams, Graph, KnnGraphParams};
 use scansion_core::neighbours::knn;
 use scansion_core::{Error, Result};
 use std::sync::Arc;
@@ -87,4 +87,20 @@ pub(crate) fn minimum_spanning_tree<'py>(
         Graph::new(nodes, &pairs, &weights)
     })?;
     give(py, &tree)
+}
+
+/// Component of each node, and how many there are, by Felzenszwalb and Huttenlocher.
+#[pyfunction]
+#[pyo3(signature = (nodes, edges, weights, settings))]
+pub(crate) fn felzenszwalb<'py>(
+    py: Python<'py>,
+    nodes: usize,
+    edges: PyReadonlyArray2<'py, u32>,
+    weights: PyReadonlyArray1<'py, f32>,
+    settings: &str,
+) -> PyResult<(Bound<'py, PyArray1<u32>>, usize)> {
+    let params: FelzenszwalbParams = json::settings(settings)?;
+    let (edges, weights) = (matrix(&edges, "edges")?, vector(&weights, "weights")?);
+    let found = call(py, Some(1), |_| graph::felzenszwalb(&graph_of(nodes, edges, Some(weights))?, &params))?;
+    Ok((PyArray1::from_vec(py, found.of), found.count))
 }

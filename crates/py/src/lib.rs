@@ -13,10 +13,12 @@ mod images;
 mod io;
 mod json;
 mod neighbours;
+mod partitions;
 mod recipes;
 mod regularisation;
 mod segmentation;
 mod segments;
+mod terrain;
 
 use pyo3::prelude::*;
 
@@ -31,17 +33,19 @@ mod _core {
     #[pymodule_export]
     use crate::error::FileFormatError;
     #[pymodule_export]
-    use crate::evaluation::{confusion_matrix, report, scores};
+    use crate::evaluation::{confusion_matrix, report, scores, segmentation_error};
     #[pymodule_export]
-    use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale};
+    use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale, normals};
     #[pymodule_export]
-    use crate::graph::{connected_components, knn_graph, minimum_spanning_tree};
+    use crate::graph::{connected_components, felzenszwalb, knn_graph, minimum_spanning_tree};
     #[pymodule_export]
     use crate::images::render;
     #[pymodule_export]
     use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, statistics, write};
     #[pymodule_export]
     use crate::neighbours::{knn, optimal};
+    #[pymodule_export]
+    use crate::partitions::{object_features, octree_region_growing, region_growing, riemannian, supervoxels};
     #[pymodule_export]
     use crate::recipes::{Model, recipe_columns};
     #[pymodule_export]
@@ -50,6 +54,8 @@ mod _core {
     use crate::segmentation::{cut_pursuit, merge_regions};
     #[pymodule_export]
     use crate::segments::{segment, segment_columns, suggest};
+    #[pymodule_export]
+    use crate::terrain::{ground_points, heights};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]

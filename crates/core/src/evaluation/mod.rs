@@ -1,12 +1,14 @@
 //! Comparing a result with the truth.
 
 mod confusion;
+mod one_vs_rest;
 mod partition;
 pub mod report;
 mod scores;
 mod segmentation_error;
 
 pub use confusion::Confusion;
+pub use one_vs_rest::OneVsRest;
 pub use partition::{BoundaryScores, SizeBin, boundary_scores, oracle_accuracy, purities, size_histogram};
 pub use scores::{ClassScores, Scores};
 pub use segmentation_error::{

@@ -5,7 +5,7 @@
 2
 """
 
-from scansion import evaluation, features, graph, neighbours, regularisation, segmentation
+from scansion import evaluation, features, graph, neighbours, regularisation, segmentation, terrain
 from scansion._bagging import BaggingClassifier
 from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
@@ -48,5 +48,6 @@ __all__ = [
     "segment",
     "segmentation",
     "suggest",
+    "terrain",
     "write",
 ]

@@ -23,9 +23,12 @@ __all__ = [
     "feature_definitions",
     "feature_names",
     "feature_preset",
+    "felzenszwalb",
     "fit_bagging",
     "fit_boosting",
     "fit_forest",
+    "ground_points",
+    "heights",
     "icm",
     "inspect",
     "knn",
@@ -35,19 +38,26 @@ __all__ = [
     "merge_regions",
     "minimum_spanning_tree",
     "multiscale",
+    "normals",
+    "object_features",
+    "octree_region_growing",
     "optimal",
     "read",
     "recipe_columns",
+    "region_growing",
     "render",
     "report",
     "rewrite",
+    "riemannian",
     "run",
     "salvage",
     "scores",
     "segment",
     "segment_columns",
+    "segmentation_error",
     "statistics",
     "suggest",
+    "supervoxels",
     "write",
 ]
 
@@ -247,3 +257,44 @@ _Segments: TypeAlias = tuple[NDArray[np.uint32], NDArray[np.float64], float]
 
 def cut_pursuit(valued: _Valued, settings: str, n_jobs: int | None = None) -> _Segments: ...
 def merge_regions(valued: _Valued, settings: str) -> _Segments: ...
+def normals(
+    cloud: Cloud, k: int, orientation: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+def felzenszwalb(
+    nodes: int, edges: NDArray[np.uint32], weights: NDArray[np.float32], settings: str
+) -> tuple[NDArray[np.uint32], int]: ...
+def supervoxels(
+    cloud: Cloud,
+    method: str,
+    settings: str,
+    normals: NDArray[np.float32] | None = None,
+    colours: NDArray[np.float32] | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.uint32]: ...
+def riemannian(
+    cloud: Cloud, settings: str, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], str]: ...
+def region_growing(
+    cloud: Cloud, neighbours: int, settings: str, n_jobs: int | None = None
+) -> NDArray[np.uint32]: ...
+def octree_region_growing(cloud: Cloud, settings: str, n_jobs: int | None = None) -> NDArray[np.uint32]: ...
+def object_features(
+    cloud: Cloud,
+    labels: NDArray[np.uint32],
+    colours: NDArray[np.float32] | None = None,
+    heights: NDArray[np.float32] | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.float32], list[str]]: ...
+def ground_points(
+    cloud: Cloud, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> NDArray[np.bool_]: ...
+def heights(
+    cloud: Cloud,
+    ground: NDArray[np.bool_],
+    settings: str,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.float32]: ...
+def segmentation_error(
+    cloud: Cloud, labels: NDArray[np.uint32], truth: NDArray[np.uint8], settings: str
+) -> str: ...

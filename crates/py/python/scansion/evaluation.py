@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import codes
+from scansion._arrays import choice, codes, column, native, to_json
+from scansion._cloud import as_cloud
 
-__all__ = ["confusion_matrix", "report", "scores"]
+__all__ = ["confusion_matrix", "report", "scores", "segmentation_error"]
 
 
 def _pair(truth: ArrayLike, predicted: ArrayLike) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -101,3 +102,44 @@ def report(truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[int] = (
 def _codes(values: Iterable[int]) -> bytes:
     """Codes as bytes, which is how the core takes a short list of them."""
     return codes(np.asarray(list(values), dtype=np.int64), "unlabelled").tobytes()
+
+
+def segmentation_error(
+    xyz: Any, labels: ArrayLike, truth: ArrayLike, *, cell: float = 0.3, empty: str = "ignored"
+) -> dict[str, Any]:
+    """How well segments keep the edges of the classes, seen from above (Hasanpour Zaryabi et al. 2022).
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    labels : array_like of shape (n,)
+        Segment of each point.
+    truth : array_like of shape (n,)
+        Class codes 0..255; 0 is unlabelled.
+    cell : float
+        Edge of a cell of the raster, metres: the spacing of the points.
+    empty : {"ignored", "background"}
+        Whether cells without a labelled point have edges.
+
+    Returns
+    -------
+    error : dict
+        ``error`` (1 - edge recall, mean of the classes), ``precision``, and ``classes`` one by one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion.evaluation import segmentation_error
+    >>> xyz = np.stack(np.meshgrid(np.arange(10.0), np.arange(10.0), [0.0]), -1).reshape(-1, 3)
+    >>> truth = np.where(xyz[:, 0] < 5, 2, 6)
+    >>> segmentation_error(xyz, truth, truth, cell=1.0)["error"]
+    0.0
+    """
+    choice(empty, "empty", ("ignored", "background"))
+    cloud = as_cloud(xyz, columns=[])
+    segments = native(column(labels, "labels", len(cloud)), np.uint32)
+    settings = to_json({"cell": cell, "empty": empty})
+    codes_of = codes(truth, "truth", len(cloud))
+    found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, segments, codes_of, settings))
+    return found

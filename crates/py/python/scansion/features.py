@@ -15,7 +15,7 @@ from scansion import _core
 from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
 
-__all__ = ["definitions", "multiscale", "names", "preset"]
+__all__ = ["definitions", "multiscale", "names", "normals", "preset"]
 
 
 def multiscale(
@@ -166,3 +166,51 @@ def preset(name: str) -> dict[str, Any]:
     """
     found: dict[str, Any] = json.loads(_core.feature_preset(name))
     return found
+
+
+def normals(
+    xyz: Any,
+    k: int = 15,
+    *,
+    orientation: str | tuple[float, float, float] = "up",
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Normal and surface variation of every point by its nearest neighbours.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    k : int
+        Neighbours of a point, itself not counted; 2..32.
+    orientation : "up", "spanning-tree" or (x, y, z)
+        The side that normals point to: up; one side of the surface, propagated from the highest point (Hoppe et al.
+        1992); or a sensor at that place, in metres.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    normals : array of shape (n, 3), float32
+        Unit vectors.
+    variation : array of shape (n,), float32
+        Least eigenvalue over the sum of all, 0..1/3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import features
+    >>> wall = np.stack(np.meshgrid(np.arange(9.0), [0.0], np.arange(9.0)), -1).reshape(-1, 3)
+    >>> directions, variation = features.normals(wall, k=8, orientation=(4.0, -10.0, 4.0))
+    >>> directions[0].round(3).tolist(), float(variation.max())
+    ([-0.0, -1.0, -0.0], 0.0)
+    """
+    if isinstance(orientation, str):
+        choice(orientation, "orientation", ("up", "spanning-tree"))
+        side: Any = orientation
+    else:
+        side = {"sensor": [float(v) for v in orientation]}
+    return _core.normals(as_cloud(xyz, columns=[])._core, k, json.dumps(side), metres_per_unit, n_jobs)

@@ -16,7 +16,7 @@ from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import as_edges, as_weights
 
-__all__ = ["connected_components", "knn_graph", "minimum_spanning_tree"]
+__all__ = ["connected_components", "felzenszwalb", "knn_graph", "minimum_spanning_tree"]
 
 
 def knn_graph(
@@ -130,3 +130,41 @@ def minimum_spanning_tree(
     """
     pairs = as_edges(edges)
     return _core.minimum_spanning_tree(nodes, pairs, as_weights(weights, len(pairs)))
+
+
+def felzenszwalb(
+    nodes: int, edges: Any, weights: Any, *, k: float = 0.5, meaning: str = "dissimilarity"
+) -> tuple[NDArray[np.uint32], int]:
+    """Components that differ more from each other than within (Felzenszwalb and Huttenlocher 2004).
+
+    Parameters
+    ----------
+    nodes : int
+        Number of nodes.
+    edges : array_like of shape (m, 2)
+        Pairs of nodes.
+    weights : array_like of shape (m,)
+        Finite, 0 or more.
+    k : float
+        The larger, the larger the components; in units of the weights.
+    meaning : {"dissimilarity", "similarity"}
+        What weights say: 0 or 1 means that the ends are alike.
+
+    Returns
+    -------
+    components : array of shape (nodes,), uint32
+    count : int
+
+    Examples
+    --------
+    >>> from scansion import graph
+    >>> components, count = graph.felzenszwalb(4, [[0, 1], [1, 2], [2, 3]], [0.1, 5.0, 0.1], k=1.0)
+    >>> components.tolist(), count
+    ([0, 0, 1, 1], 2)
+    """
+    choice(meaning, "meaning", ("dissimilarity", "similarity"))
+    pairs = as_edges(edges)
+    each = as_weights(weights, len(pairs))
+    if each is None:
+        raise TypeError("weights: found None, expected one a edge")
+    return _core.felzenszwalb(nodes, pairs, each, to_json({"k": k, "meaning": meaning}))

@@ -25,7 +25,7 @@ pub enum Combination {
     Union,
 }
 
-/// Parameters of [`local_graphs`](crate::segmentation::local_graphs).
+/// Parameters of [`local_graphs`](crate::segmentation::local_graphs()).
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LocalGraphParams {

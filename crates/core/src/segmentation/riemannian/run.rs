@@ -348,6 +348,36 @@ mod tests {
     }
 
     #[test]
+    fn the_energy_is_that_of_the_segments_and_a_strength_without_bounds_leaves_one() {
+        let points = room(8000);
+        let surface = Surface::new(&points, &params(0.1), &Monitor::default()).unwrap();
+        let at = |strength| run(&points, &surface, &params(strength), &Monitor::default()).unwrap();
+        let found = at(0.1);
+        let oriented = (&points, &surface.directions[..]);
+        let nodes = describe(oriented, &found.supervoxels, (Sides::Signed, 1.0), &Monitor::default()).unwrap();
+        let graph = riemannian_graph(&nodes, &params(0.1).graph, &Monitor::default()).unwrap().graph;
+        let segment: Vec<u32> =
+            found.supervoxels.iter().map(|members| found.segments.segments()[members[0] as usize]).collect();
+        let energy = |segment: &[u32], strength: f64| {
+            let mut energy = 0.0;
+            for members in Partition::from_labels(segment).unwrap().iter() {
+                for value in 0..5 {
+                    let of = |&node: &u32| f64::from(nodes.features[node as usize * 5 + value]);
+                    let mean = members.iter().map(of).sum::<f64>() / members.len() as f64;
+                    energy += members.iter().map(|node| (of(node) - mean).powi(2)).sum::<f64>();
+                }
+            }
+            let cut = graph.edges().iter().filter(|[a, b]| segment[*a as usize] != segment[*b as usize]);
+            energy + strength * cut.count() as f64
+        };
+        assert!((found.energy - energy(&segment, 0.1)).abs() < 1e-6 * found.energy);
+        let (alone, whole): (Vec<u32>, Vec<u32>) = ((0..segment.len() as u32).collect(), vec![0; segment.len()]);
+        assert!(found.energy < energy(&alone, 0.1) && found.energy < energy(&whole, 0.1));
+        assert_eq!(at(1e6).segments.len(), 1, "the graph is connected");
+        assert_eq!(at(0.0).energy, 0.0);
+    }
+
+    #[test]
     fn several_depths_are_those_one_by_one() {
         let points = room(6000);
         let scales = multi_scale(&points, &params(0.1), [2, 4], &Monitor::default()).unwrap();

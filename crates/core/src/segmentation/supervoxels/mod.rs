@@ -1,8 +1,8 @@
 //! Supervoxels: small pieces of a cloud that are alike in place, colour and normal.
 //!
 //! Document 002 (Hasanpour Zaryabi, Saadatseresht and Ghanbari Parmehr, *An object-based classification framework for
-//! ALS point cloud in urban areas*, ISPRS Annals X-4/W1, 2022, section 3.1) mixes two methods; both are here: [`slic`]
-//! on points, as in Achanta et al. (2012), and [`vccs`] on voxels that touch, as in Papon et al. (2013).
+//! ALS point cloud in urban areas*, ISPRS Annals X-4/W1, 2022, section 3.1) mixes two methods; both are here: [`slic()`]
+//! on points, as in Achanta et al. (2012), and [`vccs()`] on voxels that touch, as in Papon et al. (2013).
 
 mod cells;
 mod describe;

@@ -1,0 +1,114 @@
+"""The lie of the land: which points are ground, and how high the others stand above it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import native, to_json
+from scansion._cloud import as_cloud
+
+__all__ = ["ground_points", "heights"]
+
+
+def ground_points(
+    xyz: Any,
+    *,
+    cell: float = 1.0,
+    slope: float = 0.15,
+    window: float = 18.0,
+    threshold: float = 0.5,
+    scaling: float = 1.25,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.bool_]:
+    """Which points are ground, by the simple morphological filter (Pingel, Clarke and McBride 2013).
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    cell : float
+        Edge of a cell, metres.
+    slope : float
+        Steepest ground, rise over run.
+    window : float
+        Half the width of the widest object, metres.
+    threshold : float
+        Ground points lie within so many metres of the ground's height.
+    scaling : float
+        Metres more for each unit of slope.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    ground : array of shape (n,), bool
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import terrain
+    >>> grid = np.arange(0.0, 40.0, 0.5)
+    >>> field = np.stack(np.meshgrid(grid, grid, [0.0]), -1).reshape(-1, 3)
+    >>> roof = np.abs(field[:, :2] - 20).max(1) < 5
+    >>> field[roof, 2] = 6.0
+    >>> bool((terrain.ground_points(field) == ~roof).all())
+    True
+    """
+    settings = {"cell": cell, "slope": slope, "window": window, "threshold": threshold, "scaling": scaling}
+    return _core.ground_points(as_cloud(xyz, columns=[])._core, to_json(settings), metres_per_unit, n_jobs)
+
+
+def heights(
+    xyz: Any,
+    ground: Any = None,
+    *,
+    cell: float = 1.0,
+    percentile: float = 0.1,
+    median: int = 3,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.float32]:
+    """Height of every point above the ground, in metres.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    ground : array_like of shape (n,), bool, optional
+        Which points are ground; those of `ground_points` if it is not given.
+    cell : float
+        Edge of a cell of the elevation model, metres.
+    percentile : float
+        Share of a cell's ground points that lie below its height, 0..1.
+    median : int
+        Width of the median window, cells; odd, 1 does not smooth.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    heights : array of shape (n,), float32
+
+    Examples
+    --------
+    >>> from scansion import terrain
+    >>> terrain.heights([[0, 0, 1.0], [5, 0, 1.0], [5, 0, 4.0]], [True, True, False]).tolist()
+    [0.0, 0.0, 3.0]
+    """
+    cloud = as_cloud(xyz, columns=[])
+    if ground is None:
+        ground = ground_points(cloud, metres_per_unit=metres_per_unit, n_jobs=n_jobs)
+    mask = native(np.asarray(ground), np.bool_)
+    if mask.shape != (len(cloud),):
+        raise ValueError(f"ground: expected shape ({len(cloud)},), found {mask.shape}")
+    settings = to_json({"cell": cell, "percentile": percentile, "median": median})
+    return _core.heights(cloud._core, mask, settings, metres_per_unit, n_jobs)

@@ -1,0 +1,171 @@
+"""Supervoxels, regions, objects and the ground: against numpy, by definition, and through the front door."""
+
+import numpy as np
+import pytest
+import scansion
+from scansion import evaluation, features, graph, neighbours, segmentation, terrain
+
+METHODS = [
+    "cut-pursuit",
+    "merge",
+    "riemannian",
+    "local-graph",
+    "slic",
+    "vccs",
+    "region-growing",
+    "octree-region-growing",
+]
+
+
+@pytest.fixture(scope="module")
+def village():
+    """A field with two flat roofs and a hedge: coordinates and classes 2, 6, 5."""
+    random = np.random.default_rng(0)
+    grid = np.arange(0.0, 40.0, 0.5)
+    xyz = np.stack(np.meshgrid(grid, grid, [0.0]), -1).reshape(-1, 3)
+    code = np.full(len(xyz), 2)
+    for x, y in [(5, 5), (22, 22)]:
+        roof = (xyz[:, 0] >= x) & (xyz[:, 0] < x + 10) & (xyz[:, 1] >= y) & (xyz[:, 1] < y + 10)
+        xyz[roof, 2], code[roof] = 6.0, 6
+    hedge = (np.abs(xyz[:, 0] - 30) < 3) & (xyz[:, 1] < 15)
+    xyz[hedge, 2], code[hedge] = random.uniform(0.3, 3.0, hedge.sum()), 5
+    return xyz, code
+
+
+def test_normals_and_variation_are_those_of_numpy(village):
+    xyz = np.random.default_rng(1).uniform(0, 5, (300, 3)) * [1, 1, 0.2]
+    found, variation = features.normals(xyz, k=12)
+    near, _ = neighbours.knn(xyz, 12)
+    for i in range(len(xyz)):
+        values, vectors = np.linalg.eigh(np.cov(xyz[[i, *near[i]]].T, bias=True))
+        assert variation[i] == pytest.approx(values[0] / values.sum(), abs=1e-4)
+        if values[1] - values[0] > 0.05 * values[2]:
+            assert abs(found[i] @ vectors[:, 0]) == pytest.approx(1, abs=1e-3)
+    assert (found[:, 2] >= 0).all()
+    inward, _ = features.normals(village[0], orientation=(20.0, 20.0, -50.0))
+    assert (inward[:, 2] <= 0).mean() > 0.95
+    with pytest.raises(ValueError, match="1..=32"):
+        features.normals(xyz, k=40)
+
+
+def test_felzenszwalb_follows_its_definition():
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        edges = random.integers(0, 30, (80, 2))
+        edges = np.unique(np.sort(edges[edges[:, 0] != edges[:, 1]], 1), axis=0)
+        weights = random.uniform(0, 1, len(edges)).astype(np.float32)
+        of, internal = np.arange(30), np.zeros(30)
+        for e in np.argsort(weights, kind="stable"):
+            a, b = of[edges[e]]
+            size = np.bincount(of, minlength=30)
+            if a != b and weights[e] <= min(internal[a] + 0.4 / size[a], internal[b] + 0.4 / size[b]):
+                of[of == b] = a
+                internal[a] = weights[e]
+        found, count = graph.felzenszwalb(30, edges, weights, k=0.4)
+        assert count == len(np.unique(of))
+        assert len({(int(a), int(b)) for a, b in zip(found, of, strict=True)}) == count
+        alike, _ = graph.felzenszwalb(30, edges, 1 - weights, k=0.4, meaning="similarity")
+        assert len(np.unique(alike)) == pytest.approx(count, abs=1), "1 - w rounds"
+
+
+@pytest.mark.parametrize("method", ["slic", "vccs"])
+def test_supervoxels_are_small_and_numbered(village, method):
+    xyz, _ = village
+    labels = segmentation.supervoxels(xyz, method=method, size=3.0, voxel=1.0 if method == "vccs" else None)
+    assert labels.dtype == np.int64 and labels.min() >= -1
+    for label in range(labels.max() + 1):
+        members = xyz[labels == label]
+        assert 0 < len(members) and np.ptp(members, axis=0).max() < 12
+
+
+def test_supervoxels_of_voxels_do_not_cross_a_gap():
+    grid = np.arange(0.0, 6.0, 0.25)
+    plane = np.stack(np.meshgrid(grid, grid, [0.0]), -1).reshape(-1, 3)
+    labels = segmentation.supervoxels(np.concatenate([plane, plane + [0, 0, 1.5]]), method="vccs", size=3.0, voxel=0.5)
+    assert not set(labels[: len(plane)]) & set(labels[len(plane) :]) - {-1}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_parts_a_cloud_the_same_for_any_threads(village, method):
+    xyz, code = village
+    cloud = scansion.PointCloud(xyz, Classification=code.astype(np.uint8))
+    found = scansion.segment(cloud, method=method, n_jobs=1)
+    assert found.cluster_id.min() >= 1 and found.cluster_id.max() == found.report["segments"]
+    assert found.report["method"] == method and found.report["oracle_accuracy"] > 0.9
+    assert np.array_equal(scansion.segment(cloud, method=method, n_jobs=2).cluster_id, found.cluster_id)
+
+
+def test_aims_and_sizes_belong_to_methods(village):
+    xyz, _ = village
+    small = scansion.segment(xyz, method="slic", size=1.5).report["segments"]
+    assert scansion.segment(xyz, method="slic", size=4.0).report["segments"] < small
+    by_key = scansion.segment(xyz, method="slic", recipe={"objects.slic.size": 4.0}).report["segments"]
+    assert by_key < small
+    with pytest.raises(ValueError, match="region-growing"):
+        scansion.segment(xyz, method="region-growing", strength=0.1)
+    with pytest.raises(ValueError, match="size"):
+        scansion.segment(xyz, size=2.0)
+    with pytest.raises(ValueError, match="bricks"):
+        scansion.segment(xyz, method="bricks")
+    levels = scansion.segment(xyz, method="riemannian", levels=[3, 4])
+    assert len(levels.levels) == 2 and [level["min_depth"] for level in levels.report["levels"]] == [3, 4]
+
+
+def test_regions_are_the_planes(village):
+    xyz, code = village
+    labels = segmentation.region_growing(xyz, min_size=100)
+    roofs = [labels[(code == 6) & (xyz[:, 0] < 20)], labels[(code == 6) & (xyz[:, 0] > 20)]]
+    commonest = [np.bincount(roof).argmax() for roof in roofs]
+    assert commonest[0] != commonest[1] and min(commonest) > 0
+    assert (segmentation.octree_region_growing(xyz) > 0).mean() > 0.8
+    found = segmentation.riemannian(xyz, min_depth=4)
+    assert len(found.labels) == len(xyz) and found.report["supervoxels"] == found.supervoxels.max() + 1
+
+
+def test_object_features_are_those_of_numpy(village):
+    xyz, code = village
+    random = np.random.default_rng(3)
+    colours, heights = random.uniform(0, 1, (len(xyz), 3)), random.uniform(0, 9, len(xyz))
+    rows, names = segmentation.object_features(xyz, code, colours=colours, heights=heights)
+    assert len(names) == 20 and rows.shape == (len(np.unique(code)), 20)
+    order = [code[i] for i in sorted(np.unique(code, return_index=True)[1])]
+    for row, c in zip(rows, order, strict=True):
+        value = dict(zip(names, row, strict=True))
+        mine = xyz[code == c]
+        assert value["VarianceZ"] == pytest.approx(np.var(mine[:, 2]), rel=1e-3, abs=1e-6)
+        assert value["MeanHeight"] == pytest.approx(heights[code == c].mean(), rel=1e-4)
+        assert value["RedRatio"] + value["GreenRatio"] + value["BlueRatio"] == pytest.approx(1, abs=1e-5)
+        e = np.sort(np.linalg.eigvalsh(np.cov(mine.T, bias=True)))[::-1]
+        assert value["Linearity"] == pytest.approx((e[0] - e[1]) / e[0], abs=1e-3)
+
+
+def test_the_ground_and_heights_above_it(village):
+    xyz, code = village
+    slope = xyz + np.stack([0 * xyz[:, 0], 0 * xyz[:, 0], 0.1 * xyz[:, 0]], -1)
+    ground = terrain.ground_points(slope)
+    assert (ground[code != 5] == (code == 2)[code != 5]).all()
+    above = terrain.heights(slope, code == 2)
+    assert np.median(above[code == 6]) == pytest.approx(6.0, abs=0.2)
+    with pytest.raises(ValueError, match="shape"):
+        terrain.heights(xyz, [True])
+
+
+def test_segmentation_error_is_nought_for_the_truth_and_one_without_edges(village):
+    xyz, code = village
+    assert evaluation.segmentation_error(xyz, code, code, cell=0.5)["error"] == 0
+    assert evaluation.segmentation_error(xyz, np.zeros(len(xyz)), code, cell=0.5)["error"] == 1
+
+
+def test_objects_are_learned_and_named(village, tmp_path):
+    xyz, code = village
+    recipe = {"segments.slic.size": 2.0, "training.share": 1.0}
+    classifier = scansion.ObjectClassifier(recipe, random_state=0).fit(xyz, code)
+    assert (classifier.predict(xyz) == code).mean() > 0.93
+    assert classifier.report_["by_point"] is None and "MeanHeight" in list(classifier.feature_names_in_)
+    classifier.save(tmp_path / "objects.model")
+    again = scansion.ObjectClassifier.load(tmp_path / "objects.model")
+    assert np.array_equal(again.predict(xyz), classifier.predict(xyz))
+    part = scansion.ObjectClassifier({**recipe, "training.share": 0.5, "classifier": "gbt"}, random_state=0)
+    assert part.fit(xyz, code).report_["by_segment"]["points"] > 0
+    with pytest.raises(ValueError, match="Red"):
+        scansion.ObjectClassifier({"segments.colour": True}).fit(xyz, code)
