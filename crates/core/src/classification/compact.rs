@@ -1,13 +1,17 @@
-//! Trees of few nodes in half the memory, and the way of a block of rows through them.
+//! Trees in half the memory, and the way of a block of rows through them.
 //!
-//! A node takes 4 bytes and says how far ahead its children stand, so that every place in a tree fits 16 bits and every
+//! A node takes 4 bytes and says how far ahead its children stand, so that every place in a piece of a tree fits 16 bits and every
 //! place in a row of codes 8: nothing has to be compared with a length on the way down.
 
 use super::descend::Codes;
 use super::forest::{LEAF_CUT, Node};
+use std::ops::Range;
 
-/// Most nodes of a tree.
-const WINDOW: usize = 1 << 16;
+/// Most nodes of a piece.
+pub(super) const WINDOW: usize = 1 << 16;
+
+/// Marks, instead of a row of probabilities, the number of the piece where the way goes on.
+const ONWARD: u32 = 1 << 31;
 
 /// Most features of a row.
 pub(super) const WIDTH: usize = 256;
@@ -27,14 +31,21 @@ struct Step {
     cut: u8,
 }
 
-/// All trees of a forest.
+/// All trees of a forest, each in pieces of at most [`WINDOW`] nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Compact {
-    /// The trees behind one another, and a window of padding.
+    /// The pieces behind one another, and a window of padding.
     steps: Vec<Step>,
-    roots: Vec<usize>,
-    /// Row of probabilities of every leaf whose number exceeds 254; 0 elsewhere.
+    /// Row of probabilities of every leaf whose number exceeds 254, [`ONWARD`] and a number where a piece ends; 0 elsewhere.
     rows: Vec<u32>,
+    trees: Vec<Pieces>,
+}
+
+/// The places of a tree's pieces: the top, and those that hang below it.
+#[derive(Clone, Debug, PartialEq)]
+struct Pieces {
+    top: Range<usize>,
+    lower: Vec<Range<usize>>,
 }
 
 /// Where the rows of a block stand in a tree; reused from tree to tree.
@@ -43,73 +54,142 @@ pub(super) struct Places {
     at: Vec<u16>,
     /// Rows that have not reached a leaf.
     moving: Vec<u16>,
+    /// Rows that go on in each of the lower pieces.
+    onward: Vec<Vec<u16>>,
+}
+
+/// A tree and the nodes below each node, itself included.
+struct Sized<'a> {
+    nodes: &'a [Node],
+    root: u32,
+    sizes: Vec<u32>,
+}
+
+impl<'a> Sized<'a> {
+    fn new(nodes: &'a [Node], root: u32) -> Self {
+        let mut tree = Self { nodes, root, sizes: vec![1; nodes.len()] };
+        for (i, node) in nodes.iter().enumerate().rev().filter(|(_, node)| node.cut != LEAF_CUT) {
+            let left = tree.child(node);
+            tree.sizes[i] += tree.sizes[left] + tree.sizes[left + 1];
+        }
+        tree
+    }
+
+    fn child(&self, node: &Node) -> usize {
+        (node.left - self.root) as usize
+    }
 }
 
 impl Compact {
-    /// `None` if a tree has too many nodes, or a row too many features or codes beyond 8 bits. Nodes stand behind their
-    /// parents.
-    pub(super) fn new(nodes: &[Node], roots: &[u32], (width, narrow): (usize, bool)) -> Option<Self> {
-        let ends = roots.iter().skip(1).map(|&r| r as usize).chain([nodes.len()]);
-        let trees: Vec<&[Node]> = roots.iter().zip(ends).filter_map(|(&r, end)| nodes.get(r as usize..end)).collect();
-        if width > WIDTH || !narrow || trees.iter().any(|tree| tree.len() > WINDOW) {
+    /// Trees of more than `most` nodes (up to [`WINDOW`]) are cut into pieces. `None` if a row has too many features or codes
+    /// beyond 8 bits, or a tree too many pieces. Nodes stand behind their parents.
+    pub(super) fn new(nodes: &[Node], roots: &[u32], (width, narrow): (usize, bool), most: usize) -> Option<Self> {
+        if width > WIDTH || !narrow {
             return None;
         }
-        let mut compact = Self { steps: Vec::new(), roots: Vec::new(), rows: Vec::new() };
+        let mut compact = Self { steps: Vec::new(), rows: Vec::new(), trees: Vec::new() };
         compact.steps.reserve_exact(nodes.len() + WINDOW);
         compact.rows.reserve_exact(nodes.len());
-        roots.iter().zip(trees).for_each(|(&root, tree)| compact.append(tree, root));
-        compact.steps.resize(nodes.len() + WINDOW, Step::default());
+        let ends = roots.iter().skip(1).map(|&r| r as usize).chain([nodes.len()]);
+        for (&root, end) in roots.iter().zip(ends) {
+            let tree = Sized::new(nodes.get(root as usize..end)?, root);
+            let mut below = Vec::new();
+            let top = compact.piece(&tree, (0, if tree.nodes.len() > most { most } else { 0 }), &mut below);
+            let lower = below.into_iter().map(|node| compact.piece(&tree, (node, 0), &mut Vec::new())).collect();
+            compact.trees.push(Pieces { top, lower });
+        }
+        let pieces = || compact.trees.iter().flat_map(|tree| tree.lower.iter().chain([&tree.top]));
+        if pieces().any(|piece| piece.len() > WINDOW) {
+            return None;
+        }
+        compact.steps.resize(compact.steps.len() + WINDOW, Step::default());
         Some(compact)
     }
 
-    /// Children of a node stand together; the smaller subtree follows at once, so that few nodes lie between.
-    fn append(&mut self, tree: &[Node], root: u32) {
-        let child = |node: &Node| (node.left - root) as usize;
-        let mut sizes = vec![1u32; tree.len()];
-        for (i, node) in tree.iter().enumerate().rev().filter(|(_, node)| node.cut != LEAF_CUT) {
-            sizes[i] += sizes[child(node)] + sizes[child(node) + 1];
-        }
+    /// Lays out the nodes from `start` down; subtrees of at most `cut` nodes are left out and appended to `below`. Children of
+    /// a node stand together; the smaller subtree follows at once, so that few nodes lie between.
+    fn piece(&mut self, tree: &Sized<'_>, (start, cut): (usize, usize), below: &mut Vec<usize>) -> Range<usize> {
         let first = self.steps.len();
-        self.roots.push(first);
-        self.steps.resize(first + tree.len(), Step::default());
-        self.rows.resize(first + tree.len(), 0);
-        let (mut next, mut open) = (1, vec![(0, 0)]);
+        self.steps.push(Step::default());
+        let mut open = vec![(start, first)];
         while let Some((old, new)) = open.pop() {
-            let node = &tree[old];
+            let node = tree.nodes[old];
+            self.rows.resize(self.steps.len(), 0);
             if node.cut == LEAF_CUT {
-                self.steps[first + new] = Step { offset: 0, feature: node.left.min(255) as u8, cut: 255 };
-                self.rows[first + new] = if node.left < 255 { 0 } else { node.left };
-                continue;
+                self.steps[new] = Step { offset: 0, feature: node.left.min(255) as u8, cut: 255 };
+                self.rows[new] = if node.left < 255 { 0 } else { node.left };
+            } else if old != start && tree.sizes[old] as usize <= cut {
+                self.steps[new] = Step { offset: 0, feature: 255, cut: 255 };
+                self.rows[new] = ONWARD | below.len() as u32;
+                below.push(old);
+            } else {
+                let next = self.steps.len();
+                let offset = (next - new) as u16;
+                self.steps[new] = Step { offset, feature: node.feature as u8, cut: node.cut as u8 };
+                self.steps.extend([Step::default(); 2]);
+                let left = tree.child(&node);
+                let mut children = [(left, next), (left + 1, next + 1)];
+                children.sort_by_key(|&(old, _)| std::cmp::Reverse(tree.sizes[old]));
+                open.extend(children);
             }
-            let step = Step { offset: (next - new) as u16, feature: node.feature as u8, cut: node.cut as u8 };
-            self.steps[first + new] = step;
-            let mut children = [(child(node), next), (child(node) + 1, next + 1)];
-            children.sort_by_key(|&(old, _)| std::cmp::Reverse(sizes[old]));
-            open.extend(children);
-            next += 2;
         }
+        self.rows.resize(self.steps.len(), 0);
+        first..self.steps.len()
     }
 
     /// Number of trees.
     pub(super) fn trees(&self) -> usize {
-        self.roots.len()
+        self.trees.len()
     }
 
     /// Writes the row of probabilities that every row of codes reaches in a tree. `codes.by_row` has [`WIDTH`] codes to
     /// spare at its end.
     pub(super) fn walk(&self, tree: usize, codes: &Codes<u8>, places: &mut Places, leaves: &mut Vec<u32>) {
-        let Some(&root) = self.roots.get(tree) else { return };
-        let end = self.roots.get(tree + 1).copied().unwrap_or(self.rows.len());
-        let Some(steps) = self.steps.get(root..).and_then(|s| s.first_chunk()) else { return };
-        warm(steps.get(..end - root).unwrap_or_default());
+        let Some(Pieces { top, lower }) = self.trees.get(tree) else { return };
+        let Some((steps, rows)) = self.open(top) else { return };
         places.start(steps, codes);
         places.finish(steps, codes);
-        let rows = self.rows.get(root..end).unwrap_or_default();
         leaves.clear();
-        leaves.extend(places.at.iter().map(|&at| match steps[usize::from(at)].feature {
-            255 => rows.get(usize::from(at)).copied().unwrap_or_default(),
-            row => u32::from(row),
-        }));
+        leaves.extend(places.at.iter().map(|&at| leaf(steps, rows, at)));
+        if !lower.is_empty() {
+            self.go_on(lower, codes, places, leaves);
+        }
+    }
+
+    /// Takes the rows that have come to the end of the top on through the lower pieces.
+    fn go_on(&self, lower: &[Range<usize>], codes: &Codes<u8>, places: &mut Places, leaves: &mut [u32]) {
+        let mut onward = std::mem::take(&mut places.onward);
+        onward.resize_with(lower.len().max(onward.len()), Vec::new);
+        onward.iter_mut().for_each(Vec::clear);
+        for (row, &leaf) in leaves.iter().enumerate().filter(|(_, leaf)| **leaf & ONWARD != 0) {
+            if let Some(rows) = onward.get_mut((leaf & !ONWARD) as usize) {
+                rows.push(row as u16);
+            }
+        }
+        for (piece, own) in lower.iter().zip(&onward).filter(|(_, own)| !own.is_empty()) {
+            let Some((steps, rows)) = self.open(piece) else { continue };
+            own.iter().for_each(|&row| places.at[usize::from(row)] = 0);
+            places.moving.extend_from_slice(own);
+            places.finish(steps, codes);
+            own.iter().map(|&row| usize::from(row)).for_each(|row| leaves[row] = leaf(steps, rows, places.at[row]));
+        }
+        places.onward = onward;
+    }
+
+    /// A piece's nodes with what stands behind them, read ahead, and its rows of probabilities.
+    fn open(&self, piece: &Range<usize>) -> Option<(&[Step; WINDOW], &[u32])> {
+        let steps = self.steps.get(piece.start..)?.first_chunk()?;
+        warm(steps.get(..piece.len())?);
+        Some((steps, self.rows.get(piece.clone())?))
+    }
+}
+
+/// The row of probabilities of a leaf, or where the way goes on.
+#[inline(always)]
+fn leaf(steps: &[Step; WINDOW], rows: &[u32], at: u16) -> u32 {
+    match steps[usize::from(at)].feature {
+        255 => rows.get(usize::from(at)).copied().unwrap_or_default(),
+        row => u32::from(row),
     }
 }
 
@@ -182,19 +262,22 @@ mod tests {
         let data = blobs(4000, 9, 300, 0.0);
         let params = ForestParams { trees: 3, ..ForestParams::default() };
         let forest = Forest::fit(&data.samples(), &params, &Monitor::default()).unwrap();
-        let compact = Compact::new(&forest.nodes, &forest.roots, (9, true)).unwrap();
         let mut codes = Codes::default();
         forest.binning.bin_rows(&data.features, &mut codes);
         let (mut places, mut leaves) = (Places::default(), Vec::new());
-        for (tree, &root) in forest.roots.iter().enumerate() {
-            compact.walk(tree, &codes, &mut places, &mut leaves);
-            for (row, &leaf) in leaves.iter().enumerate() {
-                let wanted = forest.leaf_of(root, |f| u16::from(codes.by_row[row * 9 + f]));
-                assert_eq!(&forest.leaves[leaf as usize * 300..][..300], wanted, "{row}");
+        for most in [WINDOW, 1000, 50, 3] {
+            let compact = Compact::new(&forest.nodes, &forest.roots, (9, true), most).unwrap();
+            for (tree, &root) in forest.roots.iter().enumerate() {
+                compact.walk(tree, &codes, &mut places, &mut leaves);
+                for (row, &leaf) in leaves.iter().enumerate() {
+                    let wanted = forest.leaf_of(root, |f| u16::from(codes.by_row[row * 9 + f]));
+                    assert_eq!(&forest.leaves[leaf as usize * 300..][..300], wanted, "{row}, {most}");
+                }
             }
+            assert!(compact.rows.iter().any(|&r| r > 255) && compact.trees() == 3);
+            assert!(compact.trees.iter().all(|tree| tree.lower.is_empty() == (most == WINDOW)));
         }
-        assert!(compact.rows.iter().any(|&r| r > 255) && compact.trees() == 3);
-        assert!(Compact::new(&forest.nodes, &forest.roots, (300, true)).is_none());
-        assert!(Compact::new(&forest.nodes, &forest.roots, (9, false)).is_none());
+        assert!(Compact::new(&forest.nodes, &forest.roots, (300, true), WINDOW).is_none());
+        assert!(Compact::new(&forest.nodes, &forest.roots, (9, false), WINDOW).is_none());
     }
 }

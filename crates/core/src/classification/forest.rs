@@ -1,7 +1,7 @@
 //! The forest: quantisation, trees and leaves.
 
 use super::binning::Binning;
-use super::compact::Compact;
+use super::compact::{Compact, WINDOW};
 use super::grow::{LEAF, Tree};
 use crate::error::{Error, Result};
 
@@ -134,7 +134,7 @@ impl Forest {
             LEAF_CUT => Node { left: i as u32, ..*node },
             _ => *node,
         };
-        self.descent = match Compact::new(&self.nodes, &self.roots, shape) {
+        self.descent = match Compact::new(&self.nodes, &self.roots, shape, WINDOW) {
             Some(trees) => Descent::Compact(trees),
             None => Descent::Large(self.nodes.iter().enumerate().map(own).collect()),
         };
