@@ -191,7 +191,8 @@ fn every_method_parts_a_scan_and_objects_are_learned_and_named() {
     assert!(levels.contains("supervoxels") && levels.contains("cuts s"), "{levels}");
     assert!(done(f, &["info", "l.laz"]).contains("ClusterID_L2"));
     let sizes = ["1.5", "3"].map(|size| {
-        let said = done(f, &["segment", "a.laz", "-o", "s.laz", "--method", "slic", "--size", size, "--format", "json"]);
+        let said =
+            done(f, &["segment", "a.laz", "-o", "s.laz", "--method", "slic", "--size", size, "--format", "json"]);
         serde_json::from_str::<serde_json::Value>(&said).unwrap()["segments"].as_u64().unwrap()
     });
     assert!(sizes[0] > sizes[1]);

@@ -5,6 +5,7 @@ mod builtin;
 mod classify;
 mod labels;
 mod objects;
+mod points;
 mod recipe;
 mod regularise;
 mod segment;

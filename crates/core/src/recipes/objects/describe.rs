@@ -2,9 +2,10 @@
 
 use super::{Heights, ObjectsRecipe};
 use crate::cloud::{Cloud, Points};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
+use crate::recipes::points::points_of;
 use crate::segmentation::{ObjectAttributes, Partition, object_features};
 use crate::terrain::{ElevationModel, ground_points};
 
@@ -13,15 +14,6 @@ pub(super) struct Objects {
     pub(super) points: Points,
     pub(super) partition: Partition,
     pub(super) features: FeatureTable,
-}
-
-/// Local coordinates of a cloud, metres.
-fn points_of(cloud: &Cloud, metres: Option<f64>) -> Result<Points> {
-    let points = Points::from_cloud(cloud, metres.or(cloud.metres_per_unit).unwrap_or(1.0));
-    match points.is_empty() {
-        true => Err(Error::input("the cloud has no point with finite coordinates")),
-        false => Ok(points),
-    }
 }
 
 /// Finds and describes the objects of a cloud.

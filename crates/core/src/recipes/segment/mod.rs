@@ -6,8 +6,9 @@ mod part;
 pub use params::{GrowingParams, SegmentMethod, SegmentParams};
 
 use super::Labels;
+use super::points::points_of;
 use crate::cloud::{Cloud, Points};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::evaluation::{BoundaryScores, SizeBin, boundary_scores, oracle_accuracy, size_histogram};
 use crate::features::{FeatureTable, optimal_features};
 use crate::graph::Graph;
@@ -96,10 +97,7 @@ pub struct LevelReport {
 /// A parameter out of range, an intent that needs labels without any, no finite point, cancellation.
 pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, monitor: &Monitor) -> Result<Segmented> {
     params.validate()?;
-    let points = Points::from_cloud(cloud, cloud.metres_per_unit.unwrap_or(1.0));
-    if points.is_empty() {
-        return Err(Error::input("the cloud has no point with finite coordinates"));
-    }
+    let points = points_of(cloud, None)?;
     let known: Option<Vec<Option<u8>>> =
         labels.map(|labels| points.index.iter().map(|&i| labels.codes.get(i as usize).copied().flatten()).collect());
     let found = part((cloud, &points), known.as_deref(), params, monitor)?;

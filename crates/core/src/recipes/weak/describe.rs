@@ -3,19 +3,10 @@
 use super::{Descriptors, WeakRecipe};
 use crate::classification::{Classifier, PredictScratch};
 use crate::cloud::{Cloud, Points};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::features::{Extractor, FeatureSet, FeatureTable, Scratch, Wanted, optimal_features, table_at};
 use crate::parallel::{Monitor, map_ordered_with};
 use crate::terrain::{DESCRIPTORS, Terrain};
-
-/// Local coordinates of a cloud, metres.
-pub(super) fn points_of(cloud: &Cloud, metres: Option<f64>) -> Result<Points> {
-    let points = Points::from_cloud(cloud, metres.or(cloud.metres_per_unit).unwrap_or(1.0));
-    if points.is_empty() {
-        return Err(Error::input("the cloud has no point with finite coordinates"));
-    }
-    Ok(points)
-}
 
 /// Section 2.1: the four local descriptors.
 pub(super) fn local(points: &Points, recipe: &WeakRecipe, monitor: &Monitor) -> Result<FeatureTable> {

@@ -10,6 +10,7 @@ use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
+use crate::recipes::points::points_of;
 use crate::recipes::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, Scene};
 use crate::recipes::{ClassCount, Labels, planar_density};
 use crate::segmentation::Intent;
@@ -109,7 +110,7 @@ pub fn train_weak(
 fn study<'a>(clouds: &'a [(Cloud, Labels)], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<Lesson<'a>>> {
     let mut drafts = Vec::new();
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
-        let points = describe::points_of(cloud, recipe.features.metres_per_unit)?;
+        let points = points_of(cloud, recipe.features.metres_per_unit)?;
         let seed = recipe.seed.wrapping_add(c as u64);
         let examples = examples(labels, &points.index, (&recipe.labels, seed))?;
         let local = describe::local(&points, recipe, monitor)?;
@@ -248,7 +249,7 @@ pub(in crate::recipes) fn classify_weak(
     (metres, params): (Option<f64>, &RegulariseParams),
     monitor: &Monitor,
 ) -> Result<(Points, Regularised)> {
-    let points = describe::points_of(cloud, metres.or(recipe.features.metres_per_unit))?;
+    let points = points_of(cloud, metres.or(recipe.features.metres_per_unit))?;
     let local = describe::local(&points, recipe, monitor)?;
     // First what needs most memory, while little else is held.
     let scene = Scene::new(&points, Some(&local), params, monitor)?;
