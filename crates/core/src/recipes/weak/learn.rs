@@ -77,14 +77,13 @@ pub fn train_weak(
 ) -> Result<(Model, WeakReport)> {
     recipe.validate()?;
     let mut recipe = recipe.clone();
-    let lessons = study(clouds, &mut recipe, monitor)?;
+    let (lessons, partitions) = study(clouds, &mut recipe, monitor)?;
     let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
     let classes = ClassTable::from_codes(&codes);
     let (rows, labels) = table(&lessons, &classes);
     let width = lessons.first().map_or(0, |l| l.rows.width());
     let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: classes.len() };
     recipe.shares.learn(&labels, classes.len());
-    let partitions = fit_partition(&lessons, &mut recipe, monitor)?;
     let scores = match (strengths, lessons.first()) {
         ([], _) | (_, None) => Vec::new(),
         (_, Some(lesson)) => search(lesson, (&recipe, &classes), strengths, monitor)?,
@@ -106,24 +105,39 @@ pub fn train_weak(
     Ok((model, report))
 }
 
-/// Examples and descriptors of every cloud; the recipe learns what road looks like from all of them.
-fn study<'a>(clouds: &'a [(Cloud, Labels)], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<Lesson<'a>>> {
+/// A cloud that is only described by its local descriptors yet.
+struct Draft<'a> {
+    cloud: &'a Cloud,
+    points: Points,
+    examples: Vec<Example>,
+    local: FeatureTable,
+}
+
+/// Examples and descriptors of every cloud; the recipe learns what road looks like from all of them, and how fine segments must
+/// be from the first.
+fn study<'a>(
+    clouds: &'a [(Cloud, Labels)],
+    recipe: &mut WeakRecipe,
+    monitor: &Monitor,
+) -> Result<(Vec<Lesson<'a>>, Vec<StrengthScore>)> {
     let mut drafts = Vec::new();
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let points = points_of(cloud, recipe.features.metres_per_unit)?;
         let seed = recipe.seed.wrapping_add(c as u64);
         let examples = examples(labels, &points.index, (&recipe.labels, seed))?;
         let local = describe::local(&points, recipe, monitor)?;
-        drafts.push((cloud, points, examples, local));
+        drafts.push(Draft { cloud, points, examples, local });
     }
+    // First what needs most memory, while little else is held.
+    let partitions = fit_partition(&drafts, recipe, monitor)?;
     let mut road = Vec::new();
-    for (_, _, examples, local) in &drafts {
-        recipe.road.learn(examples, local);
+    for draft in &drafts {
+        recipe.road.learn(&draft.examples, &draft.local);
         road.append(&mut recipe.road.examples);
     }
     recipe.road.examples = road;
     let mut lessons = Vec::new();
-    for (cloud, points, examples, local) in drafts {
+    for Draft { cloud, points, examples, local } in drafts {
         let six = describe::six(cloud, &points, &local, recipe, monitor)?;
         let described = Described { cloud, points, six };
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
@@ -134,7 +148,7 @@ fn study<'a>(clouds: &'a [(Cloud, Labels)], recipe: &mut WeakRecipe, monitor: &M
         let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0));
         lessons.push(Lesson { described, examples, rows, density });
     }
-    Ok(lessons)
+    Ok((lessons, partitions))
 }
 
 /// Rows of the examples, and the positions of their classes.
@@ -152,15 +166,14 @@ fn seeded(recipe: &WeakRecipe) -> ClassifierParams {
 /// Finer segments until whole ones could be named as the labels of the first cloud are.
 ///
 /// The paper's strength suits its street scans; roofs and ground of airborne scans would share segments.
-fn fit_partition(lessons: &[Lesson<'_>], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
+fn fit_partition(drafts: &[Draft<'_>], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
     let mut tried = Vec::new();
     let voting = matches!(recipe.regularise.method, Regularise::Consensus | Regularise::SegmentCrf);
-    let (Some(lesson), true) = (lessons.first(), voting && recipe.labels.fit_partition) else { return Ok(tried) };
-    let mut labels = vec![None; lesson.described.points.len()];
-    lesson.examples.iter().for_each(|e| labels[e.point as usize] = Some(e.code));
+    let (Some(draft), true) = (drafts.first(), voting && recipe.labels.fit_partition) else { return Ok(tried) };
+    let mut labels = vec![None; draft.points.len()];
+    draft.examples.iter().for_each(|e| labels[e.point as usize] = Some(e.code));
     while let Intent::Strength(strength) = recipe.regularise.partition.intent {
-        let scene =
-            Scene::new(&lesson.described.points, Some(&head(&lesson.described.six)), &recipe.regularise, monitor)?;
+        let scene = Scene::new(&draft.points, Some(&draft.local), &recipe.regularise, monitor)?;
         let accuracy = scene.oracle_accuracy(&labels)?.unwrap_or(1.0);
         tried.push(StrengthScore { strength, accuracy });
         if accuracy >= ENOUGH || tried.len() == TRIALS || strength <= 0.0 {
