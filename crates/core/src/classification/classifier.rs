@@ -208,6 +208,9 @@ impl Classifier {
     /// # Errors
     /// A length that does not fit.
     pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
+        if let Self::Forest(trees) | Self::Bagging(trees) = self {
+            return trees.predict(rows);
+        }
         let mut out = vec![0.0; rows.len() / self.width().max(1) * self.classes()];
         self.predict_proba(rows, &mut out)?;
         Ok(out.chunks_exact(self.classes().max(1)).map(|row| largest(row) as u16).collect())

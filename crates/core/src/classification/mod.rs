@@ -32,6 +32,7 @@ pub mod sampling;
 #[cfg(test)]
 mod testing;
 mod train;
+mod vote;
 
 pub use bagging::BaggingParams;
 pub use binning::{Binning, BinningParams};

@@ -78,13 +78,7 @@ class TableClassifier(Classifier):
         array of shape (n_samples, n_classes)
             Columns in the order of ``classes_``.
         """
-        self._check_is_fitted()
-        name = type(self).__name__
-        fitted = getattr(self, "feature_names_in_", None)
-        _validation.check_feature_names(_validation.feature_names(X), fitted, name)
-        table = _validation.table(X, name, self._missing)
-        _validation.check_width(table.shape[1], self.n_features_in_, name)
-        found: NDArray[np.float32] = self._trees.predict_proba(table, self.n_jobs)
+        found: NDArray[np.float32] = self._trees.predict_proba(self._rows(X), self.n_jobs)
         return found
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
@@ -94,9 +88,18 @@ class TableClassifier(Classifier):
         ----------
         X : array_like of shape (n_samples, n_features)
         """
-        probabilities = self.predict_proba(X)
-        labels: NDArray[Any] = self.classes_[probabilities.argmax(axis=1)]
+        labels: NDArray[Any] = self.classes_[self._trees.predict(self._rows(X), self.n_jobs)]
         return labels
+
+    def _rows(self, X: ArrayLike) -> NDArray[np.float32]:
+        """X as the trees take it, checked against what was learned from."""
+        self._check_is_fitted()
+        name = type(self).__name__
+        fitted = getattr(self, "feature_names_in_", None)
+        _validation.check_feature_names(_validation.feature_names(X), fitted, name)
+        table = _validation.table(X, name, self._missing)
+        _validation.check_width(table.shape[1], self.n_features_in_, name)
+        return table
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Share of rows that are named rightly (accuracy), 0..1.

@@ -1,0 +1,104 @@
+//! The most probable class of each row without asking all trees: a row leaves once the others could no longer change it.
+
+use super::compact::Compact;
+use super::forest::Forest;
+use super::predict::{PredictScratch, largest};
+
+/// By how much a lead must exceed what the remaining trees can give: more than sums of shares round.
+const SLACK: f32 = 1e-3;
+
+/// Rows of a block that are not settled yet, and the sums of their shares.
+struct Open {
+    rows: Vec<u32>,
+    sums: Vec<f32>,
+}
+
+impl Forest {
+    /// The classes of a block of rows; the same as those of the largest probabilities.
+    ///
+    /// A tree adds at most 1 to a class, so a lead of more than the number of trees that are left stays a lead.
+    pub(super) fn label_block(&self, rows: &[f32], trees: &Compact, scratch: &mut PredictScratch, out: &mut [u16]) {
+        self.binning.bin_rows(rows, &mut scratch.narrow);
+        let mut open = Open { rows: (0..out.len() as u32).collect(), sums: vec![0.0; out.len() * self.classes] };
+        let count = trees.trees();
+        for tree in 0..count {
+            self.add_tree(trees, tree, scratch, &mut open.sums);
+            let (done, left) = (tree + 1, count - tree - 1);
+            if left > 0 && 2 * done >= count && done.is_multiple_of((count / 16).max(1)) {
+                self.settle(left as f32 + SLACK, &mut open, scratch, out);
+            }
+            if open.rows.is_empty() {
+                return;
+            }
+        }
+        let trees = count.max(1) as f32;
+        for (&row, sums) in open.rows.iter().zip(open.sums.chunks_exact_mut(self.classes)) {
+            sums.iter_mut().for_each(|p| *p /= trees);
+            out[row as usize] = largest(sums) as u16;
+        }
+    }
+
+    fn add_tree(&self, trees: &Compact, tree: usize, scratch: &mut PredictScratch, sums: &mut [f32]) {
+        let PredictScratch { narrow, places, leaves, .. } = scratch;
+        trees.walk(tree, narrow, places, leaves);
+        self.add_leaves(leaves, sums);
+    }
+
+    /// Writes the classes of rows whose lead exceeds `most`; the others move together.
+    fn settle(&self, most: f32, open: &mut Open, scratch: &mut PredictScratch, out: &mut [u16]) {
+        let (codes, classes) = (&mut scratch.narrow, self.classes);
+        let mut kept = 0;
+        for i in 0..open.rows.len() {
+            let sums = &open.sums[i * classes..][..classes];
+            let best = largest(sums);
+            let second = (0..classes).filter(|&c| c != best).map(|c| sums[c]).fold(0.0, f32::max);
+            if sums[best] - second > most {
+                out[open.rows[i] as usize] = best as u16;
+                continue;
+            }
+            open.rows[kept] = open.rows[i];
+            open.sums.copy_within(i * classes..(i + 1) * classes, kept * classes);
+            codes.by_row.copy_within(i * codes.width..(i + 1) * codes.width, kept * codes.width);
+            kept += 1;
+        }
+        open.rows.truncate(kept);
+        open.sums.truncate(kept * classes);
+        codes.rows = kept;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::forest::Descent;
+    use super::super::testing::blobs;
+    use super::super::{Forest, ForestParams};
+    use super::*;
+    use crate::parallel::Monitor;
+
+    #[test]
+    fn labels_are_those_of_the_largest_probabilities() {
+        for (classes, noise) in [(2, 0.0), (5, 0.4), (12, 0.1)] {
+            let data = blobs(6000, 7, classes, noise);
+            for trees in [1, 2, 17, 50] {
+                let params = ForestParams { trees, seed: trees as u64, ..ForestParams::default() };
+                let forest = Forest::fit(&data.samples(), &params, &Monitor::default()).unwrap();
+                let mut all = vec![0.0; 6000 * classes];
+                forest.predict_proba(&data.features, &mut all).unwrap();
+                let expected: Vec<u16> = all.chunks_exact(classes).map(|row| largest(row) as u16).collect();
+                assert_eq!(forest.predict(&data.features).unwrap(), expected, "{classes} classes, {trees} trees");
+            }
+        }
+    }
+
+    #[test]
+    fn settled_rows_leave_and_the_others_keep_their_codes() {
+        let data = blobs(3000, 7, 3, 0.0);
+        let params = ForestParams { trees: 20, ..ForestParams::default() };
+        let forest = Forest::fit(&data.samples(), &params, &Monitor::default()).unwrap();
+        let mut scratch = PredictScratch::default();
+        let mut labels = vec![0; 3000];
+        let Descent::Compact(trees) = &forest.descent else { panic!("small trees are compact") };
+        forest.label_block(&data.features, trees, &mut scratch, &mut labels);
+        assert!(scratch.narrow.rows < 3000, "no row was settled early");
+    }
+}
