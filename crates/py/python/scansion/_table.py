@@ -78,7 +78,8 @@ class TableClassifier(Classifier):
         array of shape (n_samples, n_classes)
             Columns in the order of ``classes_``.
         """
-        found: NDArray[np.float32] = self._trees.predict_proba(self._rows(X), self.n_jobs)
+        rows = self._rows(X)
+        found: NDArray[np.float32] = self._trees.predict_proba(rows, self.n_jobs)
         return found
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
@@ -88,7 +89,8 @@ class TableClassifier(Classifier):
         ----------
         X : array_like of shape (n_samples, n_features)
         """
-        labels: NDArray[Any] = self.classes_[self._trees.predict(self._rows(X), self.n_jobs)]
+        rows = self._rows(X)
+        labels: NDArray[Any] = self.classes_[self._trees.predict(rows, self.n_jobs)]
         return labels
 
     def _rows(self, X: ArrayLike) -> NDArray[np.float32]:
