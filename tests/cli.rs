@@ -202,8 +202,10 @@ fn every_method_parts_a_scan_and_objects_are_learned_and_named() {
     assert!(wrong.contains("did you mean `size`"), "{wrong}");
 
     for classifier in ["rf", "gbt", "bagging"] {
-        let settings = ["--recipe", "objects", "--set", "segments.slic.size=1.5", "--set", "training.share=0.6"];
-        let train = [&["train", "a.laz", "-o", "o.model", "--classifier", classifier], &settings[..]].concat();
+        // A small scene has few segments: leaves must be small too.
+        let keys = ["segments.slic.size=1", "training.share=0.8", "boosting.min_samples_leaf=2"];
+        let mut train = vec!["train", "a.laz", "-o", "o.model", "--recipe", "objects", "--classifier", classifier];
+        train.extend(keys.iter().flat_map(|key| ["--set", key]));
         let said = done(f, &train);
         assert!(said.contains("segments") && said.contains("naming whole segments could reach"), "{said}");
         done(f, &["classify", "a.laz", "-m", "o.model", "-o", "n.laz"]);
