@@ -138,6 +138,8 @@ def interrupted_after(seconds, work):
         sent.append(time.monotonic())
         os.kill(os.getpid(), signal.SIGINT)
 
+    # Where tests run in the background Ctrl-C may be ignored from the start.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(seconds, press)
     timer.start()
     try:
@@ -146,6 +148,7 @@ def interrupted_after(seconds, work):
         return time.monotonic() - sent[0]
     finally:
         timer.cancel()
+        signal.signal(signal.SIGINT, before)
 
 
 def test_ctrl_c_ends_features_within_a_fifth_of_a_second():
