@@ -1,0 +1,145 @@
+"""Segments of a cloud that follow its surfaces: the Riemannian graph, and growing regions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import choice, to_json
+from scansion._cloud import as_cloud
+
+
+class Riemannian(NamedTuple):
+    """Segment and supervoxel of each point, and the sizes and seconds of all stages."""
+
+    labels: NDArray[np.uint32]
+    supervoxels: NDArray[np.uint32]
+    report: dict[str, Any]
+
+
+def riemannian(
+    xyz: Any,
+    *,
+    min_depth: int = 6,
+    strength: float = 0.1,
+    settings: Mapping[str, Any] | None = None,
+    n_jobs: int | None = None,
+) -> Riemannian:
+    """Supervoxels of an adaptive octree and their segments on a Riemannian graph (Li 2020).
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    min_depth : int
+        Least depth of the octree; the cloud's cube is divided in two on each axis so many times.
+    strength : float
+        What an edge between segments costs; larger gives fewer, larger segments.
+    settings : mapping, optional
+        Further settings, as in a recipe: ``{"graph": {"nearest": 12}, "sides": "unsigned"}``.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import segmentation
+    >>> grid = np.arange(0.0, 8.0, 0.125)
+    >>> floor = np.stack(np.meshgrid(grid, grid, [0.0]), -1).reshape(-1, 3)
+    >>> wall = np.stack(np.meshgrid([0.0], grid, grid + 0.125), -1).reshape(-1, 3)
+    >>> found = segmentation.riemannian(np.concatenate([floor, wall]), min_depth=4, strength=0.3)
+    >>> bool(found.labels[2000] != found.labels[6000]), found.report["segments"] < found.report["supervoxels"]
+    (True, True)
+    """
+    given: dict[str, Any] = {**(settings or {}), "strength": strength}
+    given["octree"] = {"min_depth": min_depth, **given.get("octree", {})}
+    points, text = as_cloud(xyz, columns=[])._core, to_json(given)
+    clusters, segments, report = _core.riemannian(points, text, n_jobs)
+    return Riemannian(segments, clusters, json.loads(report))
+
+
+def region_growing(
+    xyz: Any,
+    *,
+    k: int = 15,
+    angle_deg: float = 10.0,
+    variation: float = 0.03,
+    min_size: int = 50,
+    reference: str = "current",
+    n_jobs: int | None = None,
+) -> NDArray[np.uint32]:
+    """Smooth regions of points (Rabbani, van den Heuvel and Vosselman 2006).
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    k : int
+        Neighbours that a region grows over and normals are found by; 2..32.
+    angle_deg : float
+        Greatest angle between normals, degrees.
+    variation : float
+        Regions grow on from points of a lower surface variation only.
+    min_size : int
+        Regions of fewer points are given up.
+    reference : {"current", "seed"}
+        Which normal the next one is compared with: that of the neighbour (regions may bend) or of the first seed (flat).
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    labels : array of shape (n,), uint32
+        Region of each point, from 1; 0 for none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import segmentation
+    >>> grid = np.arange(0.0, 5.0, 0.25)
+    >>> planes = np.stack(np.meshgrid(grid, grid, [0.0, 3.0]), -1).reshape(-1, 3)
+    >>> segmentation.region_growing(planes, k=8).max()
+    np.uint32(2)
+    """
+    choice(reference, "reference", ("current", "seed"))
+    settings = {"angle_deg": angle_deg, "variation": variation, "min_size": min_size, "reference": reference}
+    return _core.region_growing(as_cloud(xyz, columns=[])._core, k, to_json(settings), n_jobs)
+
+
+def octree_region_growing(
+    xyz: Any, *, size: float = 2.0, settings: Mapping[str, Any] | None = None, n_jobs: int | None = None
+) -> NDArray[np.uint32]:
+    """Flat voxels of an octree, grown and refined at their rims (Vo et al. 2015).
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    size : float
+        Edge of the largest voxels, metres.
+    settings : mapping, optional
+        Further settings, as in a recipe: ``{"residual": 0.05, "angle_deg": 15.0}``.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    labels : array of shape (n,), uint32
+        Region of each point, from 1; 0 for none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import segmentation
+    >>> grid = np.arange(0.0, 8.0, 0.125)
+    >>> planes = np.stack(np.meshgrid(grid, grid, [0.5, 5.5]), -1).reshape(-1, 3)
+    >>> segmentation.octree_region_growing(planes).max()
+    np.uint32(2)
+    """
+    text = to_json({**(settings or {}), "largest_voxel": size})
+    return _core.octree_region_growing(as_cloud(xyz, columns=[])._core, text, n_jobs)

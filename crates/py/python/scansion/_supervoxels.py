@@ -1,0 +1,121 @@
+"""Supervoxels of a cloud, and what segments are like as objects."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import choice, column, native, to_json
+from scansion._cloud import as_cloud
+from scansion._graph import as_rows
+
+
+def supervoxels(
+    xyz: Any,
+    *,
+    method: str = "slic",
+    size: float = 1.2,
+    normals: Any = None,
+    colours: Any = None,
+    spatial_weight: float = 0.4,
+    normal_weight: float = 1.0,
+    colour_weight: float = 0.1,
+    voxel: float | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.int64]:
+    """Small pieces of a cloud that are alike in place, normal and colour.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    method : {"slic", "vccs"}
+        On points (Hasanpour Zaryabi et al. 2022), or on voxels that touch, which never crosses a gap (Papon et al. 2013).
+    size : float
+        Distance of the seeds, metres.
+    normals : array_like of shape (n, 3), optional
+        Unit normals, as of `scansion.features.normals`.
+    colours : array_like of shape (n, 3), optional
+        Red, green and blue, 0..1.
+    spatial_weight, normal_weight, colour_weight : float
+        What the three distances count.
+    voxel : float, optional
+        "vccs": edge of the voxels, metres; a quarter of the size if it is not given.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    labels : array of shape (n,), int64
+        Supervoxel of each point; -1 for none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import segmentation
+    >>> grid = np.arange(0.0, 8.0, 0.25)
+    >>> plane = np.stack(np.meshgrid(grid, grid, [0.0]), -1).reshape(-1, 3)
+    >>> labels = segmentation.supervoxels(plane, size=2.0)
+    >>> len(np.unique(labels))
+    16
+    """
+    choice(method, "method", ("slic", "vccs"))
+    weights = {"spatial": spatial_weight, "normal": normal_weight, "colour": colour_weight}
+    settings: dict[str, Any] = {"size": size, "weights": weights}
+    if method == "vccs":
+        settings["voxel"] = size / 4 if voxel is None else voxel
+    elif voxel is not None:
+        raise ValueError(f"voxel: found {voxel!r} with method 'slic', expected None")
+    cloud = as_cloud(xyz, columns=[])
+    sides, rgb = _triples(normals, "normals", len(cloud)), _triples(colours, "colours", len(cloud))
+    found = _core.supervoxels(cloud._core, method, to_json(settings), sides, rgb, n_jobs)
+    return np.where(found == 2**32 - 1, -1, found.astype(np.int64))
+
+
+def object_features(
+    xyz: Any, labels: Any, *, colours: Any = None, heights: Any = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.float32], list[str]]:
+    """What each segment is like: its shape, colours and height (Hasanpour Zaryabi et al. 2022, Table 3).
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    labels : array_like of shape (n,)
+        Segment of each point, 0 or more.
+    colours : array_like of shape (n, 3), optional
+        Red, green and blue, 0..1.
+    heights : array_like of shape (n,), optional
+        Height of each point above the ground, metres, as of `scansion.terrain.heights`.
+    n_jobs : int, optional
+        Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    features : array of shape (segments, f), float32
+        One row a segment, in the order of their first points.
+    names : list of str
+
+    Examples
+    --------
+    >>> from scansion import segmentation
+    >>> features, names = segmentation.object_features([[0, 0, 0], [1, 0, 0], [5, 5, 5]], [0, 0, 1])
+    >>> features.shape, float(features[0, names.index("Linearity")])
+    ((2, 9), 1.0)
+    """
+    cloud = as_cloud(xyz, columns=[])
+    of = native(column(labels, "labels", len(cloud)), np.uint32)
+    above = None if heights is None else native(column(heights, "heights", len(cloud)), np.float32)
+    return _core.object_features(cloud._core, of, _triples(colours, "colours", len(cloud)), above, n_jobs)
+
+
+def _triples(values: Any, name: str, length: int) -> NDArray[np.float32] | None:
+    if values is None:
+        return None
+    array = as_rows(values, name)
+    if array.shape != (length, 3):
+        raise ValueError(f"{name}: expected shape ({length}, 3), found {array.shape}")
+    return array
