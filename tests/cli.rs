@@ -187,7 +187,7 @@ fn every_method_parts_a_scan_and_objects_are_learned_and_named() {
         assert_eq!(said["method"], method);
         assert!(said["segments"].as_u64().unwrap() > 1 && said["oracle_accuracy"].as_f64().unwrap() > 0.5, "{said}");
     }
-    let levels = done(f, &["segment", "a.laz", "-o", "l.laz", "--method", "riemannian", "--levels", "3,4"]);
+    let levels = done(f, &["segment", "a.laz", "-o", "l.laz", "--recipe", "riemannian", "--levels", "3,4"]);
     assert!(levels.contains("supervoxels") && levels.contains("cuts s"), "{levels}");
     assert!(done(f, &["info", "l.laz"]).contains("ClusterID_L2"));
     let sizes = ["1.5", "3"].map(|size| {

@@ -34,8 +34,8 @@ pub(crate) struct SegmentArgs {
     /// Smallest neighbourhood that describes a point (20 or more on scans that consist of lines) [default: 10]
     #[arg(long, value_name = "K")]
     pub(crate) k_min: Option<usize>,
-    /// Settings of all methods as TOML; flags win over the file
-    #[arg(long, value_name = "FILE.toml")]
+    /// Settings of all methods as TOML, or the name of a method, e.g. riemannian; flags win
+    #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting, e.g. objects.vccs.voxel=0.4; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]

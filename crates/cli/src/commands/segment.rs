@@ -51,8 +51,13 @@ pub(crate) fn parted(
 
 /// Flags before `--set` before the file before the defaults.
 fn settings(args: &SegmentArgs) -> Result<SegmentParams, Failure> {
-    let file = args.recipe.as_deref().map(sources::text).transpose()?;
-    let base = file.map_or_else(|| Ok(SegmentParams::default()), |text| SegmentParams::from_toml(&text))?;
+    let base = match args.recipe.as_deref() {
+        None => SegmentParams::default(),
+        Some(path) => match path.to_str().and_then(SegmentParams::named) {
+            Some(named) => named,
+            None => SegmentParams::from_toml(&sources::text(path)?)?,
+        },
+    };
     let mut params = base.with_settings(args.set.iter().map(String::as_str))?;
     params.method = args.method.map_or(params.method, Into::into);
     if let Some(k_min) = args.k_min {

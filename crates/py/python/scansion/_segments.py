@@ -168,7 +168,8 @@ def _settings(
     if cutoff is not None:
         settings.append(f"partition.cutoff={float(cutoff)}")
     if k_min is not None:
-        settings += [f"neighbourhood.k_min={int(k_min)}", f"neighbourhood.k_max={max(100, int(k_min))}"]
+        settings.append(f"neighbourhood.k_min={int(k_min)}")
+        settings += [f"neighbourhood.k_max={int(k_min)}"] if k_min > 100 else []
     if random_state is not None:
         settings += [f"partition.seed={int(random_state)}", f"riemannian.seed={int(random_state)}"]
     return text, settings

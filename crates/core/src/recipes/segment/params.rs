@@ -132,6 +132,12 @@ impl Default for SegmentParams {
 }
 
 impl SegmentParams {
+    /// The defaults with the method of that name (`riemannian` is document 001's recipe); nothing if there is no such method.
+    pub fn named(name: &str) -> Option<Self> {
+        let method = SegmentMethod::ALL.into_iter().find(|method| method.name() == name)?;
+        Some(Self { method, ..Self::default() })
+    }
+
     /// Reads TOML; a wrong key is named with its line and the nearest valid key.
     ///
     /// # Errors
@@ -254,7 +260,9 @@ mod tests {
         for method in SegmentMethod::ALL {
             let text = format!("method = \"{}\"", method.name());
             assert_eq!(SegmentParams::from_toml(&text).unwrap().method, method);
+            assert_eq!(SegmentParams::named(method.name()).unwrap().method, method);
         }
+        assert!(SegmentParams::named("bricks").is_none());
     }
 
     #[test]

@@ -7,9 +7,10 @@ use crate::features::{FeatureTable, normals, optimal_features};
 use crate::graph::{Graph, knn_graph};
 use crate::neighbours::knn;
 use crate::parallel::Monitor;
+use crate::recipes::SupervoxelMode;
 use crate::segmentation::{
-    Method, Partition, PartitionParams, Scene, Signal, StageSeconds, Trial, multi_scale, octree_region_growing,
-    partition_by_intent, region_growing, riemannian,
+    Method, Partition, PartitionParams, Scale, Scene, Signal, StageSeconds, Trial, multi_scale, octree_region_growing,
+    partition_by_intent, region_growing,
 };
 
 /// A partition and what its method knows of it.
@@ -92,29 +93,32 @@ fn on_points(
 }
 
 fn on_supervoxels(points: &Points, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
-    let found = riemannian(points, &params.riemannian, monitor)?;
-    let scales = multi_scale(points, &params.riemannian, params.levels.iter().copied(), monitor)?;
-    let level = |scale: crate::segmentation::Scale| Level {
-        min_depth: scale.min_depth,
-        supervoxels: scale.found.supervoxels.len(),
-        seconds: scale.found.seconds,
-        segments: scale.found.segments,
-    };
+    // The normals are the same at all depths: one call for the segments and for the levels.
+    let depths = std::iter::once(params.riemannian.octree.min_depth).chain(params.levels.iter().copied());
+    let mut scales = multi_scale(points, &params.riemannian, depths, monitor)?.into_iter().map(Level::from);
+    let Some(found) = scales.next() else { return Ok(Parted::default()) };
     Ok(Parted {
         partition: found.segments,
         strength: Some(params.riemannian.strength),
-        supervoxels: Some(found.supervoxels.len()),
-        levels: scales.into_iter().map(level).collect(),
+        supervoxels: Some(found.supervoxels),
+        levels: scales.collect(),
         ..Parted::default()
     })
+}
+
+impl From<Scale> for Level {
+    fn from(Scale { min_depth, found }: Scale) -> Self {
+        let supervoxels = found.supervoxels.len();
+        Self { min_depth, supervoxels, segments: found.segments, seconds: found.seconds }
+    }
 }
 
 fn of_supervoxels((cloud, points): (&Cloud, &Points), params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
     let mut objects = params.objects.clone();
     let colours = objects.colours(cloud, points)?;
     objects.supervoxels = match params.method {
-        SegmentMethod::Slic => crate::recipes::SupervoxelMode::Slic,
-        SegmentMethod::Vccs => crate::recipes::SupervoxelMode::Vccs,
+        SegmentMethod::Slic => SupervoxelMode::Slic,
+        SegmentMethod::Vccs => SupervoxelMode::Vccs,
         _ => objects.supervoxels,
     };
     let supervoxels = objects.supervoxels(points, colours.as_deref(), monitor)?;
