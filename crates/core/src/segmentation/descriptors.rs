@@ -5,6 +5,7 @@ use super::oriented_box::{OrientedBox, span};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::linalg::{Sym3, mean};
+use crate::parallel::{Monitor, map_ordered_with};
 
 /// Shape of one segment, in metres relative to the origin of the points.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,23 +34,23 @@ impl SegmentShape {
     }
 }
 
-/// Shape of each segment. The oriented box is that of least surface among three: along the coordinates, upright with a
-/// side along an edge of the plan's convex hull, and along the principal directions in space. O(n log n).
+/// Shape of each segment. The oriented box is the one of less surface of two: the least of all upright ones, and that along
+/// the principal directions in space. O(n log n).
 ///
 /// # Errors
 /// If the partition is not one of these points.
 pub fn segment_shapes(partition: &Partition, points: &Points) -> Result<Vec<SegmentShape>> {
     same_length(partition, points.len(), "points")?;
-    let mut own = Vec::new();
-    let describe = |members: &[u32]| {
-        own.clear();
-        own.extend(members.iter().map(|&i| {
-            let i = i as usize;
-            [f64::from(points.x[i]), f64::from(points.y[i]), f64::from(points.z[i])]
-        }));
-        shape(&own)
+    let place = |&i: &u32| {
+        let i = i as usize;
+        [f64::from(points.x[i]), f64::from(points.y[i]), f64::from(points.z[i])]
     };
-    Ok(partition.iter().map(describe).collect())
+    let describe = |own: &mut Vec<[f64; 3]>, segment: usize| {
+        own.clear();
+        own.extend(partition.members(segment).iter().map(place));
+        Ok(shape(own))
+    };
+    map_ordered_with(0..partition.len(), &Monitor::default(), Vec::new, describe)
 }
 
 fn shape(points: &[[f64; 3]]) -> SegmentShape {

@@ -26,14 +26,13 @@ impl OrientedBox {
         a * b + b * c + c * a
     }
 
-    /// Of least surface among three: along the coordinates, upright with a side along an edge of the plan's convex hull,
-    /// along the principal directions of the points' scatter. O(n log n).
+    /// The one of less surface of two: upright with a side along an edge of the plan's convex hull, and along the principal
+    /// directions of the points' scatter. O(n log n).
     pub(super) fn tightest(points: &[[f64; 3]], scatter: &Sym3) -> Self {
-        let z = [0.0, 0.0, 1.0];
-        let level = Self::around(points, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], z]);
-        let upright = along_the_hull(points).map(|[x, y]| Self::around(points, [[x, y, 0.0], [-y, x, 0.0], z]));
-        let others = upright.into_iter().chain([Self::around(points, scatter.eigen().vectors)]);
-        others.fold(level, |a, b| if b.half_surface() < a.half_surface() { b } else { a })
+        let [x, y] = along_the_hull(points).unwrap_or([1.0, 0.0]);
+        let upright = Self::around(points, [[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, 1.0]]);
+        let principal = Self::around(points, scatter.eigen().vectors);
+        if principal.half_surface() < upright.half_surface() { principal } else { upright }
     }
 
     /// The smallest box around the points in the given orthonormal directions.
