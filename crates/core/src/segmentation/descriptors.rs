@@ -1,9 +1,11 @@
 //! What a segment is like: its size, extent, oriented box, and the means of any values of its points.
 
 use super::Partition;
+use super::oriented_box::{OrientedBox, span};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::linalg::{Sym3, mean};
+use crate::parallel::{Monitor, map_ordered_with};
 
 /// Shape of one segment, in metres relative to the origin of the points.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,17 +22,6 @@ pub struct SegmentShape {
     pub oriented: OrientedBox,
 }
 
-/// A box that need not follow the axes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OrientedBox {
-    /// Centre, in metres.
-    pub centre: [f64; 3],
-    /// Three orthonormal directions, of falling side length.
-    pub axes: [[f64; 3]; 3],
-    /// Length of the side along each axis, in metres, falling.
-    pub sides: [f64; 3],
-}
-
 impl SegmentShape {
     /// Side lengths of the box along the axes of the coordinates, in metres.
     pub fn extent(&self) -> [f64; 3] {
@@ -43,65 +34,35 @@ impl SegmentShape {
     }
 }
 
-impl OrientedBox {
-    /// Product of the sides, in cubic metres.
-    pub fn volume(&self) -> f64 {
-        self.sides.iter().product()
-    }
-
-    fn half_surface(&self) -> f64 {
-        let [a, b, c] = self.sides;
-        a * b + b * c + c * a
-    }
-
-    /// The smallest box around the points in the given orthonormal directions.
-    fn around(points: &[[f64; 3]], axes: [[f64; 3]; 3]) -> Self {
-        let spans = axes.map(|axis| span(points.iter().map(|p| dot(*p, axis))));
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| (spans[b][1] - spans[b][0]).total_cmp(&(spans[a][1] - spans[a][0])));
-        let middle = spans.map(|[low, high]| (low + high) / 2.0);
-        let centre = [0, 1, 2].map(|c| (0..3).map(|a| middle[a] * axes[a][c]).sum());
-        Self { centre, axes: order.map(|a| axes[a]), sides: order.map(|a| spans[a][1] - spans[a][0]) }
-    }
-}
-
-/// Shape of each segment. The oriented box is that of least surface among three: along the coordinates, along the
-/// principal directions of the plan with a vertical axis, and along the principal directions in space. O(n).
+/// Shape of each segment. The oriented box is the one of less surface of two: the least of all upright ones, and that along
+/// the principal directions in space. O(n log n).
 ///
 /// # Errors
 /// If the partition is not one of these points.
 pub fn segment_shapes(partition: &Partition, points: &Points) -> Result<Vec<SegmentShape>> {
     same_length(partition, points.len(), "points")?;
-    let mut own = Vec::new();
-    let describe = |members: &[u32]| {
-        own.clear();
-        own.extend(members.iter().map(|&i| {
-            let i = i as usize;
-            [f64::from(points.x[i]), f64::from(points.y[i]), f64::from(points.z[i])]
-        }));
-        shape(&own)
+    let place = |&i: &u32| {
+        let i = i as usize;
+        [f64::from(points.x[i]), f64::from(points.y[i]), f64::from(points.z[i])]
     };
-    Ok(partition.iter().map(describe).collect())
+    let describe = |own: &mut Vec<[f64; 3]>, segment: usize| {
+        own.clear();
+        own.extend(partition.members(segment).iter().map(place));
+        Ok(shape(own))
+    };
+    map_ordered_with(0..partition.len(), &Monitor::default(), Vec::new, describe)
 }
 
 fn shape(points: &[[f64; 3]]) -> SegmentShape {
     let centroid = mean(points);
     let scatter = Sym3::scatter(points, centroid, points.len().max(1) as f64);
-    let plan = Sym3 { diagonal: [scatter.diagonal[0], scatter.diagonal[1], 0.0], off: [scatter.off[0], 0.0, 0.0] };
-    let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let along = plan.eigen().vectors[0];
-    // Where the plan is a single spot its principal direction may be the vertical one.
-    let upright = if along[2].abs() < 0.5 { [along, [-along[1], along[0], 0.0], z] } else { [x, y, z] };
-    let candidates = [[x, y, z], upright, scatter.eigen().vectors].map(|axes| OrientedBox::around(points, axes));
-    let [first, second, third] = candidates;
-    let smaller = |a: OrientedBox, b: OrientedBox| if b.half_surface() < a.half_surface() { b } else { a };
     let spans = [0, 1, 2].map(|a| span(points.iter().map(|p| p[a])));
     SegmentShape {
         points: points.len(),
         centroid,
         low: spans.map(|s| s[0]),
         high: spans.map(|s| s[1]),
-        oriented: smaller(smaller(first, second), third),
+        oriented: OrientedBox::tightest(points, &scatter),
     }
 }
 
@@ -137,16 +98,9 @@ pub(super) fn same_length(partition: &Partition, found: usize, what: &str) -> Re
     Err(Error::input(format!("{found} {what} for a partition of {} nodes", partition.nodes())))
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::oriented_box::dot;
     use super::*;
 
     fn turned_box(sides: [f64; 3], angle: f64) -> Points {

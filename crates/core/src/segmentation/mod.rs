@@ -7,6 +7,7 @@ mod majority;
 mod minimal_partition;
 mod object_features;
 mod octree;
+mod oriented_box;
 mod partition;
 mod region_growing;
 mod riemannian;
@@ -14,7 +15,7 @@ mod segment_graph;
 mod supervoxels;
 
 pub use connected::connected_partition;
-pub use descriptors::{OrientedBox, SegmentShape, segment_means, segment_shapes};
+pub use descriptors::{SegmentShape, segment_means, segment_shapes};
 pub use local_graphs::{Combination, LocalGraphParams, SurfaceRule, local_graphs};
 pub use majority::{Majority, majorities, oracle_accuracy};
 pub use minimal_partition::{
@@ -23,6 +24,7 @@ pub use minimal_partition::{
 };
 pub use object_features::{GEOMETRIC, HEIGHT, ObjectAttributes, SPECTRAL, object_features};
 pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};
+pub use oriented_box::OrientedBox;
 pub use partition::Partition;
 pub use region_growing::{
     GrownRegions, Leftovers, OctreeGrowingParams, Reference, RegionGrowingParams, octree_region_growing, region_growing,

@@ -4,57 +4,25 @@ use super::alpha_shape::{AlphaShape, Place};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
-use rayon::prelude::*;
-use std::collections::HashMap;
+use parry2d_f64::bounding_volume::Aabb;
+use parry2d_f64::math::Vector;
+use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use parry2d_f64::query::PointQuery;
+use parry2d_f64::shape::Segment;
 
 /// Points of a block.
 const BLOCK: usize = 16_384;
 
-/// What lies in each cell of a grid: ranges of `items`. The map is only asked, never walked through.
-struct Cells {
-    ranges: HashMap<[i32; 2], [u32; 2]>,
-    items: Vec<u32>,
-}
-
-impl Cells {
-    /// Puts every item into all cells that its extent (lowest, highest corner) touches.
-    fn new(size: f64, extents: impl Iterator<Item = [Place; 2]>) -> Self {
-        let mut keyed: Vec<([i32; 2], u32)> = Vec::new();
-        for (i, [low, high]) in extents.enumerate() {
-            let ([x0, y0], [x1, y1]) = (cell(size, low), cell(size, high));
-            keyed.extend((y0..=y1).flat_map(|y| (x0..=x1).map(move |x| ([x, y], i as u32))));
-        }
-        keyed.par_sort_unstable();
-        let mut ranges = HashMap::new();
-        let mut first = 0;
-        for group in keyed.chunk_by(|a, b| a.0 == b.0) {
-            let end = first + group.len() as u32;
-            ranges.insert(group[0].0, [first, end]);
-            first = end;
-        }
-        Self { ranges, items: keyed.iter().map(|k| k.1).collect() }
-    }
-
-    fn at(&self, cell: [i32; 2]) -> &[u32] {
-        self.ranges.get(&cell).map_or(&[], |&[first, end]| &self.items[first as usize..end as usize])
-    }
-}
-
-fn cell(size: f64, at: Place) -> [i32; 2] {
-    at.map(|v| (v / size).floor() as i32)
-}
-
 /// Position of every point with respect to the road: 0.5 within `rim` metres of its border on either side, else 0 inside and 1
-/// outside (document 000, section 2.1). O(n + triangles).
+/// outside (document 000, section 2.1). O(n √e + e log e) for a border of e edges.
 ///
 /// # Errors
-/// If `rim` is negative or not finite, the extent is too large for cells of the size of the triangles, or the work was
-/// cancelled.
+/// If `rim` is negative or not finite, or the work was cancelled.
 pub fn position(points: &Points, shape: &AlphaShape, rim: f64, monitor: &Monitor) -> Result<Vec<f32>> {
     if !(0.0..=1e9).contains(&rim) {
         return Err(Error::parameter("rim", rim, "metres, 0..1e9"));
     }
-    let index = Index::new(shape, rim)?;
+    let index = Index::new(shape, rim);
     let shift = [0, 1].map(|a| points.origin[a] - shape.origin[a]);
     let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
         let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
@@ -64,68 +32,50 @@ pub fn position(points: &Points, shape: &AlphaShape, rim: f64, monitor: &Monitor
     Ok(parts.concat())
 }
 
-/// The shape with a grid over its triangles and over the strip around its border.
+/// The border with a tree of boxes over it.
 struct Index<'a> {
-    shape: &'a AlphaShape,
+    border: &'a [[Place; 2]],
     rim: f64,
-    size: f64,
-    triangles: Cells,
-    border: Cells,
+    tree: Bvh,
+    /// Easternmost coordinate of the border.
+    east: f64,
 }
 
 impl<'a> Index<'a> {
-    fn new(shape: &'a AlphaShape, rim: f64) -> Result<Self> {
-        // Mean extent of the triangles: a triangle lies in few cells and a cell holds few triangles.
-        let extents = shape.triangles.iter().map(|t| extent(t, 0.0));
-        let sum: f64 = extents.map(|[low, high]| (high[0] - low[0]).max(high[1] - low[1])).sum();
-        let size = (2.0 * sum / shape.triangles.len().max(1) as f64).max(rim).max(1e-3);
-        let far = shape.triangles.iter().flatten().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
-        if (far + rim) / size >= f64::from(i32::MAX) {
-            return Err(Error::input(format!(
-                "the road reaches {far} m from the origin, too far for cells of {size} m"
-            )));
-        }
-        Ok(Self {
-            shape,
-            rim,
-            size,
-            triangles: Cells::new(size, shape.triangles.iter().map(|t| extent(t, 0.0))),
-            border: Cells::new(size, shape.border.iter().map(|e| extent(e, rim))),
-        })
+    fn new(shape: &'a AlphaShape, rim: f64) -> Self {
+        let boxes: Vec<Aabb> = shape.border.iter().map(|edge| Aabb::from_points(edge.map(vector))).collect();
+        let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
+        let east = tree.root_aabb().maxs.x;
+        Self { border: &shape.border, rim, tree, east }
     }
 
     fn position(&self, at: Place) -> f32 {
-        let cell = cell(self.size, at);
-        let on = |e: &u32| squared_distance(at, &self.shape.border[*e as usize]) <= self.rim * self.rim;
-        if self.border.at(cell).iter().any(on) {
+        let near = vector(at);
+        let around = Aabb::new(near - Vector::splat(self.rim), near + Vector::splat(self.rim));
+        let on = |e: u32| distance(near, self.border[e as usize]) <= self.rim;
+        if self.tree.intersect_aabb(&around).any(on) {
             return 0.5;
         }
-        let inside = |t: &u32| holds(&self.shape.triangles[*t as usize], at);
-        if self.triangles.at(cell).iter().any(inside) { 0.0 } else { 1.0 }
+        // Who leaves the road to the east crosses its border an odd number of times.
+        let ray = Aabb::new(near, Vector::new(self.east.max(at[0]), at[1]));
+        let crossings = self.tree.intersect_aabb(&ray).filter(|&e| crosses(&self.border[e as usize], at)).count();
+        if crossings % 2 == 1 { 0.0 } else { 1.0 }
     }
 }
 
-/// Lowest and highest corner of some places, widened.
-fn extent(places: &[Place], by: f64) -> [Place; 2] {
-    let fold = |a: usize, start: f64, pick: fn(f64, f64) -> f64| places.iter().fold(start, |m, p| pick(m, p[a]));
-    let low = [0, 1].map(|a| fold(a, f64::INFINITY, f64::min) - by);
-    [low, [0, 1].map(|a| fold(a, f64::NEG_INFINITY, f64::max) + by)]
+/// Whether a ray from a place to the east meets a segment; of its two ends the lower one belongs to it.
+fn crosses([a, b]: &[Place; 2], at: Place) -> bool {
+    let side = (b[0] - a[0]) * (at[1] - a[1]) - (b[1] - a[1]) * (at[0] - a[0]);
+    (a[1] <= at[1] && at[1] < b[1] && side > 0.0) || (b[1] <= at[1] && at[1] < a[1] && side < 0.0)
 }
 
-/// Whether a triangle (border included) holds a place.
-fn holds([a, b, c]: &[Place; 3], p: Place) -> bool {
-    let side = |a: &Place, b: &Place| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
-    let sides = [side(a, b), side(b, c), side(c, a)];
-    sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0)
+fn vector(place: Place) -> Vector {
+    Vector::new(place[0], place[1])
 }
 
-/// Squared distance of a place to a segment.
-fn squared_distance(p: Place, [a, b]: &[Place; 2]) -> f64 {
-    let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
-    let length = along[0] * along[0] + along[1] * along[1];
-    let share = if length > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
-    let apart = [to[0] - share * along[0], to[1] - share * along[1]];
-    apart[0] * apart[0] + apart[1] * apart[1]
+/// Distance of a place to a segment.
+fn distance(at: Vector, [a, b]: [Place; 2]) -> f64 {
+    Segment::new(vector(a), vector(b)).distance_to_local_point(at, true)
 }
 
 #[cfg(test)]
@@ -134,6 +84,13 @@ mod tests {
     use crate::cloud::Cloud;
     use crate::random::stream;
     use crate::terrain::AlphaParams;
+
+    /// Whether a triangle (border included) holds a place.
+    fn holds([a, b, c]: &[Place; 3], p: Place) -> bool {
+        let side = |a: &Place, b: &Place| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
+        let sides = [side(a, b), side(b, c), side(c, a)];
+        sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0)
+    }
 
     fn points(rows: &[[f64; 3]]) -> Points {
         Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
@@ -171,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_finds_what_looking_at_everything_finds() {
+    fn the_border_tells_what_looking_at_everything_finds() {
         let mut s = stream(3, 9);
         let rows: Vec<[f64; 3]> = (0..1500).map(|_| [s.uniform() * 60.0 + 5.0, s.uniform() * 30.0, 0.0]).collect();
         let points = points(&rows);
@@ -183,7 +140,7 @@ mod tests {
             for (p, value) in rows.iter().zip(found) {
                 let at = [f64::from((p[0] - 5.0) as f32), f64::from(p[1] as f32)].map(f64::from);
                 let at = [at[0] + 5.0 - shape.origin[0], at[1] - shape.origin[1]];
-                let near = shape.border.iter().map(|e| squared_distance(at, e).sqrt()).fold(f64::INFINITY, f64::min);
+                let near = shape.border.iter().map(|&e| distance(vector(at), e)).fold(f64::INFINITY, f64::min);
                 if (near - rim).abs() < 1e-4 {
                     continue;
                 }

@@ -17,7 +17,7 @@ pub struct BoostingParams {
     /// Splits on the longest way from root to leaf, 1..=4096; `None` (written as 0) stands for 4096.
     #[serde(with = "zero_is_none")]
     pub max_depth: Option<usize>,
-    /// No child gets fewer samples, 1 or more.
+    /// No child gets fewer samples, nor a share of the sum of second derivatives that stands for fewer, 1 or more.
     pub min_samples_leaf: usize,
     /// No child gets a smaller sum of second derivatives, 0 or more.
     pub min_child_weight: f64,

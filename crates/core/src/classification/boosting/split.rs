@@ -3,6 +3,10 @@
 //! With sums G and H of first and second derivatives the gain of a split is
 //! `GL^2 / (HL + lambda) + GR^2 / (HR + lambda) - G^2 / (H + lambda)` (Chen and Guestrin, *XGBoost*, KDD 2016, eq. 7,
 //! without its factor 1/2 and with the cost of a leaf as a threshold).
+//!
+//! `min_samples_leaf` holds twice, as in LightGBM (Ke et al. 2017): for the number of samples, and for their number as
+//! estimated from the child's share of H. Without the second, twenty samples of a rare class whose h is all but 0 make a
+//! leaf, and its answer G / H has no bound.
 
 use super::blocks::{Blocks, LANES};
 use super::histogram::{Cell, Cells, Scale, count, minus, plus};
@@ -74,9 +78,17 @@ impl Rules<'_> {
         Split::better(left.and_then(|l| split(l, false)), right.and_then(|r| split(r, true)))
     }
 
+    /// Least sum of second derivatives of a child: [`BoostingParams::min_child_weight`], and the share of the node's that
+    /// rounds up to `min_samples_leaf` of its samples.
+    fn least_hessian(&self, total: Cell) -> f64 {
+        let share = (self.params.min_samples_leaf as f64 - 0.5) / count(total).max(1) as f64;
+        self.params.min_child_weight.max(share * self.scale.sums(total).1)
+    }
+
     /// The last code on the left and the score of both sides, the codes below `first` counted to the right.
     fn scan(&self, cells: &[Cell], total: Cell, first: usize) -> Option<(usize, f64)> {
         let least = self.params.min_samples_leaf as u64;
+        let least_hessian = self.least_hessian(total);
         let (mut left, mut best) = ([0; 2], None);
         for (code, &cell) in cells.iter().enumerate().skip(first).filter(|(_, c)| count(**c) > 0) {
             left = plus(left, cell);
@@ -88,7 +100,7 @@ impl Rules<'_> {
                 continue;
             }
             let (hessian_left, hessian_right) = (self.scale.sums(left).1, self.scale.sums(right).1);
-            if hessian_left.min(hessian_right) < self.params.min_child_weight {
+            if hessian_left.min(hessian_right) < least_hessian {
                 continue;
             }
             let score = self.score(left) + self.score(right);

@@ -50,16 +50,18 @@ fn brute_force(x: &[f32], derivatives: &[(f64, f64)], (lambda, least): (f64, usi
     let score = |side: &dyn Fn(f32) -> bool| {
         let rows = x.iter().zip(derivatives).filter(|(x, _)| side(**x));
         let (g, h, n) = rows.fold((0.0, 0.0, 0), |(g, h, n), (_, d)| (g + d.0, h + d.1, n + 1));
-        (g * g / (h + lambda), n)
+        (g * g / (h + lambda), n, h)
     };
-    let all = score(&|_| true).0;
+    let (all, count, hessian) = score(&|_| true);
+    let share = (least as f64 - 0.5) / count as f64;
     let mut best = (0.0, 0.0, false);
     for &cut in x.iter().filter(|c| !c.is_nan()) {
         for right in [false, true] {
             let goes_right = |x: f32| if x.is_nan() { right } else { x > cut };
             let (l, r) = (score(&|x| !goes_right(x)), score(&goes_right));
             let gain = l.0 + r.0 - all;
-            if l.1.min(r.1) >= least && gain > best.0 + 1e-12 {
+            let allowed = l.1.min(r.1) >= least && l.2.min(r.2) >= share * hessian;
+            if allowed && gain > best.0 + 1e-12 {
                 best = (gain, cut, right);
             }
         }
@@ -76,7 +78,9 @@ fn a_tree_of_one_split_is_the_best_of_all_splits() {
             (0..n).map(|_| if random.below(6) == 0 { f32::NAN } else { random.below(25) as f32 }).collect();
         let labels: Vec<u16> =
             x.iter().map(|v| u16::from(random.uniform() < if *v > 12.0 || v.is_nan() { 0.7 } else { 0.3 })).collect();
-        let weights: Vec<f32> = (0..n).map(|_| 0.5 + random.below(3) as f32).collect();
+        // Enough samples above 21, but of too little weight for a side of their own.
+        let weigh = |v: &f32| if *v > 21.0 { 0.02 } else { 0.5 + random.below(3) as f32 };
+        let weights: Vec<f32> = x.iter().map(weigh).collect();
         let samples = Samples { features: &x, width: 1, labels: &labels, weights: Some(&weights), classes: 2 };
         let params = BoostingParams { rounds: 1, max_leaves: 2, min_samples_leaf: 4, lambda: 0.7, ..quick() };
         let (model, _) = fit(&samples, &params);
