@@ -178,11 +178,13 @@ impl Seeker {
 
 /// Keeps the points of a leaf that are at most that far, but for one.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "chains of iterators are not turned into vectors")]
 fn scan<S: Simd>(simd: S, (chunk, but): (&Chunk, u32), (at, limit): ([f32; 3], f32), kept: &mut Ranking) {
     let mut d = [0.0f32; LANES];
-    let places = chunk.x.iter().zip(&chunk.y).zip(&chunk.z).zip(&chunk.index);
-    for (d, (((&x, &y), &z), &index)) in d.iter_mut().zip(places) {
-        *d = if index == but { f32::NAN } else { squared([x, y, z], at) };
+    for l in 0..LANES {
+        let (x, y, z) = (chunk.x[l] - at[0], chunk.y[l] - at[1], chunk.z[l] - at[2]);
+        let squared = x * x + y * y + z * z;
+        d[l] = if chunk.index[l] == but { f32::NAN } else { squared };
     }
     append(simd, (&d, limit), bits(&d), (&mut kept.squared, kept.len));
     kept.len += append(simd, (&d, limit), &chunk.index, (&mut kept.index, kept.len));
