@@ -4,7 +4,7 @@
 //! left at every node. Where the samples hold NaN, the first cut is the lowest finite number and code 0 is NaN's alone.
 
 use super::descend::Codes;
-use super::quantise::{Columns, Rows, Table};
+use super::quantise::{Rows, TILE, Table, Tiles};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::random::stream;
@@ -137,8 +137,8 @@ impl Binning {
     pub(super) fn bin_rows(&self, values: &[f32], codes: &mut Codes<u8>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
         codes.by_row.resize(values.len() + super::compact::WIDTH, 0);
-        let by_row = codes.by_row.get_mut(..values.len()).unwrap_or_default();
-        pulp::Arch::new().dispatch(Rows { tables: &self.tables, values, codes: by_row });
+        let codes = codes.by_row.get_mut(..values.len()).unwrap_or_default();
+        pulp::Arch::new().dispatch(Rows { tables: &self.tables, values, codes });
     }
 
     /// As [`Binning::bin_rows`], for binnings of any size.
@@ -148,11 +148,11 @@ impl Binning {
         self.bin_wide(values, &mut codes.by_row);
     }
 
-    /// Codes of row-major values, a column a feature, with `spare` codes behind them.
-    pub(super) fn bin_columns(&self, values: &[f32], spare: usize, codes: &mut Codes<u8>) {
+    /// Codes of row-major values in whole tiles of [`TILE`] rows, each a column a feature.
+    pub(super) fn bin_tiles(&self, values: &[f32], codes: &mut Codes<u8>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
-        codes.by_feature.resize(values.len() + spare, 0);
-        pulp::Arch::new().dispatch(Columns { tables: &self.tables, values, codes });
+        codes.by_tile.resize(codes.rows.next_multiple_of(TILE) * codes.width, 0);
+        pulp::Arch::new().dispatch(Tiles { tables: &self.tables, values, codes: &mut codes.by_tile });
     }
 
     /// The cuts of these features only.

@@ -19,6 +19,9 @@ pub(super) const WIDTH: usize = 256;
 /// Levels that a row goes down before the next row is looked at: the processor works on several rows at once.
 const LEVELS: usize = 4;
 
+/// Rows that are taken down a tree together: their codes stay in the nearest cache.
+const TOGETHER: usize = 256;
+
 /// Nodes in a line of the cache.
 const LINE: usize = 16;
 
@@ -147,10 +150,14 @@ impl Compact {
     pub(super) fn walk(&self, tree: usize, codes: &Codes<u8>, places: &mut Places, leaves: &mut Vec<u32>) {
         let Some(Pieces { top, lower }) = self.trees.get(tree) else { return };
         let Some((steps, rows)) = self.open(top) else { return };
-        places.start(steps, codes);
-        places.finish(steps, codes);
+        places.at.resize(codes.rows, 0);
         leaves.clear();
-        leaves.extend(places.at.iter().map(|&at| leaf(steps, rows, at)));
+        for first in (0..codes.rows).step_by(TOGETHER) {
+            let own = first..codes.rows.min(first + TOGETHER);
+            places.start(steps, codes, own.clone());
+            places.finish(steps, codes);
+            leaves.extend(places.at.get(own).unwrap_or_default().iter().map(|&at| leaf(steps, rows, at)));
+        }
         if !lower.is_empty() {
             self.go_on(lower, codes, places, leaves);
         }
@@ -200,13 +207,12 @@ fn warm(steps: &[Step]) {
 }
 
 impl Places {
-    /// All rows from the root.
-    fn start(&mut self, steps: &[Step; WINDOW], codes: &Codes<u8>) {
-        self.at.resize(codes.rows, 0);
-        self.moving.resize(codes.rows, 0);
+    /// Some rows from the root.
+    fn start(&mut self, steps: &[Step; WINDOW], codes: &Codes<u8>, rows: Range<usize>) {
+        self.moving.resize(rows.len(), 0);
         let mut kept = 0usize;
-        for (row, at) in self.at.iter_mut().enumerate() {
-            let Some(codes) = row_of(codes, row) else { break };
+        for row in rows {
+            let (Some(at), Some(codes)) = (self.at.get_mut(row), row_of(codes, row)) else { break };
             *at = descend(steps, 0, codes);
             if let Some(slot) = self.moving.get_mut(kept) {
                 *slot = row as u16;

@@ -5,10 +5,11 @@ use super::forest::{LEAF_CUT, Node};
 /// Levels that a row goes down before the next row is looked at: the processor works on several rows at once.
 const LEVELS: usize = 4;
 
-/// The codes of a block of at most 65,536 rows, by feature or by row.
+/// The codes of a block of at most 65,536 rows: by row, or in tiles of [`TILE`](super::quantise::TILE) rows, each a column a
+/// feature.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Codes<C> {
-    pub(super) by_feature: Vec<C>,
+    pub(super) by_tile: Vec<C>,
     pub(super) by_row: Vec<C>,
     pub(super) rows: usize,
     pub(super) width: usize,

@@ -1,25 +1,56 @@
-//! From values to codes: two counts among 16 cuts instead of a search, compiled for each instruction set.
+//! From values to codes: counts among 16 cuts instead of a search, compiled for each instruction set.
 
-use super::descend::Codes;
 use pulp::{Simd, bytemuck};
 
+/// Rows of a tile: two registers of codes, so that one is worked on while the other waits.
+pub(super) const TILE: usize = 128;
+
+/// Rows whose values stay in the nearest cache while it goes from feature to feature.
+const PART: usize = 64;
+
+/// Values in a line of the cache.
+const LINE: usize = 16;
+
 /// 255 cuts and infinity, and every 16th of them once more: a code is found by two counts among 16 numbers, which the
-/// processor does at once.
+/// processor does at once; by one or a few where the cuts are few.
 #[derive(Clone, Debug, PartialEq)]
+#[repr(align(64))]
 pub(super) struct Table {
     coarse: [f32; 16],
     fine: [[f32; 16]; 16],
+    /// Number of cuts.
+    cuts: usize,
 }
 
 impl Table {
     pub(super) fn new(cuts: &[f32]) -> Self {
         let cut = |i: usize| cuts.get(i).copied().unwrap_or(f32::INFINITY);
         let fine = std::array::from_fn(|block| std::array::from_fn(|i| cut(16 * block + i)));
-        Self { coarse: std::array::from_fn(|block| cut(16 * block + 15)), fine }
+        Self { cuts: cuts.len(), coarse: std::array::from_fn(|block| cut(16 * block + 15)), fine }
+    }
+
+    /// Codes of the values of one feature.
+    #[inline(always)]
+    fn column<'a, S: Simd>(&self, simd: S, values: impl Iterator<Item = &'a f32>, codes: &mut [u8; PART]) {
+        let pairs = codes.iter_mut().zip(values);
+        match self.cuts {
+            0 => codes.fill(0),
+            1..=16 => pairs.for_each(|(code, &x)| *code = self.flat::<1, S>(simd, x)),
+            17..=32 => pairs.for_each(|(code, &x)| *code = self.flat::<2, S>(simd, x)),
+            _ => pairs.for_each(|(code, &x)| *code = self.nested(simd, x)),
+        }
+    }
+
+    /// The code where all cuts are in the first blocks.
+    #[inline(always)]
+    fn flat<const BLOCKS: usize, S: Simd>(&self, simd: S, x: f32) -> u8 {
+        let x = simd.splat_f32s(x);
+        let counts = self.fine.iter().take(BLOCKS).map(|block| count_below(simd, block, x));
+        counts.fold(0, u32::wrapping_add) as u8
     }
 
     #[inline(always)]
-    fn code<S: Simd>(&self, simd: S, x: f32) -> u8 {
+    fn nested<S: Simd>(&self, simd: S, x: f32) -> u8 {
         let x = simd.splat_f32s(x);
         let block = count_below(simd, &self.coarse, x);
         let within = count_below(simd, &self.fine[(block & 15) as usize], x);
@@ -55,49 +86,49 @@ pub(super) struct Rows<'a> {
     pub(super) codes: &'a mut [u8],
 }
 
-/// Rows that are quantised feature by feature: their values and the feature's table stay in the nearest cache.
-const CHUNK: usize = 64;
-
 impl pulp::WithSimd for Rows<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let width = self.tables.len().max(1);
-        for (values, codes) in self.values.chunks(CHUNK * width).zip(self.codes.chunks_mut(CHUNK * width)) {
-            for (f, table) in self.tables.iter().enumerate() {
-                let values = values.get(f..).unwrap_or_default().iter().step_by(width);
-                let codes = codes.get_mut(f..).unwrap_or_default().iter_mut().step_by(width);
-                for (code, &x) in codes.zip(values) {
-                    *code = table.code(simd, x);
-                }
+        for (values, codes) in self.values.chunks_exact(width).zip(self.codes.chunks_exact_mut(width)) {
+            for ((code, &x), table) in codes.iter_mut().zip(values).zip(self.tables) {
+                *code = table.nested(simd, x);
             }
         }
     }
 }
 
-/// Codes of rows, a column a feature, compiled for each instruction set.
-pub(super) struct Columns<'a> {
+/// Codes of rows in tiles, each of which has [`TILE`] codes of every feature; compiled for each instruction set.
+pub(super) struct Tiles<'a> {
     pub(super) tables: &'a [Table],
     pub(super) values: &'a [f32],
-    pub(super) codes: &'a mut Codes<u8>,
+    pub(super) codes: &'a mut [u8],
 }
 
-impl pulp::WithSimd for Columns<'_> {
+impl pulp::WithSimd for Tiles<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let (width, rows) = (self.tables.len().max(1), self.codes.rows.max(1));
-        for (chunk, values) in self.values.chunks(CHUNK * width).enumerate() {
-            let columns = self.codes.by_feature.chunks_exact_mut(rows);
-            for (f, (column, table)) in columns.zip(self.tables).enumerate() {
-                let codes = column.get_mut(chunk.wrapping_mul(CHUNK)..).unwrap_or_default();
-                let values = values.get(f..).unwrap_or_default().iter().step_by(width);
-                for (code, &x) in codes.iter_mut().zip(values) {
-                    *code = table.code(simd, x);
+        let width = self.tables.len().max(1);
+        let tiles = self.codes.chunks_exact_mut(TILE * width);
+        for (values, tile) in self.values.chunks(TILE * width).zip(tiles) {
+            for (part, values) in values.chunks(PART * width).enumerate() {
+                read_ahead(values);
+                let columns = tile.chunks_exact_mut(PART).skip(part).step_by(TILE / PART);
+                for (f, (table, codes)) in self.tables.iter().zip(columns).enumerate() {
+                    let Some(codes) = codes.first_chunk_mut() else { continue };
+                    table.column(simd, values.chunks_exact(width).filter_map(|row| row.get(f)), codes);
                 }
             }
         }
     }
+}
+
+/// Reads values from end to end: they come from memory much faster than feature by feature.
+#[inline(always)]
+fn read_ahead(values: &[f32]) {
+    std::hint::black_box(values.iter().step_by(LINE).fold(0u32, |bits, x| bits ^ x.to_bits()));
 }

@@ -2,16 +2,14 @@
 
 use super::super::descend::Walk;
 use super::super::predict::{PredictScratch, largest};
+use super::super::quantise::TILE;
 use super::model::Boosting;
-use super::sweep::{Sweep, TILE};
+use super::sweep::{NARROW, Sweep};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
 /// Rows of a block: their codes and scores stay in the cache.
 const BLOCK: usize = 2048;
-
-/// Most nodes of a tree that [`Sweep`] takes.
-const NARROW: usize = 256;
 
 impl Boosting {
     /// Class probabilities of `rows` (row-major, [`Boosting::width`] values a row), written row-major to `out`
@@ -71,7 +69,7 @@ impl Boosting {
         self.start.iter().for_each(|&s| scores.extend(std::iter::repeat_n(s, stride)));
         let rows = if self.twins.is_empty() { rows } else { self.extend(rows, extended) };
         if self.is_narrow() {
-            self.binning.bin_columns(rows, TILE, narrow);
+            self.binning.bin_tiles(rows, narrow);
             pulp::Arch::new().dispatch(Sweep { model: self, codes: narrow, stride, scores });
         } else {
             self.binning.bin_rows(rows, narrow);

@@ -1,15 +1,24 @@
-//! Small trees without branches: every node is asked of 64 rows at once, in the order that children follow parents.
+//! Small trees without branches: every node is asked of a tile of rows at once, in the order that children follow parents.
 
 use super::super::descend::Codes;
 use super::super::forest::LEAF_CUT;
+use super::super::quantise::TILE;
 use super::model::Boosting;
 
-/// Rows that go through the trees together.
-pub(super) const TILE: usize = 64;
+/// Most nodes of a tree.
+pub(super) const NARROW: usize = 256;
 
-/// Adds the answers of all trees to the scores, compiled for each instruction set. Trees of at most 256 nodes;
-/// `codes.by_feature` has [`TILE`] codes to spare at its end; `scores` holds a column of `stride` rows, a multiple of
-/// [`TILE`], for each group.
+/// A split of a small tree: rows at `node` with a code above `cut` go to `left + 1`, others to `left`.
+#[derive(Clone, Copy)]
+struct Split {
+    feature: u16,
+    node: u8,
+    cut: u8,
+    left: u8,
+}
+
+/// Adds the answers of all trees to the scores, compiled for each instruction set. Trees of at most [`NARROW`] nodes;
+/// `scores` holds a column of `stride` rows, a multiple of [`TILE`], for each group.
 pub(super) struct Sweep<'a> {
     pub(super) model: &'a Boosting,
     pub(super) codes: &'a Codes<u8>,
@@ -23,37 +32,54 @@ impl pulp::WithSimd for Sweep<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let Sweep { model, codes, stride, scores } = self;
-        let groups = model.groups().max(1);
-        for tile in (0..codes.rows).step_by(TILE) {
-            for (tree, &root) in model.roots.iter().enumerate() {
-                let end = model.roots.get(tree + 1).map_or(model.nodes.len(), |&r| r as usize);
-                let (Some(nodes), Some(answers)) =
-                    (model.nodes.get(root as usize..end), model.answers.get(root as usize..end))
-                else {
-                    continue;
-                };
+        let (groups, trees) = (model.groups().max(1), splits(model));
+        let tiles = codes.by_tile.chunks_exact(TILE * codes.width.max(1));
+        for (tile, columns) in tiles.map(|tile| tile.as_chunks::<TILE>().0).enumerate() {
+            for (tree, (splits, &root)) in trees.iter().zip(&model.roots).enumerate() {
                 let mut at = [0u8; TILE];
-                for (i, node) in nodes.iter().enumerate() {
-                    if node.cut == LEAF_CUT {
-                        continue;
+                for split in splits {
+                    if let Some(column) = columns.get(usize::from(split.feature)) {
+                        step(&mut at, column, *split);
                     }
-                    let column = codes.by_feature.get(usize::from(node.feature) * codes.rows + tile..);
-                    let Some(column) = column.and_then(|c| c.first_chunk::<TILE>()) else { continue };
-                    step(&mut at, column, [i as u8, node.cut as u8, node.left.wrapping_sub(root) as u8]);
                 }
-                let first = (tree % groups) * stride + tile;
+                let answers = model.answers.get(root as usize..).unwrap_or_default();
+                let first = (tree % groups) * stride + tile * TILE;
                 let Some(scores) = scores.get_mut(first..).and_then(|s| s.first_chunk_mut::<TILE>()) else { continue };
-                for (score, &at) in scores.iter_mut().zip(&at) {
-                    *score += answers.get(usize::from(at)).copied().unwrap_or_default();
-                }
+                add(scores, &at, answers);
             }
         }
     }
 }
 
-/// Rows that stand at `node` go on to one of its children.
+/// The splits of each tree, parents first.
+fn splits(model: &Boosting) -> Vec<Vec<Split>> {
+    let ends = model.roots.iter().skip(1).map(|&root| root as usize).chain([model.nodes.len()]);
+    let trees = model.roots.iter().zip(ends).map(|(&root, end)| {
+        let nodes = model.nodes.get(root as usize..end).unwrap_or_default().iter().enumerate();
+        let splits = nodes.filter(|(_, node)| node.cut != LEAF_CUT).map(|(i, node)| Split {
+            feature: node.feature,
+            node: i as u8,
+            cut: node.cut as u8,
+            left: node.left.wrapping_sub(root) as u8,
+        });
+        splits.collect()
+    });
+    trees.collect()
+}
+
+/// Adds the answer at each row's place.
 #[inline(always)]
-fn step(at: &mut [u8; TILE], column: &[u8; TILE], [node, cut, left]: [u8; 3]) {
+fn add(scores: &mut [f32; TILE], at: &[u8; TILE], answers: &[f32]) {
+    let pairs = scores.iter_mut().zip(at);
+    match answers.first_chunk::<NARROW>() {
+        Some(answers) => pairs.for_each(|(score, &at)| *score += answers[usize::from(at)]),
+        None => pairs.for_each(|(score, &at)| *score += answers.get(usize::from(at)).copied().unwrap_or_default()),
+    }
+}
+
+/// Rows that stand at the split go on to one of its children.
+#[inline(always)]
+fn step(at: &mut [u8; TILE], column: &[u8; TILE], Split { node, cut, left, .. }: Split) {
     for (at, &code) in at.iter_mut().zip(column) {
         let next = left.wrapping_add(u8::from(code > cut));
         *at = if *at == node { next } else { *at };
