@@ -1,6 +1,7 @@
 //! The k nearest neighbours of all points, and of other places.
 
-use super::knn_search::{Key, Seeker, distance_of};
+use super::knn_rank::Rows;
+use super::knn_search::Seeker;
 use super::knn_tree::{Tree, check};
 use super::nearest::Neighbours;
 use crate::cloud::Points;
@@ -48,11 +49,11 @@ pub fn knn(points: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
             monitor,
             |block, _| Ok(block),
             |block| {
-                for (&point, row) in tree.index[block.points.clone()].iter().zip(block.keys.chunks_exact(k)) {
+                let rows = block.rows.index.chunks_exact(k).zip(block.rows.squared.chunks_exact(k));
+                for (&point, (near, squared)) in tree.index[block.points].iter().zip(rows) {
                     let range = point as usize * k..(point as usize + 1) * k;
-                    for ((i, d), &key) in index[range.clone()].iter_mut().zip(&mut squared_distance[range]).zip(row) {
-                        (*i, *d) = (key as u32, distance_of(key));
-                    }
+                    index[range.clone()].copy_from_slice(near);
+                    squared_distance[range].iter_mut().zip(squared).for_each(|(to, &d)| *to = f32::from_bits(d));
                 }
             },
         )?;
@@ -80,23 +81,23 @@ pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor
         let range = block * QUERIES..((block + 1) * QUERIES).min(queries.len());
         let places = range.map(|i| [(queries.x[i], 0), (queries.y[i], 1), (queries.z[i], 2)]);
         let places: Vec<[f32; 3]> = places.map(|p| p.map(|(v, a)| (f64::from(v) + shift[a]) as f32)).collect();
-        let mut keys = Vec::with_capacity(places.len() * k);
-        Arch::new().dispatch(Places { seeker, tree: &tree, places: &places, k, out: &mut keys });
+        let mut rows = Rows::with_room(places.len() * k);
+        Arch::new().dispatch(Places { seeker, tree: &tree, places: &places, k, out: &mut rows });
         monitor.advance(places.len() as u64);
-        Ok(keys)
+        Ok(rows)
     })?;
-    for key in parts.into_iter().flatten() {
-        index.push(key as u32);
-        squared_distance.push(distance_of(key));
+    for rows in parts {
+        index.extend(rows.index);
+        squared_distance.extend(rows.squared.into_iter().map(f32::from_bits));
     }
     Ok(Neighbours::trusted(k, index, squared_distance))
 }
 
-/// Neighbours of points that stand together: `keys` holds `k` for each of `points` (positions in the tree's order).
+/// Neighbours of points that stand together: `rows` holds `k` for each of `points` (positions in the tree's order).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Block {
     pub(super) points: Range<usize>,
-    pub(super) keys: Vec<Key>,
+    pub(super) rows: Rows,
 }
 
 /// Searches all points of the tree block by block: `kernel` in parallel, `take` in order. `k` may be 0.
@@ -113,12 +114,12 @@ pub(super) fn blocks<T: Send>(
         let parts = map_ordered_with(first..(first + at_once).min(count), monitor, Seeker::default, |seeker, b| {
             let leaves = b * LEAVES..((b + 1) * LEAVES).min(tree.leaves.len());
             let points = tree.points_of(leaves.clone());
-            let mut keys = Vec::with_capacity(points.len() * k);
+            let mut rows = Rows::with_room(points.len() * k);
             if k > 0 {
-                Arch::new().dispatch(Leaves { seeker, tree, leaves, k, out: &mut keys });
+                Arch::new().dispatch(Leaves { seeker, tree, leaves, k, out: &mut rows });
             }
             monitor.advance(points.len() as u64);
-            kernel(Block { points, keys }, tree)
+            kernel(Block { points, rows }, tree)
         })?;
         parts.into_iter().for_each(&mut take);
     }
@@ -131,15 +132,15 @@ struct Leaves<'a> {
     tree: &'a Tree,
     leaves: Range<usize>,
     k: usize,
-    out: &'a mut Vec<Key>,
+    out: &'a mut Rows,
 }
 
 impl WithSimd for Leaves<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.seeker.leaves(self.tree, self.leaves, self.k, self.out);
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.seeker.leaves(simd, self.tree, self.leaves, (self.k, self.out));
     }
 }
 
@@ -149,15 +150,15 @@ struct Places<'a> {
     tree: &'a Tree,
     places: &'a [[f32; 3]],
     k: usize,
-    out: &'a mut Vec<Key>,
+    out: &'a mut Rows,
 }
 
 impl WithSimd for Places<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.seeker.places(self.tree, self.places, self.k, self.out);
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.seeker.places(simd, self.tree, self.places, (self.k, self.out));
     }
 }
 

@@ -1,58 +1,86 @@
 //! The leaves of a k-d tree that can matter to the queries of one leaf.
 
-use super::knn_tree::{LEAF, Node};
+use super::knn_build::Bounds;
+use super::knn_lanes::{LANES, append, bits};
+use super::knn_tree::{Tree, Wide, gaps};
+use pulp::{Simd, bytemuck};
 
-/// Leaves that matter to a leaf's queries: first point and count, and boxes axis by axis, padded to whole lanes.
+/// Leaves that matter to a leaf's queries, and their boxes axis by axis.
 #[derive(Clone, Debug, Default)]
 pub(super) struct List {
-    /// First point and number of points.
-    pub(super) ranges: Vec<[u32; 2]>,
-    low: [Vec<f32>; 3],
-    high: [Vec<f32>; 3],
+    leaf: Vec<u32>,
+    /// Bits of the lowest coordinates of the boxes, then of the highest.
+    corners: [Vec<u32>; 6],
+    len: usize,
+    stack: Vec<u32>,
 }
 
 impl List {
-    pub(super) fn clear(&mut self) {
-        self.ranges.clear();
-        self.low.iter_mut().chain(&mut self.high).for_each(Vec::clear);
-    }
-
+    /// Lists the leaves whose squared distance from a box is at most `limit`; false if they are more than `most`.
     #[inline(always)]
-    pub(super) fn push(&mut self, leaf: &Node) {
-        self.ranges.push([leaf.first, leaf.count]);
-        for a in 0..3 {
-            self.low[a].push(leaf.low[a]);
-            self.high[a].push(leaf.high[a]);
-        }
-    }
-
-    /// Fills up to whole lanes with boxes that nothing is within.
-    #[inline(always)]
-    pub(super) fn pad(&mut self) {
-        let full = self.ranges.len().next_multiple_of(LEAF);
-        self.low.iter_mut().for_each(|axis| axis.resize(full, f32::INFINITY));
-        self.high.iter_mut().for_each(|axis| axis.resize(full, f32::INFINITY));
-    }
-
-    /// Appends which leaves lie within the limit of a place.
-    #[inline(always)]
-    pub(super) fn within(&self, at: [f32; 3], limit: f32, found: &mut Vec<u32>) {
-        found.resize(self.low[0].len() + LEAF, 0);
-        let mut kept = 0usize;
-        for start in (0..self.low[0].len()).step_by(LEAF) {
-            let mut bound = [0.0f32; LEAF];
-            for ((low, high), at) in self.low.iter().zip(&self.high).zip(at) {
-                let boxes = low[start..start + LEAF].iter().zip(&high[start..start + LEAF]);
-                for (bound, (low, high)) in bound.iter_mut().zip(boxes) {
-                    let apart = (low - at).max(at - high).max(0.0);
-                    *bound += apart * apart;
+    pub(super) fn fill<S: Simd>(&mut self, simd: S, tree: &Tree, bounds: &Bounds, (limit, most): (f32, usize)) -> bool {
+        self.len = 0;
+        self.stack.resize(self.stack.len().max(1), 0);
+        self.stack[0] = 0;
+        let mut open = usize::from(!tree.nodes.is_empty());
+        while open > 0 {
+            open -= 1;
+            let node = &tree.nodes[self.stack[open] as usize];
+            let gaps = node.gaps(bounds);
+            if node.holds_leaves {
+                self.push(simd, node, (&gaps, limit));
+                if self.len > most {
+                    return false;
                 }
-            }
-            for (l, &b) in bound.iter().enumerate() {
-                found[kept] = (start + l) as u32;
-                kept = kept.wrapping_add(usize::from(b <= limit));
+            } else {
+                open += append(simd, (&gaps, limit), &node.child, (&mut self.stack, open));
             }
         }
-        found.truncate(kept);
+        self.pad();
+        true
     }
+
+    #[inline(always)]
+    fn push<S: Simd>(&mut self, simd: S, node: &Wide, taken: (&[f32; LANES], f32)) {
+        let [x, y, z, u, v, w] = &mut self.corners;
+        for (axis, table) in node.low.iter().zip([x, y, z]).chain(node.high.iter().zip([u, v, w])) {
+            append(simd, taken, bits(axis), (table, self.len));
+        }
+        self.len += append(simd, taken, &node.child, (&mut self.leaf, self.len));
+    }
+
+    /// Fills up to whole lanes with boxes that are none.
+    #[inline(always)]
+    fn pad(&mut self) {
+        for table in &mut self.corners {
+            if table.len() < self.len + LANES {
+                table.resize(self.len + LANES, 0);
+            }
+            table[self.len..self.len + LANES].fill(f32::NAN.to_bits());
+        }
+        self.leaf.resize(self.leaf.len().max(self.len + LANES), 0);
+    }
+
+    /// Writes which of the leaves lie within the limit of a place; returns how many they are.
+    #[inline(always)]
+    pub(super) fn within<S: Simd>(&self, simd: S, at: [f32; 3], limit: f32, found: &mut Vec<u32>) -> usize {
+        let place = Bounds { low: at, high: at };
+        let [x, y, z, u, v, w] = &self.corners;
+        let [x, y, z, u, v, w] = [groups(x), groups(y), groups(z), groups(u), groups(v), groups(w)];
+        let boxes = x.iter().zip(y).zip(z).zip(u).zip(v).zip(w);
+        let mut count = 0;
+        for (leaf, (((((x, y), z), u), v), w)) in
+            self.leaf.as_chunks::<LANES>().0.iter().zip(boxes).take(self.len.div_ceil(LANES))
+        {
+            let gaps = gaps([x, y, z], [u, v, w], &place);
+            count += append(simd, (&gaps, limit), leaf, (found, count));
+        }
+        count
+    }
+}
+
+/// Coordinates by their bits, 16 at a time.
+#[inline(always)]
+fn groups(table: &[u32]) -> &[[f32; LANES]] {
+    bytemuck::cast_slice::<u32, f32>(table).as_chunks::<LANES>().0
 }

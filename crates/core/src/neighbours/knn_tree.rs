@@ -1,51 +1,52 @@
-//! A balanced k-d tree over points: leaves of a few points in a row, a tight box around every node.
+//! A k-d tree for vectors: leaves of 16 points, nodes of up to 16 boxes.
 //!
-//! Bentley, *Multidimensional binary search trees used for associative searching*, CACM 18, 1975. Nodes are split in the
-//! middle of their points along the longest edge of their box, by (coordinate, index): equal coordinates do no harm. Of many
-//! points in one place only the first few are kept: no other can be among the k nearest of anything.
+//! The two children of [`super::knn_build`] are joined over several levels until a node has 16 (Wald, Benthin, Boulos,
+//! *Getting rid of packets*, IEEE Symposium on Interactive Ray Tracing 2008, do this for rays).
 
+use super::knn_build::{Bounds, Item, Node, build};
+use super::knn_lanes::{LANES, larger};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 
-/// Points of a leaf at most (but for a leaf whose points all stand in one place).
-pub(super) const LEAF: usize = 16;
-/// Below this many points a subtree is built by one thread.
-const ALONE: usize = 20_000;
-
-/// A point while the tree is built.
-#[derive(Clone, Copy, Debug)]
-struct Item {
-    place: [f32; 3],
-    index: u32,
+/// The points of a leaf that can be neighbours, axis by axis; behind them places that are not numbers.
+#[derive(Clone, Debug)]
+pub(super) struct Chunk {
+    pub(super) x: [f32; LANES],
+    pub(super) y: [f32; LANES],
+    pub(super) z: [f32; LANES],
+    /// Position of each in the points that the tree was built from.
+    pub(super) index: [u32; LANES],
 }
 
-/// A node; its first child is the next node.
+/// Where the points of a leaf stand.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
-    /// Smallest coordinates of its points.
-    pub(super) low: [f32; 3],
-    /// Largest coordinates of its points.
-    pub(super) high: [f32; 3],
+pub(super) struct Leaf {
+    pub(super) bounds: Bounds,
     /// First of its points in the order of the tree.
-    pub(super) first: u32,
-    /// Points of a leaf that can be neighbours; 0 at an inner node.
+    first: u32,
+    /// Points that can be neighbours.
     pub(super) count: u32,
-    /// Second child of an inner node, counted from this node; for a leaf all of its points.
-    pub(super) skip: u32,
 }
 
-/// The points in the order of the leaves (and [`LEAF`] places of padding), and the nodes in depth-first order.
+/// Up to 16 boxes; behind them boxes that are not numbers.
+#[derive(Clone, Debug)]
+pub(super) struct Wide {
+    pub(super) low: [[f32; LANES]; 3],
+    pub(super) high: [[f32; LANES]; 3],
+    /// What the boxes hold: leaves, or nodes.
+    pub(super) child: [u32; LANES],
+    pub(super) count: usize,
+    pub(super) holds_leaves: bool,
+}
+
+/// The points in the order of the leaves, and the nodes; the first is the root.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
-    pub(super) x: Vec<f32>,
-    pub(super) y: Vec<f32>,
-    pub(super) z: Vec<f32>,
-    /// Position of each in the points that the tree was built from.
+    /// Position of every point in the points that the tree was built from.
     pub(super) index: Vec<u32>,
-    len: usize,
-    pub(super) nodes: Vec<Node>,
-    /// The leaves among the nodes.
-    pub(super) leaves: Vec<u32>,
+    pub(super) chunks: Vec<Chunk>,
+    pub(super) leaves: Vec<Leaf>,
+    pub(super) nodes: Vec<Wide>,
 }
 
 impl Tree {
@@ -57,67 +58,123 @@ impl Tree {
         check(points)?;
         let axes = points.x.iter().zip(&points.y).zip(&points.z).enumerate();
         let mut items: Vec<Item> = axes.map(|(i, ((&x, &y), &z))| Item { place: [x, y, z], index: i as u32 }).collect();
-        let kept = k.saturating_add(1);
-        let nodes = if items.is_empty() { Vec::new() } else { build(&mut items, 0, kept) };
-        let is_leaf = |&i: &u32| nodes.get(i as usize).is_some_and(|n| n.count > 0);
-        let leaves = (0..nodes.len() as u32).filter(is_leaf).collect();
-        let axis = |a: usize| items.iter().map(|i| i.place[a]).chain([f32::INFINITY; LEAF]).collect();
-        Ok(Self {
-            x: axis(0),
-            y: axis(1),
-            z: axis(2),
-            index: items.iter().map(|i| i.index).chain([u32::MAX; LEAF]).collect(),
-            len: items.len(),
-            nodes,
-            leaves,
-        })
-    }
-
-    /// Number of points.
-    pub(super) fn len(&self) -> usize {
-        self.len
-    }
-
-    /// The node of a leaf.
-    #[inline(always)]
-    pub(super) fn leaf(&self, leaf: usize) -> &Node {
-        &self.nodes[self.leaves[leaf] as usize]
+        let nodes = build(&mut items, k.saturating_add(1));
+        let mut tree = Self { index: items.iter().map(|i| i.index).collect(), ..Self::default() };
+        let mut first = 0;
+        for node in nodes.iter().filter(|n| n.count > 0) {
+            tree.leaves.push(Leaf { bounds: node.bounds, first, count: node.count });
+            tree.chunks.push(Chunk::of(&items[first as usize..(first + node.count) as usize]));
+            first += node.skip;
+        }
+        if !nodes.is_empty() {
+            let leaves = leaves_below(&nodes);
+            Joining { nodes: &nodes, leaves: &leaves, wide: &mut tree.nodes }.join(0, 0);
+        }
+        Ok(tree)
     }
 
     /// The positions, in the order of the tree, of all points of the leaves.
     pub(super) fn points_of(&self, leaves: std::ops::Range<usize>) -> std::ops::Range<usize> {
-        let first = |leaf: usize| {
-            self.leaves.get(leaf).and_then(|&n| self.nodes.get(n as usize)).map_or(self.len(), |n| n.first as usize)
-        };
+        let first = |leaf: usize| self.leaves.get(leaf).map_or(self.index.len(), |leaf| leaf.first as usize);
         first(leaves.start)..first(leaves.end)
-    }
-
-    /// A point of the tree by its position in the order of the tree.
-    #[inline(always)]
-    pub(super) fn place(&self, position: usize) -> [f32; 3] {
-        [self.x[position], self.y[position], self.z[position]]
     }
 }
 
-impl Node {
-    /// Whether all its points stand in one place.
-    fn is_one_place(&self) -> bool {
-        self.low.iter().zip(&self.high).all(|(low, high)| low >= high)
+impl Chunk {
+    fn of(items: &[Item]) -> Self {
+        let nowhere = [f32::NAN; LANES];
+        let mut chunk = Self { x: nowhere, y: nowhere, z: nowhere, index: [u32::MAX; LANES] };
+        for (l, item) in items.iter().enumerate().take(LANES) {
+            [chunk.x[l], chunk.y[l], chunk.z[l]] = item.place;
+            chunk.index[l] = item.index;
+        }
+        chunk
     }
 
-    /// Lower bound of the squared distance to its points. Rounding is monotone: a bound above the computed distance of a
-    /// point of the node cannot occur.
     #[inline(always)]
-    pub(super) fn bound(&self, at: [f32; 3]) -> f32 {
-        let [x, y, z] = [0, 1, 2].map(|a| (self.low[a] - at[a]).max(at[a] - self.high[a]).max(0.0));
-        x * x + y * y + z * z
+    pub(super) fn place(&self, lane: usize) -> [f32; 3] {
+        [self.x[lane], self.y[lane], self.z[lane]]
+    }
+}
+
+impl Wide {
+    /// Squared distance of each box to a box. Rounding is monotone: a bound above the computed distance of a point of the
+    /// box cannot occur.
+    #[inline(always)]
+    pub(super) fn gaps(&self, other: &Bounds) -> [f32; LANES] {
+        gaps([&self.low[0], &self.low[1], &self.low[2]], [&self.high[0], &self.high[1], &self.high[2]], other)
+    }
+}
+
+/// Squared distance of 16 boxes to a box; not a number where a box is none.
+#[inline(always)]
+pub(super) fn gaps(low: [&[f32; LANES]; 3], high: [&[f32; LANES]; 3], other: &Bounds) -> [f32; LANES] {
+    let mut sum = [0.0; LANES];
+    for a in 0..3 {
+        for l in 0..LANES {
+            let apart = larger(larger(low[a][l] - other.high[a], other.low[a] - high[a][l]), 0.0);
+            sum[l] += apart * apart;
+        }
+    }
+    sum
+}
+
+/// How many leaves each node has below it.
+fn leaves_below(nodes: &[Node]) -> Vec<u32> {
+    let mut leaves = vec![1; nodes.len()];
+    for (n, node) in nodes.iter().enumerate().rev().filter(|(_, node)| node.count == 0) {
+        leaves[n] = leaves[n + 1] + leaves[n + node.skip as usize];
+    }
+    leaves
+}
+
+/// Nodes of two children on their way to nodes of 16.
+struct Joining<'a> {
+    nodes: &'a [Node],
+    leaves: &'a [u32],
+    wide: &'a mut Vec<Wide>,
+}
+
+impl Joining<'_> {
+    /// The node of what is below `node`, whose first leaf is given.
+    fn join(&mut self, node: usize, first: u32) -> u32 {
+        let holds_leaves = self.leaves[node] <= LANES as u32;
+        // All nodes but the upper ones become full.
+        let mut most = 1;
+        while !holds_leaves && most * (LANES as u32) < self.leaves[node] {
+            most *= LANES as u32;
+        }
+        let parts = self.divide((node, first), most);
+        let nowhere = [[f32::NAN; LANES]; 3];
+        let (low, high, child) = (nowhere, nowhere, [0; LANES]);
+        let id = self.wide.len();
+        self.wide.push(Wide { low, high, child, count: parts.len(), holds_leaves });
+        for (l, (node, first)) in parts.into_iter().enumerate() {
+            let child = if holds_leaves { first } else { self.join(node, first) };
+            let (wide, bounds) = (&mut self.wide[id], self.nodes[node].bounds);
+            wide.child[l] = child;
+            for a in 0..3 {
+                (wide.low[a][l], wide.high[a][l]) = (bounds.low[a], bounds.high[a]);
+            }
+        }
+        id as u32
     }
 
-    /// Squared distance between the boxes.
-    #[inline(always)]
-    pub(super) fn gap(&self, other: &Self) -> f32 {
-        let [x, y, z] = [0, 1, 2].map(|a| (self.low[a] - other.high[a]).max(other.low[a] - self.high[a]).max(0.0));
-        x * x + y * y + z * z
+    /// Up to 16 nodes below one, of at most so many leaves each if that is possible, and the first leaf of each.
+    fn divide(&self, root: (usize, u32), most: u32) -> Vec<(usize, u32)> {
+        let mut parts = vec![root];
+        while parts.len() < LANES {
+            let large = |&p: &usize| (self.leaves[parts[p].0], std::cmp::Reverse(p));
+            let Some(p) = (0..parts.len()).max_by_key(large) else { break };
+            let (node, first) = parts[p];
+            if self.leaves[node] <= most {
+                break;
+            }
+            let second = node + self.nodes[node].skip as usize;
+            parts[p] = (node + 1, first);
+            parts.insert(p + 1, (second, first + self.leaves[node + 1]));
+        }
+        parts
     }
 }
 
@@ -138,70 +195,4 @@ pub(super) fn check(points: &Points) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Orders the items leaf by leaf and returns the nodes of their subtree.
-fn build(items: &mut [Item], first: usize, kept: usize) -> Vec<Node> {
-    let mut nodes = Vec::new();
-    if items.len() < ALONE {
-        build_alone(items, first, kept, &mut nodes);
-        return nodes;
-    }
-    let node = node(items, first);
-    if is_leaf(items.len(), &node) {
-        nodes.push(leaf(items, node, kept));
-        return nodes;
-    }
-    let (left, right) = halve(items, &node);
-    let middle = first + left.len();
-    let (left, right) = rayon::join(|| build(left, first, kept), || build(right, middle, kept));
-    nodes.push(Node { skip: 1 + left.len() as u32, ..node });
-    nodes.extend(left);
-    nodes.extend(right);
-    nodes
-}
-
-fn build_alone(items: &mut [Item], first: usize, kept: usize, nodes: &mut Vec<Node>) {
-    let node = node(items, first);
-    if is_leaf(items.len(), &node) {
-        nodes.push(leaf(items, node, kept));
-        return;
-    }
-    let (left, right) = halve(items, &node);
-    let (parent, middle) = (nodes.len(), first + left.len());
-    nodes.push(node);
-    build_alone(left, first, kept, nodes);
-    nodes[parent].skip = (nodes.len() - parent) as u32;
-    build_alone(right, middle, kept, nodes);
-}
-
-fn node(items: &[Item], first: usize) -> Node {
-    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for item in items {
-        for a in 0..3 {
-            low[a] = low[a].min(item.place[a]);
-            high[a] = high[a].max(item.place[a]);
-        }
-    }
-    Node { low, high, first: first as u32, count: 0, skip: 0 }
-}
-
-fn is_leaf(items: usize, node: &Node) -> bool {
-    items <= LEAF || node.is_one_place()
-}
-
-fn leaf(items: &mut [Item], node: Node, kept: usize) -> Node {
-    items.sort_unstable_by_key(|i| i.index);
-    let count = if node.is_one_place() { items.len().min(kept) } else { items.len() };
-    Node { count: count as u32, skip: items.len() as u32, ..node }
-}
-
-/// Parts the items in the middle along the longest edge of the box; the first part fills whole leaves.
-fn halve<'a>(items: &'a mut [Item], node: &Node) -> (&'a mut [Item], &'a mut [Item]) {
-    let edge = [0, 1, 2].map(|a| node.high[a] - node.low[a]);
-    let axis = (1..3).fold(0, |best, a| if edge[a] > edge[best] { a } else { best });
-    let middle = items.len().div_ceil(LEAF).div_ceil(2) * LEAF;
-    let order = |a: &Item, b: &Item| a.place[axis].total_cmp(&b.place[axis]).then(a.index.cmp(&b.index));
-    items.select_nth_unstable_by(middle, order);
-    items.split_at_mut(middle)
 }

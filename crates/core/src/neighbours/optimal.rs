@@ -182,7 +182,7 @@ pub fn map_optimal<T: Copy + Default + Send>(
     monitor.stage("optimal neighbourhoods", points.len() as u64);
     let kernel = |block: Block, tree: &Tree| {
         let (mut rows, mut out) = (Vec::new(), Vec::with_capacity(block.points.len()));
-        let row = |l: usize| (tree.index[block.points.start + l] as usize, &block.keys[l * k..(l + 1) * k]);
+        let row = |l: usize| (tree.index[block.points.start + l] as usize, &block.rows.index[l * k..(l + 1) * k]);
         Arch::new().dispatch(Choose {
             points,
             row,
@@ -199,25 +199,6 @@ pub fn map_optimal<T: Copy + Default + Send>(
     Ok(all)
 }
 
-/// An index of a point, alone or in the lower half of a key.
-trait Index: Copy {
-    fn index(self) -> usize;
-}
-
-impl Index for u32 {
-    #[inline(always)]
-    fn index(self) -> usize {
-        self as usize
-    }
-}
-
-impl Index for u64 {
-    #[inline(always)]
-    fn index(self) -> usize {
-        self as u32 as usize
-    }
-}
-
 /// The choice for a block of points, compiled for each instruction set. `row` gives a point and its neighbours.
 struct Choose<'a, F> {
     points: &'a Points,
@@ -228,7 +209,7 @@ struct Choose<'a, F> {
     out: &'a mut Vec<Optimal>,
 }
 
-impl<'r, I: Index + 'r, F: Fn(usize) -> (usize, &'r [I])> WithSimd for Choose<'_, F> {
+impl<'r, F: Fn(usize) -> (usize, &'r [u32])> WithSimd for Choose<'_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -241,8 +222,8 @@ impl<'r, I: Index + 'r, F: Fn(usize) -> (usize, &'r [I])> WithSimd for Choose<'_
                 let (i, near) = (self.row)(first + l.min(lanes - 1));
                 let at = [x[i], y[i], z[i]].map(f64::from);
                 self.rows.resize(near.len(), [[0.0; LANES]; 3]);
-                for (row, j) in self.rows.iter_mut().zip(near) {
-                    let j = j.index();
+                for (row, &j) in self.rows.iter_mut().zip(near) {
+                    let j = j as usize;
                     row[0][l] = f64::from(x[j]) - at[0];
                     row[1][l] = f64::from(y[j]) - at[1];
                     row[2][l] = f64::from(z[j]) - at[2];

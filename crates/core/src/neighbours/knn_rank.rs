@@ -1,0 +1,195 @@
+//! The k smallest of a few distances in their order, by counting for each how many are smaller.
+
+use super::knn_lanes::LANES;
+use pulp::Simd;
+
+/// Up to this many are ranked by counting, more are sorted.
+const RANKED: usize = 256;
+/// Lanes that are counted for together.
+const TOGETHER: usize = 4;
+
+/// Squared distance (upper half, its bits) and index: ascending by (distance, index).
+type Key = u64;
+
+/// Neighbours of points, row after row.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rows {
+    pub(super) index: Vec<u32>,
+    /// Bits of the squared distances.
+    pub(super) squared: Vec<u32>,
+}
+
+impl Rows {
+    pub(super) fn with_room(places: usize) -> Self {
+        Self { index: Vec::with_capacity(places), squared: Vec::with_capacity(places) }
+    }
+}
+
+/// Points that may be among the nearest, in any order, and what ranks them.
+#[derive(Clone, Debug)]
+pub(super) struct Ranking {
+    /// Bits of the squared distances; the first `len` are in use.
+    pub(super) squared: Vec<u32>,
+    pub(super) index: Vec<u32>,
+    pub(super) len: usize,
+    rank: [u32; RANKED],
+    ranked: [[u32; RANKED]; 2],
+    keys: Vec<Key>,
+}
+
+impl Default for Ranking {
+    fn default() -> Self {
+        let (squared, index) = (vec![0; RANKED], vec![0; RANKED]);
+        Self { squared, index, len: 0, rank: [0; RANKED], ranked: [[0; RANKED]; 2], keys: Vec::new() }
+    }
+}
+
+impl Ranking {
+    /// Appends the `k` nearest, ascending by (distance, index), to the rows. There are at least `k`, and `k` is above 0.
+    #[inline(always)]
+    pub(super) fn write<S: Simd>(&mut self, simd: S, k: usize, out: &mut Rows) {
+        if self.len <= RANKED {
+            self.count::<S, false>(simd);
+            if !self.place(k) {
+                self.count::<S, true>(simd);
+                self.place(k);
+            }
+            out.index.extend_from_slice(&self.ranked[0][..k]);
+            out.squared.extend_from_slice(&self.ranked[1][..k]);
+        } else {
+            self.sort(k);
+            out.index.extend(self.keys[..k].iter().map(|&key| key as u32));
+            out.squared.extend(self.keys[..k].iter().map(|&key| (key >> 32) as u32));
+        }
+    }
+
+    /// Drops all but the `k` nearest; returns the largest distance that is left. There are more than `k`.
+    #[inline(never)]
+    pub(super) fn shrink(&mut self, k: usize) -> f32 {
+        self.take_keys();
+        let farthest = *self.keys.select_nth_unstable(k - 1).1;
+        for (i, &key) in self.keys[..k].iter().enumerate() {
+            (self.index[i], self.squared[i]) = (key as u32, (key >> 32) as u32);
+        }
+        self.len = k;
+        f32::from_bits((farthest >> 32) as u32)
+    }
+
+    fn take_keys(&mut self) {
+        self.keys.clear();
+        let pairs = self.squared.iter().zip(&self.index).take(self.len);
+        self.keys.extend(pairs.map(|(&d, &i)| u64::from(d) << 32 | u64::from(i)));
+    }
+
+    #[inline(never)]
+    fn sort(&mut self, k: usize) {
+        self.take_keys();
+        if self.keys.len() > k {
+            self.keys.select_nth_unstable(k - 1);
+        }
+        self.keys[..k].sort_unstable();
+    }
+
+    /// For each how many are nearer; with `TIES` those as near with a smaller index count too.
+    #[inline(always)]
+    fn count<S: Simd, const TIES: bool>(&mut self, simd: S) {
+        let full = self.len.next_multiple_of(LANES);
+        let all = (&self.squared[..self.len], &self.index[..self.len]);
+        let (squared, _) = S::as_simd_u32s(&self.squared[..full]);
+        let (index, _) = S::as_simd_u32s(&self.index[..full]);
+        let (rank, _) = S::as_mut_simd_u32s(&mut self.rank[..full]);
+        let (squared, squared_rest) = squared.as_chunks::<TOGETHER>();
+        let (index, index_rest) = index.as_chunks::<TOGETHER>();
+        let (rank, rank_rest) = rank.as_chunks_mut::<TOGETHER>();
+        for ((d, i), rank) in squared.iter().zip(index).zip(rank) {
+            *rank = nearer::<S, TOGETHER, TIES>(simd, all, (d, i));
+        }
+        for ((&d, &i), rank) in squared_rest.iter().zip(index_rest).zip(rank_rest) {
+            [*rank] = nearer::<S, 1, TIES>(simd, all, (&[d], &[i]));
+        }
+    }
+
+    /// Puts each in the place of its rank. False if a tie left one of the first `k` places, or the next one, empty.
+    #[inline(always)]
+    fn place(&mut self, k: usize) -> bool {
+        let last = k.min(self.len - 1);
+        let [index, squared] = &mut self.ranked;
+        index[..=last].fill(u32::MAX);
+        for ((&rank, &i), &d) in self.rank.iter().zip(&self.index).zip(&self.squared).take(self.len) {
+            let rank = rank as usize & (RANKED - 1);
+            (index[rank], squared[rank]) = (i, d);
+        }
+        !index[..=last].iter().fold(false, |empty, &i| empty | (i == u32::MAX))
+    }
+}
+
+/// For each of a few lanes how many of all are nearer. Distances are not negative: their bits are ordered as they are.
+#[inline(always)]
+fn nearer<S: Simd, const N: usize, const TIES: bool>(
+    simd: S,
+    all: (&[u32], &[u32]),
+    (squared, index): (&[S::u32s; N], &[S::u32s; N]),
+) -> [S::u32s; N] {
+    let (one, none) = (simd.splat_u32s(1), simd.splat_u32s(0));
+    let mut sum = [none; N];
+    for (&d, &i) in all.0.iter().zip(all.1) {
+        let d = simd.splat_u32s(d);
+        for n in 0..N {
+            let mut before = simd.less_than_u32s(d, squared[n]);
+            if TIES {
+                let smaller = simd.less_than_u32s(simd.splat_u32s(i), index[n]);
+                before = simd.or_m32s(before, simd.and_m32s(simd.equal_u32s(d, squared[n]), smaller));
+            }
+            sum[n] = simd.add_u32s(sum[n], simd.select_u32s(before, one, none));
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+    use pulp::{Arch, WithSimd};
+
+    struct Write<'a>(&'a mut Ranking, usize, &'a mut Rows);
+
+    impl WithSimd for Write<'_> {
+        type Output = ();
+
+        fn with_simd<S: Simd>(self, simd: S) {
+            self.0.write(simd, self.1, self.2);
+        }
+    }
+
+    /// Few, some and many points of few or many different distances, against a sort.
+    #[test]
+    fn rows_are_those_of_a_sort_with_and_without_ties() {
+        let mut random = stream(5, 9);
+        for n in [1, 2, 15, 16, 17, 64, 65, 130, 255, 256, 257, 700] {
+            for different in [1, 3, 40, 1_000_000] {
+                let mut pairs: Vec<(u32, u32)> =
+                    (0..n).map(|i| ((random.below(different) as f32).to_bits(), (n - i) as u32 * 3)).collect();
+                let (mut ranking, mut plain) = (Ranking::default(), Ranking::default());
+                for r in [&mut ranking, &mut plain] {
+                    r.len = n;
+                    r.squared = pairs.iter().map(|p| p.0).chain([0; LANES]).collect();
+                    r.index = pairs.iter().map(|p| p.1).chain([0; LANES]).collect();
+                }
+                pairs.sort_unstable();
+                for k in [1, n.div_ceil(2), n] {
+                    let (mut fast, mut slow) = (Rows::default(), Rows::default());
+                    Arch::new().dispatch(Write(&mut ranking, k, &mut fast));
+                    pulp::Scalar::new().vectorize(Write(&mut plain, k, &mut slow));
+                    let expected: (Vec<u32>, Vec<u32>) = pairs[..k].iter().copied().unzip();
+                    assert_eq!((fast.squared, fast.index), expected, "{k} of {n}");
+                    assert_eq!((slow.squared, slow.index), expected, "{k} of {n}, no vectors");
+                }
+                if n > 2 {
+                    assert_eq!(ranking.shrink(2).to_bits(), pairs[1].0);
+                    assert_eq!(ranking.len, 2);
+                }
+            }
+        }
+    }
+}
