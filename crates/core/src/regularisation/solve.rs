@@ -15,8 +15,8 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// Collects the pieces that hold a node for which `asked` is true. O(nodes + edges).
-    pub(super) fn collect(&mut self, question: &Question, adjacency: &Adjacency, asked: impl Fn(usize) -> bool) {
+    /// Collects the pieces that hold a fresh node. O(nodes + edges).
+    pub(super) fn collect(&mut self, question: &Question, adjacency: &Adjacency) {
         const UNSEEN: u32 = u32::MAX;
         self.place.clear();
         self.place.resize(question.state.len(), UNSEEN);
@@ -33,7 +33,7 @@ impl Pieces {
             let mut next = start;
             while let Some(&node) = self.nodes.get(next) {
                 next += 1;
-                wanted |= asked(node as usize);
+                wanted |= question.fresh[node as usize];
                 for (other, _) in adjacency.of(node as usize) {
                     let at = other as usize;
                     if question.state[at] == State::Open && self.place[at] == UNSEEN {
@@ -67,19 +67,21 @@ impl Pieces {
                 monitor.check()?;
                 self.cut(self.piece(p), question, adjacency, network)?;
                 let piece = self.piece(p).iter().enumerate();
-                taken.extend(piece.filter(|(at, _)| network.is_source(*at)).map(|(_, &node)| node));
+                taken.extend(piece.filter(|(at, _)| network.is_source(*at) != question.eager).map(|(_, &node)| node));
             }
             Ok(taken)
         })?;
         Ok(taken.concat())
     }
 
-    /// The source side takes the label: a node pays θ there, or gains -θ.
+    /// The source side takes the label: a node pays θ there, or gains -θ. Of all smallest cuts the one with the smallest source
+    /// side is found: the eager want the smallest number of nodes that stay, so that these are the source side for them.
     fn cut(&self, piece: &[u32], question: &Question, adjacency: &Adjacency, network: &mut MaxFlow) -> Result<()> {
         network.reset(piece.len());
         for (at, &node) in piece.iter().enumerate() {
             let theta = question.theta[node as usize];
-            network.add_terminals(at, (-theta).max(0.0), theta.max(0.0))?;
+            let gain = if question.eager { theta } else { -theta };
+            network.add_terminals(at, gain.max(0.0), (-gain).max(0.0))?;
             for (other, edge) in adjacency.of(node as usize) {
                 let coupling = question.coupling[edge as usize];
                 if other > node && question.state[other as usize] == State::Open && coupling > 0.0 {
