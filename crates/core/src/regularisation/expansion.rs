@@ -3,8 +3,9 @@
 //! Boykov, Veksler, Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001. For Potts with
 //! costs of 0 or more the result costs at most twice the optimum; with two labels it is the optimum.
 //!
-//! Kovtun's partial optimality (2003) in its simplest form goes before each cut, see `reduce.rs`; cuts are made piece by
-//! piece, in parallel, and only where something has changed since the label was last offered. Costs of labels: `hubs.rs`.
+//! Kovtun's partial optimality (2003) goes before the search (`kernel.rs`) and, in its simplest form, before each cut
+//! (`reduce.rs`); cuts are made piece by piece, in parallel, and only where something has changed since the label was last
+//! offered. Two starts are joined region by region (`join.rs`). Costs of labels: `hubs.rs`.
 
 use super::hubs;
 use super::kernel::Kernel;
@@ -29,7 +30,7 @@ pub struct ExpansionParams {
     /// Most rounds over all labels from each start, 1 or more.
     pub max_rounds: usize,
     /// 1: begins with the cheapest labels. 2: also with label 0 everywhere, as gco does, and takes the better of both,
-    /// region by region; about twice the work.
+    /// region by region; up to twice the work.
     pub starts: usize,
 }
 
@@ -53,8 +54,11 @@ impl ExpansionParams {
 
 /// The labelling that no expansion improves, from costs (`nodes x labels`, row-major) and a graph.
 ///
-/// Starts from the cheapest label of every node, or from one label for all if that costs less. Deterministic for any number of threads. Memory: about 24 bytes an edge
-/// and 40 a node beside the cuts.
+/// Of Potts costs, labels that are known without a search come first (`known.rs`). Then it starts from the cheapest label of
+/// every node, or from one label for all if that costs less; with `starts` of 2 (the default) also from label 0 in gco's order,
+/// and every region takes the better of both. Then the energy is at most that of gco on problems of whole numbers with at most
+/// 100,000 edges or with distances other than Potts. Deterministic for any number of threads. Memory: about 24 bytes an edge
+/// and 60 a node beside kernel and cuts.
 ///
 /// ```
 /// use scansion_core::graph::Graph;

@@ -42,6 +42,7 @@ impl Known {
         let least = energy.unary.chunks_exact(energy.labels).map(TwoLeast::of).collect();
         let mut known = Self { labels: vec![None; energy.graph.len()], least };
         let (mut question, mut pieces) = (Question::default(), Pieces::default());
+        monitor.stage("known labels", energy.labels as u64);
         for alpha in 0..energy.labels as u16 {
             monitor.check()?;
             question.ask_against(energy, adjacency, &known, alpha);
@@ -49,6 +50,7 @@ impl Known {
             let taken = pieces.answer(&question, adjacency, monitor)?;
             let taken = taken.into_iter().chain(question.settled(State::Takes));
             taken.for_each(|node| known.labels[node as usize] = Some(alpha));
+            monitor.advance(1);
         }
         Ok(known)
     }

@@ -93,6 +93,7 @@ impl<'a> Search<'a> {
     /// Offers all moves in turn, until each was offered once without effect (true) or the rounds are used up.
     pub(super) fn in_turn(&mut self, moves: &mut Moves, monitor: &Monitor, offer: &mut Offer<'_, 'a>) -> Result<bool> {
         let count = moves.asked.len();
+        monitor.stage("labels", moves.rounds.saturating_mul(count) as u64);
         let mut idle = 0;
         for _ in 0..moves.rounds {
             for number in 0..count {
@@ -112,6 +113,7 @@ impl<'a> Search<'a> {
     /// Offers moves in the order of gco: those that had an effect again, the others only when these are exhausted.
     pub(super) fn focused(&mut self, moves: &mut Moves, monitor: &Monitor, offer: &mut Offer<'_, 'a>) -> Result<bool> {
         let mut order: Vec<usize> = (0..moves.asked.len()).collect();
+        monitor.stage("labels", moves.rounds.saturating_mul(order.len()) as u64);
         // Circles of moves, each a part of the one before; the innermost is gone through from `first`.
         let mut circles = vec![order.len()];
         let mut first = 0;

@@ -65,7 +65,8 @@ impl Pieces {
             let mut taken = Vec::new();
             for p in task * BATCH..((task + 1) * BATCH).min(self.starts.len()) {
                 monitor.check()?;
-                self.cut(self.piece(p), question, adjacency, network)?;
+                self.ask(self.piece(p), question, adjacency, network)?;
+                network.solve_watched(monitor)?;
                 let piece = self.piece(p).iter().enumerate();
                 taken.extend(piece.filter(|(at, _)| network.is_source(*at) != question.eager).map(|(_, &node)| node));
             }
@@ -76,7 +77,7 @@ impl Pieces {
 
     /// The source side takes the label: a node pays θ there, or gains -θ. Of all smallest cuts the one with the smallest source
     /// side is found: the eager want the smallest number of nodes that stay, so that these are the source side for them.
-    fn cut(&self, piece: &[u32], question: &Question, adjacency: &Adjacency, network: &mut MaxFlow) -> Result<()> {
+    fn ask(&self, piece: &[u32], question: &Question, adjacency: &Adjacency, network: &mut MaxFlow) -> Result<()> {
         network.reset(piece.len());
         for (at, &node) in piece.iter().enumerate() {
             let theta = question.theta[node as usize];
@@ -89,7 +90,6 @@ impl Pieces {
                 }
             }
         }
-        network.solve();
         Ok(())
     }
 }
