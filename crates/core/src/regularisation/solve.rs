@@ -60,8 +60,7 @@ impl Pieces {
     pub(super) fn answer(&self, question: &Question, adjacency: &Adjacency, monitor: &Monitor) -> Result<Vec<u32>> {
         /// Pieces that one task answers.
         const BATCH: usize = 64;
-        let tasks = self.starts.len().div_ceil(BATCH);
-        let taken = map_ordered_with(0..tasks, monitor, MaxFlow::default, |network, task| {
+        let work = |network: &mut MaxFlow, task: usize| {
             let mut taken = Vec::new();
             for p in task * BATCH..((task + 1) * BATCH).min(self.starts.len()) {
                 monitor.check()?;
@@ -71,8 +70,13 @@ impl Pieces {
                 taken.extend(piece.filter(|(at, _)| network.is_source(*at) != question.eager).map(|(_, &node)| node));
             }
             Ok(taken)
-        })?;
-        Ok(taken.concat())
+        };
+        match self.starts.len().div_ceil(BATCH) {
+            // A thread that has to be woken costs more than a few small cuts.
+            0 => Ok(Vec::new()),
+            1 => work(&mut MaxFlow::default(), 0),
+            tasks => Ok(map_ordered_with(0..tasks, monitor, MaxFlow::default, work)?.concat()),
+        }
     }
 
     /// The source side takes the label: a node pays θ there, or gains -θ. Of all smallest cuts the one with the smallest source
