@@ -2,7 +2,8 @@
 //!
 //! `SCANSION_COSTS` (raw little-endian f32, nodes x labels) and `SCANSION_EDGES` (raw little-endian u32 pairs) name the
 //! problem, `SCANSION_LABELS` the number of labels (8), `SCANSION_STRENGTH` the weight of every edge (0.3),
-//! `SCANSION_ROUNDS` the most rounds, parted by commas (1,100). `SCANSION_OUT` names a file for the labels (raw u16).
+//! `SCANSION_STARTS` the starts (2), `SCANSION_ROUNDS` the most rounds, parted by commas (1,100). `SCANSION_OUT` names a
+//! file for the labels (raw u16).
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
@@ -23,11 +24,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let pairs = ends.as_chunks::<2>().0;
     let labels: usize = setting("SCANSION_LABELS", "8").parse()?;
     let strength = setting("SCANSION_STRENGTH", "0.3").parse()?;
+    let starts = setting("SCANSION_STARTS", "2").parse()?;
     let graph = Graph::new(costs.len() / labels, pairs, &vec![1.0; pairs.len()])?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(setting("SCANSION_THREADS", "1").parse()?).build()?;
     let mut last = Labelling::default();
     for rounds in setting("SCANSION_ROUNDS", "1,100").split(',') {
-        let params = ExpansionParams { strength, max_rounds: rounds.parse()?, ..ExpansionParams::default() };
+        let params = ExpansionParams { strength, starts, max_rounds: rounds.parse()?, ..ExpansionParams::default() };
         let start = Instant::now();
         last = pool.install(|| alpha_expansion(&costs, &graph, &params, &Monitor::default()))?;
         println!(

@@ -50,6 +50,7 @@ impl Question {
     pub(super) fn add_hubs(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
         let nodes = labels.len();
         self.slack.resize(nodes + energy.labels, 0.0);
+        self.fresh.resize(nodes + energy.labels, true);
         self.coupling.resize(self.coupling.len() + nodes, 0.0);
         let first = self.coupling.len() - nodes;
         for label in 0..energy.labels as u16 {

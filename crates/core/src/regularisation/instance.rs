@@ -26,15 +26,18 @@ pub(super) fn random(seed: u64, nodes: usize, labels: usize) -> Instance {
     Instance { unary, graph: Graph::new(nodes, &pairs, &weights).unwrap(), labels }
 }
 
+fn generator(mut state: u64) -> impl FnMut(u64) -> f32 {
+    move |bound| {
+        state = (1_103_515_245 * state + 12_345) % (1 << 31);
+        (state / 65_536 % bound) as f32
+    }
+}
+
 /// A grid of 40 x 40 nodes whose costs and weights come from a generator that any language can repeat:
 /// `s = (1103515245 s + 12345) mod 2^31` from s = labels, each draw s / 65536; costs `draw mod 100`, then for every edge to
 /// the right and below, node by node, `draw mod 20`.
 pub(super) fn oracle(labels: usize) -> Instance {
-    let mut state = labels as u64;
-    let mut draw = |bound: u64| {
-        state = (1_103_515_245 * state + 12_345) % (1 << 31);
-        (state / 65_536 % bound) as f32
-    };
+    let mut draw = generator(labels as u64);
     let unary = (0..1600 * labels).map(|_| draw(100)).collect();
     let (mut pairs, mut weights) = (Vec::new(), Vec::new());
     for node in 0..1600u32 {
@@ -46,6 +49,27 @@ pub(super) fn oracle(labels: usize) -> Instance {
         }
     }
     Instance { unary, graph: Graph::new(1600, &pairs, &weights).unwrap(), labels }
+}
+
+/// Grids of 20 x 20 nodes, chains of 600, complete graphs of 30 and rings of 300 with edges to the next node, the 7th and the
+/// 31st, for seeds 0, 1, 2, 3 and so on. The generator begins with seed + 1; costs `draw mod 100` node by node, then for every
+/// edge, in the order of its first node, `1 + draw mod` 20, 40, 1 or 20.
+pub(super) fn mixed(seed: usize) -> Instance {
+    let mut draw = generator(seed as u64 + 1);
+    let (kind, labels) = (seed % 4, [3, 5, 8, 4, 12, 2, 6][seed % 7]);
+    let nodes = [400, 600, 30, 300][kind];
+    let ends = |i: u32| -> Vec<u32> {
+        match kind {
+            0 => [(i + 1, i % 20 < 19), (i + 20, i < 380)].into_iter().filter(|e| e.1).map(|e| e.0).collect(),
+            1 => (i + 1..600.min(i + 2)).collect(),
+            2 => (i + 1..30).collect(),
+            _ => [1, 7, 31].map(|step| (i + step) % 300).to_vec(),
+        }
+    };
+    let unary = (0..nodes * labels).map(|_| draw(100)).collect();
+    let pairs: Vec<[u32; 2]> = (0..nodes as u32).flat_map(|i| ends(i).into_iter().map(move |j| [i, j])).collect();
+    let weights: Vec<f32> = pairs.iter().map(|_| 1.0 + draw([20, 40, 1, 20][kind])).collect();
+    Instance { unary, graph: Graph::new(nodes, &pairs, &weights).unwrap(), labels }
 }
 
 /// Distance |a - b|, at most 2.

@@ -15,6 +15,9 @@ mod energy;
 mod expansion;
 mod hubs;
 mod icm;
+mod join;
+mod kernel;
+mod known;
 mod local;
 mod reduce;
 mod search;
@@ -37,7 +40,8 @@ pub struct Labelling {
     pub labels: Vec<u16>,
     /// Energy of the labels.
     pub energy: f64,
-    /// Energy after each round over all labels, beginning with that of the start.
+    /// Energy after each round over all labels, beginning with that of the start (α-expansion of Potts costs: once the
+    /// labels that are known without a search are in their places).
     pub trace: Vec<f64>,
     /// Whether the last round changed nothing; otherwise the rounds were used up.
     pub converged: bool,

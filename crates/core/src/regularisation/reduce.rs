@@ -9,6 +9,7 @@
 //! small pieces.
 
 use super::Energy;
+use super::known::Known;
 use crate::graph::Adjacency;
 
 /// State of a node in the question about one label.
@@ -30,7 +31,12 @@ pub(super) struct Question {
     pub(super) state: Vec<State>,
     /// c of each edge.
     pub(super) coupling: Vec<f64>,
+    /// Whether the answer of each node may differ from the last one: it changed, or a node that settled with the help of a
+    /// changed one told it.
+    pub(super) fresh: Vec<bool>,
     settled: Vec<u32>,
+    /// Where both answers cost the same, nodes take the label.
+    pub(super) eager: bool,
     /// Nodes from here on are hubs.
     hubs_from: usize,
 }
@@ -72,6 +78,36 @@ impl Question {
             }
         }
         self.hubs_from = labels.len();
+        self.reduce(adjacency);
+    }
+
+    /// Asks which nodes have `alpha` in every labelling of least energy (Potts), where some are known already. The costs of
+    /// all other labels are replaced by their least.
+    pub(super) fn ask_against(&mut self, energy: &Energy<'_>, adjacency: &Adjacency, known: &Known, alpha: u16) {
+        let nodes = known.labels.len();
+        self.theta.clear();
+        self.theta.extend((0..nodes).map(|i| energy.cost(i, alpha) - known.least_but(i, alpha)));
+        self.state.clear();
+        self.state.extend(known.labels.iter().map(|label| label.map_or(State::Open, |_| State::Stays)));
+        self.clear_edges(energy, nodes);
+        let edges = energy.graph.edges().iter().zip(energy.graph.weights());
+        for ((&[i, j], &weight), coupling) in edges.zip(&mut self.coupling) {
+            let (i, j) = (i as usize, j as usize);
+            let cost = energy.strength * f64::from(weight);
+            match (self.state[i], self.state[j]) {
+                (State::Open, State::Open) => {
+                    *coupling = cost;
+                    self.slack[i] += cost;
+                    self.slack[j] += cost;
+                }
+                (State::Open, _) => self.theta[i] += cost,
+                (_, State::Open) => self.theta[j] += cost,
+                _ => {}
+            }
+        }
+        self.fresh.clear();
+        self.fresh.resize(nodes, true);
+        self.hubs_from = nodes;
         self.reduce(adjacency);
     }
 
@@ -133,12 +169,15 @@ impl Question {
         if self.state[node] != State::Open {
             return;
         }
-        self.state[node] = if self.theta[node] >= self.slack[node] {
-            State::Stays
-        } else if self.theta[node] < -self.slack[node] {
-            State::Takes
-        } else {
-            return;
+        let (theta, slack) = (self.theta[node], self.slack[node]);
+        let (stays, takes) = match self.eager {
+            true => (theta > slack, theta <= -slack),
+            false => (theta >= slack, theta < -slack),
+        };
+        self.state[node] = match (stays, takes) {
+            (true, _) => State::Stays,
+            (_, true) => State::Takes,
+            _ => return,
         };
         self.settled.push(node as u32);
     }
@@ -151,6 +190,7 @@ impl Question {
                 let coupling = self.coupling[edge as usize];
                 self.theta[neighbour] += sign * coupling;
                 self.slack[neighbour] -= coupling;
+                self.fresh[neighbour] |= self.fresh[node];
                 let hub = neighbour >= self.hubs_from;
                 if hub && self.state[node] == State::Stays {
                     // A label with one node left does not vanish, whatever rounding says.

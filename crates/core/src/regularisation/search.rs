@@ -1,5 +1,6 @@
 //! The labelling that a search improves, and when each node could last have changed its mind.
 
+use super::join::better_regions;
 use super::reduce::Question;
 use super::solve::Pieces;
 use super::{Energy, Labelling};
@@ -7,64 +8,153 @@ use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::Monitor;
 
+/// What came of an offer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// Nobody wants to move.
+    Nothing,
+    /// The moves together do not lower the energy.
+    Refused,
+    Moved,
+}
+
+/// Moves that are offered again and again.
+#[derive(Clone, Debug)]
+pub(super) struct Moves {
+    /// The number of the last offer of each move that was not refused; 0 if there was none.
+    asked: Vec<u32>,
+    /// Most rounds over all moves.
+    rounds: usize,
+}
+
+impl Moves {
+    pub(super) fn new(count: usize, rounds: usize) -> Self {
+        Self { asked: vec![0; count], rounds }
+    }
+}
+
+/// Asks about the move of a number; the last argument is the offer after which changes count.
+pub(super) type Offer<'o, 'a> = dyn FnMut(&mut Search<'a>, usize, u32) -> Result<Outcome> + 'o;
+
 /// A labelling on its way down, with the buffers of the moves.
 pub(super) struct Search<'a> {
     pub(super) energy: Energy<'a>,
-    pub(super) adjacency: Adjacency,
+    pub(super) adjacency: &'a Adjacency,
     pub(super) labels: Vec<u16>,
     pub(super) question: Question,
     pub(super) pieces: Pieces,
     /// How many nodes have each label.
     users: Vec<usize>,
-    /// Moves offered so far, and that number when each node or a neighbour of it last changed.
-    pub(super) now: u32,
-    pub(super) changed: Vec<u32>,
+    /// Offers so far, and that number when each node or a neighbour of it last changed.
+    now: u32,
+    changed: Vec<u32>,
+    /// Energy after each round, beginning with that of the start.
+    trace: Vec<f64>,
 }
 
 impl<'a> Search<'a> {
-    /// Begins where [`Energy::start`] says.
-    pub(super) fn new(energy: Energy<'a>) -> Self {
-        let labels = energy.start();
+    pub(super) fn new(energy: Energy<'a>, adjacency: &'a Adjacency, start: Vec<u16>) -> Self {
         Self {
-            adjacency: energy.graph.adjacency(),
-            users: energy.users(&labels),
-            changed: vec![0; labels.len()],
+            adjacency,
+            users: energy.users(&start),
+            changed: vec![0; start.len()],
             question: Question::default(),
             pieces: Pieces::default(),
             now: 0,
+            trace: vec![energy.of(&start)],
             energy,
-            labels,
+            labels: start,
         }
     }
 
-    /// Offers the moves `0..moves` in turn, `rounds` times at most, until each was offered once without effect.
-    pub(super) fn run(
-        mut self,
-        moves: usize,
-        rounds: usize,
+    pub(super) fn into_labelling(self, converged: bool) -> Labelling {
+        let energy = self.trace.last().copied().unwrap_or_default();
+        Labelling { labels: self.labels, energy, trace: self.trace, converged }
+    }
+
+    /// Makes an offer, which is told since when changes of nodes can give another answer than the last time.
+    fn offer(
+        &mut self,
+        moves: &mut Moves,
+        number: usize,
         monitor: &Monitor,
-        mut offer: impl FnMut(&mut Self, usize) -> Result<bool>,
-    ) -> Result<Labelling> {
-        let mut trace = vec![self.energy.of(&self.labels)];
+        offer: &mut Offer<'_, 'a>,
+    ) -> Result<bool> {
+        monitor.check()?;
+        self.now = self.now.saturating_add(1);
+        let outcome = offer(self, number, moves.asked[number])?;
+        if outcome != Outcome::Refused {
+            moves.asked[number] = self.now;
+        }
+        monitor.advance(1);
+        Ok(outcome == Outcome::Moved)
+    }
+
+    /// Offers all moves in turn, until each was offered once without effect (true) or the rounds are used up.
+    pub(super) fn in_turn(&mut self, moves: &mut Moves, monitor: &Monitor, offer: &mut Offer<'_, 'a>) -> Result<bool> {
+        let count = moves.asked.len();
+        monitor.stage("labels", moves.rounds.saturating_mul(count) as u64);
         let mut idle = 0;
-        monitor.stage("labels", rounds.saturating_mul(moves) as u64);
-        for _ in 0..rounds {
-            for number in 0..moves {
-                monitor.check()?;
-                self.now = self.now.saturating_add(1);
-                idle = if offer(&mut self, number)? { 0 } else { idle + 1 };
-                monitor.advance(1);
-                if idle >= moves {
+        for _ in 0..moves.rounds {
+            for number in 0..count {
+                idle = if self.offer(moves, number, monitor, offer)? { 0 } else { idle + 1 };
+                if idle >= count {
                     break;
                 }
             }
-            trace.push(self.energy.of(&self.labels));
-            if idle >= moves {
-                break;
+            self.trace.push(self.energy.of(&self.labels));
+            if idle >= count {
+                return Ok(true);
             }
         }
-        let energy = trace.last().copied().unwrap_or_default();
-        Ok(Labelling { labels: self.labels, energy, trace, converged: idle >= moves })
+        Ok(idle >= count)
+    }
+
+    /// Offers moves in the order of gco: those that had an effect again, the others only when these are exhausted.
+    pub(super) fn focused(&mut self, moves: &mut Moves, monitor: &Monitor, offer: &mut Offer<'_, 'a>) -> Result<bool> {
+        let mut order: Vec<usize> = (0..moves.asked.len()).collect();
+        monitor.stage("labels", moves.rounds.saturating_mul(order.len()) as u64);
+        // Circles of moves, each a part of the one before; the innermost is gone through from `first`.
+        let mut circles = vec![order.len()];
+        let mut first = 0;
+        for _ in 0..moves.rounds {
+            let Some(&circle) = circles.last() else { break };
+            let (mut next, mut end) = (first, circle);
+            while next < end {
+                if self.offer(moves, order[next], monitor, offer)? {
+                    next += 1;
+                } else {
+                    end -= 1;
+                    order.swap(next, end);
+                }
+            }
+            self.trace.push(self.energy.of(&self.labels));
+            if end == first {
+                circles.pop();
+                first = circle;
+            } else {
+                first = 0;
+                if end < circle / 2 {
+                    circles.push(end);
+                }
+            }
+        }
+        Ok(circles.is_empty())
+    }
+
+    /// Takes over what is better in another labelling, region by region; true if there is something.
+    pub(super) fn join(&mut self, other: &[u16]) -> bool {
+        self.now = self.now.saturating_add(1);
+        let moves = better_regions(self, other);
+        let moved = self.apply(&moves) == Outcome::Moved;
+        self.trace.push(self.energy.of(&self.labels));
+        moved
+    }
+
+    /// Tells the next question which nodes changed, or have neighbours that did, after offer `since`.
+    pub(super) fn refresh(&mut self, since: u32) {
+        self.question.fresh.clear();
+        self.question.fresh.extend(self.changed.iter().map(|changed| since == 0 || *changed > since));
     }
 
     /// Whether a node uses `label`.
@@ -73,7 +163,10 @@ impl<'a> Search<'a> {
     }
 
     /// Gives nodes other labels if that lowers the energy; rounding must not send the search in circles.
-    pub(super) fn apply(&mut self, moves: &[(u32, u16)]) -> bool {
+    pub(super) fn apply(&mut self, moves: &[(u32, u16)]) -> Outcome {
+        if moves.is_empty() {
+            return Outcome::Nothing;
+        }
         let before: Vec<u16> = moves.iter().map(|&(node, _)| self.labels[node as usize]).collect();
         let rise: f64 = moves.iter().map(|&(node, label)| self.change(node as usize, label)).sum();
         if rise >= 0.0 {
@@ -82,13 +175,13 @@ impl<'a> Search<'a> {
                 self.users[usize::from(old)] += 1;
                 self.labels[node as usize] = old;
             }
-            return false;
+            return Outcome::Refused;
         }
         for &(node, _) in moves {
             self.changed[node as usize] = self.now;
             self.adjacency.of(node as usize).for_each(|(other, _)| self.changed[other as usize] = self.now);
         }
-        true
+        Outcome::Moved
     }
 
     /// Gives a node another label and returns by how much the energy rises.

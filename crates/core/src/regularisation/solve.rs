@@ -15,8 +15,8 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// Collects the pieces that hold a node for which `asked` is true. O(nodes + edges).
-    pub(super) fn collect(&mut self, question: &Question, adjacency: &Adjacency, asked: impl Fn(usize) -> bool) {
+    /// Collects the pieces that hold a fresh node. O(nodes + edges).
+    pub(super) fn collect(&mut self, question: &Question, adjacency: &Adjacency) {
         const UNSEEN: u32 = u32::MAX;
         self.place.clear();
         self.place.resize(question.state.len(), UNSEEN);
@@ -33,7 +33,7 @@ impl Pieces {
             let mut next = start;
             while let Some(&node) = self.nodes.get(next) {
                 next += 1;
-                wanted |= asked(node as usize);
+                wanted |= question.fresh[node as usize];
                 for (other, _) in adjacency.of(node as usize) {
                     let at = other as usize;
                     if question.state[at] == State::Open && self.place[at] == UNSEEN {
@@ -60,26 +60,33 @@ impl Pieces {
     pub(super) fn answer(&self, question: &Question, adjacency: &Adjacency, monitor: &Monitor) -> Result<Vec<u32>> {
         /// Pieces that one task answers.
         const BATCH: usize = 64;
-        let tasks = self.starts.len().div_ceil(BATCH);
-        let taken = map_ordered_with(0..tasks, monitor, MaxFlow::default, |network, task| {
+        let work = |network: &mut MaxFlow, task: usize| {
             let mut taken = Vec::new();
             for p in task * BATCH..((task + 1) * BATCH).min(self.starts.len()) {
                 monitor.check()?;
-                self.cut(self.piece(p), question, adjacency, network)?;
+                self.ask(self.piece(p), question, adjacency, network)?;
+                network.solve_watched(monitor)?;
                 let piece = self.piece(p).iter().enumerate();
-                taken.extend(piece.filter(|(at, _)| network.is_source(*at)).map(|(_, &node)| node));
+                taken.extend(piece.filter(|(at, _)| network.is_source(*at) != question.eager).map(|(_, &node)| node));
             }
             Ok(taken)
-        })?;
-        Ok(taken.concat())
+        };
+        match self.starts.len().div_ceil(BATCH) {
+            // A thread that has to be woken costs more than a few small cuts.
+            0 => Ok(Vec::new()),
+            1 => work(&mut MaxFlow::default(), 0),
+            tasks => Ok(map_ordered_with(0..tasks, monitor, MaxFlow::default, work)?.concat()),
+        }
     }
 
-    /// The source side takes the label: a node pays θ there, or gains -θ.
-    fn cut(&self, piece: &[u32], question: &Question, adjacency: &Adjacency, network: &mut MaxFlow) -> Result<()> {
+    /// The source side takes the label: a node pays θ there, or gains -θ. Of all smallest cuts the one with the smallest source
+    /// side is found: the eager want the smallest number of nodes that stay, so that these are the source side for them.
+    fn ask(&self, piece: &[u32], question: &Question, adjacency: &Adjacency, network: &mut MaxFlow) -> Result<()> {
         network.reset(piece.len());
         for (at, &node) in piece.iter().enumerate() {
             let theta = question.theta[node as usize];
-            network.add_terminals(at, (-theta).max(0.0), theta.max(0.0))?;
+            let gain = if question.eager { theta } else { -theta };
+            network.add_terminals(at, gain.max(0.0), (-gain).max(0.0))?;
             for (other, edge) in adjacency.of(node as usize) {
                 let coupling = question.coupling[edge as usize];
                 if other > node && question.state[other as usize] == State::Open && coupling > 0.0 {
@@ -87,7 +94,6 @@ impl Pieces {
                 }
             }
         }
-        network.solve();
         Ok(())
     }
 }

@@ -4,7 +4,7 @@
 //! need not be a metric; in return there is no bound on the result, and the work grows with the square of the labels.
 
 use super::reduce::State;
-use super::search::Search;
+use super::search::{Moves, Outcome, Search};
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
@@ -65,29 +65,35 @@ impl SwapParams {
 pub fn alpha_beta_swap(unary: &[f32], graph: &Graph, params: &SwapParams, monitor: &Monitor) -> Result<Labelling> {
     params.validate()?;
     let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?;
-    let labels = energy.labels;
-    let pairs = labels * (labels - 1) / 2;
-    let mut pair = [0, 0];
-    Search::new(energy).run(pairs, params.max_rounds, monitor, |search, number| {
-        pair = match pair {
-            _ if number == 0 => [0, 1],
-            [alpha, beta] if usize::from(beta) + 1 < labels => [alpha, beta + 1],
-            [alpha, _] => [alpha + 1, alpha + 2],
-        };
-        offer(search, pair, pairs as u32, monitor)
-    })
+    let adjacency = graph.adjacency();
+    let pairs = energy.labels * (energy.labels - 1) / 2;
+    let mut search = Search::new(energy, &adjacency, energy.start());
+    let mut swaps = Moves::new(pairs, params.max_rounds);
+    let converged =
+        search.in_turn(&mut swaps, monitor, &mut |search, pair, since| offer(search, pair, since, monitor))?;
+    Ok(search.into_labelling(converged))
 }
 
-/// Offers a pair of labels to the nodes that have one of them; true if some changed. The pair was last offered `round`
-/// moves ago.
-fn offer(search: &mut Search<'_>, pair: [u16; 2], round: u32, monitor: &Monitor) -> Result<bool> {
-    let since = search.now.saturating_sub(round);
-    if !pair.iter().any(|&label| search.is_used(label)) {
-        return Ok(false);
+/// The labels of a pair by its number: (0, 1), (0, 2), ..., (1, 2), ...
+fn pair(number: usize, labels: usize) -> [u16; 2] {
+    let (mut alpha, mut rest) = (0, number);
+    while rest >= labels - 1 - alpha {
+        rest -= labels - 1 - alpha;
+        alpha += 1;
     }
-    search.question.ask_swap(&search.energy, &search.adjacency, &search.labels, pair);
-    search.pieces.collect(&search.question, &search.adjacency, |node| since == 0 || search.changed[node] > since);
-    let takers = search.pieces.answer(&search.question, &search.adjacency, monitor)?;
+    [alpha as u16, (alpha + 1 + rest) as u16]
+}
+
+/// Offers a pair of labels to the nodes that have one of them.
+fn offer(search: &mut Search<'_>, number: usize, since: u32, monitor: &Monitor) -> Result<Outcome> {
+    let pair = pair(number, search.energy.labels);
+    if !pair.iter().any(|&label| search.is_used(label)) {
+        return Ok(Outcome::Nothing);
+    }
+    search.refresh(since);
+    search.question.ask_swap(&search.energy, search.adjacency, &search.labels, pair);
+    search.pieces.collect(&search.question, search.adjacency);
+    let takers = search.pieces.answer(&search.question, search.adjacency, monitor)?;
     let [alpha, beta] = pair;
     let mut answer: Vec<(u32, u16)> = search.pieces.nodes().iter().map(|&node| (node, beta)).collect();
     answer.extend(search.question.settled(State::Stays).map(|node| (node, beta)));

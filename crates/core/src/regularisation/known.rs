@@ -1,0 +1,63 @@
+//! Nodes whose label is known before any search: partial optimality.
+//!
+//! I. Kovtun, *Partial optimal labeling search for a NP-hard subclass of (max,+) problems*, DAGM 2003. For Potts distances
+//! and one label α, let every other label cost what the cheapest of them costs: the nodes that take α in the smallest cut of
+//! that problem of two labels have α in every labelling of least energy, and giving them α makes no labelling dearer.
+
+use super::Energy;
+use super::reduce::{Question, State};
+use super::solve::Pieces;
+use crate::error::Result;
+use crate::graph::Adjacency;
+use crate::parallel::Monitor;
+
+/// Labels that are known, and the two least costs of each node.
+#[derive(Clone, Debug)]
+pub(super) struct Known {
+    pub(super) labels: Vec<Option<u16>>,
+    least: Vec<TwoLeast>,
+}
+
+/// The cheapest label of a node, its cost, and the cost of the next.
+#[derive(Clone, Copy, Debug)]
+struct TwoLeast {
+    label: u16,
+    first: f32,
+    second: f32,
+}
+
+impl TwoLeast {
+    fn of(costs: &[f32]) -> Self {
+        let none = Self { label: 0, first: f32::INFINITY, second: f32::INFINITY };
+        costs.iter().zip(0..).fold(none, |least, (&cost, label)| match cost < least.first {
+            true => Self { label, first: cost, second: least.first },
+            false => Self { second: least.second.min(cost), ..least },
+        })
+    }
+}
+
+impl Known {
+    /// Puts the question of every label, for 2 labels or more. O(labels · (nodes + edges)) and the cuts.
+    pub(super) fn find(energy: &Energy<'_>, adjacency: &Adjacency, monitor: &Monitor) -> Result<Self> {
+        let least = energy.unary.chunks_exact(energy.labels).map(TwoLeast::of).collect();
+        let mut known = Self { labels: vec![None; energy.graph.len()], least };
+        let (mut question, mut pieces) = (Question::default(), Pieces::default());
+        monitor.stage("known labels", energy.labels as u64);
+        for alpha in 0..energy.labels as u16 {
+            monitor.check()?;
+            question.ask_against(energy, adjacency, &known, alpha);
+            pieces.collect(&question, adjacency);
+            let taken = pieces.answer(&question, adjacency, monitor)?;
+            let taken = taken.into_iter().chain(question.settled(State::Takes));
+            taken.for_each(|node| known.labels[node as usize] = Some(alpha));
+            monitor.advance(1);
+        }
+        Ok(known)
+    }
+
+    /// The least cost of all labels but `alpha`.
+    pub(super) fn least_but(&self, node: usize, alpha: u16) -> f64 {
+        let TwoLeast { label, first, second } = self.least[node];
+        f64::from(if label == alpha { second } else { first })
+    }
+}
