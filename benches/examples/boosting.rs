@@ -1,7 +1,7 @@
 //! Times boosting on a table of features and judges it on held-out rows, for the comparison with other toolkits.
 //!
 //! `SCANSION_FEATURES` (raw little-endian f32, row-major) and `SCANSION_LABELS` (one byte a row) name the table,
-//! `SCANSION_WIDTH` its features a row, `SCANSION_ROUNDS` the number of rounds. The rows `5 i` are held out if
+//! `SCANSION_WIDTH` its features a row, `SCANSION_ROUNDS` the number of rounds, `SCANSION_LAMBDA` the penalty (0). The rows `5 i` are held out if
 //! `SCANSION_ROWS` is `most`; else all rows are learned from and judged on. `SCANSION_OUT` takes the probabilities.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
@@ -29,7 +29,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let width = number("SCANSION_WIDTH", 144);
     let samples = Samples { features: &values, width, labels: &labels, weights: Some(&kept), classes };
     let rounds = number("SCANSION_ROUNDS", 50);
-    let params = BoostingParams { rounds, max_leaves: number("SCANSION_LEAVES", 31), ..BoostingParams::default() };
+    let (max_leaves, lambda) = (number("SCANSION_LEAVES", 31), number("SCANSION_LAMBDA", 0) as f64);
+    let params = BoostingParams { rounds, max_leaves, lambda, ..BoostingParams::default() };
     let start = Instant::now();
     let model = Boosting::fit(&samples, &params, &Monitor::default())?;
     let fit = start.elapsed().as_secs_f64();

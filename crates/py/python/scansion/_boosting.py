@@ -19,8 +19,8 @@ class GradientBoostingClassifier(TableClassifier):
     """Gradient-boosted trees (Friedman 2001, doi:10.1214/aos/1013203451) on binned features.
 
     Softmax of one score a class, the logistic function for two classes; leaf-wise growth and second-order gains, with
-    LightGBM's defaults. Missing values (NaN) go to the side that the learning finds better. Same data, same parameters,
-    same ``random_state``: the same bytes, for any number of threads.
+    LightGBM's defaults but XGBoost's penalty. Missing values (NaN) go to the side that the learning finds better. Same
+    data, same parameters, same ``random_state``: the same bytes, for any number of threads.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class GradientBoostingClassifier(TableClassifier):
     min_child_weight : float
         Splits that leave a smaller sum of second derivatives on a side are not made.
     l2_regularization : float
-        L2 penalty of the leaves' answers.
+        L2 penalty of the leaves' answers; with 0 a leaf of a rare class may answer without bound.
     min_split_gain : float
         A split must gain more than this.
     subsample : float
@@ -100,7 +100,7 @@ class GradientBoostingClassifier(TableClassifier):
         max_depth: int | None = None,
         min_samples_leaf: int = 20,
         min_child_weight: float = 1e-3,
-        l2_regularization: float = 0.0,
+        l2_regularization: float = 1.0,
         min_split_gain: float = 0.0,
         subsample: float = 1.0,
         subsample_freq: int = 1,

@@ -35,6 +35,7 @@ def alpha_expansion(
     distances: Any = None,
     label_costs: Any = None,
     max_rounds: int = 100,
+    starts: int = 2,
     n_jobs: int | None = None,
 ) -> Labelling:
     """The labelling that no expansion of a label improves.
@@ -56,7 +57,10 @@ def alpha_expansion(
     label_costs : array_like of shape (labels,), optional
         What each label costs once if any node has it; 0 or more (Delong et al. 2012).
     max_rounds : int
-        Most rounds over all labels.
+        Most rounds over all labels from each start.
+    starts : {1, 2}
+        1: from the cheapest labels. 2: also from label 0 everywhere, as gco begins; every region takes the better of both.
+        Up to twice the work.
     n_jobs : int, optional
         Threads; None and -1 take all. The result does not depend on it.
 
@@ -69,7 +73,7 @@ def alpha_expansion(
     """
     problem = _problem(unary, edges, weights)
     costs = {"label_costs": _label_costs(label_costs)}
-    text = to_json({**_settings(problem, strength, distances), **costs, "max_rounds": max_rounds})
+    text = to_json({**_settings(problem, strength, distances), **costs, "max_rounds": max_rounds, "starts": starts})
     return Labelling(*_core.alpha_expansion(problem, text, n_jobs))
 
 

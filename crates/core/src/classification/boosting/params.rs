@@ -21,7 +21,7 @@ pub struct BoostingParams {
     pub min_samples_leaf: usize,
     /// No child gets a smaller sum of second derivatives, 0 or more.
     pub min_child_weight: f64,
-    /// L2 penalty of the leaves' answers, 0 or more.
+    /// L2 penalty of the leaves' answers, 0 or more. With 0 a leaf of a rare class may answer without bound.
     pub lambda: f64,
     /// A split must gain more than this, 0 or more.
     pub min_gain: f64,
@@ -52,7 +52,7 @@ impl Default for BoostingParams {
             max_depth: None,
             min_samples_leaf: 20,
             min_child_weight: 1e-3,
-            lambda: 0.0,
+            lambda: 1.0,
             min_gain: 0.0,
             row_fraction: 1.0,
             row_rounds: 1,
