@@ -17,7 +17,7 @@ const ONWARD: u32 = 1 << 31;
 pub(super) const WIDTH: usize = 256;
 
 /// Levels that a row goes down before the next row is looked at: the processor works on several rows at once.
-const LEVELS: usize = 4;
+const LEVELS: usize = 3;
 
 /// Rows that are taken down a tree together: their codes stay in the nearest cache.
 const TOGETHER: usize = 256;
@@ -110,7 +110,7 @@ impl Compact {
     }
 
     /// Lays out the nodes from `start` down; subtrees of at most `cut` nodes are left out and appended to `below`. Children of
-    /// a node stand together; the smaller subtree follows at once, so that few nodes lie between.
+    /// a node stand together; the larger subtree, where more rows go, follows at once.
     fn piece(&mut self, tree: &Sized<'_>, (start, cut): (usize, usize), below: &mut Vec<usize>) -> Range<usize> {
         let first = self.steps.len();
         self.steps.push(Step::default());
@@ -132,7 +132,7 @@ impl Compact {
                 self.steps.extend([Step::default(); 2]);
                 let left = tree.child(&node);
                 let mut children = [(left, next), (left + 1, next + 1)];
-                children.sort_by_key(|&(old, _)| std::cmp::Reverse(tree.sizes[old]));
+                children.sort_by_key(|&(old, _)| tree.sizes[old]);
                 open.extend(children);
             }
         }

@@ -21,10 +21,11 @@ impl Forest {
         self.binning.bin_rows(rows, &mut scratch.narrow);
         let mut open = Open { rows: (0..out.len() as u32).collect(), sums: vec![0.0; out.len() * self.classes] };
         let count = trees.trees();
+        let majority = count / 2 + 1;
         for tree in 0..count {
             self.add_tree(trees, tree, scratch, &mut open.sums);
             let (done, left) = (tree + 1, count - tree - 1);
-            if left > 0 && 2 * done >= count && done.is_multiple_of((count / 16).max(1)) {
+            if left > 0 && done >= majority && (done - majority).is_multiple_of((count / 16).max(1)) {
                 self.settle(left as f32 + SLACK, &mut open, scratch, out);
             }
             if open.rows.is_empty() {
