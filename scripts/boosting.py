@@ -1,4 +1,4 @@
-"""Boosting beside LightGBM with the same settings, on feature tables of three real scans; prints the table of docs/boosting.md.
+"""Boosting beside LightGBM with the same settings, on feature tables of five real scans; prints the table of docs/boosting.md.
 
     python scripts/boosting.py DATA [SPLITS]    # needs: pip install '.[las]' lightgbm
 
@@ -17,6 +17,8 @@ from scansion import features
 
 TABLES = {
     "LiDAR HD, village": ("airborne/lidarhd_building.laz", 0.25, 6, (2, 3, 4, 5, 6)),
+    "LiDAR HD, housing estate": ("airborne/lidarhd_housing.laz", 0.25, 6, (2, 3, 4, 5, 6)),
+    "AHN3, Delft": ("airborne/ahn3_delft_west.laz", 0.25, 6, (1, 2, 6, 9)),
     "LiDAR HD, forest edge": ("airborne/lidarhd_forest_edge.laz", 0.25, 6, (2, 3, 4, 5, 6)),
     "Oakland, street": ("oakland/part_01.laz", 0.1, 7, ()),
 }
