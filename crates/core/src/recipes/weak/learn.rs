@@ -3,6 +3,7 @@
 use super::WeakRecipe;
 use super::describe::{self, Described};
 use super::examples::{Example, examples};
+use super::hold::{self, Known};
 use crate::classes::ClassTable;
 use crate::classification::cross_validation::stratified_folds;
 use crate::classification::{Classifier, ClassifierParams, Fingerprint, Model, Samples};
@@ -131,9 +132,13 @@ fn study<'a>(
     // First what needs most memory, while little else is held.
     let partitions = fit_partition(&drafts, recipe, monitor)?;
     let mut road = Vec::new();
-    for draft in &drafts {
-        recipe.road.learn(&draft.examples, &draft.local);
+    recipe.labels.places.clear();
+    for Draft { cloud, points, examples, local } in &drafts {
+        recipe.road.learn(examples, local);
         road.append(&mut recipe.road.examples);
+        if recipe.labels.hold {
+            recipe.labels.remember(examples, |point| cloud.xyz(points.index[point as usize] as usize));
+        }
     }
     recipe.road.examples = road;
     let mut lessons = Vec::new();
@@ -280,8 +285,17 @@ pub(in crate::recipes) fn classify_weak(
     }
     let mut values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
     recipe.shares.apply(&mut values, model.classes.len());
-    let points = described.points;
-    drop(described.six);
-    let found = scene.decide(Probabilities { values: &values, classes: model.classes.len() }, params, monitor)?;
+    let given = Probabilities { values: &values, classes: model.classes.len() };
+    let Described { points, six, .. } = described;
+    let unit = metres.or(recipe.features.metres_per_unit).or(cloud.metres_per_unit).unwrap_or(1.0);
+    let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
+    if labels.is_empty() {
+        drop(six);
+        return Ok((points, scene.decide(given, params, monitor)?));
+    }
+    let descriptors = head(&six);
+    drop(six);
+    let known = Known { points: &points, descriptors: &descriptors, labels };
+    let found = hold::decide(scene, given, (&known, params), monitor)?;
     Ok((points, found))
 }

@@ -7,6 +7,7 @@ mod by_intent;
 mod cut_pursuit;
 mod cutoff;
 mod merge;
+mod recut;
 mod refine;
 mod regions;
 mod signal;
@@ -16,5 +17,6 @@ pub use by_intent::{
 };
 pub use cut_pursuit::{CutPursuit, CutPursuitParams, Preset, cut_pursuit};
 pub use merge::{Merge, MergeParams, merge};
+pub use recut::recut;
 pub(super) use regions::{Link, contract};
 pub use signal::Signal;
