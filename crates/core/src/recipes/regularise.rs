@@ -161,8 +161,7 @@ impl Scene {
             return Ok(scene);
         }
         let near = knn(points, params.neighbours, monitor)?;
-        scene.graph = knn_graph(points.len(), &near, &params.adjacency, monitor)?;
-        drop(near);
+        scene.graph = knn_graph(points.len(), near, &params.adjacency, monitor)?;
         if matches!(params.method, Regularise::Consensus | Regularise::SegmentCrf) {
             let partition = match descriptors {
                 Some(table) => segment((points, table), &scene.graph, params, monitor)?,

@@ -80,9 +80,7 @@ pub fn train_weak(
     let (lessons, partitions) = study(clouds, &mut recipe, monitor)?;
     let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
     let classes = ClassTable::from_codes(&codes);
-    let (rows, labels) = table(&lessons, &classes);
-    let width = lessons.first().map_or(0, |l| l.rows.width());
-    let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: classes.len() };
+    let labels: Vec<u16> = codes.iter().filter_map(|&code| classes.position(code)).map(|p| p as u16).collect();
     recipe.shares.learn(&labels, classes.len());
     let scores = match (strengths, lessons.first()) {
         ([], _) | (_, None) => Vec::new(),
@@ -91,13 +89,16 @@ pub fn train_weak(
     if let Some(best) = best_of(&scores) {
         recipe.regularise.strength = best;
     }
-    let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
     let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
+    let FeatureTable { names: feature_names, values: rows } = table(lessons);
+    let (width, count) = (feature_names.len(), classes.len());
+    let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: count };
+    let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
     let report = WeakReport { partitions, ..report(clouds, &codes, &recipe, scores) };
     let model = Model {
         recipe_toml: toml::to_string(&recipe).map_err(|e| Error::input(format!("recipe cannot be written: {e}")))?,
         fingerprint: Fingerprint::of(&samples, density),
-        feature_names: lessons.first().map(|l| l.rows.names.clone()).unwrap_or_default(),
+        feature_names,
         seed: recipe.seed,
         classes,
         classifier,
@@ -138,7 +139,7 @@ fn study<'a>(
     recipe.road.examples = road;
     let mut lessons = Vec::new();
     for Draft { cloud, points, examples, local } in drafts {
-        let six = describe::six(cloud, &points, &local, recipe, monitor)?;
+        let six = describe::six(cloud, &points, local, recipe, monitor)?;
         let described = Described { cloud, points, six };
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
         let more = describe::more(recipe, None);
@@ -151,12 +152,12 @@ fn study<'a>(
     Ok((lessons, partitions))
 }
 
-/// Rows of the examples, and the positions of their classes.
-fn table(lessons: &[Lesson<'_>], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
-    let rows = lessons.iter().flat_map(|l| &l.rows.values).copied().collect();
-    let each = lessons.iter().flat_map(|l| &l.examples);
-    let labels = each.filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
-    (rows, labels)
+/// The rows of all lessons, of which nothing else is needed any more.
+fn table(lessons: Vec<Lesson<'_>>) -> FeatureTable {
+    let mut tables = lessons.into_iter().map(|lesson| lesson.rows);
+    let mut all = tables.next().unwrap_or_default();
+    tables.for_each(|table| all.values.extend_from_slice(&table.values));
+    all
 }
 
 fn seeded(recipe: &WeakRecipe) -> ClassifierParams {
@@ -266,8 +267,7 @@ pub(in crate::recipes) fn classify_weak(
     let local = describe::local(&points, recipe, monitor)?;
     // First what needs most memory, while little else is held.
     let scene = Scene::new(&points, Some(&local), params, monitor)?;
-    let six = describe::six(cloud, &points, &local, recipe, monitor)?;
-    drop(local);
+    let six = describe::six(cloud, &points, local, recipe, monitor)?;
     let more = describe::more(recipe, metres);
     let described = Described { cloud, points, six };
     let names = described.names(more.as_ref());

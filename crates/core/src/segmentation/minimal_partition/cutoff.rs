@@ -30,7 +30,7 @@ pub(super) fn absorb_small(
         let Some(sets) = absorb_once(&mut regions, &links, cutoff) else { break };
         let (number, left) = compact(&regions, sets);
         segment.iter_mut().for_each(|s| *s = number[*s as usize]);
-        links = contract(links, &number);
+        links = contract(links.iter().copied(), &number);
         regions = left;
     }
     Partition::from_labels(&segment)

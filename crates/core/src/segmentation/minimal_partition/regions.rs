@@ -110,22 +110,34 @@ pub(super) fn weighted_mean<'a>(rows: impl Iterator<Item = (&'a [f32], f64)>, me
     total
 }
 
+/// So many links are sorted by one thread.
+const ALONE: usize = 1 << 15;
+
 /// The edges of a graph as links between its nodes, each costing `strength` times its weight.
-pub(super) fn node_links(graph: &Graph, strength: f64) -> impl Iterator<Item = Link> {
+pub(super) fn node_links(graph: &Graph, strength: f64) -> impl Iterator<Item = Link> + Clone {
     let edges = graph.edges().iter().zip(graph.weights());
     edges.map(move |(&ends, &w)| Link { ends, boundary: strength * f64::from(w) })
 }
 
-/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends; a vector of
-/// links is contracted in its own memory.
-pub(in crate::segmentation) fn contract(links: impl IntoIterator<Item = Link>, segment: &[u32]) -> Vec<Link> {
+/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends.
+/// O(links · log of the links of one segment); the links are gone through twice, so that nothing but the result is held.
+pub(in crate::segmentation) fn contract(links: impl Iterator<Item = Link> + Clone, segment: &[u32]) -> Vec<Link> {
     let rename = |link: Link| {
         let [a, b] = link.ends.map(|end| segment[end as usize]);
         (a != b).then_some(Link { ends: [a.min(b), a.max(b)], boundary: link.boundary })
     };
-    let mut joined: Vec<Link> = links.into_iter().filter_map(rename).collect();
-    // A stable sort: the sum of parallel links does not depend on how the sort moves equal keys.
-    joined.sort_by_key(|link| link.ends);
+    let segments = segment.iter().max().map_or(0, |&last| last as usize + 1);
+    let mut next = vec![0usize; segments + 1];
+    links.clone().filter_map(rename).for_each(|link| next[link.ends[0] as usize + 1] += 1);
+    (0..segments).for_each(|s| next[s + 1] += next[s]);
+    let mut joined = vec![Link { ends: [0; 2], boundary: 0.0 }; next[segments]];
+    for link in links.filter_map(rename) {
+        let slot = &mut next[link.ends[0] as usize];
+        joined[*slot] = link;
+        *slot += 1;
+    }
+    // A stable sort of each segment's own: the sum of parallel links does not depend on how the sort moves equal keys.
+    sort_rows(&mut joined);
     joined.dedup_by(|next, kept| {
         let same = next.ends == kept.ends;
         if same {
@@ -133,7 +145,24 @@ pub(in crate::segmentation) fn contract(links: impl IntoIterator<Item = Link>, s
         }
         same
     });
+    joined.shrink_to_fit();
     joined
+}
+
+/// Sorts the links of each first end by their second one.
+fn sort_rows(links: &mut [Link]) {
+    let half = links.len() / 2;
+    let cut = links[half..].iter().position(|link| link.ends[0] != links[half].ends[0]);
+    match cut.filter(|_| links.len() > ALONE) {
+        Some(cut) => {
+            let (low, high) = links.split_at_mut(half + cut);
+            rayon::join(|| sort_rows(low), || sort_rows(high));
+        }
+        None => {
+            let rows = links.chunk_by_mut(|a, b| a.ends[0] == b.ends[0]);
+            rows.for_each(|row| row.sort_by_key(|link| link.ends[1]));
+        }
+    }
 }
 
 /// The roots of `sets` renumbered 0, 1, ... in order, and the regions that remain, in the same order.
@@ -202,6 +231,6 @@ mod tests {
     fn parallel_links_add_up_and_inner_ones_vanish() {
         let link = |a, b, boundary| Link { ends: [a, b], boundary };
         let links = [link(0, 1, 1.0), link(0, 2, 2.0), link(1, 3, 4.0), link(2, 3, 8.0)];
-        assert_eq!(contract(links, &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
+        assert_eq!(contract(links.into_iter(), &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
     }
 }

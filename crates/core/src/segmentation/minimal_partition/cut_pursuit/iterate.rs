@@ -3,7 +3,7 @@
 use super::super::Signal;
 use super::super::merge::{GREEDY_LINKS, merge_further};
 use super::super::refine::move_boundary_nodes;
-use super::super::regions::{Link, Regions, contract, energy, node_links};
+use super::super::regions::{Regions, contract, energy, node_links};
 use super::bisect::Scratch;
 use super::piece::Source;
 use super::{CutPursuit, CutPursuitParams};
@@ -18,7 +18,6 @@ pub(super) struct Pursuit<'a> {
     source: Source<'a>,
     params: &'a CutPursuitParams,
     monitor: &'a Monitor,
-    links: Vec<Link>,
     partition: Partition,
     /// Segments that no cut divides.
     saturated: Vec<bool>,
@@ -33,7 +32,6 @@ impl<'a> Pursuit<'a> {
         monitor: &'a Monitor,
     ) -> Result<Self> {
         monitor.check()?;
-        let links = node_links(graph, params.strength).collect();
         let energy = energy(signal, graph, params.strength, &partition);
         let found = CutPursuit {
             partition: partition.clone(),
@@ -45,7 +43,7 @@ impl<'a> Pursuit<'a> {
         };
         let saturated = vec![false; partition.len()];
         let source = Source { signal, graph, adjacency: graph.adjacency(), strength: params.strength };
-        Ok(Self { source, params, monitor, links, partition, saturated, found })
+        Ok(Self { source, params, monitor, partition, saturated, found })
     }
 
     pub(super) fn run(mut self) -> Result<CutPursuit> {
@@ -132,8 +130,9 @@ impl<'a> Pursuit<'a> {
 
     /// Merges segments while that gains; what merged is open again.
     fn merge(&mut self) -> Result<()> {
-        let links = contract(self.links.iter().copied(), self.partition.segments());
-        let regions = Regions::of_segments(self.source.signal, &self.partition);
+        let Source { signal, graph, strength, .. } = self.source;
+        let links = contract(node_links(graph, strength), self.partition.segments());
+        let regions = Regions::of_segments(signal, &self.partition);
         let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
         let joined = Partition::from_labels(&became)?;
         self.saturated = joined.iter().map(|parts| parts.len() == 1 && self.saturated[parts[0] as usize]).collect();
