@@ -44,9 +44,9 @@ pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<Featu
 /// The pyramid is that of the whole cloud.
 pub fn table_at(cloud: &Cloud, set: &FeatureSet, at: &[u32], monitor: &Monitor) -> Result<(FeatureTable, f64)> {
     let extractor = Extractor::prepare(cloud, set, (Wanted::All, Some(at)), monitor)?;
-    let mut row = vec![0; cloud.len()];
-    at.iter().enumerate().for_each(|(r, &point)| row[point as usize] = r);
-    let table = collect(&extractor, at.len(), |point| row[point as usize], monitor)?;
+    let mut row = vec![0u32; cloud.len()];
+    at.iter().zip(0..).for_each(|(&point, r)| row[point as usize] = r);
+    let table = collect(&extractor, at.len(), |point| row[point as usize] as usize, monitor)?;
     Ok((table, extractor.first_scale()))
 }
 

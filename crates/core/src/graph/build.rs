@@ -11,6 +11,9 @@ use std::ops::Range;
 /// Nodes whose edges are made in one go.
 const BLOCK: usize = 8192;
 
+/// Blocks a thread that are held until their edges have found their places.
+const AT_ONCE: usize = 4;
+
 /// What becomes of two points that are neighbours of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -57,14 +60,13 @@ struct Edge {
     squared: f32,
 }
 
-impl Edge {
-    fn length(&self) -> f64 {
-        f64::from(self.squared.abs()).sqrt()
-    }
+fn length(squared: f32) -> f64 {
+    f64::from(squared.abs()).sqrt()
+}
 
-    fn times(&self) -> f64 {
-        if self.squared.is_sign_negative() { 2.0 } else { 1.0 }
-    }
+/// How often the pair counts.
+fn times(squared: f32) -> f64 {
+    if squared.is_sign_negative() { 2.0 } else { 1.0 }
 }
 
 /// The undirected graph of the nearest neighbours: i and j touch if one is among the nearest of the other.
@@ -93,43 +95,44 @@ pub fn knn_graph(
     monitor: &Monitor,
 ) -> Result<Graph> {
     params.validate()?;
-    let blocks = edges_by_block(nodes, near.borrow(), params.multiplicity, monitor)?;
-    drop(near);
-    let edges = || blocks.iter().flatten();
-    let count = blocks.iter().map(Vec::len).sum();
-    let total: f64 = edges().map(|edge| edge.times()).sum();
-    let sum: f64 = edges().map(|edge| edge.times() * edge.length()).sum();
-    let mean = if total > 0.0 { sum / total } else { 0.0 };
-    let longest = params.prune.map_or(f64::INFINITY, |cap| cap * mean);
-    let weight = |edge: &Edge| (edge.times() * params.weight.of(edge.length(), mean)) as f32;
-    let mut graph = Graph { nodes, edges: Vec::with_capacity(count), weights: Vec::with_capacity(count) };
-    for block in blocks {
-        let kept = || block.iter().filter(|edge| edge.length() <= longest);
-        graph.edges.extend(kept().map(|edge| edge.ends));
-        graph.weights.extend(kept().map(weight));
+    if near.borrow().k() > 0 && near.borrow().len() != nodes {
+        return Err(Error::input(format!("neighbours of {} points for {nodes} nodes", near.borrow().len())));
     }
-    Ok(graph)
+    let (mut edges, mut squared) = all_edges(near.borrow(), params.multiplicity, monitor)?;
+    drop(near);
+    let total: f64 = squared.iter().map(|&s| times(s)).sum();
+    let sum: f64 = squared.iter().map(|&s| times(s) * length(s)).sum();
+    let mean = if total > 0.0 { sum / total } else { 0.0 };
+    if let Some(cap) = params.prune {
+        let mut rest = squared.iter().map(|&s| length(s) <= cap * mean);
+        edges.retain(|_| rest.next().unwrap_or(true));
+        squared.retain(|&s| length(s) <= cap * mean);
+    }
+    let mut weights = squared;
+    weights.iter_mut().for_each(|w| *w = (times(*w) * params.weight.of(length(*w), mean)) as f32);
+    Ok(Graph { nodes, edges, weights })
 }
 
-/// The edges, ascending, of blocks of smaller ends.
-fn edges_by_block(
-    nodes: usize,
-    near: &Neighbours,
-    multiplicity: Multiplicity,
-    monitor: &Monitor,
-) -> Result<Vec<Vec<Edge>>> {
-    if near.k() > 0 && near.len() != nodes {
-        return Err(Error::input(format!("neighbours of {} points for {nodes} nodes", near.len())));
-    }
+/// The edges, ascending, and their squared lengths, negative if both ends name the other and that counts.
+fn all_edges(near: &Neighbours, multiplicity: Multiplicity, monitor: &Monitor) -> Result<(Vec<[u32; 2]>, Vec<f32>)> {
     let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(near.len());
     let blocks = near.len().div_ceil(BLOCK);
     let mut one_sided = map_ordered(blocks, monitor, |b| Ok(one_sided(block(b), near)))?.concat();
     one_sided.sort_unstable_by_key(|half| (half.0, half.1));
-    map_ordered(blocks, monitor, |b| {
-        let range = block(b);
-        let first = one_sided.partition_point(|half| (half.0 as usize) < range.start);
-        unite(range, near, &one_sided[first..], multiplicity)
-    })
+    let larger = |b: usize| block(b).map(|i| near.of(i).iter().filter(|j| **j as usize > i).count()).sum::<usize>();
+    let count = map_ordered(blocks, monitor, |b| Ok(larger(b)))?.iter().sum::<usize>() + one_sided.len();
+    let (mut edges, mut squared) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let at_once = AT_ONCE * rayon::current_num_threads();
+    for begin in (0..blocks).step_by(at_once) {
+        let parts = map_ordered(at_once.min(blocks - begin), monitor, |b| {
+            let range = block(begin + b);
+            let first = one_sided.partition_point(|half| (half.0 as usize) < range.start);
+            unite(range, near, &one_sided[first..], multiplicity)
+        })?;
+        edges.extend(parts.iter().flatten().map(|edge| edge.ends));
+        squared.extend(parts.iter().flatten().map(|edge| edge.squared));
+    }
+    Ok((edges, squared))
 }
 
 /// Pairs of which only the larger end knows the other one: smaller end, larger end, squared distance.
@@ -171,7 +174,6 @@ fn unite(
         rest = &rest[count..];
         push_row(node, &mut row, multiplicity, &mut edges)?;
     }
-    edges.shrink_to_fit();
     Ok(edges)
 }
 

@@ -55,34 +55,35 @@ pub(super) fn more(recipe: &WeakRecipe, metres: Option<f64>) -> Option<FeatureSe
     (recipe.descriptors == Descriptors::MultiScale).then_some(set)
 }
 
+/// The rows of these points.
+pub(super) fn select(table: &FeatureTable, at: &[u32]) -> FeatureTable {
+    let values = at.iter().flat_map(|&point| table.row(point as usize)).copied().collect();
+    FeatureTable { names: table.names.clone(), values }
+}
+
+/// All columns of some points of which the six are known, and the finest scale; `places` are theirs in the cloud.
+pub(super) fn rows(
+    cloud: &Cloud,
+    (six, places): (FeatureTable, &[u32]),
+    more: Option<&FeatureSet>,
+    monitor: &Monitor,
+) -> Result<(FeatureTable, Option<f64>)> {
+    let Some(set) = more else { return Ok((six, None)) };
+    let (scaled, scale) = table_at(cloud, set, places, monitor)?;
+    let names: Vec<String> = six.names.iter().chain(&scaled.names).cloned().collect();
+    let mut values = Vec::with_capacity(places.len() * names.len());
+    for row in 0..places.len() {
+        values.extend_from_slice(six.row(row));
+        values.extend_from_slice(scaled.row(row));
+    }
+    Ok((FeatureTable { names, values }, Some(scale)))
+}
+
 impl Described<'_> {
     /// Names of all columns.
     pub(super) fn names(&self, more: Option<&FeatureSet>) -> Vec<String> {
         let scaled = more.map(|set| set.names(set.pyramid.first_scale.unwrap_or_default()));
         self.six.names.iter().cloned().chain(scaled.unwrap_or_default()).collect()
-    }
-
-    /// All columns of the points `at`, and the finest scale.
-    pub(super) fn rows(
-        &self,
-        at: &[u32],
-        more: Option<&FeatureSet>,
-        monitor: &Monitor,
-    ) -> Result<(FeatureTable, Option<f64>)> {
-        let places: Vec<u32> = at.iter().map(|&point| self.points.index[point as usize]).collect();
-        let scaled = more.map(|set| table_at(self.cloud, set, &places, monitor)).transpose()?;
-        let mut found = FeatureTable { names: self.six.names.clone(), values: Vec::new() };
-        if let Some((scaled, _)) = &scaled {
-            found.names.extend_from_slice(&scaled.names);
-        }
-        found.values.reserve_exact(at.len() * found.width());
-        for (row, &point) in at.iter().enumerate() {
-            found.values.extend_from_slice(self.six.row(point as usize));
-            if let Some((scaled, _)) = &scaled {
-                found.values.extend_from_slice(scaled.row(row));
-            }
-        }
-        Ok((found, scaled.map(|(_, scale)| scale)))
     }
 
     /// Class probabilities of all points, row-major; features of many scales are computed and forgotten block by block.

@@ -55,7 +55,8 @@ pub struct StrengthScore {
 
 /// The labelled points of one cloud, described.
 struct Lesson<'a> {
-    described: Described<'a>,
+    /// Of the first cloud, if strengths are to be tried on it.
+    described: Option<Described<'a>>,
     examples: Vec<Example>,
     /// One row an example.
     rows: FeatureTable,
@@ -77,7 +78,7 @@ pub fn train_weak(
 ) -> Result<(Model, WeakReport)> {
     recipe.validate()?;
     let mut recipe = recipe.clone();
-    let (lessons, partitions) = study(clouds, &mut recipe, monitor)?;
+    let (lessons, partitions) = study(clouds, &mut recipe, !strengths.is_empty(), monitor)?;
     let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
     let classes = ClassTable::from_codes(&codes);
     let labels: Vec<u16> = codes.iter().filter_map(|&code| classes.position(code)).map(|p| p as u16).collect();
@@ -115,10 +116,11 @@ struct Draft<'a> {
 }
 
 /// Examples and descriptors of every cloud; the recipe learns what road looks like from all of them, and how fine segments must
-/// be from the first.
+/// be from the first. With `search`, all points of the first cloud stay described.
 fn study<'a>(
     clouds: &'a [(Cloud, Labels)],
     recipe: &mut WeakRecipe,
+    search: bool,
     monitor: &Monitor,
 ) -> Result<(Vec<Lesson<'a>>, Vec<StrengthScore>)> {
     let mut drafts = Vec::new();
@@ -140,10 +142,12 @@ fn study<'a>(
     let mut lessons = Vec::new();
     for Draft { cloud, points, examples, local } in drafts {
         let six = describe::six(cloud, &points, local, recipe, monitor)?;
-        let described = Described { cloud, points, six };
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
+        let own = describe::select(&six, &at);
+        let places: Vec<u32> = at.iter().map(|&point| points.index[point as usize]).collect();
+        let described = (search && lessons.is_empty()).then_some(Described { cloud, points, six });
         let more = describe::more(recipe, None);
-        let (rows, scale) = described.rows(&at, more.as_ref(), monitor)?;
+        let (rows, scale) = describe::rows(cloud, (own, &places), more.as_ref(), monitor)?;
         // The finest scale of the first cloud is that of the others, and of all that the model will name.
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
         let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0));
@@ -194,7 +198,8 @@ fn search(
 ) -> Result<Vec<StrengthScore>> {
     let labels: Vec<u16> = lesson.examples.iter().filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
     let folds = stratified_folds(&labels, FOLDS, recipe.seed)?;
-    let scene = Scene::new(&lesson.described.points, Some(&head(&lesson.described.six)), &recipe.regularise, monitor)?;
+    let Some(described) = &lesson.described else { return Ok(Vec::new()) };
+    let scene = Scene::new(&described.points, Some(&head(&described.six)), &recipe.regularise, monitor)?;
     let more = describe::more(recipe, None);
     let mut right = vec![0usize; strengths.len()];
     for fold in 0..FOLDS as u32 {
@@ -204,7 +209,7 @@ fn search(
         let (width, classes) = (lesson.rows.width(), classes.len());
         let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
         let forest = Classifier::fit(&samples, &seeded(recipe), monitor)?;
-        let mut values = lesson.described.probabilities(&forest, more.as_ref(), monitor)?;
+        let mut values = described.probabilities(&forest, more.as_ref(), monitor)?;
         recipe.shares.apply(&mut values, classes);
         for (s, &strength) in strengths.iter().enumerate() {
             let params = RegulariseParams { strength, ..recipe.regularise.clone() };

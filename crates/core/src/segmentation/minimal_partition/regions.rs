@@ -13,13 +13,6 @@ pub(super) struct Regions {
     means: Vec<f64>,
 }
 
-/// Two regions that touch and what the edges between them cost together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::segmentation) struct Link {
-    pub(in crate::segmentation) ends: [u32; 2],
-    pub(in crate::segmentation) boundary: f64,
-}
-
 impl Regions {
     /// Every node a region of its own.
     pub(super) fn of_nodes(signal: &Signal) -> Self {
@@ -110,61 +103,6 @@ pub(super) fn weighted_mean<'a>(rows: impl Iterator<Item = (&'a [f32], f64)>, me
     total
 }
 
-/// So many links are sorted by one thread.
-const ALONE: usize = 1 << 15;
-
-/// The edges of a graph as links between its nodes, each costing `strength` times its weight.
-pub(super) fn node_links(graph: &Graph, strength: f64) -> impl Iterator<Item = Link> + Clone {
-    let edges = graph.edges().iter().zip(graph.weights());
-    edges.map(move |(&ends, &w)| Link { ends, boundary: strength * f64::from(w) })
-}
-
-/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends.
-/// O(links · log of the links of one segment); the links are gone through twice, so that nothing but the result is held.
-pub(in crate::segmentation) fn contract(links: impl Iterator<Item = Link> + Clone, segment: &[u32]) -> Vec<Link> {
-    let rename = |link: Link| {
-        let [a, b] = link.ends.map(|end| segment[end as usize]);
-        (a != b).then_some(Link { ends: [a.min(b), a.max(b)], boundary: link.boundary })
-    };
-    let segments = segment.iter().max().map_or(0, |&last| last as usize + 1);
-    let mut next = vec![0usize; segments + 1];
-    links.clone().filter_map(rename).for_each(|link| next[link.ends[0] as usize + 1] += 1);
-    (0..segments).for_each(|s| next[s + 1] += next[s]);
-    let mut joined = vec![Link { ends: [0; 2], boundary: 0.0 }; next[segments]];
-    for link in links.filter_map(rename) {
-        let slot = &mut next[link.ends[0] as usize];
-        joined[*slot] = link;
-        *slot += 1;
-    }
-    // A stable sort of each segment's own: the sum of parallel links does not depend on how the sort moves equal keys.
-    sort_rows(&mut joined);
-    joined.dedup_by(|next, kept| {
-        let same = next.ends == kept.ends;
-        if same {
-            kept.boundary += next.boundary;
-        }
-        same
-    });
-    joined.shrink_to_fit();
-    joined
-}
-
-/// Sorts the links of each first end by their second one.
-fn sort_rows(links: &mut [Link]) {
-    let half = links.len() / 2;
-    let cut = links[half..].iter().position(|link| link.ends[0] != links[half].ends[0]);
-    match cut.filter(|_| links.len() > ALONE) {
-        Some(cut) => {
-            let (low, high) = links.split_at_mut(half + cut);
-            rayon::join(|| sort_rows(low), || sort_rows(high));
-        }
-        None => {
-            let rows = links.chunk_by_mut(|a, b| a.ends[0] == b.ends[0]);
-            rows.for_each(|row| row.sort_by_key(|link| link.ends[1]));
-        }
-    }
-}
-
 /// The roots of `sets` renumbered 0, 1, ... in order, and the regions that remain, in the same order.
 pub(super) fn compact(regions: &Regions, sets: Sets) -> (Vec<u32>, Regions) {
     let roots = sets.roots();
@@ -201,6 +139,7 @@ pub(super) fn energy(signal: &Signal, graph: &Graph, strength: f64, partition: &
 
 #[cfg(test)]
 mod tests {
+    use super::super::links::{EdgeLinks, contract};
     use super::*;
     use crate::random::stream;
 
@@ -215,7 +154,7 @@ mod tests {
             let graph = Graph::new(8, &pairs, &vec![0.25; pairs.len()]).unwrap();
             let before = Partition::from_labels(&[0, 0, 1, 1, 2, 2, 2, 1]).unwrap();
             let after = Partition::from_labels(&[0, 0, 1, 1, 1, 1, 1, 1]).unwrap();
-            let links = contract(node_links(&graph, 0.3), before.segments());
+            let links = contract(&EdgeLinks::weighted(&graph, 0.3), before.segments());
             let mut regions = Regions::of_segments(&signal, &before);
             let link = links.iter().find(|l| l.ends == [1, 2]).unwrap();
             let gain = link.boundary - regions.loss(link.ends);
@@ -225,12 +164,5 @@ mod tests {
             let merged = Regions::of_segments(&signal, &after);
             assert!(regions.mean(1).iter().zip(merged.mean(1)).all(|(a, b)| (a - b).abs() < 1e-12));
         }
-    }
-
-    #[test]
-    fn parallel_links_add_up_and_inner_ones_vanish() {
-        let link = |a, b, boundary| Link { ends: [a, b], boundary };
-        let links = [link(0, 1, 1.0), link(0, 2, 2.0), link(1, 3, 4.0), link(2, 3, 8.0)];
-        assert_eq!(contract(links.into_iter(), &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
     }
 }

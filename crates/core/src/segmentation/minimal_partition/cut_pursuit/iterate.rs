@@ -1,9 +1,10 @@
 //! The rounds of cut pursuit: split open segments, merge, look at the energy.
 
 use super::super::Signal;
+use super::super::links::{EdgeLinks, contract};
 use super::super::merge::{GREEDY_LINKS, merge_further};
 use super::super::refine::move_boundary_nodes;
-use super::super::regions::{Regions, contract, energy, node_links};
+use super::super::regions::{Regions, energy};
 use super::bisect::Scratch;
 use super::piece::Source;
 use super::{CutPursuit, CutPursuitParams};
@@ -42,7 +43,7 @@ impl<'a> Pursuit<'a> {
             trace: vec![energy],
         };
         let saturated = vec![false; partition.len()];
-        let source = Source { signal, graph, adjacency: graph.adjacency(), strength: params.strength };
+        let source = Source { signal, graph, incidence: graph.incidence(), strength: params.strength };
         Ok(Self { source, params, monitor, partition, saturated, found })
     }
 
@@ -131,7 +132,7 @@ impl<'a> Pursuit<'a> {
     /// Merges segments while that gains; what merged is open again.
     fn merge(&mut self) -> Result<()> {
         let Source { signal, graph, strength, .. } = self.source;
-        let links = contract(node_links(graph, strength), self.partition.segments());
+        let links = contract(&EdgeLinks::weighted(graph, strength), self.partition.segments());
         let regions = Regions::of_segments(signal, &self.partition);
         let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
         let joined = Partition::from_labels(&became)?;
@@ -143,8 +144,8 @@ impl<'a> Pursuit<'a> {
 
     /// Moves boundary nodes; segments that changed are open again.
     fn move_nodes(&mut self) -> Result<()> {
-        let Source { signal, graph, ref adjacency, strength } = self.source;
-        let moved = move_boundary_nodes(signal, (graph, adjacency), (&self.partition, strength), self.monitor)?;
+        let Source { signal, graph, ref incidence, strength } = self.source;
+        let moved = move_boundary_nodes(signal, (graph, incidence), (&self.partition, strength), self.monitor)?;
         let before = |members: &[u32]| self.partition.segments()[members[0] as usize] as usize;
         let same = |members: &[u32]| self.partition.members(before(members)) == members;
         self.saturated = moved.iter().map(|members| self.saturated[before(members)] && same(members)).collect();

@@ -1,53 +1,12 @@
 //! One round of merging for large graphs: every region names its best partner, then the pairs merge.
 
-use super::super::regions::{Link, Regions};
-use crate::graph::Graph;
+use super::super::links::Links;
+use super::super::regions::Regions;
 use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
 /// Threads that share a round, at most: each reads all links.
 const MOST_SHARES: usize = 8;
-
-/// Links with numbers.
-pub(in super::super) trait Links: Sync {
-    /// All of them with their numbers, ascending.
-    fn iter(&self) -> impl Iterator<Item = (u32, Link)> + Clone;
-    /// The link of a number.
-    fn get(&self, index: u32) -> Link;
-}
-
-impl Links for [Link] {
-    fn iter(&self) -> impl Iterator<Item = (u32, Link)> + Clone {
-        (0u32..).zip(self.iter().copied())
-    }
-
-    fn get(&self, index: u32) -> Link {
-        self[index as usize]
-    }
-}
-
-/// The edges of a graph as links that nobody has to hold.
-#[derive(Clone, Copy, Debug)]
-pub(in super::super) struct EdgeLinks<'a> {
-    pub(in super::super) graph: &'a Graph,
-    /// Cost of an edge of weight 1.
-    pub(in super::super) strength: f64,
-    /// Only edges inside these segments, if given.
-    pub(in super::super) within: Option<&'a [u32]>,
-}
-
-impl Links for EdgeLinks<'_> {
-    fn iter(&self) -> impl Iterator<Item = (u32, Link)> + Clone {
-        let kept = |ends: [u32; 2]| self.within.is_none_or(|of| of[ends[0] as usize] == of[ends[1] as usize]);
-        let edges = (0u32..).zip(self.graph.edges());
-        edges.filter(move |(_, ends)| kept(**ends)).map(|(index, _)| (index, self.get(index)))
-    }
-
-    fn get(&self, index: u32) -> Link {
-        let weight = f64::from(self.graph.weights()[index as usize]);
-        Link { ends: self.graph.edges()[index as usize], boundary: self.strength * weight }
-    }
-}
 
 /// Merges pairs in the order of gain where one is the other's best; nothing if no merger gains.
 ///
@@ -79,7 +38,7 @@ fn best_links(regions: &Regions, links: &(impl Links + ?Sized)) -> Vec<(f64, u32
     let own = regions.len().div_ceil(rayon::current_num_threads().min(MOST_SHARES)).max(1);
     best.par_chunks_mut(own).enumerate().for_each(|(share, best)| {
         let first = (share * own) as u32;
-        for (index, link) in links.iter() {
+        for (index, link) in links.numbered() {
             let mut slots = link.ends.map(|end| end.wrapping_sub(first) as usize);
             slots.sort_unstable();
             if slots[0] >= best.len() {
