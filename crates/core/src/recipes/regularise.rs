@@ -178,7 +178,7 @@ impl Scene {
     /// Who touches whom among the points.
     pub(super) fn adjacency(points: &Points, params: &RegulariseParams, monitor: &Monitor) -> Result<Graph> {
         let near = knn(points, params.neighbours, monitor)?;
-        knn_graph(points.len(), &near, &params.adjacency, monitor)
+        knn_graph(points.len(), near, &params.adjacency, monitor)
     }
 
     /// Cuts some segments anew, with a `finer` part (0..1) of the strength that they all were cut with.
