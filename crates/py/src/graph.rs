@@ -52,7 +52,7 @@ pub(crate) fn knn_graph<'py>(
     let cloud = Arc::clone(&cloud.inner);
     let graph = call(py, n_jobs, |monitor| {
         let points = points(&cloud, metres_per_unit)?;
-        graph::knn_graph(points.len(), &knn(&points, k, monitor)?, &params, monitor)
+        graph::knn_graph(points.len(), knn(&points, k, monitor)?, &params, monitor)
     })?;
     give(py, &graph)
 }

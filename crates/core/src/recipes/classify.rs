@@ -47,7 +47,7 @@ pub struct Classified {
 /// Names every point of a cloud with a model of any recipe.
 ///
 /// Without regularisation, features of the pyramid are computed and forgotten block by block; with it, the probabilities
-/// and a graph of all points are held (about 400 bytes a point).
+/// and a graph of all points are held (about 300 bytes a point).
 ///
 /// # Errors
 /// The model asks for a feature that this version or this cloud cannot give.

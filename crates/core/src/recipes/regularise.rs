@@ -375,7 +375,7 @@ mod tests {
         let smooth = smoothed(given, params.smoothing);
         let graph = knn_graph(
             points.len(),
-            &knn(&points, 10, &Monitor::default()).unwrap(),
+            knn(&points, 10, &Monitor::default()).unwrap(),
             &params.adjacency,
             &Monitor::default(),
         )

@@ -90,7 +90,7 @@ pub struct LevelReport {
 
 /// Parts a cloud into segments by the method that the settings name.
 ///
-/// Labels, few or many, only serve to tell how good the partition is, and the intent that asks for them. About 400 bytes
+/// Labels, few or many, only serve to tell how good the partition is, and the intent that asks for them. About 300 bytes
 /// a point. Same bytes for any number of threads, but for the seconds of the report.
 ///
 /// # Errors
