@@ -3,7 +3,7 @@
 use super::{EdgeWeight, Graph};
 use crate::error::{Error, Result};
 use crate::neighbours::Neighbours;
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::{Monitor, map_ordered, watched};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -89,45 +89,61 @@ pub fn knn_graph(nodes: usize, near: &Neighbours, params: &KnnGraphParams, monit
     if near.k() > 0 && near.len() != nodes {
         return Err(Error::input(format!("neighbours of {} points for {nodes} nodes", near.len())));
     }
-    let (offsets, halves) = by_smaller_end(nodes, near);
+    let (offsets, halves) = by_smaller_end(nodes, near, monitor)?;
     let blocks = map_ordered(nodes.div_ceil(BLOCK), monitor, |block| {
         unite(block * BLOCK..((block + 1) * BLOCK).min(nodes), &offsets, &halves, params.multiplicity)
     })?;
     drop(halves);
-    let edges = || blocks.iter().flatten();
-    let count = blocks.iter().map(Vec::len).sum();
-    let total: f64 = edges().map(|edge| edge.times()).sum();
-    let sum: f64 = edges().map(|edge| edge.times() * edge.length()).sum();
-    let mean = if total > 0.0 { sum / total } else { 0.0 };
+    let mean = mean_length(&blocks, monitor)?;
     let longest = params.prune.map_or(f64::INFINITY, |cap| cap * mean);
-    let kept = || edges().filter(|edge| edge.length() <= longest);
     let weight = |edge: &Edge| (edge.times() * params.weight.of(edge.length(), mean)) as f32;
+    let count = blocks.iter().map(Vec::len).sum();
     let mut graph = Graph { nodes, edges: Vec::with_capacity(count), weights: Vec::with_capacity(count) };
-    graph.edges.extend(kept().map(|edge| edge.ends));
-    graph.weights.extend(kept().map(weight));
+    for block in blocks {
+        monitor.check()?;
+        let kept = || block.iter().filter(|edge| edge.length() <= longest);
+        graph.edges.extend(kept().map(|edge| edge.ends));
+        graph.weights.extend(kept().map(weight));
+    }
     Ok(graph)
 }
 
+/// Mean length of all edges, 0 if there is none.
+fn mean_length(blocks: &[Vec<Edge>], monitor: &Monitor) -> Result<f64> {
+    let (mut total, mut sum) = (0.0, 0.0);
+    for block in blocks {
+        monitor.check()?;
+        for edge in block {
+            total += edge.times();
+            sum += edge.times() * edge.length();
+        }
+    }
+    Ok(if total > 0.0 { sum / total } else { 0.0 })
+}
+
 /// All pairs, at their smaller end.
-fn by_smaller_end(nodes: usize, near: &Neighbours) -> (Vec<usize>, Vec<Half>) {
+fn by_smaller_end(nodes: usize, near: &Neighbours, monitor: &Monitor) -> Result<(Vec<usize>, Vec<Half>)> {
     let mut offsets = vec![0usize; nodes + 2];
-    let rows = || (0..near.len()).map(|i| (i as u32, near.of(i), near.squared_distances(i)));
-    for (i, row, _) in rows() {
-        row.iter().for_each(|&j| offsets[i.min(j) as usize + 2] += 1);
+    for rows in watched(near.len(), monitor) {
+        for i in rows? {
+            near.of(i).iter().for_each(|&j| offsets[(i as u32).min(j) as usize + 2] += 1);
+        }
     }
     for node in 2..offsets.len() {
         offsets[node] += offsets[node - 1];
     }
     let mut halves = vec![(0, 0.0); near.indices().len()];
-    for (i, row, distances) in rows() {
-        for (&j, &squared) in row.iter().zip(distances) {
-            let slot = &mut offsets[i.min(j) as usize + 1];
-            halves[*slot] = (i.max(j), squared);
-            *slot += 1;
+    for rows in watched(near.len(), monitor) {
+        for i in rows? {
+            for (&j, &squared) in near.of(i).iter().zip(near.squared_distances(i)) {
+                let slot = &mut offsets[(i as u32).min(j) as usize + 1];
+                halves[*slot] = ((i as u32).max(j), squared);
+                *slot += 1;
+            }
         }
     }
     offsets.pop();
-    (offsets, halves)
+    Ok((offsets, halves))
 }
 
 /// The edges of some nodes to larger ones; of a pair that is there more than once, one.
