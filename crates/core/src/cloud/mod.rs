@@ -4,6 +4,7 @@ mod column;
 pub mod morton;
 mod points;
 
+pub(crate) use column::each_values;
 pub use column::{Column, Values};
 pub use points::Points;
 
