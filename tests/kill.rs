@@ -97,6 +97,7 @@ fn a_signal_ends_the_program_at_once_and_nothing_is_left() {
         let (found, time) = signalled(child, signal, ready);
         if found == Some(code) {
             interrupted += 1;
+            eprintln!("round {round}: ended after {time:?}");
             slowest = slowest.max(time);
             assert_eq!(std::fs::read_dir(f).unwrap().count(), before, "round {round}: something is left");
         } else {

@@ -134,7 +134,7 @@ pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monito
     let mut image = Image::blank(frame.width, frame.height);
     let light = match params.shading {
         true => shade::light(&raster, params.view, monitor)?,
-        false => vec![1.0; raster.points.len()],
+        false => raster::filled(raster.points.len(), 1.0, monitor)?,
     };
     let colour = |pixel: usize, point: u32| paint.colour(cloud, point).map(|c| c * light[pixel]);
     canvas::fill(&mut image, (&frame, &raster), colour, monitor)?;

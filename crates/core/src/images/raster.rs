@@ -11,6 +11,18 @@ pub(super) const NOTHING: u32 = u32::MAX;
 /// Half edge of the largest splat, in places.
 const MOST: f64 = 9.0;
 
+/// Points between two looks at the monitor: a large splat takes a microsecond.
+const LOOK: usize = 4096;
+
+/// The same value everywhere; memory is taken bit by bit, because the largest pictures need gigabytes.
+pub(super) fn filled<T: Copy>(len: usize, value: T, monitor: &Monitor) -> Result<Vec<T>> {
+    let mut grid = Vec::with_capacity(len);
+    for piece in watched(len, monitor) {
+        grid.resize(piece?.end, value);
+    }
+    Ok(grid)
+}
+
 /// The fine grid.
 #[derive(Clone, Debug)]
 pub(super) struct Raster {
@@ -32,8 +44,8 @@ impl Raster {
         let mut raster = Self {
             width,
             height,
-            points: vec![NOTHING; width * height],
-            depth: vec![f32::INFINITY; width * height],
+            points: filled(width * height, NOTHING, monitor)?,
+            depth: filled(width * height, f32::INFINITY, monitor)?,
             unit: unit as f32,
         };
         let half = raster.splat(cloud, camera, (frame, monitor))?;
@@ -41,6 +53,9 @@ impl Raster {
             let points = points?;
             monitor.advance(points.len() as u64);
             for i in points {
+                if i % LOOK == 0 {
+                    monitor.check()?;
+                }
                 let p = cloud.xyz(i);
                 if p.iter().all(|v| v.is_finite()) {
                     let (u, v, away) = camera.project(p);

@@ -1,7 +1,7 @@
 //! Light that shows the relief: a lamp in the north-west for maps, and darker places where something stands in front.
 
 use super::View;
-use super::raster::{NOTHING, Raster};
+use super::raster::{NOTHING, Raster, filled};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ const AROUND: [(i64, i64); 16] = [
 /// Factor of the colour at every place of the grid.
 pub(super) fn light(raster: &Raster, view: View, monitor: &Monitor) -> Result<Vec<f32>> {
     let lamp = view == View::Map;
-    let mut light = vec![1.0; raster.points.len()];
+    let mut light = filled(raster.points.len(), 1.0, monitor)?;
     light.par_chunks_mut(raster.width).enumerate().try_for_each(|(y, row)| {
         for (x, factor) in row.iter_mut().enumerate() {
             let at = y * raster.width + x;
