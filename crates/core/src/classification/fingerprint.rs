@@ -1,6 +1,7 @@
 //! What the training data looked like, so that a user can see whether a model fits other data.
 
 use super::samples::Samples;
+use rayon::prelude::*;
 
 /// Summary of the training samples.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,16 +29,11 @@ impl Fingerprint {
                 *count += 1;
             }
         }
-        let (mut quantiles, mut means) = (Vec::new(), Vec::new());
-        for f in 0..samples.width.min(samples.features.len()) {
-            let column = samples.features[f..].iter().step_by(samples.width).copied();
-            let mut values: Vec<f32> = column.filter(|v| v.is_finite()).collect();
-            values.sort_unstable_by(f32::total_cmp);
-            let last = values.len().saturating_sub(1) as f64;
-            quantiles
-                .extend(Self::LEVELS.map(|q| values.get((q * last).round() as usize).copied().unwrap_or(f32::NAN)));
-            means.push(values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64);
-        }
+        let features = (0..samples.width.min(samples.features.len())).into_par_iter();
+        let found: Vec<([f32; 5], f64)> =
+            features.map(|f| summary(samples.features[f..].iter().step_by(samples.width))).collect();
+        let quantiles = found.iter().flat_map(|(quantiles, _)| *quantiles).collect();
+        let means = found.iter().map(|(_, mean)| *mean).collect();
         Self { quantiles, means, density, class_counts }
     }
 
@@ -51,6 +47,15 @@ impl Fingerprint {
             ..self.clone()
         }
     }
+}
+
+/// Quantiles and mean of the finite values.
+fn summary<'a>(column: impl Iterator<Item = &'a f32>) -> ([f32; 5], f64) {
+    let mut values: Vec<f32> = column.copied().filter(|v| v.is_finite()).collect();
+    values.sort_unstable_by(f32::total_cmp);
+    let last = values.len().saturating_sub(1) as f64;
+    let quantile = |q: f64| values.get((q * last).round() as usize).copied().unwrap_or(f32::NAN);
+    (Fingerprint::LEVELS.map(quantile), values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64)
 }
 
 #[cfg(test)]

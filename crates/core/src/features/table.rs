@@ -44,11 +44,14 @@ pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<Featu
 /// The pyramid is that of the whole cloud.
 pub fn table_at(cloud: &Cloud, set: &FeatureSet, at: &[u32], monitor: &Monitor) -> Result<(FeatureTable, f64)> {
     let extractor = Extractor::prepare(cloud, set, (Wanted::All, Some(at)), monitor)?;
-    let mut row = vec![0; cloud.len()];
-    at.iter().enumerate().for_each(|(r, &point)| row[point as usize] = r);
-    let table = collect(&extractor, at.len(), |point| row[point as usize], monitor)?;
+    let mut row = vec![0u32; cloud.len()];
+    at.iter().zip(0..).for_each(|(&point, r)| row[point as usize] = r);
+    let table = collect(&extractor, at.len(), |point| row[point as usize] as usize, monitor)?;
     Ok((table, extractor.first_scale()))
 }
+
+/// Blocks a thread that are held until their rows have found their places.
+const AT_ONCE: usize = 16;
 
 fn collect(
     extractor: &Extractor<'_>,
@@ -60,7 +63,7 @@ fn collect(
     let width = names.len();
     let mut values = vec![f32::NAN; rows * width];
     monitor.stage("features", extractor.len() as u64);
-    let at_once = 64 * rayon::current_num_threads();
+    let at_once = AT_ONCE * rayon::current_num_threads();
     for first in (0..extractor.blocks()).step_by(at_once) {
         let range = first..(first + at_once).min(extractor.blocks());
         let parts = map_ordered_with(range, monitor, Scratch::default, |scratch, block| {

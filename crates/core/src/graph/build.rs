@@ -5,10 +5,14 @@ use crate::error::{Error, Result};
 use crate::neighbours::Neighbours;
 use crate::parallel::{Monitor, map_ordered, watched};
 use serde::{Deserialize, Serialize};
+use std::borrow::Borrow;
 use std::ops::Range;
 
 /// Nodes whose edges are made in one go.
 const BLOCK: usize = 8192;
+
+/// Blocks a thread that are held until their edges have found their places.
+const AT_ONCE: usize = 4;
 
 /// What becomes of two points that are neighbours of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,20 +60,20 @@ struct Edge {
     squared: f32,
 }
 
-impl Edge {
-    fn length(&self) -> f64 {
-        f64::from(self.squared.abs()).sqrt()
-    }
+fn length(squared: f32) -> f64 {
+    f64::from(squared.abs()).sqrt()
+}
 
-    fn times(&self) -> f64 {
-        if self.squared.is_sign_negative() { 2.0 } else { 1.0 }
-    }
+/// How often the pair counts.
+fn times(squared: f32) -> f64 {
+    if squared.is_sign_negative() { 2.0 } else { 1.0 }
 }
 
 /// The undirected graph of the nearest neighbours: i and j touch if one is among the nearest of the other.
 ///
-/// `nodes` is the number of points. Lengths are in metres, as the neighbours' distances. O(n k log k); memory about
-/// 16 bytes a neighbour while it is made.
+/// `nodes` is the number of points. Lengths are in metres, as the neighbours' distances. O(n k²), of which k² is a look at
+/// few cache lines; about 20 bytes an edge while it is made. Neighbours that are handed over, not lent, are freed before the
+/// graph is put together.
 ///
 /// ```
 /// use scansion_core::graph::{KnnGraphParams, knn_graph};
@@ -84,90 +88,122 @@ impl Edge {
 /// # Errors
 /// If there is not a row of neighbours for each node, a distance is negative or not finite, a parameter is outside its
 /// range, or the work was cancelled.
-pub fn knn_graph(nodes: usize, near: &Neighbours, params: &KnnGraphParams, monitor: &Monitor) -> Result<Graph> {
+pub fn knn_graph(
+    nodes: usize,
+    near: impl Borrow<Neighbours>,
+    params: &KnnGraphParams,
+    monitor: &Monitor,
+) -> Result<Graph> {
     params.validate()?;
-    if near.k() > 0 && near.len() != nodes {
-        return Err(Error::input(format!("neighbours of {} points for {nodes} nodes", near.len())));
+    if near.borrow().k() > 0 && near.borrow().len() != nodes {
+        return Err(Error::input(format!("neighbours of {} points for {nodes} nodes", near.borrow().len())));
     }
-    let (offsets, halves) = by_smaller_end(nodes, near, monitor)?;
-    let blocks = map_ordered(nodes.div_ceil(BLOCK), monitor, |block| {
-        unite(block * BLOCK..((block + 1) * BLOCK).min(nodes), &offsets, &halves, params.multiplicity)
-    })?;
-    drop(halves);
-    let mean = mean_length(&blocks, monitor)?;
-    let longest = params.prune.map_or(f64::INFINITY, |cap| cap * mean);
-    let weight = |edge: &Edge| (edge.times() * params.weight.of(edge.length(), mean)) as f32;
-    let count = blocks.iter().map(Vec::len).sum();
-    let mut graph = Graph { nodes, edges: Vec::with_capacity(count), weights: Vec::with_capacity(count) };
-    for block in blocks {
-        monitor.check()?;
-        let kept = || block.iter().filter(|edge| edge.length() <= longest);
-        graph.edges.extend(kept().map(|edge| edge.ends));
-        graph.weights.extend(kept().map(weight));
+    let (mut edges, mut squared) = all_edges(near.borrow(), params.multiplicity, monitor)?;
+    drop(near);
+    let mean = mean_length(&squared, monitor)?;
+    if let Some(cap) = params.prune {
+        let mut rest = squared.iter().map(|&s| length(s) <= cap * mean);
+        edges.retain(|_| rest.next().unwrap_or(true));
+        squared.retain(|&s| length(s) <= cap * mean);
     }
-    Ok(graph)
+    let mut weights = squared;
+    for piece in watched(weights.len(), monitor) {
+        weights[piece?].iter_mut().for_each(|w| *w = (times(*w) * params.weight.of(length(*w), mean)) as f32);
+    }
+    Ok(Graph { nodes, edges, weights })
 }
 
 /// Mean length of all edges, 0 if there is none.
-fn mean_length(blocks: &[Vec<Edge>], monitor: &Monitor) -> Result<f64> {
+fn mean_length(squared: &[f32], monitor: &Monitor) -> Result<f64> {
     let (mut total, mut sum) = (0.0, 0.0);
-    for block in blocks {
-        monitor.check()?;
-        for edge in block {
-            total += edge.times();
-            sum += edge.times() * edge.length();
+    for piece in watched(squared.len(), monitor) {
+        for &s in &squared[piece?] {
+            total += times(s);
+            sum += times(s) * length(s);
         }
     }
     Ok(if total > 0.0 { sum / total } else { 0.0 })
 }
 
-/// All pairs, at their smaller end.
-fn by_smaller_end(nodes: usize, near: &Neighbours, monitor: &Monitor) -> Result<(Vec<usize>, Vec<Half>)> {
-    let mut offsets = vec![0usize; nodes + 2];
-    for rows in watched(near.len(), monitor) {
-        for i in rows? {
-            near.of(i).iter().for_each(|&j| offsets[(i as u32).min(j) as usize + 2] += 1);
-        }
+/// The edges, ascending, and their squared lengths, negative if both ends name the other and that counts.
+fn all_edges(near: &Neighbours, multiplicity: Multiplicity, monitor: &Monitor) -> Result<(Vec<[u32; 2]>, Vec<f32>)> {
+    let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(near.len());
+    let blocks = near.len().div_ceil(BLOCK);
+    let mut one_sided = map_ordered(blocks, monitor, |b| Ok(one_sided(block(b), near)))?.concat();
+    one_sided.sort_unstable_by_key(|half| (half.0, half.1));
+    let larger = |b: usize| block(b).map(|i| near.of(i).iter().filter(|j| **j as usize > i).count()).sum::<usize>();
+    let count = map_ordered(blocks, monitor, |b| Ok(larger(b)))?.iter().sum::<usize>() + one_sided.len();
+    let (mut edges, mut squared) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let at_once = AT_ONCE * rayon::current_num_threads();
+    for begin in (0..blocks).step_by(at_once) {
+        let parts = map_ordered(at_once.min(blocks - begin), monitor, |b| {
+            let range = block(begin + b);
+            let first = one_sided.partition_point(|half| (half.0 as usize) < range.start);
+            unite(range, near, &one_sided[first..], multiplicity)
+        })?;
+        edges.extend(parts.iter().flatten().map(|edge| edge.ends));
+        squared.extend(parts.iter().flatten().map(|edge| edge.squared));
     }
-    for node in 2..offsets.len() {
-        offsets[node] += offsets[node - 1];
-    }
-    let mut halves = vec![(0, 0.0); near.indices().len()];
-    for rows in watched(near.len(), monitor) {
-        for i in rows? {
-            for (&j, &squared) in near.of(i).iter().zip(near.squared_distances(i)) {
-                let slot = &mut offsets[(i as u32).min(j) as usize + 1];
-                halves[*slot] = ((i as u32).max(j), squared);
-                *slot += 1;
-            }
-        }
-    }
-    offsets.pop();
-    Ok((offsets, halves))
+    Ok((edges, squared))
 }
 
-/// The edges of some nodes to larger ones; of a pair that is there more than once, one.
-fn unite(nodes: Range<usize>, offsets: &[usize], halves: &[Half], multiplicity: Multiplicity) -> Result<Vec<Edge>> {
-    let mut edges: Vec<Edge> = Vec::with_capacity((offsets[nodes.end] - offsets[nodes.start]) / 2);
-    let mut row = Vec::new();
+/// Pairs of which only the larger end knows the other one: smaller end, larger end, squared distance.
+fn one_sided(nodes: Range<usize>, near: &Neighbours) -> Vec<(u32, u32, f32)> {
+    let mut found = Vec::new();
     for node in nodes {
+        let row = near.of(node).iter().zip(near.squared_distances(node));
+        let smaller = row.filter(|(other, _)| (**other as usize) < node);
+        let alone = smaller.filter(|(other, _)| !near.of(**other as usize).contains(&(node as u32)));
+        found.extend(alone.map(|(&other, &squared)| (other, node as u32, squared)));
+    }
+    found
+}
+
+/// The edges of some nodes to larger ones; of a pair that is there more than once, one. `one_sided` begins with those of the
+/// first node or of a later one.
+fn unite(
+    nodes: Range<usize>,
+    near: &Neighbours,
+    one_sided: &[(u32, u32, f32)],
+    multiplicity: Multiplicity,
+) -> Result<Vec<Edge>> {
+    let mut edges: Vec<Edge> = Vec::with_capacity(nodes.len() * near.k() / 2);
+    let (mut row, mut rest) = (Vec::new(), one_sided);
+    for node in nodes {
+        let own = near.of(node).iter().copied().zip(near.squared_distances(node).iter().copied());
         row.clear();
-        row.extend_from_slice(&halves[offsets[node]..offsets[node + 1]]);
-        row.sort_unstable_by(|a: &Half, b: &Half| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        for &(other, squared) in &row {
-            let ends = [node as u32, other];
-            if !(squared >= 0.0 && squared.is_finite()) {
-                return Err(Error::input(format!("squared distance {squared} of points {node} and {other}")));
-            }
-            match edges.last_mut().filter(|last| last.ends == ends) {
-                Some(last) if multiplicity == Multiplicity::Count => last.squared = -last.squared.abs(),
-                Some(_) => {}
-                None => edges.push(Edge { ends, squared: squared.abs() }),
-            }
+        row.extend(own.filter(|half| half.0 as usize > node));
+        for at in 0..row.len() {
+            // What the other end says of the same pair; once, if the row has it twice.
+            let other = row[at].0;
+            let seen = row[..at].iter().any(|half| half.0 == other);
+            let back = near.of(other as usize).iter().zip(near.squared_distances(other as usize));
+            let mutual = back.filter(|(i, _)| !seen && **i as usize == node);
+            row.extend(mutual.map(|(_, &squared)| (other, squared)));
+        }
+        let count = rest.iter().take_while(|half| half.0 as usize == node).count();
+        row.extend(rest[..count].iter().map(|half| (half.1, half.2)));
+        rest = &rest[count..];
+        push_row(node, &mut row, multiplicity, &mut edges)?;
+    }
+    Ok(edges)
+}
+
+/// The edges of one node to larger ones.
+fn push_row(node: usize, row: &mut [Half], multiplicity: Multiplicity, edges: &mut Vec<Edge>) -> Result<()> {
+    row.sort_unstable_by(|a: &Half, b: &Half| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    for &(other, squared) in row.iter() {
+        let ends = [node as u32, other];
+        if !(squared >= 0.0 && squared.is_finite()) {
+            return Err(Error::input(format!("squared distance {squared} of points {node} and {other}")));
+        }
+        match edges.last_mut().filter(|last| last.ends == ends) {
+            Some(last) if multiplicity == Multiplicity::Count => last.squared = -last.squared.abs(),
+            Some(_) => {}
+            None => edges.push(Edge { ends, squared: squared.abs() }),
         }
     }
-    edges.shrink_to_fit();
-    Ok(edges)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 mod build;
 mod components;
 mod felzenszwalb;
+mod incidence;
 mod max_flow;
 mod orientation;
 mod spanning_tree;
@@ -12,6 +13,7 @@ mod weight;
 pub use build::{KnnGraphParams, Multiplicity, knn_graph};
 pub use components::{Components, connected_components};
 pub use felzenszwalb::{EdgeMeaning, FelzenszwalbMerger, FelzenszwalbParams, felzenszwalb};
+pub use incidence::Incidence;
 pub use max_flow::MaxFlow;
 pub use orientation::{Orientation, orient};
 pub use spanning_tree::minimum_spanning_tree;
@@ -108,6 +110,11 @@ impl Graph {
             )));
         }
         Ok(Self { weights, ..self })
+    }
+
+    /// The edges at each node, in less memory than [`Graph::adjacency`]. O(n + m).
+    pub fn incidence(&self) -> Incidence<'_> {
+        Incidence::new(self)
     }
 
     /// The edges at each node. O(nodes + edges).

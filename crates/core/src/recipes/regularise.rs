@@ -11,7 +11,7 @@ use crate::graph::{Graph, KnnGraphParams, connected_components, knn_graph};
 use crate::neighbours::{OptimalParams, knn};
 use crate::parallel::Monitor;
 use crate::regularisation::{ExpansionParams, Labelling, alpha_expansion, local_smoothing};
-use crate::segmentation::{Intent, Partition, PartitionParams, Scene as Parts, Signal, partition_by_intent};
+use crate::segmentation::{Intent, Partition, PartitionParams, Scene as Parts, Search, Signal, partition_by_intent};
 use serde::{Deserialize, Serialize};
 
 /// How neighbours are made to agree.
@@ -160,11 +160,9 @@ impl Scene {
         if params.method == Regularise::None {
             return Ok(scene);
         }
-        let near = knn(points, params.neighbours, monitor)?;
-        scene.graph = knn_graph(points.len(), &near, &params.adjacency, monitor)?;
-        drop(near);
+        scene.graph = Self::adjacency(points, params, monitor)?;
         if matches!(params.method, Regularise::Consensus | Regularise::SegmentCrf) {
-            let partition = match descriptors {
+            let found = match descriptors {
                 Some(table) => segment((points, table), &scene.graph, params, monitor)?,
                 None => {
                     let found = optimal_features(points, &params.neighbourhood, monitor)?;
@@ -172,9 +170,30 @@ impl Scene {
                 }
             };
             // Segments have a graph of their own; that of the points is large and no longer needed.
-            scene.segments = Some(Segments::new(partition, &std::mem::take(&mut scene.graph))?);
+            scene.segments = Some(Segments::new(found, &std::mem::take(&mut scene.graph))?);
         }
         Ok(scene)
+    }
+
+    /// Who touches whom among the points.
+    pub(super) fn adjacency(points: &Points, params: &RegulariseParams, monitor: &Monitor) -> Result<Graph> {
+        let near = knn(points, params.neighbours, monitor)?;
+        knn_graph(points.len(), near, &params.adjacency, monitor)
+    }
+
+    /// Cuts some segments anew, with a `finer` part (0..1) of the strength that they all were cut with.
+    pub(super) fn recut(
+        &mut self,
+        (descriptors, graph): (&FeatureTable, &Graph),
+        (chosen, finer): (&[u32], f64),
+        params: &RegulariseParams,
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let Some(segments) = &mut self.segments else { return Ok(()) };
+        monitor.stage("segments", descriptors.rows() as u64);
+        let signal = Signal::new(&descriptors.values, descriptors.width())?;
+        let scene = Parts { signal, graph, points: None, labels: None };
+        segments.recut(&scene, (chosen, finer), &params.partition, monitor)
     }
 
     /// Best accuracy that naming whole segments could reach, if there are segments and labels.
@@ -253,11 +272,11 @@ fn segment(
     graph: &Graph,
     params: &RegulariseParams,
     monitor: &Monitor,
-) -> Result<Partition> {
+) -> Result<Search> {
     monitor.stage("segments", table.rows() as u64);
     let signal = Signal::new(&table.values, table.width())?;
     let scene = Parts { signal, graph, points: Some(points), labels: None };
-    Ok(partition_by_intent(&scene, &params.partition, monitor)?.partition)
+    partition_by_intent(&scene, &params.partition, monitor)
 }
 
 /// (1 − α) p + α / classes.

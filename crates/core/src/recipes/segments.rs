@@ -4,7 +4,9 @@ use super::regularise::{Posterior, Regularise, RegulariseParams, Regularised, by
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
-use crate::segmentation::{Interface, Partition, oracle_accuracy, segment_graph};
+use crate::segmentation::{
+    Intent, Interface, Partition, PartitionParams, Scene as Parts, Search, oracle_accuracy, recut, segment_graph,
+};
 
 /// A partition and who touches whom in it.
 #[derive(Debug)]
@@ -12,12 +14,28 @@ pub(super) struct Segments {
     partition: Partition,
     /// w_st: weight of the point edges between two segments.
     graph: Graph,
+    /// ρ that they were first cut with.
+    strength: f64,
 }
 
 impl Segments {
-    pub(super) fn new(partition: Partition, points: &Graph) -> Result<Self> {
-        let graph = segment_graph(points, &partition, Interface::Weight)?;
-        Ok(Self { partition, graph })
+    pub(super) fn new(found: Search, points: &Graph) -> Result<Self> {
+        let graph = segment_graph(points, &found.partition, Interface::Weight)?;
+        Ok(Self { partition: found.partition, graph, strength: found.strength })
+    }
+
+    /// Cuts some of them anew, with a `finer` part of the strength.
+    pub(super) fn recut(
+        &mut self,
+        scene: &Parts<'_>,
+        (chosen, finer): (&[u32], f64),
+        params: &PartitionParams,
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let params = PartitionParams { intent: Intent::Strength(finer * self.strength), ..params.clone() };
+        self.partition = recut(scene, (&self.partition, chosen), &params, monitor)?;
+        self.graph = segment_graph(scene.graph, &self.partition, Interface::Weight)?;
+        Ok(())
     }
 
     /// Best accuracy of labels by segment, if there are any.

@@ -20,7 +20,7 @@ pub use local_graphs::{Combination, LocalGraphParams, SurfaceRule, local_graphs}
 pub use majority::{Majority, majorities, oracle_accuracy};
 pub use minimal_partition::{
     Aim, Candidate, CutPursuit, CutPursuitParams, Intent, Merge, MergeParams, Method, PartitionParams, Preset, Scene,
-    Search, Signal, Trial, cut_pursuit, merge, partition_by_intent, search_strength,
+    Search, Signal, Trial, cut_pursuit, merge, partition_by_intent, recut, search_strength,
 };
 pub use object_features::{GEOMETRIC, HEIGHT, ObjectAttributes, SPECTRAL, object_features};
 pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};

@@ -1,7 +1,7 @@
 //! The graph on segments: which touch, and over how much of a boundary.
 
 use super::Partition;
-use super::minimal_partition::{Link, contract};
+use super::minimal_partition::{Cost, EdgeLinks, contract};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use serde::{Deserialize, Serialize};
@@ -25,13 +25,13 @@ pub fn segment_graph(graph: &Graph, partition: &Partition, interface: Interface)
     if graph.len() != partition.nodes() {
         return Err(Error::input(format!("a partition of {} nodes for a graph of {}", partition.nodes(), graph.len())));
     }
-    let edges = graph.edges().iter().zip(graph.weights());
-    let links = edges.map(|(&ends, &weight)| match interface {
-        Interface::Count => Link { ends, boundary: 1.0 },
-        Interface::Weight => Link { ends, boundary: f64::from(weight) },
-    });
+    let cost = match interface {
+        Interface::Count => Cost::Each(1.0),
+        Interface::Weight => Cost::Weight(1.0),
+    };
+    let links = EdgeLinks::new(graph, cost);
     let (ends, weights): (Vec<_>, Vec<_>) =
-        contract(links, partition.segments()).iter().map(|l| (l.ends, l.boundary as f32)).unzip();
+        contract(&links, partition.segments()).iter().map(|l| (l.ends, l.boundary as f32)).unzip();
     Graph::new(partition.len(), &ends, &weights)
 }
 

@@ -65,7 +65,7 @@ pub(super) fn part(
 /// The graph that every point shares with its nearest neighbours.
 pub(super) fn adjacency(points: &Points, params: &SegmentParams, monitor: &Monitor) -> Result<Graph> {
     let near = knn(points, params.neighbours, monitor)?;
-    knn_graph(points.len(), &near, &params.adjacency, monitor)
+    knn_graph(points.len(), near, &params.adjacency, monitor)
 }
 
 fn on_points(

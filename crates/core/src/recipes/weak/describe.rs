@@ -14,21 +14,24 @@ pub(super) fn local(points: &Points, recipe: &WeakRecipe, monitor: &Monitor) -> 
     Ok(optimal_features(points, &recipe.neighbourhood, monitor)?.table)
 }
 
-/// Blocks whose probabilities are held at a time.
-const AT_ONCE: usize = 128;
+/// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
+const TOGETHER: usize = 4;
+
+/// Groups of blocks whose probabilities are held at a time.
+const AT_ONCE: usize = 32;
 
 /// Section 2.2: the local descriptors, height above the road and position with respect to it.
 pub(super) fn six(
     cloud: &Cloud,
     points: &Points,
-    local: &FeatureTable,
+    local: FeatureTable,
     recipe: &WeakRecipe,
     monitor: &Monitor,
 ) -> Result<FeatureTable> {
     monitor.stage("road", 0);
     let mut forest = recipe.forest.clone();
     forest.seed = forest.seed.wrapping_add(recipe.seed);
-    let Terrain { elevation, position } = recipe.road.describe((cloud, points), local, &forest, monitor)?;
+    let Terrain { elevation, position } = recipe.road.describe((cloud, points), &local, &forest, monitor)?;
     let names = local.names.iter().cloned().chain(DESCRIPTORS.iter().map(|d| d.name.to_string())).collect();
     let mut values = Vec::with_capacity(points.len() * (local.width() + 2));
     for (row, (height, place)) in local.values.chunks_exact(local.width()).zip(elevation.iter().zip(&position)) {
@@ -52,33 +55,35 @@ pub(super) fn more(recipe: &WeakRecipe, metres: Option<f64>) -> Option<FeatureSe
     (recipe.descriptors == Descriptors::MultiScale).then_some(set)
 }
 
+/// The rows of these points.
+pub(super) fn select(table: &FeatureTable, at: &[u32]) -> FeatureTable {
+    let values = at.iter().flat_map(|&point| table.row(point as usize)).copied().collect();
+    FeatureTable { names: table.names.clone(), values }
+}
+
+/// All columns of some points of which the six are known, and the finest scale; `places` are theirs in the cloud.
+pub(super) fn rows(
+    cloud: &Cloud,
+    (six, places): (FeatureTable, &[u32]),
+    more: Option<&FeatureSet>,
+    monitor: &Monitor,
+) -> Result<(FeatureTable, Option<f64>)> {
+    let Some(set) = more else { return Ok((six, None)) };
+    let (scaled, scale) = table_at(cloud, set, places, monitor)?;
+    let names: Vec<String> = six.names.iter().chain(&scaled.names).cloned().collect();
+    let mut values = Vec::with_capacity(places.len() * names.len());
+    for row in 0..places.len() {
+        values.extend_from_slice(six.row(row));
+        values.extend_from_slice(scaled.row(row));
+    }
+    Ok((FeatureTable { names, values }, Some(scale)))
+}
+
 impl Described<'_> {
     /// Names of all columns.
     pub(super) fn names(&self, more: Option<&FeatureSet>) -> Vec<String> {
         let scaled = more.map(|set| set.names(set.pyramid.first_scale.unwrap_or_default()));
         self.six.names.iter().cloned().chain(scaled.unwrap_or_default()).collect()
-    }
-
-    /// All columns of the points `at`, and the finest scale.
-    pub(super) fn rows(
-        &self,
-        at: &[u32],
-        more: Option<&FeatureSet>,
-        monitor: &Monitor,
-    ) -> Result<(FeatureTable, Option<f64>)> {
-        let places: Vec<u32> = at.iter().map(|&point| self.points.index[point as usize]).collect();
-        let scaled = more.map(|set| table_at(self.cloud, set, &places, monitor)).transpose()?;
-        let mut found = FeatureTable { names: self.six.names.clone(), values: Vec::new() };
-        if let Some((scaled, _)) = &scaled {
-            found.names.extend_from_slice(&scaled.names);
-        }
-        for (row, &point) in at.iter().enumerate() {
-            found.values.extend_from_slice(self.six.row(point as usize));
-            if let Some((scaled, _)) = &scaled {
-                found.values.extend_from_slice(scaled.row(row));
-            }
-        }
-        Ok((found, scaled.map(|(_, scale)| scale)))
     }
 
     /// Class probabilities of all points, row-major; features of many scales are computed and forgotten block by block.
@@ -99,10 +104,11 @@ impl Described<'_> {
         monitor.stage("classify", extractor.len() as u64);
         let mut position = vec![0u32; self.cloud.len()];
         self.points.index.iter().zip(0..).for_each(|(&place, point)| position[place as usize] = point);
-        for first in (0..extractor.blocks()).step_by(AT_ONCE) {
-            let range = first..(first + AT_ONCE).min(extractor.blocks());
-            let parts = map_ordered_with(range, monitor, Workspace::default, |work, block| {
-                work.block(block, (self, &extractor, &position), classifier, monitor)
+        let groups = extractor.blocks().div_ceil(TOGETHER);
+        for first in (0..groups).step_by(AT_ONCE) {
+            let range = first..(first + AT_ONCE).min(groups);
+            let parts = map_ordered_with(range, monitor, Workspace::default, |work, group| {
+                work.group(group, (self, &extractor, &position), classifier, monitor)
             })?;
             for (points, rows) in parts {
                 for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
@@ -123,20 +129,25 @@ struct Workspace {
 }
 
 impl Workspace {
-    /// The points of a block and their class probabilities.
-    fn block(
+    /// The points of a group of blocks and their class probabilities.
+    fn group(
         &mut self,
-        block: usize,
+        group: usize,
         (described, extractor, position): (&Described<'_>, &Extractor<'_>, &[u32]),
         classifier: &Classifier,
         monitor: &Monitor,
     ) -> Result<(Vec<u32>, Vec<f32>)> {
-        let places = extractor.block(block, &mut self.scratch, &mut self.scaled);
-        let points: Vec<u32> = places.iter().map(|&place| position[place as usize]).collect();
+        let mut points = Vec::new();
         self.rows.clear();
-        for (&point, scaled) in points.iter().zip(self.scaled.chunks_exact(extractor.names().len())) {
-            self.rows.extend_from_slice(described.six.row(point as usize));
-            self.rows.extend_from_slice(scaled);
+        for block in group * TOGETHER..((group + 1) * TOGETHER).min(extractor.blocks()) {
+            monitor.check()?;
+            let first = points.len();
+            let places = extractor.block(block, &mut self.scratch, &mut self.scaled);
+            points.extend(places.iter().map(|&place| position[place as usize]));
+            for (&point, scaled) in points[first..].iter().zip(self.scaled.chunks_exact(extractor.names().len())) {
+                self.rows.extend_from_slice(described.six.row(point as usize));
+                self.rows.extend_from_slice(scaled);
+            }
         }
         let mut found = vec![0.0; points.len() * classifier.classes()];
         classifier.predict_block(&self.rows, &mut self.trees, &mut found)?;

@@ -17,11 +17,15 @@ pub struct WeakLabels {
     pub within: f64,
     /// Make the segments finer than the partition's strength says if whole ones could not be named as the labels are.
     pub fit_partition: bool,
+    /// Where a cloud has labelled places: segments that are named against a label in them are cut finer and named again.
+    pub hold: bool,
+    /// Filled by training: labelled places, in the units of their cloud, and their classes.
+    pub places: Vec<([f64; 3], u8)>,
 }
 
 impl Default for WeakLabels {
     fn default() -> Self {
-        Self { per_class: 0, most: 100_000, within: 0.5, fit_partition: true }
+        Self { per_class: 0, most: 100_000, within: 0.5, fit_partition: true, hold: true, places: Vec::new() }
     }
 }
 
@@ -33,6 +37,9 @@ impl WeakLabels {
     pub fn validate(&self) -> Result<()> {
         if self.within.is_nan() || self.within < 0.0 {
             return Err(Error::parameter("labels.within", self.within, "metres, 0 or more"));
+        }
+        if let Some((place, _)) = self.places.iter().find(|(place, _)| place.iter().any(|v| !v.is_finite())) {
+            return Err(Error::parameter("labels.places", format!("{place:?}"), "finite coordinates"));
         }
         if self.most == 0 { Err(Error::parameter("labels.most", 0, "1 or more")) } else { Ok(()) }
     }

@@ -3,6 +3,7 @@
 use super::WeakRecipe;
 use super::describe::{self, Described};
 use super::examples::{Example, examples};
+use super::hold::{self, Known};
 use crate::classes::ClassTable;
 use crate::classification::cross_validation::stratified_folds;
 use crate::classification::{Classifier, ClassifierParams, Fingerprint, Model, Samples};
@@ -55,7 +56,8 @@ pub struct StrengthScore {
 
 /// The labelled points of one cloud, described.
 struct Lesson<'a> {
-    described: Described<'a>,
+    /// Of the first cloud, if strengths are to be tried on it.
+    described: Option<Described<'a>>,
     examples: Vec<Example>,
     /// One row an example.
     rows: FeatureTable,
@@ -77,12 +79,10 @@ pub fn train_weak(
 ) -> Result<(Model, WeakReport)> {
     recipe.validate()?;
     let mut recipe = recipe.clone();
-    let (lessons, partitions) = study(clouds, &mut recipe, monitor)?;
+    let (lessons, partitions) = study(clouds, &mut recipe, !strengths.is_empty(), monitor)?;
     let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
     let classes = ClassTable::from_codes(&codes);
-    let (rows, labels) = table(&lessons, &classes);
-    let width = lessons.first().map_or(0, |l| l.rows.width());
-    let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: classes.len() };
+    let labels: Vec<u16> = codes.iter().filter_map(|&code| classes.position(code)).map(|p| p as u16).collect();
     recipe.shares.learn(&labels, classes.len());
     let scores = match (strengths, lessons.first()) {
         ([], _) | (_, None) => Vec::new(),
@@ -91,13 +91,16 @@ pub fn train_weak(
     if let Some(best) = best_of(&scores) {
         recipe.regularise.strength = best;
     }
-    let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
     let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
+    let FeatureTable { names: feature_names, values: rows } = table(lessons);
+    let (width, count) = (feature_names.len(), classes.len());
+    let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: count };
+    let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
     let report = WeakReport { partitions, ..report(clouds, &codes, &recipe, scores) };
     let model = Model {
         recipe_toml: toml::to_string(&recipe).map_err(|e| Error::input(format!("recipe cannot be written: {e}")))?,
         fingerprint: Fingerprint::of(&samples, density),
-        feature_names: lessons.first().map(|l| l.rows.names.clone()).unwrap_or_default(),
+        feature_names,
         seed: recipe.seed,
         classes,
         classifier,
@@ -114,10 +117,11 @@ struct Draft<'a> {
 }
 
 /// Examples and descriptors of every cloud; the recipe learns what road looks like from all of them, and how fine segments must
-/// be from the first.
+/// be from the first. With `search`, all points of the first cloud stay described.
 fn study<'a>(
     clouds: &'a [(Cloud, Labels)],
     recipe: &mut WeakRecipe,
+    search: bool,
     monitor: &Monitor,
 ) -> Result<(Vec<Lesson<'a>>, Vec<StrengthScore>)> {
     let mut drafts = Vec::new();
@@ -131,18 +135,24 @@ fn study<'a>(
     // First what needs most memory, while little else is held.
     let partitions = fit_partition(&drafts, recipe, monitor)?;
     let mut road = Vec::new();
-    for draft in &drafts {
-        recipe.road.learn(&draft.examples, &draft.local);
+    recipe.labels.places.clear();
+    for Draft { cloud, points, examples, local } in &drafts {
+        recipe.road.learn(examples, local);
         road.append(&mut recipe.road.examples);
+        if recipe.labels.hold {
+            recipe.labels.remember(examples, |point| cloud.xyz(points.index[point as usize] as usize));
+        }
     }
     recipe.road.examples = road;
     let mut lessons = Vec::new();
     for Draft { cloud, points, examples, local } in drafts {
-        let six = describe::six(cloud, &points, &local, recipe, monitor)?;
-        let described = Described { cloud, points, six };
+        let six = describe::six(cloud, &points, local, recipe, monitor)?;
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
+        let own = describe::select(&six, &at);
+        let places: Vec<u32> = at.iter().map(|&point| points.index[point as usize]).collect();
+        let described = (search && lessons.is_empty()).then_some(Described { cloud, points, six });
         let more = describe::more(recipe, None);
-        let (rows, scale) = described.rows(&at, more.as_ref(), monitor)?;
+        let (rows, scale) = describe::rows(cloud, (own, &places), more.as_ref(), monitor)?;
         // The finest scale of the first cloud is that of the others, and of all that the model will name.
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
         let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0));
@@ -151,12 +161,12 @@ fn study<'a>(
     Ok((lessons, partitions))
 }
 
-/// Rows of the examples, and the positions of their classes.
-fn table(lessons: &[Lesson<'_>], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
-    let rows = lessons.iter().flat_map(|l| &l.rows.values).copied().collect();
-    let each = lessons.iter().flat_map(|l| &l.examples);
-    let labels = each.filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
-    (rows, labels)
+/// The rows of all lessons, of which nothing else is needed any more.
+fn table(lessons: Vec<Lesson<'_>>) -> FeatureTable {
+    let mut tables = lessons.into_iter().map(|lesson| lesson.rows);
+    let mut all = tables.next().unwrap_or_default();
+    tables.for_each(|table| all.values.extend_from_slice(&table.values));
+    all
 }
 
 fn seeded(recipe: &WeakRecipe) -> ClassifierParams {
@@ -193,7 +203,8 @@ fn search(
 ) -> Result<Vec<StrengthScore>> {
     let labels: Vec<u16> = lesson.examples.iter().filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
     let folds = stratified_folds(&labels, FOLDS, recipe.seed)?;
-    let scene = Scene::new(&lesson.described.points, Some(&head(&lesson.described.six)), &recipe.regularise, monitor)?;
+    let Some(described) = &lesson.described else { return Ok(Vec::new()) };
+    let scene = Scene::new(&described.points, Some(&head(&described.six)), &recipe.regularise, monitor)?;
     let more = describe::more(recipe, None);
     let mut right = vec![0usize; strengths.len()];
     for fold in 0..FOLDS as u32 {
@@ -203,7 +214,7 @@ fn search(
         let (width, classes) = (lesson.rows.width(), classes.len());
         let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
         let forest = Classifier::fit(&samples, &seeded(recipe), monitor)?;
-        let mut values = lesson.described.probabilities(&forest, more.as_ref(), monitor)?;
+        let mut values = described.probabilities(&forest, more.as_ref(), monitor)?;
         recipe.shares.apply(&mut values, classes);
         for (s, &strength) in strengths.iter().enumerate() {
             let params = RegulariseParams { strength, ..recipe.regularise.clone() };
@@ -266,8 +277,7 @@ pub(in crate::recipes) fn classify_weak(
     let local = describe::local(&points, recipe, monitor)?;
     // First what needs most memory, while little else is held.
     let scene = Scene::new(&points, Some(&local), params, monitor)?;
-    let six = describe::six(cloud, &points, &local, recipe, monitor)?;
-    drop(local);
+    let six = describe::six(cloud, &points, local, recipe, monitor)?;
     let more = describe::more(recipe, metres);
     let described = Described { cloud, points, six };
     let names = described.names(more.as_ref());
@@ -280,8 +290,17 @@ pub(in crate::recipes) fn classify_weak(
     }
     let mut values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
     recipe.shares.apply(&mut values, model.classes.len());
-    let points = described.points;
-    drop(described.six);
-    let found = scene.decide(Probabilities { values: &values, classes: model.classes.len() }, params, monitor)?;
+    let given = Probabilities { values: &values, classes: model.classes.len() };
+    let Described { points, six, .. } = described;
+    let unit = metres.or(recipe.features.metres_per_unit).or(cloud.metres_per_unit).unwrap_or(1.0);
+    let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
+    if labels.is_empty() {
+        drop(six);
+        return Ok((points, scene.decide(given, params, monitor)?));
+    }
+    let descriptors = head(&six);
+    drop(six);
+    let known = Known { points: &points, descriptors: &descriptors, labels };
+    let found = hold::decide(scene, given, (&known, params), monitor)?;
     Ok((points, found))
 }

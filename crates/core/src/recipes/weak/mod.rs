@@ -11,10 +11,12 @@
 //! | beyond the paper: features of many scales | [`WeakRecipe::descriptors`], [`WeakRecipe::features`] |
 //! | 4.1 weakly supervised classifier | [`WeakRecipe::labels`], [`WeakRecipe::forest`] |
 //! | beyond the paper: shares of the classes | [`WeakRecipe::shares`] |
+//! | beyond the paper: labels hold | [`WeakLabels::hold`] |
 //! | 4.2 probabilities of segments, field | [`WeakRecipe::regularise`] |
 
 mod describe;
 mod examples;
+mod hold;
 mod label_file;
 mod learn;
 mod road;

@@ -1,7 +1,8 @@
 //! Segments that are too small join their best neighbour.
 
 use super::Signal;
-use super::regions::{Link, Regions, compact, contract, node_links};
+use super::links::{EdgeLinks, Link, contract};
+use super::regions::{Regions, compact};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::segmentation::Partition;
@@ -25,12 +26,12 @@ pub(super) fn absorb_small(
     let mut segment = partition.segments().to_vec();
     // With an infinite strength only edges of weight 0 are left between segments: they save nothing.
     let strength = if strength.is_finite() { strength } else { 0.0 };
-    let mut links = contract(node_links(graph, strength), &segment);
+    let mut links = contract(&EdgeLinks::weighted(graph, strength), &segment);
     for _ in 0..PASSES {
         let Some(sets) = absorb_once(&mut regions, &links, cutoff) else { break };
         let (number, left) = compact(&regions, sets);
         segment.iter_mut().for_each(|s| *s = number[*s as usize]);
-        links = contract(links, &number);
+        links = contract(&links[..], &number);
         regions = left;
     }
     Partition::from_labels(&segment)

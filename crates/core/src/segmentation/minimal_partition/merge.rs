@@ -9,7 +9,8 @@ mod greedy;
 
 use super::Signal;
 use super::cutoff::absorb_small;
-use super::regions::{Link, Regions, compact, contract, energy, node_links};
+use super::links::{EdgeLinks, Link, Links, contract};
+use super::regions::{Regions, compact, energy};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::Monitor;
@@ -86,8 +87,8 @@ pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Mon
     let partition = match trivial_partition(signal, graph, params.strength)? {
         Some(partition) => partition,
         None => {
-            let links = node_links(graph, params.strength).collect();
-            Partition::from_labels(&merge_further(Regions::of_nodes(signal), links, GREEDY_LINKS, monitor)?.became)?
+            let links = EdgeLinks::weighted(graph, params.strength);
+            Partition::from_labels(&merge_nodes(Regions::of_nodes(signal), links, GREEDY_LINKS, monitor)?.became)?
         }
     };
     let energy = energy(signal, graph, params.strength, &partition);
@@ -124,7 +125,7 @@ pub(super) fn merge_further(regions: Regions, links: Vec<Link>, greedy: usize, m
     let mut merger = Merger { became: (0..regions.len() as u32).collect(), regions, links };
     while merger.links.len() > greedy {
         monitor.check()?;
-        let Some(sets) = batch::merge_best_pairs(&mut merger.regions, &merger.links) else { return Ok(merger) };
+        let Some(sets) = batch::merge_best_pairs(&mut merger.regions, &merger.links[..]) else { return Ok(merger) };
         merger.unite(sets);
     }
     let sets = greedy::merge_largest_gain_first(&mut merger.regions, &merger.links, monitor)?;
@@ -132,12 +133,31 @@ pub(super) fn merge_further(regions: Regions, links: Vec<Link>, greedy: usize, m
     Ok(merger)
 }
 
+/// [`merge_further`] of single nodes: of the edges of a large graph only those are held that the first round leaves.
+pub(super) fn merge_nodes(
+    mut regions: Regions,
+    edges: EdgeLinks<'_>,
+    greedy: usize,
+    monitor: &Monitor,
+) -> Result<Merger> {
+    monitor.check()?;
+    let links = || edges.numbered().map(|(_, link)| link);
+    let nodes = regions.len();
+    let sets = if links().nth(greedy).is_some() { batch::merge_best_pairs(&mut regions, &edges) } else { None };
+    let Some(sets) = sets else { return merge_further(regions, links().collect(), greedy, monitor) };
+    let (number, left) = compact(&regions, sets);
+    regions = left;
+    let mut merger = merge_further(regions, contract(&edges, &number), greedy, monitor)?;
+    merger.became = (0..nodes).map(|node| merger.became[number[node] as usize]).collect();
+    Ok(merger)
+}
+
 impl Merger {
     fn unite(&mut self, sets: Sets) {
         let (number, left) = compact(&self.regions, sets);
-        self.became.iter_mut().for_each(|region| *region = number[*region as usize]);
-        self.links = contract(std::mem::take(&mut self.links), &number);
         self.regions = left;
+        self.became.iter_mut().for_each(|region| *region = number[*region as usize]);
+        self.links = contract(&self.links[..], &number);
     }
 }
 
@@ -175,15 +195,15 @@ mod tests {
     fn many_at_once_and_one_by_one_both_leave_no_merger_that_gains() {
         let (values, graph) = (chequer(32, 2), grid(32));
         let signal = Signal::new(&values, 1).unwrap();
-        let links: Vec<Link> = node_links(&graph, 0.03).collect();
+        let links: Vec<Link> = EdgeLinks::weighted(&graph, 0.03).numbered().map(|(_, link)| link).collect();
         let start = energy(&signal, &graph, 0.03, &Partition::from_labels(&(0..1024).collect::<Vec<_>>()).unwrap());
         let (mut regions, mut left) = (Regions::of_nodes(&signal), links.clone());
         let mut became: Vec<u32> = (0..1024).collect();
         let mut last = start;
-        while let Some(sets) = batch::merge_best_pairs(&mut regions, &left) {
+        while let Some(sets) = batch::merge_best_pairs(&mut regions, &left[..]) {
             let (number, next) = compact(&regions, sets);
             became.iter_mut().for_each(|r| *r = number[*r as usize]);
-            (left, regions) = (contract(left, &number), next);
+            (left, regions) = (contract(&left[..], &number), next);
             let now = energy(&signal, &graph, 0.03, &Partition::from_labels(&became).unwrap());
             assert!(now < last, "every round lowers the energy");
             last = now;
@@ -193,7 +213,7 @@ mod tests {
         for labels in [became, one_by_one] {
             let partition = Partition::from_labels(&labels).unwrap();
             let regions = Regions::of_segments(&signal, &partition);
-            let links = contract(node_links(&graph, 0.03), partition.segments());
+            let links = contract(&EdgeLinks::weighted(&graph, 0.03), partition.segments());
             assert!(links.iter().all(|l| l.boundary - regions.loss(l.ends) < 1e-9));
         }
     }

@@ -6,7 +6,9 @@
 mod by_intent;
 mod cut_pursuit;
 mod cutoff;
+mod links;
 mod merge;
+mod recut;
 mod refine;
 mod regions;
 mod signal;
@@ -15,6 +17,7 @@ pub use by_intent::{
     Aim, Candidate, Intent, Method, PartitionParams, Scene, Search, Trial, partition_by_intent, search_strength,
 };
 pub use cut_pursuit::{CutPursuit, CutPursuitParams, Preset, cut_pursuit};
+pub(super) use links::{Cost, EdgeLinks, contract};
 pub use merge::{Merge, MergeParams, merge};
-pub(super) use regions::{Link, contract};
+pub use recut::recut;
 pub use signal::Signal;

@@ -3,7 +3,7 @@
 use super::Signal;
 use super::regions::Regions;
 use crate::error::Result;
-use crate::graph::{Adjacency, Graph};
+use crate::graph::{Graph, Incidence};
 use crate::parallel::Monitor;
 use crate::segmentation::Partition;
 use crate::segmentation::connected::connected_partition;
@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 struct Moves<'a> {
     signal: &'a Signal<'a>,
     graph: &'a Graph,
-    adjacency: &'a Adjacency,
+    incidence: &'a Incidence<'a>,
     strength: f64,
     segment: Vec<u32>,
     regions: Regions,
@@ -29,13 +29,13 @@ const MOVES_A_NODE: usize = 20;
 /// O(moves · degree · (degree + width)).
 pub(super) fn move_boundary_nodes(
     signal: &Signal,
-    (graph, adjacency): (&Graph, &Adjacency),
+    (graph, incidence): (&Graph, &Incidence<'_>),
     (partition, strength): (&Partition, f64),
     monitor: &Monitor,
 ) -> Result<Partition> {
     let segment = partition.segments().to_vec();
     let regions = Regions::of_segments(signal, partition);
-    let mut moves = Moves { signal, graph, adjacency, strength, segment, regions, around: Vec::new() };
+    let mut moves = Moves { signal, graph, incidence, strength, segment, regions, around: Vec::new() };
     moves.run(monitor)?;
     let segment = moves.segment;
     connected_partition(graph, |_, [a, b]| segment[a as usize] == segment[b as usize])
@@ -63,7 +63,7 @@ impl Moves<'_> {
                 continue;
             }
             left -= 1;
-            for (other, _) in self.adjacency.of(node as usize) {
+            for (other, _) in self.incidence.of(node as usize) {
                 if !std::mem::replace(&mut waiting[other as usize], true) {
                     queue.push_back(other);
                 }
@@ -99,7 +99,7 @@ impl Moves<'_> {
 
     fn look_around(&mut self, node: u32) {
         self.around.clear();
-        for (other, edge) in self.adjacency.of(node as usize) {
+        for (other, edge) in self.incidence.of(node as usize) {
             let cost = self.strength * f64::from(self.graph.weights()[edge as usize]);
             let segment = self.segment[other as usize];
             match self.around.iter_mut().find(|(s, _)| *s == segment) {
@@ -130,7 +130,7 @@ mod tests {
             let of = |labels: &[u32]| {
                 connected_partition(&graph, |_, [a, b]| labels[a as usize] == labels[b as usize]).unwrap()
             };
-            let with_edges = (&graph, &graph.adjacency());
+            let with_edges = (&graph, &graph.incidence());
             let (mut last, mut now) = (Partition::default(), of(&labels));
             // A move shifts means, which may open moves elsewhere: repeat until nothing moves.
             while now != last {
@@ -157,7 +157,7 @@ mod tests {
         let signal = Signal::new(&[0.0, 0.1, 0.1], 1).unwrap();
         let graph = Graph::new(3, &[[0, 1], [1, 2]], &[1.0; 2]).unwrap();
         let partition = Partition::from_labels(&[0, 1, 2]).unwrap();
-        let moved = move_boundary_nodes(&signal, (&graph, &graph.adjacency()), (&partition, 10.0), &Monitor::default());
+        let moved = move_boundary_nodes(&signal, (&graph, &graph.incidence()), (&partition, 10.0), &Monitor::default());
         assert_eq!(moved.unwrap(), partition);
     }
 }

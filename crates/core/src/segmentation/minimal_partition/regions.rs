@@ -13,13 +13,6 @@ pub(super) struct Regions {
     means: Vec<f64>,
 }
 
-/// Two regions that touch and what the edges between them cost together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::segmentation) struct Link {
-    pub(in crate::segmentation) ends: [u32; 2],
-    pub(in crate::segmentation) boundary: f64,
-}
-
 impl Regions {
     /// Every node a region of its own.
     pub(super) fn of_nodes(signal: &Signal) -> Self {
@@ -110,32 +103,6 @@ pub(super) fn weighted_mean<'a>(rows: impl Iterator<Item = (&'a [f32], f64)>, me
     total
 }
 
-/// The edges of a graph as links between its nodes, each costing `strength` times its weight.
-pub(super) fn node_links(graph: &Graph, strength: f64) -> impl Iterator<Item = Link> {
-    let edges = graph.edges().iter().zip(graph.weights());
-    edges.map(move |(&ends, &w)| Link { ends, boundary: strength * f64::from(w) })
-}
-
-/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends; a vector of
-/// links is contracted in its own memory.
-pub(in crate::segmentation) fn contract(links: impl IntoIterator<Item = Link>, segment: &[u32]) -> Vec<Link> {
-    let rename = |link: Link| {
-        let [a, b] = link.ends.map(|end| segment[end as usize]);
-        (a != b).then_some(Link { ends: [a.min(b), a.max(b)], boundary: link.boundary })
-    };
-    let mut joined: Vec<Link> = links.into_iter().filter_map(rename).collect();
-    // A stable sort: the sum of parallel links does not depend on how the sort moves equal keys.
-    joined.sort_by_key(|link| link.ends);
-    joined.dedup_by(|next, kept| {
-        let same = next.ends == kept.ends;
-        if same {
-            kept.boundary += next.boundary;
-        }
-        same
-    });
-    joined
-}
-
 /// The roots of `sets` renumbered 0, 1, ... in order, and the regions that remain, in the same order.
 pub(super) fn compact(regions: &Regions, sets: Sets) -> (Vec<u32>, Regions) {
     let roots = sets.roots();
@@ -172,6 +139,7 @@ pub(super) fn energy(signal: &Signal, graph: &Graph, strength: f64, partition: &
 
 #[cfg(test)]
 mod tests {
+    use super::super::links::{EdgeLinks, contract};
     use super::*;
     use crate::random::stream;
 
@@ -186,7 +154,7 @@ mod tests {
             let graph = Graph::new(8, &pairs, &vec![0.25; pairs.len()]).unwrap();
             let before = Partition::from_labels(&[0, 0, 1, 1, 2, 2, 2, 1]).unwrap();
             let after = Partition::from_labels(&[0, 0, 1, 1, 1, 1, 1, 1]).unwrap();
-            let links = contract(node_links(&graph, 0.3), before.segments());
+            let links = contract(&EdgeLinks::weighted(&graph, 0.3), before.segments());
             let mut regions = Regions::of_segments(&signal, &before);
             let link = links.iter().find(|l| l.ends == [1, 2]).unwrap();
             let gain = link.boundary - regions.loss(link.ends);
@@ -196,12 +164,5 @@ mod tests {
             let merged = Regions::of_segments(&signal, &after);
             assert!(regions.mean(1).iter().zip(merged.mean(1)).all(|(a, b)| (a - b).abs() < 1e-12));
         }
-    }
-
-    #[test]
-    fn parallel_links_add_up_and_inner_ones_vanish() {
-        let link = |a, b, boundary| Link { ends: [a, b], boundary };
-        let links = [link(0, 1, 1.0), link(0, 2, 2.0), link(1, 3, 4.0), link(2, 3, 8.0)];
-        assert_eq!(contract(links, &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
     }
 }

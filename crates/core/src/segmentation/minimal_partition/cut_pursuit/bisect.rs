@@ -2,11 +2,12 @@
 
 use super::params::CutPursuitParams;
 use super::piece::Piece;
-use super::two_means::{Means, means_of_sides, two_means};
+use super::two_means::{Means, means_of_sides, starts, two_means};
 use crate::error::Result;
 use crate::graph::MaxFlow;
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, map_ordered_with};
 use crate::random::Stream;
+use std::ops::Range;
 
 /// Buffers of a split, reused from segment to segment.
 #[derive(Default)]
@@ -14,6 +15,10 @@ pub(super) struct Scratch {
     pub(super) piece: Piece,
     network: MaxFlow,
 }
+
+/// Attempts at pieces of so many nodes are made at the same time: small ones have each other for company, and very large
+/// ones would need too much memory.
+const SHARED: Range<usize> = 4096..1 << 18;
 
 impl Scratch {
     /// The parts into which the gathered piece falls, as the smallest node of each node's part; nothing if it stays
@@ -24,37 +29,49 @@ impl Scratch {
         random: &mut Stream,
         monitor: &Monitor,
     ) -> Result<Option<Vec<u32>>> {
-        let whole = vec![0; self.piece.len()];
+        let Self { piece, network } = self;
+        // The best of several 2-means first, then any: the best often leads to the same cut again.
+        let restarts = |attempt| if attempt == 0 { params.restarts } else { 1 };
+        let starts = (0..params.attempts).map(|attempt| starts(piece, restarts(attempt), random));
+        let Some(starts) = starts.collect::<Option<Vec<_>>>() else { return Ok(None) };
+        let attempt = |network: &mut MaxFlow, i: usize| {
+            let sides = two_means(piece, &starts[i], params.means_steps);
+            let parts = cut((piece, sides), network, params.flow_steps, monitor)?;
+            Ok(parts.map(|parts| (piece.energy(&parts), parts)))
+        };
+        let attempts = match SHARED.contains(&piece.len()) {
+            true => map_ordered_with(0..starts.len(), monitor, MaxFlow::default, attempt)?,
+            false => (0..starts.len()).map(|i| attempt(network, i)).collect::<Result<Vec<_>>>()?,
+        };
         let mut best = None;
-        let mut least = if params.guard { self.piece.energy(&whole) } else { f64::INFINITY };
-        for attempt in 0..params.attempts {
-            // The best of several 2-means first, then any: the best often leads to the same cut again.
-            let restarts = if attempt == 0 { params.restarts } else { 1 };
-            let Some(sides) = two_means(&self.piece, (restarts, params.means_steps), random) else { return Ok(None) };
-            let Some(parts) = self.cut(sides, params.flow_steps, monitor)? else { continue };
-            let energy = self.piece.energy(&parts);
+        let mut least = if params.guard { piece.energy(&vec![0; piece.len()]) } else { f64::INFINITY };
+        for (energy, parts) in attempts.into_iter().flatten() {
             if energy < least {
                 (least, best) = (energy, Some(parts));
             }
         }
         Ok(best)
     }
+}
 
-    /// The connected parts of both sides after some cuts, each with the means of the one before.
-    fn cut(&mut self, mut sides: Vec<bool>, steps: usize, monitor: &Monitor) -> Result<Option<Vec<u32>>> {
-        let Self { piece, network } = self;
-        for _ in 0..steps {
-            let Some(means) = means_of_sides(piece, &sides) else { return Ok(None) };
-            let next = cheapest_sides(network, piece, &means, monitor)?;
-            let settled = next == sides;
-            sides = next;
-            if settled {
-                break;
-            }
+/// The connected parts of both sides after some cuts, each with the means of the one before.
+fn cut(
+    (piece, mut sides): (&Piece, Vec<bool>),
+    network: &mut MaxFlow,
+    steps: usize,
+    monitor: &Monitor,
+) -> Result<Option<Vec<u32>>> {
+    for _ in 0..steps {
+        let Some(means) = means_of_sides(piece, &sides) else { return Ok(None) };
+        let next = cheapest_sides(network, piece, &means, monitor)?;
+        let settled = next == sides;
+        sides = next;
+        if settled {
+            break;
         }
-        let parted = sides.iter().any(|s| *s != sides[0]);
-        Ok(parted.then(|| piece.parts(&sides)))
     }
+    let parted = sides.iter().any(|s| *s != sides[0]);
+    Ok(parted.then(|| piece.parts(&sides)))
 }
 
 /// The sides of least fit and boundary when both sides keep these means; true for the second.

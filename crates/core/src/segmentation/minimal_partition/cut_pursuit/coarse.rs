@@ -5,9 +5,10 @@
 //! noise out. The coarse problem has the energy of the full one for every partition of coarse nodes, but for a constant.
 
 use super::super::Signal;
-use super::super::merge::merge_further;
+use super::super::links::{EdgeLinks, contract};
+use super::super::merge::{merge_further, merge_nodes};
 use super::super::refine::move_boundary_nodes;
-use super::super::regions::{Link, Regions, contract, energy, node_links};
+use super::super::regions::{Regions, energy};
 use super::iterate::Pursuit;
 use super::smooth::smoothed;
 use super::{CutPursuit, CutPursuitParams};
@@ -26,7 +27,7 @@ const NODES_TO_ONE: usize = 16;
 /// ... but so many coarse nodes to a segment are kept.
 const NODES_A_SEGMENT: usize = 32;
 
-/// A graph with its values. The adjacency of a large graph is large and quickly made: only who needs it holds it.
+/// A graph with its values. The incidence of a large graph is large and quickly made: only who needs it holds it.
 struct Problem<'a> {
     signal: &'a Signal<'a>,
     graph: &'a Graph,
@@ -89,7 +90,7 @@ impl Problem<'_> {
         let weights: Vec<f32> = (0..merged.len() as u32).map(|region| regions.weight(region) as f32).collect();
         let means: Vec<f32> = regions.into_means().into_iter().map(|x| x as f32).collect();
         let coarse = {
-            let links = contract(node_links(graph, 1.0), merged.segments());
+            let links = contract(&EdgeLinks::weighted(graph, 1.0), merged.segments());
             let (ends, costs): (Vec<_>, Vec<_>) = links.into_iter().map(|l| (l.ends, l.boundary as f32)).unzip();
             Graph::new(merged.len(), &ends, &costs)?
         };
@@ -107,29 +108,28 @@ impl Problem<'_> {
             return Ok(partition);
         }
         let at = (&partition, self.params.strength);
-        move_boundary_nodes(self.signal, (self.graph, &self.graph.adjacency()), at, self.monitor)
+        move_boundary_nodes(self.signal, (self.graph, &self.graph.incidence()), at, self.monitor)
     }
 
     /// The nodes of the coarse graph: nodes of one segment that merge when their values are smoothed.
     fn merged(&self, partition: &Partition) -> Result<Partition> {
-        let values = smoothed(self.signal, (self.graph, &self.graph.adjacency()), partition);
-        let mut regions = Regions::of_nodes(&self.signal.with_values(&values));
-        let whose = |end: u32| partition.segments()[end as usize];
+        let values = smoothed(self.signal, self.graph, partition);
+        let regions = Regions::of_nodes(&self.signal.with_values(&values));
+        drop(values);
         let nodes = self.graph.len();
         let enough = (nodes / NODES_TO_ONE).max(NODES_A_SEGMENT * partition.len());
         let mut share = FIRST_SHARE * nodes as f64 / (NODES_TO_ONE * enough) as f64;
-        let inside = |link: &Link| whose(link.ends[0]) == whose(link.ends[1]);
-        let mut links: Vec<Link> = node_links(self.graph, share * self.params.strength).filter(inside).collect();
-        let mut labels: Vec<u32> = (0..self.graph.len() as u32).collect();
+        let links = EdgeLinks::weighted(self.graph, share * self.params.strength).inside(partition.segments());
+        let mut merger = merge_nodes(regions, links, 0, self.monitor)?;
+        let mut labels = merger.became;
         loop {
-            let merger = merge_further(regions, links, 0, self.monitor)?;
-            labels.iter_mut().for_each(|label| *label = merger.became[*label as usize]);
-            (regions, links) = (merger.regions, merger.links);
             share *= 2.0;
-            if share > LAST_SHARE || regions.len() <= enough {
+            if share > LAST_SHARE || merger.regions.len() <= enough {
                 return Partition::from_labels(&labels);
             }
-            links.iter_mut().for_each(|link| link.boundary *= 2.0);
+            merger.links.iter_mut().for_each(|link| link.boundary *= 2.0);
+            merger = merge_further(merger.regions, merger.links, 0, self.monitor)?;
+            labels.iter_mut().for_each(|label| *label = merger.became[*label as usize]);
         }
     }
 }

@@ -1,9 +1,10 @@
 //! The rounds of cut pursuit: split open segments, merge, look at the energy.
 
 use super::super::Signal;
+use super::super::links::{EdgeLinks, contract};
 use super::super::merge::{GREEDY_LINKS, merge_further};
 use super::super::refine::move_boundary_nodes;
-use super::super::regions::{Link, Regions, contract, energy, node_links};
+use super::super::regions::{Regions, energy};
 use super::bisect::Scratch;
 use super::piece::Source;
 use super::{CutPursuit, CutPursuitParams};
@@ -18,7 +19,6 @@ pub(super) struct Pursuit<'a> {
     source: Source<'a>,
     params: &'a CutPursuitParams,
     monitor: &'a Monitor,
-    links: Vec<Link>,
     partition: Partition,
     /// Segments that no cut divides.
     saturated: Vec<bool>,
@@ -33,7 +33,6 @@ impl<'a> Pursuit<'a> {
         monitor: &'a Monitor,
     ) -> Result<Self> {
         monitor.check()?;
-        let links = node_links(graph, params.strength).collect();
         let energy = energy(signal, graph, params.strength, &partition);
         let found = CutPursuit {
             partition: partition.clone(),
@@ -44,8 +43,8 @@ impl<'a> Pursuit<'a> {
             trace: vec![energy],
         };
         let saturated = vec![false; partition.len()];
-        let source = Source { signal, graph, adjacency: graph.adjacency(), strength: params.strength };
-        Ok(Self { source, params, monitor, links, partition, saturated, found })
+        let source = Source { signal, graph, incidence: graph.incidence(), strength: params.strength };
+        Ok(Self { source, params, monitor, partition, saturated, found })
     }
 
     pub(super) fn run(mut self) -> Result<CutPursuit> {
@@ -132,8 +131,9 @@ impl<'a> Pursuit<'a> {
 
     /// Merges segments while that gains; what merged is open again.
     fn merge(&mut self) -> Result<()> {
-        let links = contract(self.links.iter().copied(), self.partition.segments());
-        let regions = Regions::of_segments(self.source.signal, &self.partition);
+        let Source { signal, graph, strength, .. } = self.source;
+        let links = contract(&EdgeLinks::weighted(graph, strength), self.partition.segments());
+        let regions = Regions::of_segments(signal, &self.partition);
         let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
         let joined = Partition::from_labels(&became)?;
         self.saturated = joined.iter().map(|parts| parts.len() == 1 && self.saturated[parts[0] as usize]).collect();
@@ -144,8 +144,8 @@ impl<'a> Pursuit<'a> {
 
     /// Moves boundary nodes; segments that changed are open again.
     fn move_nodes(&mut self) -> Result<()> {
-        let Source { signal, graph, ref adjacency, strength } = self.source;
-        let moved = move_boundary_nodes(signal, (graph, adjacency), (&self.partition, strength), self.monitor)?;
+        let Source { signal, graph, ref incidence, strength } = self.source;
+        let moved = move_boundary_nodes(signal, (graph, incidence), (&self.partition, strength), self.monitor)?;
         let before = |members: &[u32]| self.partition.segments()[members[0] as usize] as usize;
         let same = |members: &[u32]| self.partition.members(before(members)) == members;
         self.saturated = moved.iter().map(|members| self.saturated[before(members)] && same(members)).collect();

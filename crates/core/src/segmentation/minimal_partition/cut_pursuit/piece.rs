@@ -1,7 +1,7 @@
 //! One segment taken out of the cloud: its rows and inner edges lie together in memory, nodes are numbered from 0.
 
 use super::super::Signal;
-use crate::graph::{Adjacency, Graph};
+use crate::graph::{Graph, Incidence};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::Sets;
 
@@ -20,7 +20,7 @@ pub(super) struct Piece {
 pub(super) struct Source<'a> {
     pub(super) signal: &'a Signal<'a>,
     pub(super) graph: &'a Graph,
-    pub(super) adjacency: Adjacency,
+    pub(super) incidence: Incidence<'a>,
     pub(super) strength: f64,
 }
 
@@ -36,8 +36,8 @@ impl Piece {
         for (here, &node) in (0u32..).zip(partition.members(segment)) {
             values.extend_from_slice(source.signal.row(node as usize));
             weights.push(source.signal.weight(node as usize));
-            for (other, edge) in source.adjacency.of(node as usize) {
-                if other > node && partition.segments()[other as usize] as usize == segment {
+            for (other, edge) in source.incidence.larger(node as usize) {
+                if partition.segments()[other as usize] as usize == segment {
                     edges.push([here, place[other as usize]]);
                     costs.push(source.strength * f64::from(source.graph.weights()[edge as usize]));
                 }

@@ -7,15 +7,17 @@ use crate::random::Stream;
 /// The two means of a cut.
 pub(super) type Means = [Vec<f64>; 2];
 
-/// Side of each node in the best of several 2-means (D. Arthur, S. Vassilvitskii, *k-means++*, SODA 2007); nothing if
-/// all rows are equal. O(restarts · steps · n · width).
-pub(super) fn two_means(piece: &Piece, (restarts, steps): (usize, usize), random: &mut Stream) -> Option<Vec<bool>> {
-    if piece.len() < 2 {
-        return None;
-    }
-    let mut best: Option<(f64, Vec<bool>)> = None;
-    for _ in 0..restarts {
-        let means = lloyd(piece, seeds(piece, random)?, steps);
+/// Random starts of 2-means (D. Arthur, S. Vassilvitskii, *k-means++*, SODA 2007); nothing if all rows are equal.
+/// O(restarts · n · width).
+pub(super) fn starts(piece: &Piece, restarts: usize, random: &mut Stream) -> Option<Vec<Means>> {
+    (0..restarts).map(|_| seeds(piece, random)).collect()
+}
+
+/// Side of each node in the best of the 2-means that begin with these. O(starts · steps · n · width).
+pub(super) fn two_means(piece: &Piece, starts: &[Means], steps: usize) -> Vec<bool> {
+    let mut best: (f64, Vec<bool>) = (f64::INFINITY, vec![false; piece.len()]);
+    for start in starts {
+        let means = lloyd(piece, start.clone(), steps);
         let mut inertia = 0.0;
         let sides = piece
             .rows()
@@ -25,11 +27,11 @@ pub(super) fn two_means(piece: &Piece, (restarts, steps): (usize, usize), random
                 b < a
             })
             .collect();
-        if best.as_ref().is_none_or(|(least, _)| inertia < *least) {
-            best = Some((inertia, sides));
+        if inertia < best.0 {
+            best = (inertia, sides);
         }
     }
-    best.map(|(_, sides)| sides)
+    best.1
 }
 
 /// Means of both sides; nothing if one side is empty.
@@ -44,6 +46,9 @@ pub(super) fn means_of_sides(piece: &Piece, sides: &[bool]) -> Option<Means> {
 
 /// First seed uniform, second with probability proportional to m ‖f − first‖².
 fn seeds(piece: &Piece, random: &mut Stream) -> Option<Means> {
+    if piece.len() < 2 {
+        return None;
+    }
     let seed = |at: usize| piece.values[at * piece.width..][..piece.width].iter().map(|&f| f64::from(f)).collect();
     let first: Vec<f64> = seed(random.below(piece.len()));
     let mut reach = Vec::with_capacity(piece.len());
@@ -93,7 +98,7 @@ mod tests {
     #[test]
     fn two_clumps_are_found() {
         let piece = line(&[0.0, 0.1, 5.0, 5.1, 0.05]);
-        let sides = two_means(&piece, (3, 5), &mut stream(0, 0)).unwrap();
+        let sides = two_means(&piece, &starts(&piece, 3, &mut stream(0, 0)).unwrap(), 5);
         assert!([1, 4].iter().all(|&i| sides[i] == sides[0]) && [2, 3].iter().all(|&i| sides[i] != sides[0]));
         let means = means_of_sides(&piece, &[false, false, true, true, false]).unwrap();
         assert!((means[0][0] - 0.05).abs() < 1e-7 && (means[1][0] - 5.05).abs() < 1e-6);
@@ -101,7 +106,8 @@ mod tests {
 
     #[test]
     fn equal_rows_have_no_two_means() {
-        assert!(two_means(&line(&[2.0; 4]), (3, 5), &mut stream(0, 0)).is_none());
+        assert!(starts(&line(&[2.0; 4]), 3, &mut stream(0, 0)).is_none());
+        assert!(starts(&line(&[2.0]), 3, &mut stream(0, 0)).is_none());
         assert!(means_of_sides(&line(&[1.0, 2.0]), &[true, true]).is_none());
     }
 }

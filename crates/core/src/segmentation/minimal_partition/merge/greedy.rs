@@ -1,6 +1,7 @@
 //! The pair of largest gain merges first: a priority queue in which outdated pairs are skipped.
 
-use super::super::regions::{Link, Regions};
+use super::super::links::Link;
+use super::super::regions::Regions;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::segmentation::connected::Sets;

@@ -1,0 +1,186 @@
+//! Labels hold: a segment that was named against a label in it is cut finer.
+
+use super::examples::{Example, WeakLabels};
+use crate::classes::ClassTable;
+use crate::cloud::{Cloud, Points};
+use crate::error::Result;
+use crate::features::FeatureTable;
+use crate::neighbours::nearest_of;
+use crate::parallel::Monitor;
+use crate::recipes::regularise::{Probabilities, RegulariseParams, Regularised, Scene};
+
+/// Most places of each class that travel in a model.
+const MOST: usize = 500;
+
+/// A labelled place is that of the nearest point if it is so near, metres: coordinates may have been rounded to centimetres.
+const SAME: f64 = 0.01;
+
+/// Rounds of finer segments, and the factor between their strengths.
+const ROUNDS: i32 = 4;
+const FINER: f64 = 0.3;
+
+/// A cloud whose points are described by the descriptors that segments are found by, and its labelled points: each with the
+/// position of its class.
+pub(super) struct Known<'a> {
+    pub(super) points: &'a Points,
+    pub(super) descriptors: &'a FeatureTable,
+    pub(super) labels: Vec<(u32, u16)>,
+}
+
+impl WeakLabels {
+    /// Remembers the places of the examples, at most [`MOST`] of each class, evenly over its examples.
+    pub(super) fn remember(&mut self, examples: &[Example], place: impl Fn(u32) -> [f64; 3]) {
+        for same in examples.chunk_by(|a, b| a.code == b.code) {
+            let step = same.len().div_ceil(MOST).max(1);
+            self.places.extend(same.iter().step_by(step).map(|e| (place(e.point), e.code)));
+        }
+    }
+
+    /// The points of a cloud that stand in labelled places, each with the position of its class, ascending.
+    pub(super) fn found(
+        &self,
+        cloud: &Cloud,
+        (points, metres): (&Points, f64),
+        classes: &ClassTable,
+        monitor: &Monitor,
+    ) -> Result<Vec<(u32, u16)>> {
+        let Some((low, high)) = cloud.bounds().filter(|_| self.hold) else { return Ok(Vec::new()) };
+        let rim = SAME / metres;
+        let inside = |place: &[f64; 3]| (0..3).all(|a| (low[a] - rim..=high[a] + rim).contains(&place[a]));
+        let places: Vec<&([f64; 3], u8)> = self.places.iter().filter(|(place, _)| inside(place)).collect();
+        if places.is_empty() {
+            return Ok(Vec::new());
+        }
+        let rows: Vec<[f64; 3]> = places.iter().map(|(place, _)| *place).collect();
+        let near = nearest_of(points, &Points::from_cloud(&Cloud::from_rows(&rows)?, metres), 1, monitor)?;
+        let close = (0..places.len()).filter(|&q| f64::from(near.squared_distances(q)[0]).sqrt() <= SAME);
+        let named = close.filter_map(|q| Some((near.of(q)[0], classes.position(places[q].1)? as u16)));
+        let mut found: Vec<(u32, u16)> = named.collect();
+        found.sort_unstable();
+        found.dedup_by_key(|(point, _)| *point);
+        Ok(found)
+    }
+}
+
+/// The labels for these probabilities. Segments that are named against a label in them are cut with 0.3 of the strength, and all
+/// are named again; up to four times.
+///
+/// # Errors
+/// As [`Scene::decide`].
+pub(super) fn decide(
+    mut scene: Scene,
+    given: Probabilities<'_>,
+    (known, params): (&Known<'_>, &RegulariseParams),
+    monitor: &Monitor,
+) -> Result<Regularised> {
+    let mut found = scene.decide(given, params, monitor)?;
+    let mut graph = None;
+    for round in 1..=ROUNDS {
+        let against = named_against(&found, &known.labels);
+        if against.is_empty() {
+            break;
+        }
+        let graph = match &graph {
+            Some(graph) => graph,
+            None => graph.insert(Scene::adjacency(known.points, params, monitor)?),
+        };
+        scene.recut((known.descriptors, graph), (&against, FINER.powi(round)), params, monitor)?;
+        found = scene.decide(given, params, monitor)?;
+    }
+    Ok(found)
+}
+
+/// Segments that have another name than a label in them, ascending.
+fn named_against(found: &Regularised, labels: &[(u32, u16)]) -> Vec<u32> {
+    let Some(partition) = &found.partition else { return Vec::new() };
+    let wrong = labels.iter().filter(|&&(point, class)| found.labels[point as usize] != class);
+    let mut segments: Vec<u32> = wrong.map(|&(point, _)| partition.segments()[point as usize]).collect();
+    segments.sort_unstable();
+    segments.dedup();
+    segments
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::optimal_features;
+    use crate::random::stream;
+    use crate::recipes::Regularise;
+    use crate::segmentation::{Intent, PartitionParams};
+
+    /// A floor and a wall that meet, and probabilities with noise: the floor is class 0, the wall 1.
+    fn scene() -> (Cloud, Vec<f32>, Vec<u16>) {
+        let mut random = stream(3, 1);
+        let (mut rows, mut values, mut truth) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..40 {
+            for j in 0..40 {
+                for wall in [false, true] {
+                    let (a, b) = (f64::from(i) * 0.2, f64::from(j) * 0.2 + 0.2);
+                    rows.push(if wall { [a, 0.0, b * 0.5] } else { [a, b, 0.0] });
+                    let sure = (0.4 + 0.5 * random.uniform()) as f32;
+                    values.extend(if wall { [1.0 - sure, sure] } else { [sure, 1.0 - sure] });
+                    truth.push(u16::from(wall));
+                }
+            }
+        }
+        (Cloud::from_rows(&rows).unwrap(), values, truth)
+    }
+
+    #[test]
+    fn a_segment_is_cut_until_its_labels_have_their_names() {
+        let (cloud, values, truth) = scene();
+        let points = Points::from_cloud(&cloud, 1.0);
+        let monitor = Monitor::default();
+        let params = RegulariseParams {
+            method: Regularise::SegmentCrf,
+            partition: PartitionParams { intent: Intent::Strength(30.0), ..PartitionParams::default() },
+            ..RegulariseParams::default()
+        };
+        let found = optimal_features(&points, &params.neighbourhood, &monitor).unwrap();
+        let given = Probabilities { values: &values, classes: 2 };
+        let wrong = |labels: &[(u32, u16)]| {
+            let scene = Scene::new(&points, Some(&found.table), &params, &monitor).unwrap();
+            let known = Known { points: &points, descriptors: &found.table, labels: labels.to_vec() };
+            let found = decide(scene, given, (&known, &params), &monitor).unwrap();
+            let wrong = found.labels.iter().zip(&truth).filter(|(a, b)| a != b).count();
+            (wrong, found.partition.unwrap().len())
+        };
+        assert_eq!(wrong(&[]), (1600, 1), "one segment, one name");
+        let (with, segments) = wrong(&[(1600, 0), (1601, 1)]);
+        assert!(with < 100 && segments > 1, "{with} wrong, {segments} segments");
+    }
+
+    #[test]
+    fn places_are_found_in_their_own_cloud_only() {
+        let (cloud, _, truth) = scene();
+        let classes = ClassTable::from_codes(&[2, 6]);
+        let examples: Vec<Example> = [5, 900, 17]
+            .map(|point| Example { code: if truth[point as usize] == 0 { 2 } else { 6 }, point })
+            .into_iter()
+            .collect();
+        let mut labels = WeakLabels::default();
+        labels.remember(&examples, |point| cloud.xyz(point as usize));
+        let found = |cloud: &Cloud, metres: f64, labels: &WeakLabels| {
+            let points = Points::from_cloud(cloud, metres);
+            labels.found(cloud, (&points, metres), &classes, &Monitor::default()).unwrap()
+        };
+        for metres in [1.0, 0.3048] {
+            assert_eq!(found(&cloud, metres, &labels), [(5, 1), (17, 1), (900, 0)]);
+        }
+        assert!(found(&cloud, 1.0, &WeakLabels { hold: false, ..labels.clone() }).is_empty());
+        for by in [0.05, 1000.0] {
+            let moved: Vec<[f64; 3]> = (0..cloud.len()).map(|i| cloud.xyz(i).map(|v| v + by)).collect();
+            assert!(found(&Cloud::from_rows(&moved).unwrap(), 1.0, &labels).is_empty());
+        }
+    }
+
+    #[test]
+    fn no_more_than_the_most_places_of_a_class_travel() {
+        let examples: Vec<Example> =
+            (0..2600).map(|point| Example { code: if point < 1600 { 2 } else { 6 }, point }).collect();
+        let mut labels = WeakLabels::default();
+        labels.remember(&examples, |point| [f64::from(point), 0.0, 0.0]);
+        let count = |code| labels.places.iter().filter(|(_, c)| *c == code).count();
+        assert_eq!((count(2), count(6)), (400, 500));
+    }
+}

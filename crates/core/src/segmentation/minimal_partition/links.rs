@@ -1,0 +1,182 @@
+//! Links between regions that touch, and what remains of them when regions become one.
+
+use crate::graph::Graph;
+
+/// Two regions that touch and what the edges between them cost together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::segmentation) struct Link {
+    pub(in crate::segmentation) ends: [u32; 2],
+    pub(in crate::segmentation) boundary: f64,
+}
+
+/// Links with numbers.
+pub(in crate::segmentation) trait Links: Sync {
+    /// All of them with their numbers, ascending.
+    fn numbered(&self) -> impl Iterator<Item = (u32, Link)>;
+    /// The link of a number.
+    fn get(&self, index: u32) -> Link;
+}
+
+impl Links for [Link] {
+    fn numbered(&self) -> impl Iterator<Item = (u32, Link)> {
+        (0u32..).zip(self.iter().copied())
+    }
+
+    fn get(&self, index: u32) -> Link {
+        self[index as usize]
+    }
+}
+
+/// What an edge costs as a link.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::segmentation) enum Cost {
+    /// The same for each.
+    Each(f64),
+    /// So many times its weight.
+    Weight(f64),
+}
+
+/// The edges of a graph as links between its nodes, which nobody has to hold.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::segmentation) struct EdgeLinks<'a> {
+    graph: &'a Graph,
+    cost: Cost,
+    /// Only edges inside these segments, if given.
+    within: Option<&'a [u32]>,
+}
+
+impl<'a> EdgeLinks<'a> {
+    pub(in crate::segmentation) fn new(graph: &'a Graph, cost: Cost) -> Self {
+        Self { graph, cost, within: None }
+    }
+
+    /// Each costs `strength` times its weight.
+    pub(super) fn weighted(graph: &'a Graph, strength: f64) -> Self {
+        Self::new(graph, Cost::Weight(strength))
+    }
+
+    /// Only those whose ends have the same segment.
+    pub(super) fn inside(self, segments: &'a [u32]) -> Self {
+        Self { within: Some(segments), ..self }
+    }
+}
+
+impl Links for EdgeLinks<'_> {
+    fn numbered(&self) -> impl Iterator<Item = (u32, Link)> {
+        let kept = |ends: [u32; 2]| self.within.is_none_or(|of| of[ends[0] as usize] == of[ends[1] as usize]);
+        let edges = (0u32..).zip(self.graph.edges());
+        edges.filter(move |(_, ends)| kept(**ends)).map(|(index, _)| (index, self.get(index)))
+    }
+
+    fn get(&self, index: u32) -> Link {
+        let boundary = match self.cost {
+            Cost::Each(cost) => cost,
+            Cost::Weight(cost) => cost * f64::from(self.graph.weights()[index as usize]),
+        };
+        Link { ends: self.graph.edges()[index as usize], boundary }
+    }
+}
+
+/// So many links are sorted by one thread.
+const ALONE: usize = 1 << 15;
+
+/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends; parallel ones are
+/// one, their costs added in the order of the links. O(links · log of the links of one segment); 8 bytes a link beside
+/// the result.
+pub(in crate::segmentation) fn contract(links: &(impl Links + ?Sized), segment: &[u32]) -> Vec<Link> {
+    let renamed = || {
+        links.numbered().filter_map(|(index, link)| {
+            let [a, b] = link.ends.map(|end| segment[end as usize]);
+            (a != b).then_some((a.min(b), a.max(b), index))
+        })
+    };
+    // Rows of links: those of smaller end s end at ends[s] once all are there.
+    let segments = segment.iter().max().map_or(0, |&last| last as usize + 1);
+    let mut ends = vec![0usize; segments + 1];
+    renamed().for_each(|(smaller, ..)| ends[smaller as usize + 1] += 1);
+    (0..segments).for_each(|s| ends[s + 1] += ends[s]);
+    let mut rows = vec![0u64; ends[segments]];
+    for (smaller, larger, index) in renamed() {
+        let slot = &mut ends[smaller as usize];
+        rows[*slot] = u64::from(larger) << 32 | u64::from(index);
+        *slot += 1;
+    }
+    ends.pop();
+    sort_rows(&mut rows, &ends, 0);
+    joined(links, &rows, &ends)
+}
+
+/// Sorts each row; `rows` begin at `begin` of all.
+fn sort_rows(rows: &mut [u64], ends: &[usize], begin: usize) {
+    if rows.len() > ALONE && ends.len() > 1 {
+        let (low, high) = ends.split_at(ends.len() / 2);
+        let cut = low.last().map_or(0, |end| end - begin);
+        let (first, second) = rows.split_at_mut(cut);
+        rayon::join(|| sort_rows(first, low, begin), || sort_rows(second, high, begin + cut));
+        return;
+    }
+    let mut start = begin;
+    for &end in ends {
+        rows[start - begin..end - begin].sort_unstable();
+        start = end;
+    }
+}
+
+/// The links of sorted rows.
+fn joined(links: &(impl Links + ?Sized), rows: &[u64], ends: &[usize]) -> Vec<Link> {
+    let mut start = 0;
+    let each = |end: &usize| {
+        let row = &rows[start..*end];
+        start = *end;
+        row
+    };
+    let parallel = |a: &u64, b: &u64| a >> 32 == b >> 32;
+    let count = ends.iter().map(each).map(|row| row.chunk_by(parallel).count()).sum();
+    let mut joined = Vec::with_capacity(count);
+    let mut start = 0;
+    for (smaller, &end) in (0u32..).zip(ends) {
+        for same in rows[start..end].chunk_by(parallel) {
+            let larger = same.first().map_or(0, |row| (row >> 32) as u32);
+            let boundary = same.iter().map(|row| links.get(*row as u32).boundary).reduce(|sum, b| sum + b);
+            joined.push(Link { ends: [smaller, larger], boundary: boundary.unwrap_or(0.0) });
+        }
+        start = end;
+    }
+    joined
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn parallel_links_add_up_and_inner_ones_vanish() {
+        let link = |a, b, boundary| Link { ends: [a, b], boundary };
+        let links = [link(0, 1, 1.0), link(0, 2, 2.0), link(1, 3, 4.0), link(2, 3, 8.0)];
+        assert_eq!(contract(&links[..], &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
+        assert!(contract(&links[..], &[0; 4]).is_empty() && contract(&links[..0], &[]).is_empty());
+    }
+
+    #[test]
+    fn many_links_become_those_of_a_map() {
+        let mut random = stream(7, 0);
+        let segment: Vec<u32> = (0..4000).map(|_| random.below(700) as u32).collect();
+        let links: Vec<Link> = (0..100_000)
+            .map(|_| Link { ends: [random.below(4000) as u32, random.below(4000) as u32], boundary: random.uniform() })
+            .collect();
+        let mut expected = BTreeMap::new();
+        for link in &links {
+            let [a, b] = link.ends.map(|end| segment[end as usize]);
+            if a != b {
+                *expected.entry([a.min(b), a.max(b)]).or_insert(0.0) += link.boundary;
+            }
+        }
+        let expected: Vec<Link> = expected.into_iter().map(|(ends, boundary)| Link { ends, boundary }).collect();
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            assert!(pool.install(|| contract(&links[..], &segment)) == expected);
+        }
+    }
+}
