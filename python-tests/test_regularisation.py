@@ -97,6 +97,45 @@ def test_segments_of_a_picture_of_three_colours():
         assert found.energy == pytest.approx(fit + 0.1 * boundary, rel=1e-6)
 
 
+def test_results_are_arrays_of_what_they_are_above_all():
+    for found in (
+        regularisation.alpha_expansion(UNARY, EDGES),
+        segmentation.cut_pursuit(UNARY, EDGES),
+        segmentation.partition(UNARY, EDGES),
+    ):
+        assert (np.asarray(found) == found.labels).all() and np.unique(found).size == np.unique(found.labels).size
+
+
+def squares(side=48, field=12):
+    """A field of squares with values of their own, one point a metre."""
+    at = np.arange(side * side)
+    number = at % side // field + at // side // field * (side // field)
+    values = (number * 7 % 16) / 16 + np.random.default_rng(1).uniform(0, 0.02, at.size)
+    return values[:, None], np.c_[at % side, at // side, np.zeros_like(at)].astype(float), number
+
+
+@pytest.mark.parametrize("method", ["cut-pursuit", "merge"])
+def test_partitions_are_found_by_what_they_are_for(method):
+    values, xyz, number = squares()
+    edges = grid(48)
+    aims = {
+        "segments_per_hectare": (16 / 0.2304, {"xyz": xyz}),
+        "smallest_object": (10.0, {"xyz": xyz}),
+        "smallest_object_points": (100.0, {}),
+        "oracle_loss": (0.0, {"labels": np.where(np.arange(number.size) % 7 == 0, number % 5, -1)}),
+    }
+    for name, (value, known) in aims.items():
+        params = segmentation.PartitionParams(**{name: value}, method=method)
+        found = segmentation.partition(values, edges, params, **known)
+        assert 10 <= np.unique(found.labels).size <= 16, name
+        assert found.strength in [t["strength"] for t in found.trials]
+    given = segmentation.PartitionParams(strength=found.strength, method=method)
+    again = segmentation.partition(values, edges, given)
+    assert (again.labels == found.labels).all() and len(again.trials) == 1
+    by_name = segmentation.cut_pursuit if method == "cut-pursuit" else segmentation.merge
+    assert (by_name(values, edges, strength=found.strength).labels == again.labels).all()
+
+
 def test_from_points_to_segments():
     random = np.random.default_rng(1)
     floor = np.c_[random.uniform(0, 10, (2000, 2)), random.normal(0, 0.01, 2000)]
@@ -110,6 +149,10 @@ def test_from_points_to_segments():
 
 
 UNARY, EDGES = [[0.0, 1.0], [1.0, 0.0]], [[0, 1]]
+
+
+def parted(xyz=None, labels=None, **params):
+    return segmentation.partition(UNARY, EDGES, segmentation.PartitionParams(**params), xyz=xyz, labels=labels)
 
 
 @pytest.mark.parametrize(
@@ -132,6 +175,14 @@ UNARY, EDGES = [[0.0, 1.0], [1.0, 0.0]], [[0, 1]]
         (lambda: segmentation.cut_pursuit(UNARY, EDGES, cycles=0), "cycles"),
         (lambda: segmentation.cut_pursuit([[np.inf]], []), "inf"),
         (lambda: segmentation.merge(UNARY, EDGES, node_weights=[1.0]), "node_weights"),
+        (lambda: parted(strength=1.0, oracle_loss=0.1), "at most one"),
+        (lambda: parted(segments_per_hectare=5.0), "positions"),
+        (lambda: parted(oracle_loss=0.1), "label"),
+        (lambda: parted(oracle_loss=0.1, labels=[300, 2]), "300"),
+        (lambda: parted(oracle_loss=0.1, labels=[0.5, 2]), "labels"),
+        (lambda: parted(smallest_object=5.0, xyz=[[0.0, 0.0, 0.0]]), "1 points"),
+        (lambda: parted(method="halves"), "halves"),
+        (lambda: parted(trials=0), "trials"),
     ],
 )
 def test_nonsense_is_refused_with_the_value_found(call, message):

@@ -39,6 +39,23 @@ def test_the_model_is_a_file_that_the_command_takes_and_knows_its_recipe(fitted,
     assert 'recipe = "weak"' in again.recipe_
 
 
+def test_segments_keep_to_the_labels_in_them():
+    xyz, labels = street(0)
+    picked = few(labels)
+    known = picked >= 0
+    # So strong a partition makes few segments; labels cut them.
+    right = {}
+    for hold in (True, False):
+        model = WeakClassifier(
+            {"labels.hold": hold, "labels.fit_partition": False, "regularise.partition.intent.strength": 300.0},
+            random_state=0,
+        ).fit(xyz, picked)
+        assert ("places = []" in model.recipe_) != hold
+        found = model.predict(xyz)
+        right[hold] = (found[known] == picked[known]).mean(), (found == labels).mean()
+    assert right[True][0] > right[False][0] + 0.1 and right[True][1] > right[False][1] + 0.1
+
+
 def test_the_strength_is_chosen_by_held_out_labels():
     xyz, labels = street(0)
     found = WeakClassifier(strengths=[0.1, 1.0], random_state=1).fit(xyz, few(labels)).report_

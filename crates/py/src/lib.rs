@@ -51,7 +51,7 @@ mod _core {
     #[pymodule_export]
     use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing};
     #[pymodule_export]
-    use crate::segmentation::{cut_pursuit, merge_regions};
+    use crate::segmentation::{cut_pursuit, merge_regions, partition};
     #[pymodule_export]
     use crate::segments::{segment, segment_columns, suggest};
     #[pymodule_export]

@@ -1,15 +1,21 @@
 //! Room `segmentation`: segments on which values are nearly constant.
 
 use crate::call::call;
-use crate::convert::{matrix, to_matrix};
+use crate::cloud::Cloud;
+use crate::convert::{matrix, to_matrix, vector};
 use crate::graph::{graph_of, optional};
 use crate::json;
+use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use scansion_core::graph::Graph;
 use scansion_core::parallel::Monitor;
-use scansion_core::segmentation::{self, CutPursuitParams, MergeParams, Partition, Signal};
+use scansion_core::segmentation::{self, CutPursuitParams, MergeParams, Partition, PartitionParams, Scene, Signal};
 use scansion_core::{Error, Result};
+use std::sync::Arc;
+
+/// Segment of each node, strength, what was tried as JSON.
+type Aimed<'py> = (Bound<'py, PyArray1<u32>>, f64, String);
 
 /// Segment of each node, mean of each segment, energy.
 type Segments<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f64>>, f64);
@@ -23,17 +29,18 @@ pub(crate) struct Valued<'py>(
     Option<PyReadonlyArray1<'py, f32>>,
 );
 
-fn solve<'py>(
+/// What `search` finds on the signal and the graph.
+fn solve<'py, T: Send>(
     py: Python<'py>,
     valued: &Valued<'py>,
     n_jobs: Option<i64>,
-    search: impl FnOnce(&Signal<'_>, &Graph, &Monitor) -> Result<(Partition, Vec<f64>, f64)> + Send,
-) -> PyResult<Segments<'py>> {
+    search: impl FnOnce(&Signal<'_>, &Graph, &Monitor) -> Result<T> + Send,
+) -> PyResult<T> {
     let [nodes, width] = [valued.0.shape()[0], valued.0.shape()[1]];
     let (values, edges) = (matrix(&valued.0, "values")?, matrix(&valued.1, "edges")?);
     let weights = optional(valued.2.as_ref(), "weights")?;
     let node_weights = optional(valued.3.as_ref(), "node_weights")?;
-    let (partition, centroids, energy) = call(py, n_jobs, |monitor| {
+    call(py, n_jobs, |monitor| {
         if width == 0 {
             return Err(Error::input(format!("values: found shape ({nodes}, 0), expected 1 column or more")));
         }
@@ -43,9 +50,15 @@ fn solve<'py>(
             None => signal,
         };
         search(&signal, &graph_of(nodes, edges, weights)?, monitor)
-    })?;
-    let segments = PyArray1::from_slice(py, partition.segments());
-    Ok((segments, to_matrix(py, centroids, width)?, energy))
+    })
+}
+
+fn segments<'py>(
+    py: Python<'py>,
+    (partition, centroids, energy): (Partition, Vec<f64>, f64),
+    width: usize,
+) -> PyResult<Segments<'py>> {
+    Ok((PyArray1::from_slice(py, partition.segments()), to_matrix(py, centroids, width)?, energy))
 }
 
 #[pyfunction]
@@ -57,17 +70,46 @@ pub(crate) fn cut_pursuit<'py>(
     n_jobs: Option<i64>,
 ) -> PyResult<Segments<'py>> {
     let params: CutPursuitParams = json::settings(settings)?;
-    solve(py, &valued, n_jobs, |signal, graph, monitor| {
+    let found = solve(py, &valued, n_jobs, |signal, graph, monitor| {
         let found = segmentation::cut_pursuit(signal, graph, &params, monitor)?;
         Ok((found.partition, found.centroids, found.energy))
-    })
+    })?;
+    segments(py, found, valued.0.shape()[1])
 }
 
 #[pyfunction]
 pub(crate) fn merge_regions<'py>(py: Python<'py>, valued: Valued<'py>, settings: &str) -> PyResult<Segments<'py>> {
     let params: MergeParams = json::settings(settings)?;
-    solve(py, &valued, Some(1), |signal, graph, monitor| {
+    let found = solve(py, &valued, Some(1), |signal, graph, monitor| {
         let found = segmentation::merge(signal, graph, &params, monitor)?;
         Ok((found.partition, found.centroids, found.energy))
-    })
+    })?;
+    segments(py, found, valued.0.shape()[1])
+}
+
+/// Parts a graph by an intent; labels are codes, negative where nobody has said.
+#[pyfunction]
+#[pyo3(signature = (valued, settings, cloud = None, labels = None, n_jobs = None))]
+pub(crate) fn partition<'py>(
+    py: Python<'py>,
+    valued: Valued<'py>,
+    settings: &str,
+    cloud: Option<&Cloud>,
+    labels: Option<PyReadonlyArray1<'_, i16>>,
+    n_jobs: Option<i64>,
+) -> PyResult<Aimed<'py>> {
+    let params: PartitionParams = json::settings(settings)?;
+    let cloud = cloud.map(|cloud| Arc::clone(&cloud.inner));
+    let labels: Option<Vec<Option<u8>>> = match &labels {
+        Some(codes) => Some(vector(codes, "labels")?.iter().map(|&code| u8::try_from(code).ok()).collect()),
+        None => None,
+    };
+    let (found, trials) = solve(py, &valued, n_jobs, |signal, graph, monitor| {
+        let points = cloud.as_deref().map(|cloud| points(cloud, None)).transpose()?;
+        let scene = Scene { signal: *signal, graph, points: points.as_ref(), labels: labels.as_deref() };
+        let found = segmentation::partition_by_intent(&scene, &params, monitor)?;
+        let trials = json::text(&found.trials)?;
+        Ok((found, trials))
+    })?;
+    Ok((PyArray1::from_slice(py, found.partition.segments()), found.strength, trials))
 }

@@ -112,6 +112,32 @@ impl Graph {
         Ok(Self { weights, ..self })
     }
 
+    /// The graph of some nodes, ascending, of which `nodes[i]` becomes node i, with the edges between them that are `kept`.
+    /// O(n + m); nothing but the result and 4 bytes a node is held.
+    ///
+    /// # Errors
+    /// If a node does not exist or they do not ascend.
+    pub fn induced(&self, nodes: &[u32], kept: impl Fn([u32; 2]) -> bool) -> Result<Self> {
+        if let Some(pair) = nodes.windows(2).find(|pair| pair[0] >= pair[1]) {
+            return Err(Error::input(format!("node {} stands before {} (allowed: ascending nodes)", pair[0], pair[1])));
+        }
+        if let Some(last) = nodes.last().filter(|last| **last as usize >= self.nodes) {
+            return Err(Error::input(format!("node {last} of a graph of {} nodes", self.nodes)));
+        }
+        let mut place = vec![u32::MAX; self.nodes];
+        nodes.iter().zip(0..).for_each(|(&node, at)| place[node as usize] = at);
+        let there = |ends: [u32; 2]| ends.iter().all(|end| place[*end as usize] != u32::MAX) && kept(ends);
+        let rows = || self.edges.iter().zip(&self.weights).filter(|(ends, _)| there(**ends));
+        let count = rows().count();
+        let mut graph =
+            Self { nodes: nodes.len(), edges: Vec::with_capacity(count), weights: Vec::with_capacity(count) };
+        for (ends, &weight) in rows() {
+            graph.edges.push(ends.map(|end| place[end as usize]));
+            graph.weights.push(weight);
+        }
+        Ok(graph)
+    }
+
     /// The edges at each node, in less memory than [`Graph::adjacency`]. O(n + m).
     pub fn incidence(&self) -> Incidence<'_> {
         Incidence::new(self)
@@ -170,6 +196,16 @@ mod tests {
         let adjacency = graph.adjacency();
         assert_eq!(adjacency.of(1).collect::<Vec<_>>(), [(0, 0), (2, 2)]);
         assert_eq!(adjacency.of(0).collect::<Vec<_>>(), [(1, 0), (3, 1)]);
+    }
+
+    #[test]
+    fn some_nodes_keep_the_edges_between_them() {
+        let graph = Graph::new(5, &[[0, 1], [1, 2], [1, 4], [2, 4], [3, 4]], &[1.0, 2.0, 3.0, 4.0, 5.0]).unwrap();
+        let found = graph.induced(&[1, 2, 4], |ends| ends != [1, 4]).unwrap();
+        assert_eq!(found, Graph::new(3, &[[0, 1], [1, 2]], &[2.0, 4.0]).unwrap());
+        assert_eq!(graph.induced(&[0, 1, 2, 3, 4], |_| true).unwrap(), graph);
+        assert!(graph.induced(&[], |_| true).unwrap().is_empty());
+        assert!(graph.induced(&[1, 1], |_| true).is_err() && graph.induced(&[1, 5], |_| true).is_err());
     }
 
     #[test]

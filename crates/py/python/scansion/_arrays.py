@@ -20,6 +20,11 @@ def native(array: NDArray[Any], dtype: Any) -> NDArray[Any]:
     return np.require(array, dtype, ["C_CONTIGUOUS", "ALIGNED"])
 
 
+def as_array(array: NDArray[Any], dtype: Any, copy: bool | None) -> NDArray[Any]:
+    """What ``__array__`` of a result returns that is this array above all."""
+    return np.array(array, dtype) if copy else np.asarray(array, dtype)
+
+
 def coordinates(points: Any) -> NDArray[np.float64]:
     """``points`` as an ``(n, 3)`` array of float64, not copied if it is one already."""
     array = np.asarray(points)

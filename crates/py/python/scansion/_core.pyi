@@ -42,6 +42,7 @@ __all__ = [
     "object_features",
     "octree_region_growing",
     "optimal",
+    "partition",
     "read",
     "recipe_columns",
     "region_growing",
@@ -259,6 +260,13 @@ _Segments: TypeAlias = tuple[NDArray[np.uint32], NDArray[np.float64], float]
 
 def cut_pursuit(valued: _Valued, settings: str, n_jobs: int | None = None) -> _Segments: ...
 def merge_regions(valued: _Valued, settings: str) -> _Segments: ...
+def partition(
+    valued: _Valued,
+    settings: str,
+    cloud: Cloud | None = None,
+    labels: NDArray[np.int16] | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint32], float, str]: ...
 def normals(
     cloud: Cloud, k: int, orientation: str, metres_per_unit: float | None = None, n_jobs: int | None = None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...

@@ -46,3 +46,14 @@ def as_rows(values: Any, name: str) -> NDArray[np.float32]:
     if array.ndim != 2 or array.shape[1] == 0:
         raise ValueError(f"{name}: expected shape (n, width) with a width of 1 or more, found {array.shape}")
     return native(array, np.float32)
+
+
+Valued = tuple[
+    NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None, NDArray[np.float32] | None
+]
+
+
+def valued(values: Any, edges: Any, weights: Any, node_weights: Any) -> Valued:
+    """A graph with values on its nodes: values, edges, weights of the edges and of the nodes."""
+    rows, pairs = as_rows(values, "values"), as_edges(edges)
+    return rows, pairs, as_weights(weights, len(pairs)), as_weights(node_weights, len(rows), "node_weights")

@@ -12,18 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import to_json
+from scansion._arrays import as_array, to_json
 from scansion._graph import as_edges, as_rows, as_weights
 
 __all__ = ["Labelling", "alpha_beta_swap", "alpha_expansion", "energy", "icm", "local_smoothing"]
 
 
 class Labelling(NamedTuple):
-    """Labels, what they cost, and whether the search came to its end."""
+    """Labels, what they cost, and whether the search came to its end; as an array, the labels."""
 
     labels: NDArray[np.uint16]
     energy: float
     converged: bool
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return as_array(self.labels, dtype, copy)
 
 
 def alpha_expansion(

@@ -8,18 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import to_json
-from scansion._graph import as_edges, as_rows, as_weights
+from scansion._arrays import as_array, to_json
+from scansion._graph import valued
+from scansion._partition import Partition, PartitionParams, partition
 from scansion._regions import Riemannian, octree_region_growing, region_growing, riemannian
 from scansion._supervoxels import object_features, supervoxels
 
 __all__ = [
+    "Partition",
+    "PartitionParams",
     "Riemannian",
     "Segments",
     "cut_pursuit",
     "merge",
     "object_features",
     "octree_region_growing",
+    "partition",
     "region_growing",
     "riemannian",
     "supervoxels",
@@ -27,11 +31,14 @@ __all__ = [
 
 
 class Segments(NamedTuple):
-    """Segment of each node, mean values of each segment, and the energy that was reached."""
+    """Segment of each node, mean values of each segment, and the energy that was reached; as an array, the segments."""
 
     labels: NDArray[np.uint32]
     centroids: NDArray[np.float64]
     energy: float
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return as_array(self.labels, dtype, copy)
 
 
 def cut_pursuit(
@@ -127,7 +134,7 @@ def cut_pursuit(
         "seed": random_state,
     }
     return Segments(
-        *_core.cut_pursuit(_valued(values, edges, weights, node_weights), to_json(settings), n_jobs)
+        *_core.cut_pursuit(valued(values, edges, weights, node_weights), to_json(settings), n_jobs)
     )
 
 
@@ -170,14 +177,4 @@ def merge(
     [0, 0, 1, 1]
     """
     settings = to_json({"strength": strength, "cutoff": cutoff})
-    return Segments(*_core.merge_regions(_valued(values, edges, weights, node_weights), settings))
-
-
-_Valued = tuple[
-    NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32] | None, NDArray[np.float32] | None
-]
-
-
-def _valued(values: Any, edges: Any, weights: Any, node_weights: Any) -> _Valued:
-    rows, pairs = as_rows(values, "values"), as_edges(edges)
-    return rows, pairs, as_weights(weights, len(pairs)), as_weights(node_weights, len(rows), "node_weights")
+    return Segments(*_core.merge_regions(valued(values, edges, weights, node_weights), settings))

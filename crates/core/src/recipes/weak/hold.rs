@@ -80,6 +80,8 @@ pub(super) fn decide(
         if against.is_empty() {
             break;
         }
+        // They are named again: what they were named holds memory that the segments need.
+        drop(std::mem::take(&mut found));
         let graph = match &graph {
             Some(graph) => graph,
             None => graph.insert(Scene::adjacency(known.points, params, monitor)?),

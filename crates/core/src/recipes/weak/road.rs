@@ -1,15 +1,12 @@
 //! Where the road is, and the two descriptors that need it (document 000, section 2.2).
 
 use super::examples::Example;
-use crate::classification::ForestParams;
+use crate::classification::{ClassWeight, Forest, ForestParams, Samples};
 use crate::cloud::{Cloud, Points, names};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::terrain::{
-    ElevationModel, Ground, Terrain, TerrainParams, is_likely, mask_of_classes, read_ascii_grid, road_probability,
-    terrain,
-};
+use crate::terrain::{ElevationModel, Ground, Terrain, TerrainParams, mask_of_classes, read_ascii_grid, terrain};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -124,18 +121,31 @@ impl RoadParams {
                 let codes: Vec<u16> = (0..cloud.len()).map(|i| column.values.get(i) as u16).collect();
                 mask_of_classes(points, &codes, &self.codes.iter().map(|&c| u16::from(c)).collect::<Vec<_>>())
             }
-            RoadSource::Learned if both => {
-                let values: Vec<f32> =
-                    self.examples.iter().flat_map(|(row, _)| *row).chain(local.values.iter().copied()).collect();
-                let table = FeatureTable { names: local.names.clone(), values };
-                let examples: Vec<(u32, bool)> =
-                    self.examples.iter().zip(0..).map(|((_, road), row)| (row, *road)).collect();
-                let probability = road_probability(&table, &examples, forest, monitor)?;
-                Ok(is_likely(&probability[self.examples.len()..]))
-            }
+            RoadSource::Learned if both => learned(&self.examples, local, forest, monitor),
             _ => Ok(lowest(points)),
         }
     }
+}
+
+/// Points that the forest of these examples finds at least as likely road as not: those of
+/// [`is_likely`](crate::terrain::is_likely), but points of which half of the trees are sure do not ask the others.
+fn learned(
+    examples: &[([f32; 4], bool)],
+    local: &FeatureTable,
+    forest: &ForestParams,
+    monitor: &Monitor,
+) -> Result<Vec<bool>> {
+    let rows: Vec<f32> = examples.iter().flat_map(|(row, _)| *row).collect();
+    // Road is the first class: it gets the ties.
+    let labels: Vec<u16> = examples.iter().map(|(_, road)| u16::from(!road)).collect();
+    let samples = Samples { features: &rows, width: local.width(), labels: &labels, weights: None, classes: 2 };
+    let mut params = forest.clone();
+    if let ClassWeight::PerClass(weights) = &mut params.class_weight {
+        weights.reverse();
+    }
+    let forest = Forest::fit(&samples, &params, monitor)?;
+    monitor.check()?;
+    Ok(forest.predict(&local.values)?.into_iter().map(|class| class == 0).collect())
 }
 
 /// Points near the lowest one of their cell.
@@ -155,6 +165,29 @@ fn lowest(points: &Points) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::stream;
+    use crate::terrain::{is_likely, road_probability};
+
+    #[test]
+    fn the_learned_road_is_that_of_the_probabilities() {
+        let mut random = stream(11, 0);
+        let mut row = || [0; 4].map(|_| (random.uniform() * 20.0).round() as f32 / 20.0);
+        // Coarse values: equal rows of both kinds make leaves that are not pure, and ties.
+        let examples: Vec<([f32; 4], bool)> = (0..300).map(|i| (row(), i % 3 == 0)).collect();
+        let values: Vec<f32> = (0..3000).flat_map(|_| row()).collect();
+        let names = || ["a", "b", "c", "d"].map(str::to_string).to_vec();
+        for trees in [1, 2, 10, 100] {
+            let params = ForestParams { trees, max_depth: (trees == 10).then_some(3), ..ForestParams::breiman() };
+            let local = FeatureTable { names: names(), values: values.clone() };
+            let found = learned(&examples, &local, &params, &Monitor::default()).unwrap();
+            let all = examples.iter().flat_map(|(row, _)| *row).chain(values.iter().copied()).collect();
+            let all = FeatureTable { names: names(), values: all };
+            let own: Vec<(u32, bool)> = examples.iter().zip(0..).map(|((_, road), row)| (row, *road)).collect();
+            let expected = road_probability(&all, &own, &params, &Monitor::default()).unwrap();
+            assert_eq!(found, is_likely(&expected[300..]), "{trees} trees");
+            assert!(found.contains(&true) && found.contains(&false));
+        }
+    }
 
     #[test]
     fn the_lowest_points_of_a_cell_are_ground() {

@@ -7,9 +7,6 @@ use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::segmentation::Partition;
 
-/// Not a node of a segment that is cut.
-const ELSEWHERE: u32 = u32::MAX;
-
 /// Parts each of the segments `chosen` anew, by `params`; the others stay as they are.
 ///
 /// Only edges within a chosen segment count, so none of them grows. Positions and labels of the scene are not used: the intent
@@ -61,17 +58,10 @@ impl Piece {
     fn new(scene: &Scene<'_>, partition: &Partition, is_chosen: &[bool]) -> Result<Self> {
         let of = partition.segments();
         let nodes: Vec<u32> = (0..).zip(of).filter(|(_, s)| is_chosen[**s as usize]).map(|(node, _)| node).collect();
-        let mut place = vec![ELSEWHERE; of.len()];
-        nodes.iter().zip(0..).for_each(|(&node, at)| place[node as usize] = at);
-        let rows = scene.graph.edges().iter().zip(scene.graph.weights());
-        let within = rows.filter(|([a, b], _)| {
-            let segment = of[*a as usize];
-            segment == of[*b as usize] && is_chosen[segment as usize]
-        });
-        let (pairs, weights): (Vec<[u32; 2]>, Vec<f32>) =
-            within.map(|(pair, &weight)| (pair.map(|node| place[node as usize]), weight)).unzip();
+        // The ends of an edge within one segment are both chosen or not.
+        let graph = scene.graph.induced(&nodes, |[a, b]| of[a as usize] == of[b as usize])?;
         Ok(Self {
-            graph: Graph::new(nodes.len(), &pairs, &weights)?,
+            graph,
             values: nodes.iter().flat_map(|&node| scene.signal.row(node as usize)).copied().collect(),
             weights: nodes.iter().map(|&node| scene.signal.weight(node as usize) as f32).collect(),
             nodes,

@@ -53,10 +53,10 @@ impl Regions {
     }
 
     /// By how much the fit gets worse if two regions share one mean: M_s M_t / (M_s + M_t) ‖x_s − x_t‖².
+    #[inline]
     pub(super) fn loss(&self, [s, t]: [u32; 2]) -> f64 {
         let (m, n) = (self.weight(s), self.weight(t));
-        let square: f64 = self.mean(s).iter().zip(self.mean(t)).map(|(a, b)| (a - b) * (a - b)).sum();
-        m * n / (m + n) * square
+        m * n / (m + n) * square_between(self.mean(s), self.mean(t))
     }
 
     /// ‖f − x‖² of a row.
@@ -86,6 +86,16 @@ impl Regions {
         }
         self.weights[kept as usize] = m + n;
         self.weights[gone as usize] = 0.0;
+    }
+}
+
+/// ‖a − b‖²; the same digits for the four descriptors, whose length is known beforehand, as for others.
+#[inline]
+fn square_between(a: &[f64], b: &[f64]) -> f64 {
+    let square = |(a, b): (&f64, &f64)| (a - b) * (a - b);
+    match (a.as_array::<4>(), b.as_array::<4>()) {
+        (Some(a), Some(b)) => a.iter().zip(b).map(square).sum(),
+        _ => a.iter().zip(b).map(square).sum(),
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition) ->
                 let weight = signal.weight(from) as f32;
                 *total += weight;
                 let mean = &mut means[(to - first) * width..][..width];
-                mean.iter_mut().zip(&values[from * width..]).for_each(|(m, v)| *m += weight * v);
+                add_row(mean, &values[from * width..][..width], weight);
             };
             (first..first + own).for_each(|node| add(node, node));
             // Edges ascend, so that every node adds its neighbours in ascending order.
@@ -48,6 +48,15 @@ pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition) ->
         values = means;
     }
     values
+}
+
+/// mean += weight · row; of a known length if these are four descriptors.
+#[inline(always)]
+fn add_row(mean: &mut [f32], row: &[f32], weight: f32) {
+    match (mean.as_mut_array::<4>(), row.as_array::<4>()) {
+        (Some(mean), Some(row)) => mean.iter_mut().zip(row).for_each(|(m, v)| *m += weight * v),
+        _ => mean.iter_mut().zip(row).for_each(|(m, v)| *m += weight * v),
+    }
 }
 
 #[cfg(test)]
