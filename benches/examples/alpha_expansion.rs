@@ -7,20 +7,16 @@
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
+use scansion_benches::words;
 use scansion_core::graph::Graph;
 use scansion_core::parallel::Monitor;
 use scansion_core::regularisation::{ExpansionParams, Labelling, alpha_expansion};
 use std::time::Instant;
 
-fn file(name: &str) -> Result<Vec<[u8; 4]>, Box<dyn std::error::Error>> {
-    let path = std::env::var(name).map_err(|_| format!("{name} is not set"))?;
-    Ok(std::fs::read(path)?.as_chunks::<4>().0.to_vec())
-}
-
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let setting = |name: &str, default: &str| std::env::var(name).unwrap_or_else(|_| default.into());
-    let costs: Vec<f32> = file("SCANSION_COSTS")?.into_iter().map(f32::from_le_bytes).collect();
-    let ends: Vec<u32> = file("SCANSION_EDGES")?.into_iter().map(u32::from_le_bytes).collect();
+    let costs: Vec<f32> = words("SCANSION_COSTS")?.into_iter().map(f32::from_le_bytes).collect();
+    let ends: Vec<u32> = words("SCANSION_EDGES")?.into_iter().map(u32::from_le_bytes).collect();
     let pairs = ends.as_chunks::<2>().0;
     let labels: usize = setting("SCANSION_LABELS", "8").parse()?;
     let strength = setting("SCANSION_STRENGTH", "0.3").parse()?;

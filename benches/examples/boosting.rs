@@ -6,27 +6,15 @@
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
+use scansion_benches::{Table, number};
 use scansion_core::classification::{Boosting, BoostingParams, Samples};
 use scansion_core::parallel::Monitor;
 use std::time::Instant;
 
-fn number(name: &str, default: usize) -> usize {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
-
-fn file(name: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-    let path = std::env::var(name).map_err(|_| format!("{name} is not set"))?;
-    Ok(std::fs::read(path)?)
-}
-
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let values: Vec<f32> =
-        file("SCANSION_FEATURES")?.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    let labels: Vec<u16> = file("SCANSION_LABELS")?.into_iter().map(u16::from).collect();
-    let classes = labels.iter().max().map_or(1, |&l| usize::from(l) + 1);
+    let Table { values, width, labels, classes } = Table::read()?;
     let most = std::env::var("SCANSION_ROWS").as_deref() == Ok("most");
     let kept: Vec<f32> = (0..labels.len()).map(|i| f32::from(u8::from(!most || i % 5 != 0))).collect();
-    let width = number("SCANSION_WIDTH", 144);
     let samples = Samples { features: &values, width, labels: &labels, weights: Some(&kept), classes };
     let rounds = number("SCANSION_ROUNDS", 50);
     let (max_leaves, lambda) = (number("SCANSION_LEAVES", 31), number("SCANSION_LAMBDA", 0) as f64);

@@ -6,20 +6,16 @@
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
+use scansion_benches::words;
 use scansion_core::graph::Graph;
 use scansion_core::parallel::Monitor;
 use scansion_core::segmentation::{CutPursuitParams, MergeParams, Signal, cut_pursuit, merge};
 use std::time::Instant;
 
-fn file(name: &str) -> Result<Vec<[u8; 4]>, Box<dyn std::error::Error>> {
-    let path = std::env::var(name).map_err(|_| format!("{name} is not set"))?;
-    Ok(std::fs::read(path)?.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]).collect())
-}
-
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let setting = |name: &str, default: &str| std::env::var(name).unwrap_or_else(|_| default.into());
-    let values: Vec<f32> = file("SCANSION_VALUES")?.into_iter().map(f32::from_le_bytes).collect();
-    let ends: Vec<u32> = file("SCANSION_EDGES")?.into_iter().map(u32::from_le_bytes).collect();
+    let values: Vec<f32> = words("SCANSION_VALUES")?.into_iter().map(f32::from_le_bytes).collect();
+    let ends: Vec<u32> = words("SCANSION_EDGES")?.into_iter().map(u32::from_le_bytes).collect();
     let pairs: Vec<[u32; 2]> = ends.chunks_exact(2).map(|e| [e[0], e[1]]).collect();
     let signal = Signal::new(&values, setting("SCANSION_WIDTH", "4").parse()?)?;
     let graph = Graph::new(signal.len(), &pairs, &vec![1.0; pairs.len()])?;

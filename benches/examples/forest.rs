@@ -6,25 +6,13 @@
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
+use scansion_benches::{Table, number};
 use scansion_core::classification::{Forest, ForestParams, Samples};
 use scansion_core::parallel::Monitor;
 use std::time::Instant;
 
-fn number(name: &str, default: usize) -> usize {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
-
-fn file(name: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-    let path = std::env::var(name).map_err(|_| format!("{name} is not set"))?;
-    Ok(std::fs::read(path)?)
-}
-
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let values: Vec<f32> =
-        file("SCANSION_FEATURES")?.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    let labels: Vec<u16> = file("SCANSION_LABELS")?.into_iter().map(u16::from).collect();
-    let width = number("SCANSION_WIDTH", 144);
-    let classes = labels.iter().max().map_or(1, |&l| usize::from(l) + 1);
+    let Table { values, width, labels, classes } = Table::read()?;
     let trees = number("SCANSION_TREES", 4);
     let all = Samples { features: &values, width, labels: &labels, weights: None, classes };
     let kept: Vec<f32> = (0..labels.len()).map(|i| f32::from(u8::from(i % 5 != 0))).collect();

@@ -1,5 +1,5 @@
 //! Reading and rewriting a file: `cargo run --profile quick -p scansion-benches --example io -- FILE [OUTPUT]`; without a
-//! file: every format from the page cache, written and read, with bytes a second (`SCANSION_POINTS=2000000`).
+//! file: every format from the page cache, written and read, with nanoseconds a point and bytes a second (`SCANSION_POINTS=2000000`).
 
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::io::{self, Columns, Edit, ReadOptions, WriteOptions};
@@ -59,21 +59,20 @@ fn scan(n: usize) -> Cloud {
     cloud
 }
 
-/// Writes and reads a file of each format; the best of five readings.
+/// Writes and reads a file of each format; the best of five times.
 fn all_formats() {
     let n = std::env::var("SCANSION_POINTS").ok().and_then(|v| v.parse().ok()).unwrap_or(2_000_000);
     let folder = std::env::temp_dir().join(format!("scansion-io-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap_or_else(|e| panic!("{e}"));
     let cloud = scan(n);
     println!("{n} points, {} threads", rayon::current_num_threads());
-    println!("{:8} {:>9} {:>12} {:>12} {:>14} {:>14}", "file", "MB", "write s", "read s", "read MB/s", "blocks MB/s");
-    for name in ["a.las", "a.laz", "a.ply", "a.pcd", "c.pcd", "a.npz", "a.xyz"] {
+    println!(
+        "{:8} {:>9} {:>15} {:>14} {:>10} {:>12}",
+        "file", "MB", "write ns/point", "read ns/point", "read MB/s", "blocks MB/s"
+    );
+    for name in ["a.las", "a.laz", "a.ply", "a.pcd", "c.pcd", "a.npz", "a.xyz", "a.csv"] {
         let path = folder.join(name);
         let options = WriteOptions { compressed: name.starts_with('c'), ..WriteOptions::default() };
-        let start = Instant::now();
-        io::write(&path, &cloud, &options).unwrap_or_else(|e| panic!("{e}"));
-        let wrote = start.elapsed().as_secs_f64();
-        let bytes = std::fs::metadata(&path).map_or(0, |m| m.len()) as f64 / 1e6;
         let best = |work: &dyn Fn() -> usize| {
             let times = (0..5).map(|_| {
                 let start = Instant::now();
@@ -82,12 +81,24 @@ fn all_formats() {
             });
             times.fold(f64::INFINITY, f64::min)
         };
+        let wrote = best(&|| {
+            io::write(&path, &cloud, &options).unwrap_or_else(|e| panic!("{e}"));
+            n
+        });
+        let bytes = std::fs::metadata(&path).map_or(0, |m| m.len()) as f64 / 1e6;
         let read = best(&|| io::read(&path).map_or(0, |c| c.len()));
         let blocks = best(&|| {
             let blocks = io::blocks(&path, 50_000, &ReadOptions::default());
             blocks.map_or(0, |blocks| blocks.map(|b| b.map_or(0, |b| b.len())).sum())
         });
-        println!("{name:8} {bytes:9.1} {wrote:12.3} {read:12.3} {:14.0} {:14.0}", bytes / read, bytes / blocks);
+        let ns = |seconds: f64| seconds * 1e9 / n as f64;
+        println!(
+            "{name:8} {bytes:9.1} {:15.0} {:14.0} {:10.0} {:12.0}",
+            ns(wrote),
+            ns(read),
+            bytes / read,
+            bytes / blocks
+        );
     }
     let _ = std::fs::remove_dir_all(&folder);
 }

@@ -54,6 +54,16 @@ impl Monitor {
     }
 }
 
+/// Items of light work (nanoseconds each) between two looks at a monitor.
+const PIECE: usize = 65_536;
+
+/// The pieces of `0..len` in order, with a look at the monitor before each: what gives an error is the last.
+///
+/// For serial loops over many items, each of some nanoseconds.
+pub fn watched(len: usize, monitor: &Monitor) -> impl Iterator<Item = Result<std::ops::Range<usize>>> + '_ {
+    (0..len).step_by(PIECE).map(move |at| monitor.check().map(|()| at..at.saturating_add(PIECE).min(len)))
+}
+
 /// Maps `0..count` in parallel; results in order; stops early when cancelled or at the first error in order.
 pub fn map_ordered<T: Send>(
     count: usize,
@@ -103,6 +113,16 @@ mod tests {
         let sum = || fold_ordered(values.len(), 128, |r| values[r].iter().sum::<f64>(), |a, b| a + b).unwrap();
         let with = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(sum);
         assert_eq!(with(1).to_bits(), with(3).to_bits());
+    }
+
+    #[test]
+    fn pieces_cover_all_items_in_order_until_the_work_is_cancelled() {
+        let monitor = Monitor::default();
+        for len in [0, 1, PIECE, 3 * PIECE + 7] {
+            assert!(watched(len, &monitor).flat_map(Result::unwrap).eq(0..len));
+        }
+        let seen = watched(5 * PIECE, &monitor).inspect(|_| monitor.cancel()).take_while(Result::is_ok).count();
+        assert_eq!(seen, 1);
     }
 
     #[test]

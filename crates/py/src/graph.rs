@@ -79,9 +79,9 @@ pub(crate) fn minimum_spanning_tree<'py>(
     weights: Option<PyReadonlyArray1<'py, f32>>,
 ) -> PyResult<Edges<'py>> {
     let (edges, weights) = (matrix(&edges, "edges")?, optional(weights.as_ref(), "weights")?);
-    let tree = call(py, Some(1), |_| {
+    let tree = call(py, Some(1), |monitor| {
         let graph = graph_of(nodes, edges, weights)?;
-        let tree = graph::minimum_spanning_tree(&graph);
+        let tree = graph::minimum_spanning_tree(&graph, monitor)?;
         let pairs: Vec<[u32; 2]> = tree.iter().map(|&e| graph.edges()[e as usize]).collect();
         let weights: Vec<f32> = tree.iter().map(|&e| graph.weights()[e as usize]).collect();
         Graph::new(nodes, &pairs, &weights)

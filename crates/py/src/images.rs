@@ -6,9 +6,9 @@ use crate::json;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use scansion_core::classes::ClassTable;
-use scansion_core::cloud::{Cloud as CoreCloud, names};
 use scansion_core::images::{self, ColourBy, Image, RenderParams, View};
 use scansion_core::io::atomic;
+use scansion_core::parallel::Monitor;
 use serde::Deserialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -40,16 +40,15 @@ pub(crate) fn render<'py>(
     let params = json::settings::<Settings>(settings)?.params();
     let cloud = Arc::clone(&cloud.inner);
     let image = call(py, n_jobs, |monitor| {
-        let image = images::render(&cloud, &classes(&cloud), &params)?;
-        monitor.check()?;
-        path.map_or(Ok(()), |path| save(&image, path)).map(|()| image)
+        let image = images::render(&cloud, &ClassTable::default(), &params, monitor)?;
+        path.map_or(Ok(()), |path| save(&image, path, monitor)).map(|()| image)
     })?;
     let shape = [image.height as usize, image.width as usize, 3];
     PyArray1::from_vec(py, image.rgb).reshape(shape)
 }
 
-fn save(image: &Image, path: PathBuf) -> scansion_core::Result<()> {
-    atomic::write_bytes(&path, &image.to_png()?)?;
+fn save(image: &Image, path: PathBuf, monitor: &Monitor) -> scansion_core::Result<()> {
+    atomic::write_bytes(&path, &image.to_png(monitor)?)?;
     match image.world_file() {
         Some(world) => atomic::write_bytes(&path.with_extension("pgw"), world.as_bytes()),
         None => Ok(()),
@@ -76,12 +75,4 @@ impl Settings {
             range: self.range,
         }
     }
-}
-
-/// The classes that the cloud holds.
-fn classes(cloud: &CoreCloud) -> ClassTable {
-    let Some(column) = cloud.column(names::CLASSIFICATION) else { return ClassTable::default() };
-    let mut seen = [false; 256];
-    (0..cloud.len()).for_each(|i| seen[usize::from(column.values.get(i) as u8)] = true);
-    ClassTable::from_codes(&(0..=255).filter(|&c| seen[usize::from(c)]).collect::<Vec<u8>>())
 }

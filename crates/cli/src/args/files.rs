@@ -1,10 +1,12 @@
 //! Arguments of the commands that read and write files.
 
+use super::examples;
 use clap::Args as ClapArgs;
 use std::path::PathBuf;
 
 /// scansion info FILE...
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::INFO)]
 pub(crate) struct Info {
     /// Files to look at (`*`, `?` and `[...]` are understood)
     #[arg(required = true)]
@@ -22,6 +24,7 @@ pub(crate) struct Info {
 
 /// scansion convert IN OUT
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::CONVERT)]
 pub(crate) struct Convert {
     /// File to copy
     pub(crate) input: PathBuf,
@@ -46,6 +49,7 @@ pub(crate) struct Convert {
 
 /// scansion merge IN... OUT
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::MERGE)]
 pub(crate) struct Merge {
     /// Files to join, in this order (`*`, `?` and `[...]` are understood), and the result last
     #[arg(required = true, num_args = 2.., value_names = ["IN...", "OUT"])]
@@ -57,6 +61,7 @@ pub(crate) struct Merge {
 
 /// scansion diff A B
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::DIFF)]
 pub(crate) struct Diff {
     /// First file
     pub(crate) a: PathBuf,

@@ -1,6 +1,6 @@
 //! Arguments of the commands that describe, learn, name and compare.
 
-use super::{LabelArgs, RecipeArgs};
+use super::{LabelArgs, RecipeArgs, examples};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use scansion_core::classification::ClassifierKind;
 use scansion_core::recipes::Regularise;
@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 /// scansion features IN -o OUT
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::FEATURES)]
 pub(crate) struct Features {
     /// Cloud to describe
     #[arg(required_unless_present = "list")]
@@ -51,6 +52,7 @@ impl ClassifierName {
 
 /// scansion train LABELLED... -o MODEL
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::TRAIN)]
 pub(crate) struct Train {
     /// Labelled clouds
     #[arg(required = true)]
@@ -65,7 +67,7 @@ pub(crate) struct Train {
     /// What is learned: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
     #[arg(long, value_enum)]
     pub(crate) classifier: Option<ClassifierName>,
-    /// Learn from a few labels (document 000): the same as --recipe weak
+    /// Learn from a few labels a class: the same as --recipe weak
     #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
     pub(crate) weak: bool,
     /// Labels picked by hand: a table x,y,z,class or cluster_id,class, or a cloud whose classes count; those of the input
@@ -81,13 +83,14 @@ pub(crate) struct Train {
     /// Also score the recipe by k-fold cross-validation on spatial blocks
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=20))]
     pub(crate) cross_validate: Option<u8>,
-    /// Try these depths by cross-validation and keep the best (document 004: 30,33,...,60)
+    /// Try these depths by cross-validation and keep the best (Hackel 2018: 30,33,...,60)
     #[arg(long, value_name = "DEPTHS", value_delimiter = ',')]
     pub(crate) grid_depth: Vec<usize>,
 }
 
 /// scansion classify IN... -o OUT
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::CLASSIFY)]
 pub(crate) struct Classify {
     /// Clouds to classify
     #[arg(required = true)]
@@ -117,7 +120,7 @@ pub(crate) struct Classify {
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     pub(crate) skip: Vec<u8>,
     /// Change the model's codes in the output, e.g. 5=4
-    #[arg(long, value_name = "OLD=NEW,...", default_value = "")]
+    #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
     pub(crate) map: String,
     /// Metres in one unit of the coordinates [default: from the file, else 1]
     #[arg(long, value_name = "METRES")]
@@ -141,7 +144,7 @@ pub(crate) enum RegularizeArg {
     PointCrf,
     /// One label a segment, by the mean of its probabilities
     Consensus,
-    /// Random field on the segments (document 000)
+    /// Random field on the segments (Guinard and Landrieu 2017)
     SegmentCrf,
 }
 
@@ -159,6 +162,7 @@ impl From<RegularizeArg> for Regularise {
 
 /// scansion evaluate TRUTH [PREDICTION]
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::EVALUATE)]
 pub(crate) struct Evaluate {
     /// Cloud with the true labels
     pub(crate) truth: PathBuf,

@@ -1,5 +1,6 @@
 //! What the user types.
 
+mod examples;
 mod files;
 mod learning;
 mod pictures;
@@ -97,7 +98,7 @@ pub(crate) enum Command {
     /// Draw a map or an oblique view
     Render(Render),
     /// Look into a model
-    #[command(subcommand)]
+    #[command(subcommand, after_help = examples::MODEL)]
     Model(Model),
 }
 
@@ -105,7 +106,7 @@ pub(crate) enum Command {
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct LabelArgs {
     /// Change codes before use, e.g. 3=5,4=5 or 3-4=5
-    #[arg(long, value_name = "OLD=NEW,...", default_value = "")]
+    #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
     pub(crate) map: String,
     /// Change the codes of one input in another way than --map says, e.g. old_scan.laz:1=5; may be repeated
     #[arg(long, value_name = "FILE:OLD=NEW,...")]
@@ -124,7 +125,8 @@ pub(crate) struct LabelArgs {
 /// The recipe and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe to follow: pyramid (document 004), weak (document 000), objects (document 002), or a TOML file [default: pyramid]
+    /// Recipe to follow: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), or a
+    /// TOML file [default: pyramid]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated
@@ -137,6 +139,7 @@ pub(crate) struct RecipeArgs {
 
 /// scansion demo
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::DEMO)]
 pub(crate) struct Demo {
     /// Folder for the results; made if absent
     #[arg(short, long, default_value = "scansion-demo")]

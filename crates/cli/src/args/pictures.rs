@@ -1,10 +1,12 @@
 //! Arguments of `render`.
 
+use super::examples;
 use clap::{Args as ClapArgs, ValueEnum};
 use std::path::PathBuf;
 
 /// scansion render IN -o OUT.png
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::RENDER)]
 pub(crate) struct Render {
     /// Cloud to draw
     pub(crate) input: PathBuf,

@@ -1,6 +1,6 @@
 //! Arguments of the commands that part a cloud.
 
-use super::LabelArgs;
+use super::{LabelArgs, examples};
 use clap::{Args as ClapArgs, ValueEnum};
 use scansion_core::recipes::SegmentMethod;
 use std::path::PathBuf;
@@ -48,13 +48,13 @@ pub(crate) struct SegmentArgs {
 /// How segments are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MethodArg {
-    /// l0 cut pursuit on the points (document 000): lower energy
+    /// l0 cut pursuit on the points (Guinard and Landrieu 2017): lower energy
     CutPursuit,
     /// The same energy by greedy merging: faster
     Merge,
-    /// Supervoxels of an octree, their Riemannian graph, l0 cut pursuit (document 001)
+    /// Supervoxels of an octree, their Riemannian graph, l0 cut pursuit (Li 2018)
     Riemannian,
-    /// Local graphs of supervoxels (document 002)
+    /// Local graphs of supervoxels (Hasanpour Zaryabi et al. 2022)
     LocalGraph,
     /// Supervoxels on points
     Slic,
@@ -83,6 +83,7 @@ impl From<MethodArg> for SegmentMethod {
 
 /// scansion segment IN -o OUT
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::SEGMENT)]
 pub(crate) struct Segment {
     /// Cloud to part
     pub(crate) input: PathBuf,
@@ -103,6 +104,7 @@ pub(crate) struct Segment {
 
 /// scansion suggest IN -o OUT
 #[derive(Debug, ClapArgs)]
+#[command(after_help = examples::SUGGEST)]
 pub(crate) struct Suggest {
     /// Cloud to look at
     pub(crate) input: PathBuf,

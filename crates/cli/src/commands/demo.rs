@@ -1,13 +1,14 @@
 //! `scansion demo`: the whole way on a small real scan that is built in.
 
-use super::{Context, render, sources};
+use super::{Context, sources};
 use crate::args::Demo;
 use crate::exit_code::Failure;
 use scansion_core::Error;
+use scansion_core::classes::ClassTable;
 use scansion_core::cloud::{Column, Values, names};
 use scansion_core::evaluation::{Confusion, report};
 use scansion_core::images::{self, ColourBy, RenderParams, View};
-use scansion_core::io::{self, Edit, WriteOptions, atomic};
+use scansion_core::io::{self, Edit, atomic};
 use scansion_core::recipes::{self, ClassifyParams, LabelParams, read_labels};
 
 /// A crop of IGN's LiDAR HD (MIT licence, see `assets/README.md`) that the built-in model has not learned from.
@@ -19,7 +20,7 @@ pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
     let (scan, named) = (folder.join("scan.laz"), folder.join("named.laz"));
     atomic::write_bytes(&scan, SCAN)?;
 
-    let mut cloud = io::read(&scan)?;
+    let mut cloud = io::read_with(&scan, &context.read_options())?;
     let params = LabelParams { map: recipes::BUILTIN_MAP.parse()?, ..LabelParams::default() };
     let truth = read_labels(&cloud, &params)?.codes;
     let model = sources::model(None)?;
@@ -31,14 +32,14 @@ pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
         Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))),
         Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))),
     ];
-    io::rewrite(&scan, &named, &edits, &WriteOptions { monitor: context.monitor.clone(), ..Default::default() })?;
+    io::rewrite(&scan, &named, &edits, &context.write_options())?;
     cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(result.codes)))?;
     let views = [("map.png", View::Map), ("oblique.png", View::Oblique { azimuth_deg: 30.0, elevation_deg: 35.0 })];
     for (name, view) in views {
         let title = Some("Named by scansion's built-in model".to_string());
         let picture = RenderParams { view, by: ColourBy::Class, title, ..RenderParams::default() };
-        let image = images::render(&cloud, &render::classes(&cloud), &picture)?;
-        atomic::write_bytes(&folder.join(name), &image.to_png()?)?;
+        let image = images::render(&cloud, &ClassTable::default(), &picture, &context.monitor)?;
+        atomic::write_bytes(&folder.join(name), &image.to_png(&context.monitor)?)?;
     }
     atomic::write_bytes(&folder.join("scores.json"), report::to_json(&confusion)?.as_bytes())?;
     context.printer.data(&report::to_table(&confusion))?;

@@ -12,7 +12,7 @@ use std::path::Path;
 
 pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure> {
     let truth_params = sources::labels(&args.labels, &args.truth)?;
-    let cloud = io::read(&args.truth)?;
+    let cloud = io::read_with(&args.truth, &context.read_options())?;
     let truth = read_labels(&cloud, &truth_params)?.codes;
     let predicted = predicted(args, &cloud, &truth_params, context)?;
     if predicted.len() != truth.len() {
@@ -24,7 +24,7 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
         return Err(Error::input(text).into());
     }
     let confusion = Confusion::from_options(&truth, &predicted)?;
-    args.output.iter().try_for_each(|path| write(path, &confusion))?;
+    args.output.iter().try_for_each(|path| write(path, &confusion, context))?;
     context.printer.data(&match context.printer.format {
         Format::Json => report::to_json(&confusion)?,
         Format::Csv => report::to_csv(&confusion),
@@ -42,7 +42,8 @@ fn predicted(args: &Evaluate, cloud: &Cloud, truth: &LabelParams, context: &Cont
     let default = if args.prediction.is_some() { names::CLASSIFICATION } else { "PredictedClassification" };
     let dimension = args.prediction_dimension.clone().unwrap_or_else(|| default.into());
     let params = LabelParams { dimension, map: truth.map.clone(), unlabelled: Vec::new(), classes: Vec::new() };
-    let other = args.prediction.as_deref().map(io::read).transpose()?;
+    let read = |path| io::read_with(path, &context.read_options());
+    let other = args.prediction.as_deref().map(read).transpose()?;
     let other = other.as_ref().unwrap_or(cloud);
     same_places(cloud, other)?;
     // A point that the prediction leaves open counts as code 0: an error of the prediction.
@@ -66,11 +67,11 @@ fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
     }
 }
 
-fn write(path: &Path, confusion: &Confusion) -> Result<(), Failure> {
+fn write(path: &Path, confusion: &Confusion, context: &Context<'_>) -> Result<(), Failure> {
     let bytes = match path.extension().and_then(|e| e.to_str()) {
         Some("json") => report::to_json(confusion)?.into_bytes(),
         Some("csv") => report::to_csv(confusion).into_bytes(),
-        Some("png") => images::confusion_picture(confusion).to_png()?,
+        Some("png") => images::confusion_picture(confusion).to_png(&context.monitor)?,
         _ => return Err(Failure::Usage(format!("{}: write .json, .csv or .png", path.display()))),
     };
     Ok(atomic::write_bytes(path, &bytes)?)

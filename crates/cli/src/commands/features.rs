@@ -5,7 +5,7 @@ use crate::args::{Features, Format};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::features::{self, FeatureTable, definition};
-use scansion_core::io::{self, Edit, WriteOptions, atomic};
+use scansion_core::io::{self, Edit, atomic};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -15,7 +15,7 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     };
     sources::guard_input(input, output, args.overwrite)?;
     let set = sources::recipe(&args.recipe)?.features;
-    let cloud = io::read(input)?;
+    let cloud = io::read_with(input, &context.read_options())?;
     let table = features::table(&cloud, &set, &context.monitor)?;
     let wanted = wanted(&table, &args.only)?;
     match output.extension().and_then(|e| e.to_str()) {
@@ -48,7 +48,7 @@ fn dimensions(
     let column = |&c: &usize| (0..table.rows()).map(|row| table.row(row)[c]).collect::<Vec<f32>>();
     let edits: Vec<Edit> =
         wanted.iter().map(|c| Edit::Dimension(Column::new(table.names[*c].clone(), Values::F32(column(c))))).collect();
-    io::rewrite(input, output, &edits, &WriteOptions { monitor: context.monitor.clone(), ..Default::default() })?;
+    io::rewrite(input, output, &edits, &context.write_options())?;
     Ok(())
 }
 

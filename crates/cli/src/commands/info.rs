@@ -95,6 +95,12 @@ fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stat
     })
 }
 
+/// Decimal places that hold every multiple of a scale like 0.01 or 0.00025.
+fn places(scale: f64) -> usize {
+    let whole = |steps: f64| (steps - steps.round()).abs() < 1e-6 * steps;
+    (0..12).find(|&p| whole(scale * 10f64.powi(p))).unwrap_or(12) as usize
+}
+
 fn table(described: &Described) -> String {
     let info = &described.info;
     let mut text = format!("{}\n", info.path.display());
@@ -106,10 +112,11 @@ fn table(described: &Described) -> String {
     line("format", format!("{}{version}{point_format}", info.format));
     line("points", info.points.to_string());
     if let Some((low, high)) = info.bounds {
-        ["x", "y", "z"]
-            .iter()
-            .zip(low.iter().zip(high))
-            .for_each(|(axis, (l, h))| line(axis, format!("{l} .. {h}  ({:.3})", h - l)));
+        for (a, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let places = info.scale.map(|scale| places(scale[a]));
+            let shown = |v: f64| places.map_or_else(|| v.to_string(), |places| format!("{v:.places$}"));
+            line(axis, format!("{} .. {}  ({:.3})", shown(low[a]), shown(high[a]), high[a] - low[a]));
+        }
     }
     if let Some(scale) = info.scale {
         line("scale", format!("{} {} {}", scale[0], scale[1], scale[2]));
@@ -121,7 +128,7 @@ fn table(described: &Described) -> String {
         let points: Vec<String> = octree.points_per_level.iter().map(ToString::to_string).collect();
         line(
             "octree",
-            format!("{} nodes, spacing {}, points of its levels {}", octree.nodes, octree.spacing, points.join(" ")),
+            format!("{} nodes, spacing {:.3}, points of its levels {}", octree.nodes, octree.spacing, points.join(" ")),
         );
     }
     if !info.vlrs.is_empty() {
@@ -148,4 +155,14 @@ fn csv(described: &[Described]) -> String {
         let _ = writeln!(text, "{},{},{version},{format},{}", info.path.display(), info.format, info.points);
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::places;
+
+    #[test]
+    fn decimal_places_follow_from_the_scale() {
+        assert_eq!([1.0, 0.01, 0.001, 0.00025, 1e-7, 0.5].map(places), [0, 2, 3, 5, 7, 1]);
+    }
 }

@@ -15,9 +15,9 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("{}: pictures are written as .png", args.output.display())));
     }
     let range = args.range.as_deref().map(range).transpose()?;
-    let mut cloud = io::read(&args.input)?;
+    let mut cloud = io::read_with(&args.input, &context.read_options())?;
     let by = match &args.truth {
-        Some(truth) => differences(&mut cloud, truth)?,
+        Some(truth) => differences(&mut cloud, truth, context)?,
         None => colour_by(args.by.as_deref(), &cloud),
     };
     let params = RenderParams {
@@ -33,9 +33,8 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         title: args.title.clone(),
         range,
     };
-    let image = images::render(&cloud, &classes(&cloud), &params)?;
-    context.monitor.check()?;
-    atomic::write_bytes(&args.output, &image.to_png()?)?;
+    let image = images::render(&cloud, &ClassTable::default(), &params, &context.monitor)?;
+    atomic::write_bytes(&args.output, &image.to_png(&context.monitor)?)?;
     if let Some(world) = image.world_file() {
         atomic::write_bytes(&args.output.with_extension("pgw"), world.as_bytes())?;
     }
@@ -50,9 +49,9 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
 }
 
 /// Puts the truth beside the cloud's classes.
-fn differences(cloud: &mut Cloud, truth: &Path) -> Result<ColourBy, Failure> {
+fn differences(cloud: &mut Cloud, truth: &Path, context: &Context<'_>) -> Result<ColourBy, Failure> {
     let path = truth.display();
-    let truth = io::read(truth)?;
+    let truth = io::read_with(truth, &context.read_options())?;
     let missing = || Error::input(format!("{path} has no {} to compare with", names::CLASSIFICATION));
     let codes = truth.column(names::CLASSIFICATION).ok_or_else(missing)?;
     if truth.len() != cloud.len() {
@@ -80,14 +79,4 @@ fn colour_by(asked: Option<&str>, cloud: &Cloud) -> ColourBy {
         None if cloud.column(names::CLASSIFICATION).is_some() => ColourBy::Class,
         None => ColourBy::Height,
     }
-}
-
-/// The classes that the cloud holds.
-pub(crate) fn classes(cloud: &Cloud) -> ClassTable {
-    let mut seen = [false; 256];
-    if let Some(column) = cloud.column(names::CLASSIFICATION) {
-        (0..cloud.len()).for_each(|i| seen[usize::from(column.values.get(i) as u8)] = true);
-    }
-    let codes: Vec<u8> = (0..=255u8).filter(|&c| seen[usize::from(c)]).collect();
-    ClassTable::from_codes(&codes)
 }

@@ -125,7 +125,7 @@ fn table(report: &SegmentReport) -> String {
     text.trim_end().to_string()
 }
 
-/// The table of document 001.
+/// The table of Li 2018.
 fn levels(levels: &[LevelReport]) -> String {
     let mut text = format!(
         "\n{:>5} {:>11} {:>9} {:>9} {:>9} {:>9} {:>9} {:>8}\n",

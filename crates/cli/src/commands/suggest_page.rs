@@ -6,6 +6,7 @@ use scansion_core::Result;
 use scansion_core::classes::{ClassTable, preset};
 use scansion_core::cloud::{Cloud, Column, Values, names};
 use scansion_core::images::{ColourBy, RenderParams, View, render};
+use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{Segmented, Suggestion};
 use std::fmt::Write;
 
@@ -28,7 +29,7 @@ pub(crate) fn page(
     let mut figures = String::new();
     for suggestion in found {
         context.monitor.check()?;
-        figures.push_str(&figure(suggestion, cloud, segmented)?);
+        figures.push_str(&figure(suggestion, cloud, segmented, &context.monitor)?);
         context.monitor.advance(1);
     }
     let options: String =
@@ -36,7 +37,7 @@ pub(crate) fn page(
     Ok(TEMPLATE.replace("{figures}", &figures).replace("{options}", &options))
 }
 
-fn figure(suggestion: &Suggestion, cloud: &Cloud, segmented: &Segmented) -> Result<String> {
+fn figure(suggestion: &Suggestion, cloud: &Cloud, segmented: &Segmented, monitor: &Monitor) -> Result<String> {
     let around = around(suggestion, cloud, segmented)?;
     let side = View::Oblique { azimuth_deg: 30.0, elevation_deg: 30.0 };
     let mut text = format!(
@@ -54,7 +55,8 @@ fn figure(suggestion: &Suggestion, cloud: &Cloud, segmented: &Segmented) -> Resu
             legend: false,
             ..RenderParams::default()
         };
-        let picture = BASE64_STANDARD.encode(render(&around, &ClassTable::default(), &params)?.to_png()?);
+        let picture = render(&around, &ClassTable::default(), &params, &Monitor::default())?.to_png(monitor)?;
+        let picture = BASE64_STANDARD.encode(picture);
         let _ = write!(text, "<img alt=\"{name}\" src=\"data:image/png;base64,{picture}\">");
     }
     text.push_str("<select><option value=\"\">(class)</option></select></article>\n");

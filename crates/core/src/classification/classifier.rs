@@ -37,6 +37,15 @@ impl ClassifierKind {
             Self::Bagging => "bagging",
         }
     }
+
+    /// Of one section of settings for each kind, that of this kind.
+    pub fn choose(self, forest: &ForestParams, boosting: &BoostingParams, bagging: &BaggingParams) -> ClassifierParams {
+        match self {
+            Self::Forest => ClassifierParams::Forest(forest.clone()),
+            Self::Boosting => ClassifierParams::Boosting(boosting.clone()),
+            Self::Bagging => ClassifierParams::Bagging(bagging.clone()),
+        }
+    }
 }
 
 /// Settings of one kind of classifier.

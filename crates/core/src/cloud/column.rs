@@ -17,7 +17,7 @@ pub enum Values {
 }
 
 /// Runs the same expression on the vector inside, whatever its type.
-macro_rules! each {
+macro_rules! each_values {
     ($values:expr, $v:ident => $body:expr) => {
         match $values {
             Values::U8($v) => $body,
@@ -33,11 +33,12 @@ macro_rules! each {
         }
     };
 }
+pub(crate) use each_values;
 
 impl Values {
     /// Number of values.
     pub fn len(&self) -> usize {
-        each!(self, v => v.len())
+        each_values!(self, v => v.len())
     }
 
     /// True if there is no value.
@@ -48,19 +49,19 @@ impl Values {
     /// Value `i` as a number (64-bit integers above 2^53 are rounded).
     #[expect(clippy::unnecessary_cast, reason = "one expression for all types")]
     pub fn get(&self, i: usize) -> f64 {
-        each!(self, v => v[i] as f64)
+        each_values!(self, v => v[i] as f64)
     }
 
     /// All values as `f32`.
     #[expect(clippy::unnecessary_cast, reason = "one expression for all types")]
     pub fn to_f32(&self) -> Vec<f32> {
-        each!(self, v => v.iter().map(|&x| x as f32).collect())
+        each_values!(self, v => v.iter().map(|&x| x as f32).collect())
     }
 
     /// All values as `f64`.
     #[expect(clippy::unnecessary_cast, reason = "one expression for all types")]
     pub fn to_f64(&self) -> Vec<f64> {
-        each!(self, v => v.iter().map(|&x| x as f64).collect())
+        each_values!(self, v => v.iter().map(|&x| x as f64).collect())
     }
 
     /// Name of the type as numpy spells it: `u1`, `i2`, `f4`, ...

@@ -4,10 +4,15 @@ mod column;
 pub mod morton;
 mod points;
 
+pub(crate) use column::each_values;
 pub use column::{Column, Values};
 pub use points::Points;
 
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
+
+/// Points whose bounds are taken at once.
+const PIECE: usize = 65_536;
 
 /// Names of the columns that have a meaning of their own (PDAL's dimension names).
 pub mod names {
@@ -111,9 +116,28 @@ impl Cloud {
 
     /// Smallest and largest finite coordinate per axis; `None` if no point is finite.
     pub fn bounds(&self) -> Option<([f64; 3], [f64; 3])> {
+        self.bounds_of(0..self.len())
+    }
+
+    /// As [`Cloud::bounds`], in parallel.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn bounds_watched(&self, monitor: &Monitor) -> Result<Option<([f64; 3], [f64; 3])>> {
+        let pieces = self.len().div_ceil(PIECE);
+        let boxes = map_ordered(pieces, monitor, |piece| {
+            Ok(self.bounds_of(piece * PIECE..((piece + 1) * PIECE).min(self.len())))
+        })?;
+        let joined = |(a, b): ([f64; 3], [f64; 3]), (c, d): ([f64; 3], [f64; 3])| {
+            ([0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i])))
+        };
+        Ok(boxes.into_iter().flatten().reduce(joined))
+    }
+
+    fn bounds_of(&self, points: std::ops::Range<usize>) -> Option<([f64; 3], [f64; 3])> {
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
-        for i in 0..self.len() {
+        for i in points {
             let p = self.xyz(i);
             if p.iter().all(|v| v.is_finite()) {
                 for a in 0..3 {
@@ -188,6 +212,10 @@ mod tests {
         let cloud = Cloud::from_rows(&[[1.0, 2.0, 3.0], [f64::NAN, 0.0, 0.0], [4.0, -1.0, 3.5]]).unwrap();
         assert_eq!(cloud.bounds(), Some(([1.0, -1.0, 3.0], [4.0, 2.0, 3.5])));
         assert_eq!(Cloud::from_rows(&[]).unwrap().bounds(), None);
+        let rows: Vec<[f64; 3]> = (0..200_000).map(|i| [f64::from(i * 7 % 1000), f64::from(-i), f64::NAN]).collect();
+        let rows: Vec<[f64; 3]> = rows.iter().map(|r| [r[0], r[1], if r[0] > 900.0 { r[2] } else { 0.5 }]).collect();
+        let many = Cloud::from_rows(&rows).unwrap();
+        assert_eq!(many.bounds_watched(&Monitor::default()).unwrap(), many.bounds());
     }
 
     #[test]

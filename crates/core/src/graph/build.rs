@@ -3,7 +3,7 @@
 use super::{EdgeWeight, Graph};
 use crate::error::{Error, Result};
 use crate::neighbours::Neighbours;
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::{Monitor, map_ordered, watched};
 use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
 use std::ops::Range;
@@ -100,17 +100,29 @@ pub fn knn_graph(
     }
     let (mut edges, mut squared) = all_edges(near.borrow(), params.multiplicity, monitor)?;
     drop(near);
-    let total: f64 = squared.iter().map(|&s| times(s)).sum();
-    let sum: f64 = squared.iter().map(|&s| times(s) * length(s)).sum();
-    let mean = if total > 0.0 { sum / total } else { 0.0 };
+    let mean = mean_length(&squared, monitor)?;
     if let Some(cap) = params.prune {
         let mut rest = squared.iter().map(|&s| length(s) <= cap * mean);
         edges.retain(|_| rest.next().unwrap_or(true));
         squared.retain(|&s| length(s) <= cap * mean);
     }
     let mut weights = squared;
-    weights.iter_mut().for_each(|w| *w = (times(*w) * params.weight.of(length(*w), mean)) as f32);
+    for piece in watched(weights.len(), monitor) {
+        weights[piece?].iter_mut().for_each(|w| *w = (times(*w) * params.weight.of(length(*w), mean)) as f32);
+    }
     Ok(Graph { nodes, edges, weights })
+}
+
+/// Mean length of all edges, 0 if there is none.
+fn mean_length(squared: &[f32], monitor: &Monitor) -> Result<f64> {
+    let (mut total, mut sum) = (0.0, 0.0);
+    for piece in watched(squared.len(), monitor) {
+        for &s in &squared[piece?] {
+            total += times(s);
+            sum += times(s) * length(s);
+        }
+    }
+    Ok(if total > 0.0 { sum / total } else { 0.0 })
 }
 
 /// The edges, ascending, and their squared lengths, negative if both ends name the other and that counts.

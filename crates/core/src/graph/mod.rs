@@ -20,6 +20,7 @@ pub use spanning_tree::minimum_spanning_tree;
 pub use weight::EdgeWeight;
 
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, watched};
 
 /// An undirected graph: every edge once, as `[smaller node, larger node]`, in ascending order, with a weight.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -144,28 +145,38 @@ impl Graph {
 
     /// The edges at each node. O(nodes + edges).
     pub fn adjacency(&self) -> Adjacency {
-        let mut offsets = vec![0usize; self.nodes + 1];
-        for node in self.edges.iter().flatten() {
-            offsets[*node as usize + 1] += 1;
+        // Nobody can cancel a new monitor.
+        Adjacency::new(self.nodes, &self.edges, &Monitor::default()).unwrap_or_default()
+    }
+}
+
+impl Adjacency {
+    /// From ascending edges `[smaller node, larger node]` between nodes below `nodes`.
+    fn new(nodes: usize, pairs: &[[u32; 2]], monitor: &Monitor) -> Result<Self> {
+        let mut offsets = vec![0usize; nodes + 1];
+        for piece in watched(pairs.len(), monitor) {
+            pairs[piece?].iter().flatten().for_each(|&node| offsets[node as usize + 1] += 1);
         }
-        for node in 0..self.nodes {
+        for node in 0..nodes {
             offsets[node + 1] += offsets[node];
         }
         let mut next = offsets.clone();
-        let (mut neighbours, mut edges) = (vec![0u32; 2 * self.edges.len()], vec![0u32; 2 * self.edges.len()]);
+        let (mut neighbours, mut edges) = (vec![0u32; 2 * pairs.len()], vec![0u32; 2 * pairs.len()]);
         let mut put = |from: u32, to: u32, edge: usize| {
             let slot = &mut next[from as usize];
             (neighbours[*slot], edges[*slot]) = (to, edge as u32);
             *slot += 1;
         };
         // The smaller ends first, then the larger: every node's neighbours come in ascending order.
-        self.edges.iter().enumerate().for_each(|(e, &[a, b])| put(b, a, e));
-        self.edges.iter().enumerate().for_each(|(e, &[a, b])| put(a, b, e));
-        Adjacency { offsets, neighbours, edges }
+        for piece in watched(pairs.len(), monitor) {
+            piece?.for_each(|e| put(pairs[e][1], pairs[e][0], e));
+        }
+        for piece in watched(pairs.len(), monitor) {
+            piece?.for_each(|e| put(pairs[e][0], pairs[e][1], e));
+        }
+        Ok(Self { offsets, neighbours, edges })
     }
-}
 
-impl Adjacency {
     /// Neighbours of a node and the edges that lead to them, ascending by neighbour.
     pub fn of(&self, node: usize) -> impl Iterator<Item = (u32, u32)> + '_ {
         let range = self.offsets[node]..self.offsets[node + 1];

@@ -1,11 +1,15 @@
 //! Normals that point to the same side of a surface.
 
-use super::{Graph, KnnGraphParams, knn_graph, minimum_spanning_tree};
+use super::union_find::UnionFind;
+use super::{Adjacency, KnnGraphParams, knn_graph, minimum_spanning_tree};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::neighbours::Neighbours;
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 use serde::{Deserialize, Serialize};
+
+/// Points between two looks at the monitor on the way through the tree.
+const LOOK: u64 = 16_384;
 
 /// Which of the two sides of a surface its normals point to.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -25,7 +29,7 @@ pub enum Orientation {
 /// `SpanningTree`: Hoppe et al. 1992, *Surface reconstruction from unorganized points*, section 3.3: minimum spanning
 /// tree of the graph of nearest neighbours with weights 1 − |n_i · n_j|, the normal of the highest point up, every
 /// other one by that of its parent. Pieces that the neighbours do not join each have a highest point of their own.
-/// O(n k log n).
+/// O(n k log n); memory about 30 bytes a neighbour.
 ///
 /// # Errors
 /// If the numbers of points, neighbours and normals differ, the sensor is not finite, or the work was cancelled.
@@ -41,11 +45,13 @@ pub fn orient(
         return Err(Error::input(format!("{normals} normals for {n} points")));
     }
     match orientation {
-        Orientation::Up => directions.iter_mut().filter(|n| n[2] < 0.0).for_each(flip),
-        Orientation::Sensor(at) => return towards(points, directions, *at),
-        Orientation::SpanningTree => return propagate(points, neighbours, directions, monitor),
+        Orientation::Up => {
+            directions.iter_mut().filter(|n| n[2] < 0.0).for_each(flip);
+            monitor.check()
+        }
+        Orientation::Sensor(at) => towards(points, directions, *at).and_then(|()| monitor.check()),
+        Orientation::SpanningTree => propagate(points, neighbours, directions, monitor),
     }
-    Ok(())
 }
 
 fn flip(normal: &mut [f32; 3]) {
@@ -67,34 +73,54 @@ fn towards(points: &Points, directions: &mut [[f32; 3]], sensor: [f64; 3]) -> Re
 }
 
 fn propagate(points: &Points, neighbours: &Neighbours, directions: &mut [[f32; 3]], monitor: &Monitor) -> Result<()> {
+    monitor.stage("orientation", points.len() as u64);
     let graph = knn_graph(points.len(), neighbours, &KnnGraphParams::default(), monitor)?;
-    let turn = |&[a, b]: &[u32; 2]| (1.0 - dot(directions[a as usize], directions[b as usize]).abs()).max(0.0);
-    let weights = graph.edges().iter().map(turn).collect();
+    let mut weights = Vec::with_capacity(graph.edges().len());
+    for piece in watched(graph.edges().len(), monitor) {
+        let turn = |&[a, b]: &[u32; 2]| (1.0 - dot(directions[a as usize], directions[b as usize]).abs()).max(0.0);
+        weights.extend(graph.edges()[piece?].iter().map(turn));
+    }
     let graph = graph.with_weights(weights)?;
-    let pairs: Vec<[u32; 2]> = minimum_spanning_tree(&graph).iter().map(|&e| graph.edges()[e as usize]).collect();
-    monitor.check()?;
-    spread(&Graph::new(points.len(), &pairs, &vec![1.0; pairs.len()])?, points, directions);
-    Ok(())
+    let tree = minimum_spanning_tree(&graph, monitor)?;
+    let pairs: Vec<[u32; 2]> = tree.iter().map(|&e| graph.edges()[e as usize]).collect();
+    drop((tree, graph));
+    let roots = highest(&pairs, points, monitor)?;
+    spread(&Adjacency::new(points.len(), &pairs, monitor)?, &roots, directions, monitor)
 }
 
-/// Depth first from the highest point of each piece.
-fn spread(tree: &Graph, points: &Points, directions: &mut [[f32; 3]]) {
-    let adjacency = tree.adjacency();
-    let mut order: Vec<u32> = (0..points.len() as u32).collect();
-    order.sort_by(|&a, &b| points.z[b as usize].total_cmp(&points.z[a as usize]).then(a.cmp(&b)));
-    let mut seen = vec![false; points.len()];
-    let mut stack = Vec::new();
-    for root in order {
-        if std::mem::replace(&mut seen[root as usize], true) {
-            continue;
+/// The highest point of each piece of a forest, of equal ones the first.
+fn highest(forest: &[[u32; 2]], points: &Points, monitor: &Monitor) -> Result<Vec<u32>> {
+    const NONE: u32 = u32::MAX;
+    let mut pieces = UnionFind::new(points.len());
+    for some in watched(forest.len(), monitor) {
+        forest[some?].iter().for_each(|&[a, b]| _ = pieces.join(a, b));
+    }
+    let mut top = vec![NONE; points.len()];
+    for some in watched(points.len(), monitor) {
+        for i in some? {
+            let best = &mut top[pieces.find(i as u32) as usize];
+            if *best == NONE || points.z[i].total_cmp(&points.z[*best as usize]).is_gt() {
+                *best = i as u32;
+            }
         }
+    }
+    top.retain(|&i| i != NONE);
+    Ok(top)
+}
+
+/// Depth first from the roots.
+fn spread(tree: &Adjacency, roots: &[u32], directions: &mut [[f32; 3]], monitor: &Monitor) -> Result<()> {
+    let mut seen = vec![false; directions.len()];
+    let (mut stack, mut done) = (Vec::new(), 0);
+    for &root in roots {
         if directions[root as usize][2] < 0.0 {
             flip(&mut directions[root as usize]);
         }
+        seen[root as usize] = true;
         stack.push(root);
         while let Some(node) = stack.pop() {
             let normal = directions[node as usize];
-            for (next, _) in adjacency.of(node as usize) {
+            for (next, _) in tree.of(node as usize) {
                 if !std::mem::replace(&mut seen[next as usize], true) {
                     if dot(directions[next as usize], normal) < 0.0 {
                         flip(&mut directions[next as usize]);
@@ -102,8 +128,14 @@ fn spread(tree: &Graph, points: &Points, directions: &mut [[f32; 3]]) {
                     stack.push(next);
                 }
             }
+            done += 1;
+            if done % LOOK == 0 {
+                monitor.check()?;
+                monitor.advance(LOOK);
+            }
         }
     }
+    Ok(())
 }
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -154,6 +186,33 @@ mod tests {
     #[test]
     fn up_leaves_half_of_a_ball_inward() {
         assert!((outward_share(&Orientation::Up) - 0.5).abs() < 0.02);
+    }
+
+    #[test]
+    fn pieces_that_do_not_touch_each_have_a_highest_point() {
+        // Two squares side by side, the second lying on its face; 1 and 5 are the highest.
+        let rows =
+            [[0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [1.0, 1.0, 1.0], [9.0, 0.0, 3.0], [9.0, 1.0, 3.0], [9.5, 0.0, 5.0]];
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let forest = [[0, 1], [1, 2], [3, 4], [4, 5]];
+        assert_eq!(highest(&forest, &points, &Monitor::default()).unwrap(), [1, 5]);
+        let near = knn(&points, 2, &Monitor::default()).unwrap();
+        let mut directions = vec![[0.0, 0.6, -0.8]; 6];
+        directions[2] = [0.0, -0.6, 0.8];
+        orient(&points, &near, &mut directions, &Orientation::SpanningTree, &Monitor::default()).unwrap();
+        assert_eq!(directions, [[0.0, -0.6, 0.8]; 6]);
+    }
+
+    #[test]
+    fn a_cancelled_orientation_stops() {
+        let (points, _) = ball();
+        let near = knn(&points, 10, &Monitor::default()).unwrap();
+        let monitor = Monitor::default();
+        monitor.cancel();
+        for orientation in [Orientation::SpanningTree, Orientation::Up, Orientation::Sensor([0.0; 3])] {
+            let found = orient(&points, &near, &mut vec![[0.0, 0.0, 1.0]; points.len()], &orientation, &monitor);
+            assert!(matches!(found, Err(Error::Interrupted)));
+        }
     }
 
     #[test]

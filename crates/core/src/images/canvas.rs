@@ -4,11 +4,15 @@ use super::RenderParams;
 use super::camera::Camera;
 use super::raster::{NOTHING, Raster};
 use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use std::io::Write;
 
 pub(super) const MARGIN: u32 = 24;
 pub(super) const LEGEND: u32 = 290;
 const TITLE: u32 = 36;
 const FOOTER: u32 = 44;
+/// Bytes of pixels that are compressed between two looks at the monitor.
+const PIXELS: usize = 256 << 10;
 /// Points are drawn on a grid this much finer than the pixels.
 pub(super) const FINER: usize = 2;
 pub(super) const PAPER: [f32; 3] = [250.0, 250.0, 248.0];
@@ -53,14 +57,22 @@ impl Image {
     }
 
     /// The picture as PNG.
-    pub fn to_png(&self) -> Result<Vec<u8>> {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn to_png(&self, monitor: &Monitor) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let failed = |e: png::EncodingError| Error::input(format!("picture of {} x {}: {e}", self.width, self.height));
         let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         let mut writer = encoder.write_header().map_err(failed)?;
-        writer.write_image_data(&self.rgb).map_err(failed)?;
+        let mut rows = writer.stream_writer().map_err(failed)?;
+        for pixels in self.rgb.chunks(PIXELS) {
+            monitor.check()?;
+            rows.write_all(pixels).map_err(|e| failed(e.into()))?;
+        }
+        rows.finish().map_err(failed)?;
         writer.finish().map_err(failed)?;
         Ok(bytes)
     }
@@ -115,8 +127,14 @@ impl Frame {
 }
 
 /// Averages the finer grid into the pixels of the cloud's part.
-pub(super) fn fill(image: &mut Image, frame: &Frame, raster: &Raster, colour: impl Fn(usize, u32) -> [f32; 3]) {
+pub(super) fn fill(
+    image: &mut Image,
+    (frame, raster): (&Frame, &Raster),
+    colour: impl Fn(usize, u32) -> [f32; 3],
+    monitor: &Monitor,
+) -> Result<()> {
     for v in 0..frame.h as usize {
+        monitor.check()?;
         for u in 0..frame.w as usize {
             let mut sum = [0.0f32; 3];
             for i in 0..FINER * FINER {
@@ -131,4 +149,5 @@ pub(super) fn fill(image: &mut Image, frame: &Frame, raster: &Raster, colour: im
             (0..3).for_each(|a| image.rgb[at + a] = (sum[a] / (FINER * FINER) as f32).round() as u8);
         }
     }
+    Ok(())
 }

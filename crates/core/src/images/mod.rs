@@ -16,6 +16,7 @@ pub use confusion::confusion_picture;
 use crate::classes::ClassTable;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
+use crate::parallel::Monitor;
 use camera::Camera;
 use canvas::Frame;
 use raster::Raster;
@@ -118,21 +119,25 @@ impl RenderParams {
 /// O(points + pixels) time; the bytes do not depend on the number of threads.
 ///
 /// # Errors
-/// A parameter out of range, or a column that is absent.
-pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams) -> Result<Image> {
+/// A parameter out of range, a column that is absent, or the work was cancelled.
+pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monitor: &Monitor) -> Result<Image> {
     params.validate()?;
-    let paint = Paint::new(cloud, classes, params)?;
-    let Some(bounds) = cloud.bounds() else {
+    let paint = Paint::new(cloud, classes, params, monitor)?;
+    let Some(bounds) = cloud.bounds_watched(monitor)? else {
         let mut image = Image::blank(params.width, params.height.unwrap_or(300));
         text::draw(&mut image, (40.0, 60.0), 28.0, canvas::INK, "no points");
         return Ok(image);
     };
     let camera = Camera::new(params.view, bounds);
     let frame = Frame::new(params, &camera);
-    let raster = Raster::new(cloud, &camera, &frame);
+    let raster = Raster::new(cloud, &camera, &frame, monitor)?;
     let mut image = Image::blank(frame.width, frame.height);
-    let light = if params.shading { shade::light(&raster, params.view) } else { vec![1.0; raster.points.len()] };
-    canvas::fill(&mut image, &frame, &raster, |pixel, point| paint.colour(cloud, point).map(|c| c * light[pixel]));
+    let light = match params.shading {
+        true => shade::light(&raster, params.view, monitor)?,
+        false => raster::filled(raster.points.len(), 1.0, monitor)?,
+    };
+    let colour = |pixel: usize, point: u32| paint.colour(cloud, point).map(|c| c * light[pixel]);
+    canvas::fill(&mut image, (&frame, &raster), colour, monitor)?;
     if let Some(title) = &params.title {
         text::draw(&mut image, (canvas::MARGIN as f32, 40.0), 26.0, canvas::INK, title);
     }
@@ -169,7 +174,7 @@ mod tests {
     fn a_box_on_a_plane_has_its_colour_at_its_pixels() {
         let classes = ClassTable::from_codes(&[2, 6]);
         let params = RenderParams { shading: false, legend: false, width: 400, ..RenderParams::default() };
-        let image = render(&scene(), &classes, &params).unwrap();
+        let image = render(&scene(), &classes, &params, &Monitor::default()).unwrap();
         let at = |x: f64, y: f64| {
             let [a, _, _, e, c, f] = image.world.unwrap();
             let (u, v) = (((x - c) / a).round() as usize, ((y - f) / e).round() as usize);
@@ -187,7 +192,7 @@ mod tests {
         cloud.set_column(Column::new("ClusterID", Values::U32(ids))).unwrap();
         let by = ColourBy::Segments("ClusterID".into());
         let params = RenderParams { by, shading: false, legend: false, width: 400, ..RenderParams::default() };
-        let image = render(&cloud, &ClassTable::default(), &params).unwrap();
+        let image = render(&cloud, &ClassTable::default(), &params, &Monitor::default()).unwrap();
         let mut colours: Vec<&[u8]> = image.rgb.chunks_exact(3).collect();
         colours.sort_unstable();
         colours.dedup();
@@ -204,15 +209,25 @@ mod tests {
                 .num_threads(n)
                 .build()
                 .unwrap()
-                .install(|| render(&scene(), &classes, &params).unwrap())
+                .install(|| render(&scene(), &classes, &params, &Monitor::default()).unwrap())
         };
         let (one, three) = (draw(1), draw(3));
         assert_eq!(one.rgb, three.rgb);
-        let png = one.to_png().unwrap();
+        let png = one.to_png(&Monitor::default()).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(&png)).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         reader.next_frame(&mut pixels).unwrap();
         assert_eq!(pixels, one.rgb);
+    }
+
+    #[test]
+    fn a_cancelled_picture_is_not_drawn() {
+        let monitor = Monitor::default();
+        let image = render(&scene(), &ClassTable::default(), &RenderParams::default(), &monitor).unwrap();
+        monitor.cancel();
+        let again = render(&scene(), &ClassTable::default(), &RenderParams::default(), &monitor);
+        assert!(matches!(again, Err(Error::Interrupted)));
+        assert!(matches!(image.to_png(&monitor), Err(Error::Interrupted)));
     }
 
     #[test]
@@ -226,12 +241,17 @@ mod tests {
             let cloud = Cloud::from_rows(&rows).unwrap();
             for view in [View::Map, View::Oblique { azimuth_deg: 0.0, elevation_deg: 20.0 }] {
                 let params = RenderParams { view, by: ColourBy::Height, ..RenderParams::default() };
-                assert!(render(&cloud, &ClassTable::default(), &params).unwrap().rgb.len() > 1000);
+                assert!(render(&cloud, &ClassTable::default(), &params, &Monitor::default()).unwrap().rgb.len() > 1000);
             }
         }
         let missing = RenderParams { by: ColourBy::Dimension("Nothing".into()), ..RenderParams::default() };
-        assert!(render(&scene(), &ClassTable::default(), &missing).unwrap_err().to_string().contains("Nothing"));
+        assert!(
+            render(&scene(), &ClassTable::default(), &missing, &Monitor::default())
+                .unwrap_err()
+                .to_string()
+                .contains("Nothing")
+        );
         let small = RenderParams { width: 5, ..RenderParams::default() };
-        assert!(render(&scene(), &ClassTable::default(), &small).is_err());
+        assert!(render(&scene(), &ClassTable::default(), &small, &Monitor::default()).is_err());
     }
 }

@@ -3,11 +3,25 @@
 use super::camera::Camera;
 use super::canvas::{FINER, Frame};
 use crate::cloud::Cloud;
+use crate::error::Result;
+use crate::parallel::{Monitor, watched};
 
 /// No point is seen here.
 pub(super) const NOTHING: u32 = u32::MAX;
 /// Half edge of the largest splat, in places.
 const MOST: f64 = 9.0;
+
+/// Points between two looks at the monitor: a large splat takes a microsecond.
+const LOOK: usize = 4096;
+
+/// The same value everywhere; memory is taken bit by bit, because the largest pictures need gigabytes.
+pub(super) fn filled<T: Copy>(len: usize, value: T, monitor: &Monitor) -> Result<Vec<T>> {
+    let mut grid = Vec::with_capacity(len);
+    for piece in watched(len, monitor) {
+        grid.resize(piece?.end, value);
+    }
+    Ok(grid)
+}
 
 /// The fine grid.
 #[derive(Clone, Debug)]
@@ -23,45 +37,55 @@ pub(super) struct Raster {
 }
 
 impl Raster {
-    pub(super) fn new(cloud: &Cloud, camera: &Camera, frame: &Frame) -> Self {
+    pub(super) fn new(cloud: &Cloud, camera: &Camera, frame: &Frame, monitor: &Monitor) -> Result<Self> {
+        monitor.stage("draw", cloud.len() as u64);
         let (width, height) = (frame.w as usize * FINER, frame.h as usize * FINER);
         let unit = frame.unit / FINER as f64;
         let mut raster = Self {
             width,
             height,
-            points: vec![NOTHING; width * height],
-            depth: vec![f32::INFINITY; width * height],
+            points: filled(width * height, NOTHING, monitor)?,
+            depth: filled(width * height, f32::INFINITY, monitor)?,
             unit: unit as f32,
         };
-        let half = raster.splat(cloud, camera, frame);
-        for i in 0..cloud.len() {
-            let p = cloud.xyz(i);
-            if p.iter().all(|v| v.is_finite()) {
-                let (u, v, away) = camera.project(p);
-                let place = [(u - frame.corner[0]) / unit, (v - frame.corner[1]) / unit];
-                raster.put(place, half, (away as f32, i as u32));
+        let half = raster.splat(cloud, camera, (frame, monitor))?;
+        for points in watched(cloud.len(), monitor) {
+            let points = points?;
+            monitor.advance(points.len() as u64);
+            for i in points {
+                if i % LOOK == 0 {
+                    monitor.check()?;
+                }
+                let p = cloud.xyz(i);
+                if p.iter().all(|v| v.is_finite()) {
+                    let (u, v, away) = camera.project(p);
+                    let place = [(u - frame.corner[0]) / unit, (v - frame.corner[1]) / unit];
+                    raster.put(place, half, (away as f32, i as u32));
+                }
             }
         }
-        raster
+        Ok(raster)
     }
 
     /// Half edge of a splat that closes the gaps between points: from the number of coarse places that hold any.
-    fn splat(&self, cloud: &Cloud, camera: &Camera, frame: &Frame) -> i64 {
+    fn splat(&self, cloud: &Cloud, camera: &Camera, (frame, monitor): (&Frame, &Monitor)) -> Result<i64> {
         let block = 16.0 * f64::from(self.unit);
         let (columns, rows) = (self.width / 16 + 1, self.height / 16 + 1);
         let mut counts = vec![0u32; columns * rows];
-        for i in 0..cloud.len() {
-            let (u, v, _) = camera.project(cloud.xyz(i));
-            let (c, r) = ((u - frame.corner[0]) / block, (v - frame.corner[1]) / block);
-            if c >= 0.0 && r >= 0.0 && (c as usize) < columns && (r as usize) < rows {
-                counts[r as usize * columns + c as usize] += 1;
+        for points in watched(cloud.len(), monitor) {
+            for i in points? {
+                let (u, v, _) = camera.project(cloud.xyz(i));
+                let (c, r) = ((u - frame.corner[0]) / block, (v - frame.corner[1]) / block);
+                if c >= 0.0 && r >= 0.0 && (c as usize) < columns && (r as usize) < rows {
+                    counts[r as usize * columns + c as usize] += 1;
+                }
             }
         }
         let mut held: Vec<u32> = counts.into_iter().filter(|&n| n > 0).collect();
         held.sort_unstable();
         let usual = held.get(held.len() / 2).copied().unwrap_or(1);
         let spacing = 16.0 / f64::from(usual.max(1)).sqrt();
-        (0.95 * spacing).ceil().clamp(1.0, MOST) as i64
+        Ok((0.95 * spacing).ceil().clamp(1.0, MOST) as i64)
     }
 
     fn put(&mut self, [u, v]: [f64; 2], half: i64, (depth, point): (f32, u32)) {

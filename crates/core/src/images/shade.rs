@@ -1,7 +1,9 @@
 //! Light that shows the relief: a lamp in the north-west for maps, and darker places where something stands in front.
 
 use super::View;
-use super::raster::{NOTHING, Raster};
+use super::raster::{NOTHING, Raster, filled};
+use crate::error::Result;
+use crate::parallel::Monitor;
 use rayon::prelude::*;
 
 /// Directions and distances, in places, at which the surroundings are looked at.
@@ -25,19 +27,21 @@ const AROUND: [(i64, i64); 16] = [
 ];
 
 /// Factor of the colour at every place of the grid.
-pub(super) fn light(raster: &Raster, view: View) -> Vec<f32> {
+pub(super) fn light(raster: &Raster, view: View, monitor: &Monitor) -> Result<Vec<f32>> {
     let lamp = view == View::Map;
-    (0..raster.points.len())
-        .into_par_iter()
-        .map(|at| match raster.points[at] {
-            NOTHING => 1.0,
-            _ => {
-                let (x, y) = ((at % raster.width) as i64, (at / raster.width) as i64);
+    let mut light = filled(raster.points.len(), 1.0, monitor)?;
+    light.par_chunks_mut(raster.width).enumerate().try_for_each(|(y, row)| {
+        for (x, factor) in row.iter_mut().enumerate() {
+            let at = y * raster.width + x;
+            if raster.points[at] != NOTHING {
+                let (x, y) = (x as i64, y as i64);
                 let sun = if lamp { hillshade(raster, x, y) } else { 1.08 };
-                sun * (1.0 - 0.6 * hidden(raster, (x, y), raster.depth[at]))
+                *factor = sun * (1.0 - 0.6 * hidden(raster, (x, y), raster.depth[at]));
             }
-        })
-        .collect()
+        }
+        monitor.check()
+    })?;
+    Ok(light)
 }
 
 fn depth(raster: &Raster, x: i64, y: i64) -> Option<f32> {

@@ -5,6 +5,7 @@ use super::{ColourBy, RenderParams};
 use crate::classes::{Class, ClassTable, preset};
 use crate::cloud::{Cloud, Values, names};
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, watched};
 
 /// Points whose values decide the ends of the ramp.
 const SAMPLES: usize = 200_000;
@@ -34,35 +35,55 @@ fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
 }
 
 impl<'a> Paint<'a> {
-    pub(super) fn new(cloud: &'a Cloud, classes: &ClassTable, params: &RenderParams) -> Result<Self> {
+    pub(super) fn new(
+        cloud: &'a Cloud,
+        classes: &ClassTable,
+        params: &RenderParams,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         match &params.by {
-            ColourBy::Class => Ok(Self::classes(cloud, classes)),
+            ColourBy::Class => Self::classes(cloud, classes, monitor),
             ColourBy::Height => Ok(Self::on_ramp("height".into(), None, cloud, params)),
             ColourBy::Dimension(name) => Ok(Self::on_ramp(name.clone(), Some(column(cloud, name)?), cloud, params)),
-            ColourBy::Segments(name) => {
-                let values = column(cloud, name)?;
-                let mut ids: Vec<u32> = (0..cloud.len()).map(|i| values.get(i) as u32).filter(|&s| s > 0).collect();
-                ids.sort_unstable();
-                ids.dedup();
-                Ok(Self::Segments { values, count: ids.len() })
-            }
-            ColourBy::Colour => Self::own(cloud),
+            ColourBy::Segments(name) => Self::segments(column(cloud, name)?, monitor),
+            ColourBy::Colour => Self::own(cloud, monitor),
             ColourBy::Agreement { truth, prediction } => {
                 let (truth, prediction) = (column(cloud, truth)?, column(cloud, prediction)?);
-                let wrong = (0..cloud.len()).filter(|&i| truth.get(i) as u8 != prediction.get(i) as u8).count() as u64;
+                let mut wrong = 0;
+                for points in watched(cloud.len(), monitor) {
+                    wrong += points?.filter(|&i| truth.get(i) as u8 != prediction.get(i) as u8).count() as u64;
+                }
                 Ok(Self::Agreement { truth, prediction, wrong, points: cloud.len() as u64 })
             }
         }
     }
 
-    fn classes(cloud: &'a Cloud, classes: &ClassTable) -> Self {
+    fn classes(cloud: &'a Cloud, classes: &ClassTable, monitor: &Monitor) -> Result<Self> {
         let values = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
         let mut counts = vec![0u64; 256];
-        (0..cloud.len()).for_each(|i| counts[values.map_or(0, |v| usize::from(v.get(i) as u8))] += 1);
+        for points in watched(cloud.len(), monitor) {
+            points?.for_each(|i| counts[values.map_or(0, |v| usize::from(v.get(i) as u8))] += 1);
+        }
         let of = |code: u8| {
             classes.classes().iter().find(|c| c.code == code).cloned().unwrap_or_else(|| preset::asprs(code))
         };
-        Self::Classes { values, table: (0..=255).map(of).collect(), counts }
+        Ok(Self::Classes { values, table: (0..=255).map(of).collect(), counts })
+    }
+
+    fn segments(values: &'a Values, monitor: &Monitor) -> Result<Self> {
+        let mut ids: Vec<u32> = Vec::new();
+        let mut sorted = 0;
+        for points in watched(values.len(), monitor) {
+            ids.extend(points?.map(|i| values.get(i) as u32).filter(|&s| s > 0));
+            if ids.len() >= 2 * sorted {
+                ids.sort_unstable();
+                ids.dedup();
+                sorted = ids.len();
+            }
+        }
+        ids.sort_unstable();
+        ids.dedup();
+        Ok(Self::Segments { values, count: ids.len() })
     }
 
     fn on_ramp(name: String, values: Option<&'a Values>, cloud: &Cloud, params: &RenderParams) -> Self {
@@ -75,10 +96,14 @@ impl<'a> Paint<'a> {
         Self::Ramp { name, values, low, high: if high > low { high } else { low + 1.0 } }
     }
 
-    fn own(cloud: &'a Cloud) -> Result<Self> {
+    fn own(cloud: &'a Cloud, monitor: &Monitor) -> Result<Self> {
         let [r, g, b] = names::COLOUR;
         let channels = [column(cloud, r)?, column(cloud, g)?, column(cloud, b)?];
-        let largest = channels.iter().flat_map(|v| (0..v.len()).map(|i| v.get(i))).fold(0.0, f64::max);
+        let mut largest = 0.0;
+        for points in watched(cloud.len(), monitor) {
+            let points = points?;
+            largest = channels.iter().flat_map(|v| points.clone().map(|i| v.get(i))).fold(largest, f64::max);
+        }
         Ok(Self::Own { channels, factor: if largest > 255.0 { 255.0 / 65535.0 } else { 1.0 } })
     }
 

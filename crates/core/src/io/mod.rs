@@ -18,6 +18,7 @@ mod options;
 mod packed;
 mod pcd;
 mod ply;
+mod print;
 mod ptx;
 pub mod salvage;
 pub mod statistics;

@@ -1,25 +1,6 @@
 //! Numbers of fixed width in the records of binary files.
 
-use crate::cloud::Values;
-
-/// Runs the same expression on the vector inside, whatever its type.
-macro_rules! each_values {
-    ($values:expr, $v:ident => $body:expr) => {
-        match $values {
-            Values::U8($v) => $body,
-            Values::I8($v) => $body,
-            Values::U16($v) => $body,
-            Values::I16($v) => $body,
-            Values::U32($v) => $body,
-            Values::I32($v) => $body,
-            Values::U64($v) => $body,
-            Values::I64($v) => $body,
-            Values::F32($v) => $body,
-            Values::F64($v) => $body,
-        }
-    };
-}
-pub(super) use each_values;
+use crate::cloud::{Values, each_values};
 
 /// Type of a number in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Columns that grow while a file is read, and are handed out as clouds.
 
-use super::number::{Kind, each_values};
-use crate::cloud::{Cloud, Column, Coordinates, Values};
+use super::number::Kind;
+use crate::cloud::{Cloud, Column, Coordinates, Values, each_values};
 use crate::error::{Error, Result};
 
 /// Rows read but not handed out yet; all columns are of one length between two calls.

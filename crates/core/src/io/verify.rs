@@ -20,7 +20,7 @@ pub(super) fn finish(mut file: AtomicFile, format: Format, cloud: &Cloud, option
         Error::Interrupted => e,
         e => Error::input(format!("{}: what was written cannot be read: {e}", file.target().display())),
     })?;
-    let expected = (cloud.len(), cloud.bounds());
+    let expected = (cloud.len(), cloud.bounds_watched(&options.monitor)?);
     if found.0 != expected.0 || !alike(found.1, expected.1) {
         let text =
             format!("wrote {} points in {:?}, but {} in {:?} can be read", expected.0, expected.1, found.0, found.1);

@@ -14,6 +14,7 @@ mod level;
 mod nearest;
 mod optimal;
 mod optimal_lanes;
+mod optimal_params;
 mod order;
 mod search;
 
@@ -22,6 +23,7 @@ pub use columns::{ColumnSearch, Columns};
 pub use knn::{knn, nearest_of};
 pub use level::{Level, build_levels, coarse_levels};
 pub use nearest::Neighbours;
-pub use optimal::{Eigenvalues, Optimal, OptimalParams, map_optimal, optimal};
+pub use optimal::{Optimal, map_optimal, optimal};
+pub use optimal_params::{Eigenvalues, OptimalParams};
 pub use order::{Grid, sorted};
 pub use search::{Neighbour, Search};

@@ -63,11 +63,7 @@ impl Recipe {
 
     /// Settings of the classifier chosen.
     pub fn classifier(&self) -> ClassifierParams {
-        match self.classifier {
-            ClassifierKind::Forest => ClassifierParams::Forest(self.forest.clone()),
-            ClassifierKind::Boosting => ClassifierParams::Boosting(self.boosting.clone()),
-            ClassifierKind::Bagging => ClassifierParams::Bagging(self.bagging.clone()),
-        }
+        self.classifier.choose(&self.forest, &self.boosting, &self.bagging)
     }
 
     /// Limits the depth of the chosen classifier's trees.

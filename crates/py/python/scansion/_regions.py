@@ -30,7 +30,7 @@ def riemannian(
     settings: Mapping[str, Any] | None = None,
     n_jobs: int | None = None,
 ) -> Riemannian:
-    """Supervoxels of an adaptive octree and their segments on a Riemannian graph (Li 2020).
+    """Supervoxels of an adaptive octree and their segments on a Riemannian graph (Li 2018).
 
     Parameters
     ----------
@@ -44,6 +44,11 @@ def riemannian(
         Further settings, as in a recipe: ``{"graph": {"nearest": 12}, "sides": "unsigned"}``.
     n_jobs : int, optional
         Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    Riemannian
+        ``labels`` and ``supervoxels`` of each point, uint32, and a ``report`` of all stages.
 
     Examples
     --------

@@ -47,7 +47,7 @@ def render(
     shading : bool
         Show relief.
     legend : bool
-        Draw legend, scale bar and north arrow.
+        Draw legend and scale bar.
     title : str, optional
     value_range : (float, float), optional
         Ends of the colour bar; the 2nd and 98th percentile by default.

@@ -92,6 +92,11 @@ def segment(
     n_jobs : int, optional
         Threads; None and -1 take all. Results do not depend on it.
 
+    Returns
+    -------
+    Segments
+        ``cluster_id`` of each point, the same for each of the ``levels``, and a ``report`` of sizes and strength.
+
     Examples
     --------
     >>> import numpy as np, scansion
@@ -139,6 +144,11 @@ def suggest(
         Leave out segments that hold a label (a code of 2 or more in the column Classification).
     method, strength, segments_per_hectare, smallest_object, size, recipe, k_min, random_state, n_jobs
         As in :func:`segment`.
+
+    Returns
+    -------
+    Suggestions
+        ``cluster_id`` of each point, and the ``segments`` to label, best first.
 
     Examples
     --------

@@ -67,6 +67,11 @@ def alpha_expansion(
     n_jobs : int, optional
         Threads; None and -1 take all. The result does not depend on it.
 
+    Returns
+    -------
+    Labelling
+        ``labels`` of the nodes, their ``energy``, and whether the search ``converged``.
+
     Examples
     --------
     >>> from scansion import regularisation
@@ -111,6 +116,11 @@ def alpha_beta_swap(
     n_jobs : int, optional
         Threads; None and -1 take all. The result does not depend on it.
 
+    Returns
+    -------
+    Labelling
+        ``labels`` of the nodes, their ``energy``, and whether the search ``converged``.
+
     Examples
     --------
     >>> from scansion import regularisation
@@ -149,6 +159,11 @@ def icm(
         Symmetric, 0 from a label to itself; by default 1 for any two different ones (Potts).
     max_rounds : int
         Most rounds over all nodes.
+
+    Returns
+    -------
+    Labelling
+        ``labels`` of the nodes, their ``energy``, and whether the search ``converged``.
 
     Examples
     --------
@@ -190,6 +205,11 @@ def energy(
     label_costs : array_like of shape (labels,), optional
         What each label costs once if any node has it.
 
+    Returns
+    -------
+    float
+        Unary costs, boundaries and label costs together.
+
     Examples
     --------
     >>> from scansion import regularisation
@@ -228,6 +248,10 @@ def local_smoothing(
         Finite, 0 or more; 1 by default.
     n_jobs : int, optional
         Threads; None and -1 take all. The result does not depend on it.
+
+    Returns
+    -------
+    array of shape (n, labels), float32
 
     Examples
     --------

@@ -105,6 +105,11 @@ def cut_pursuit(
     n_jobs : int, optional
         Threads; None and -1 take all. The result does not depend on it.
 
+    Returns
+    -------
+    Segments
+        ``labels`` of the nodes, ``centroids`` of the segments, shape (segments, d), and the ``energy`` reached.
+
     Examples
     --------
     >>> from scansion import segmentation
@@ -158,6 +163,11 @@ def merge(
         Segments of less weight than this join their best neighbour at the end.
     node_weights : array_like of shape (n,), optional
         How much each node counts; 1 by default.
+
+    Returns
+    -------
+    Segments
+        ``labels`` of the nodes, ``centroids`` of the segments, shape (segments, d), and the ``energy`` reached.
 
     Examples
     --------

@@ -2,7 +2,7 @@
 
 use super::Changed;
 use crate::error::Result;
-use crate::io::las::{Header, Records, Vlr, f64_at, read_at, u16_at, u32_at, u64_at};
+use crate::io::las::{Header, Records, Vlr, f64_at, read_at, u16_at, u64_at};
 use crate::parallel::Monitor;
 
 /// Fields of the header that differ, those apart that follow from how the points are packed.
@@ -49,21 +49,11 @@ fn named(header: &Header) -> Vec<(String, String)> {
         }
     }
     for r in 0..15 {
-        list.push((format!("points of return {}", r + 1), by_return(header, r).to_string()));
+        list.push((format!("points of return {}", r + 1), header.points_of_return(r).to_string()));
     }
     let standard = [227, 227, 227, 235, 375][usize::from(header.minor).min(4)].min(raw.len());
     list.push(("bytes behind the header's fields".into(), hex(&raw[standard..])));
     list
-}
-
-/// Points of return `r` (from 0): the wide counters of LAS 1.4 if they are used, else the old ones.
-fn by_return(header: &Header, r: usize) -> u64 {
-    let wide = header.minor >= 4 && header.raw.get(255..375).is_some_and(|c| c.iter().any(|&b| b != 0));
-    match (wide, r < 5) {
-        (true, _) => u64_at(&header.raw, 255 + 8 * r),
-        (false, true) => u64::from(u32_at(&header.raw, 111 + 4 * r)),
-        (false, false) => 0,
-    }
 }
 
 fn hex(bytes: &[u8]) -> String {

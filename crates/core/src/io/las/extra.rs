@@ -2,9 +2,9 @@
 
 use super::header::{Header, f64_at};
 use super::vlr::Vlr;
-use crate::cloud::{Column, Values};
+use crate::cloud::{Column, Values, each_values};
 use crate::error::{Error, Result};
-use crate::io::number::{Kind, Slot, each_values};
+use crate::io::number::{Kind, Slot};
 
 /// One described dimension and where it stands in a record.
 #[derive(Clone, Debug, PartialEq)]

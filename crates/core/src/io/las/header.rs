@@ -167,6 +167,16 @@ impl Header {
         Ok(())
     }
 
+    /// Points of return `r` (from 0): the wide counters of LAS 1.4 if they are used, else the old ones.
+    pub(in crate::io) fn points_of_return(&self, r: usize) -> u64 {
+        let wide = self.minor >= 4 && self.raw.get(255..375).is_some_and(|c| c.iter().any(|&b| b != 0));
+        match (wide, r < 5) {
+            (true, _) => u64_at(&self.raw, 255 + 8 * r),
+            (false, true) => u64::from(u32_at(&self.raw, 111 + 4 * r)),
+            (false, false) => 0,
+        }
+    }
+
     /// Bytes of a record that no point format describes.
     pub(in crate::io) fn extra(&self) -> usize {
         usize::from(self.record_length) - usize::from(RECORD_SIZES[usize::from(self.format)])

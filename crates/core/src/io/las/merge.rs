@@ -2,7 +2,7 @@
 
 use super::extra::{self, Extra};
 use super::grid::Grid;
-use super::header::{Header, RECORD_SIZES, array, f64_at, put, u16_at, u32_at, u64_at};
+use super::header::{Header, RECORD_SIZES, array, f64_at, put, u16_at};
 use super::promote;
 use super::records::{Records, SLAB};
 use super::rewrite::plan::describe;
@@ -184,7 +184,7 @@ fn fill_header(raw: &mut [u8], parts: &[Part], (points, length): (u64, u16), gri
     let legacy = if new_format { 0 } else { u32::try_from(points).unwrap_or(0) };
     put(raw, 107, &legacy.to_le_bytes());
     // What headers say of returns nobody has checked.
-    let all = |r| parts.iter().fold(0, |sum: u64, p| sum.saturating_add(by_return(&p.header, r)));
+    let all = |r| parts.iter().fold(0, |sum: u64, p| sum.saturating_add(p.header.points_of_return(r)));
     let returns: Vec<u64> = (0..15).map(all).collect();
     for (r, &n) in returns.iter().enumerate().take(5) {
         let old = if new_format { 0 } else { u32::try_from(n).unwrap_or(0) };
@@ -206,15 +206,6 @@ fn fill_header(raw: &mut [u8], parts: &[Part], (points, length): (u64, u16), gri
         }
     }
     Ok(())
-}
-
-fn by_return(header: &Header, r: usize) -> u64 {
-    let wide = header.minor >= 4 && header.raw.get(255..375).is_some_and(|c| c.iter().any(|&b| b != 0));
-    match (wide, r < 5) {
-        (true, _) => u64_at(&header.raw, 255 + 8 * r),
-        (false, true) => u64::from(u32_at(&header.raw, 111 + 4 * r)),
-        (false, false) => 0,
-    }
 }
 
 /// Records of the other inputs: new ones are added, those of other content are named.

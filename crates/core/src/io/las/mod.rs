@@ -27,7 +27,7 @@ mod write;
 mod writer;
 
 pub(super) use crop::crop;
-pub(super) use header::{Header, f64_at, u16_at, u32_at, u64_at};
+pub(super) use header::{Header, f64_at, u16_at, u64_at};
 pub(super) use info::inspect;
 pub(super) use layout::Layout;
 pub(super) use merge::merge;

@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::io::atomic::AtomicFile;
 use crate::io::format::Format;
 use crate::io::{WriteOptions, verify};
+use crate::parallel::{Monitor, watched};
 use std::path::Path;
 
 /// Points that are put together at once.
@@ -19,15 +20,20 @@ enum Kind {
 }
 
 impl Kind {
-    fn of(column: &Column) -> Self {
+    fn of(column: &Column, monitor: &Monitor) -> Result<Self> {
         let rounds = |v: f64| f64::from(v as f32).to_bits() != v.to_bits() && !v.is_nan();
-        let wide = |values: &Values| (0..values.len()).any(|i| rounds(values.get(i)));
         match &column.values {
-            Values::U8(_) if names::COLOUR.contains(&column.name.as_str()) => Self::Colour,
-            Values::U8(_) | Values::I8(_) | Values::U16(_) | Values::I16(_) | Values::F32(_) => Self::Single,
-            values if wide(values) => Self::Double,
-            _ => Self::Single,
+            Values::U8(_) if names::COLOUR.contains(&column.name.as_str()) => return Ok(Self::Colour),
+            Values::U8(_) | Values::I8(_) | Values::U16(_) | Values::I16(_) | Values::F32(_) => {}
+            values => {
+                for points in watched(values.len(), monitor) {
+                    if points?.any(|i| rounds(values.get(i))) {
+                        return Ok(Self::Double);
+                    }
+                }
+            }
         }
+        Ok(Self::Single)
     }
 }
 
@@ -37,7 +43,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     let mut header =
         format!("ply\nformat binary_little_endian 1.0\ncomment written by scansion\nelement vertex {}\n", cloud.len());
     header += "property double x\nproperty double y\nproperty double z\n";
-    let kinds: Vec<Kind> = cloud.columns().iter().map(Kind::of).collect();
+    let kinds = cloud.columns().iter().map(|c| Kind::of(c, &options.monitor)).collect::<Result<Vec<_>>>()?;
     for (column, kind) in cloud.columns().iter().zip(&kinds) {
         let plain: String = column.name.chars().map(|c| if c.is_ascii_graphic() { c } else { '_' }).collect();
         header += &match kind {

@@ -131,11 +131,6 @@ impl ObjectsRecipe {
 
     /// Settings of the classifier chosen.
     pub fn classifier(&self) -> ClassifierParams {
-        let params = match self.classifier {
-            ClassifierKind::Forest => ClassifierParams::Forest(self.forest.clone()),
-            ClassifierKind::Boosting => ClassifierParams::Boosting(self.boosting.clone()),
-            ClassifierKind::Bagging => ClassifierParams::Bagging(self.bagging.clone()),
-        };
-        params.with_seed(self.seed)
+        self.classifier.choose(&self.forest, &self.boosting, &self.bagging).with_seed(self.seed)
     }
 }

@@ -62,7 +62,7 @@ fn candidates(near: &Neighbours, tree: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
 /// The spanning tree of the candidates, and of each node the nearest; lengths stay the weights.
 fn thinned(candidates: &Graph, params: &RiemannianGraphParams, monitor: &Monitor) -> Result<Graph> {
     let mut kept = vec![false; candidates.edges().len()];
-    let tree = minimum_spanning_tree(candidates);
+    let tree = minimum_spanning_tree(candidates, monitor)?;
     tree.iter().for_each(|&e| kept[e as usize] = true);
     if params.nearest_by == Nearest::Distance {
         keep_nearest(candidates, params.nearest, &mut kept);

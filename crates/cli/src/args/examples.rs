@@ -1,0 +1,64 @@
+//! Examples at the end of each verb's manual page.
+
+pub(super) const DEMO: &str = "Example:
+  scansion demo -o tour                                      scan, named scan, pictures and scores in the folder tour";
+
+pub(super) const INFO: &str = "Examples:
+  scansion info my.laz                                       what the header says
+  scansion info *.laz --stats --json                         classes, density, oddities of many files, for programs";
+
+pub(super) const CONVERT: &str = "Examples:
+  scansion convert scan.e57 scan.laz                         another format
+  scansion convert all.copc.laz part.laz --bounds 652000,6861000,652200,6861200
+  scansion convert all.copc.laz thin.laz --resolution 0.5    a point every half unit or so
+  scansion convert --salvage broken.laz saved.laz            what a damaged file still holds";
+
+pub(super) const MERGE: &str = "Example:
+  scansion merge tile_*.laz all.laz";
+
+pub(super) const DIFF: &str = "Example:
+  scansion diff my.laz named.laz                             proof of what changed, and where";
+
+pub(super) const FEATURES: &str = "Examples:
+  scansion features --list
+  scansion features my.laz -o features.npy                   one row a point, for numpy
+  scansion features my.laz -o shape.laz --only Planarity,Verticality --set features.pyramid.first_scale=0.25";
+
+pub(super) const TRAIN: &str = "Examples:
+  scansion train a.laz b.laz -o my.model --set features.pyramid.first_scale=0.25      airborne scans
+  scansion train a.laz -o my.model --map 3-4=5 --classes 2,5,6 --cross-validate 5
+  scansion train street.laz --weak --weak-labels picked.csv -o street.model           a few labels a class
+  scansion train a.laz --recipe objects -o objects.model                              segments as a whole
+
+scansion model show my.model --recipe prints all settings that --set and --recipe know.";
+
+pub(super) const CLASSIFY: &str = "Examples:
+  scansion classify my.laz -o named.laz                      with the built-in model for airborne scans
+  scansion classify *.laz -m my.model -o named/              many files into a folder
+  scansion classify my.laz -o named.laz --only-unclassified --skip 9,17
+  scansion classify my.laz -o named.laz --regularize segment-crf --set regularise.strength=2";
+
+pub(super) const SEGMENT: &str = "Examples:
+  scansion segment my.laz -o segments.laz --segments-per-hectare 200
+  scansion segment my.laz -o segments.laz --method vccs --size 0.8
+  scansion segment my.laz -o segments.laz --method riemannian --levels 4,5,6,7
+  scansion render segments.laz -o segments.png --by ClusterID";
+
+pub(super) const SUGGEST: &str = "Examples:
+  scansion suggest my.laz -n 30 -o page.html -o segments.laz     a page to label on, and the segments it speaks of
+  scansion train segments.laz --weak --weak-labels labels.csv -o my.model";
+
+pub(super) const EVALUATE: &str = "Examples:
+  scansion evaluate truth.laz named.laz                      same points in the same order
+  scansion evaluate truth.laz named.laz -o scores.json -o confusion.png
+  scansion evaluate truth.laz --model my.model --map 3-4=5   name the truth's own points, then compare";
+
+pub(super) const RENDER: &str = "Examples:
+  scansion render named.laz -o map.png                       classes from above, with a world file for GIS
+  scansion render named.laz -o side.png --view oblique --azimuth 120 --elevation 25
+  scansion render named.laz -o doubt.png --by Entropy
+  scansion render named.laz -o wrong.png --truth truth.laz   where the classes differ";
+
+pub(super) const MODEL: &str = "Examples:
+  scansion model show                                        the built-in model
+  scansion model show my.model --recipe > my.toml            all settings, to change and to train by again";
