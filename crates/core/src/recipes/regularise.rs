@@ -155,12 +155,28 @@ impl Scene {
         params: &RegulariseParams,
         monitor: &Monitor,
     ) -> Result<Self> {
+        let mut scene = Self::to_be_recut(points, descriptors, params, monitor)?;
+        if scene.segments.is_some() {
+            // Segments have a graph of their own; that of the points is large and no longer needed.
+            scene.graph = Graph::default();
+        }
+        Ok(scene)
+    }
+
+    /// The same, ready for [`Scene::recut`].
+    pub(super) fn to_be_recut(
+        points: &Points,
+        descriptors: Option<&FeatureTable>,
+        params: &RegulariseParams,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         params.validate()?;
         let mut scene = Self { points: points.len(), graph: Graph::default(), segments: None };
         if params.method == Regularise::None {
             return Ok(scene);
         }
-        scene.graph = Self::adjacency(points, params, monitor)?;
+        let near = knn(points, params.neighbours, monitor)?;
+        scene.graph = knn_graph(points.len(), near, &params.adjacency, monitor)?;
         if matches!(params.method, Regularise::Consensus | Regularise::SegmentCrf) {
             let found = match descriptors {
                 Some(table) => segment((points, table), &scene.graph, params, monitor)?,
@@ -169,22 +185,15 @@ impl Scene {
                     segment((points, &found.table), &scene.graph, params, monitor)?
                 }
             };
-            // Segments have a graph of their own; that of the points is large and no longer needed.
-            scene.segments = Some(Segments::new(found, &std::mem::take(&mut scene.graph))?);
+            scene.segments = Some(Segments::new(found, &scene.graph)?);
         }
         Ok(scene)
-    }
-
-    /// Who touches whom among the points.
-    pub(super) fn adjacency(points: &Points, params: &RegulariseParams, monitor: &Monitor) -> Result<Graph> {
-        let near = knn(points, params.neighbours, monitor)?;
-        knn_graph(points.len(), near, &params.adjacency, monitor)
     }
 
     /// Cuts some segments anew, with a `finer` part (0..1) of the strength that they all were cut with.
     pub(super) fn recut(
         &mut self,
-        (descriptors, graph): (&FeatureTable, &Graph),
+        descriptors: &FeatureTable,
         (chosen, finer): (&[u32], f64),
         params: &RegulariseParams,
         monitor: &Monitor,
@@ -192,7 +201,7 @@ impl Scene {
         let Some(segments) = &mut self.segments else { return Ok(()) };
         monitor.stage("segments", descriptors.rows() as u64);
         let signal = Signal::new(&descriptors.values, descriptors.width())?;
-        let scene = Parts { signal, graph, points: None, labels: None };
+        let scene = Parts { signal, graph: &self.graph, points: None, labels: None };
         segments.recut(&scene, (chosen, finer), &params.partition, monitor)
     }
 

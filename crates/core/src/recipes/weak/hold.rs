@@ -15,15 +15,12 @@ const MOST: usize = 500;
 /// A labelled place is that of the nearest point if it is so near, metres: coordinates may have been rounded to centimetres.
 const SAME: f64 = 0.01;
 
-/// Rounds of finer segments, and the factor between their strengths.
-const ROUNDS: i32 = 4;
-const FINER: f64 = 0.3;
+/// Part of the strength with which segments are cut that were named against a label.
+const FINER: f64 = 0.03;
 
-/// A cloud whose points are described by the descriptors that segments are found by, and its labelled points: each with the
-/// position of its class.
-pub(super) struct Known<'a> {
-    pub(super) points: &'a Points,
-    pub(super) descriptors: &'a FeatureTable,
+/// The descriptors that segments are found by, and the labelled points: each with the position of its class.
+pub(super) struct Known {
+    pub(super) descriptors: FeatureTable,
     pub(super) labels: Vec<(u32, u16)>,
 }
 
@@ -62,34 +59,25 @@ impl WeakLabels {
     }
 }
 
-/// The labels for these probabilities. Segments that are named against a label in them are cut with 0.3 of the strength, and all
-/// are named again; up to four times.
+/// The labels for these probabilities. Segments that are named against a label in them are cut finer, and all are named again.
 ///
 /// # Errors
 /// As [`Scene::decide`].
 pub(super) fn decide(
     mut scene: Scene,
     given: Probabilities<'_>,
-    (known, params): (&Known<'_>, &RegulariseParams),
+    (known, params): (&Known, &RegulariseParams),
     monitor: &Monitor,
 ) -> Result<Regularised> {
-    let mut found = scene.decide(given, params, monitor)?;
-    let mut graph = None;
-    for round in 1..=ROUNDS {
-        let against = named_against(&found, &known.labels);
-        if against.is_empty() {
-            break;
-        }
-        // They are named again: what they were named holds memory that the segments need.
-        drop(std::mem::take(&mut found));
-        let graph = match &graph {
-            Some(graph) => graph,
-            None => graph.insert(Scene::adjacency(known.points, params, monitor)?),
-        };
-        scene.recut((known.descriptors, graph), (&against, FINER.powi(round)), params, monitor)?;
-        found = scene.decide(given, params, monitor)?;
+    let found = scene.decide(given, params, monitor)?;
+    let against = named_against(&found, &known.labels);
+    if against.is_empty() {
+        return Ok(found);
     }
-    Ok(found)
+    // All are named again: what they were named holds memory that the segments need.
+    drop(found);
+    scene.recut(&known.descriptors, (&against, FINER), params, monitor)?;
+    scene.decide(given, params, monitor)
 }
 
 /// Segments that have another name than a label in them, ascending.
@@ -129,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_segment_is_cut_until_its_labels_have_their_names() {
+    fn a_segment_that_is_named_against_a_label_is_cut() {
         let (cloud, values, truth) = scene();
         let points = Points::from_cloud(&cloud, 1.0);
         let monitor = Monitor::default();
@@ -141,8 +129,8 @@ mod tests {
         let found = optimal_features(&points, &params.neighbourhood, &monitor).unwrap();
         let given = Probabilities { values: &values, classes: 2 };
         let wrong = |labels: &[(u32, u16)]| {
-            let scene = Scene::new(&points, Some(&found.table), &params, &monitor).unwrap();
-            let known = Known { points: &points, descriptors: &found.table, labels: labels.to_vec() };
+            let scene = Scene::to_be_recut(&points, Some(&found.table), &params, &monitor).unwrap();
+            let known = Known { descriptors: found.table.clone(), labels: labels.to_vec() };
             let found = decide(scene, given, (&known, &params), &monitor).unwrap();
             let wrong = found.labels.iter().zip(&truth).filter(|(a, b)| a != b).count();
             (wrong, found.partition.unwrap().len())

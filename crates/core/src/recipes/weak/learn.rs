@@ -273,10 +273,13 @@ pub(in crate::recipes) fn classify_weak(
     (metres, params): (Option<f64>, &RegulariseParams),
     monitor: &Monitor,
 ) -> Result<(Points, Regularised)> {
-    let points = points_of(cloud, metres.or(recipe.features.metres_per_unit))?;
+    let unit = metres.or(recipe.features.metres_per_unit).or(cloud.metres_per_unit).unwrap_or(1.0);
+    let points = points_of(cloud, Some(unit))?;
+    let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
     let local = describe::local(&points, recipe, monitor)?;
     // First what needs most memory, while little else is held.
-    let scene = Scene::new(&points, Some(&local), params, monitor)?;
+    let build = if labels.is_empty() { Scene::new } else { Scene::to_be_recut };
+    let scene = build(&points, Some(&local), params, monitor)?;
     let six = describe::six(cloud, &points, local, recipe, monitor)?;
     let more = describe::more(recipe, metres);
     let described = Described { cloud, points, six };
@@ -292,15 +295,8 @@ pub(in crate::recipes) fn classify_weak(
     recipe.shares.apply(&mut values, model.classes.len());
     let given = Probabilities { values: &values, classes: model.classes.len() };
     let Described { points, six, .. } = described;
-    let unit = metres.or(recipe.features.metres_per_unit).or(cloud.metres_per_unit).unwrap_or(1.0);
-    let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
-    if labels.is_empty() {
-        drop(six);
-        return Ok((points, scene.decide(given, params, monitor)?));
-    }
-    let descriptors = head(&six);
+    let known = Known { descriptors: head(&six), labels };
     drop(six);
-    let known = Known { points: &points, descriptors: &descriptors, labels };
     let found = hold::decide(scene, given, (&known, params), monitor)?;
     Ok((points, found))
 }
