@@ -121,6 +121,15 @@ def test_pictures_have_the_asked_size(labelled, tmp_path):
         300,
         3,
     )
+    codes = np.asarray(labelled["Classification"])
+    plain = {"width": 300, "legend": False, "shading": False}
+    same = scansion.render(labelled, truth=codes, **plain)
+    other = scansion.render(labelled, truth=np.where(codes == 2, 9, codes), **plain)
+    apart = scansion.render(labelled, truth=np.where(codes == 2, 9, codes), classes=[5, 6], **plain)
+    red = [int((p[..., 0].astype(int) > p[..., 1] + 100).sum()) for p in (same, other, apart)]
+    assert red[0] == red[2] == 0 < red[1]
+    with pytest.raises(ValueError, match="truth"):
+        scansion.render(labelled, truth=codes[1:])
     with pytest.raises(ValueError, match="view"):
         scansion.render(labelled, view="side")
     with pytest.raises(ValueError, match="Absent"):

@@ -21,7 +21,7 @@ pub fn file(name: &str) -> Result<Vec<u8>> {
 /// The same, four bytes at a time.
 ///
 /// # Errors
-/// As of [`file`].
+/// As of [`file()`].
 pub fn words(name: &str) -> Result<Vec<[u8; 4]>> {
     Ok(file(name)?.as_chunks().0.to_vec())
 }

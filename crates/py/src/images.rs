@@ -2,10 +2,13 @@
 
 use crate::call::call;
 use crate::cloud::Cloud;
+use crate::convert::vector;
+use crate::error::raise;
 use crate::json;
-use numpy::{PyArray1, PyArray3, PyArrayMethods};
+use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use scansion_core::classes::ClassTable;
+use scansion_core::cloud::{Column, Values, names};
 use scansion_core::images::{self, ColourBy, Image, RenderParams, View};
 use scansion_core::io::atomic;
 use scansion_core::parallel::Monitor;
@@ -25,20 +28,30 @@ struct Settings {
     legend: bool,
     title: Option<String>,
     range: Option<(f64, f64)>,
+    /// True classes that are compared.
+    classes: Vec<u8>,
 }
 
-/// Draws a cloud; writes it as PNG too if a path is given.
+/// Column that the truth stands in while it is drawn.
+const TRUTH: &str = "Truth";
+
+/// Draws a cloud; writes it as PNG too if a path is given. With a truth, where the classes differ from it.
 #[pyfunction]
-#[pyo3(signature = (cloud, settings, path = None, n_jobs = None))]
+#[pyo3(signature = (cloud, settings, path = None, truth = None, n_jobs = None))]
 pub(crate) fn render<'py>(
     py: Python<'py>,
     cloud: &Cloud,
     settings: &str,
     path: Option<PathBuf>,
+    truth: Option<PyReadonlyArray1<'_, u8>>,
     n_jobs: Option<i64>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-    let params = json::settings::<Settings>(settings)?.params();
-    let cloud = Arc::clone(&cloud.inner);
+    let params = json::settings::<Settings>(settings)?.params(truth.is_some());
+    let mut cloud = Arc::clone(&cloud.inner);
+    if let Some(truth) = &truth {
+        let values = Values::U8(vector(truth, "truth")?.to_vec());
+        Arc::make_mut(&mut cloud).set_column(Column::new(TRUTH, values)).map_err(raise)?;
+    }
     let image = call(py, n_jobs, |monitor| {
         let image = images::render(&cloud, &ClassTable::default(), &params, monitor)?;
         path.map_or(Ok(()), |path| save(&image, path, monitor)).map(|()| image)
@@ -56,11 +69,16 @@ fn save(image: &Image, path: PathBuf, monitor: &Monitor) -> scansion_core::Resul
 }
 
 impl Settings {
-    fn params(self) -> RenderParams {
+    fn params(self, truth: bool) -> RenderParams {
         let oblique = |(azimuth_deg, elevation_deg)| View::Oblique { azimuth_deg, elevation_deg };
         RenderParams {
             view: self.angles.map_or(View::Map, oblique),
             by: match self.by.as_str() {
+                _ if truth => ColourBy::Agreement {
+                    truth: TRUTH.into(),
+                    prediction: names::CLASSIFICATION.into(),
+                    classes: self.classes,
+                },
                 "class" => ColourBy::Class,
                 "height" => ColourBy::Height,
                 "rgb" => ColourBy::Colour,

@@ -57,7 +57,7 @@ pub(super) const RENDER: &str = "Examples:
   scansion render named.laz -o map.png                       classes from above, with a world file for GIS
   scansion render named.laz -o side.png --view oblique --azimuth 120 --elevation 25
   scansion render named.laz -o doubt.png --by Entropy
-  scansion render named.laz -o wrong.png --truth truth.laz   where the classes differ";
+  scansion render named.laz -o wrong.png --truth truth.laz --classes 2,5,6   where the classes differ";
 
 pub(super) const MODEL: &str = "Examples:
   scansion model show                                        the built-in model

@@ -16,9 +16,12 @@ pub(crate) struct Render {
     /// What the colours show: class, height, rgb, or the name of a dimension [default: class if there is one]
     #[arg(long)]
     pub(crate) by: Option<String>,
-    /// Show where the classes differ from those of this cloud, point by point the same (codes 0 and 1 of it count too)
+    /// Show where the classes differ from those of this cloud, point by point the same
     #[arg(long, value_name = "FILE", conflicts_with = "by")]
     pub(crate) truth: Option<PathBuf>,
+    /// Compare only points whose class in the truth is one of these; all count without it, codes 0 and 1 too
+    #[arg(long, value_name = "CODES", value_delimiter = ',', requires = "truth")]
+    pub(crate) classes: Vec<u8>,
     /// From above, or from the side
     #[arg(long, value_enum, default_value_t = ViewArg::Map)]
     pub(crate) view: ViewArg,

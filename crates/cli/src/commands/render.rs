@@ -17,7 +17,7 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
     let range = args.range.as_deref().map(range).transpose()?;
     let mut cloud = io::read_with(&args.input, &context.read_options())?;
     let by = match &args.truth {
-        Some(truth) => differences(&mut cloud, truth, context)?,
+        Some(truth) => differences(&mut cloud, (truth, &args.classes), context)?,
         None => colour_by(args.by.as_deref(), &cloud),
     };
     let params = RenderParams {
@@ -49,7 +49,11 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
 }
 
 /// Puts the truth beside the cloud's classes.
-fn differences(cloud: &mut Cloud, truth: &Path, context: &Context<'_>) -> Result<ColourBy, Failure> {
+fn differences(
+    cloud: &mut Cloud,
+    (truth, classes): (&Path, &[u8]),
+    context: &Context<'_>,
+) -> Result<ColourBy, Failure> {
     let path = truth.display();
     let truth = io::read_with(truth, &context.read_options())?;
     let missing = || Error::input(format!("{path} has no {} to compare with", names::CLASSIFICATION));
@@ -58,7 +62,11 @@ fn differences(cloud: &mut Cloud, truth: &Path, context: &Context<'_>) -> Result
         return Err(Error::input(format!("{path} has {} points, not {}", truth.len(), cloud.len())).into());
     }
     cloud.set_column(Column::new("Truth", codes.values.clone()))?;
-    Ok(ColourBy::Agreement { truth: "Truth".into(), prediction: names::CLASSIFICATION.into() })
+    Ok(ColourBy::Agreement {
+        truth: "Truth".into(),
+        prediction: names::CLASSIFICATION.into(),
+        classes: classes.to_vec(),
+    })
 }
 
 fn range(text: &str) -> Result<(f64, f64), Failure> {

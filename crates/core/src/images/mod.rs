@@ -57,6 +57,8 @@ pub enum ColourBy {
         truth: String,
         /// Column with the predicted class.
         prediction: String,
+        /// True classes that are compared; all if there is none.
+        classes: Vec<u8>,
     },
 }
 
@@ -168,6 +170,38 @@ mod tests {
         let mut cloud = Cloud::from_rows(&rows).unwrap();
         cloud.set_column(Column::new("Classification", Values::U8(codes))).unwrap();
         cloud
+    }
+
+    #[test]
+    fn only_points_of_the_asked_true_classes_are_compared() {
+        let mut cloud = scene();
+        let truth = cloud.column("Classification").unwrap().values.to_f64();
+        // The box is not named in the truth; a tenth of the plane is another class.
+        let other = |(i, code): (usize, &f64)| {
+            if *code == 6.0 {
+                1
+            } else if i % 10 == 0 {
+                9
+            } else {
+                2
+            }
+        };
+        cloud.set_column(Column::new("Truth", Values::U8(truth.iter().enumerate().map(other).collect()))).unwrap();
+        let shares = |classes: &[u8]| {
+            let by = ColourBy::Agreement {
+                truth: "Truth".into(),
+                prediction: "Classification".into(),
+                classes: classes.to_vec(),
+            };
+            let params = RenderParams { by, ..RenderParams::default() };
+            let paint = Paint::new(&cloud, &ClassTable::default(), &params, &Monitor::default()).unwrap();
+            let entries = paint.entries().into_iter().map(|(_, name, share)| format!("{name} {share}"));
+            entries.collect::<Vec<_>>()
+        };
+        // 40,000 points, of them 1,600 of the box and 3,840 of the other class.
+        assert_eq!(shares(&[]), ["as in the truth 86.4 %", "different 13.6 %"]);
+        assert_eq!(shares(&[2, 9]), ["as in the truth 90.0 %", "different 10.0 %", "not compared "]);
+        assert_eq!(shares(&[2]), ["as in the truth 100.0 %", "different 0.0 %", "not compared "]);
     }
 
     #[test]

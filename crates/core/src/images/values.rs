@@ -11,6 +11,7 @@ use crate::parallel::{Monitor, watched};
 const SAMPLES: usize = 200_000;
 const RIGHT: [u8; 3] = [205, 208, 210];
 const WRONG: [u8; 3] = [200, 30, 45];
+const APART: [u8; 3] = [232, 230, 222];
 
 /// What the colours show, with everything that is needed to find them.
 #[derive(Clone, Debug)]
@@ -24,7 +25,38 @@ pub(super) enum Paint<'a> {
     /// Own colours, with the factor to 0..=255.
     Own { channels: [&'a Values; 3], factor: f64 },
     /// Right or wrong.
-    Agreement { truth: &'a Values, prediction: &'a Values, wrong: u64, points: u64 },
+    Agreement(Agreement<'a>),
+}
+
+/// Two columns of classes that are compared.
+#[derive(Clone, Debug)]
+pub(super) struct Agreement<'a> {
+    truth: &'a Values,
+    prediction: &'a Values,
+    /// True classes that are compared, by code.
+    compared: Vec<bool>,
+    /// Points that are right, wrong, and not compared.
+    counts: [u64; 3],
+}
+
+impl<'a> Agreement<'a> {
+    fn new((truth, prediction): (&'a Values, &'a Values), classes: &[u8], monitor: &Monitor) -> Result<Self> {
+        let compared = (0..=255).map(|code| classes.is_empty() || classes.contains(&code)).collect();
+        let mut found = Self { truth, prediction, compared, counts: [0; 3] };
+        for points in watched(truth.len(), monitor) {
+            points?.for_each(|i| found.counts[found.kind(i)] += 1);
+        }
+        Ok(found)
+    }
+
+    /// 0 right, 1 wrong, 2 not compared.
+    fn kind(&self, point: usize) -> usize {
+        let truth = self.truth.get(point) as u8;
+        match self.compared[usize::from(truth)] {
+            true => usize::from(truth != self.prediction.get(point) as u8),
+            false => 2,
+        }
+    }
 }
 
 fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
@@ -47,13 +79,9 @@ impl<'a> Paint<'a> {
             ColourBy::Dimension(name) => Ok(Self::on_ramp(name.clone(), Some(column(cloud, name)?), cloud, params)),
             ColourBy::Segments(name) => Self::segments(column(cloud, name)?, monitor),
             ColourBy::Colour => Self::own(cloud, monitor),
-            ColourBy::Agreement { truth, prediction } => {
-                let (truth, prediction) = (column(cloud, truth)?, column(cloud, prediction)?);
-                let mut wrong = 0;
-                for points in watched(cloud.len(), monitor) {
-                    wrong += points?.filter(|&i| truth.get(i) as u8 != prediction.get(i) as u8).count() as u64;
-                }
-                Ok(Self::Agreement { truth, prediction, wrong, points: cloud.len() as u64 })
+            ColourBy::Agreement { truth, prediction, classes } => {
+                let columns = (column(cloud, truth)?, column(cloud, prediction)?);
+                Ok(Self::Agreement(Agreement::new(columns, classes, monitor)?))
             }
         }
     }
@@ -120,10 +148,7 @@ impl<'a> Paint<'a> {
             }
             Self::Segments { values, .. } => segment_colour(values.get(i) as u32).map(f32::from),
             Self::Own { channels, factor } => channels.map(|v| (v.get(i) * factor) as f32),
-            Self::Agreement { truth, prediction, .. } => {
-                let right = truth.get(i) as u8 == prediction.get(i) as u8;
-                (if right { RIGHT } else { WRONG }).map(f32::from)
-            }
+            Self::Agreement(compared) => [RIGHT, WRONG, APART][compared.kind(i)].map(f32::from),
         }
     }
 
@@ -140,10 +165,13 @@ impl<'a> Paint<'a> {
             Self::Segments { count, .. } => {
                 vec![(segment_colour(1), format!("{count} segments"), String::new())]
             }
-            Self::Agreement { wrong, points, .. } => vec![
-                (RIGHT, "as in the truth".into(), percent(points - wrong, *points)),
-                (WRONG, "different".into(), percent(*wrong, *points)),
-            ],
+            Self::Agreement(Agreement { counts: [right, wrong, apart], .. }) => {
+                let share = |n: u64| percent(n, right + wrong);
+                let mut lines =
+                    vec![(RIGHT, "as in the truth".into(), share(*right)), (WRONG, "different".into(), share(*wrong))];
+                lines.extend((*apart > 0).then(|| (APART, "not compared".into(), String::new())));
+                lines
+            }
             _ => Vec::new(),
         }
     }

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
 from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
+from scansion._settings import whole
 
 
 def render(
@@ -27,6 +29,8 @@ def render(
     legend: bool = True,
     title: str | None = None,
     value_range: tuple[float, float] | None = None,
+    truth: ArrayLike | None = None,
+    classes: Iterable[int] = (),
     n_jobs: int | None = None,
 ) -> NDArray[np.uint8]:
     """Draws a cloud from above or at a slant.
@@ -51,6 +55,10 @@ def render(
     title : str, optional
     value_range : (float, float), optional
         Ends of the colour bar; the 2nd and 98th percentile by default.
+    truth : array_like of shape (n,), optional
+        True class codes 0..255: the colours then tell where the cloud's classes differ from them.
+    classes : iterable of int
+        Compare only points whose true class is one of these; all by default.
     n_jobs : int, optional
         Threads; None and -1 take all.
 
@@ -69,6 +77,20 @@ def render(
         "legend": legend,
         "title": title,
         "range": value_range,
+        "classes": [whole(code, "classes", 0) for code in classes],
     }
     target = None if path is None else os.fspath(path)
-    return _core.render(as_cloud(cloud)._core, to_json(settings), target, n_jobs)
+    points = as_cloud(cloud)
+    codes = None if truth is None else _codes(truth, len(points))
+    return _core.render(points._core, to_json(settings), target, codes, n_jobs)
+
+
+def _codes(truth: ArrayLike, points: int) -> NDArray[np.uint8]:
+    codes = np.asarray(truth)
+    if codes.shape != (points,) or codes.dtype.kind not in "iub":
+        raise ValueError(
+            f"truth: found shape {codes.shape} of {codes.dtype}, expected {points} whole numbers"
+        )
+    if codes.size and not 0 <= codes.min() <= codes.max() <= 255:
+        raise ValueError(f"truth: found {codes.min()}..{codes.max()}, expected class codes 0..255")
+    return codes.astype(np.uint8)
