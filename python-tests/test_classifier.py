@@ -126,7 +126,7 @@ def test_pictures_have_the_asked_size(labelled, tmp_path):
     same = scansion.render(labelled, truth=codes, **plain)
     other = scansion.render(labelled, truth=np.where(codes == 2, 9, codes), **plain)
     apart = scansion.render(labelled, truth=np.where(codes == 2, 9, codes), classes=[5, 6], **plain)
-    red = [int((p[..., 0].astype(int) > p[..., 1] + 100).sum()) for p in (same, other, apart)]
+    red = [int((p[..., 0] > 100 + p[..., 1].astype(int)).sum()) for p in (same, other, apart)]
     assert red[0] == red[2] == 0 < red[1]
     with pytest.raises(ValueError, match="truth"):
         scansion.render(labelled, truth=codes[1:])

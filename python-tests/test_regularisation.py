@@ -117,18 +117,25 @@ def squares(side=48, field=12):
 @pytest.mark.parametrize("method", ["cut-pursuit", "merge"])
 def test_partitions_are_found_by_what_they_are_for(method):
     values, xyz, number = squares()
-    edges = grid(48)
+    few = np.where(np.arange(number.size) % 7 == 0, number % 5, -1)
     aims = {
         "segments_per_hectare": (16 / 0.2304, {"xyz": xyz}),
         "smallest_object": (10.0, {"xyz": xyz}),
         "smallest_object_points": (100.0, {}),
-        "oracle_loss": (0.0, {"labels": np.where(np.arange(number.size) % 7 == 0, number % 5, -1)}),
+        "oracle_loss": (0.0, {"labels": few}),
     }
+    counts = {}
     for name, (value, known) in aims.items():
         params = segmentation.PartitionParams(**{name: value}, method=method)
-        found = segmentation.partition(values, edges, params, **known)
-        assert 10 <= np.unique(found.labels).size <= 16, name
+        found = segmentation.partition(values, grid(48), params, **known)
         assert found.strength in [t["strength"] for t in found.trials]
+        sizes = np.bincount(found.labels)
+        assert sizes[sizes < 100].sum() <= 0.05 * number.size, name
+        counts[name] = sizes.size
+    assert counts["segments_per_hectare"] == 16 and counts["smallest_object"] >= 16
+    named = [np.unique(few[(found.labels == s) & (few >= 0)]).size for s in range(found.labels.max() + 1)]
+    assert max(named) == 1 and counts["oracle_loss"] <= 16
+    edges = grid(48)
     given = segmentation.PartitionParams(strength=found.strength, method=method)
     again = segmentation.partition(values, edges, given)
     assert (again.labels == found.labels).all() and len(again.trials) == 1

@@ -47,7 +47,7 @@ def test_segments_keep_to_the_labels_in_them():
     right = {}
     for hold in (True, False):
         model = WeakClassifier(
-            {"labels.hold": hold, "labels.fit_partition": False, "regularise.partition.intent.strength": 300.0},
+            {"labels.hold": hold, "labels.fit_partition": False, "regularise.partition.intent.strength": 10.0},
             random_state=0,
         ).fit(xyz, picked)
         assert ("places = []" in model.recipe_) != hold
