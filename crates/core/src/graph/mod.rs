@@ -112,6 +112,22 @@ impl Graph {
         Ok(Self { weights, ..self })
     }
 
+    /// Forgets the edges that are not `kept`, and gives their memory back. O(m).
+    pub fn retain(&mut self, kept: impl Fn([u32; 2]) -> bool) {
+        let mut left = 0;
+        for edge in 0..self.edges.len() {
+            if kept(self.edges[edge]) {
+                self.edges[left] = self.edges[edge];
+                self.weights[left] = self.weights[edge];
+                left += 1;
+            }
+        }
+        self.edges.truncate(left);
+        self.weights.truncate(left);
+        self.edges.shrink_to_fit();
+        self.weights.shrink_to_fit();
+    }
+
     /// The graph of some nodes, ascending, of which `nodes[i]` becomes node i, with the edges between them that are `kept`.
     /// O(n + m); nothing but the result and 4 bytes a node is held.
     ///
@@ -206,6 +222,16 @@ mod tests {
         assert_eq!(graph.induced(&[0, 1, 2, 3, 4], |_| true).unwrap(), graph);
         assert!(graph.induced(&[], |_| true).unwrap().is_empty());
         assert!(graph.induced(&[1, 1], |_| true).is_err() && graph.induced(&[1, 5], |_| true).is_err());
+    }
+
+    #[test]
+    fn edges_that_are_not_kept_are_forgotten() {
+        let graph = Graph::new(4, &[[0, 1], [1, 2], [2, 3]], &[1.0, 2.0, 3.0]).unwrap();
+        let mut found = graph.clone();
+        found.retain(|_| true);
+        assert_eq!(found, graph);
+        found.retain(|ends| ends != [1, 2]);
+        assert_eq!(found, Graph::new(4, &[[0, 1], [2, 3]], &[1.0, 3.0]).unwrap());
     }
 
     #[test]

@@ -163,7 +163,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The same, ready for [`Scene::recut`].
+    /// The same with the graph of the points, for [`Scene::recut`].
     pub(super) fn to_be_recut(
         points: &Points,
         descriptors: Option<&FeatureTable>,
@@ -188,6 +188,18 @@ impl Scene {
             scene.segments = Some(Segments::new(found, &scene.graph)?);
         }
         Ok(scene)
+    }
+
+    /// Forgets what is not needed to cut segments that hold one of these points: edges inside the others.
+    pub(super) fn only_recut_at(&mut self, points: impl Iterator<Item = u32>) {
+        let Some(segments) = &self.segments else { return };
+        let of = segments.of_points();
+        let mut held = vec![false; segments.len()];
+        points.for_each(|point| held[of[point as usize] as usize] = true);
+        self.graph.retain(|[a, b]| {
+            let [s, t] = [of[a as usize], of[b as usize]];
+            s != t || held[s as usize]
+        });
     }
 
     /// Cuts some segments anew, with a `finer` part (0..1) of the strength that they all were cut with.

@@ -24,6 +24,16 @@ impl Segments {
         Ok(Self { partition: found.partition, graph, strength: found.strength })
     }
 
+    /// Number of segments.
+    pub(super) fn len(&self) -> usize {
+        self.partition.len()
+    }
+
+    /// Segment of each point.
+    pub(super) fn of_points(&self) -> &[u32] {
+        self.partition.segments()
+    }
+
     /// Cuts some of them anew, with a `finer` part of the strength.
     pub(super) fn recut(
         &mut self,
