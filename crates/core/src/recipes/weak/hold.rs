@@ -41,7 +41,10 @@ impl WeakLabels {
         classes: &ClassTable,
         monitor: &Monitor,
     ) -> Result<Vec<(u32, u16)>> {
-        let Some((low, high)) = cloud.bounds().filter(|_| self.hold) else { return Ok(Vec::new()) };
+        if !self.hold || self.places.is_empty() {
+            return Ok(Vec::new());
+        }
+        let Some((low, high)) = cloud.bounds_watched(monitor)? else { return Ok(Vec::new()) };
         let rim = SAME / metres;
         let inside = |place: &[f64; 3]| (0..3).all(|a| (low[a] - rim..=high[a] + rim).contains(&place[a]));
         let places: Vec<&([f64; 3], u8)> = self.places.iter().filter(|(place, _)| inside(place)).collect();

@@ -278,8 +278,7 @@ pub(in crate::recipes) fn classify_weak(
     let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
     let local = describe::local(&points, recipe, monitor)?;
     // First what needs most memory, while little else is held.
-    let build = if labels.is_empty() { Scene::new } else { Scene::to_be_recut };
-    let mut scene = build(&points, Some(&local), params, monitor)?;
+    let mut scene = Scene::to_be_recut(&points, Some(&local), params, monitor)?;
     scene.only_recut_at(labels.iter().map(|(point, _)| *point));
     let six = describe::six(cloud, &points, local, recipe, monitor)?;
     let more = describe::more(recipe, metres);
