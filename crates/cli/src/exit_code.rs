@@ -16,6 +16,8 @@ pub enum ExitCode {
     Partly = 3,
     /// An input is malformed, unsupported or does not fit the model.
     BadInput = 4,
+    /// Ended by SIGHUP: the terminal was closed.
+    HungUp = 129,
     /// Interrupted by Ctrl-C (SIGINT).
     Interrupted = 130,
     /// Ended by SIGTERM.

@@ -20,7 +20,7 @@ mod train_weak;
 
 use crate::args::{Args, Command};
 use crate::exit_code::Failure;
-use crate::interrupt;
+use crate::interrupt::Interruptible;
 use crate::printer::Printer;
 use crate::progress::Progress;
 use crate::threads;
@@ -65,7 +65,8 @@ impl Context<'_> {
 
 /// Runs the command in a pool of the asked size, with progress and Ctrl-C.
 pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
-    let context = Context { printer, monitor: interrupt::monitor() };
+    let running = Interruptible::begin();
+    let context = Context { printer, monitor: running.monitor() };
     let _progress = Progress::watch(&context.monitor, &args.global);
     threads::with_pool(args.global.threads, || match &args.command {
         Command::Demo(demo) => demo::run(demo, &context),

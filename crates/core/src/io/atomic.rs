@@ -2,6 +2,7 @@
 //!
 //! Until the rename the old file stays as it is; whatever fails before it leaves no trace.
 
+use super::partials::Partial;
 use crate::error::{Error, Result};
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -83,7 +84,7 @@ pub(crate) mod fail {
 #[derive(Debug)]
 pub struct AtomicFile {
     target: PathBuf,
-    partial: PathBuf,
+    partial: Partial,
     writer: Option<BufWriter<Storage>>,
 }
 
@@ -126,14 +127,14 @@ impl AtomicFile {
         }
         Ok(Self {
             target: target.to_path_buf(),
-            partial,
+            partial: Partial::new(partial)?,
             writer: Some(BufWriter::with_capacity(1 << 20, Storage(file))),
         })
     }
 
     /// The name under which the file is written now, for checks before [`AtomicFile::finish`].
     pub fn partial(&self) -> &Path {
-        &self.partial
+        self.partial.path()
     }
 
     /// The name that the file will have.
@@ -168,11 +169,10 @@ impl AtomicFile {
             step().and_then(|()| writer.get_ref().0.sync_all()).map_err(|e| Error::io(&self.target, e))?;
         }
         self.writer = None;
-        step().and_then(|()| std::fs::rename(&self.partial, &self.target)).map_err(|e| Error::io(&self.target, e))?;
+        step().and_then(|()| self.partial.rename(&self.target)).map_err(|e| Error::io(&self.target, e))?;
         let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // Some file systems cannot sync a folder; the file itself is safe by now.
         let _ = step().and_then(|()| File::open(folder)).and_then(|f| f.sync_all());
-        self.partial = PathBuf::new();
         Ok(())
     }
 }
@@ -187,12 +187,9 @@ fn explain(error: std::io::Error) -> std::io::Error {
 
 impl Drop for AtomicFile {
     fn drop(&mut self) {
-        if !self.partial.as_os_str().is_empty() {
-            // Taken apart, not dropped: dropping a buffered writer would write once more.
-            if let Some(writer) = self.writer.take() {
-                let _ = writer.into_parts();
-            }
-            let _ = std::fs::remove_file(&self.partial);
+        // Taken apart, not dropped: dropping a buffered writer would write once more. The partial file removes itself.
+        if let Some(writer) = self.writer.take() {
+            let _ = writer.into_parts();
         }
     }
 }

@@ -16,6 +16,7 @@ mod npz;
 mod number;
 mod options;
 mod packed;
+mod partials;
 mod pcd;
 mod ply;
 mod print;
@@ -35,6 +36,7 @@ pub use convert::{ConvertParams, convert};
 pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
 pub use las::PointReader;
 pub use merge::merge;
+pub use partials::abandon_outputs;
 
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
