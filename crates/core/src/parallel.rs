@@ -30,7 +30,12 @@ impl Monitor {
 
     /// Fails once the work was cancelled. Call it at least every few milliseconds of work.
     pub fn check(&self) -> Result<()> {
-        if self.0.cancelled.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+        if self.is_cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// Whether the work was cancelled: for places that cannot return an error.
+    pub fn is_cancelled(&self) -> bool {
+        self.0.cancelled.load(Ordering::Relaxed)
     }
 
     /// Begins a stage of `total` items (points, trees).
@@ -62,6 +67,15 @@ const PIECE: usize = 65_536;
 /// For serial loops over many items, each of some nanoseconds.
 pub fn watched(len: usize, monitor: &Monitor) -> impl Iterator<Item = Result<std::ops::Range<usize>>> + '_ {
     (0..len).step_by(PIECE).map(move |at| monitor.check().map(|()| at..at.saturating_add(PIECE).min(len)))
+}
+
+/// Sorts in parallel, unstably. Once the work is cancelled all items compare as equal, so that the sort ends at once.
+///
+/// # Errors
+/// If the work was cancelled: the order of the items is then of no use.
+pub fn sort_watched<T: Ord + Send>(items: &mut [T], monitor: &Monitor) -> Result<()> {
+    items.par_sort_unstable_by(|a, b| if monitor.is_cancelled() { std::cmp::Ordering::Equal } else { a.cmp(b) });
+    monitor.check()
 }
 
 /// Maps `0..count` in parallel; results in order; stops early when cancelled or at the first error in order.
@@ -124,6 +138,55 @@ mod tests {
         let seen = watched(5 * PIECE, &monitor).inspect(|_| monitor.cancel()).take_while(Result::is_ok).count();
         assert_eq!(seen, 1);
     }
+
+    #[test]
+    fn a_sort_is_that_of_the_standard_library_and_ends_when_it_is_cancelled() {
+        let scrambled = || (0..300_000u64).map(|i| i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40).collect::<Vec<_>>();
+        let (mut items, mut expected) = (scrambled(), scrambled());
+        sort_watched(&mut items, &Monitor::default()).unwrap();
+        expected.sort_unstable();
+        assert_eq!(items, expected);
+        // Cancelled from within, at many moments of the sort.
+        for moment in [1, 1000, 100_000, 1_000_000] {
+            let monitor = Monitor::default();
+            let compared = AtomicU64::new(0);
+            let mut items: Vec<Counted<'_>> =
+                scrambled().into_iter().map(|v| Counted(v, &compared, &monitor, moment)).collect();
+            assert!(sort_watched(&mut items, &monitor).is_err());
+            let values: Vec<u64> = items.iter().map(|item| item.0).collect();
+            assert!(compared.into_inner() < moment + 100, "no comparison after the end");
+            let mut left = values;
+            left.sort_unstable();
+            assert_eq!(left, expected, "nothing is lost");
+        }
+    }
+
+    /// Cancels the work at the given comparison.
+    #[derive(Debug)]
+    struct Counted<'a>(u64, &'a AtomicU64, &'a Monitor, u64);
+
+    impl Ord for Counted<'_> {
+        fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+            if self.1.fetch_add(1, Ordering::Relaxed) + 1 >= self.3 {
+                self.2.cancel();
+            }
+            self.0.cmp(&other.0)
+        }
+    }
+
+    impl PartialOrd for Counted<'_> {
+        fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+            Some(self.cmp(other))
+        }
+    }
+
+    impl PartialEq for Counted<'_> {
+        fn eq(&self, other: &Self) -> bool {
+            self.0 == other.0
+        }
+    }
+
+    impl Eq for Counted<'_> {}
 
     #[test]
     fn cancelled_work_returns_interrupted() {

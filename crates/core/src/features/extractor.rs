@@ -45,7 +45,7 @@ impl<'a> Plan<'a> {
         let points = Points::from_cloud(cloud, set.metres(cloud));
         let first_scale = match set.pyramid.first_scale {
             Some(scale) => scale,
-            None => scale_of(spacing(&points)?),
+            None => scale_of(spacing(&points, monitor)?),
         };
         let all = set.names(first_scale);
         let names = match wanted {
@@ -61,7 +61,7 @@ impl<'a> Plan<'a> {
             let expected = "a wider column, or a larger first scale: the columns of this extent are too many";
             return Err(Error::parameter("column_radius", set.pyramid.column_radius, expected));
         }
-        let points = sorted(points, &grid);
+        let points = sorted(points, &grid, monitor)?;
         Ok((Self { set: set.clone(), first_scale, names, slots, own }, grid, points))
     }
 
@@ -112,7 +112,7 @@ impl<'a> Extractor<'a> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
-        let stages = plan.stages(0, build_levels(&points, &grid, set.pyramid.levels), None, monitor)?;
+        let stages = plan.stages(0, build_levels(&points, &grid, set.pyramid.levels, monitor)?, None, monitor)?;
         let queries = match at {
             Some(at) => subset(points, at, cloud.len())?,
             None => points,

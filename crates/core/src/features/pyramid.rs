@@ -321,9 +321,9 @@ mod tests {
         let rows: Vec<[f64; 3]> = (0..2000).map(|_| [s.uniform() * 20.0, s.uniform() * 20.0, s.uniform()]).collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.2).unwrap();
-        let points = sorted(points, &grid);
+        let points = sorted(points, &grid, &Monitor::default()).unwrap();
         let params = PyramidParams::default();
-        for level in build_levels(&points, &grid, 5) {
+        for level in build_levels(&points, &grid, 5, &Monitor::default()).unwrap() {
             let stage = Stage::new((level, None), std::array::from_fn(|f| f), &params, &Monitor::default()).unwrap();
             let with = |vectors: bool| {
                 let mut out = vec![0.0; points.len() * PER_LEVEL];

@@ -3,6 +3,7 @@
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::{Grid, Search, build_levels, sorted};
+use crate::parallel::Monitor;
 
 /// Points whose neighbours are looked at.
 const SAMPLES: usize = 10_000;
@@ -12,11 +13,14 @@ const NEIGHBOUR: usize = 4;
 /// Median distance, in metres, to the fourth nearest other place; 0 if all points stand in fewer than five places.
 ///
 /// O(n log n).
-pub fn spacing(points: &Points) -> Result<f64> {
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn spacing(points: &Points, monitor: &Monitor) -> Result<f64> {
     let far = [&points.x, &points.y, &points.z].into_iter().flatten().fold(0.0f32, |m, &v| m.max(v));
     let grid = Grid::new(points, f64::from(far).max(1e-3) / f64::from(1u32 << 20))?;
-    let points = sorted(points.clone(), &grid);
-    let levels = build_levels(&points, &grid, 1);
+    let points = sorted(points.clone(), &grid, monitor)?;
+    let levels = build_levels(&points, &grid, 1, monitor)?;
     let (Some(level), true) = (levels.first(), points.len() > NEIGHBOUR) else { return Ok(0.0) };
     let mut search = Search::default();
     let mut found = [0; NEIGHBOUR + 1];
@@ -50,10 +54,10 @@ mod tests {
     fn the_spacing_of_a_lattice_is_its_step() {
         let rows: Vec<[f64; 3]> = (0..2500).map(|i| [f64::from(i % 50) * 0.3, f64::from(i / 50) * 0.3, 2.0]).collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
-        let found = spacing(&points).unwrap();
+        let found = spacing(&points, &Monitor::default()).unwrap();
         assert!((found - 0.3).abs() < 1e-4, "{found}");
         assert!((scale_of(found) - 0.4).abs() < 1e-12);
         let one = Points::from_cloud(&Cloud::from_rows(&[[5.0; 3]; 9]).unwrap(), 1.0);
-        assert_eq!(scale_of(spacing(&one).unwrap()), 0.025);
+        assert_eq!(scale_of(spacing(&one, &Monitor::default()).unwrap()), 0.025);
     }
 }

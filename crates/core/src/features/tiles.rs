@@ -52,7 +52,7 @@ impl<'a> Tiles<'a> {
     ) -> Result<Self> {
         let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
         let most = if points.len() <= part { usize::MAX } else { points.len() / COARSE_SHARE };
-        let (fine, levels) = coarse_levels(&points, &grid, (set.pyramid.levels, most));
+        let (fine, levels) = coarse_levels(&points, &grid, (set.pyramid.levels, most), monitor)?;
         let coarse = plan.stages(fine, levels, None, monitor)?;
         let mut parts = Vec::new();
         divide(&points, &grid, (0..points.len(), 63), part, &mut parts);
@@ -91,7 +91,7 @@ impl<'a> Tiles<'a> {
             let margin = MARGIN.max(columns).saturating_mul(4u32.saturating_pow(attempt));
             let (region, held) = Region::around(&self.points, &self.grid, places, (self.fine - 1, margin));
             let held = pick(&self.points, &held);
-            stages = self.plan.stages(0, build_levels(&held, &self.grid, self.fine), region, monitor)?;
+            stages = self.plan.stages(0, build_levels(&held, &self.grid, self.fine, monitor)?, region, monitor)?;
         }
         stages.extend(self.coarse.iter().cloned());
         Ok(Extractor::from_parts(self.plan.clone(), stages, pick(&self.points, places)))

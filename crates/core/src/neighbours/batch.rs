@@ -231,6 +231,7 @@ mod tests {
     use super::*;
     use crate::cloud::{Cloud, Points};
     use crate::neighbours::{Grid, build_levels, sorted};
+    use crate::parallel::Monitor;
     use crate::random::stream;
     use pulp::{Arch, WithSimd};
 
@@ -248,8 +249,8 @@ mod tests {
     fn check(rows: &[[f64; 3]], size: f64, k: usize) {
         let points = Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
         let grid = Grid::new(&points, size).unwrap();
-        let points = sorted(points, &grid);
-        for level in build_levels(&points, &grid, 4) {
+        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        for level in build_levels(&points, &grid, 4, &Monitor::default()).unwrap() {
             let (mut search, mut scalar) = (Search::default(), Search::default());
             for first in (0..points.len()).step_by(LANES * points.len().div_ceil(600)) {
                 let lanes = LANES.min(points.len() - first);

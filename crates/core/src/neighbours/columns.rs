@@ -125,6 +125,7 @@ mod tests {
     use super::*;
     use crate::cloud::Cloud;
     use crate::neighbours::{build_levels, sorted};
+    use crate::parallel::Monitor;
     use crate::random::stream;
 
     #[test]
@@ -134,8 +135,8 @@ mod tests {
             (0..3000).map(|_| [s.uniform() * 30.0, s.uniform() * 20.0, s.uniform() * 9.0]).collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.5).unwrap();
-        let points = sorted(points, &grid);
-        for level in build_levels(&points, &grid, 4) {
+        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        for level in build_levels(&points, &grid, 4, &Monitor::default()).unwrap() {
             for radius in [level.size, 1.7 * level.size] {
                 let columns = Columns::new(&level, radius);
                 let mut search = ColumnSearch::default();

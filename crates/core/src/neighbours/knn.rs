@@ -6,7 +6,7 @@ use super::knn_tree::{Tree, check};
 use super::nearest::Neighbours;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::{Monitor, map_ordered_with, watched};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -36,11 +36,14 @@ const QUERIES: usize = 512;
 /// ```
 pub fn knn(points: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
     let k = k.min(points.len().saturating_sub(1));
-    let tree = Tree::new(points, k)?;
+    let tree = Tree::new(points, k, monitor)?;
     let mut index = room(points.len(), k)?;
     let mut squared_distance = room(points.len(), k)?;
-    index.resize(points.len() * k, 0u32);
-    squared_distance.resize(points.len() * k, 0f32);
+    for piece in watched(points.len() * k, monitor) {
+        let end = piece?.end;
+        index.resize(end, 0u32);
+        squared_distance.resize(end, 0f32);
+    }
     if k > 0 {
         monitor.stage("neighbours", points.len() as u64);
         blocks(
@@ -70,7 +73,7 @@ pub fn knn(points: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
 /// If a coordinate is not finite, the answer does not fit into memory, or the work was cancelled.
 pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
     let k = k.min(points.len());
-    let tree = Tree::new(points, k)?;
+    let tree = Tree::new(points, k, monitor)?;
     check(queries)?;
     let mut index = room(queries.len(), k)?;
     let mut squared_distance = room(queries.len(), k)?;

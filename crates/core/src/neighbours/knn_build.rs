@@ -5,6 +5,7 @@
 //! points in one place only the first few are kept: no other can be among the k nearest of anything.
 
 use super::knn_lanes::LANES;
+use crate::parallel::Monitor;
 
 /// Below this many points a subtree is built by one thread.
 const ALONE: usize = 20_000;
@@ -66,8 +67,12 @@ pub(super) struct Node {
 }
 
 /// Orders the items leaf by leaf and returns the nodes in depth-first order. Of items in one place `kept` can be neighbours.
-pub(super) fn build(items: &mut [Item], kept: usize) -> Vec<Node> {
+/// Once the work is cancelled the nodes are of no use.
+pub(super) fn build(items: &mut [Item], kept: usize, monitor: &Monitor) -> Vec<Node> {
     let mut nodes = Vec::new();
+    if monitor.is_cancelled() {
+        return nodes;
+    }
     if items.len() < ALONE {
         if !items.is_empty() {
             build_alone(items, kept, &mut nodes);
@@ -80,7 +85,7 @@ pub(super) fn build(items: &mut [Item], kept: usize) -> Vec<Node> {
         return nodes;
     }
     let (left, right) = halve(items, &bounds);
-    let (left, right) = rayon::join(|| build(left, kept), || build(right, kept));
+    let (left, right) = rayon::join(|| build(left, kept, monitor), || build(right, kept, monitor));
     nodes.push(Node { bounds, count: 0, skip: 1 + left.len() as u32 });
     nodes.extend(left);
     nodes.extend(right);

@@ -7,6 +7,7 @@ use super::knn_build::{Bounds, Item, Node, build};
 use super::knn_lanes::{LANES, larger};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, watched};
 
 /// The points of a leaf that can be neighbours, axis by axis; behind them places that are not numbers.
 #[derive(Clone, Debug)]
@@ -53,18 +54,21 @@ impl Tree {
     /// A tree that finds up to `k` neighbours of its points. O(n log n).
     ///
     /// # Errors
-    /// If a coordinate is not finite.
-    pub(super) fn new(points: &Points, k: usize) -> Result<Self> {
+    /// If a coordinate is not finite, or the work was cancelled.
+    pub(super) fn new(points: &Points, k: usize, monitor: &Monitor) -> Result<Self> {
         check(points)?;
         let axes = points.x.iter().zip(&points.y).zip(&points.z).enumerate();
         let mut items: Vec<Item> = axes.map(|(i, ((&x, &y), &z))| Item { place: [x, y, z], index: i as u32 }).collect();
-        let nodes = build(&mut items, k.saturating_add(1));
+        let nodes = build(&mut items, k.saturating_add(1), monitor);
+        monitor.check()?;
         let mut tree = Self { index: items.iter().map(|i| i.index).collect(), ..Self::default() };
         let mut first = 0;
-        for node in nodes.iter().filter(|n| n.count > 0) {
-            tree.leaves.push(Leaf { bounds: node.bounds, first, count: node.count });
-            tree.chunks.push(Chunk::of(&items[first as usize..(first + node.count) as usize]));
-            first += node.skip;
+        for piece in watched(nodes.len(), monitor) {
+            for node in nodes[piece?].iter().filter(|n| n.count > 0) {
+                tree.leaves.push(Leaf { bounds: node.bounds, first, count: node.count });
+                tree.chunks.push(Chunk::of(&items[first as usize..(first + node.count) as usize]));
+                first += node.skip;
+            }
         }
         if !nodes.is_empty() {
             let leaves = leaves_below(&nodes);

@@ -6,6 +6,8 @@
 use super::blocks::Blocks;
 use super::order::Grid;
 use crate::cloud::Points;
+use crate::error::Result;
+use crate::parallel::Monitor;
 
 /// Occupied cells of the search grid hold at least this many points on average: fewer, and many queries need a wider search.
 const POINTS_PER_CELL: usize = 5;
@@ -48,6 +50,9 @@ impl Level {
     }
 }
 
+/// Points between two looks at the monitor.
+const LOOK: usize = 65_536;
+
 /// Codes and counts of a level's voxels, while the pyramid is built.
 #[derive(Default)]
 struct Voxels {
@@ -57,10 +62,13 @@ struct Voxels {
 
 impl Voxels {
     /// Unites neighbours in the order that have one code; returns the voxels and their means.
-    fn unite(points: impl Iterator<Item = (u64, [f32; 3], u32)>) -> (Self, [Vec<f32>; 3]) {
+    fn unite(points: impl Iterator<Item = (u64, [f32; 3], u32)>, monitor: &Monitor) -> Result<(Self, [Vec<f32>; 3])> {
         let (mut voxels, mut means) = (Self::default(), [Vec::new(), Vec::new(), Vec::new()]);
         let mut sum = [0.0f64; 3];
-        for (code, place, count) in points {
+        for (i, (code, place, count)) in points.enumerate() {
+            if i % LOOK == 0 {
+                monitor.check()?;
+            }
             if voxels.codes.last() != Some(&code) {
                 voxels.close(&mut sum, &mut means);
                 voxels.codes.push(code);
@@ -72,7 +80,7 @@ impl Voxels {
             }
         }
         voxels.close(&mut sum, &mut means);
-        (voxels, means)
+        Ok((voxels, means))
     }
 
     /// Writes the mean of the last voxel.
@@ -107,29 +115,40 @@ impl Voxels {
 }
 
 /// Levels 0..count of points that stand in the grid's Morton order. O(n) time a level.
-pub fn build_levels(points: &Points, grid: &Grid, count: usize) -> Vec<Level> {
-    coarse_levels(points, grid, (count, usize::MAX)).1
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn build_levels(points: &Points, grid: &Grid, count: usize, monitor: &Monitor) -> Result<Vec<Level>> {
+    Ok(coarse_levels(points, grid, (count, usize::MAX), monitor)?.1)
 }
 
 /// As [`build_levels`], without the finest levels while they have more than `most` points; also returns how many these are.
-pub fn coarse_levels(points: &Points, grid: &Grid, (count, most): (usize, usize)) -> (usize, Vec<Level>) {
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn coarse_levels(
+    points: &Points,
+    grid: &Grid,
+    (count, most): (usize, usize),
+    monitor: &Monitor,
+) -> Result<(usize, Vec<Level>)> {
     let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
     let finest = (0..points.len()).map(|i| (grid.code(points.x[i], points.y[i], points.z[i]), place(i), 1));
-    let (mut voxels, mut means) = Voxels::unite(finest);
+    let (mut voxels, mut means) = Voxels::unite(finest, monitor)?;
     let (mut fine, mut levels) = (0, Vec::<Level>::new());
     for l in 0..count {
         if l > 0 {
             let [x, y, z] =
                 levels.last().map_or([&means[0], &means[1], &means[2]], |level| [&level.x, &level.y, &level.z]);
             let pairs = voxels.codes.iter().zip(&voxels.counts).enumerate();
-            (voxels, means) = Voxels::unite(pairs.map(|(i, (code, &n))| (code >> 3, [x[i], y[i], z[i]], n)));
+            (voxels, means) = Voxels::unite(pairs.map(|(i, (code, &n))| (code >> 3, [x[i], y[i], z[i]], n)), monitor)?;
         }
         match levels.is_empty() && voxels.codes.len() > most {
             true => fine = l + 1,
             false => levels.push(voxels.level(grid.size * f64::from(1u32 << l), std::mem::take(&mut means))),
         }
     }
-    (fine, levels)
+    Ok((fine, levels))
 }
 
 #[cfg(test)]
@@ -146,8 +165,8 @@ mod tests {
             .collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.1).unwrap();
-        let points = sorted(points, &grid);
-        for (l, level) in build_levels(&points, &grid, 6).iter().enumerate() {
+        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        for (l, level) in build_levels(&points, &grid, 6, &Monitor::default()).unwrap().iter().enumerate() {
             let mut voxels: BTreeMap<[i64; 3], (f64, [f64; 3])> = BTreeMap::new();
             for i in 0..points.len() {
                 let p = [points.x[i], points.y[i], points.z[i]].map(f64::from);

@@ -90,7 +90,7 @@ pub fn map_optimal<T: Copy + Default + Send>(
 ) -> Result<Vec<T>> {
     params.validate()?;
     let k = params.k_max.min(points.len().saturating_sub(1));
-    let tree = Tree::new(points, k)?;
+    let tree = Tree::new(points, k, monitor)?;
     let wanted = params.wanted(k);
     let mut all = vec![T::default(); points.len()];
     monitor.stage("optimal neighbourhoods", points.len() as u64);

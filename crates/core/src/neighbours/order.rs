@@ -2,6 +2,7 @@
 
 use crate::cloud::{Points, morton};
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, sort_watched};
 use rayon::prelude::*;
 
 /// The voxel grid of the finest level. Cells of level l are cells of this grid with indices shifted right by l.
@@ -46,15 +47,18 @@ impl Grid {
 }
 
 /// The points in ascending order of (Morton code, index). O(n log n) time, 16 bytes a point for a while.
-pub fn sorted(points: Points, grid: &Grid) -> Points {
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn sorted(points: Points, grid: &Grid, monitor: &Monitor) -> Result<Points> {
     let key = |i: usize| (grid.code(points.x[i], points.y[i], points.z[i]), i as u32);
     let mut order: Vec<(u64, u32)> = (0..points.len()).into_par_iter().map(key).collect();
-    order.par_sort_unstable();
+    sort_watched(&mut order, monitor)?;
     let Points { x, y, z, index, origin } = points;
     // Each old axis goes as soon as the new one stands.
     let pick = |axis: Vec<f32>| order.par_iter().map(|&(_, i)| axis[i as usize]).collect();
     let (x, y, z) = (pick(x), pick(y), pick(z));
-    Points { x, y, z, index: order.par_iter().map(|&(_, i)| index[i as usize]).collect(), origin }
+    Ok(Points { x, y, z, index: order.par_iter().map(|&(_, i)| index[i as usize]).collect(), origin })
 }
 
 #[cfg(test)]
@@ -69,7 +73,7 @@ mod tests {
             .collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.25).unwrap();
-        let sorted = sorted(points.clone(), &grid);
+        let sorted = sorted(points.clone(), &grid, &Monitor::default()).unwrap();
         for level in 0..5 {
             let codes: Vec<u64> =
                 (0..sorted.len()).map(|i| grid.code(sorted.x[i], sorted.y[i], sorted.z[i]) >> (3 * level)).collect();

@@ -275,14 +275,15 @@ mod tests {
     use super::*;
     use crate::cloud::{Cloud, Points};
     use crate::neighbours::{Grid, build_levels, sorted};
+    use crate::parallel::Monitor;
     use crate::random::stream;
 
     /// Every point of every level and points between them, against brute force; ties by index.
     fn check(rows: &[[f64; 3]], size: f64, k: usize) {
         let points = Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
         let grid = Grid::new(&points, size).unwrap();
-        let points = sorted(points, &grid);
-        for level in build_levels(&points, &grid, 4) {
+        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        for level in build_levels(&points, &grid, 4, &Monitor::default()).unwrap() {
             let mut search = Search::default();
             for i in (0..points.len()).step_by(points.len().div_ceil(300)) {
                 let at = [points.x[i], points.y[i], points.z[i]];

@@ -4,7 +4,7 @@ use super::{Moments, OctreeParams, eigenvalues};
 use crate::cloud::{Points, morton};
 use crate::csr::Csr;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::{Monitor, map_ordered, sort_watched};
 use crate::segmentation::Partition;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -122,7 +122,7 @@ pub fn octree(points: &Points, params: &OctreeParams, monitor: &Monitor) -> Resu
     let code = |i: usize| morton::encode(root.cell([points.x[i], points.y[i], points.z[i]], deepest));
     let mut keys: Vec<(u64, u32)> = (0..points.len()).into_par_iter().map(|i| (code(i), i as u32)).collect();
     monitor.check()?;
-    keys.par_sort_unstable();
+    sort_watched(&mut keys, monitor)?;
     let division = Division { points, params, keys: &keys };
     let tasks = division.tasks();
     let parts = map_ordered(tasks.len(), monitor, |t| {

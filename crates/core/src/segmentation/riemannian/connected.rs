@@ -1,26 +1,40 @@
 //! Clusters that fall into pieces are split; small pieces join the cluster that they touch most.
 
+use crate::error::Result;
 use crate::neighbours::Neighbours;
+use crate::parallel::{Monitor, sort_watched, watched};
 use crate::segmentation::connected::Sets;
+use std::ops::Range;
 
 /// Splits clusters into the connected pieces of the graph of nearest points.
 ///
 /// The largest piece of a cluster stays; of the others, those of at least `min_points` points become clusters of their
 /// own, smaller ones join the cluster to which most edges lead (ties: the one of the smallest point), piece by piece
 /// from the outside in; pieces without any neighbour stay. Labels are points of the clusters. O(n k).
-pub(super) fn connected_clusters(of: &[u32], near: &Neighbours, min_points: u32) -> Vec<u32> {
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn connected_clusters(
+    of: &[u32],
+    near: &Neighbours,
+    min_points: u32,
+    monitor: &Monitor,
+) -> Result<Vec<u32>> {
     let mut sets = Sets::new(of.len());
-    for (a, b) in edges(near).filter(|&(a, b)| of[a as usize] == of[b as usize]) {
-        sets.unite(a, b);
+    for points in watched(near.len(), monitor) {
+        for (a, b) in edges(near, points?).filter(|&(a, b)| of[a as usize] == of[b as usize]) {
+            sets.unite(a, b);
+        }
     }
     let mut label = sets.roots();
+    monitor.check()?;
     let mut loose = small_pieces(of, &label, min_points);
-    while attach(&mut label, &mut loose, near) {}
-    label
+    while attach(&mut label, &mut loose, near, monitor)? {}
+    Ok(label)
 }
 
-fn edges(near: &Neighbours) -> impl Iterator<Item = (u32, u32)> {
-    (0..near.len()).flat_map(|i| near.of(i).iter().map(move |&j| (i as u32, j)))
+fn edges(near: &Neighbours, points: Range<usize>) -> impl Iterator<Item = (u32, u32)> {
+    points.flat_map(|i| near.of(i).iter().map(move |&j| (i as u32, j)))
 }
 
 /// For each root, whether its piece is small and not the largest of its cluster.
@@ -39,17 +53,19 @@ fn small_pieces(of: &[u32], roots: &[u32], min_points: u32) -> Vec<bool> {
 }
 
 /// Every loose piece that touches settled ones joins one of them; false if there was none.
-fn attach(label: &mut [u32], loose: &mut [bool], near: &Neighbours) -> bool {
+fn attach(label: &mut [u32], loose: &mut [bool], near: &Neighbours, monitor: &Monitor) -> Result<bool> {
     let mut touches: Vec<(u32, u32)> = Vec::new();
-    for (a, b) in edges(near) {
-        let (a, b) = (label[a as usize], label[b as usize]);
-        match (loose[a as usize], loose[b as usize]) {
-            (true, false) => touches.push((a, b)),
-            (false, true) => touches.push((b, a)),
-            _ => {}
+    for points in watched(near.len(), monitor) {
+        for (a, b) in edges(near, points?) {
+            let (a, b) = (label[a as usize], label[b as usize]);
+            match (loose[a as usize], loose[b as usize]) {
+                (true, false) => touches.push((a, b)),
+                (false, true) => touches.push((b, a)),
+                _ => {}
+            }
         }
     }
-    touches.sort_unstable();
+    sort_watched(&mut touches, monitor)?;
     let mut target: Vec<u32> = (0..label.len() as u32).collect();
     for piece in touches.chunk_by(|a, b| a.0 == b.0) {
         let mut most = 0;
@@ -62,7 +78,7 @@ fn attach(label: &mut [u32], loose: &mut [bool], near: &Neighbours) -> bool {
         loose[piece[0].0 as usize] = false;
     }
     label.iter_mut().for_each(|l| *l = target[*l as usize]);
-    !touches.is_empty()
+    Ok(!touches.is_empty())
 }
 
 #[cfg(test)]
@@ -77,22 +93,26 @@ mod tests {
         Neighbours::new(2, index, vec![1.0; 2 * count as usize]).unwrap()
     }
 
+    fn parted_by(of: &[u32], near: &Neighbours, min_points: u32) -> Vec<u32> {
+        connected_clusters(of, near, min_points, &Monitor::default()).unwrap()
+    }
+
     #[test]
     fn pieces_part_and_small_ones_join_what_they_touch() {
         //             large   other    large again, 4   other   alone, 2
         let of = [7, 7, 7, 7, 7, 3, 3, 3, 3, 7, 7, 7, 7, 3, 3, 9, 9];
-        let parted = connected_clusters(&of, &line(17), 1);
+        let parted = parted_by(&of, &line(17), 1);
         assert_eq!(parted, [0, 0, 0, 0, 0, 5, 5, 5, 5, 9, 9, 9, 9, 13, 13, 15, 15]);
-        let joined = connected_clusters(&of, &line(17), 3);
+        let joined = parted_by(&of, &line(17), 3);
         assert_eq!(joined[..13], parted[..13]);
         assert_eq!(joined[13..], [15; 4], "most edges, for the last point has two inwards; a whole cluster stays");
-        let more = connected_clusters(&of, &line(17), 5);
+        let more = parted_by(&of, &line(17), 5);
         assert_eq!(more, [0, 0, 0, 0, 0, 5, 5, 5, 5, 5, 5, 5, 5, 15, 15, 15, 15]);
     }
 
     #[test]
     fn nothing_is_lost_without_neighbours() {
-        assert_eq!(connected_clusters(&[4, 4], &Neighbours::default(), 3), [0, 1]);
-        assert!(connected_clusters(&[], &Neighbours::default(), 3).is_empty());
+        assert_eq!(parted_by(&[4, 4], &Neighbours::default(), 3), [0, 1]);
+        assert!(parted_by(&[], &Neighbours::default(), 3).is_empty());
     }
 }

@@ -179,7 +179,7 @@ fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &
     let cell = tree.edge(params.octree.min_depth);
     let grown = clusters(oriented, &tree, (&params.clusters, params.sides, cell), monitor)?;
     let supervoxels = Partition::from_labels(&match params.clusters.connected {
-        true => connected_clusters(&grown.of, &surface.near, params.octree.min_points),
+        true => connected_clusters(&grown.of, &surface.near, params.octree.min_points, monitor)?,
         false => grown.of,
     })?;
     let mut seconds = StageSeconds { normals: surface.seconds, ..StageSeconds::default() };

@@ -3,7 +3,7 @@
 use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -82,22 +82,27 @@ pub(super) struct Cells {
 
 impl Cells {
     /// From the key of each of `len` items. O(len log len), 12 bytes an item and as many while it is made.
-    pub(super) fn new(len: usize, key: impl Fn(usize) -> u64 + Sync) -> Self {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn new(len: usize, key: impl Fn(usize) -> u64 + Sync, monitor: &Monitor) -> Result<Self> {
         let mut rows: Vec<(u64, u32)> = (0..len).into_par_iter().map(|i| (key(i), i as u32)).collect();
         if rows.windows(2).any(|w| w[0].0 > w[1].0) {
-            rows.par_sort_unstable();
+            sort_watched(&mut rows, monitor)?;
         }
         let mut cells = Self::default();
         cells.items.reserve_exact(len);
-        for (key, item) in rows {
-            if cells.keys.last() != Some(&key) {
-                cells.keys.push(key);
-                cells.starts.push(cells.items.len() as u32);
+        for piece in watched(len, monitor) {
+            for &(key, item) in &rows[piece?] {
+                if cells.keys.last() != Some(&key) {
+                    cells.keys.push(key);
+                    cells.starts.push(cells.items.len() as u32);
+                }
+                cells.items.push(item);
             }
-            cells.items.push(item);
         }
         cells.starts.push(len as u32);
-        cells
+        Ok(cells)
     }
 
     /// Number of occupied cells.
@@ -186,7 +191,9 @@ mod tests {
     fn neighbours_of_cells_are_those_of_brute_force() {
         let points = scattered();
         let grid = Grid::new(&points, 0.5, "size").unwrap();
-        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]));
+        let cells =
+            Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), &Monitor::default())
+                .unwrap();
         let near = adjacency(&cells.keys, &Monitor::default()).unwrap();
         let centre = |c: usize| grid.centre(cells.keys[c]);
         for a in 0..cells.len() {
@@ -204,7 +211,7 @@ mod tests {
         points.x.iter_mut().for_each(|x| *x -= 4.0);
         let grid = Grid::new(&points, 0.7, "size").unwrap();
         let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
-        let cells = Cells::new(points.len(), |i| grid.key(place(i)));
+        let cells = Cells::new(points.len(), |i| grid.key(place(i)), &Monitor::default()).unwrap();
         let held = (0..cells.len()).flat_map(|c| cells.of(c).iter().map(move |&i| (c, i as usize)));
         assert_eq!(cells.items.len(), points.len());
         for (c, i) in held {

@@ -47,7 +47,7 @@ pub fn slic(
     params.validate()?;
     attributes.check(points.len())?;
     monitor.stage("supervoxels", (points.len() * params.rounds) as u64);
-    let scene = Sorted::new(points, attributes, params.size)?;
+    let scene = Sorted::new(points, attributes, params.size, monitor)?;
     let (mut found, _) = rounds(&scene, params, monitor)?;
     if params.connected {
         connect::connect(&scene, params, &mut found.labels, monitor)?;
@@ -65,12 +65,12 @@ struct Clusters {
 /// Assignment and update in turn; also the centres that the last assignment was made with.
 fn rounds(scene: &Sorted, params: &SlicParams, monitor: &Monitor) -> Result<(Clusters, Vec<Centre>)> {
     let distance = Distance::new(params);
-    let (mut labels, mut centres) = centres::seeds(scene, params.min_points);
+    let (mut labels, mut centres) = centres::seeds(scene, params.min_points, monitor)?;
     let mut before = centres.clone();
     for _ in 0..params.rounds {
         labels = assign::assign(scene, &centres, &distance, monitor)?;
         before.clone_from(&centres);
-        let shift = centres::update(scene, &labels, &mut centres);
+        let shift = centres::update(scene, &labels, &mut centres, monitor)?;
         if shift < params.tolerance * params.size {
             break;
         }
@@ -120,7 +120,7 @@ mod tests {
     fn every_point_lies_in_the_cube_of_its_seed_when_it_is_assigned() {
         let scene = floor_and_wall();
         let params = SlicParams::default();
-        let sorted = Sorted::new(&scene.points, &scene.attributes(), params.size).unwrap();
+        let sorted = Sorted::new(&scene.points, &scene.attributes(), params.size, &Monitor::default()).unwrap();
         let (clusters, centres) = rounds(&sorted, &params, &Monitor::default()).unwrap();
         let distance = Distance::new(&params);
         let mut held = 0;

@@ -7,7 +7,7 @@ mod voxels;
 use super::{NO_SUPERVOXEL, PointAttributes, Supervoxels, VccsParams};
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 use flow::{Flow, Metric};
 use voxels::Voxels;
 
@@ -38,20 +38,22 @@ pub fn vccs(
     attributes.check(points.len())?;
     monitor.stage("supervoxels", points.len() as u64);
     let voxels = Voxels::new(points, attributes, params.voxel, monitor)?;
-    let seeds = seeds::seeds(&voxels, params)?;
+    let seeds = seeds::seeds(&voxels, params, monitor)?;
     let metric = Metric::new(params, attributes);
     let mut flow = Flow::new(&voxels, metric, &seeds);
     let steps = (params.depth * params.size / params.voxel) as usize;
     flow.expand(steps.max(1), monitor)?;
     for _ in 0..params.refinements {
-        let seeds = flow.nearest_to_means();
+        let seeds = flow.nearest_to_means(monitor)?;
         flow = Flow::new(&voxels, metric, &seeds);
         flow.expand(steps.max(1), monitor)?;
     }
     flow.mend(monitor)?;
     let mut labels = vec![NO_SUPERVOXEL; points.len()];
-    for (voxel, &owner) in flow.owners().iter().enumerate() {
-        voxels.cells.of(voxel).iter().for_each(|&i| labels[i as usize] = owner);
+    for piece in watched(voxels.len(), monitor) {
+        for voxel in piece? {
+            voxels.cells.of(voxel).iter().for_each(|&i| labels[i as usize] = flow.owners()[voxel]);
+        }
     }
     monitor.advance(points.len() as u64);
     Supervoxels::new(points, attributes, (labels, params.size), monitor)

@@ -35,7 +35,7 @@ impl Distance {
 
 /// Labels of the sorted points: of the centres whose cube holds it the one of least D, the first of equal ones.
 pub(super) fn assign(scene: &Sorted, centres: &[Centre], distance: &Distance, monitor: &Monitor) -> Result<Vec<u32>> {
-    let by_cell = Cells::new(centres.len(), |c| scene.grid.key(centres[c].place));
+    let by_cell = Cells::new(centres.len(), |c| scene.grid.key(centres[c].place), monitor)?;
     let cells = scene.cells.len();
     let parts = map_ordered_with(0..cells.div_ceil(BLOCK), monitor, Vec::new, |near, block| {
         let cells = block * BLOCK..((block + 1) * BLOCK).min(cells);
@@ -274,7 +274,7 @@ mod tests {
         let colours: Vec<[f32; 3]> = (0..200).map(|_| [0; 3].map(|_| s.uniform() as f32)).collect();
         let points = points_of(&rows);
         let attributes = PointAttributes { normals: Some(&normals), colours: Some(&colours) };
-        let scene = Sorted::new(&points, &attributes, 1.2).unwrap();
+        let scene = Sorted::new(&points, &attributes, 1.2, &Monitor::default()).unwrap();
         let most = 0.1f32 * 0.1 + 0.4 * 0.4 + 1.0;
         for a in 0..200 {
             let [nx, ny, nz] = &scene.normals;

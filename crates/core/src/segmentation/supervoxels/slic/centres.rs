@@ -2,7 +2,9 @@
 
 use super::super::NO_SUPERVOXEL;
 use super::sorted::Sorted;
+use crate::error::Result;
 use crate::linalg::Sym3;
+use crate::parallel::{Monitor, watched};
 use rayon::prelude::*;
 
 /// A seed: mean place, normal of the plane and mean colour of its points.
@@ -24,7 +26,7 @@ struct Sums {
 }
 
 /// The cell each point begins in, as a label, and the seeds: means of the cells with at least `min_points`.
-pub(super) fn seeds(scene: &Sorted, min_points: usize) -> (Vec<u32>, Vec<Centre>) {
+pub(super) fn seeds(scene: &Sorted, min_points: usize, monitor: &Monitor) -> Result<(Vec<u32>, Vec<Centre>)> {
     let mut labels = vec![NO_SUPERVOXEL; scene.len()];
     let mut centres = Vec::new();
     for cell in 0..scene.cells.len() {
@@ -35,14 +37,23 @@ pub(super) fn seeds(scene: &Sorted, min_points: usize) -> (Vec<u32>, Vec<Centre>
             centres.push(Centre { place, normal: [0.0, 0.0, 1.0], colour: [0.0; 3] });
         }
     }
-    update(scene, &labels, &mut centres);
-    (labels, centres)
+    update(scene, &labels, &mut centres, monitor)?;
+    Ok((labels, centres))
 }
 
 /// Moves each centre to its points, those without any stay; returns the mean distance moved, metres.
-pub(super) fn update(scene: &Sorted, labels: &[u32], centres: &mut [Centre]) -> f64 {
+pub(super) fn update(scene: &Sorted, labels: &[u32], centres: &mut [Centre], monitor: &Monitor) -> Result<f64> {
     let mut sums = vec![Sums::default(); centres.len()];
-    for (i, &label) in labels.iter().enumerate().filter(|(_, l)| **l != NO_SUPERVOXEL) {
+    for piece in watched(labels.len(), monitor) {
+        add(scene, labels, piece?, centres, &mut sums);
+    }
+    let moves: Vec<f64> = centres.par_iter_mut().zip(&sums).map(|(centre, sum)| centre.follow(sum)).collect();
+    Ok(moves.iter().sum::<f64>() / moves.len().max(1) as f64)
+}
+
+/// Adds a range of points to the sums of their centres.
+fn add(scene: &Sorted, labels: &[u32], points: std::ops::Range<usize>, centres: &[Centre], sums: &mut [Sums]) {
+    for (i, &label) in points.clone().zip(&labels[points]).filter(|(_, l)| **l != NO_SUPERVOXEL) {
         let (sum, at) = (&mut sums[label as usize], centres[label as usize].place);
         sum.count += 1;
         let p = scene.place(i);
@@ -56,8 +67,6 @@ pub(super) fn update(scene: &Sorted, labels: &[u32], centres: &mut [Centre]) -> 
             (0..3).for_each(|a| sum.colour[a] += f64::from(colour[a]));
         }
     }
-    let moves: Vec<f64> = centres.par_iter_mut().zip(&sums).map(|(centre, sum)| centre.follow(sum)).collect();
-    moves.iter().sum::<f64>() / moves.len().max(1) as f64
 }
 
 impl Centre {
@@ -94,8 +103,8 @@ mod tests {
     #[test]
     fn seeds_are_centroids_of_occupied_voxels() {
         let scene = floor_and_wall();
-        let sorted = Sorted::new(&scene.points, &scene.attributes(), 1.2).unwrap();
-        let (labels, seeds) = seeds(&sorted, 3);
+        let sorted = Sorted::new(&scene.points, &scene.attributes(), 1.2, &Monitor::default()).unwrap();
+        let (labels, seeds) = seeds(&sorted, 3, &Monitor::default()).unwrap();
         for (s, seed) in seeds.iter().enumerate() {
             let own: Vec<usize> = (0..labels.len()).filter(|&i| labels[i] == s as u32).collect();
             assert!(own.len() >= 3);
@@ -113,10 +122,10 @@ mod tests {
     fn a_centre_takes_the_normal_of_the_plane_of_its_points() {
         let rows: Vec<[f64; 3]> = (0..30).map(|i| [f64::from(i % 6), 2.0, f64::from(i / 6)]).collect();
         let points = super::super::super::testing::points_of(&rows);
-        let sorted = Sorted::new(&points, &PointAttributes::default(), 10.0).unwrap();
-        let (labels, mut seeds) = seeds(&sorted, 3);
+        let sorted = Sorted::new(&points, &PointAttributes::default(), 10.0, &Monitor::default()).unwrap();
+        let (labels, mut seeds) = seeds(&sorted, 3, &Monitor::default()).unwrap();
         assert_eq!(seeds.len(), 1);
         assert!((seeds[0].normal[1].abs() - 1.0).abs() < 1e-6);
-        assert!(update(&sorted, &labels, &mut seeds) < 1e-6);
+        assert!(update(&sorted, &labels, &mut seeds, &Monitor::default()).unwrap() < 1e-6);
     }
 }

@@ -26,7 +26,7 @@ pub(super) fn connect(scene: &Sorted, params: &SlicParams, labels: &mut [u32], m
     let points = Points { x: scene.x.clone(), y: scene.y.clone(), z: scene.z.clone(), ..Points::default() };
     let grid = Grid::new(&points, params.size * FINE, "size")?;
     drop(points);
-    let voxels = Cells::new(scene.len(), |i| grid.key(scene.place(i)));
+    let voxels = Cells::new(scene.len(), |i| grid.key(scene.place(i)), monitor)?;
     let near = adjacency(&voxels.keys, monitor)?;
     let (nodes, of_voxel, of_point) = nodes(&voxels, labels);
     let touching = |node: usize| {
@@ -131,7 +131,7 @@ mod tests {
     fn strips() -> (Sorted, Vec<u32>) {
         let strip = |y: f64, n: i32| (0..n).map(move |i| [f64::from(i) * 0.2, y, 0.1]);
         let rows: Vec<[f64; 3]> = strip(0.1, 20).chain(strip(3.1, 10)).chain(strip(0.4, 4)).collect();
-        let sorted = Sorted::new(&points_of(&rows), &PointAttributes::default(), 1.2).unwrap();
+        let sorted = Sorted::new(&points_of(&rows), &PointAttributes::default(), 1.2, &Monitor::default()).unwrap();
         let given: Vec<u32> = (0..34).map(|i| u32::from(i >= 30) * 7).collect();
         let labels = sorted.cells.items.iter().map(|&i| given[i as usize]).collect();
         (sorted, labels)

@@ -4,6 +4,7 @@ use super::super::PointAttributes;
 use super::super::cells::{Cells, Grid};
 use crate::cloud::Points;
 use crate::error::Result;
+use crate::parallel::Monitor;
 use rayon::prelude::*;
 
 /// Points in the order of their cells of edge S.
@@ -21,9 +22,9 @@ pub(super) struct Sorted {
 }
 
 impl Sorted {
-    pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64) -> Result<Self> {
+    pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
         let grid = Grid::new(points, size, "size")?;
-        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]));
+        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
         let pick = |axis: &[f32]| cells.items.par_iter().map(|&i| axis[i as usize]).collect::<Vec<f32>>();
         let rows = |rows: Option<&[[f32; 3]]>| {
             let rows = rows.unwrap_or_default();
@@ -34,6 +35,7 @@ impl Sorted {
             [0, 1, 2].map(column)
         };
         let (x, y, z) = (pick(&points.x), pick(&points.y), pick(&points.z));
+        monitor.check()?;
         let (normals, colours) = (rows(attributes.normals), rows(attributes.colours));
         Ok(Self { grid, cells, x, y, z, normals, colours })
     }

@@ -4,8 +4,8 @@ use super::super::describe::dot;
 use super::super::{NO_SUPERVOXEL, PointAttributes, VccsParams};
 use super::voxels::{Sum, Voxel, Voxels};
 use crate::error::Result;
-use crate::graph::{Graph, connected_components};
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::{Monitor, map_ordered, watched};
+use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
 /// Voxels that choose in one go.
@@ -69,7 +69,7 @@ impl<'a> Flow<'a> {
             if !self.step(|_| true, monitor)? {
                 break;
             }
-            self.move_centres();
+            self.move_centres(monitor)?;
         }
         Ok(())
     }
@@ -114,53 +114,69 @@ impl<'a> Flow<'a> {
     }
 
     /// Centres become the means of their voxels; those without any stay.
-    fn move_centres(&mut self) {
+    fn move_centres(&mut self, monitor: &Monitor) -> Result<()> {
         let mut sums = vec![Sum::default(); self.centres.len()];
-        for (voxel, &owner) in self.voxels.voxels.iter().zip(&self.owners) {
-            if let Some(sum) = sums.get_mut(owner as usize) {
-                sum.add(voxel);
+        for piece in watched(self.owners.len(), monitor) {
+            let piece = piece?;
+            for (voxel, &owner) in self.voxels.voxels[piece.clone()].iter().zip(&self.owners[piece]) {
+                if let Some(sum) = sums.get_mut(owner as usize) {
+                    sum.add(voxel);
+                }
             }
         }
         let means = self.centres.par_iter_mut().zip(&sums);
         means.filter(|(_, sum)| !sum.is_empty()).for_each(|(centre, sum)| *centre = sum.mean());
+        Ok(())
     }
 
     /// Of each supervoxel that has voxels the one nearest to its mean, the first of equally near ones.
-    pub(super) fn nearest_to_means(&self) -> Vec<u32> {
+    pub(super) fn nearest_to_means(&self, monitor: &Monitor) -> Result<Vec<u32>> {
         let mut best = vec![(f32::INFINITY, NO_SUPERVOXEL); self.centres.len()];
-        for ((v, voxel), &owner) in (0..).zip(&self.voxels.voxels).zip(&self.owners) {
-            let Some(centre) = self.centres.get(owner as usize) else { continue };
-            let d: f32 = (0..3).map(|a| (voxel.place[a] - centre.place[a]).powi(2)).sum();
-            let slot = &mut best[owner as usize];
-            if d < slot.0 {
-                *slot = (d, v);
+        for piece in watched(self.owners.len(), monitor) {
+            for v in piece? {
+                let (voxel, owner) = (&self.voxels.voxels[v], self.owners[v]);
+                let Some(centre) = self.centres.get(owner as usize) else { continue };
+                let d: f32 = (0..3).map(|a| (voxel.place[a] - centre.place[a]).powi(2)).sum();
+                let slot = &mut best[owner as usize];
+                if d < slot.0 {
+                    *slot = (d, v as u32);
+                }
             }
         }
-        best.into_iter().map(|(_, v)| v).filter(|&v| v != NO_SUPERVOXEL).collect()
+        Ok(best.into_iter().map(|(_, v)| v).filter(|&v| v != NO_SUPERVOXEL).collect())
+    }
+
+    /// The connected piece of its supervoxel that each voxel belongs to, named by the first voxel of the piece.
+    fn pieces(&self, monitor: &Monitor) -> Result<Vec<u32>> {
+        let owners = &self.owners;
+        let mut sets = Sets::new(owners.len());
+        for piece in watched(owners.len(), monitor) {
+            for v in piece?.filter(|&v| owners[v] != NO_SUPERVOXEL) {
+                let near = self.voxels.near.group(v).iter();
+                let alike = near.filter(|u| (**u as usize) > v && owners[**u as usize] == owners[v]);
+                alike.for_each(|&u| _ = sets.unite(v as u32, u));
+            }
+        }
+        Ok(sets.roots())
     }
 
     /// Parts that were cut off from the largest part of their supervoxel (the first of equal ones) join supervoxels that
     /// touch them, as far as there are any.
     pub(super) fn mend(&mut self, monitor: &Monitor) -> Result<()> {
-        let owners = &self.owners;
-        let mut pairs = Vec::new();
-        for (v, &owner) in owners.iter().enumerate().filter(|(_, o)| **o != NO_SUPERVOXEL) {
-            let alike = |u: &u32| (*u as usize) > v && owners[*u as usize] == owner;
-            pairs.extend(self.voxels.near.group(v).iter().copied().filter(alike).map(|u| [v as u32, u]));
-        }
-        monitor.check()?;
-        let pieces = connected_components(&Graph::new(owners.len(), &pairs, &vec![1.0; pairs.len()])?);
-        let mut sizes = vec![0u32; pieces.count];
-        pieces.of.iter().for_each(|&p| sizes[p as usize] += 1);
+        let pieces = self.pieces(monitor)?;
+        // Sizes stand at the first voxel of a piece, by which pieces are named.
+        let mut sizes = vec![0u32; pieces.len()];
+        pieces.iter().for_each(|&p| sizes[p as usize] += 1);
         let mut largest = vec![NO_SUPERVOXEL; self.centres.len()];
-        for (&piece, &owner) in pieces.of.iter().zip(owners) {
+        for (&piece, &owner) in pieces.iter().zip(&self.owners) {
             if let Some(best) = largest.get_mut(owner as usize)
                 && (*best == NO_SUPERVOXEL || sizes[piece as usize] > sizes[*best as usize])
             {
                 *best = piece;
             }
         }
-        for (owner, piece) in self.owners.iter_mut().zip(pieces.of) {
+        monitor.check()?;
+        for (owner, piece) in self.owners.iter_mut().zip(pieces) {
             if largest.get(*owner as usize).is_some_and(|&best| best != piece) {
                 *owner = NO_SUPERVOXEL;
             }

@@ -5,14 +5,18 @@ use super::super::cells::{Cells, Grid};
 use super::voxels::Voxels;
 use crate::cloud::Points;
 use crate::error::Result;
+use crate::parallel::{Monitor, map_ordered};
+
+/// Cells whose seeds are chosen in one go.
+const BLOCK: usize = 1024;
 
 /// The voxel nearest to the middle of each occupied cell of edge R_seed (the first of equally near ones), if more than
 /// `min_share` · π (R_seed/2)²/R_voxel² voxels, itself among them, lie within R_seed/2 of it.
-pub(super) fn seeds(voxels: &Voxels, params: &VccsParams) -> Result<Vec<u32>> {
+pub(super) fn seeds(voxels: &Voxels, params: &VccsParams, monitor: &Monitor) -> Result<Vec<u32>> {
     let place = |v: usize| voxels.voxels[v].place;
     let axis = |a: usize| voxels.voxels.iter().map(|v| v.place[a]).collect();
     let grid = Grid::new(&Points { x: axis(0), y: axis(1), z: axis(2), ..Points::default() }, params.size, "size")?;
-    let cells = Cells::new(voxels.len(), |v| grid.key(place(v)));
+    let cells = Cells::new(voxels.len(), |v| grid.key(place(v)), monitor)?;
     let radius = params.size / 2.0;
     let least = params.min_share * std::f64::consts::PI * (radius / params.voxel).powi(2);
     let apart = |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f32>();
@@ -27,7 +31,11 @@ pub(super) fn seeds(voxels: &Voxels, params: &VccsParams) -> Result<Vec<u32>> {
         let within = around.filter(|&&v| apart(place(v as usize), at) <= (radius * radius) as f32);
         within.count() as f64 > least
     };
-    Ok((0..cells.len()).filter_map(nearest).filter(crowded).collect())
+    let parts = map_ordered(cells.len().div_ceil(BLOCK), monitor, |block| {
+        let range = block * BLOCK..((block + 1) * BLOCK).min(cells.len());
+        Ok(range.filter_map(nearest).filter(crowded).collect::<Vec<u32>>())
+    })?;
+    Ok(parts.concat())
 }
 
 #[cfg(test)]
@@ -35,7 +43,6 @@ mod tests {
     use super::super::super::PointAttributes;
     use super::super::super::testing::points_of;
     use super::*;
-    use crate::parallel::Monitor;
 
     #[test]
     fn seeds_stand_in_the_middle_of_cells_and_lonely_ones_fall_away() {
@@ -46,7 +53,7 @@ mod tests {
         let voxels = Voxels::new(&points, &PointAttributes::default(), 0.1, &Monitor::default()).unwrap();
         let with = |min_share: f64| {
             let params = VccsParams { size: 1.0, voxel: 0.1, min_share, ..VccsParams::default() };
-            seeds(&voxels, &params).unwrap()
+            seeds(&voxels, &params, &Monitor::default()).unwrap()
         };
         assert_eq!((with(0.0).len(), with(0.05).len()), (10, 9));
         for seed in with(0.05) {

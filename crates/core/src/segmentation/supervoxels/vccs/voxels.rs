@@ -6,8 +6,10 @@ use super::super::describe::dot;
 use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::Result;
-use crate::parallel::Monitor;
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_ordered};
+
+/// Voxels that are described in one go.
+const BLOCK: usize = 4096;
 
 /// Mean place, normal (unit, any sign) and colour of some points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,10 +31,13 @@ pub(super) struct Voxels {
 impl Voxels {
     pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
         let grid = Grid::new(points, size, "voxel")?;
-        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]));
-        monitor.check()?;
+        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
         let near = adjacency(&cells.keys, monitor)?;
-        let voxels = (0..cells.len()).into_par_iter().map(|c| voxel(points, attributes, cells.of(c))).collect();
+        let parts = map_ordered(cells.len().div_ceil(BLOCK), monitor, |block| {
+            let range = block * BLOCK..((block + 1) * BLOCK).min(cells.len());
+            Ok(range.map(|c| voxel(points, attributes, cells.of(c))).collect::<Vec<_>>())
+        })?;
+        let voxels = parts.concat();
         Ok(Self { cells, voxels, near })
     }
 
