@@ -101,7 +101,9 @@ pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, m
     let known: Option<Vec<Option<u8>>> =
         labels.map(|labels| points.index.iter().map(|&i| labels.codes.get(i as usize).copied().flatten()).collect());
     let found = part((cloud, &points), known.as_deref(), params, monitor)?;
+    monitor.check()?;
     let report = judge(&found, (&points, known.as_deref()), params, monitor)?;
+    monitor.check()?;
     let in_cloud = |partition: &Partition| {
         let mut clusters = vec![0; cloud.len()];
         let each = points.index.iter().zip(partition.segments());
@@ -110,6 +112,7 @@ pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, m
     };
     let clusters = in_cloud(&found.partition);
     let levels = found.levels.iter().map(|level| in_cloud(&level.segments)).collect();
+    monitor.check()?;
     Ok(Segmented { clusters, levels, descriptors: found.descriptors, partition: found.partition, points, report })
 }
 

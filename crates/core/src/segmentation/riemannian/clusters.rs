@@ -8,9 +8,10 @@ use super::boxes::{Bounds, Boxes, Visitor};
 use super::params::{KMeansParams, Sides, Start};
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::{Monitor, map_ordered_with, watched};
 use crate::segmentation::Octree;
 use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Points that are compared with a centre at once.
@@ -46,11 +47,12 @@ pub(super) fn clusters(
     monitor: &Monitor,
 ) -> Result<Clusters> {
     let rows = Rows::new(points, directions, tree, sides);
+    monitor.check()?;
     let leaves: Vec<Range<usize>> = tree.points.offsets().windows(2).map(|w| w[0] as usize..w[1] as usize).collect();
     let mut of: Vec<u32> = (0u32..).zip(&leaves).flat_map(|(l, range)| range.clone().map(move |_| l)).collect();
     let mut centres = vec![[0.0; 6]; leaves.len()];
     rows.first_normals(&leaves, &mut centres);
-    rows.update(&of, &mut centres);
+    rows.update(&of, &mut centres, monitor)?;
     if params.start == Start::Cube {
         for (centre, leaf) in centres.iter_mut().zip(&tree.leaves) {
             centre.iter_mut().zip(tree.centre(leaf)).for_each(|(c, at)| *c = at as f32);
@@ -61,7 +63,7 @@ pub(super) fn clusters(
     monitor.stage("supervoxels", (params.max_iterations * of.len()) as u64);
     while iterations < params.max_iterations {
         of = rows.assign(&of, &centres, (&leaves, &tasks), monitor)?;
-        mean_move = rows.update(&of, &mut centres);
+        mean_move = rows.update(&of, &mut centres, monitor)?;
         iterations += 1;
         if mean_move < params.tolerance * cell {
             break;
@@ -98,8 +100,8 @@ struct Rows {
 impl Rows {
     fn new(points: &Points, directions: &[[f32; 3]], tree: &Octree, sides: Sides) -> Self {
         let order = tree.points.items();
-        let place = |axis: &[f32]| order.iter().map(|&i| axis[i as usize]).collect();
-        let normal = |a: usize| order.iter().map(|&i| directions[i as usize][a]).collect();
+        let place = |axis: &[f32]| order.par_iter().map(|&i| axis[i as usize]).collect();
+        let normal = |a: usize| order.par_iter().map(|&i| directions[i as usize][a]).collect();
         let axes = [place(&points.x), place(&points.y), place(&points.z), normal(0), normal(1), normal(2)];
         Self { axes, sides }
     }
@@ -118,17 +120,18 @@ impl Rows {
     /// Moves centres to the means of their points; one without points stays. Returns the mean move.
     ///
     /// Where sides do not differ, normals count on the side of the centre's normal before.
-    fn update(&self, of: &[u32], centres: &mut [Row]) -> f64 {
+    fn update(&self, of: &[u32], centres: &mut [Row], monitor: &Monitor) -> Result<f64> {
         let mut sums = vec![[0f64; 7]; centres.len()];
-        for (i, &cluster) in of.iter().enumerate() {
-            let row = self.row(i);
-            let centre = &centres[cluster as usize];
-            let turned = self.sides == Sides::Unsigned && cosine(&row, centre) < 0.0;
-            let side = if turned { -1.0 } else { 1.0 };
-            let sum = &mut sums[cluster as usize];
-            sum[6] += 1.0;
-            (0..3).for_each(|a| sum[a] += f64::from(row[a]));
-            (3..6).for_each(|a| sum[a] += side * f64::from(row[a]));
+        for points in watched(of.len(), monitor) {
+            for i in points? {
+                let (row, cluster) = (self.row(i), of[i] as usize);
+                let turned = self.sides == Sides::Unsigned && cosine(&row, &centres[cluster]) < 0.0;
+                let side = if turned { -1.0 } else { 1.0 };
+                let sum = &mut sums[cluster];
+                sum[6] += 1.0;
+                (0..3).for_each(|a| sum[a] += f64::from(row[a]));
+                (3..6).for_each(|a| sum[a] += side * f64::from(row[a]));
+            }
         }
         let (mut moved, mut filled) = (0.0, 0.0);
         for (centre, sum) in centres.iter_mut().zip(&sums).filter(|(_, sum)| sum[6] > 0.0) {
@@ -141,7 +144,7 @@ impl Rows {
                 (3..6).for_each(|a| centre[a] = (sum[a] / length) as f32);
             }
         }
-        if filled > 0.0 { moved / filled } else { 0.0 }
+        Ok(if filled > 0.0 { moved / filled } else { 0.0 })
     }
 
     /// The nearest centre of every point. `of` is where to start looking from, any centre would do.

@@ -177,6 +177,7 @@ fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &
     let oriented = (points, &surface.directions[..]);
     let tree = octree(points, &params.octree, monitor)?;
     let cell = tree.edge(params.octree.min_depth);
+    monitor.check()?;
     let grown = clusters(oriented, &tree, (&params.clusters, params.sides, cell), monitor)?;
     let supervoxels = Partition::from_labels(&match params.clusters.connected {
         true => connected_clusters(&grown.of, &surface.near, params.octree.min_points, monitor)?,
@@ -185,6 +186,7 @@ fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &
     let mut seconds = StageSeconds { normals: surface.seconds, ..StageSeconds::default() };
     seconds.supervoxels = start.elapsed().as_secs_f64();
 
+    monitor.check()?;
     let start = Instant::now();
     let nodes = describe(oriented, &supervoxels, (params.sides, params.shape_weight), monitor)?;
     let built = riemannian_graph(&nodes, &params.graph, monitor)?;
@@ -195,6 +197,7 @@ fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &
     let signal = Signal::new(&nodes.features, nodes.width)?.with_weights(&weights)?;
     let cut = CutPursuitParams { strength: params.strength, seed: params.seed, ..CutPursuitParams::default() };
     let optimum = cut_pursuit(&signal, &built.graph, &cut, monitor)?;
+    monitor.check()?;
     let segments = inherited(&supervoxels, &optimum.partition)?;
     seconds.optimisation = start.elapsed().as_secs_f64();
     let sizes = GraphSizes { nodes: supervoxels.len(), candidates: built.candidates, edges: built.graph.edges().len() };

@@ -75,9 +75,11 @@ impl Supervoxels {
             return Err(Error::input(format!("{} labels for {} points", labels.len(), points.len())));
         }
         let (labels, count) = renumbered(labels)?;
+        monitor.check()?;
         // Points without a supervoxel form a last group, which is cut off.
         let keys: Vec<u32> = labels.iter().map(|&l| l.min(count)).collect();
         let all = Csr::group_by(&keys, count as usize + 1)?;
+        monitor.check()?;
         let offsets = all.offsets()[..=count as usize].to_vec();
         let held = offsets.last().copied().unwrap_or(0) as usize;
         let groups = Csr::new(offsets, all.items()[..held].to_vec(), points.len())?;
