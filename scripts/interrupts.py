@@ -43,10 +43,9 @@ def main():
     path, moments = sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 5
     cloud = scansion.read(path)
     xyz = np.ascontiguousarray(cloud.xyz)
-    near = neighbours.knn(xyz, k=10)
     works = {
         "knn": lambda: neighbours.knn(xyz, k=10),
-        "knn_graph": lambda: graph.knn_graph(near),
+        "knn_graph": lambda: graph.knn_graph(xyz),
         "multiscale": lambda: features.multiscale(xyz, first_scale=0.8, levels=2),
         "predict": lambda: scansion.PointClassifier.default().predict(cloud),
     }
