@@ -52,6 +52,10 @@ impl Failure {
         match self {
             Self::Usage(_) | Self::Core(Error::InvalidParameter { .. }) => ExitCode::Usage,
             Self::Different => ExitCode::Failed,
+            Self::Core(Error::SameFile { .. }) => ExitCode::Usage,
+            Self::Core(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::AlreadyExists => {
+                ExitCode::Usage
+            }
             Self::Core(Error::Interrupted) => crate::interrupt::exit_code(),
             Self::Core(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => ExitCode::BadInput,
             Self::Core(Error::Io { .. }) => ExitCode::Failed,

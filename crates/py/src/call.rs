@@ -5,6 +5,7 @@
 use crate::error::raise;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use scansion_core::io::run::{Rules, run};
 use scansion_core::parallel::Monitor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -35,7 +36,12 @@ pub(crate) fn call_with<T: Send>(
     let (done, caller) = (AtomicBool::new(false), thread::current());
     thread::scope(|scope| {
         let worker = scope.spawn(|| {
-            let result = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(monitor))));
+            let result = catch_unwind(AssertUnwindSafe(|| {
+                pool.install(|| {
+                    let rules = Rules { monitor: monitor.clone(), ..Rules::default() };
+                    run(rules, || work(monitor))
+                })
+            }));
             done.store(true, Ordering::Release);
             caller.unpark();
             result

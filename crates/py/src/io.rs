@@ -108,6 +108,12 @@ pub(crate) fn rewrite(
     call(py, n_jobs, write).map(|report| report.notes)
 }
 
+/// The text of a settings file or a pipe.
+#[pyfunction]
+pub(crate) fn settings_text(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    call(py, Some(1), |_| io::open::text(&path, io::open::MOST_SETTINGS))
+}
+
 /// What a file's header says, as JSON.
 #[pyfunction]
 pub(crate) fn inspect(py: Python<'_>, path: PathBuf) -> PyResult<String> {

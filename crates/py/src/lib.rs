@@ -41,7 +41,7 @@ mod _core {
     #[pymodule_export]
     use crate::images::render;
     #[pymodule_export]
-    use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, statistics, write};
+    use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, settings_text, statistics, write};
     #[pymodule_export]
     use crate::neighbours::{knn, optimal};
     #[pymodule_export]

@@ -97,7 +97,7 @@ impl Model {
 
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Self::of(py.detach(|| CoreModel::load(&path)))
+        call(py, Some(1), |_| CoreModel::load(&path)).map(|inner| Self { inner })
     }
 
     #[staticmethod]

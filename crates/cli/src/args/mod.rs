@@ -12,7 +12,9 @@ pub(crate) use pictures::{Render, ViewArg};
 pub(crate) use segments::{Segment, SegmentArgs, Suggest};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
-use std::path::PathBuf;
+use scansion_core::io::run::Replace;
+use scansion_core::recipes::{AnyRecipe, SegmentParams};
+use std::path::{Path, PathBuf};
 
 /// Divides a LiDAR scan into its parts and names every point.
 #[derive(Debug, Parser)]
@@ -100,6 +102,52 @@ pub(crate) enum Command {
     /// Look into a model
     #[command(subcommand, after_help = examples::MODEL)]
     Model(Model),
+}
+
+impl Command {
+    /// Whether an output may replace an input.
+    pub(crate) fn replace(&self) -> Replace {
+        let overwrite = match self {
+            Self::Convert(args) => Some(args.overwrite),
+            Self::Merge(args) => Some(args.overwrite),
+            Self::Features(args) => Some(args.overwrite),
+            Self::Classify(args) => Some(args.overwrite),
+            Self::Segment(args) => Some(args.overwrite),
+            _ => None,
+        };
+        match overwrite {
+            Some(true) => Replace::Allowed,
+            Some(false) => Replace::Refused("say --overwrite to replace it"),
+            None => Replace::Refused("give the output another name"),
+        }
+    }
+
+    /// The files that are read, as far as the arguments name them.
+    pub(crate) fn inputs(&self) -> Vec<&Path> {
+        let (many, others): (&[PathBuf], Vec<&Option<PathBuf>>) = match self {
+            Self::Demo(_) => (&[], vec![]),
+            Self::Info(args) => (&args.inputs, vec![]),
+            Self::Convert(args) => (std::slice::from_ref(&args.input), vec![]),
+            Self::Merge(args) => (args.files.split_last().map_or(&[], |(_, inputs)| inputs), vec![]),
+            Self::Diff(args) => return vec![&args.a, &args.b],
+            Self::Features(args) => (&[], vec![&args.input, &args.recipe.recipe]),
+            Self::Train(args) => (&args.inputs, vec![&args.weak_labels, &args.recipe.recipe]),
+            Self::Classify(args) => (&args.inputs, vec![&args.model]),
+            Self::Segment(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe]),
+            Self::Suggest(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe, &args.model]),
+            Self::Evaluate(args) => (std::slice::from_ref(&args.truth), vec![&args.prediction, &args.model]),
+            Self::Render(args) => (std::slice::from_ref(&args.input), vec![&args.truth]),
+            Self::Model(Model::Show { model, .. }) => (&[], vec![model]),
+        };
+        // A recipe may be a name.
+        let named = |path: &&Path| {
+            !path.to_str().is_some_and(|n| AnyRecipe::NAMES.contains(&n) || SegmentParams::named(n).is_some())
+        };
+        many.iter()
+            .map(PathBuf::as_path)
+            .chain(others.into_iter().flatten().map(PathBuf::as_path).filter(named))
+            .collect()
+    }
 }
 
 /// Where labels come from and what they mean.

@@ -6,7 +6,7 @@ use crate::exit_code::Failure;
 use scansion_core::classes::LabelMap;
 use scansion_core::classification::Model;
 use scansion_core::cloud::{Cloud, Column, Values, names};
-use scansion_core::io::{self, Columns, Edit, salvage};
+use scansion_core::io::{self, Columns, Edit, run, salvage};
 use scansion_core::recipes::{self, AnyRecipe, Classified, ClassifyParams};
 use std::path::Path;
 use std::time::Instant;
@@ -21,8 +21,10 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     let map: LabelMap = args.map.parse()?;
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
     let mut failed = 0;
-    for (input, output) in &pairs {
-        match one(input, output, &model, &map, args, context) {
+    let checked: Vec<_> = pairs.iter().map(|(_, output)| io::check_cloud_output(output)).collect();
+    for ((input, output), checked) in pairs.iter().zip(checked) {
+        let work = || checked.map_err(Failure::from).and_then(|()| one(input, output, &model, &map, args, context));
+        match run::part(work) {
             Err(failure) if pairs.len() == 1 => return Err(failure),
             Err(Failure::Core(scansion_core::Error::Interrupted)) => {
                 return Err(scansion_core::Error::Interrupted.into());
@@ -45,8 +47,10 @@ fn one(
     args: &Classify,
     context: &Context<'_>,
 ) -> Result<(), Failure> {
-    sources::guard_input(input, output, args.overwrite)?;
     let start = Instant::now();
+    if !args.salvage {
+        io::check_dimensions(input, output, &dimensions(model, args))?;
+    }
     let mut wanted = AnyRecipe::from_toml(&model.recipe_toml)?.columns();
     if args.only_unclassified || !args.skip.is_empty() {
         wanted.push(names::CLASSIFICATION.into());
@@ -99,6 +103,24 @@ fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) ->
         .collect()
 }
 
+/// The dimensions that will be written, without values.
+fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
+    let mut list: Vec<String> = Vec::new();
+    if !args.no_extra {
+        list.extend([names::CONFIDENCE.into(), names::ENTROPY.into()]);
+    }
+    if args.probabilities {
+        list.extend(model.classes.classes().iter().map(|class| probability_of(&class.name)));
+    }
+    list.into_iter().map(|name| Column::new(name, Values::F32(Vec::new()))).collect()
+}
+
+/// Name of the dimension that holds a class's probability.
+fn probability_of(class: &str) -> String {
+    let name = format!("P_{}", class.replace(|ch: char| !ch.is_ascii_alphanumeric(), "_"));
+    name.chars().take(31).collect()
+}
+
 fn edits(
     codes: Vec<u8>,
     result: Classified,
@@ -116,8 +138,7 @@ fn edits(
         let classes = model.classes.classes();
         for (c, class) in classes.iter().enumerate() {
             let values = probabilities.chunks_exact(classes.len()).map(|p| p[c]).collect();
-            let name = format!("P_{}", class.name.replace(|ch: char| !ch.is_ascii_alphanumeric(), "_"));
-            edits.push(Edit::Dimension(Column::new(name.chars().take(31).collect::<String>(), Values::F32(values))));
+            edits.push(Edit::Dimension(Column::new(probability_of(&class.name), Values::F32(values))));
         }
     }
     Ok(edits)

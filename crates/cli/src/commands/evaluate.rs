@@ -11,6 +11,7 @@ use scansion_core::{Error, images};
 use std::path::Path;
 
 pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure> {
+    args.output.iter().try_for_each(|path| kind(path).and_then(|_| Ok(io::check_output(path)?)))?;
     let truth_params = sources::labels(&args.labels, &args.truth)?;
     let cloud = io::read_with(&args.truth, &context.read_options())?;
     let truth = read_labels(&cloud, &truth_params)?.codes;
@@ -67,12 +68,27 @@ fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
     }
 }
 
+/// What an output is, by its extension.
+enum Kind {
+    Json,
+    Csv,
+    Picture,
+}
+
+fn kind(path: &Path) -> Result<Kind, Failure> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("json") => Ok(Kind::Json),
+        Some("csv") => Ok(Kind::Csv),
+        Some("png") => Ok(Kind::Picture),
+        _ => Err(Failure::Usage(format!("{}: write .json, .csv or .png", path.display()))),
+    }
+}
+
 fn write(path: &Path, confusion: &Confusion, context: &Context<'_>) -> Result<(), Failure> {
-    let bytes = match path.extension().and_then(|e| e.to_str()) {
-        Some("json") => report::to_json(confusion)?.into_bytes(),
-        Some("csv") => report::to_csv(confusion).into_bytes(),
-        Some("png") => images::confusion_picture(confusion).to_png(&context.monitor)?,
-        _ => return Err(Failure::Usage(format!("{}: write .json, .csv or .png", path.display()))),
+    let bytes = match kind(path)? {
+        Kind::Json => report::to_json(confusion)?.into_bytes(),
+        Kind::Csv => report::to_csv(confusion).into_bytes(),
+        Kind::Picture => images::confusion_picture(confusion).to_png(&context.monitor)?,
     };
     Ok(atomic::write_bytes(path, &bytes)?)
 }

@@ -13,11 +13,21 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     let (Some(input), Some(output), false) = (&args.input, &args.output, args.list) else {
         return context.printer.data(&list(context.printer.format));
     };
-    sources::guard_input(input, output, args.overwrite)?;
+    let table = matches!(output.extension().and_then(|e| e.to_str()), Some("npy" | "csv"));
+    if table {
+        io::check_output(output)?
+    } else {
+        io::check_cloud_output(output)?
+    }
     let set = sources::recipe(&args.recipe)?.features;
+    // Names follow from the first scale; where the cloud decides on it they are not known yet.
+    if let Some(names) = set.pyramid.first_scale.map(|scale| set.names(scale)) {
+        let dimensions = wanted(&names, &args.only)?.into_iter().map(|c| column(&names[c], Vec::new()));
+        io::check_dimensions(input, output, &dimensions.collect::<Vec<_>>())?;
+    }
     let cloud = io::read_with(input, &context.read_options())?;
     let table = features::table(&cloud, &set, &context.monitor)?;
-    let wanted = wanted(&table, &args.only)?;
+    let wanted = wanted(&table.names, &args.only)?;
     match output.extension().and_then(|e| e.to_str()) {
         Some("npy") => atomic::write_bytes(output, &npy(&table, &wanted))?,
         Some("csv") => atomic::write_bytes(output, csv(&cloud, &table, &wanted).as_bytes())?,
@@ -28,14 +38,18 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
 }
 
 /// Columns whose name is one of `only`, or begins with it before the scale; all if `only` is empty.
-fn wanted(table: &FeatureTable, only: &[String]) -> Result<Vec<usize>, Failure> {
+fn wanted(names: &[String], only: &[String]) -> Result<Vec<usize>, Failure> {
     let matches =
         |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
-    if let Some(unknown) = only.iter().find(|asked| !table.names.iter().any(|n| matches(n, asked))) {
-        return Err(Failure::Usage(format!("no feature {unknown}; there are: {}", table.names.join(", "))));
+    if let Some(unknown) = only.iter().find(|asked| !names.iter().any(|n| matches(n, asked))) {
+        return Err(Failure::Usage(format!("no feature {unknown}; there are: {}", names.join(", "))));
     }
     let named = |name: &String| only.is_empty() || only.iter().any(|asked| matches(name, asked));
-    Ok((0..table.width()).filter(|&c| named(&table.names[c])).collect())
+    Ok((0..names.len()).filter(|&c| named(&names[c])).collect())
+}
+
+fn column(name: &str, values: Vec<f32>) -> Column {
+    Column::new(name, Values::F32(values))
 }
 
 fn dimensions(
@@ -45,9 +59,8 @@ fn dimensions(
     wanted: &[usize],
     context: &Context<'_>,
 ) -> Result<(), Failure> {
-    let column = |&c: &usize| (0..table.rows()).map(|row| table.row(row)[c]).collect::<Vec<f32>>();
-    let edits: Vec<Edit> =
-        wanted.iter().map(|c| Edit::Dimension(Column::new(table.names[*c].clone(), Values::F32(column(c))))).collect();
+    let values = |c: usize| (0..table.rows()).map(|row| table.row(row)[c]).collect::<Vec<f32>>();
+    let edits: Vec<Edit> = wanted.iter().map(|&c| Edit::Dimension(column(&table.names[c], values(c)))).collect();
     io::rewrite(input, output, &edits, &context.write_options())?;
     Ok(())
 }
@@ -115,9 +128,9 @@ mod tests {
 
     #[test]
     fn features_are_chosen_by_name_with_or_without_scale() {
-        assert_eq!(wanted(&table(), &["Planarity".into()]).unwrap(), [0, 1]);
-        assert_eq!(wanted(&table(), &["Linearity_r0p4".into()]).unwrap(), [2]);
-        let message = wanted(&table(), &["Planar".into()]).unwrap_err().to_string();
+        assert_eq!(wanted(&table().names, &["Planarity".into()]).unwrap(), [0, 1]);
+        assert_eq!(wanted(&table().names, &["Linearity_r0p4".into()]).unwrap(), [2]);
+        let message = wanted(&table().names, &["Planar".into()]).unwrap_err().to_string();
         assert!(message.contains("Planar;") && message.contains("Planarity_r0p8"), "{message}");
     }
 

@@ -24,6 +24,7 @@ use crate::interrupt;
 use crate::printer::Printer;
 use crate::progress::Progress;
 use crate::threads;
+use scansion_core::io::run::{Rules, expect, run};
 use scansion_core::io::salvage::Losses;
 use scansion_core::io::{ReadOptions, RewriteReport, WriteOptions};
 use scansion_core::parallel::Monitor;
@@ -67,19 +68,29 @@ impl Context<'_> {
 pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
     let context = Context { printer, monitor: interrupt::monitor() };
     let _progress = Progress::watch(&context.monitor, &args.global);
-    threads::with_pool(args.global.threads, || match &args.command {
-        Command::Demo(demo) => demo::run(demo, &context),
-        Command::Info(info) => info::run(info, &context),
-        Command::Convert(convert) => convert::run(convert, &context),
-        Command::Merge(merge) => merge::run(merge, &context),
-        Command::Diff(diff) => diff::run(diff, &context),
-        Command::Features(features) => features::run(features, &context),
-        Command::Train(train) => train::run(train, &context),
-        Command::Classify(classify) => classify::run(classify, &context),
-        Command::Segment(segment) => segment::run(segment, &context),
-        Command::Suggest(suggest) => suggest::run(suggest, &context),
-        Command::Evaluate(evaluate) => evaluate::run(evaluate, &context),
-        Command::Render(render) => render::run(render, &context),
-        Command::Model(model) => model::run(model, &context),
+    let rules = Rules { monitor: context.monitor.clone(), replace: args.command.replace() };
+    threads::with_pool(args.global.threads, || {
+        run(rules, || {
+            args.command.inputs().into_iter().for_each(expect);
+            command(&args.command, &context)
+        })
     })?
+}
+
+fn command(command: &Command, context: &Context<'_>) -> Result<(), Failure> {
+    match command {
+        Command::Demo(demo) => demo::run(demo, context),
+        Command::Info(info) => info::run(info, context),
+        Command::Convert(convert) => convert::run(convert, context),
+        Command::Merge(merge) => merge::run(merge, context),
+        Command::Diff(diff) => diff::run(diff, context),
+        Command::Features(features) => features::run(features, context),
+        Command::Train(train) => train::run(train, context),
+        Command::Classify(classify) => classify::run(classify, context),
+        Command::Segment(segment) => segment::run(segment, context),
+        Command::Suggest(suggest) => suggest::run(suggest, context),
+        Command::Evaluate(evaluate) => evaluate::run(evaluate, context),
+        Command::Render(render) => render::run(render, context),
+        Command::Model(model) => model::run(model, context),
+    }
 }

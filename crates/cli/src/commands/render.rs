@@ -14,6 +14,10 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
     if args.output.extension().and_then(|e| e.to_str()) != Some("png") {
         return Err(Failure::Usage(format!("{}: pictures are written as .png", args.output.display())));
     }
+    io::check_output(&args.output)?;
+    if args.view == ViewArg::Map {
+        io::check_output(&args.output.with_extension("pgw"))?;
+    }
     let range = args.range.as_deref().map(range).transpose()?;
     let mut cloud = io::read_with(&args.input, &context.read_options())?;
     let by = match &args.truth {

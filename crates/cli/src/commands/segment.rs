@@ -14,7 +14,10 @@ use std::path::Path;
 pub(crate) const CLUSTER: &str = "ClusterID";
 
 pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> {
-    sources::guard_input(&args.input, &args.output, args.overwrite)?;
+    io::check_cloud_output(&args.output)?;
+    let names = (0..=args.levels.len()).map(|l| if l == 0 { CLUSTER.into() } else { format!("{CLUSTER}_L{l}") });
+    let dimensions: Vec<Column> = names.map(|name: String| Column::new(name, Values::U32(Vec::new()))).collect();
+    io::check_dimensions(&args.input, &args.output, &dimensions)?;
     let (_, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
     let mut edits = vec![Edit::Dimension(Column::new(CLUSTER, Values::U32(found.clusters)))];
     for (level, clusters) in found.levels.into_iter().enumerate() {

@@ -5,6 +5,7 @@ use crate::exit_code::Failure;
 use scansion_core::classification::Model;
 use scansion_core::recipes::{AnyRecipe, LabelParams, Recipe, default_model};
 use scansion_core::{Error, Result, io};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// The recipe that name or file, settings and seed give together (flag before recipe before default).
@@ -64,7 +65,9 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
     let mut pairs: Vec<(PathBuf, PathBuf)> = Vec::new();
     for input in inputs {
         let name = input.file_name().ok_or_else(|| Failure::Usage(format!("{} is not a file", input.display())))?;
-        let target = output.join(name);
+        // COPC is not written.
+        let plain = name.to_str().and_then(|n| Some(format!("{}.laz", n.strip_suffix(".copc.laz")?)));
+        let target = output.join(plain.as_deref().map_or(name, OsStr::new));
         if let Some((other, _)) = pairs.iter().find(|(_, t)| *t == target) {
             let text =
                 format!("{} and {} would both be written to {}", other.display(), input.display(), target.display());
@@ -80,7 +83,6 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
 pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, Failure> {
     let mut all = Vec::new();
     for input in inputs {
-        refuse_partial(input)?;
         let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         if !name.contains(['*', '?', '[']) || input.exists() {
             all.push(input.clone());
@@ -97,18 +99,6 @@ pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, 
         all.extend(found.into_iter().map(|n| input.with_file_name(n)));
     }
     Ok(all)
-}
-
-/// Refuses what a killed run has left: it is not whole.
-pub(crate) fn refuse_partial(input: &Path) -> std::result::Result<(), Failure> {
-    let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    match name.starts_with('.') && name.ends_with(".partial") {
-        true => {
-            let reason = "an output that was never finished; remove it and run the command again".to_string();
-            Err(Error::Unsupported { path: input.to_path_buf(), reason }.into())
-        }
-        false => Ok(()),
-    }
 }
 
 /// Whether a file name matches a pattern; hidden names only match patterns that begin with a dot.
@@ -153,18 +143,6 @@ fn one(pattern: &[u8], p: usize, byte: u8) -> Option<usize> {
             (found != not).then_some(end + 1)
         }
         &c => (c == byte).then_some(p + 1),
-    }
-}
-
-/// Refuses to replace an input by its own result unless the user asked for it.
-pub(crate) fn guard_input(input: &Path, output: &Path, overwrite: bool) -> std::result::Result<(), Failure> {
-    let same = match (input.canonicalize(), output.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    };
-    match same && !overwrite {
-        true => Err(Failure::Usage(format!("{} is input and output; say --overwrite to replace it", input.display()))),
-        false => Ok(()),
     }
 }
 

@@ -4,6 +4,7 @@ use super::{Context, sources, train_objects, train_weak};
 use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
 use scansion_core::classes::preset;
+use scansion_core::classification::Model;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns, ReadOptions};
 use scansion_core::recipes::{self, AnyRecipe, LabelParams, Labels, TrainingReport, read_labels};
@@ -11,6 +12,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
+    Model::check_output(&args.output)?;
     let mut recipe = match sources::any_recipe(&named(args))? {
         AnyRecipe::Pyramid(recipe) => *recipe,
         AnyRecipe::Weak(_) if args.classifier.is_some() => {

@@ -1,7 +1,10 @@
 //! From one format to another: everything that the target can hold is kept, and what it cannot is said.
 
+use super::atomic::check_place;
 use super::diff::compare;
-use super::{Bounds, ReadOptions, RewriteReport, WriteOptions, extension, inspect, las, read_with, write};
+use super::{
+    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, extension, inspect, las, read_with, run, write,
+};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -48,6 +51,11 @@ impl ConvertParams {
 /// The input cannot be read, the output not written, or the point format cannot hold the input's fields.
 pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &WriteOptions) -> Result<RewriteReport> {
     params.validate()?;
+    check_target(output)?;
+    run::joined(&options.monitor, || convert_any(input, output, params, options))
+}
+
+fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &WriteOptions) -> Result<RewriteReport> {
     let to_las = ["las", "laz"].contains(&extension(output).as_str());
     let from_las = las::is_las(input)?;
     let part = params.part(options);
@@ -61,6 +69,7 @@ pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
         let reason = "a point format can be chosen from LAS or LAZ to LAS or LAZ only".to_string();
         return Err(Error::Unsupported { path: input.to_path_buf(), reason });
     }
+    check_place(output)?;
     let cloud = read_with(input, &part)?;
     let records = if from_las { lost_records(input)? } else { Vec::new() };
     write(output, &cloud, options)?;

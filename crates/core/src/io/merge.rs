@@ -1,6 +1,7 @@
 //! Several files as one.
 
-use super::{ReadOptions, RewriteReport, WriteOptions, extension, las, read_with, write};
+use super::atomic::check_place;
+use super::{ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, run, write};
 use crate::cloud::{Cloud, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -18,6 +19,11 @@ pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
     if inputs.is_empty() {
         return Err(Error::input("nothing to merge: no input"));
     }
+    check_target(output)?;
+    run::joined(&options.monitor, || merge_any(inputs, output, options))
+}
+
+fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Result<RewriteReport> {
     let mut all_las = ["las", "laz"].contains(&extension(output).as_str());
     for input in inputs {
         all_las &= las::is_las(input)?;
@@ -25,6 +31,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
     if all_las {
         return las::merge(inputs, output, options);
     }
+    check_place(output)?;
     let mut merged: Option<Cloud> = None;
     let mut notes = Vec::new();
     for input in inputs {

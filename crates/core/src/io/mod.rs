@@ -21,6 +21,7 @@ mod pcd;
 mod ply;
 mod print;
 mod ptx;
+pub mod run;
 pub mod salvage;
 pub mod statistics;
 mod table;
@@ -32,6 +33,7 @@ pub use blocks::{Blocks, blocks};
 pub use info::{FileInfo, Octree};
 pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
+pub use atomic::check_output;
 pub use convert::{ConvertParams, convert};
 pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
 pub use las::PointReader;
@@ -39,7 +41,7 @@ pub use merge::merge;
 
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
-use format::{Format, extension, format_of};
+use format::{Format, check_target, extension, format_of};
 use std::path::Path;
 
 /// One change that [`rewrite`] makes; values in the order of the file.
@@ -74,6 +76,13 @@ pub fn read(path: &Path) -> Result<Cloud> {
 /// a kind that is not supported.
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     options.validate()?;
+    run::joined(&options.monitor, || {
+        let cloud = read_any(path, options)?;
+        run::unchanged(path).map(|()| cloud)
+    })
+}
+
+fn read_any(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let format = format_of(path)?;
     check_resolution(format, options)?;
     let cloud = match format {
@@ -112,16 +121,31 @@ fn inside(cloud: &Cloud, (low, high): &Bounds) -> Cloud {
 /// Writes a cloud in the format of the path's extension: `.las`, `.laz`, `.ply`, `.pcd`, `.npz`, `.txt`, `.xyz`, `.csv`,
 /// `.labels`.
 pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+    check_target(path)?;
     match extension(path).as_str() {
         "las" | "laz" => las::write(path, cloud, options),
         "ply" => ply::write(path, cloud, options),
         "pcd" => pcd::write(path, cloud, options),
         "npz" => npz::write(path, cloud, options),
-        "txt" | "xyz" | "csv" | "asc" | "labels" => text::write(path, cloud, options),
-        other => Err(Error::Unsupported {
-            path: path.to_path_buf(),
-            reason: format!("cannot write .{other}; use .las, .laz, .ply, .pcd, .npz, .txt, .xyz, .csv or .labels"),
-        }),
+        _ => text::write(path, cloud, options),
+    }
+}
+
+/// Fails now if a cloud could not be written to this path later: [`check_output`], and the extension.
+pub fn check_cloud_output(path: &Path) -> Result<()> {
+    check_target(path)?;
+    check_output(path)
+}
+
+/// Fails now if [`rewrite`] could not add these dimensions later; their values do not matter, their names and types do.
+///
+/// # Errors
+/// The input has a dimension of such a name and another type, or records would become too long.
+pub fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result<()> {
+    let las = ["las", "laz"].contains(&extension(output).as_str());
+    match las && format_of(input)? == Format::Las {
+        true => las::check_dimensions(input, output, added),
+        false => Ok(()),
     }
 }
 
@@ -129,6 +153,11 @@ pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
 ///
 /// From other formats, or into them, the cloud is read and written. `output` may be `input`.
 pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
+    check_target(output)?;
+    run::joined(&options.monitor, || rewrite_any(input, output, edits, options))
+}
+
+fn rewrite_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
     let las = ["las", "laz"].contains(&extension(output).as_str());
     if format_of(input)? == Format::Las && las {
         return las::rewrite(input, output, edits, options);

@@ -4,6 +4,7 @@
 //! before anything is read of it, and opening never waits. Settings, models and tables of labels are read once from the
 //! beginning to the end ([`bytes`], [`text`]), so they may come from a pipe.
 
+use super::run;
 use crate::error::{Error, Result};
 use std::fs::{File, FileType, OpenOptions};
 use std::io::Read;
@@ -24,9 +25,37 @@ pub fn file(path: &Path) -> Result<File> {
     let file = at_once(path)?;
     let kind = file.metadata().map_err(|e| Error::io(path, e))?.file_type();
     match kind.is_file() {
-        true => Ok(file),
+        true => run::opened(path, &file).map(|()| file),
         false => Err(refused(path, kind)),
     }
+}
+
+/// Refuses what a killed run has left: it is not whole.
+pub(super) fn refuse_partial(path: &Path) -> Result<()> {
+    match path.file_name().is_some_and(|name| is_partial(&name.to_string_lossy())) {
+        true => {
+            let reason = "an output that was never finished; remove it and run the command again".to_string();
+            Err(Error::Unsupported { path: path.to_path_buf(), reason })
+        }
+        false => Ok(()),
+    }
+}
+
+/// Whether outputs have such a name while they are written.
+pub(super) fn is_partial(name: &str) -> bool {
+    name.starts_with('.') && name.ends_with(".partial")
+}
+
+/// The first bytes of a regular file that is not an input: of what stands where an output will go.
+pub(crate) fn start(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let file = at_once(path)?;
+    let kind = file.metadata().map_err(|e| Error::io(path, e))?.file_type();
+    if !kind.is_file() {
+        return Err(refused(path, kind));
+    }
+    let mut bytes = Vec::new();
+    file.take(most).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
 }
 
 /// All bytes of a regular file.
@@ -41,18 +70,42 @@ pub(super) fn whole(path: &Path) -> Result<Vec<u8>> {
 /// # Errors
 /// As [`file`], but for pipes; there are more bytes.
 pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+    refuse_partial(path)?;
     let file = at_once(path)?;
     let about = file.metadata().map_err(|e| Error::io(path, e))?;
-    let source: Box<dyn Read> = match about.file_type() {
+    let bytes = match about.file_type() {
         kind if kind.is_file() && about.len() > most => return Err(too_large(path, about.len(), most)),
-        kind if kind.is_file() => Box::new(file),
+        kind if kind.is_file() => {
+            run::opened(path, &file)?;
+            let mut bytes = Vec::new();
+            file.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+            bytes
+        }
+        kind if name(kind) == "a pipe" => from_pipe(path, file, most)?,
         kind => return Err(refused(path, kind)),
     };
-    let mut bytes = Vec::new();
-    source.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
     match bytes.len() as u64 > most {
         true => Err(too_large(path, bytes.len() as u64, most)),
         false => Ok(bytes),
+    }
+}
+
+/// Fills `bytes` from byte `at` of a file on.
+pub(super) fn fill((path, file): (&Path, &mut File), at: u64, bytes: &mut [u8]) -> Result<()> {
+    match file.read_exact(bytes) {
+        Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(Error::Malformed {
+            path: path.to_path_buf(),
+            format: "file",
+            field: format!("{} bytes", bytes.len()),
+            place: format!("byte {at}"),
+            found: match file.metadata() {
+                Ok(about) => format!("the end of the file at byte {}", about.len()),
+                Err(_) => "the end of the file".into(),
+            },
+            allowed: "all of them; the file was cut, maybe while it was read".into(),
+        }),
+        Err(e) => Err(Error::io(path, e)),
+        Ok(()) => Ok(()),
     }
 }
 
@@ -74,8 +127,37 @@ pub fn text(path: &Path, most: u64) -> Result<String> {
     })
 }
 
+/// Bytes of a pipe to its end, or one more than so many. Waits for the other program until the run is cancelled.
+#[cfg(unix)]
+fn from_pipe(path: &Path, mut pipe: File, most: u64) -> Result<Vec<u8>> {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    let (monitor, mut bytes, mut piece) = (run::monitor(), Vec::new(), vec![0; 1 << 16]);
+    let patience = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+    while bytes.len() as u64 <= most {
+        monitor.check()?;
+        let ready = poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&patience));
+        if ready.map_err(|e| Error::io(path, e.into()))? == 0 {
+            continue;
+        }
+        match pipe.read(&mut piece) {
+            Ok(0) => break,
+            Ok(n) => bytes.extend_from_slice(&piece[..n]),
+            Err(e) if matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::Interrupted) => {}
+            Err(e) => return Err(Error::io(path, e)),
+        }
+    }
+    Ok(bytes)
+}
+
+#[cfg(not(unix))]
+fn from_pipe(path: &Path, mut pipe: File, most: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    (&mut pipe).take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
 /// Opens whatever it is without waiting for another program.
-fn at_once(path: &Path) -> Result<File> {
+pub(super) fn at_once(path: &Path) -> Result<File> {
     let mut options = OpenOptions::new();
     options.read(true);
     #[cfg(unix)]

@@ -30,9 +30,11 @@ pub struct Statistics {
 /// # Errors
 /// Those of [`read_with`](super::read_with()).
 pub fn statistics(path: &Path, options: &ReadOptions) -> Result<(Statistics, Cloud)> {
-    let info = inspect(path)?;
-    let cloud = read_with(path, options)?;
-    Ok((of_cloud(&cloud, &info), cloud))
+    super::run::joined(&options.monitor, || {
+        let info = inspect(path)?;
+        let cloud = read_with(path, options)?;
+        Ok((of_cloud(&cloud, &info), cloud))
+    })
 }
 
 /// The counts of a cloud that was read from the file that `info` describes.

@@ -123,6 +123,12 @@ class PointClassifier(Classifier):
         Parameters
         ----------
         path : path
+            An older model is replaced; any other file that stands there is not.
+
+        Raises
+        ------
+        FileExistsError
+            A file that is no model stands there.
         """
         self._check_is_fitted()
         self._model.save(os.fspath(path))

@@ -39,7 +39,7 @@ def render(
     ----------
     cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
     path : path, optional
-        Also write the picture there as PNG.
+        Also write the picture there, as ``.png``; a map gets a world file ``.pgw`` beside it.
     by : str
         What the colour tells: "class", "height", "rgb" (the points' own colour) or the name of a column.
     view : {"map", "oblique"}
@@ -80,9 +80,17 @@ def render(
         "classes": [whole(code, "classes", 0) for code in classes],
     }
     target = None if path is None else os.fspath(path)
+    if target is not None and isinstance(cloud, (str, os.PathLike)):
+        _apart(cloud, target)
     points = as_cloud(cloud)
     codes = None if truth is None else _codes(truth, len(points))
     return _core.render(points._core, to_json(settings), target, codes, n_jobs)
+
+
+def _apart(cloud: str | os.PathLike[str], target: str) -> None:
+    """Fails if the picture would be written over the cloud."""
+    if os.path.exists(target) and os.path.exists(cloud) and os.path.samefile(cloud, target):
+        raise ValueError(f"path: {target} is the file that is drawn; give the picture another name")
 
 
 def _codes(truth: ArrayLike, points: int) -> NDArray[np.uint8]:

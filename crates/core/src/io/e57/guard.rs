@@ -84,7 +84,11 @@ fn depth(xml: &[u8]) -> usize {
 
 /// Runs the decoder; its errors and panics become errors about `what`.
 fn caught<T>(path: &Path, what: &str, work: impl FnOnce() -> std::result::Result<T, String>) -> Result<T> {
-    let failed = |found: String| bad(path, what, "its bytes".into(), (found, "what an E57 writer writes"));
+    let failed = |found: String| {
+        // What the standard library says of a file that is too short.
+        let found = found.replace("failed to fill whole buffer", "the end of the file too early");
+        bad(path, what, "its bytes".into(), (found, "what an E57 writer writes"))
+    };
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(result) => result.map_err(failed),
         Err(_) => Err(failed("bytes that no writer writes".into())),

@@ -8,7 +8,7 @@ use super::stream::Stream;
 use super::tally::Tally;
 use super::writer::Writer;
 use crate::error::Result;
-use crate::io::{ReadOptions, RewriteReport, WriteOptions};
+use crate::io::{ReadOptions, RewriteReport, WriteOptions, run};
 use std::path::Path;
 
 /// Copies the records that lie in the box, byte for byte. Header, records and what stands behind the points stay; counts and
@@ -45,6 +45,7 @@ pub(in crate::io) fn crop(
         tally.add(&bytes, length);
         writer.push(&bytes, monitor)?;
     }
+    run::unchanged(&stream.records.path)?;
     let records = &mut stream.records;
     writer.finish(
         monitor,

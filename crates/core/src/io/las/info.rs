@@ -25,6 +25,10 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     if (0..3).any(|a| header.low[a] > header.high[a]) && header.points > 0 {
         warnings.push("the bounds in the header are not in order".into());
     }
+    if let Some(offset) = header.time().1 {
+        warnings
+            .push(format!("GPS times count from {offset} million seconds; other formats than LAS do not keep that"));
+    }
     if crs.is_none() {
         warnings.push("no coordinate reference system".into());
     }

@@ -12,7 +12,7 @@ use super::vlr::{Vlr, crs};
 use super::writer::{CHUNK, Front, Writer};
 use crate::error::{Error, Result};
 use crate::io::merge::check_crs;
-use crate::io::{RewriteReport, WriteOptions};
+use crate::io::{RewriteReport, WriteOptions, run};
 use std::path::{Path, PathBuf};
 
 /// What is known of an input before its points are read.
@@ -77,13 +77,17 @@ fn check(parts: &[Part], notes: &mut Vec<String>) -> Result<()> {
     let first = &parts[0];
     for part in parts {
         check_crs((&first.path, first.crs.as_deref()), (&part.path, part.crs.as_deref()), notes)?;
-        let time = |p: &Part| u16_at(&p.header.raw, 6) & 1;
+        let time = |p: &Part| p.header.time();
         if time(part) != time(first) {
-            let text = "has another kind of GPS time (global encoding, bit 0) than";
+            let text = "has another kind of GPS time (global encoding, bits 0 and 6, and time offset) than";
             return Err(Error::input(format!("{} {text} {}", part.path.display(), first.path.display())));
         }
         if promote::wave(part.header.format) && parts.len() > 1 {
-            let reason = "waveforms cannot be merged; convert the files to another point format first".to_string();
+            let reason = format!(
+                "point format {} has waveforms, which cannot be joined; merge into .npz or .ply instead, which keeps all \
+                 fields of the points but their waveforms",
+                part.header.format
+            );
             return Err(Error::Unsupported { path: part.path.clone(), reason });
         }
     }
@@ -244,7 +248,7 @@ fn copy(part: &Part, mapper: &Mapper, writer: &mut Writer, (length, options): (u
     loop {
         let old = stream.next(SLAB, &options.monitor)?;
         if old.is_empty() {
-            return Ok(());
+            return run::unchanged(&part.path);
         }
         let count = old.len() / old_length;
         let mut new = vec![0; count * length];

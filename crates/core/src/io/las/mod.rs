@@ -1,4 +1,4 @@
-//! LAS 1.0 to 1.4, point formats 0 to 10, and LAZ. Header, records and dimensions are parsed by our own code.
+//! LAS 1.0 to 1.5, point formats 0 to 10, and LAZ. Header, records and dimensions are parsed by our own code.
 
 mod chunks;
 mod copc;
@@ -27,14 +27,14 @@ mod write;
 mod writer;
 
 pub(super) use crop::crop;
-pub(super) use header::{Header, f64_at, u16_at, u64_at};
+pub(super) use header::{HEADER_SIZES, Header, f64_at, u16_at, u64_at};
 pub(super) use info::inspect;
 pub(super) use layout::Layout;
 pub(super) use merge::merge;
 pub use point_reader::PointReader;
 pub(super) use read::{Reader, read, read_records};
 pub(super) use records::Records;
-pub(super) use rewrite::{convert, rewrite, rewrite_records};
+pub(super) use rewrite::{check_dimensions, convert, rewrite, rewrite_records};
 pub(super) use stream::Stream;
 pub(super) use vlr::{Vlr, read_at};
 pub(super) use write::write;
@@ -43,6 +43,7 @@ pub(super) use write::write;
 pub(super) fn is_las(path: &std::path::Path) -> crate::error::Result<bool> {
     use std::io::Read;
     let mut start = Vec::new();
+    super::open::refuse_partial(path)?;
     let file = super::open::file(path)?;
     file.take(4).read_to_end(&mut start).map_err(|e| crate::error::Error::io(path, e))?;
     Ok(start == b"LASF")

@@ -11,7 +11,7 @@ use crate::parallel::{Monitor, map_ordered};
 use laz::DecompressionSelection;
 use rayon::prelude::*;
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -98,7 +98,8 @@ impl Records {
             monitor.check()?;
             let points = first..(first + SLAB).min(total);
             let bytes = &mut slab[..points.len() * length];
-            self.file.read_exact(bytes).map_err(|e| Error::io(&self.path, e))?;
+            let at = self.header.points_at + (points.start * length) as u64;
+            open::fill((&self.path, &mut self.file), at, bytes)?;
             work(Slab { points, bytes })?;
         }
         Ok(())

@@ -3,7 +3,7 @@
 use super::header::{Header, array, bad, u16_at, u32_at, u64_at};
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
 /// One record, its header as it stands in the file.
@@ -119,7 +119,8 @@ pub(in crate::io) fn read_evlrs(
 /// Bytes at a place; the caller has checked that they are in the file.
 pub(in crate::io) fn read_at(path: &Path, file: &mut File, at: u64, length: usize) -> Result<Vec<u8>> {
     let mut bytes = vec![0; length];
-    file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(&mut bytes)).map_err(|e| Error::io(path, e))?;
+    file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(path, e))?;
+    crate::io::open::fill((path, file), at, &mut bytes)?;
     Ok(bytes)
 }
 

@@ -145,6 +145,14 @@ fn check_names(path: &Path, vertex: &Element) -> Result<()> {
             ));
         }
     }
+    let axis = |name: &str, a: &str| name.eq_ignore_ascii_case(a);
+    for a in ["x", "y", "z"] {
+        let same: Vec<&str> = vertex.properties.iter().map(|p| &p.name[..]).filter(|name| axis(name, a)).collect();
+        if same.len() > 1 {
+            let found = same.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(" and ");
+            return Err(bad(path, "properties", "header".into(), (found, format!("one `{a}`; rename the others"))));
+        }
+    }
     Ok(())
 }
 

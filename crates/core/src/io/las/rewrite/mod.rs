@@ -11,13 +11,14 @@ mod tests;
 
 use super::header::put;
 use super::promote;
-use super::read::check_codes;
+use super::read::{check_codes, check_values};
 use super::records::{Records, SLAB, par_records};
 use super::stream::Stream;
 use super::vlr::laz_chunk_size;
 use super::writer::{CHUNK, Front, Writer};
+use crate::cloud::Column;
 use crate::error::{Error, Result};
-use crate::io::{Edit, RewriteReport, WriteOptions};
+use crate::io::{Edit, RewriteReport, WriteOptions, run};
 use plan::plan;
 use rayon::prelude::*;
 use std::path::Path;
@@ -34,6 +35,13 @@ pub(in crate::io) fn rewrite(
     options: &WriteOptions,
 ) -> Result<RewriteReport> {
     rewrite_records(Records::open(input)?, output, edits, options)
+}
+
+/// Fails if the dimensions cannot be added, whatever their values.
+pub(in crate::io) fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result<()> {
+    let records = Records::open(input)?;
+    let edits: Vec<Edit> = added.iter().map(|column| Edit::Dimension(column.clone())).collect();
+    plan(&records, &mut front(&records, None, output), &edits, None).map(|_| ())
 }
 
 /// Writes records that are open with the edits applied.
@@ -94,6 +102,11 @@ pub(in crate::io) fn rewrite_as(
     if tail.lost_copc {
         report.notes.push("the octree of the COPC input is not kept; the output is plain LAZ".into());
     }
+    for edit in edits {
+        if let Edit::Dimension(column) = edit {
+            check_values(&column.name, &column.values, points)?;
+        }
+    }
     let plan = plan(&records, &mut front, edits, to)?;
     edits.iter().for_each(|edit| {
         if let Edit::ClassNames(names) = edit {
@@ -121,6 +134,7 @@ pub(in crate::io) fn rewrite_as(
         first += count;
         monitor.advance(count as u64);
     }
+    run::unchanged(&stream.records.path)?;
     let records = &mut stream.records;
     writer.finish(monitor, |file| tail.copy(records, file, monitor), |header, end| tail.patch(&old, header, end))?;
     Ok(report)
