@@ -113,7 +113,7 @@ pub(crate) struct Classify {
     /// Change nothing but the classification: no Confidence and Entropy
     #[arg(long)]
     pub(crate) no_extra: bool,
-    /// Only name points that are unclassified (codes 0 and 1)
+    /// Only name points that are unclassified (codes 0 and 1; Semantic3D: 0)
     #[arg(short = 'u', long)]
     pub(crate) only_unclassified: bool,
     /// Leave points with these codes as they are
@@ -170,6 +170,13 @@ pub(crate) struct Evaluate {
     pub(crate) prediction: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) labels: LabelArgs,
+    /// Change the codes of the truth before they are compared. --map does so too, but is refused where it would change codes
+    /// of the prediction as well
+    #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
+    pub(crate) map_truth: Option<String>,
+    /// Change the codes of the prediction before they are compared
+    #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
+    pub(crate) map_predicted: Option<String>,
     /// Dimension that holds the prediction [default: Classification of a second file, else PredictedClassification]
     #[arg(long, value_name = "NAME")]
     pub(crate) prediction_dimension: Option<String>,

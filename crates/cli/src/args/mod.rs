@@ -13,6 +13,7 @@ pub(crate) use segments::{Segment, SegmentArgs, Suggest};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Divides a LiDAR scan into its parts and names every point.
 #[derive(Debug, Parser)]
@@ -108,18 +109,53 @@ pub(crate) struct LabelArgs {
     /// Change codes before use, e.g. 3=5,4=5 or 3-4=5
     #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
     pub(crate) map: String,
-    /// Change the codes of one input in another way than --map says, e.g. old_scan.laz:1=5; may be repeated
+    /// Change the codes of one input in another way than --map says, e.g. old_scan.laz:1=5; may be repeated, once an input
     #[arg(long, value_name = "FILE:OLD=NEW,...")]
     pub(crate) map_of: Vec<String>,
-    /// Use only these codes (after --map)
+    /// Use only these codes (after --map), 0 and 1 too if they are named
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     pub(crate) classes: Vec<u8>,
-    /// Codes (after --map) that mean "nobody has said"; they are skipped and counted
-    #[arg(long, value_name = "CODES", value_delimiter = ',', default_values_t = [0, 1])]
-    pub(crate) unlabelled: Vec<u8>,
+    /// Codes (after --map) that mean "unlabelled", or none; they are skipped and counted. auto: 0 and 1 in the Classification of
+    /// LAS and LAZ, 0 in the .labels of Semantic3D, none in other formats and dimensions. Negative values and NaN always do
+    #[arg(long, value_name = "auto|none|CODES", default_value = "auto")]
+    pub(crate) unlabelled: Unlabelled,
     /// Dimension that holds the labels
     #[arg(long, value_name = "NAME", default_value = "Classification")]
     pub(crate) label_dimension: String,
+}
+
+/// Which codes mean that a point has no label.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Unlabelled {
+    /// Those of the format.
+    Auto,
+    /// These.
+    Codes(Vec<u8>),
+}
+
+impl FromStr for Unlabelled {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim() {
+            "auto" => Ok(Self::Auto),
+            "none" | "" => Ok(Self::Codes(Vec::new())),
+            codes => {
+                let code = |part: &str| part.trim().parse().map_err(|_| format!("{part:?} is no code 0..255, auto or none"));
+                codes.split(',').map(code).collect::<Result<_, _>>().map(Self::Codes)
+            }
+        }
+    }
+}
+
+impl Unlabelled {
+    /// As the core wants it.
+    pub(crate) fn codes(&self) -> Option<Vec<u8>> {
+        match self {
+            Self::Auto => None,
+            Self::Codes(codes) => Some(codes.clone()),
+        }
+    }
 }
 
 /// The recipe and changes to it.

@@ -5,7 +5,7 @@ use crate::args::Classify;
 use crate::exit_code::Failure;
 use scansion_core::classes::LabelMap;
 use scansion_core::classification::Model;
-use scansion_core::cloud::{Cloud, Column, Values, names};
+use scansion_core::cloud::{Cloud, CodeScheme, Column, Values, names};
 use scansion_core::io::{self, Columns, Edit, salvage};
 use scansion_core::recipes::{self, AnyRecipe, Classified, ClassifyParams};
 use std::path::Path;
@@ -89,7 +89,8 @@ fn one(
 /// The codes to write: the model's, but what was there where the user wants it kept.
 fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Vec<u8> {
     let old = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
-    let keep = |code: u8| args.skip.contains(&code) || (args.only_unclassified && code > 1);
+    let open: &[u8] = if cloud.scheme == CodeScheme::Semantic3d { &[0] } else { &[0, 1] };
+    let keep = |code: u8| args.skip.contains(&code) || (args.only_unclassified && !open.contains(&code));
     let codes = result.codes.iter().enumerate();
     codes
         .map(|(i, &new)| match old.map(|v| v.get(i) as u8) {

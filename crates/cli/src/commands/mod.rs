@@ -7,6 +7,7 @@ mod diff;
 mod evaluate;
 mod features;
 mod info;
+mod labels;
 mod merge;
 mod model;
 mod render;

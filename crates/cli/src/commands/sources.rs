@@ -1,9 +1,9 @@
 //! Inputs, outputs, recipes and models as the arguments name them.
 
-use crate::args::{LabelArgs, RecipeArgs};
+use crate::args::RecipeArgs;
 use crate::exit_code::Failure;
 use scansion_core::classification::Model;
-use scansion_core::recipes::{AnyRecipe, LabelParams, Recipe, default_model};
+use scansion_core::recipes::{AnyRecipe, Recipe, default_model};
 use scansion_core::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -36,18 +36,6 @@ pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
 /// The text of a file.
 pub(crate) fn text(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).map_err(|e| Error::io(path, e))
-}
-
-/// Label settings of an input as the core wants them.
-pub(crate) fn labels(args: &LabelArgs, input: &Path) -> Result<LabelParams> {
-    let named = |of: &&String| of.rsplit_once(':').is_some_and(|(file, _)| input.ends_with(file));
-    let own = args.map_of.iter().find(named).and_then(|of| of.rsplit_once(':'));
-    Ok(LabelParams {
-        dimension: args.label_dimension.clone(),
-        map: own.map_or(&args.map[..], |(_, map)| map).parse()?,
-        unlabelled: args.unlabelled.clone(),
-        classes: args.classes.clone(),
-    })
 }
 
 /// The model of that file, or the built-in one.

@@ -3,10 +3,12 @@
 mod column;
 pub mod morton;
 mod points;
+mod scheme;
 
 pub(crate) use column::each_values;
 pub use column::{Column, Values};
 pub use points::Points;
+pub use scheme::CodeScheme;
 
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
@@ -57,6 +59,8 @@ pub struct Cloud {
     pub crs: Option<String>,
     /// Metres in one unit of the coordinates, if the file says so (0.3048 for feet).
     pub metres_per_unit: Option<f64>,
+    /// Which list the codes of the column `Classification` are of.
+    pub scheme: CodeScheme,
 }
 
 impl Cloud {
@@ -78,7 +82,13 @@ impl Cloud {
         {
             return Err(Error::input(format!("scale {scale:?} must be positive and offset {offset:?} finite")));
         }
-        Ok(Self { coordinates, columns: Vec::new(), crs: None, metres_per_unit: None })
+        Ok(Self {
+            coordinates,
+            columns: Vec::new(),
+            crs: None,
+            metres_per_unit: None,
+            scheme: CodeScheme::default(),
+        })
     }
 
     /// A cloud from rows of x, y, z.
@@ -199,6 +209,7 @@ impl Cloud {
             columns: self.columns.iter().map(|c| c.select(indices)).collect(),
             crs: self.crs.clone(),
             metres_per_unit: self.metres_per_unit,
+            scheme: self.scheme,
         }
     }
 }

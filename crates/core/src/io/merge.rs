@@ -1,7 +1,7 @@
 //! Several files as one.
 
 use super::{ReadOptions, RewriteReport, WriteOptions, extension, las, read_with, write};
-use crate::cloud::{Cloud, Column, Coordinates, Values};
+use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -72,6 +72,7 @@ fn append(before: Cloud, cloud: &Cloud, (path, notes): (&Path, &mut Vec<String>)
         [of(&before), of(cloud)].concat()
     });
     let mut merged = Cloud::new(Coordinates::Float(axes))?;
+    merged.scheme = if before.scheme == cloud.scheme { cloud.scheme } else { CodeScheme::Own };
     merged.crs = before.crs.clone().or_else(|| cloud.crs.clone());
     merged.metres_per_unit = before.metres_per_unit.or(cloud.metres_per_unit);
     let names = before.columns().iter().chain(cloud.columns().iter().filter(|c| before.column(&c.name).is_none()));

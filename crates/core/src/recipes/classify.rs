@@ -29,7 +29,8 @@ pub struct ClassifyParams {
     pub regularise: Option<Regularise>,
 }
 
-/// One answer a point, in the cloud's order. Points that are not finite get code 1, confidence 0 and entropy ln(classes).
+/// One answer a point, in the cloud's order. Points that are not finite get code 1 (where that is a
+/// class of the model [`ClassTable::free_code`](crate::classes::ClassTable::free_code)), confidence 0 and entropy ln(classes).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Classified {
     /// Most probable class.
@@ -76,7 +77,7 @@ fn adopted(
     params: &ClassifyParams,
     (index, found): (&[u32], &Regularised),
 ) -> Classified {
-    let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
+    let mut result = Classified::unknown(cloud.len(), model, params.probabilities);
     result.warnings = warnings(cloud, model, params.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0));
     result.adopt(index, found, model);
     result
@@ -103,7 +104,7 @@ fn classify_pyramid(
     };
     let found = regularise(&points, Probabilities { values: &values, classes }, None, agree, monitor)?;
     let warnings = std::mem::take(&mut result.warnings);
-    result = Classified { warnings, ..Classified::unknown(cloud.len(), classes, params.probabilities) };
+    result = Classified { warnings, ..Classified::unknown(cloud.len(), model, params.probabilities) };
     result.adopt(&points.index, &found, model);
     Ok(result)
 }
@@ -114,7 +115,7 @@ fn point_by_point(
     (set, probabilities): (&FeatureSet, bool),
     monitor: &Monitor,
 ) -> Result<Classified> {
-    let mut result = Classified::unknown(cloud.len(), model.classes.len(), probabilities);
+    let mut result = Classified::unknown(cloud.len(), model, probabilities);
     result.warnings = warnings(cloud, model, set.metres(cloud));
     let tiles = prepare(cloud, set, model, monitor)?;
     monitor.stage("classify", tiles.len() as u64);
@@ -196,9 +197,10 @@ impl Workspace {
 }
 
 impl Classified {
-    fn unknown(points: usize, classes: usize, probabilities: bool) -> Self {
+    fn unknown(points: usize, model: &Model, probabilities: bool) -> Self {
+        let classes = model.classes.len();
         Self {
-            codes: vec![1; points],
+            codes: vec![model.classes.free_code(); points],
             confidence: vec![0.0; points],
             entropy: vec![(classes as f32).ln(); points],
             probabilities: probabilities.then(|| vec![1.0 / classes as f32; points * classes]),
@@ -242,8 +244,9 @@ fn warnings(cloud: &Cloud, model: &Model, metres: f64) -> Vec<String> {
     let finite = (0..cloud.len()).filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
     if finite < cloud.len() {
         warnings.push(format!(
-            "{} points have coordinates that are not finite; they stay unclassified",
-            cloud.len() - finite
+            "{} points have coordinates that are not finite; they stay unclassified (code {})",
+            cloud.len() - finite,
+            model.classes.free_code()
         ));
     }
     let (here, there) = (planar_density(cloud, metres), model.fingerprint.density);

@@ -5,7 +5,7 @@ use super::fields::{self, Field};
 use super::header::Header;
 use super::records::Records;
 use super::vlr::crs;
-use crate::cloud::{Cloud, Column, Coordinates};
+use crate::cloud::{Cloud, CodeScheme, Column, Coordinates};
 use crate::error::{Error, Result};
 use crate::io::number::array;
 use crate::io::options::Bounds;
@@ -112,6 +112,7 @@ impl Sink {
         }
         let (scale, offset) = (self.header.scale, self.header.offset);
         let mut cloud = Cloud::new(Coordinates::Scaled { ticks, scale, offset })?;
+        cloud.scheme = CodeScheme::Asprs;
         for (_, column) in &mut self.columns {
             cloud.set_column(Column::new(&column.name, table::split(&mut column.values, n)))?;
         }

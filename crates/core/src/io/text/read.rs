@@ -4,7 +4,7 @@ use super::bad;
 use super::labels::{self, Labels};
 use super::layout::{self, Layout};
 use super::rows::{self, Fault};
-use crate::cloud::{Cloud, Column, Coordinates, Values, names};
+use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values, names};
 use crate::error::Result;
 use crate::io::lines::{Pieces, count, cut};
 use crate::io::{FileInfo, ReadOptions};
@@ -112,6 +112,7 @@ impl Reader {
             let codes = labels.codes.get(self.given..self.given + n);
             let codes = codes.ok_or_else(|| labels.wrong(&self.path, self.given + n))?;
             cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(codes.to_vec())))?;
+            cloud.scheme = CodeScheme::Semantic3d;
         }
         self.given += n;
         Ok(cloud)

@@ -74,8 +74,7 @@ impl LabelFile {
         let mut codes: Vec<Option<u8>> = vec![None; cloud.len()];
         self.apply_places(cloud, (metres, within), &mut codes, monitor)?;
         self.apply_segments(cloud, &mut codes)?;
-        let unlabelled = codes.iter().filter(|c| c.is_none()).count() as u64;
-        Ok(Labels { codes, unlabelled })
+        Ok(Labels::new(codes, cloud.scheme))
     }
 
     fn apply_places(
