@@ -43,13 +43,13 @@ pub(crate) fn render<'py>(
     cloud: &Cloud,
     settings: &str,
     path: Option<PathBuf>,
-    truth: Option<PyReadonlyArray1<'_, u8>>,
+    truth: Option<PyReadonlyArray1<'_, i16>>,
     n_jobs: Option<i64>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let params = json::settings::<Settings>(settings)?.params(truth.is_some());
     let mut cloud = Arc::clone(&cloud.inner);
     if let Some(truth) = &truth {
-        let values = Values::U8(vector(truth, "truth")?.to_vec());
+        let values = Values::I16(vector(truth, "truth")?.to_vec());
         Arc::make_mut(&mut cloud).set_column(Column::new(TRUTH, values)).map_err(raise)?;
     }
     let image = call(py, n_jobs, |monitor| {

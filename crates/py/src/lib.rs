@@ -47,7 +47,7 @@ mod _core {
     #[pymodule_export]
     use crate::partitions::{object_features, octree_region_growing, region_growing, riemannian, supervoxels};
     #[pymodule_export]
-    use crate::recipes::{Model, recipe_columns};
+    use crate::recipes::{Model, mapped_codes, recipe_columns};
     #[pymodule_export]
     use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing};
     #[pymodule_export]

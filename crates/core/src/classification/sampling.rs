@@ -41,7 +41,7 @@ impl Default for BalanceParams {
         Self {
             max_ratio: 4.0,
             keep_samples: 10_000,
-            rare_below: 50,
+            rare_below: 20,
             rare: Rare::LeaveOut,
             max_samples: 1_000_000,
             seed: 0,

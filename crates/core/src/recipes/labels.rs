@@ -119,12 +119,19 @@ pub(super) fn counts_of(clouds: &[(Cloud, Labels)]) -> [u64; 256] {
     points
 }
 
-/// The classes with these codes, called as in the list that all labels are of.
+/// The classes with these codes, called as in the one known list that labels are of.
 pub(super) fn class_table(codes: &[u8], clouds: &[(Cloud, Labels)]) -> ClassTable {
-    let mut schemes = clouds.iter().map(|(_, labels)| labels.scheme);
-    let first = schemes.next().unwrap_or_default();
-    let scheme = if schemes.all(|s| s == first) { first } else { CodeScheme::Own };
+    let mut known = clouds.iter().map(|(_, labels)| labels.scheme).filter(|&s| s != CodeScheme::Own);
+    let first = known.next().unwrap_or_default();
+    let scheme = if known.all(|s| s == first) { first } else { CodeScheme::Own };
     ClassTable::of_scheme(codes, scheme)
+}
+
+/// Refuses clouds whose labels are of one class, or none, before anything is computed.
+pub(super) fn check_labels(clouds: &[(Cloud, Labels)]) -> Result<()> {
+    let points = counts_of(clouds);
+    let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
+    check_classes(&class_table(&codes, clouds))
 }
 
 /// Refuses to learn from no class or from one.

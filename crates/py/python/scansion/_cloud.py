@@ -130,6 +130,16 @@ class PointCloud:
     def metres_per_unit(self, metres: float | None) -> None:
         self._core.metres_per_unit = metres
 
+    @property
+    def scheme(self) -> str:
+        """The list that the codes of the column Classification are of: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
+        ``"semantic3d"`` (0 is) or ``"own"`` (every code is a class). Readers set it; it may be changed."""
+        return self._core.scheme
+
+    @scheme.setter
+    def scheme(self, scheme: str) -> None:
+        self._core.scheme = scheme
+
     def __len__(self) -> int:
         return len(self._core)
 
@@ -158,7 +168,7 @@ class PointCloud:
     def __reduce__(self) -> tuple[Any, ...]:
         columns = {name: self[name] for name in self.columns}
         ticks = self._core.ticks()
-        return _restore, (self.xyz if ticks is None else ticks, self.crs, self.metres_per_unit, columns)
+        return _restore, (self.xyz if ticks is None else ticks, self.crs, self.metres_per_unit, columns, self.scheme)
 
     def copy(self) -> PointCloud:
         """A copy that may be changed without changing this cloud."""
@@ -182,6 +192,7 @@ class PointCloud:
                 cloud[_SCAN_ANGLE] = values.astype(np.float32) * np.float32(unit)
             elif values.ndim == 1 and values.dtype.kind in "fiub":
                 cloud[_LASPY_NAMES.get(name, name)] = values
+        cloud.scheme = "asprs"
         parsed = _laspy_crs(las.header)
         cloud.crs = parsed
         return cloud
@@ -221,12 +232,17 @@ class PointCloud:
 
 
 def _restore(
-    place: Any, crs: str | None, metres_per_unit: float | None, columns: Mapping[str, NDArray[Any]]
+    place: Any,
+    crs: str | None,
+    metres_per_unit: float | None,
+    columns: Mapping[str, NDArray[Any]],
+    scheme: str = "own",
 ) -> PointCloud:
     """Undoes ``PointCloud.__reduce__``."""
     core = _core.Cloud.from_ticks(*place) if isinstance(place, tuple) else _core.Cloud.from_xyz(place)
     cloud = PointCloud._wrap(core)
     cloud._fill(crs, metres_per_unit, columns)
+    cloud.scheme = scheme
     return cloud
 
 

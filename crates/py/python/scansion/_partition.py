@@ -126,7 +126,7 @@ def partition(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3), optional
         Position of each node.
     labels : array_like of shape (n,), optional
-        Class codes 0..255 of the nodes, negative where nobody has said.
+        Class codes 0..255 of the nodes, negative where there is none.
     n_jobs : int, optional
         Threads; None and -1 take all. The result does not depend on it.
 

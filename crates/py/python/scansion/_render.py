@@ -56,7 +56,7 @@ def render(
     value_range : (float, float), optional
         Ends of the colour bar; the 2nd and 98th percentile by default.
     truth : array_like of shape (n,), optional
-        True class codes 0..255: the colours then tell where the cloud's classes differ from them.
+        True class codes 0..255, negative where there is none: the colours then tell where the cloud's classes differ from them.
     classes : iterable of int
         Compare only points whose true class is one of these; all by default.
     n_jobs : int, optional
@@ -85,12 +85,12 @@ def render(
     return _core.render(points._core, to_json(settings), target, codes, n_jobs)
 
 
-def _codes(truth: ArrayLike, points: int) -> NDArray[np.uint8]:
+def _codes(truth: ArrayLike, points: int) -> NDArray[np.int16]:
     codes = np.asarray(truth)
     if codes.shape != (points,) or codes.dtype.kind not in "iub":
         raise ValueError(
             f"truth: found shape {codes.shape} of {codes.dtype}, expected {points} whole numbers"
         )
-    if codes.size and not 0 <= codes.min() <= codes.max() <= 255:
-        raise ValueError(f"truth: found {codes.min()}..{codes.max()}, expected class codes 0..255")
-    return codes.astype(np.uint8)
+    if codes.size and codes.max() > 255:
+        raise ValueError(f"truth: found {codes.max()}, expected class codes up to 255, negative for none")
+    return np.maximum(codes, -1).astype(np.int16)

@@ -9,7 +9,7 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::evaluation::{Confusion, Scores};
 use crate::parallel::Monitor;
-use crate::recipes::labels::{check_classes, class_table, counts_of};
+use crate::recipes::labels::{check_classes, check_labels, class_table, counts_of};
 use crate::recipes::{ClassCount, Labels, planar_density};
 use crate::segmentation::majorities;
 use serde::Serialize;
@@ -58,6 +58,7 @@ pub fn train_objects(
     monitor: &Monitor,
 ) -> Result<(Model, ObjectsReport)> {
     recipe.validate()?;
+    check_labels(clouds)?;
     let mut recipe = recipe.clone();
     let mut lessons = Vec::new();
     for (c, (cloud, labels)) in clouds.iter().enumerate() {

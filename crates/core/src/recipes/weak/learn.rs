@@ -11,7 +11,7 @@ use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::recipes::labels::{check_classes, class_table, counts_of};
+use crate::recipes::labels::{check_classes, check_labels, class_table, counts_of};
 use crate::recipes::points::points_of;
 use crate::recipes::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, Scene};
 use crate::recipes::{ClassCount, Labels, planar_density};
@@ -79,6 +79,7 @@ pub fn train_weak(
     monitor: &Monitor,
 ) -> Result<(Model, WeakReport)> {
     recipe.validate()?;
+    check_labels(clouds)?;
     let mut recipe = recipe.clone();
     let (lessons, partitions) = study(clouds, &mut recipe, !strengths.is_empty(), monitor)?;
     let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
