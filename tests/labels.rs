@@ -95,7 +95,10 @@ fn what_is_unlabelled_depends_on_the_format() {
     assert_eq!(learned(f, &["rooms.npz"]), (vec![0, 1, 2], 0));
     // ASPRS: 0 is never classified, 1 unclassified: one class is left, and that is an error.
     let message = fails(f, &["train", "scan.laz", "-o", "t.model"]);
-    assert!(message.contains("only one class to learn, 2 ground") && message.contains("unlabelled"), "{message}");
+    assert!(
+        message.contains("only one class to learn, code 2 (ground)") && message.contains("unlabelled"),
+        "{message}"
+    );
     assert!(!f.join("scan.model").exists());
     // What is asked for goes before the default, in all formats.
     assert_eq!(learned(f, &["scan.laz", "--unlabelled", "none"]), (vec![0, 1, 2], 0));
@@ -162,7 +165,8 @@ fn truth_and_prediction_have_maps_of_their_own() {
     // Truth in codes 0, 1, 2; prediction in 2, 5, 6: ten of the ground are called building, five are left open.
     let truth = coded(14.0, 4, [0, 1, 2]);
     let mut named = coded(14.0, 4, [2, 5, 6]);
-    let mut codes: Vec<i16> = named.column("Classification").unwrap().values.to_f64().iter().map(|&c| c as i16).collect();
+    let mut codes: Vec<i16> =
+        named.column("Classification").unwrap().values.to_f64().iter().map(|&c| c as i16).collect();
     let ground: Vec<usize> = (0..codes.len()).filter(|&i| codes[i] == 2).take(15).collect();
     ground[..10].iter().for_each(|&i| codes[i] = 6);
     ground[10..].iter().for_each(|&i| codes[i] = -1);
@@ -185,7 +189,10 @@ fn truth_and_prediction_have_maps_of_their_own() {
     assert!((both - (n - 5.0) / n).abs() < 1e-9, "{both}");
     // The old flag is refused where it is not clear what is meant.
     let message = fails(f, &["evaluate", "truth.ply", "named.ply", "--map", MAP]);
-    assert!(message.contains("--map-truth") && message.contains("--map-predicted") && message.contains("code 2"), "{message}");
+    assert!(
+        message.contains("--map-truth") && message.contains("--map-predicted") && message.contains("code 2"),
+        "{message}"
+    );
     assert!((accuracy(&["--map", "0=2,1=5"]) - accuracy(&["--map-truth", "0=2,1=5"])).abs() < 1e-12);
 }
 
@@ -197,9 +204,8 @@ fn map_of_must_name_one_input_once() {
     for name in ["a.laz", "b.laz", "sub/a.laz"] {
         write(&f.join(name), coded(10.0, 5, [2, 5, 6]));
     }
-    let train = |arguments: &[&str]| {
-        fails(f, &[&["train", "a.laz", "b.laz", "-o", "m.model"], arguments, &QUICK[..]].concat())
-    };
+    let train =
+        |arguments: &[&str]| fails(f, &[&["train", "a.laz", "b.laz", "-o", "m.model"], arguments, &QUICK[..]].concat());
     let message = train(&["--map-of", "c.laz:1=5"]);
     assert!(message.contains("a.laz, b.laz") && message.contains("c.laz:1=5"), "{message}");
     assert!(train(&["--map-of", "a.laz"]).contains("FILE:OLD=NEW"));
@@ -208,7 +214,12 @@ fn map_of_must_name_one_input_once() {
     assert!(message.contains("sub/a.laz") && message.contains("folders"), "{message}");
     done(f, &["evaluate", "a.laz", "sub/a.laz", "--map-of", "sub/a.laz:2=5"]);
     let report = json(
-        &done(f, &[&["train", "a.laz", "b.laz", "-o", "m.model", "--map-of", "b.laz:6=9", "--format", "json"], &QUICK[..]].concat()).0,
+        &done(
+            f,
+            &[&["train", "a.laz", "b.laz", "-o", "m.model", "--map-of", "b.laz:6=9", "--format", "json"], &QUICK[..]]
+                .concat(),
+        )
+        .0,
     );
     let codes: Vec<u64> = report["classes"].as_array().unwrap().iter().map(|c| c["code"].as_u64().unwrap()).collect();
     assert_eq!(codes, [2, 5, 6, 9]);
@@ -266,7 +277,10 @@ fn a_few_stray_points_of_a_class_do_not_throttle_the_others() {
             let (ground, rare, said) = train(&["--set", "training.rare=keep"]);
             assert!(ground >= 10_000 && rare == 12 && said.contains("each weighs"), "{ground}, {rare}: {said}");
             let csv = done(f, &[&["train", "in.laz", "-o", "m.model", "--format", "csv"], &QUICK[..]].concat()).0;
-            assert!(csv.starts_with("code,points,samples,weight,class\n") && csv.contains("7,12,0,0,low noise"), "{csv}");
+            assert!(
+                csv.starts_with("code,points,samples,weight,class\n") && csv.contains("7,12,0,0,low noise"),
+                "{csv}"
+            );
             let (table, _) = done(f, &[&["train", "in.laz", "-o", "m.model"], &QUICK[..]].concat());
             assert!(table.contains("low noise") && table.contains("left out"), "{table}");
         }

@@ -95,7 +95,7 @@ fn training_needs_a_label_and_works_with_one_class() {
     let message = with_code(&mut scene, 1).map(|_| ()).unwrap_err().to_string();
     assert!(message.contains("no labelled point"), "{message}");
     let message = with_code(&mut scene, 6).map(|_| ()).unwrap_err().to_string();
-    assert!(message.contains("only one class to learn, 6"), "{message}");
+    assert!(message.contains("only one class to learn, code 6"), "{message}");
 }
 
 /// A model whose columns the cloud lacks, and one whose recipe gives other features.

@@ -141,7 +141,8 @@ impl FromStr for Unlabelled {
             "auto" => Ok(Self::Auto),
             "none" | "" => Ok(Self::Codes(Vec::new())),
             codes => {
-                let code = |part: &str| part.trim().parse().map_err(|_| format!("{part:?} is no code 0..255, auto or none"));
+                let code =
+                    |part: &str| part.trim().parse().map_err(|_| format!("{part:?} is no code 0..255, auto or none"));
                 codes.split(',').map(code).collect::<Result<_, _>>().map(Self::Codes)
             }
         }

@@ -70,14 +70,8 @@ impl<'a> LabelSource<'a> {
         self.read_as((input, cloud), &LabelParams { map: map.clone(), ..self.params(input)? }, context)
     }
 
-    fn read_as(
-        &self,
-        (input, cloud): (&Path, &Cloud),
-        params: &LabelParams,
-        context: &Context<'_>,
-    ) -> Result<Labels> {
-        let labels =
-            read_labels(cloud, params).map_err(|e| Error::input(format!("{}: {e}", input.display())))?;
+    fn read_as(&self, (input, cloud): (&Path, &Cloud), params: &LabelParams, context: &Context<'_>) -> Result<Labels> {
+        let labels = read_labels(cloud, params).map_err(|e| Error::input(format!("{}: {e}", input.display())))?;
         if let Some(note) = note(cloud, params, &labels) {
             context.printer.note(&format!("{}: {note}", input.display()));
         }

@@ -50,31 +50,20 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
 }
 
 /// Puts the truth beside the cloud's classes.
-fn differences(
-    cloud: &mut Cloud,
-    (truth, args): (&Path, &Render),
-    context: &Context<'_>,
-) -> Result<ColourBy, Failure> {
+fn differences(cloud: &mut Cloud, (truth, args): (&Path, &Render), context: &Context<'_>) -> Result<ColourBy, Failure> {
     let path = truth.display();
     let truth = io::read_with(truth, &context.read_options())?;
     let missing = || Error::input(format!("{path} has no {} to compare with", names::CLASSIFICATION));
     truth.column(names::CLASSIFICATION).ok_or_else(missing)?;
-    let params = LabelParams {
-        unlabelled: args.unlabelled.codes(),
-        classes: args.classes.clone(),
-        ..LabelParams::default()
-    };
+    let params =
+        LabelParams { unlabelled: args.unlabelled.codes(), classes: args.classes.clone(), ..LabelParams::default() };
     let labels = read_labels(&truth, &params).map_err(|e| Error::input(format!("{path}: {e}")))?;
     if truth.len() != cloud.len() {
         return Err(Error::input(format!("{path} has {} points, not {}", truth.len(), cloud.len())).into());
     }
     let codes = labels.codes.iter().map(|code| code.map_or(-1, i16::from)).collect();
     cloud.set_column(Column::new("Truth", Values::I16(codes)))?;
-    Ok(ColourBy::Agreement {
-        truth: "Truth".into(),
-        prediction: names::CLASSIFICATION.into(),
-        classes: Vec::new(),
-    })
+    Ok(ColourBy::Agreement { truth: "Truth".into(), prediction: names::CLASSIFICATION.into(), classes: Vec::new() })
 }
 
 fn range(text: &str) -> Result<(f64, f64), Failure> {

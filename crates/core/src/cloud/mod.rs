@@ -82,13 +82,7 @@ impl Cloud {
         {
             return Err(Error::input(format!("scale {scale:?} must be positive and offset {offset:?} finite")));
         }
-        Ok(Self {
-            coordinates,
-            columns: Vec::new(),
-            crs: None,
-            metres_per_unit: None,
-            scheme: CodeScheme::default(),
-        })
+        Ok(Self { coordinates, columns: Vec::new(), crs: None, metres_per_unit: None, scheme: CodeScheme::default() })
     }
 
     /// A cloud from rows of x, y, z.

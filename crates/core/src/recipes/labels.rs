@@ -140,7 +140,7 @@ pub(super) fn check_classes(classes: &ClassTable) -> Result<()> {
     match classes.classes() {
         [] => Err(Error::input(format!("no labelled point to learn from; {advice}"))),
         [one] => Err(Error::input(format!(
-            "only one class to learn, {} {}: a model needs two or more; {advice}",
+            "only one class to learn, code {} ({}): a model needs two or more; {advice}",
             one.code, one.name
         ))),
         _ => Ok(()),

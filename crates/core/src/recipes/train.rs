@@ -242,7 +242,7 @@ fn count(clouds: &[(Cloud, Labels)], samples: &[u64; 256], weights: &[f32]) -> V
 fn warnings(counts: &[ClassCount], offered: &[u64; 256], params: &TrainingParams) -> Vec<String> {
     let largest = counts.iter().map(|c| c.samples).max().unwrap_or(0);
     let warning = |c: &ClassCount| {
-        let (of, name) = (offered[usize::from(c.code)], format!("class {} {}", c.code, c.name));
+        let (of, name) = (offered[usize::from(c.code)], c.title());
         match c.samples {
             0 if of == 0 => Some(format!(
                 "{name} is left out: its {} points are the majority of no voxel of {} m, or are excluded",

@@ -99,6 +99,14 @@ pub struct ClassCount {
     pub weight: f64,
 }
 
+impl ClassCount {
+    /// In messages: `class 2 ground`, or `class 66` if it has no other name.
+    pub(super) fn title(&self) -> String {
+        let plain = format!("class {}", self.code);
+        if self.name == plain { plain } else { format!("{plain} {}", self.name) }
+    }
+}
+
 /// What training did.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainingReport {

@@ -13,6 +13,7 @@ from scansion import _core
 from scansion._arrays import as_array, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import valued
+from scansion._labels import signed
 from scansion._settings import seed, share, whole
 
 
@@ -139,19 +140,8 @@ def partition(
     [0, 0, 1, 1]
     """
     given = valued(values, edges, weights, node_weights)
-    codes = None if labels is None else _codes(labels)
+    codes = None if labels is None else signed(labels, "labels")
     cloud = None if xyz is None else as_cloud(xyz, columns=[])._core
     settings = to_json((params or PartitionParams()).settings())
     found, strength, trials = _core.partition(given, settings, cloud, codes, n_jobs)
     return Partition(found, strength, json.loads(trials))
-
-
-def _codes(labels: ArrayLike) -> NDArray[np.int16]:
-    codes = np.asarray(labels)
-    if codes.ndim != 1 or codes.dtype.kind not in "iub":
-        raise ValueError(
-            f"labels: found shape {codes.shape} of {codes.dtype}, expected one whole number a node"
-        )
-    if codes.size and codes.max() > 255:
-        raise ValueError(f"labels: found {codes.max()}, expected class codes up to 255, negative for none")
-    return np.maximum(codes, -1).astype(np.int16)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scansion import _core
 from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
+from scansion._labels import signed
 from scansion._settings import whole
 
 
@@ -81,16 +82,5 @@ def render(
     }
     target = None if path is None else os.fspath(path)
     points = as_cloud(cloud)
-    codes = None if truth is None else _codes(truth, len(points))
+    codes = None if truth is None else signed(truth, "truth", len(points))
     return _core.render(points._core, to_json(settings), target, codes, n_jobs)
-
-
-def _codes(truth: ArrayLike, points: int) -> NDArray[np.int16]:
-    codes = np.asarray(truth)
-    if codes.shape != (points,) or codes.dtype.kind not in "iub":
-        raise ValueError(
-            f"truth: found shape {codes.shape} of {codes.dtype}, expected {points} whole numbers"
-        )
-    if codes.size and codes.max() > 255:
-        raise ValueError(f"truth: found {codes.max()}, expected class codes up to 255, negative for none")
-    return np.maximum(codes, -1).astype(np.int16)

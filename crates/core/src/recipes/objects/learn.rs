@@ -161,10 +161,10 @@ fn report(
 
 /// What a class without samples is told of.
 fn unlearned(class: &ClassCount, classes: &ClassTable) -> String {
-    let ClassCount { code, name, points, .. } = class;
-    match classes.position(*code) {
-        Some(_) => format!("class {code} {name} is in no segment that was learned from"),
-        None => format!("class {code} {name} is left out: its {points} points are the majority of no segment"),
+    let (title, points) = (class.title(), class.points);
+    match classes.position(class.code) {
+        Some(_) => format!("{title} is in no segment that was learned from"),
+        None => format!("{title} is left out: its {points} points are the majority of no segment"),
     }
 }
 
