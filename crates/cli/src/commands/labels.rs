@@ -4,6 +4,7 @@ use super::Context;
 use crate::args::LabelArgs;
 use scansion_core::classes::LabelMap;
 use scansion_core::cloud::{Cloud, CodeScheme};
+use scansion_core::io;
 use scansion_core::recipes::{LabelParams, Labels, read_labels};
 use scansion_core::{Error, Result};
 use std::path::Path;
@@ -71,6 +72,14 @@ impl<'a> LabelSource<'a> {
     }
 
     fn read_as(&self, (input, cloud): (&Path, &Cloud), params: &LabelParams, context: &Context<'_>) -> Result<Labels> {
+        if cloud.column(&params.dimension).is_none() {
+            // Only some columns were read: the file knows the others.
+            let known = io::inspect(input).map(|info| info.dimensions.join(", ")).unwrap_or_default();
+            let (path, wanted) = (input.display(), &params.dimension);
+            return Err(Error::input(format!(
+                "{path}: no dimension {wanted} to take labels from; it has: {known} (--label-dimension takes another)"
+            )));
+        }
         let labels = read_labels(cloud, params).map_err(|e| Error::input(format!("{}: {e}", input.display())))?;
         if let Some(note) = note(cloud, params, &labels) {
             context.printer.note(&format!("{}: {note}", input.display()));
@@ -98,9 +107,12 @@ fn note(cloud: &Cloud, params: &LabelParams, labels: &Labels) -> Option<String> 
     let rule = match (&params.unlabelled, scheme) {
         (None, CodeScheme::Own) if labels.counts()[0] > 0 => {
             return Some(format!(
-                "{}: every code is a class, 0 too ({} points); --unlabelled 0 if it means that there is no label",
+                "{}: every code is a class, 0 too ({} points); --unlabelled 0 if it means that there is no label; {} of {} \
+                 points are unlabelled and skipped",
                 params.dimension,
-                labels.counts()[0]
+                labels.counts()[0],
+                labels.unlabelled,
+                cloud.len()
             ));
         }
         (None, CodeScheme::Asprs) if !skipped.is_empty() => {
