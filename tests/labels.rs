@@ -202,7 +202,7 @@ fn map_of_must_name_one_input_once() {
     let f = folder.path();
     std::fs::create_dir(f.join("sub")).unwrap();
     for name in ["a.laz", "b.laz", "sub/a.laz"] {
-        write(&f.join(name), coded(10.0, 5, [2, 5, 6]));
+        write(&f.join(name), coded(20.0, 5, [2, 5, 6]));
     }
     let train =
         |arguments: &[&str]| fails(f, &[&["train", "a.laz", "b.laz", "-o", "m.model"], arguments, &QUICK[..]].concat());
