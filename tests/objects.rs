@@ -161,9 +161,9 @@ fn odd_clouds_are_parted_or_refused_but_never_break() {
         train_objects(&[labelled(rows, codes)], &objects(settings), &Monitor::default()).map_err(|e| e.to_string())
     };
     assert!(train(&plane, &[0; 400], &[]).unwrap_err().contains("no labelled point"));
-    assert!(train(&plane, &[2; 400], &["segments.colour=true"]).unwrap_err().contains("Red"));
-    assert!(train(&holes, &[2; 400], &[SIZE]).unwrap_err().contains("only one class"));
     let halves: Vec<u8> = (0..400).map(|i| if i < 200 { 2 } else { 6 }).collect();
+    assert!(train(&plane, &halves, &["segments.colour=true"]).unwrap_err().contains("Red"));
+    assert!(train(&holes, &[2; 400], &[SIZE]).unwrap_err().contains("only one class"));
     let (model, _) = train(&holes, &halves, &[SIZE]).unwrap();
     let cloud = Cloud::from_rows(&holes).unwrap();
     let codes = classify(&cloud, &model, &ClassifyParams::default(), &Monitor::default()).unwrap().codes;

@@ -82,7 +82,7 @@ pub(super) fn read_all(
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
     let source = LabelSource::new(&args.labels, &inputs)?;
     let options = ReadOptions {
-        columns: Columns::Only([columns, &[args.labels.label_dimension.clone()]].concat()),
+        columns: Columns::Only([columns, std::slice::from_ref(&args.labels.label_dimension)].concat()),
         monitor: context.monitor.clone(),
         ..Default::default()
     };
