@@ -164,8 +164,11 @@ fn odd_clouds_are_parted_or_refused_but_never_break() {
     let halves: Vec<u8> = (0..400).map(|i| if i < 200 { 2 } else { 6 }).collect();
     assert!(train(&plane, &halves, &["segments.colour=true"]).unwrap_err().contains("Red"));
     assert!(train(&holes, &[2; 400], &[SIZE]).unwrap_err().contains("only one class"));
-    let (model, _) = train(&holes, &halves, &[SIZE]).unwrap();
-    let cloud = Cloud::from_rows(&holes).unwrap();
+    let roof = plane.iter().map(|p| [p[0] + 40.0, p[1], 10.0]);
+    let two: Vec<[f64; 3]> = holes.iter().copied().chain(roof).collect();
+    let codes: Vec<u8> = (0..800).map(|i| if i < 400 { 2 } else { 6 }).collect();
+    let (model, _) = train(&two, &codes, &[SIZE]).unwrap();
+    let cloud = Cloud::from_rows(&two).unwrap();
     let codes = classify(&cloud, &model, &ClassifyParams::default(), &Monitor::default()).unwrap().codes;
     assert!(codes[11] == 1 && codes[12] != 1, "points that are not finite stay unclassified");
 }
