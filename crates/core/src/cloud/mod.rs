@@ -1,12 +1,15 @@
 //! The cloud: coordinates as the file has them, and named columns beside them.
 
 mod column;
+pub mod crs;
 pub mod morton;
 mod points;
+mod stray;
 
 pub(crate) use column::each_values;
 pub use column::{Column, Values};
 pub use points::Points;
+pub use stray::{StrayParams, Strays};
 
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
@@ -174,6 +177,37 @@ impl Cloud {
             None => self.columns.push(column),
         }
         Ok(())
+    }
+
+    /// Whether x and y are degrees: the reference system says so, and nobody has given a length.
+    pub fn is_in_degrees(&self) -> bool {
+        self.metres_per_unit.is_none() && self.crs.as_deref().and_then(crs::unit_of) == Some(crs::Unit::Degrees)
+    }
+
+    /// Metres in one unit of the coordinates: what was asked for, else what the cloud says, else 1.
+    ///
+    /// # Errors
+    /// The number is not finite and above 0, or the coordinates are degrees.
+    pub fn metres(&self, asked: Option<f64>) -> Result<f64> {
+        match asked {
+            Some(metres) if metres.is_finite() && metres > 0.0 => Ok(metres),
+            Some(metres) => Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite")),
+            None if self.is_in_degrees() => Err(Error::input(
+                "x and y are degrees, but distances are needed: project the cloud first, e.g. with PDAL's \
+                 filters.reprojection to UTM; if they are a length after all, say which (--unit METRES, or \
+                 metres_per_unit in Python)",
+            )),
+            None => Ok(self.metres_per_unit.unwrap_or(1.0)),
+        }
+    }
+
+    /// Takes the unit from the reference system where nothing else tells it.
+    pub fn take_unit_from_crs(&mut self) {
+        if let (None, Some(crs::Unit::Length(metres))) =
+            (self.metres_per_unit, self.crs.as_deref().and_then(crs::unit_of))
+        {
+            self.metres_per_unit = Some(metres);
+        }
     }
 
     /// Removes a column and returns it.

@@ -2,6 +2,7 @@
 
 use super::diff::compare;
 use super::{Bounds, ReadOptions, RewriteReport, WriteOptions, extension, inspect, las, read_with, write};
+use crate::cloud::crs;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -52,6 +53,7 @@ pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
     let from_las = las::is_las(input)?;
     let part = params.part(options);
     if from_las && to_las {
+        options.keeps_steps()?;
         if part.bounds.is_some() || part.resolution.is_some() {
             return las::crop(input, output, &part, options);
         }
@@ -90,8 +92,12 @@ fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> 
     if found.points[0] != found.points[1] {
         notes.push(format!("{} points became {}", found.points[0], found.points[1]));
     }
-    if cloud.crs.is_some() && back.crs != cloud.crs {
+    let same = |(a, b): (&String, &String)| crs::same(a, b);
+    if cloud.crs.is_some() && !cloud.crs.as_ref().zip(back.crs.as_ref()).is_some_and(same) {
         notes.push("not kept: the coordinate reference system".into());
+    }
+    if let (Some(metres), None) = (cloud.metres_per_unit, back.metres_per_unit) {
+        notes.push(format!("not kept: the unit of {metres} m"));
     }
     if !found.only_in[0].is_empty() {
         notes.push(format!("not kept: {}", found.only_in[0].join(" ")));

@@ -75,7 +75,7 @@ pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     options.validate()?;
     let format = format_of(path)?;
     check_resolution(format, options)?;
-    let cloud = match format {
+    let mut cloud = match format {
         Format::Las => las::read(path, options),
         Format::Text => text::read(path, options),
         Format::Ply => ply::read(path, options),
@@ -84,6 +84,7 @@ pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
         Format::Npz => npz::read(path, options),
         Format::Ptx => ptx::read(path, options),
     }?;
+    cloud.take_unit_from_crs();
     match &options.bounds {
         Some(bounds) if format != Format::Las => Ok(inside(&cloud, bounds)),
         _ => Ok(cloud),
@@ -130,6 +131,7 @@ pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
 pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
     let las = ["las", "laz"].contains(&extension(output).as_str());
     if format_of(input)? == Format::Las && las {
+        options.keeps_steps()?;
         return las::rewrite(input, output, edits, options);
     }
     let mut cloud = read_with(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;

@@ -57,6 +57,29 @@ pub struct WriteOptions {
     /// Compress where the format lets one choose: PCD (`binary_compressed`) and npz (deflate). LAS and LAZ go by their
     /// extension.
     pub compressed: bool,
+    /// Step of the whole numbers that LAS and LAZ store x, y and z in, in the cloud's unit, finite and above 0; `None`: that of
+    /// the input, or one that moves no point by more than a thousandth of the spacing. Not for LAS to LAS.
+    pub scale: Option<[f64; 3]>,
     /// Progress and cancellation.
     pub monitor: Monitor,
+}
+
+impl WriteOptions {
+    /// Fails if a step is not a number above 0.
+    pub fn validate(&self) -> Result<()> {
+        match self.scale {
+            Some(scale) if scale.iter().any(|s| !(s.is_finite() && *s > 0.0)) => {
+                Err(Error::parameter("scale", format!("{scale:?}"), "numbers above 0"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Fails if a step is asked for where the records of a LAS file keep theirs.
+    pub(super) fn keeps_steps(&self) -> Result<()> {
+        match self.scale {
+            Some(scale) => Err(Error::parameter("scale", format!("{scale:?}"), "none from LAS to LAS: steps are kept")),
+            None => Ok(()),
+        }
+    }
 }

@@ -7,6 +7,7 @@ use super::promote;
 use super::records::{Records, SLAB};
 use super::rewrite::plan::describe;
 use super::rewrite::tail::Tail;
+use super::outside::Outside;
 use super::stream::Stream;
 use super::vlr::{Vlr, crs};
 use super::writer::{CHUNK, Front, Writer};
@@ -241,11 +242,14 @@ fn copy(part: &Part, mapper: &Mapper, writer: &mut Writer, (length, options): (u
     if stream.len() != part.header.points || old_length != usize::from(part.header.record_length) {
         return Err(Error::input(format!("{}: the file changed while it was read", part.path.display())));
     }
+    let mut outside = Outside::new(&part.header);
     loop {
         let old = stream.next(SLAB, &options.monitor)?;
         if old.is_empty() {
+            outside.report(&part.path, &part.header, &options.monitor);
             return Ok(());
         }
+        outside.add(&old, old_length);
         let count = old.len() / old_length;
         let mut new = vec![0; count * length];
         for (from, to) in old.chunks_exact(old_length).zip(new.chunks_exact_mut(length)) {

@@ -4,7 +4,7 @@ use super::extra::Extra;
 use super::fields::{self, Field};
 use super::header::Header;
 use super::records::Records;
-use super::vlr::crs;
+use super::vlr::{crs, other_vertical_unit};
 use crate::cloud::{Cloud, Column, Coordinates};
 use crate::error::{Error, Result};
 use crate::io::number::array;
@@ -53,7 +53,12 @@ impl Sink {
                 Source::Field(field) => field.select(selection),
                 Source::Extra(_) => selection.decompress_extra_bytes(),
             });
-        let (crs, metres_per_unit) = crs(&header, records.vlrs.iter().chain(&records.evlrs));
+        let vlrs = records.vlrs.iter().chain(&records.evlrs);
+        let (crs, metres_per_unit) = crs(&header, vlrs.clone());
+        if let Some(vertical) = other_vertical_unit(&header, vlrs) {
+            let text = super::vertical_warning(metres_per_unit, vertical);
+            options.monitor.warn(format!("{}: {text}", records.path.display()));
+        }
         Self { header, bounds: options.bounds, ticks: Default::default(), columns, crs, metres_per_unit }
     }
 

@@ -10,6 +10,7 @@ pub(super) mod tail;
 mod tests;
 
 use super::header::put;
+use super::outside::Outside;
 use super::promote;
 use super::read::check_codes;
 use super::records::{Records, SLAB, par_records};
@@ -104,6 +105,7 @@ pub(in crate::io) fn rewrite_as(
     let mut writer = Writer::create(output, front)?;
     let monitor = &options.monitor;
     monitor.stage("write", points);
+    let mut outside = Outside::new(&old);
     let mut stream = Stream::of(records);
     let mut first = 0;
     loop {
@@ -112,6 +114,7 @@ pub(in crate::io) fn rewrite_as(
         if count == 0 {
             break;
         }
+        outside.add(&bytes, plan.old_length);
         if plan.keeps_length() {
             par_records(&mut bytes, first, plan.old_length).for_each(|(i, record)| plan.apply(record, i));
             writer.push(&bytes, monitor)?;
@@ -122,6 +125,7 @@ pub(in crate::io) fn rewrite_as(
         monitor.advance(count as u64);
     }
     let records = &mut stream.records;
+    outside.report(&records.path, &old, monitor);
     writer.finish(monitor, |file| tail.copy(records, file, monitor), |header, end| tail.patch(&old, header, end))?;
     Ok(report)
 }
