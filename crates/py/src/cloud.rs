@@ -76,7 +76,9 @@ impl Cloud {
 
     #[setter]
     fn set_crs(&mut self, crs: Option<String>) {
-        Arc::make_mut(&mut self.inner).crs = crs;
+        let cloud = Arc::make_mut(&mut self.inner);
+        cloud.crs = crs;
+        cloud.take_unit_from_crs();
     }
 
     #[getter]

@@ -114,17 +114,18 @@ impl Model {
         py.detach(|| self.inner.save(&path)).map_err(raise)
     }
 
-    #[pyo3(signature = (cloud, probabilities = false, regularize = None, n_jobs = None))]
+    #[pyo3(signature = (cloud, probabilities = false, regularize = None, metres_per_unit = None, n_jobs = None))]
     fn classify<'py>(
         &self,
         py: Python<'py>,
         cloud: &Cloud,
         probabilities: bool,
         regularize: Option<&str>,
+        metres_per_unit: Option<f64>,
         n_jobs: Option<i64>,
     ) -> PyResult<Answer<'py>> {
         let cloud = Arc::clone(&cloud.inner);
-        let params = ClassifyParams { probabilities, metres_per_unit: None, regularise: method(regularize)? };
+        let params = ClassifyParams { probabilities, metres_per_unit, regularise: method(regularize)? };
         let found = call(py, n_jobs, |monitor| recipes::classify(&cloud, &self.inner, &params, monitor))?;
         let classes = self.inner.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;

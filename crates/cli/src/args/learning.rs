@@ -1,6 +1,6 @@
 //! Arguments of the commands that describe, learn, name and compare.
 
-use super::{LabelArgs, RecipeArgs, examples};
+use super::{LabelArgs, RecipeArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use scansion_core::classification::ClassifierKind;
 use scansion_core::recipes::Regularise;
@@ -24,6 +24,10 @@ pub(crate) struct Features {
     pub(crate) only: Vec<String>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Replace the input itself if it is also the output
     #[arg(long)]
     pub(crate) overwrite: bool,
@@ -64,6 +68,8 @@ pub(crate) struct Train {
     pub(crate) labels: LabelArgs,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
     /// What is learned: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
     #[arg(long, value_enum)]
     pub(crate) classifier: Option<ClassifierName>,
@@ -122,9 +128,10 @@ pub(crate) struct Classify {
     /// Change the model's codes in the output, e.g. 5=4
     #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
     pub(crate) map: String,
-    /// Metres in one unit of the coordinates [default: from the file, else 1]
-    #[arg(long, value_name = "METRES")]
-    pub(crate) unit: Option<f64>,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
     #[arg(long)]
     pub(crate) salvage: bool,
@@ -176,6 +183,8 @@ pub(crate) struct Evaluate {
     /// Classify the truth's cloud with this model and compare
     #[arg(short, long, conflicts_with = "prediction")]
     pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
     /// Also write the result: .json, .csv, or .png (confusion matrix); may be repeated
     #[arg(short, long)]
     pub(crate) output: Vec<PathBuf>,

@@ -3,11 +3,13 @@
 mod examples;
 mod files;
 mod learning;
+mod lengths;
 mod pictures;
 mod segments;
 
 pub(crate) use files::{Convert, Diff, Info, Merge};
 pub(crate) use learning::{Classify, Evaluate, Features, Model, Train};
+pub(crate) use lengths::{ScaleArgs, UnitArgs};
 pub(crate) use pictures::{Render, ViewArg};
 pub(crate) use segments::{Segment, SegmentArgs, Suggest};
 

@@ -57,9 +57,10 @@ fn one(
         true => salvage::read(input, &options)?.0,
         false => io::read_with(input, &options)?,
     };
+    io::check_steps(input, output, &cloud, &context.write_options())?;
     let params = ClassifyParams {
         probabilities: args.probabilities,
-        metres_per_unit: args.unit,
+        metres_per_unit: args.unit.unit,
         regularise: args.regularize.map(Into::into),
     };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;

@@ -16,6 +16,7 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     sources::guard_input(input, output, args.overwrite)?;
     let set = sources::recipe(&args.recipe)?.features;
     let cloud = io::read_with(input, &context.read_options())?;
+    io::check_steps(input, output, &cloud, &context.write_options())?;
     let table = features::table(&cloud, &set, &context.monitor)?;
     let wanted = wanted(&table, &args.only)?;
     match output.extension().and_then(|e| e.to_str()) {

@@ -4,6 +4,7 @@ use super::{Context, sources};
 use crate::args::{Format, Info};
 use crate::exit_code::Failure;
 use scansion_core::classes::preset;
+use scansion_core::cloud::crs::{Unit, unit_of};
 use scansion_core::io::salvage::{self, Losses};
 use scansion_core::io::{self, FileInfo, statistics};
 use scansion_core::recipes::planar_density;
@@ -122,7 +123,7 @@ fn table(described: &Described) -> String {
         line("scale", format!("{} {} {}", scale[0], scale[1], scale[2]));
     }
     line("CRS", info.crs.as_deref().map_or("unknown".into(), |c| c.chars().take(100).collect()));
-    line("unit", info.metres_per_unit.map_or("unknown, taken as metres".into(), |m| format!("{m} m")));
+    line("unit", unit(info));
     line("dimensions", info.dimensions.join(" "));
     if let Some(octree) = &info.octree {
         let points: Vec<String> = octree.points_per_level.iter().map(ToString::to_string).collect();
@@ -144,6 +145,27 @@ fn table(described: &Described) -> String {
     }
     info.warnings.iter().for_each(|w| line("warning", w.clone()));
     text
+}
+
+/// What the coordinates are.
+fn unit(info: &FileInfo) -> String {
+    match (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
+        (Some(metres), _) if (metres - 1.0).abs() < 1e-12 => "metre".into(),
+        (Some(metres), _) => format!("{metres} m{}", foot(metres)),
+        (None, Some(Unit::Degrees)) => "degrees: to be projected before distances count".into(),
+        (None, _) => "unknown, taken as metres".into(),
+    }
+}
+
+/// The name of a length that has one.
+fn foot(metres: f64) -> &'static str {
+    let is = |other: f64| (metres / other - 1.0).abs() < 1e-9;
+    match metres {
+        _ if is(0.3048) => " (foot)",
+        // WKT often has no more than ten digits of it.
+        _ if (metres / (1200.0 / 3937.0) - 1.0).abs() < 1e-7 => " (US survey foot)",
+        _ => "",
+    }
 }
 
 fn csv(described: &[Described]) -> String {

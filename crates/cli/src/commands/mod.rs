@@ -33,19 +33,23 @@ use std::path::Path;
 pub(crate) struct Context<'a> {
     pub(crate) printer: &'a Printer,
     pub(crate) monitor: Monitor,
+    /// Metres in one unit of all inputs, if the user said so.
+    pub(crate) unit: Option<f64>,
+    /// Step of LAS outputs, if the user said so.
+    pub(crate) scale: Option<[f64; 3]>,
 }
 
 impl Context<'_> {
-    /// Settings for writing, with this run's progress and cancellation.
+    /// Settings for writing, with this run's step, progress and cancellation.
     pub(crate) fn write_options(&self) -> WriteOptions {
-        let mut options = WriteOptions::default();
+        let mut options = WriteOptions { scale: self.scale, ..WriteOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
 
-    /// Settings for reading all columns, with this run's progress and cancellation.
+    /// Settings for reading all columns, with this run's unit, progress and cancellation.
     pub(crate) fn read_options(&self) -> ReadOptions {
-        let mut options = ReadOptions::default();
+        let mut options = ReadOptions { metres_per_unit: self.unit, ..ReadOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
@@ -65,9 +69,10 @@ impl Context<'_> {
 
 /// Runs the command in a pool of the asked size, with progress and Ctrl-C.
 pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
-    let context = Context { printer, monitor: interrupt::monitor() };
-    let _progress = Progress::watch(&context.monitor, &args.global);
-    threads::with_pool(args.global.threads, || match &args.command {
+    let (unit, scale) = (args.command.unit(), args.command.scale().map_err(Failure::Usage)?);
+    let context = Context { printer, monitor: interrupt::monitor(), unit, scale };
+    let progress = Progress::watch(&context.monitor, &args.global);
+    let outcome = threads::with_pool(args.global.threads, || match &args.command {
         Command::Demo(demo) => demo::run(demo, &context),
         Command::Info(info) => info::run(info, &context),
         Command::Convert(convert) => convert::run(convert, &context),
@@ -81,5 +86,8 @@ pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
         Command::Evaluate(evaluate) => evaluate::run(evaluate, &context),
         Command::Render(render) => render::run(render, &context),
         Command::Model(model) => model::run(model, &context),
-    })?
+    });
+    drop(progress);
+    context.monitor.take_warnings().iter().for_each(|text| printer.warning(text));
+    outcome?
 }

@@ -15,7 +15,9 @@ pub(crate) const CLUSTER: &str = "ClusterID";
 
 pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> {
     sources::guard_input(&args.input, &args.output, args.overwrite)?;
-    let (_, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
+    let (cloud, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
+    io::check_steps(&args.input, &args.output, &cloud, &context.write_options())?;
+    drop(cloud);
     let mut edits = vec![Edit::Dimension(Column::new(CLUSTER, Values::U32(found.clusters)))];
     for (level, clusters) in found.levels.into_iter().enumerate() {
         edits.push(Edit::Dimension(Column::new(format!("{CLUSTER}_L{}", level + 1), Values::U32(clusters))));

@@ -84,8 +84,7 @@ pub(super) fn read(
 ) -> Result<(Cloud, Labels), Failure> {
     let mut wanted = columns.to_vec();
     wanted.push(labels.dimension.clone());
-    let options =
-        ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone(), ..Default::default() };
+    let options = ReadOptions { columns: Columns::Only(wanted), ..context.read_options() };
     let cloud = io::read_with(path, &options)?;
     let labels =
         read_labels(&cloud, labels).map_err(|e| scansion_core::Error::input(format!("{}: {e}", path.display())))?;

@@ -3,6 +3,7 @@
 mod column;
 pub mod crs;
 pub mod morton;
+mod oddities;
 mod points;
 mod stray;
 

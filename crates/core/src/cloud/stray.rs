@@ -199,7 +199,8 @@ mod tests {
     /// A block of a town: 200 m wide, in national coordinates.
     fn town(points: usize) -> Vec<[f64; 3]> {
         let mut s = stream(7, 7);
-        let mut place = || [500_000.0 + 200.0 * s.uniform(), 5_200_000.0 + 150.0 * s.uniform(), 400.0 + 20.0 * s.uniform()];
+        let mut place =
+            || [500_000.0 + 200.0 * s.uniform(), 5_200_000.0 + 150.0 * s.uniform(), 400.0 + 20.0 * s.uniform()];
         (0..points).map(|_| place()).collect()
     }
 
@@ -212,7 +213,11 @@ mod tests {
         assert!(found(&town(3000)).is_empty());
         // A bird, a pit, a chimney and one point without a number.
         let mut rows = town(3000);
-        rows.extend([[500_100.0, 5_200_050.0, 900.0], [500_090.0, 5_200_050.0, 100.0], [500_300.0, 5_200_050.0, 480.0]]);
+        rows.extend([
+            [500_100.0, 5_200_050.0, 900.0],
+            [500_090.0, 5_200_050.0, 100.0],
+            [500_300.0, 5_200_050.0, 480.0],
+        ]);
         rows.push([f64::NAN, 0.0, 0.0]);
         assert!(found(&rows).is_empty());
         assert!(found(&[]).is_empty() && found(&vec![[1.0, 2.0, 3.0]; 500]).is_empty());
@@ -233,8 +238,7 @@ mod tests {
             rows.push([f64::INFINITY, 0.0, 0.0]);
             let cloud = Cloud::from_rows(&rows).unwrap();
             let found = Strays::find(&cloud, &StrayParams::default()).unwrap();
-            let expected: Vec<u32> =
-                (0..rows.len() as u32).filter(|&i| strays.contains(&rows[i as usize])).collect();
+            let expected: Vec<u32> = (0..rows.len() as u32).filter(|&i| strays.contains(&rows[i as usize])).collect();
             assert_eq!(found.index, expected, "{strays:?}");
             assert_eq!(found.bounds, bounds);
             assert!(found.warning(&cloud).unwrap().starts_with(&format!("{} point", strays.len())));

@@ -34,7 +34,7 @@ pub(super) struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// The plan, and the cloud's finite points in the order of the grid.
+    /// The plan, and the cloud's points that are finite and not stray, in the order of the grid.
     pub(super) fn new(
         cloud: &'a Cloud,
         set: &FeatureSet,
@@ -42,7 +42,7 @@ impl<'a> Plan<'a> {
         monitor: &Monitor,
     ) -> Result<(Self, Grid, Points)> {
         set.validate()?;
-        let points = Points::from_cloud(cloud, set.metres(cloud));
+        let points = Points::from_cloud(cloud, cloud.metres(set.metres_per_unit)?);
         let first_scale = match set.pyramid.first_scale {
             Some(scale) => scale,
             None => scale_of(spacing(&points)?),

@@ -32,11 +32,12 @@ impl FeatureTable {
     }
 }
 
-/// Features of all points in the cloud's order; rows of points that are not finite are NaN.
+/// Features of all points in the cloud's order; rows of points that are not finite, or stray, are NaN.
 ///
 /// 4 bytes a point and feature: classification never asks for it.
 pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<FeatureTable> {
     let extractor = Extractor::prepare(cloud, set, (Wanted::All, None), monitor)?;
+    cloud.oddities().into_iter().for_each(|text| monitor.warn(text));
     collect(&extractor, cloud.len(), |point| point as usize, monitor)
 }
 

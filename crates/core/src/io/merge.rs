@@ -1,6 +1,7 @@
 //! Several files as one.
 
 use super::{ReadOptions, RewriteReport, WriteOptions, extension, las, read_with, write};
+use crate::cloud::crs::same;
 use crate::cloud::{Cloud, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -23,6 +24,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
         all_las &= las::is_las(input)?;
     }
     if all_las {
+        options.keeps_steps()?;
         return las::merge(inputs, output, options);
     }
     let mut merged: Option<Cloud> = None;
@@ -47,7 +49,7 @@ pub(super) fn check_crs(
     notes: &mut Vec<String>,
 ) -> Result<()> {
     match (a, b) {
-        (Some(a), Some(b)) if a != b => {
+        (Some(a), Some(b)) if !same(a, b) => {
             let text = format!("{} lies in another reference system than {}", path.display(), first.display());
             Err(Error::input(format!("{text} ({} / {})", shortened(b), shortened(a))))
         }

@@ -36,6 +36,7 @@ pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
 pub use las::PointReader;
 pub use merge::merge;
 
+use crate::cloud::crs::{Unit, unit_of};
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
 use format::{Format, extension, format_of};
@@ -85,6 +86,7 @@ pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
         Format::Ptx => ptx::read(path, options),
     }?;
     cloud.take_unit_from_crs();
+    cloud.metres_per_unit = options.metres_per_unit.or(cloud.metres_per_unit);
     match &options.bounds {
         Some(bounds) if format != Format::Las => Ok(inside(&cloud, bounds)),
         _ => Ok(cloud),
@@ -125,6 +127,18 @@ pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     }
 }
 
+/// Fails if a cloud from `input` could not be written to `output` for the step of its coordinates: to be asked before long work.
+///
+/// # Errors
+/// As [`write`](fn@write) of LAS and LAZ; a step that is asked for from LAS to LAS.
+pub fn check_steps(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+    match (["las", "laz"].contains(&extension(output).as_str()), las::is_las(input)?) {
+        (true, true) => options.keeps_steps(),
+        (true, false) => las::check_steps(cloud, options),
+        (false, _) => Ok(()),
+    }
+}
+
 /// Copies a file with the edits applied; everything else of a LAS or LAZ file stays as it is, byte for byte.
 ///
 /// From other formats, or into them, the cloud is read and written. `output` may be `input`.
@@ -156,7 +170,7 @@ fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
 
 /// What a file says of itself: its header, and for text the number of its lines.
 pub fn inspect(path: &Path) -> Result<FileInfo> {
-    match format_of(path)? {
+    let mut info = match format_of(path)? {
         Format::Las => las::inspect(path),
         Format::Pcd => pcd::inspect(path),
         Format::E57 => e57::inspect(path),
@@ -164,5 +178,9 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
         Format::Ptx => ptx::inspect(path),
         Format::Text => text::inspect(path),
         Format::Ply => ply::inspect(path),
+    }?;
+    if let (None, Some(Unit::Length(metres))) = (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
+        info.metres_per_unit = Some(metres);
     }
+    Ok(info)
 }

@@ -1,8 +1,8 @@
 //! What only the points of a file can tell: what is odd about them, and how many of which class there are.
 
 use super::{Bounds, FileInfo, ReadOptions, inspect, read_with};
-use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, Values, names};
 use crate::cloud::crs::{Unit, unit_of};
+use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, Values, names};
 use crate::error::Result;
 use rayon::prelude::*;
 use serde::Serialize;

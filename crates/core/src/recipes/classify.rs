@@ -7,7 +7,7 @@ use super::regularise::{Probabilities, Regularise, RegulariseParams, Regularised
 use super::training::planar_density;
 use super::weak::classify_weak;
 use crate::classification::{Model, PredictScratch};
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{Cloud, Points, StrayParams, Strays};
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, Scratch, Tiles, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
@@ -17,6 +17,9 @@ const TOGETHER: usize = 8;
 
 /// Groups of blocks whose probabilities are held at a time.
 const GROUPS_AT_ONCE: usize = 32;
+
+/// A cloud so many times denser or thinner than the training is worth a warning.
+const OTHER: f64 = 8.0;
 
 /// Settings of [`classify`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,7 +32,8 @@ pub struct ClassifyParams {
     pub regularise: Option<Regularise>,
 }
 
-/// One answer a point, in the cloud's order. Points that are not finite get code 1, confidence 0 and entropy ln(classes).
+/// One answer a point, in the cloud's order. Points that are not finite get code 1, confidence 0 and entropy ln(classes); so do
+/// stray ones ([`Strays`]), but for their code: 7 (noise) by a model of ASPRS codes, else 1 or, where 1 is a class, 0.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Classified {
     /// Most probable class.
@@ -55,17 +59,30 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
     let recipe = AnyRecipe::from_toml(&model.recipe_toml)?;
     let agree = recipe.regularise();
     let agree = RegulariseParams { method: params.regularise.unwrap_or(agree.method), ..agree.clone() };
-    match &recipe {
-        AnyRecipe::Pyramid(recipe) => classify_pyramid(cloud, (model, recipe), (params, &agree), monitor),
+    let mut result = match &recipe {
+        AnyRecipe::Pyramid(recipe) => classify_pyramid(cloud, (model, recipe), (params, &agree), monitor)?,
         AnyRecipe::Weak(recipe) => {
             let (points, found) = classify_weak(cloud, (model, recipe), (params.metres_per_unit, &agree), monitor)?;
-            Ok(adopted(cloud, model, params, (&points.index, &found)))
+            adopted(cloud, model, params, (&points.index, &found))
         }
         AnyRecipe::Objects(recipe) => {
             let metres = params.metres_per_unit;
             let (points, found) = classify_objects(cloud, (model, recipe), (metres, &agree), monitor)?;
-            Ok(adopted(cloud, model, params, (&points.index, &found)))
+            adopted(cloud, model, params, (&points.index, &found))
         }
+    };
+    let strays = Strays::find(cloud, &StrayParams::default())?;
+    strays.index.iter().for_each(|&i| result.codes[i as usize] = stray_code(model));
+    Ok(result)
+}
+
+/// The code of points that belong to no scene. ASPRS knows noise (7), and has no class of code 0 or 1.
+fn stray_code(model: &Model) -> u8 {
+    let has = |code| model.classes.position(code).is_some();
+    match (has(0) || has(1) || !has(2), has(1)) {
+        (false, _) => 7,
+        (true, false) => 1,
+        (true, true) => 0,
     }
 }
 
@@ -246,11 +263,27 @@ fn warnings(cloud: &Cloud, model: &Model, metres: f64) -> Vec<String> {
             cloud.len() - finite
         ));
     }
+    warnings.extend(cloud.oddities());
     let (here, there) = (planar_density(cloud, metres), model.fingerprint.density);
-    if finite > 1000 && there > 0.0 && (here > 8.0 * there || here < 0.02 * there) {
-        warnings.push(format!("{here:.1} points per square metre here, {there:.1} in training: check the unit of the coordinates and the result"));
+    let thinnest = thinnest(model).min(there);
+    if finite > 1000 && there > 0.0 && (here > OTHER * there || here * OTHER < thinnest) {
+        let mut text = format!(
+            "{here:.1} points per square metre here, {there:.1} in training: check the unit of the coordinates and the result"
+        );
+        if here < there && cloud.metres_per_unit.is_none() && cloud.crs.is_none() {
+            text += " (the file tells no unit: if it is feet, say --unit 0.3048)";
+        }
+        warnings.push(text);
     }
     warnings
+}
+
+/// The lowest density of the thinned copies that a model has learned from.
+fn thinnest(model: &Model) -> f64 {
+    match AnyRecipe::from_toml(&model.recipe_toml) {
+        Ok(AnyRecipe::Pyramid(recipe)) => recipe.training.densities.iter().copied().fold(f64::INFINITY, f64::min),
+        _ => f64::INFINITY,
+    }
 }
 
 #[cfg(test)]

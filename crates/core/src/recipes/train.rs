@@ -5,6 +5,7 @@
 //! 4.4 (document 004). The steps of the chapter are the functions of this file, in order.
 
 use super::labels::Labels;
+use super::points::note_oddities;
 use super::recipe::Recipe;
 use super::training::{Candidate, ClassCount, TrainingReport, candidates, copies, planar_density};
 use crate::classes::ClassTable;
@@ -95,6 +96,10 @@ fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
 fn prepare(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<(Vec<Source>, Described, Recipe)> {
     recipe.validate()?;
     let mut recipe = recipe.clone();
+    for (cloud, _) in clouds {
+        cloud.metres(recipe.features.metres_per_unit)?;
+    }
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
     let mut sources = gather(clouds, &recipe);
     let classes = class_table(&sources)?;
     choose(&mut sources, &classes, &recipe)?;

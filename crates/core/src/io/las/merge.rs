@@ -3,11 +3,11 @@
 use super::extra::{self, Extra};
 use super::grid::Grid;
 use super::header::{Header, RECORD_SIZES, array, f64_at, put, u16_at};
+use super::outside::Outside;
 use super::promote;
 use super::records::{Records, SLAB};
 use super::rewrite::plan::describe;
 use super::rewrite::tail::Tail;
-use super::outside::Outside;
 use super::stream::Stream;
 use super::vlr::{Vlr, crs};
 use super::writer::{CHUNK, Front, Writer};

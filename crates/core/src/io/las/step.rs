@@ -215,7 +215,8 @@ mod tests {
             lattice(0.3).iter().map(|p| [p[0] + 500_000.125, p[1] + 5_200_000.25, p[2] + 0.007]).collect();
         assert_eq!(scale(&written(&rows, &WriteOptions::default()).unwrap()), [1e-3; 3]);
         // Single precision is within the allowed share of the spacing.
-        let single: Vec<[f64; 3]> = rows.iter().map(|p| [p[0] - 5e5, p[1] - 5.2e6, p[2]].map(|v| f64::from(v as f32))).collect();
+        let single: Vec<[f64; 3]> =
+            rows.iter().map(|p| [p[0] - 5e5, p[1] - 5.2e6, p[2]].map(|v| f64::from(v as f32))).collect();
         assert_eq!(scale(&written(&single, &WriteOptions::default()).unwrap()), [1e-3; 3]);
     }
 
@@ -226,14 +227,16 @@ mod tests {
             let rows: Vec<[f64; 3]> = (0..4000).map(|_| [s.uniform() * size, s.uniform() * size, 0.0]).collect();
             let back = written(&rows, &WriteOptions::default()).unwrap();
             let spacing = size / 63.0;
-            let moved = (0..rows.len()).map(|i| (0..3).fold(0.0, |m: f64, a| m.max((back.xyz(i)[a] - rows[i][a]).abs())));
+            let moved =
+                (0..rows.len()).map(|i| (0..3).fold(0.0, |m: f64, a| m.max((back.xyz(i)[a] - rows[i][a]).abs())));
             assert!(moved.fold(0.0, f64::max) <= 1e-3 * spacing, "{size}");
         }
     }
 
     #[test]
     fn places_in_degrees_stay_apart() {
-        let rows: Vec<[f64; 3]> = lattice(2e-5).iter().map(|p| [2.35 + p[0], 48.85 + p[1], 30.0 + p[0] * 1e4]).collect();
+        let rows: Vec<[f64; 3]> =
+            lattice(2e-5).iter().map(|p| [2.35 + p[0], 48.85 + p[1], 30.0 + p[0] * 1e4]).collect();
         let back = written(&rows, &WriteOptions::default()).unwrap();
         let mut places: Vec<[u64; 2]> = (0..back.len()).map(|i| [0, 1].map(|a| back.xyz(i)[a].to_bits())).collect();
         places.sort_unstable();
@@ -243,7 +246,8 @@ mod tests {
 
     #[test]
     fn an_extent_that_needs_a_coarser_step_is_refused_unless_nothing_is_lost() {
-        let mut rows: Vec<[f64; 3]> = lattice(0.25).iter().map(|p| [p[0] + 500_000.0, p[1] + 5_200_000.0, 0.0]).collect();
+        let mut rows: Vec<[f64; 3]> =
+            lattice(0.25).iter().map(|p| [p[0] + 500_000.0, p[1] + 5_200_000.0, 0.0]).collect();
         rows.push([0.0; 3]);
         assert_eq!(scale(&written(&rows, &WriteOptions::default()).unwrap()), [1e-3, 1e-2, 1e-3]);
         rows[7][1] += 0.003;

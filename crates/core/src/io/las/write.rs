@@ -35,8 +35,12 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         .map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
     let laz = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("laz"));
     let vlrs = vlrs(wkt.as_deref(), &extras)?;
-    let front =
-        Front { header: header(cloud, (format, length16), &frame, wkt.is_some()), vlrs, gap: Vec::new(), chunk: laz.then_some(CHUNK) };
+    let front = Front {
+        header: header(cloud, (format, length16), &frame, wkt.is_some()),
+        vlrs,
+        gap: Vec::new(),
+        chunk: laz.then_some(CHUNK),
+    };
     let mut writer = Writer::create(path, front)?;
     options.monitor.stage("write", cloud.len() as u64);
     for first in (0..cloud.len()).step_by(SLAB) {
@@ -58,6 +62,12 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         options.monitor.advance(points.len() as u64);
     }
     writer.finish(&options.monitor, |_| Ok(0), |_, _| {})
+}
+
+/// Fails if no step holds the coordinates, as [`write`] would.
+pub(in crate::io) fn check_steps(cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+    options.validate()?;
+    frame(cloud, options).map(|_| ())
 }
 
 /// The reference system as WKT: point formats from 6 on know no other way.

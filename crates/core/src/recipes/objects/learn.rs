@@ -9,6 +9,7 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::evaluation::{Confusion, Scores};
 use crate::parallel::Monitor;
+use crate::recipes::points::note_oddities;
 use crate::recipes::{ClassCount, Labels, planar_density};
 use crate::segmentation::majorities;
 use serde::Serialize;
@@ -59,6 +60,7 @@ pub fn train_objects(
     recipe.validate()?;
     let mut recipe = recipe.clone();
     let mut lessons = Vec::new();
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let lesson = study((cloud, labels), &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
         // Whether the first cloud has colours decides for all that the model will name.

@@ -90,7 +90,7 @@ impl LabelFile {
         }
         let points = Points::from_cloud(cloud, metres);
         let rows: Vec<[f64; 3]> = self.places.iter().map(|p| p.1).collect();
-        let queries = Points::from_cloud(&Cloud::from_rows(&rows)?, metres);
+        let queries = Points::with_strays(&Cloud::from_rows(&rows)?, metres);
         if points.is_empty() {
             return Err(Error::input("the cloud has no point with finite coordinates"));
         }

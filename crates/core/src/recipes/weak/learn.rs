@@ -11,7 +11,7 @@ use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::recipes::points::points_of;
+use crate::recipes::points::{note_oddities, points_of};
 use crate::recipes::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, Scene};
 use crate::recipes::{ClassCount, Labels, planar_density};
 use crate::segmentation::Intent;
@@ -125,6 +125,7 @@ fn study<'a>(
     monitor: &Monitor,
 ) -> Result<(Vec<Lesson<'a>>, Vec<StrengthScore>)> {
     let mut drafts = Vec::new();
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let points = points_of(cloud, recipe.features.metres_per_unit)?;
         let seed = recipe.seed.wrapping_add(c as u64);
@@ -273,7 +274,7 @@ pub(in crate::recipes) fn classify_weak(
     (metres, params): (Option<f64>, &RegulariseParams),
     monitor: &Monitor,
 ) -> Result<(Points, Regularised)> {
-    let unit = metres.or(recipe.features.metres_per_unit).or(cloud.metres_per_unit).unwrap_or(1.0);
+    let unit = cloud.metres(metres.or(recipe.features.metres_per_unit))?;
     let points = points_of(cloud, Some(unit))?;
     let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
     let local = describe::local(&points, recipe, monitor)?;
