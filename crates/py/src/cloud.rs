@@ -5,6 +5,7 @@ use crate::error::raise;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use scansion_core::cloud::{Cloud as CoreCloud, Column, Coordinates};
+use scansion_core::io::WriteOptions;
 use std::sync::Arc;
 
 /// Points with named columns, in the core's memory.
@@ -67,6 +68,16 @@ impl Cloud {
 
     fn remove_column(&mut self, name: &str) -> bool {
         Arc::make_mut(&mut self.inner).take_column(name).is_some()
+    }
+
+    /// Scale and offset with which LAS stores the coordinates.
+    fn las_frame(&self, py: Python<'_>) -> PyResult<([f64; 3], [f64; 3])> {
+        py.detach(|| scansion_core::io::las_frame(&self.inner, &WriteOptions::default())).map_err(raise)
+    }
+
+    /// The reference system as WKT, if it is known.
+    fn wkt(&self) -> Option<String> {
+        self.inner.wkt()
     }
 
     #[getter]

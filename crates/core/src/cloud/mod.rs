@@ -180,6 +180,12 @@ impl Cloud {
         Ok(())
     }
 
+    /// The reference system as WKT; `None` without one, or if a code of EPSG is not in the table.
+    pub fn wkt(&self) -> Option<String> {
+        let text = self.crs.as_deref()?;
+        crs::epsg_code(text).map_or_else(|| Some(text.to_string()), crs::wkt_of)
+    }
+
     /// Whether x and y are degrees: the reference system says so, and nobody has given a length.
     pub fn is_in_degrees(&self) -> bool {
         self.metres_per_unit.is_none() && self.crs.as_deref().and_then(crs::unit_of) == Some(crs::Unit::Degrees)

@@ -33,7 +33,7 @@ pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
 pub use convert::{ConvertParams, convert};
 pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
-pub use las::PointReader;
+pub use las::{PointReader, las_frame};
 pub use merge::merge;
 
 use crate::cloud::crs::{Unit, unit_of};
@@ -134,7 +134,7 @@ pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
 pub fn check_steps(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     match (["las", "laz"].contains(&extension(output).as_str()), las::is_las(input)?) {
         (true, true) => options.keeps_steps(),
-        (true, false) => las::check_steps(cloud, options),
+        (true, false) => las_frame(cloud, options).map(|_| ()),
         (false, _) => Ok(()),
     }
 }

@@ -153,7 +153,14 @@ class PointClassifier(Classifier):
         self.report_ = json.loads(report)
         return self
 
-    def classify(self, cloud: Any, *, probabilities: bool = False, regularize: str | None = None) -> Classified:
+    def classify(
+        self,
+        cloud: Any,
+        *,
+        probabilities: bool = False,
+        regularize: str | None = None,
+        metres_per_unit: float | None = None,
+    ) -> Classified:
         """Class, confidence and entropy of every point.
 
         Parameters
@@ -163,10 +170,12 @@ class PointClassifier(Classifier):
             Return the probability of every class too.
         regularize : {"none", "local", "point-crf", "consensus", "segment-crf"}, optional
             Make neighbours agree in this way; None takes the model's own.
+        metres_per_unit : float, optional
+            Metres in one unit of the coordinates; None takes what the cloud says, else 1. Degrees are refused.
         """
         self._check_is_fitted()
         points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
-        found = self._model.classify(points._core, probabilities, regularize, self.n_jobs)
+        found = self._model.classify(points._core, probabilities, regularize, metres_per_unit, self.n_jobs)
         for note in found[4]:
             warnings.warn(note, stacklevel=2)
         return Classified(*found[:4])

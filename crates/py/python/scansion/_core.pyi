@@ -84,6 +84,8 @@ class Cloud:
     def remove_column(self, name: str) -> bool: ...
     crs: str | None
     metres_per_unit: float | None
+    def las_frame(self) -> tuple[list[float], list[float]]: ...
+    def wkt(self) -> str | None: ...
 
 @final
 class Forest:
@@ -129,6 +131,7 @@ class Model:
         cloud: Cloud,
         probabilities: bool = False,
         regularize: str | None = None,
+        metres_per_unit: float | None = None,
         n_jobs: int | None = None,
     ) -> tuple[
         NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None, list[str]
@@ -150,12 +153,15 @@ class Blocks:
 
 def read(path: str, part: _Part = ..., n_jobs: int | None = None) -> Cloud: ...
 def statistics(path: str, n_jobs: int | None = None) -> str: ...
-def write(path: str, cloud: Cloud, n_jobs: int | None = None) -> None: ...
+def write(
+    path: str, cloud: Cloud, scale: tuple[float, float, float] | None = None, n_jobs: int | None = None
+) -> None: ...
 def rewrite(
     input: str,
     output: str,
     classification: NDArray[np.uint8] | None = None,
     dimensions: list[tuple[str, NDArray[Any]]] = ...,
+    scale: tuple[float, float, float] | None = None,
     n_jobs: int | None = None,
 ) -> list[str]: ...
 def inspect(path: str) -> str: ...
@@ -165,9 +171,15 @@ def convert(
     output: str,
     point_format: int | None = None,
     part: tuple[_Bounds | None, float | None] = ...,
+    scale: tuple[float, float, float] | None = None,
     n_jobs: int | None = None,
 ) -> list[str]: ...
-def merge(inputs: list[str], output: str, n_jobs: int | None = None) -> list[str]: ...
+def merge(
+    inputs: list[str],
+    output: str,
+    scale: tuple[float, float, float] | None = None,
+    n_jobs: int | None = None,
+) -> list[str]: ...
 def salvage(input: str, output: str | None = None, n_jobs: int | None = None) -> str: ...
 def segment(
     cloud: Cloud,

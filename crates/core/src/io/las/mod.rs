@@ -40,7 +40,8 @@ pub(super) use records::Records;
 pub(super) use rewrite::{convert, rewrite, rewrite_records};
 pub(super) use stream::Stream;
 pub(super) use vlr::{Vlr, read_at};
-pub(super) use write::{check_steps, write};
+pub use write::las_frame;
+pub(super) use write::write;
 
 /// What to say where heights have a unit of their own.
 fn vertical_warning(horizontal: Option<f64>, vertical: f64) -> String {

@@ -6,7 +6,7 @@ use super::header::{RECORD_SIZES, put};
 use super::step::{Frame, frame};
 use super::vlr::Vlr;
 use super::writer::{CHUNK, Front, Writer};
-use crate::cloud::{Cloud, Column, Coordinates, crs, names};
+use crate::cloud::{Cloud, Column, Coordinates, names};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
 use std::borrow::Cow;
@@ -64,20 +64,19 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     writer.finish(&options.monitor, |_| Ok(0), |_, _| {})
 }
 
-/// Fails if no step holds the coordinates, as [`write`] would.
-pub(in crate::io) fn check_steps(cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+/// Scale and offset with which a cloud is written.
+///
+/// # Errors
+/// A scale that is not above 0; no step fits the extent and the points' spacing.
+pub fn las_frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
     options.validate()?;
-    frame(cloud, options).map(|_| ())
+    frame(cloud, options)
 }
 
 /// The reference system as WKT: point formats from 6 on know no other way.
 fn wkt(cloud: &Cloud, options: &WriteOptions) -> Option<String> {
     let text = cloud.crs.as_deref()?;
-    let wkt = match crs::epsg_code(text) {
-        Some(code) => crs::wkt_of(code),
-        None => Some(text.to_string()),
-    };
-    let kept = wkt.filter(|wkt| wkt.len() < 65_535);
+    let kept = cloud.wkt().filter(|wkt| wkt.len() < 65_535);
     if kept.is_none() {
         let short: String = text.chars().take(60).collect();
         options.monitor.warn(format!("the reference system {short} is not kept: no WKT of it is known that fits LAS"));
