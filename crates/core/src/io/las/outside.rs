@@ -8,6 +8,9 @@ use std::path::Path;
 /// Records that are looked at on one thread.
 const PIECE: usize = 16_384;
 
+/// Steps by which the division of two rounded numbers may be off.
+const SLACK: f64 = 1e-3;
+
 /// Counts the points that lie outside by more than a step.
 #[derive(Clone, Debug)]
 pub(in crate::io) struct Outside {
@@ -26,9 +29,8 @@ impl Outside {
         let (mut low, mut high) = ([i32::MIN; 3], [i32::MAX; 3]);
         for a in (0..3).filter(|_| ordered) {
             // Casts of what is beyond 32 bits, or no number, end at the limits.
-            low[a] = (tick(a, header.low[a]) - 1e-3).floor() as i32;
-            high[a] = (tick(a, header.high[a]) + 1e-3).ceil() as i32;
-            (low[a], high[a]) = (low[a].saturating_sub(1), high[a].saturating_add(1));
+            low[a] = (tick(a, header.low[a]) - 1.0 - SLACK).ceil() as i32;
+            high[a] = (tick(a, header.high[a]) + 1.0 + SLACK).floor() as i32;
         }
         Self { low, high, seen: 0, count: 0, first: None }
     }
