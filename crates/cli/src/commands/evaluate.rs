@@ -37,6 +37,7 @@ fn predicted(args: &Evaluate, cloud: &Cloud, truth: &LabelParams, context: &Cont
     if args.model.is_some() {
         let model = sources::model(args.model.as_deref())?;
         let result = recipes::classify(cloud, &model, &ClassifyParams::default(), &context.monitor)?;
+        result.warnings.iter().for_each(|w| context.printer.warning(w));
         return Ok(result.codes.iter().map(|&c| truth.map.apply(c)).collect());
     }
     let default = if args.prediction.is_some() { names::CLASSIFICATION } else { "PredictedClassification" };
