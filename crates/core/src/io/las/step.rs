@@ -43,18 +43,28 @@ pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
         return Ok((scale, offset));
     }
     let degrees = cloud.is_in_degrees();
-    let mut spacing = None;
+    let plan = degrees || may_be_degrees(cloud, &axes);
+    let mut spacings = [None, None];
     let mut frame = ([0.0; 3], [0.0; 3]);
     for axis in &axes {
-        let usual = if degrees && axis.a < 2 { DEGREE } else { LENGTH };
-        let (scale, offset) = axis.choose(cloud, usual, || {
+        let (height, usual) = (axis.a == 2, if degrees && axis.a < 2 { DEGREE } else { LENGTH });
+        let (scale, offset) = axis.choose(cloud, usual, || match height && degrees {
             // In degrees and metres there is no distance in space; millimetres of height are kept.
-            let usual = degrees && axis.a == 2;
-            if usual { f64::INFINITY } else { *spacing.get_or_insert_with(|| self::spacing(cloud, degrees)) }
+            true => f64::INFINITY,
+            false => {
+                let plan = plan && !height;
+                *spacings[usize::from(plan)].get_or_insert_with(|| spacing(cloud, plan))
+            }
         })?;
         (frame.0[axis.a], frame.1[axis.a]) = (scale, offset);
     }
     Ok(frame)
+}
+
+/// A cloud that tells no unit and is less than one wide, where degrees are: heights say nothing of its spacing then.
+fn may_be_degrees(cloud: &Cloud, axes: &[Axis; 3]) -> bool {
+    let narrow = |axis: &Axis, most: f64| axis.low >= -most && axis.high <= most && axis.high - axis.low < 1.0;
+    cloud.crs.is_none() && cloud.metres_per_unit.is_none() && narrow(&axes[0], 180.0) && narrow(&axes[1], 90.0)
 }
 
 /// One axis and what coordinates are on it.
@@ -235,9 +245,11 @@ mod tests {
 
     #[test]
     fn places_in_degrees_stay_apart() {
+        let mut s = stream(4, 2);
         let rows: Vec<[f64; 3]> =
-            lattice(2e-5).iter().map(|p| [2.35 + p[0], 48.85 + p[1], 30.0 + p[0] * 1e4]).collect();
+            lattice(2e-5).iter().map(|p| [2.35 + p[0], 48.85 + p[1], 30.0 * s.uniform()]).collect();
         let back = written(&rows, &WriteOptions::default()).unwrap();
+        assert!((0..rows.len()).all(|i| (0..2).all(|a| (back.xyz(i)[a] - rows[i][a]).abs() <= 2e-8)));
         let mut places: Vec<[u64; 2]> = (0..back.len()).map(|i| [0, 1].map(|a| back.xyz(i)[a].to_bits())).collect();
         places.sort_unstable();
         places.dedup();
