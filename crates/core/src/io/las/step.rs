@@ -6,7 +6,7 @@ use crate::io::WriteOptions;
 use rayon::prelude::*;
 
 /// Scale and offset per axis.
-pub type Frame = ([f64; 3], [f64; 3]);
+pub(in crate::io) type Frame = ([f64; 3], [f64; 3]);
 
 /// Steps of lengths, of degrees, and of heights beside degrees.
 const LENGTH: f64 = 1e-3;
