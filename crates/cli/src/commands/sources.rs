@@ -4,7 +4,7 @@ use crate::args::{LabelArgs, RecipeArgs};
 use crate::exit_code::Failure;
 use scansion_core::classification::Model;
 use scansion_core::recipes::{AnyRecipe, LabelParams, Recipe, default_model};
-use scansion_core::{Error, Result};
+use scansion_core::{Error, Result, io};
 use std::path::{Path, PathBuf};
 
 /// The recipe that name or file, settings and seed give together (flag before recipe before default).
@@ -35,7 +35,7 @@ pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
 
 /// The text of a file.
 pub(crate) fn text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|e| Error::io(path, e))
+    io::open::text(path, io::open::MOST_SETTINGS)
 }
 
 /// Label settings of an input as the core wants them.

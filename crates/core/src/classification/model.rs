@@ -8,6 +8,7 @@ use super::codec::{Reader, forest_arrays, malformed, print_arrays};
 use super::fingerprint::Fingerprint;
 use crate::classes::ClassTable;
 use crate::error::{Error, Result};
+use crate::io::open;
 use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;
 use serde::{Deserialize, Serialize};
@@ -129,7 +130,7 @@ impl Model {
     /// # Errors
     /// As [`Model::from_bytes`]; [`Error::Io`] if the file cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let bytes = open::bytes(path, open::MOST_MODEL)?;
         Self::from_bytes(&bytes, path)
     }
 

@@ -1,7 +1,7 @@
 //! What a file is: told by its first bytes, then by its name.
 
 use crate::error::{Error, Result};
-use std::fs::File;
+use crate::io::open;
 use std::io::Read;
 use std::path::Path;
 
@@ -27,7 +27,7 @@ pub(super) fn extension(path: &Path) -> String {
 /// By the first bytes; what begins with no known magic is text if its name or its bytes say so.
 pub(super) fn format_of(path: &Path) -> Result<Format> {
     let mut start = Vec::new();
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let file = open::file(path)?;
     file.take(4096).read_to_end(&mut start).map_err(|e| Error::io(path, e))?;
     let unsupported = |reason: String| Err(Error::Unsupported { path: path.to_path_buf(), reason });
     if start.is_empty() {

@@ -14,6 +14,7 @@ mod lines;
 mod merge;
 mod npz;
 mod number;
+pub mod open;
 mod options;
 mod packed;
 mod pcd;

@@ -4,6 +4,7 @@ use super::number::Slot;
 use super::table::Table;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
+use crate::io::open;
 use crate::parallel::Monitor;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -59,7 +60,7 @@ impl Packed {
         (count, width): (u64, usize),
         layout: Layout,
     ) -> Result<Self> {
-        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut file = open::file(path)?;
         file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(path, e))?;
         Ok(Self { path: path.to_path_buf(), file, width, left: count, layout, monitor: monitor.clone() })
     }

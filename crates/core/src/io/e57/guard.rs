@@ -1,6 +1,7 @@
 //! What is checked of an E57 file before and around the decoder.
 
 use crate::error::{Error, Result};
+use crate::io::open;
 use ::e57::{E57Reader, PointCloud, RecordDataType};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -39,7 +40,7 @@ pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (im
 
 /// Opens a file after its header was compared with its size.
 pub(super) fn open(path: &Path) -> Result<E57> {
-    let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let mut file = open::file(path)?;
     let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
     let mut head = [0; 48];
     file.read_exact(&mut head).map_err(|_| bad(path, "header", "byte 0".into(), (size, "48 bytes")))?;

@@ -43,7 +43,7 @@ pub(super) use write::write;
 pub(super) fn is_las(path: &std::path::Path) -> crate::error::Result<bool> {
     use std::io::Read;
     let mut start = Vec::new();
-    let file = std::fs::File::open(path).map_err(|e| crate::error::Error::io(path, e))?;
+    let file = super::open::file(path)?;
     file.take(4).read_to_end(&mut start).map_err(|e| crate::error::Error::io(path, e))?;
     Ok(start == b"LASF")
 }

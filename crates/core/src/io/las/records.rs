@@ -6,6 +6,7 @@ use super::extra::{self, Extra};
 use super::header::{Header, bad};
 use super::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
 use crate::error::{Error, Result};
+use crate::io::open;
 use crate::parallel::{Monitor, map_ordered};
 use laz::DecompressionSelection;
 use rayon::prelude::*;
@@ -46,7 +47,7 @@ pub(in crate::io) struct Slab<'a> {
 impl Records {
     /// Opens a file and checks everything but the points.
     pub(in crate::io) fn open(path: &Path) -> Result<Self> {
-        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut file = open::file(path)?;
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let header = Header::read(path, &mut file, size)?;
         let (vlrs, gap) = read_vlrs(path, &mut file, &header)?;

@@ -9,6 +9,7 @@ use super::tally::Tally;
 use super::vlr::{Vlr, read_at};
 use super::walk;
 use crate::error::{Error, Result};
+use crate::io::open;
 use crate::io::salvage::Losses;
 use crate::parallel::{Monitor, map_ordered};
 use laz::DecompressionSelection;
@@ -22,7 +23,7 @@ impl Records {
     /// # Errors
     /// There is no header, or nothing in it makes sense: then nothing can be salvaged.
     pub(in crate::io) fn salvage(path: &Path, monitor: &Monitor) -> Result<(Self, Losses)> {
-        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut file = open::file(path)?;
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let mut losses = Losses::default();
         let mut header = header(path, &mut file, size, &mut losses)?;

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
 use crate::io::number::array;
+use crate::io::open;
 use flate2::Compression;
 use flate2::read::DeflateDecoder;
 use flate2::write::DeflateEncoder;
@@ -67,7 +68,7 @@ pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (im
 
 impl Archive {
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let file = open::file(path)?;
         let length = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let mut archive = Self { path: path.to_path_buf(), file, length, entries: Vec::new() };
         let (count, size, at) = archive.end()?;

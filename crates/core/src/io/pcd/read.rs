@@ -6,6 +6,7 @@ use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::{Error, Result};
 use crate::io::lines::Lines;
 use crate::io::number::{Kind, Slot};
+use crate::io::open;
 use crate::io::packed::{Layout, Packed, Target};
 use crate::io::words::Words;
 use crate::io::{FileInfo, ReadOptions, known};
@@ -221,7 +222,7 @@ fn compressed(path: &Path, header: &Header, (mut layout, parts): (Layout, &[Part
 
 /// The compressed bytes and the size that they unpack to.
 fn packed_bytes(path: &Path, header: &Header) -> Result<(Vec<u8>, u64)> {
-    let mut file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+    let mut file = open::file(path)?;
     let mut sizes = [0; 8];
     let start = file.seek(SeekFrom::Start(header.body)).and_then(|_| file.read_exact(&mut sizes));
     start.map_err(|_| {

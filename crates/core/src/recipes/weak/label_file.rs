@@ -2,6 +2,7 @@
 
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
+use crate::io::open;
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::Labels;
@@ -31,7 +32,7 @@ impl LabelFile {
     /// # Errors
     /// `path:line: what is wrong`.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        let text = open::text(path, open::MOST_TABLE)?;
         let mut file = Self { path: path.to_path_buf(), ..Self::default() };
         let mut columns = None;
         for (line, row) in text.lines().map(str::trim).enumerate() {
