@@ -57,9 +57,32 @@ pub enum Error {
     /// A model does not fit the data: missing features, other classes, newer version.
     #[error("model does not fit: {0}")]
     ModelMismatch(String),
+    /// There is less memory than the work needs.
+    #[error("{}", short_of(what, *needed, *free))]
+    Memory {
+        /// What it was for.
+        what: String,
+        /// Bytes that it needs, about.
+        needed: u64,
+        /// Bytes that were free, where the system tells.
+        free: Option<u64>,
+    },
     /// The work was cancelled by the user.
     #[error("interrupted")]
     Interrupted,
+}
+
+/// The sentence about missing memory.
+fn short_of(what: &str, needed: u64, free: Option<u64>) -> String {
+    let size = |bytes: u64| match bytes {
+        0..0x4000_0000 => format!("{:.1} MiB", bytes as f64 / 1_048_576.0),
+        _ => format!("{:.1} GiB", bytes as f64 / 1_073_741_824.0),
+    };
+    let found = free.map(|free| format!(", {} are free", size(free))).unwrap_or_default();
+    format!(
+        "not enough memory for {what}: {} are needed{found}; raise the limit, or take a part of the points at a time",
+        size(needed)
+    )
 }
 
 impl Error {

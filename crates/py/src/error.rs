@@ -1,6 +1,6 @@
 //! The one place where errors of the core become Python exceptions.
 
-use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyValueError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyOSError, PyValueError};
 use pyo3::{PyErr, create_exception};
 use scansion_core::Error;
 
@@ -16,6 +16,7 @@ pub(crate) fn raise(error: Error) -> PyErr {
     match error {
         Error::Io { path, source } => os_error(&path, &source),
         Error::Malformed { .. } | Error::Unsupported { .. } => FileFormatError::new_err(error.to_string()),
+        Error::Memory { .. } => PyMemoryError::new_err(error.to_string()),
         Error::Interrupted => PyKeyboardInterrupt::new_err(()),
         _ => PyValueError::new_err(error.to_string()),
     }

@@ -2,9 +2,13 @@
 
 use super::Cloud;
 
+/// Metres from the origin; three squares of it are still an `f32`.
+const FARTHEST: f64 = 1e18;
+
 /// `f32` coordinates relative to an origin, axis by axis.
 ///
-/// Only the finite points of a cloud are here; `index[i]` is the position in the cloud of local point `i`.
+/// Only the finite points of a cloud are here (and none farther than 10^15 km from the origin, where squares of `f32` end);
+/// `index[i]` is the position in the cloud of local point `i`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     /// Metres east of the origin.
@@ -29,10 +33,11 @@ impl Points {
         points.reserve(cloud.len());
         for i in 0..cloud.len() {
             let p = cloud.xyz(i);
-            if p.iter().all(|v| v.is_finite()) {
-                points.x.push((p[0] * metres_per_unit - origin[0]) as f32);
-                points.y.push((p[1] * metres_per_unit - origin[1]) as f32);
-                points.z.push((p[2] * metres_per_unit - origin[2]) as f32);
+            let local = [0, 1, 2].map(|a| p[a] * metres_per_unit - origin[a]);
+            if local.iter().all(|v| v.abs() <= FARTHEST) {
+                points.x.push(local[0] as f32);
+                points.y.push(local[1] as f32);
+                points.z.push(local[2] as f32);
                 points.index.push(i as u32);
             }
         }
@@ -60,6 +65,13 @@ impl Points {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_has_no_place_in_f32_is_not_among_the_points() {
+        let cloud = Cloud::from_rows(&[[0.0; 3], [1e300, 0.0, 0.0], [0.0, 1e19, 0.0], [1.0, 2.0, 3.0]]).unwrap();
+        assert_eq!(Points::from_cloud(&cloud, 1.0).index, [0, 3]);
+        assert!(Points::from_cloud(&Cloud::from_rows(&[[1e300; 3]]).unwrap(), 1e300).is_empty());
+    }
 
     #[test]
     fn large_coordinates_keep_millimetres() {

@@ -10,6 +10,7 @@ mod format;
 mod info;
 mod known;
 mod las;
+mod limits;
 mod lines;
 mod merge;
 mod npz;

@@ -5,6 +5,7 @@
 //! beginning to the end ([`bytes`], [`text`]), so they may come from a pipe.
 
 use crate::error::{Error, Result};
+use crate::memory;
 use std::fs::{File, FileType, OpenOptions};
 use std::io::Read;
 use std::path::Path;
@@ -31,8 +32,11 @@ pub fn file(path: &Path) -> Result<File> {
 
 /// All bytes of a regular file.
 pub(super) fn whole(path: &Path) -> Result<Vec<u8>> {
+    let mut file = file(path)?;
+    let length = file.metadata().map_err(|e| Error::io(path, e))?.len();
     let mut bytes = Vec::new();
-    file(path)?.read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    memory::reserve(&mut bytes, usize::try_from(length).unwrap_or(usize::MAX), &path.display().to_string())?;
+    file.read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
     Ok(bytes)
 }
 
@@ -48,6 +52,7 @@ pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
         kind if kind.is_file() => Box::new(file),
         kind => return Err(refused(path, kind)),
     };
+    memory::require(about.len(), &path.display().to_string())?;
     let mut bytes = Vec::new();
     source.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
     match bytes.len() as u64 > most {

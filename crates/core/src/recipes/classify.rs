@@ -10,6 +10,7 @@ use crate::classification::{Model, PredictScratch};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, Scratch, Tiles, Wanted};
+use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with};
 
 /// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
@@ -53,6 +54,7 @@ pub struct Classified {
 /// The model asks for a feature that this version or this cloud cannot give.
 pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<Classified> {
     let recipe = AnyRecipe::from_toml(&model.recipe_toml)?;
+    forecast(cloud.len(), &recipe, params)?;
     let agree = recipe.regularise();
     let agree = RegulariseParams { method: params.regularise.unwrap_or(agree.method), ..agree.clone() };
     match &recipe {
@@ -67,6 +69,16 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
             Ok(adopted(cloud, model, params, (&points.index, &found)))
         }
     }
+}
+
+/// Fails before any work if there is less memory than naming so many points takes at least.
+fn forecast(points: usize, recipe: &AnyRecipe, params: &ClassifyParams) -> Result<()> {
+    let method = params.regularise.unwrap_or(recipe.regularise().method);
+    let alone = matches!(recipe, AnyRecipe::Pyramid(_)) && method == Regularise::None;
+    let each = if alone { 45 } else { 200 };
+    // The fine levels are held for a part of the points.
+    let needed = each * points as u64 + 150 * points.min(1 << 20) as u64;
+    memory::require(needed, &format!("naming {points} points"))
 }
 
 /// The answers of a recipe that decides on all points together.

@@ -55,7 +55,7 @@ pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> 
 }
 
 fn only_in(one: &Layout, other: &Layout) -> Vec<String> {
-    one.names().filter(|name| !other.names().any(|n| n == *name)).map(String::from).collect()
+    one.names().filter(|name| !other.has(name)).map(String::from).collect()
 }
 
 /// Whether both files have the same scale and offset, so that ticks can be compared.
@@ -77,7 +77,7 @@ fn coordinates(ticks: &Column, stream: &Stream, axis: usize) -> Values {
 fn tallies(a: &Stream, b: &Stream, layouts: &[Layout; 2]) -> Vec<Tally> {
     let (one, two) = (&a.records.header, &b.records.header);
     let grids = same_grid(a, b);
-    let common = layouts[0].names().filter(|name| layouts[1].names().any(|n| n == *name));
+    let common = layouts[0].names().filter(|name| layouts[1].has(name));
     common
         .map(|name| {
             let mut tally = Tally::new(name);

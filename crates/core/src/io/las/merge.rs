@@ -13,6 +13,7 @@ use super::writer::{CHUNK, Front, Writer};
 use crate::error::{Error, Result};
 use crate::io::merge::check_crs;
 use crate::io::{RewriteReport, WriteOptions};
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// What is known of an input before its points are read.
@@ -127,6 +128,8 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
         return Ok((moves, (base + first.header.extra()) as u16));
     }
     let (mut known, mut end): (Vec<(Extra, usize)>, usize) = (Vec::new(), base);
+    // Where each name stands in `known`, and how many inputs have it.
+    let mut places: HashMap<String, (usize, usize)> = HashMap::new();
     let mut all = Vec::new();
     for part in parts {
         let (list, _) = extra::described(&part.header, &part.vlrs);
@@ -136,9 +139,15 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
             return Err(Error::Unsupported { path: part.path.clone(), reason });
         }
         let mut moves = Vec::new();
+        let mut seen = HashSet::new();
         for extra in list {
             let size = extra::size_of(extra.kind);
-            let place = match known.iter().find(|(k, _)| k.name == extra.name) {
+            if seen.insert(extra.name.clone())
+                && let Some((_, inputs)) = places.get_mut(&extra.name)
+            {
+                *inputs += 1;
+            }
+            let place = match places.get(&extra.name).map(|&(at, _)| &known[at]) {
                 Some((old, at)) if old.kind == extra.kind && old.scaled == extra.scaled => *at,
                 Some(_) => {
                     let text = format!("dimension {} has another type or scale than before", extra.name);
@@ -148,6 +157,7 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
                     if !std::ptr::eq(part, first) {
                         describe(vlrs, 0, &descriptor(part, &extra.name)?)?;
                     }
+                    places.insert(extra.name.clone(), (known.len(), 1));
                     known.push((extra.clone(), end));
                     end += size;
                     end - size
@@ -158,9 +168,7 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
         all.push(moves);
     }
     for (extra, _) in &known {
-        let lacks =
-            parts.iter().filter(|p| !extra::described(&p.header, &p.vlrs).0.iter().any(|e| e.name == extra.name));
-        let count = lacks.count();
+        let count = parts.len() - places.get(&extra.name).map_or(0, |&(_, inputs)| inputs);
         if count > 0 {
             notes.push(format!("{} is not in {count} of {} inputs; 0 there", extra.name, parts.len()));
         }

@@ -1,7 +1,7 @@
 //! Reading a LAS, LAZ or COPC file into clouds.
 
 use super::copc;
-use super::records::{Records, SLAB, Slab};
+use super::records::{Records, Slab, slab};
 use super::sink::Sink;
 use super::stream::Stream;
 use crate::cloud::{Cloud, Values};
@@ -62,7 +62,8 @@ impl Reader {
     /// The next points, at most so many; an empty cloud at the end.
     pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
         while self.sink.len() < points {
-            let bytes = self.stream.next((points - self.sink.len()).min(SLAB), &self.monitor)?;
+            let bytes =
+                self.stream.next((points - self.sink.len()).min(slab(self.stream.record_length())), &self.monitor)?;
             if bytes.is_empty() {
                 break;
             }

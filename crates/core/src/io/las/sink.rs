@@ -6,7 +6,8 @@ use super::header::Header;
 use super::records::Records;
 use super::vlr::crs;
 use crate::cloud::{Cloud, Column, Coordinates};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::io::limits::Names;
 use crate::io::number::array;
 use crate::io::options::Bounds;
 use crate::io::{ReadOptions, table};
@@ -67,7 +68,7 @@ impl Sink {
         let axes = self.ticks.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
         match axes && self.columns.iter_mut().all(|(_, column)| table::reserve(&mut column.values, n)) {
             true => Ok(()),
-            false => Err(Error::input(format!("not enough memory for {n} points with {} columns", self.columns.len()))),
+            false => Err(table::missing((n, 12), self.columns.iter().map(|(_, column)| &column.values))),
         }
     }
 
@@ -134,12 +135,6 @@ pub(super) fn within(records: &[u8], header: &Header, (low, high): Bounds) -> Ve
 
 /// Two dimensions of one name (it happens) are told apart by a number.
 fn tell_apart(columns: &mut [(Source, Column)]) {
-    for i in 1..columns.len() {
-        let name = columns[i].1.name.clone();
-        let mut serial = 2;
-        while columns[..i].iter().any(|(_, c)| c.name == columns[i].1.name) {
-            columns[i].1.name = format!("{name}_{serial}");
-            serial += 1;
-        }
-    }
+    let mut names = Names::default();
+    columns.iter_mut().for_each(|(_, column)| column.name = names.free(&column.name));
 }

@@ -9,7 +9,8 @@ use crate::io::number::{Kind, Slot};
 use crate::io::open;
 use crate::io::packed::{Layout, Packed, Target};
 use crate::io::words::Words;
-use crate::io::{FileInfo, ReadOptions, known};
+use crate::io::{FileInfo, ReadOptions, known, limits};
+use crate::memory;
 use crate::parallel::Monitor;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -201,7 +202,12 @@ fn compressed(path: &Path, header: &Header, (mut layout, parts): (Layout, &[Part
     }
     let failed =
         |at| bad(path, "compressed points", format!("byte {}", header.body + 8 + at as u64), ("a wrong code", "LZF"));
-    let bytes = lzf::unpack(&packed, size as usize).map_err(failed)?;
+    let width: u64 = layout.table.columns.iter().map(|c| Kind::of(&c.values).size() as u64).sum();
+    let table = header.points.saturating_mul(24 + width);
+    limits::unpacked(path, "PCD", (header.body + header.room, size.saturating_add(table)))?;
+    let mut bytes = Vec::new();
+    memory::reserve(&mut bytes, size as usize, "the unpacked points")?;
+    let bytes = lzf::unpack(&packed, size as usize, bytes).map_err(failed)?;
     layout.table.reserve(header.points as usize)?;
     let (mut rest, mut parts) = (&bytes[..], parts.iter());
     for field in &header.fields {

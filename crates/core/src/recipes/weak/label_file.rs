@@ -89,6 +89,7 @@ impl LabelFile {
         if self.places.is_empty() {
             return Ok(());
         }
+        self.check_box(cloud, (metres, within))?;
         let points = Points::from_cloud(cloud, metres);
         let rows: Vec<[f64; 3]> = self.places.iter().map(|p| p.1).collect();
         let queries = Points::from_cloud(&Cloud::from_rows(&rows)?, metres);
@@ -103,6 +104,19 @@ impl LabelFile {
                 return Err(self.wrong(*line, found, &format!("at most {within} m; check the coordinate system")));
             }
             self.put(*line, &mut codes[points.index[near.of(q)[0] as usize] as usize], *code)?;
+        }
+        Ok(())
+    }
+
+    /// Fails at the first place that lies outside the box of the cloud's points by more than `within` metres.
+    fn check_box(&self, cloud: &Cloud, (metres, within): (f64, f64)) -> Result<()> {
+        let Some((low, high)) = cloud.bounds() else { return Ok(()) };
+        for (line, place, _) in &self.places {
+            let beyond = (0..3).map(|a| (low[a] - place[a]).max(place[a] - high[a])).fold(0.0, f64::max) * metres;
+            if beyond > within || beyond.is_nan() {
+                let found = format!("{place:?} is {beyond:.3e} m outside the cloud from {low:?} to {high:?}");
+                return Err(self.wrong(*line, found, &format!("at most {within} m; check the coordinate system")));
+            }
         }
         Ok(())
     }
@@ -247,7 +261,9 @@ mod tests {
         for (text, expected) in [
             ("x,y,z,class\n0,0,0,2\n0,0,far,2\n", ":3: \"far\""),
             ("x,y,z,class\n0,0,0,300\n", ":2: 300"),
-            ("x,y,z,class\n500,0,0,2\n", "from the nearest point"),
+            ("x,y,z,class\n500,0,0,2\n", "outside the cloud"),
+            ("x,y,z,class\n1e300,0,0,2\n", "outside the cloud"),
+            ("x,y,z,class\n1.6,0.4,0,2\n", "from the nearest point"),
             ("x,y,z,class\n0,0,0,2\n0.1,0,0,3\n", ":3: class 3 where an earlier line has 2"),
             ("cluster_id,class\n9,2\n", "cluster_id 9"),
             ("a,b\n1,2\n", "x,y,z,class or cluster_id,class"),
