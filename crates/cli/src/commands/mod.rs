@@ -5,6 +5,7 @@ mod convert;
 mod demo;
 mod diff;
 mod evaluate;
+mod feature_rows;
 mod features;
 mod info;
 mod merge;

@@ -21,6 +21,9 @@ pub enum Wanted<'a> {
     All,
     /// These, in this order; the others and what only they need are not computed.
     Names(&'a [String]),
+    /// In the order of the set those that are named here, with or without their scale (`Planarity` takes `Planarity_r0p4`);
+    /// all if nothing is named.
+    Asked(&'a [String]),
 }
 
 /// What is computed: settings, names, and where each feature goes.
@@ -34,6 +37,10 @@ pub(super) struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
+    pub(super) fn names(&self) -> &[String] {
+        &self.names
+    }
+
     /// The plan, and the cloud's finite points in the order of the grid.
     pub(super) fn new(
         cloud: &'a Cloud,
@@ -51,6 +58,7 @@ impl<'a> Plan<'a> {
         let names = match wanted {
             Wanted::All => all.clone(),
             Wanted::Names(names) => names.to_vec(),
+            Wanted::Asked(asked) => matching(&all, asked)?,
         };
         let slots = slots(&all, &names)?;
         let own = sources(cloud, set)?.into_iter().zip(&slots[set.pyramid.levels * PER_LEVEL..]);
@@ -170,6 +178,17 @@ impl<'a> Extractor<'a> {
         }
         points
     }
+}
+
+/// The names that are asked for, with or without their scale.
+fn matching(all: &[String], asked: &[String]) -> Result<Vec<String>> {
+    let matches =
+        |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
+    if let Some(unknown) = asked.iter().find(|a| !all.iter().any(|name| matches(name, a))) {
+        return Err(Error::parameter("features", unknown, format!("one of {}", all.join(", "))));
+    }
+    let named = |name: &&String| asked.is_empty() || asked.iter().any(|a| matches(name, a));
+    Ok(all.iter().filter(named).cloned().collect())
 }
 
 /// For each feature of the set its column among the wanted names.
