@@ -1,13 +1,19 @@
 //! Ctrl-C and SIGTERM: the work is cancelled, temporary files go, the exit code tells which signal it was.
+//!
+//! SIGABRT is what the standard library ends a process with whose memory does not suffice, after a line with the amount.
+//! No code of ours runs in that thread any more; another one removes the temporary files and ends the process.
 
 use crate::exit_code::ExitCode;
 use scansion_core::parallel::Monitor;
-use signal_hook::consts::{SIGINT, SIGTERM};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use signal_hook::consts::{SIGABRT, SIGINT, SIGTERM};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, Once};
 use std::time::Duration;
 
 static SIGNAL: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
+static ABORTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+#[cfg(unix)]
+static PIPE: Mutex<Option<(std::io::PipeReader, std::io::PipeWriter)>> = Mutex::new(None);
 static CURRENT: Mutex<Option<Monitor>> = Mutex::new(None);
 static WATCHER: Once = Once::new();
 
@@ -22,18 +28,63 @@ pub(crate) fn monitor() -> Monitor {
             // Where a handler cannot be installed the system's default ends the process.
             let _ = signal_hook::flag::register_usize(signal, Arc::clone(&SIGNAL), signal as usize);
         }
-        let _ = std::thread::Builder::new().name("signals".into()).spawn(watch);
+        if std::thread::Builder::new().name("signals".into()).spawn(watch).is_ok() {
+            // Where this fails an abort ends the process as the system does it.
+            let _ = hold_aborts();
+        }
     });
     monitor
 }
 
 fn watch() {
-    while SIGNAL.load(Ordering::Relaxed) == 0 {
+    let mut cancelled = false;
+    loop {
+        if ABORTED.load(Ordering::Relaxed) {
+            aborted();
+        }
+        if !cancelled && SIGNAL.load(Ordering::Relaxed) != 0 {
+            cancelled = true;
+            if let Ok(current) = CURRENT.lock() {
+                current.iter().for_each(Monitor::cancel);
+            }
+        }
         std::thread::sleep(Duration::from_millis(20));
     }
-    if let Ok(current) = CURRENT.lock() {
-        current.iter().for_each(Monitor::cancel);
+}
+
+/// Makes a thread that aborts wait for [`aborted`]: its handler sets the flag, then writes to a pipe that is full.
+#[cfg(unix)]
+fn hold_aborts() -> std::io::Result<()> {
+    use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+    use std::io::Write;
+    signal_hook::flag::register(SIGABRT, Arc::clone(&ABORTED))?;
+    let (reader, mut writer) = std::io::pipe()?;
+    let held = writer.try_clone()?;
+    signal_hook::low_level::pipe::register(SIGABRT, held)?;
+    // Registering has made it a pipe that does not wait, so that this ends when it is full.
+    while writer.write(&[0; 4096]).is_ok() {}
+    fcntl_setfl(&writer, fcntl_getfl(&writer)? - OFlags::NONBLOCK)?;
+    // Open until the process ends.
+    if let Ok(mut pipe) = PIPE.lock() {
+        *pipe = Some((reader, writer));
     }
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn hold_aborts() -> std::io::Result<()> {
+    Ok(())
+}
+
+/// Removes what was written and ends the process; asks for no memory and no lock that another thread may hold.
+fn aborted() -> ! {
+    scansion_core::io::atomic::abandon();
+    let text =
+        b"error: ended by what the line above says; where an allocation failed there was not enough memory: raise the \
+        limit, or take a part of the points at a time. Nothing was written\n";
+    #[cfg(unix)]
+    let _ = rustix::io::write(rustix::stdio::stderr(), text);
+    signal_hook::low_level::exit(i32::from(ExitCode::Failed as u8))
 }
 
 /// The exit code of an interrupted run.

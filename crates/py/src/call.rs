@@ -34,12 +34,13 @@ pub(crate) fn call_with<T: Send>(
     let pool = pool.map_err(|e| PyRuntimeError::new_err(format!("threads cannot be started: {e}")))?;
     let (done, caller) = (AtomicBool::new(false), thread::current());
     thread::scope(|scope| {
-        let worker = scope.spawn(|| {
+        let worker = thread::Builder::new().spawn_scoped(scope, || {
             let result = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(monitor))));
             done.store(true, Ordering::Release);
             caller.unpark();
             result
         });
+        let worker = worker.map_err(|e| PyRuntimeError::new_err(format!("a thread cannot be started: {e}")))?;
         let signal = watch(py, &done, monitor);
         let result = py.detach(|| worker.join()).and_then(|caught| caught);
         signal?;

@@ -6,9 +6,43 @@ use crate::error::{Error, Result};
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 static SERIAL: AtomicU64 = AtomicU64::new(0);
+
+/// The partial files of this process.
+static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Removes all partial files of this process: for a process that ends without unwinding. Asks for no memory.
+pub fn abandon() {
+    // A thread that ended inside may hold the list for ever.
+    let list = (0..100).find_map(|_| match LIVE.try_lock() {
+        Ok(list) => Some(list),
+        Err(_) => {
+            std::thread::sleep(Duration::from_millis(1));
+            None
+        }
+    });
+    for partial in list.iter().flat_map(|list| list.iter()) {
+        let _ = std::fs::remove_file(partial);
+    }
+}
+
+/// Adds a partial file to the list.
+fn begun(partial: &Path) {
+    if let Ok(mut live) = LIVE.lock() {
+        live.push(partial.to_path_buf());
+    }
+}
+
+/// Takes a partial file from the list.
+fn ended(partial: &Path) {
+    if let Ok(mut live) = LIVE.lock() {
+        live.retain(|other| other != partial);
+    }
+}
 
 /// The file that is written now. Every operation passes `step`, where tests let one fail.
 #[derive(Debug)]
@@ -120,6 +154,7 @@ impl AtomicFile {
             opened => opened,
         };
         let file = step().and_then(|()| open()).map_err(|e| Error::io(target, explain(e)))?;
+        begun(&partial);
         if let Some(old) = old {
             // Who could not read the old file shall not read the new one; some file systems know no permissions.
             let _ = file.set_permissions(old.permissions());
@@ -172,6 +207,7 @@ impl AtomicFile {
         let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // Some file systems cannot sync a folder; the file itself is safe by now.
         let _ = step().and_then(|()| File::open(folder)).and_then(|f| f.sync_all());
+        ended(&self.partial);
         self.partial = PathBuf::new();
         Ok(())
     }
@@ -193,6 +229,7 @@ impl Drop for AtomicFile {
                 let _ = writer.into_parts();
             }
             let _ = std::fs::remove_file(&self.partial);
+            ended(&self.partial);
         }
     }
 }
