@@ -4,13 +4,20 @@ import pickle
 import subprocess
 import sys
 
+import laspy
 import numpy as np
 import pytest
 import scansion
 from conftest import street
-from scansion import PointClassifier
+from scansion import ObjectClassifier, PointClassifier, WeakClassifier
+from sklearn import metrics
 
 RECIPE = {"features.pyramid.first_scale": 0.4, "features.pyramid.levels": 5, "forest.trees": 20}
+SETTINGS = {
+    PointClassifier: RECIPE,
+    WeakClassifier: {"forest.trees": 20},
+    ObjectClassifier: {"forest.trees": 20, "segments.slic.size": 1.0, "training.share": 1.0},
+}
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +31,7 @@ def test_a_new_street_is_named_rightly(fitted):
     predicted = fitted.predict(xyz)
     assert predicted.dtype == np.uint8 and (predicted == labels).mean() > 0.95
     assert fitted.score(xyz, labels) == pytest.approx((predicted == labels).mean())
-    assert fitted.classes_.tolist() == [2, 5, 6] and fitted.class_names_[0] == "ground"
+    assert fitted.classes_.tolist() == [2, 5, 6] and fitted.class_names_[0] == "class 2"
 
 
 def test_probabilities_fit_the_codes(fitted):
@@ -53,11 +60,103 @@ def test_unlabelled_points_are_not_learned_from(labelled):
     labels = labelled["Classification"].astype(np.int16)
     labels[::2] = -1
     labels[1::8] = 1
-    report = PointClassifier(RECIPE).fit(labelled.xyz, labels).report_
+    report = PointClassifier(RECIPE, unlabelled=[0, 1]).fit(labelled.xyz, labels).report_
     assert [c["code"] for c in report["classes"]] == [2, 5, 6]
     assert report["unlabelled"] == (labels < 2).sum()
+    every = PointClassifier(RECIPE).fit(labelled.xyz, labels).report_
+    assert [c["code"] for c in every["classes"]] == [1, 2, 5, 6]
+    assert every["unlabelled"] == (labels < 0).sum()
     with pytest.raises(ValueError, match="label"):
         PointClassifier(RECIPE).fit(labelled.xyz, np.full(len(labelled), -1))
+
+
+@pytest.mark.parametrize("kind", [PointClassifier, WeakClassifier, ObjectClassifier])
+def test_codes_from_0_are_all_learned_and_scored(kind):
+    xyz, labels = street(0)
+    other, truth = street(1)
+    small = {2: 0, 5: 1, 6: 2}
+    codes, true = (np.vectorize(small.get)(y).astype(np.int64) for y in (labels, truth))
+    classifier = kind(SETTINGS[kind], random_state=0).fit(xyz, codes)
+    assert classifier.classes_.tolist() == [0, 1, 2] and classifier.report_["unlabelled"] == 0
+    predicted = classifier.predict(other)
+    assert classifier.score(other, true) == pytest.approx(metrics.accuracy_score(true, predicted))
+    # Half the truth is wrong on purpose: a score that leaves out points of code 0 or 1 would not see it.
+    wrong = np.where(np.arange(len(true)) % 2 == 0, true, 2 - true)
+    assert classifier.score(other, wrong) == pytest.approx(metrics.accuracy_score(wrong, predicted))
+    partly = wrong.copy()
+    partly[::3] = -1
+    kept = partly >= 0
+    assert classifier.score(other, partly) == pytest.approx(metrics.accuracy_score(wrong[kept], predicted[kept]))
+    with pytest.raises(ValueError, match="no label"):
+        classifier.score(other, np.full(len(other), -1))
+
+
+@pytest.mark.parametrize("kind", [PointClassifier, WeakClassifier, ObjectClassifier])
+def test_text_comes_back_as_text(kind):
+    xyz, labels = street(0)
+    other, truth = street(1)
+    names = {2: "ground", 5: "bush", 6: "wall"}
+    text, true = (np.array([names[c] for c in y.tolist()]) for y in (labels, truth))
+    by_text = kind(SETTINGS[kind], random_state=0).fit(xyz, text)
+    assert by_text.classes_.tolist() == ["bush", "ground", "wall"] == by_text.class_names_
+    predicted = by_text.predict(other)
+    assert predicted.dtype.kind == "U"
+    assert (predicted == true).mean() > 0.8
+    assert by_text.score(other, true) == pytest.approx(metrics.accuracy_score(true, predicted))
+    again = pickle.loads(pickle.dumps(by_text))
+    assert (again.predict(other) == predicted).all()
+    partly = text.astype(object)
+    partly[::2] = None
+    partly[1::10] = "unknown"
+    half = kind(SETTINGS[kind], unlabelled=["unknown"], random_state=0).fit(xyz, partly)
+    assert half.classes_.tolist() == ["bush", "ground", "wall"]
+    assert half.report_["unlabelled"] == (partly == None).sum() + (partly == "unknown").sum()  # noqa: E711
+    with pytest.raises(ValueError, match="class_map"):
+        kind(class_map="1=2").fit(xyz, text)
+
+
+def test_rare_classes_are_warned_of():
+    xyz, labels = street(0)
+    labels = labels.copy()
+    labels[:3] = 9
+    with pytest.warns(UserWarning, match="class 9.*left out"):
+        fitted = PointClassifier(RECIPE).fit(xyz, labels)
+    assert fitted.classes_.tolist() == [2, 5, 6]
+    assert [c["samples"] > 0 for c in fitted.report_["classes"]] == [True, True, True, False]
+    assert any("left out" in note for note in fitted.report_["warnings"])
+    with pytest.warns(UserWarning, match="weighs"):
+        kept = PointClassifier({**RECIPE, "training.rare": "keep"}).fit(xyz, labels)
+    assert kept.classes_.tolist() == [2, 5, 6, 9]
+
+
+def test_one_class_is_refused(labelled):
+    for kind in (PointClassifier, WeakClassifier, ObjectClassifier):
+        with pytest.raises(ValueError, match="only one class"):
+            kind().fit(labelled.xyz, np.full(len(labelled), 2))
+
+
+def test_the_list_of_codes_of_a_cloud_tells_what_is_unlabelled(labelled, tmp_path):
+    codes = np.asarray(labelled["Classification"]).copy()
+    codes[::4], codes[1::4] = 0, 1
+    labelled["Classification"] = codes
+    assert labelled.scheme == "own"
+    assert PointClassifier(RECIPE).fit(labelled).classes_.tolist() == [0, 1, 2, 5, 6]
+    scansion.write(tmp_path / "a.laz", labelled)
+    scan = scansion.read(tmp_path / "a.laz")
+    assert scan.scheme == "asprs" and pickle.loads(pickle.dumps(scan)).scheme == "asprs"
+    assert scansion.PointCloud.from_laspy(laspy.read(tmp_path / "a.laz")).scheme == "asprs"
+    fitted = PointClassifier(RECIPE).fit(scan)
+    assert fitted.classes_.tolist() == [2, 5, 6] and fitted.class_names_[0] == "ground"
+    known = codes > 1
+    predicted = fitted.predict(scan)
+    assert fitted.score(scan) == pytest.approx((predicted == codes)[known].mean())
+    mapped = PointClassifier(RECIPE, class_map="5=6").fit(scan)
+    true = np.where(codes == 5, 6, codes)
+    assert mapped.score(scan) == pytest.approx((mapped.predict(scan) == true)[known].mean())
+    labelled.scheme = "semantic3d"
+    assert PointClassifier(RECIPE).fit(labelled).class_names_[0] == "man-made terrain"
+    with pytest.raises(ValueError, match="semantic3d"):
+        labelled.scheme = "las"
 
 
 def test_the_class_map_changes_what_is_learned(labelled):

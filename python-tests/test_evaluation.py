@@ -54,7 +54,46 @@ def test_the_report_names_classes():
 def test_arrays_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="predicted"):
         evaluation.scores(TRUTH, PREDICTED[1:])
-    with pytest.raises(ValueError, match="-1"):
-        evaluation.scores([2, -1], [2, 2])
+    with pytest.raises(ValueError, match="256"):
+        evaluation.scores([2, 256], [2, 2])
     with pytest.raises(TypeError):
-        evaluation.scores(["a"], ["b"])
+        evaluation.scores(["a"], [1])
+
+
+def test_negative_truth_is_skipped_and_negative_predictions_are_errors():
+    truth, predicted = np.array([0, 0, 1, -1, 1]), np.array([0, -1, 1, 0, 0])
+    counts, codes = evaluation.confusion_matrix(truth, predicted)
+    kept = truth >= 0
+    expected = metrics.confusion_matrix(truth[kept], np.where(predicted < 0, 255, predicted)[kept])
+    assert codes.tolist() == [0, 1, 255]
+    np.testing.assert_array_equal(counts, expected)
+    assert evaluation.scores(truth.astype(float), predicted)["overall_accuracy"] == pytest.approx(0.5)
+
+
+def test_text_is_compared_as_scikit_learn_does():
+    names = np.array(["", "", "ground", "", "", "bush", "wall", "", "", "wire"])
+    truth, predicted = names[TRUTH], names[PREDICTED]
+    counts, found = evaluation.confusion_matrix(truth, predicted)
+    order = sorted(set(truth))
+    assert found.tolist() == order
+    np.testing.assert_array_equal(counts, metrics.confusion_matrix(truth, predicted, labels=order))
+    scores = evaluation.scores(truth, predicted)
+    assert scores["overall_accuracy"] == pytest.approx(metrics.accuracy_score(truth, predicted))
+    assert [label["name"] for label in scores["labels"]] == order
+    assert "wire" in evaluation.report(truth, predicted)
+    kept = truth != "wire"
+    some = evaluation.scores(truth, predicted, unlabelled=["wire"])
+    assert some["overall_accuracy"] == pytest.approx(metrics.accuracy_score(truth[kept], predicted[kept]))
+
+
+def test_each_side_has_a_map_of_its_own():
+    truth = np.select([TRUTH == 2, TRUTH == 5, TRUTH == 6], [0, 1, 2], 3)
+    expected = metrics.accuracy_score(TRUTH, PREDICTED)
+    found = evaluation.scores(truth, PREDICTED, map_truth="0=2,1=5,2=6,3=9")
+    assert found["overall_accuracy"] == pytest.approx(expected)
+    found = evaluation.scores(truth, PREDICTED, map_predicted="2=0,5=1,6=2,9=3")
+    assert found["overall_accuracy"] == pytest.approx(expected)
+    with pytest.raises(ValueError, match="map"):
+        evaluation.scores(truth, PREDICTED, map_truth="car=2")
+    with pytest.raises(ValueError, match="map_truth"):
+        evaluation.scores(["a"], ["a"], map_truth="1=2")

@@ -204,3 +204,90 @@ def test_damaged_files_raise_what_python_knows(tmp_path, name):
                 assert str(error)
                 raised += 1
     assert raised > 100
+
+
+def test_units_follow_from_the_reference_system():
+    xyz = np.zeros((3, 3))
+    assert scansion.PointCloud(xyz, crs="EPSG:32632").metres_per_unit == 1.0
+    assert scansion.PointCloud(xyz, crs="EPSG:2229").metres_per_unit == pytest.approx(1200 / 3937, rel=1e-12)
+    assert scansion.PointCloud(xyz, crs="EPSG:2229", metres_per_unit=1.0).metres_per_unit == 1.0
+    assert scansion.PointCloud(xyz, crs="EPSG:4326").metres_per_unit is None
+
+
+def test_degrees_are_refused_where_distances_count():
+    xyz = np.random.default_rng(0).random((500, 3))
+    cloud = scansion.PointCloud(xyz, crs="EPSG:4326", Classification=np.tile([2, 6], 250).astype("u1"))
+    for refused in (
+        lambda: scansion.segment(cloud),
+        lambda: scansion.features.multiscale(cloud),
+        lambda: scansion.neighbours.knn(cloud, 3),
+        lambda: scansion.PointClassifier.default().predict(cloud),
+        lambda: scansion.PointClassifier().fit(cloud),
+    ):
+        with pytest.raises(ValueError, match="degrees"):
+            refused()
+    assert len(scansion.segment(cloud, metres_per_unit=1.0).cluster_id) == 500
+    assert len(scansion.PointClassifier.default().classify(cloud, metres_per_unit=1.0).codes) == 500
+
+
+def test_steps_of_las_keep_places_apart(tmp_path):
+    steps = np.stack(np.meshgrid(np.arange(30), np.arange(30)), -1).reshape(-1, 2) * 6.1e-5
+    xyz = np.column_stack([2.35 + steps[:, 0], 48.85 + steps[:, 1], np.arange(900) % 30])
+    for crs in (None, "EPSG:4326"):
+        scansion.write(tmp_path / "a.laz", scansion.PointCloud(xyz, crs=crs))
+        las = laspy.read(tmp_path / "a.laz")
+        assert len(np.unique(las.xyz, axis=0)) == 900
+        assert np.abs(las.xyz - xyz).max() < 6.1e-8
+        again = scansion.PointCloud(xyz, crs=crs).to_laspy()
+        assert np.abs(again.xyz - xyz).max() < 6.1e-8
+    scansion.write(tmp_path / "a.laz", xyz, scale=0.001)
+    assert laspy.read(tmp_path / "a.laz").header.scales.tolist() == [0.001] * 3
+    for bad in (0.0, [1.0, 2.0], -1, [1.0, 2.0, np.nan]):
+        with pytest.raises(ValueError, match="scale"):
+            scansion.write(tmp_path / "a.laz", xyz, scale=bad)
+    with pytest.raises(ValueError, match="scale"):
+        scansion.convert(tmp_path / "a.laz", tmp_path / "b.laz", scale=0.01)
+
+
+def test_a_code_of_epsg_is_kept_in_las(tmp_path):
+    cloud = scansion.PointCloud(np.random.default_rng(0).random((50, 3)), crs="EPSG:25832")
+    scansion.write(tmp_path / "a.las", cloud)
+    with laspy.open(tmp_path / "a.las") as las:
+        records = [vlr for vlr in las.header.vlrs if vlr.record_id == 2112]
+        assert 'AUTHORITY["EPSG","25832"]' in records[0].string and las.header.global_encoding.wkt
+    assert scansion.read(tmp_path / "a.las").metres_per_unit == 1.0
+
+
+def test_points_outside_the_header_are_warned_of(tmp_path):
+    xyz = np.random.default_rng(0).integers(0, 1000, (500, 3)) / 100
+    scansion.write(tmp_path / "a.las", xyz)
+    las = laspy.read(tmp_path / "a.las")
+    data = bytearray((tmp_path / "a.las").read_bytes())
+    at = las.header.offset_to_point_data + 7 * 30
+    data[at : at + 4] = (10**8).to_bytes(4, "little")
+    (tmp_path / "a.las").write_bytes(data)
+    for work in (
+        lambda: scansion.read(tmp_path / "a.las"),
+        lambda: list(scansion.blocks(tmp_path / "a.las", 100)),
+        lambda: scansion.convert(tmp_path / "a.las", tmp_path / "b.laz"),
+        lambda: scansion.diff(tmp_path / "a.las", tmp_path / "a.las"),
+    ):
+        with pytest.warns(UserWarning, match="1 of 500 points lies outside .* number 7 "):
+            work()
+
+
+def test_a_stray_point_is_set_aside_with_a_warning():
+    rng = np.random.default_rng(1)
+    clean = np.column_stack([rng.random((2000, 2)) * 40 + [5e5, 5.2e6], rng.random(2000)])
+    strayed = np.vstack([clean, np.zeros(3)])
+    model = scansion.PointClassifier.default()
+    expected = model.classify(clean)
+    with pytest.warns(UserWarning, match="number 2000 at 0, 0, 0"):
+        found = model.classify(strayed)
+    assert np.array_equal(found.codes[:-1], expected.codes) and found.codes[-1] == 7
+    assert np.array_equal(found.confidence[:-1], expected.confidence) and found.confidence[-1] == 0
+    with pytest.warns(UserWarning, match="far from all others"):
+        segments = scansion.segment(strayed).cluster_id
+    assert segments[-1] == 0 and np.array_equal(segments[:-1], scansion.segment(clean).cluster_id)
+    near, _ = scansion.neighbours.knn(strayed, 4)
+    assert len(near) == 2001 and np.array_equal(near[:-1], scansion.neighbours.knn(clean, 4)[0])

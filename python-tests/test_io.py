@@ -1,6 +1,7 @@
 """Room `io`: laspy and plyfile read what we write, field by field, and we read what they write."""
 
 import errno
+import os
 
 import laspy
 import numpy as np
@@ -183,3 +184,60 @@ def test_hostile_files_never_break_python(data):
                 scansion.read(path)
             except (scansion.FileFormatError, ValueError, OSError) as error:
                 assert str(error)
+
+
+def test_a_model_is_not_saved_over_a_scan(tmp_path):
+    scan, model = tmp_path / "scan.laz", tmp_path / "my.model"
+    scansion.write(scan, np.random.default_rng(1).random((100, 3)))
+    before = scan.read_bytes()
+    classifier = scansion.PointClassifier.default()
+    with pytest.raises(FileExistsError, match="no model"):
+        classifier.save(scan)
+    assert scan.read_bytes() == before
+    classifier.save(model)
+    classifier.save(model)
+
+
+def test_a_picture_is_not_drawn_over_its_cloud(tmp_path):
+    cloud = tmp_path / "a.png"
+    (tmp_path / "a.ply").touch()
+    scansion.write(tmp_path / "a.ply", np.random.default_rng(1).random((100, 3)))
+    (tmp_path / "a.ply").rename(cloud)
+    before = cloud.read_bytes()
+    with pytest.raises(ValueError, match="another name"):
+        scansion.render(cloud, cloud)
+    with pytest.raises(ValueError, match=r"\.png"):
+        scansion.render(cloud, tmp_path / "a.laz")
+    assert cloud.read_bytes() == before
+
+
+def test_an_output_that_cannot_be_written_is_found_before_points_are_read(tmp_path):
+    bad = tmp_path / "bad.xyz"
+    bad.write_text("1 2 3\n" * 1000 + "1 2 three\n")
+    with pytest.raises(OSError, match="folder does not exist"):
+        scansion.convert(bad, tmp_path / "absent" / "o.ply")
+    with pytest.raises(OSError, match="folder does not exist"):
+        scansion.merge([bad, bad], tmp_path / "absent" / "o.ply")
+    with pytest.raises(scansion.FileFormatError, match="name it o.laz"):
+        scansion.convert(bad, tmp_path / "o.copc.laz")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+def test_pipes_devices_and_folders_are_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path, "/dev/zero"):
+        for call in (scansion.read, scansion.info, lambda p: scansion.convert(p, tmp_path / "o.ply")):
+            with pytest.raises(scansion.FileFormatError, match="a pipe|a folder|a device"):
+                call(path)
+    for path in (tmp_path, "/dev/zero"):
+        with pytest.raises(scansion.FileFormatError, match="a folder|a device"):
+            scansion.PointClassifier.load(path)
+        with pytest.raises(scansion.FileFormatError, match="a folder|a device"):
+            scansion.PointClassifier(recipe=path).fit(np.random.default_rng(1).random((100, 3)), np.zeros(100, "u1"))
+
+
+def test_what_files_say_cannot_act_on_the_terminal(tmp_path):
+    path = tmp_path / "a.ply"
+    path.write_text("ply\nformat ascii 1.0\nbad\x1b[31m\nend_header\n")
+    with pytest.raises(scansion.FileFormatError, match=r"\\u001b\[31m"):
+        scansion.read(path)

@@ -51,8 +51,7 @@ def load(path, column):
     kept = np.isfinite(cloud.xyz).all(1)
     _, code = np.unique(code, return_inverse=True)
     rgb = {n: np.asarray(cloud[n])[kept] for n in ("Red", "Green", "Blue") if n in cloud.columns}
-    # Codes of 0 and 1 would say nothing.
-    return scansion.PointCloud(cloud.xyz[kept], Classification=(code[kept] + 2).astype(np.uint8), **rgb)
+    return scansion.PointCloud(cloud.xyz[kept], Classification=code[kept].astype(np.uint8), **rgb)
 
 
 def part(cloud, method, value, scale, rule):

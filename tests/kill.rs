@@ -60,6 +60,120 @@ fn a_killed_program_leaves_the_old_output_or_the_new_one() {
     assert!(caught[0] + caught[1] > 0, "every run was over before it was killed");
 }
 
+/// A command, and the files that it writes.
+type Verb = (&'static [&'static str], &'static [&'static str]);
+
+/// Every command that writes.
+const VERBS: [Verb; 11] = [
+    (&["convert", "in.laz", "o.las"], &["o.las"]),
+    (&["convert", "in.laz", "o.npz"], &["o.npz"]),
+    (&["merge", "in.laz", "in.laz", "o.laz"], &["o.laz"]),
+    (&["classify", "in.laz", "-o", "o.laz", "-m", "in.model"], &["o.laz"]),
+    (&["segment", "in.laz", "-o", "o.laz"], &["o.laz"]),
+    (&["suggest", "in.laz", "-n", "5", "-o", "o.csv", "-o", "o.html", "-o", "o.laz"], &["o.csv", "o.html", "o.laz"]),
+    (&["features", "in.laz", "-o", "o.npy", "--set", "features.pyramid.levels=2"], &["o.npy"]),
+    (&["features", "in.laz", "-o", "o.laz", "--set", "features.pyramid.levels=2"], &["o.laz"]),
+    (
+        &["train", "in.laz", "-o", "o.model", "--set", "forest.trees=3", "--set", "features.pyramid.levels=2"],
+        &["o.model"],
+    ),
+    (&["evaluate", "in.laz", "in.laz", "-o", "o.json", "-o", "o.csv", "-o", "o.png"], &["o.json", "o.csv", "o.png"]),
+    (&["render", "in.laz", "-o", "o.png", "--width", "600"], &["o.png", "o.pgw"]),
+];
+
+/// A folder with an input and a model, and what stands under the names of outputs before a run.
+fn prepared() -> (tempfile::TempDir, impl Fn(&str) -> Vec<u8>) {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    scansion_core::io::write(&f.join("in.laz"), &street(25.0, 1), &Default::default()).unwrap();
+    let train = ["train", "in.laz", "-o", "in.model", "--set", "forest.trees=2", "--set", "features.pyramid.levels=3"];
+    assert!(start(f, &train).wait().unwrap().success());
+    // A model replaces models only.
+    let model = std::fs::read(f.join("in.model")).unwrap();
+    (folder, move |name: &str| if name.ends_with("model") { model.clone() } else { b"what stood here before".to_vec() })
+}
+
+/// What each command writes when nothing disturbs it, and how long that takes.
+fn undisturbed(folder: &Path, (arguments, outputs): Verb) -> (Vec<Vec<u8>>, Duration) {
+    let begin = Instant::now();
+    assert!(start(folder, arguments).wait().unwrap().success(), "{arguments:?}");
+    let time = begin.elapsed();
+    let read = |name: &&str| {
+        let bytes = std::fs::read(folder.join(name)).unwrap();
+        std::fs::remove_file(folder.join(name)).unwrap();
+        bytes
+    };
+    (outputs.iter().map(read).collect(), time)
+}
+
+#[test]
+fn every_command_that_is_killed_leaves_old_outputs_or_whole_ones() {
+    let (folder, old) = prepared();
+    let f = folder.path();
+    let kills: u32 = std::env::var("SCANSION_KILLS").ok().and_then(|v| v.parse().ok()).unwrap_or(40);
+    let each = (kills / VERBS.len() as u32).max(2);
+    let (mut random, mut disturbed) = (stream(6, 0), 0);
+    for verb in VERBS {
+        let (new, time) = undisturbed(f, verb);
+        for kill in 0..each {
+            let before = |name: &str| (kill % 2 == 0).then(|| old(name));
+            for name in verb.1 {
+                before(name).into_iter().for_each(|bytes| std::fs::write(f.join(name), bytes).unwrap());
+            }
+            let mut child = start(f, verb.0);
+            std::thread::sleep(time.mul_f64(1.1 * random.uniform()));
+            child.kill().unwrap();
+            child.wait().unwrap();
+            for (name, new) in verb.1.iter().zip(&new) {
+                let found = std::fs::read(f.join(name)).ok();
+                let whole = found.as_ref() == Some(new);
+                assert!(whole || found == before(name), "{verb:?}, kill {kill}: {name} is neither old nor whole");
+                disturbed += u32::from(!whole);
+                let _ = std::fs::remove_file(f.join(name));
+            }
+            partials(f).iter().for_each(|p| std::fs::remove_file(p).unwrap());
+        }
+    }
+    assert!(disturbed > 0, "every run was over before it was killed");
+}
+
+/// Runs a command that can write files of so many blocks only: what is beyond fails as on a full disk.
+fn with_room(folder: &Path, arguments: &[&str], blocks: usize) -> std::process::Output {
+    Command::new("sh")
+        .args(["-c", &format!("trap '' 25; ulimit -f {blocks}; exec \"$0\" \"$@\"")])
+        .arg(env!("CARGO_BIN_EXE_scansion-under-test"))
+        .args(arguments)
+        .args(["--progress", "never", "-j", "2"])
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn every_command_that_finds_no_room_leaves_old_outputs_or_whole_ones() {
+    let (folder, old) = prepared();
+    let f = folder.path();
+    for verb in VERBS {
+        let (new, _) = undisturbed(f, verb);
+        let largest = new.iter().map(Vec::len).max().unwrap();
+        // The unit of `ulimit -f` is 512 or 1024 bytes.
+        for blocks in [0, largest / 4096] {
+            let count = std::fs::read_dir(f).unwrap().count();
+            verb.1.iter().for_each(|name| std::fs::write(f.join(name), old(name)).unwrap());
+            let output = with_room(f, verb.0, blocks);
+            let message = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(1), "{verb:?} with {blocks} blocks: {message}");
+            assert!(message.contains("error: o."), "{verb:?}: {message}");
+            for (name, new) in verb.1.iter().zip(&new) {
+                let found = std::fs::read(f.join(name)).unwrap();
+                assert!(found == old(name) || found == *new, "{verb:?} with {blocks} blocks: {name}");
+                std::fs::remove_file(f.join(name)).unwrap();
+            }
+            assert_eq!(std::fs::read_dir(f).unwrap().count(), count, "{verb:?}: something is left");
+        }
+    }
+}
+
 /// Sends a signal as soon as `ready` says so; returns exit code and time to the end.
 fn signalled(mut child: Child, signal: Signal, ready: impl Fn() -> bool) -> (Option<i32>, Duration) {
     let begin = Instant::now();

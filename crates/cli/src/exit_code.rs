@@ -37,6 +37,8 @@ pub(crate) enum Failure {
     Usage(String),
     /// The core refused.
     Core(Error),
+    /// The system refuses threads.
+    Resource(String),
     /// Two files differ; what differs was shown.
     Different,
     /// This many of several inputs failed; each was reported when it happened.
@@ -53,10 +55,14 @@ impl Failure {
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Usage(_) | Self::Core(Error::InvalidParameter { .. }) => ExitCode::Usage,
-            Self::Different => ExitCode::Failed,
+            Self::Different | Self::Resource(_) => ExitCode::Failed,
+            Self::Core(Error::SameFile { .. }) => ExitCode::Usage,
+            Self::Core(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::AlreadyExists => {
+                ExitCode::Usage
+            }
             Self::Core(Error::Interrupted) => crate::interrupt::exit_code(),
             Self::Core(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => ExitCode::BadInput,
-            Self::Core(Error::Io { .. }) => ExitCode::Failed,
+            Self::Core(Error::Io { .. } | Error::Memory { .. }) => ExitCode::Failed,
             Self::Core(_) => ExitCode::BadInput,
             Self::Partly { failed, inputs } if failed == inputs => ExitCode::BadInput,
             Self::Partly { .. } => ExitCode::Partly,
@@ -67,7 +73,7 @@ impl Failure {
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Usage(message) => f.write_str(message),
+            Self::Usage(message) | Self::Resource(message) => f.write_str(message),
             Self::Core(error) => error.fmt(f),
             Self::Different => f.write_str("the files differ"),
             Self::Partly { failed, inputs } => write!(f, "{failed} of {inputs} inputs failed"),

@@ -1,8 +1,9 @@
-//! The one place that writes to the terminal.
+//! The one place that writes to the terminal. What acts on terminals is escaped: names and texts come from files.
 
 use crate::args::{Format, Global};
 use crate::exit_code::Failure;
 use scansion_core::Error;
+use scansion_core::error::escaped;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 
@@ -23,6 +24,7 @@ impl Printer {
 
     /// Data for the next program or the reader's eyes. A closed pipe is not an error.
     pub(crate) fn data(&self, text: &str) -> Result<(), Failure> {
+        let text = escaped(text);
         let mut out = std::io::stdout().lock();
         let end = if text.ends_with('\n') { "" } else { "\n" };
         match out.write_all(text.as_bytes()).and_then(|()| out.write_all(end.as_bytes())).and_then(|()| out.flush()) {
@@ -52,6 +54,6 @@ impl Printer {
 
     fn line(&self, prefix: &str, text: &str) {
         // Nothing can be done if stderr is closed.
-        let _ = writeln!(std::io::stderr().lock(), "{prefix}{text}");
+        let _ = writeln!(std::io::stderr().lock(), "{prefix}{}", escaped(text));
     }
 }

@@ -7,7 +7,7 @@ pub(crate) fn with_pool<T: Send>(asked: Option<usize>, work: impl FnOnce() -> T 
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(count(asked))
         .build()
-        .map_err(|e| Failure::Usage(format!("cannot start {} threads: {e}", count(asked))))?;
+        .map_err(|e| Failure::Resource(format!("cannot start {} threads: {e}; ask for fewer with -j", count(asked))))?;
     Ok(pool.install(work))
 }
 

@@ -1,5 +1,6 @@
 //! The one error type of the core, cut by what the user can do about it.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Result of every fallible function of the core.
@@ -57,9 +58,72 @@ pub enum Error {
     /// A model does not fit the data: missing features, other classes, newer version.
     #[error("model does not fit: {0}")]
     ModelMismatch(String),
+    /// Two files that must not be the same are.
+    #[error("{}; {advice}", same_file(first, second, what))]
+    SameFile {
+        /// One of them, as it was given.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+        /// What they are: `input and output`, `an output twice`.
+        what: &'static str,
+        /// What to do instead.
+        advice: &'static str,
+    },
+    /// There is less memory than the work needs.
+    #[error("{}", short_of(what, *needed, *free))]
+    Memory {
+        /// What it was for.
+        what: String,
+        /// Bytes that it needs, about.
+        needed: u64,
+        /// Bytes that were free, where the system tells.
+        free: Option<u64>,
+    },
     /// The work was cancelled by the user.
     #[error("interrupted")]
     Interrupted,
+}
+
+/// The text with control characters, and those that turn the direction of writing, as `\u001b`; line ends and tabs stay.
+///
+/// For text that comes from files and goes to a terminal: it could move the cursor, or say what is not so.
+pub fn escaped(text: &str) -> Cow<'_, str> {
+    let acts = |c: char| {
+        let turns = matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        turns || (c.is_control() && !matches!(c, '\n' | '\t'))
+    };
+    if !text.contains(acts) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match acts(c) {
+            true => shown.push_str(&format!("\\u{:04x}", u32::from(c))),
+            false => shown.push(c),
+        }
+    }
+    Cow::Owned(shown)
+}
+
+fn same_file(first: &Path, second: &Path, what: &str) -> String {
+    match first == second {
+        true => format!("{} is {what}", first.display()),
+        false => format!("{} and {} are the same file, {what}", first.display(), second.display()),
+    }
+}
+
+/// The sentence about missing memory.
+fn short_of(what: &str, needed: u64, free: Option<u64>) -> String {
+    let size = |bytes: u64| match bytes {
+        0..0x4000_0000 => format!("{:.1} MiB", bytes as f64 / 1_048_576.0),
+        _ => format!("{:.1} GiB", bytes as f64 / 1_073_741_824.0),
+    };
+    let found = free.map(|free| format!(", {} are free", size(free))).unwrap_or_default();
+    format!(
+        "not enough memory for {what}: {} are needed{found}; raise the limit, or take a part of the points at a time",
+        size(needed)
+    )
 }
 
 impl Error {
@@ -75,6 +139,30 @@ impl Error {
 
     /// Wraps an error of the operating system with the path it speaks of.
     pub fn io(path: &Path, source: std::io::Error) -> Self {
+        let early = source.kind() == std::io::ErrorKind::UnexpectedEof;
+        let source = match early {
+            true => {
+                std::io::Error::new(source.kind(), "the file ends too early; it was cut, or changed while it was read")
+            }
+            false => source,
+        };
         Self::Io { path: path.to_path_buf(), source }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown_and_everything_else_stays() {
+        assert_eq!(escaped("a\u{1b}[31m\rb\u{9b}2J\u{202e}\u{7f}"), "a\\u001b[31m\\u000db\\u009b2J\\u202e\\u007f");
+        assert!(matches!(escaped("Höhe\t1\nz\u{301}"), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn a_short_read_is_said_in_words() {
+        let message = Error::io(Path::new("a.las"), std::io::ErrorKind::UnexpectedEof.into()).to_string();
+        assert!(message.contains("a.las: the file ends too early"), "{message}");
     }
 }

@@ -21,6 +21,8 @@
 
 pub mod error;
 
+pub mod memory;
+
 pub mod csr;
 
 pub mod linalg;

@@ -1,4 +1,4 @@
-//! The only file that speaks of chunks and threads: ordered map, cancel flag, progress.
+//! The only file that speaks of chunks and threads: ordered map, cancel flag, progress, warnings.
 //!
 //! Core uses rayon's current pool; only the command line and the Python package create one. Results are always
 //! collected in the order of the items, so that they are the same bytes for any number of threads.
@@ -20,6 +20,7 @@ struct State {
     done: AtomicU64,
     total: AtomicU64,
     stage: std::sync::Mutex<&'static str>,
+    warnings: std::sync::Mutex<Vec<String>>,
 }
 
 impl Monitor {
@@ -45,6 +46,21 @@ impl Monitor {
         }
         self.0.done.store(0, Ordering::Relaxed);
         self.0.total.store(total, Ordering::Relaxed);
+    }
+
+    /// Keeps something the user should know, once; the caller shows it.
+    pub fn warn(&self, text: impl Into<String>) {
+        let text = text.into();
+        if let Ok(mut warnings) = self.0.warnings.lock()
+            && !warnings.contains(&text)
+        {
+            warnings.push(text);
+        }
+    }
+
+    /// What was warned of since the last call, in order.
+    pub fn take_warnings(&self) -> Vec<String> {
+        self.0.warnings.lock().map(|mut warnings| std::mem::take(&mut *warnings)).unwrap_or_default()
     }
 
     /// Tells that `items` more are done.
@@ -187,6 +203,13 @@ mod tests {
     }
 
     impl Eq for Counted<'_> {}
+
+    #[test]
+    fn a_warning_is_kept_once_until_it_is_taken() {
+        let monitor = Monitor::default();
+        ["a", "b", "a"].into_iter().for_each(|text| monitor.clone().warn(text));
+        assert_eq!((monitor.take_warnings(), monitor.take_warnings().len()), (vec!["a".into(), "b".to_string()], 0));
+    }
 
     #[test]
     fn cancelled_work_returns_interrupted() {

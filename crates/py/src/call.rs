@@ -3,9 +3,11 @@
 //! The pool lives as long as the call, so that a process that forks afterwards never waits for threads it has not got.
 
 use crate::error::raise;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
+use scansion_core::io::run::{Rules, run};
 use scansion_core::parallel::Monitor;
+use std::ffi::CString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -34,15 +36,25 @@ pub(crate) fn call_with<T: Send>(
     let pool = pool.map_err(|e| PyRuntimeError::new_err(format!("threads cannot be started: {e}")))?;
     let (done, caller) = (AtomicBool::new(false), thread::current());
     thread::scope(|scope| {
-        let worker = scope.spawn(|| {
-            let result = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(monitor))));
+        let worker = thread::Builder::new().spawn_scoped(scope, || {
+            let result = catch_unwind(AssertUnwindSafe(|| {
+                pool.install(|| {
+                    let rules = Rules { monitor: monitor.clone(), ..Rules::default() };
+                    run(rules, || work(monitor))
+                })
+            }));
             done.store(true, Ordering::Release);
             caller.unpark();
             result
         });
+        let worker = worker.map_err(|e| PyRuntimeError::new_err(format!("a thread cannot be started: {e}")))?;
         let signal = watch(py, &done, monitor);
         let result = py.detach(|| worker.join()).and_then(|caught| caught);
         signal?;
+        for text in monitor.take_warnings() {
+            let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
+        }
         result.map_err(|_| PyRuntimeError::new_err("internal error in scansion; please report it"))?.map_err(raise)
     })
 }

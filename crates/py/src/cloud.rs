@@ -3,8 +3,10 @@
 use crate::convert::{axes, to_matrix, to_vector, values};
 use crate::error::raise;
 use numpy::{PyArray2, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use scansion_core::cloud::{Cloud as CoreCloud, Column, Coordinates};
+use scansion_core::cloud::{Cloud as CoreCloud, CodeScheme, Column, Coordinates};
+use scansion_core::io::WriteOptions;
 use std::sync::Arc;
 
 /// Points with named columns, in the core's memory.
@@ -69,6 +71,16 @@ impl Cloud {
         Arc::make_mut(&mut self.inner).take_column(name).is_some()
     }
 
+    /// Scale and offset with which LAS stores the coordinates.
+    fn las_frame(&self, py: Python<'_>) -> PyResult<([f64; 3], [f64; 3])> {
+        py.detach(|| scansion_core::io::las_frame(&self.inner, &WriteOptions::default())).map_err(raise)
+    }
+
+    /// The reference system as WKT, if it is known.
+    fn wkt(&self) -> Option<String> {
+        self.inner.wkt()
+    }
+
     #[getter]
     fn crs(&self) -> Option<String> {
         self.inner.crs.clone()
@@ -76,7 +88,28 @@ impl Cloud {
 
     #[setter]
     fn set_crs(&mut self, crs: Option<String>) {
-        Arc::make_mut(&mut self.inner).crs = crs;
+        let cloud = Arc::make_mut(&mut self.inner);
+        cloud.crs = crs;
+        cloud.take_unit_from_crs();
+    }
+
+    #[getter]
+    fn scheme(&self) -> &'static str {
+        self.inner.scheme.name()
+    }
+
+    #[setter]
+    fn set_scheme(&mut self, name: &str) -> PyResult<()> {
+        let found = CodeScheme::ALL.into_iter().find(|scheme| scheme.name() == name);
+        let expected = CodeScheme::ALL.map(CodeScheme::name).join(", ");
+        let wrong = || PyValueError::new_err(format!("scheme: found {name:?}, expected one of {expected}"));
+        Arc::make_mut(&mut self.inner).scheme = found.ok_or_else(wrong)?;
+        Ok(())
+    }
+
+    /// A list, not `bytes`, for Python.
+    fn unlabelled(&self) -> Vec<u16> {
+        self.inner.scheme.unlabelled().iter().map(|&code| u16::from(code)).collect()
     }
 
     #[getter]

@@ -1,8 +1,9 @@
 //! The one place where errors of the core become Python exceptions.
 
-use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyValueError};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyOSError, PyValueError};
 use pyo3::{PyErr, create_exception};
 use scansion_core::Error;
+use scansion_core::error::escaped;
 
 create_exception!(
     scansion,
@@ -15,10 +16,16 @@ create_exception!(
 pub(crate) fn raise(error: Error) -> PyErr {
     match error {
         Error::Io { path, source } => os_error(&path, &source),
-        Error::Malformed { .. } | Error::Unsupported { .. } => FileFormatError::new_err(error.to_string()),
+        Error::Malformed { .. } | Error::Unsupported { .. } => FileFormatError::new_err(text(&error)),
+        Error::Memory { .. } => PyMemoryError::new_err(text(&error)),
         Error::Interrupted => PyKeyboardInterrupt::new_err(()),
-        _ => PyValueError::new_err(error.to_string()),
+        _ => PyValueError::new_err(text(&error)),
     }
+}
+
+/// The message; what it quotes of a file cannot act on a terminal.
+fn text(error: &Error) -> String {
+    escaped(&error.to_string()).into_owned()
 }
 
 /// `OSError(errno, text, filename)`, which Python turns into `FileNotFoundError`, `PermissionError` and so on.

@@ -12,14 +12,23 @@ use scansion_core::evaluation::{self, Confusion, SegmentationErrorParams, report
 use scansion_core::segmentation::Partition;
 use std::sync::Arc;
 
+/// Compares codes (negative: no label, or left open); `names` are the classes' by code, if the labels were text.
 fn confusion(
     py: Python<'_>,
-    truth: &PyReadonlyArray1<'_, u8>,
-    predicted: &PyReadonlyArray1<'_, u8>,
-    unlabelled: Vec<u8>,
+    truth: &PyReadonlyArray1<'_, i16>,
+    predicted: &PyReadonlyArray1<'_, i16>,
+    names: Vec<String>,
 ) -> PyResult<Confusion> {
     let (truth, predicted) = (vector(truth, "truth")?, vector(predicted, "predicted")?);
-    py.detach(|| Confusion::from_labels(truth, predicted, &unlabelled)).map_err(raise)
+    let compare = || {
+        let codes = |values: &[i16]| values.iter().map(|&v| u8::try_from(v).ok()).collect::<Vec<_>>();
+        Confusion::from_partial(&codes(truth), &codes(predicted))
+    };
+    let confusion = py.detach(compare).map_err(raise)?;
+    Ok(match names.is_empty() {
+        true => confusion,
+        false => confusion.called(|class| names.get(usize::from(class.code)).cloned().unwrap_or(class.name)),
+    })
 }
 
 /// Counts by true (row) and predicted (column) class, and the code of each row.
@@ -27,11 +36,11 @@ fn confusion(
 #[expect(clippy::type_complexity, reason = "two arrays")]
 pub(crate) fn confusion_matrix<'py>(
     py: Python<'py>,
-    truth: PyReadonlyArray1<'_, u8>,
-    predicted: PyReadonlyArray1<'_, u8>,
-    unlabelled: Vec<u8>,
+    truth: PyReadonlyArray1<'_, i16>,
+    predicted: PyReadonlyArray1<'_, i16>,
+    names: Vec<String>,
 ) -> PyResult<(Bound<'py, PyArray2<u64>>, Bound<'py, PyArray1<u8>>)> {
-    let confusion = confusion(py, &truth, &predicted, unlabelled)?;
+    let confusion = confusion(py, &truth, &predicted, names)?;
     let codes: Vec<u8> = confusion.classes().classes().iter().map(|c| c.code).collect();
     let width = codes.len();
     let counts = (0..width * width).map(|i| confusion.count(i / width, i % width)).collect();
@@ -42,38 +51,38 @@ pub(crate) fn confusion_matrix<'py>(
 #[pyfunction]
 pub(crate) fn scores(
     py: Python<'_>,
-    truth: PyReadonlyArray1<'_, u8>,
-    predicted: PyReadonlyArray1<'_, u8>,
-    unlabelled: Vec<u8>,
+    truth: PyReadonlyArray1<'_, i16>,
+    predicted: PyReadonlyArray1<'_, i16>,
+    names: Vec<String>,
 ) -> PyResult<String> {
-    texts::to_json(&confusion(py, &truth, &predicted, unlabelled)?).map_err(raise)
+    texts::to_json(&confusion(py, &truth, &predicted, names)?).map_err(raise)
 }
 
 /// The scores as a table for people.
 #[pyfunction]
 pub(crate) fn report(
     py: Python<'_>,
-    truth: PyReadonlyArray1<'_, u8>,
-    predicted: PyReadonlyArray1<'_, u8>,
-    unlabelled: Vec<u8>,
+    truth: PyReadonlyArray1<'_, i16>,
+    predicted: PyReadonlyArray1<'_, i16>,
+    names: Vec<String>,
 ) -> PyResult<String> {
-    confusion(py, &truth, &predicted, unlabelled).map(|confusion| texts::to_table(&confusion))
+    confusion(py, &truth, &predicted, names).map(|confusion| texts::to_table(&confusion))
 }
 
-/// How well segments keep the edges of the classes, as JSON; class 0 is unlabelled.
+/// How well segments keep the edges of the classes, as JSON; negative codes are unlabelled.
 #[pyfunction]
 pub(crate) fn segmentation_error(
     py: Python<'_>,
     cloud: &Cloud,
     labels: PyReadonlyArray1<'_, u32>,
-    truth: PyReadonlyArray1<'_, u8>,
+    truth: PyReadonlyArray1<'_, i16>,
     settings: &str,
 ) -> PyResult<String> {
     let params: SegmentationErrorParams = json::settings(settings)?;
     let (labels, truth) = (vector(&labels, "labels")?, vector(&truth, "truth")?);
     let cloud = Arc::clone(&cloud.inner);
     call(py, Some(1), |_| {
-        let truth: Vec<Option<u8>> = truth.iter().map(|&code| (code > 0).then_some(code)).collect();
+        let truth: Vec<Option<u8>> = truth.iter().map(|&code| u8::try_from(code).ok()).collect();
         let partition = Partition::from_labels(labels)?;
         json::text(&evaluation::segmentation_error(&points(&cloud, None)?, &partition, &truth, &params)?)
     })

@@ -7,13 +7,14 @@ use crate::error::raise;
 use crate::json;
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
+use scansion_core::Error;
 use scansion_core::classes::ClassTable;
 use scansion_core::cloud::{Column, Values, names};
 use scansion_core::images::{self, ColourBy, Image, RenderParams, View};
-use scansion_core::io::atomic;
+use scansion_core::io::{self, atomic};
 use scansion_core::parallel::Monitor;
 use serde::Deserialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What Python asks for.
@@ -43,21 +44,35 @@ pub(crate) fn render<'py>(
     cloud: &Cloud,
     settings: &str,
     path: Option<PathBuf>,
-    truth: Option<PyReadonlyArray1<'_, u8>>,
+    truth: Option<PyReadonlyArray1<'_, i16>>,
     n_jobs: Option<i64>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let params = json::settings::<Settings>(settings)?.params(truth.is_some());
     let mut cloud = Arc::clone(&cloud.inner);
     if let Some(truth) = &truth {
-        let values = Values::U8(vector(truth, "truth")?.to_vec());
+        let values = Values::I16(vector(truth, "truth")?.to_vec());
         Arc::make_mut(&mut cloud).set_column(Column::new(TRUTH, values)).map_err(raise)?;
     }
     let image = call(py, n_jobs, |monitor| {
+        path.as_deref().map_or(Ok(()), |path| check(path, &params.view))?;
         let image = images::render(&cloud, &ClassTable::default(), &params, monitor)?;
         path.map_or(Ok(()), |path| save(&image, path, monitor)).map(|()| image)
     })?;
     let shape = [image.height as usize, image.width as usize, 3];
     PyArray1::from_vec(py, image.rgb).reshape(shape)
+}
+
+/// Fails before anything is drawn if the picture could not be written.
+fn check(path: &Path, view: &View) -> scansion_core::Result<()> {
+    if path.extension().and_then(|e| e.to_str()) != Some("png") {
+        let reason = "pictures are written as .png".to_string();
+        return Err(Error::Unsupported { path: path.to_path_buf(), reason });
+    }
+    io::check_output(path)?;
+    match view {
+        View::Map => io::check_output(&path.with_extension("pgw")),
+        View::Oblique { .. } => Ok(()),
+    }
 }
 
 fn save(image: &Image, path: PathBuf, monitor: &Monitor) -> scansion_core::Result<()> {

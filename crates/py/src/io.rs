@@ -17,7 +17,7 @@ type Part = (Option<Vec<String>>, Option<Bounds>, Option<f64>);
 
 fn part((columns, bounds, resolution): Part, monitor: &Monitor) -> ReadOptions {
     let columns = columns.map_or(Columns::All, Columns::Only);
-    ReadOptions { columns, bounds, resolution, monitor: monitor.clone() }
+    ReadOptions { columns, bounds, resolution, metres_per_unit: None, monitor: monitor.clone() }
 }
 
 /// Reads a file, or a part of it.
@@ -76,23 +76,28 @@ pub(crate) fn statistics(py: Python<'_>, path: PathBuf, n_jobs: Option<i64>) -> 
 
 /// Writes a cloud in the format of the path's extension.
 #[pyfunction]
-#[pyo3(signature = (path, cloud, n_jobs = None))]
-pub(crate) fn write(py: Python<'_>, path: PathBuf, cloud: &Cloud, n_jobs: Option<i64>) -> PyResult<()> {
+#[pyo3(signature = (path, cloud, scale = None, n_jobs = None))]
+pub(crate) fn write(
+    py: Python<'_>,
+    path: PathBuf,
+    cloud: &Cloud,
+    scale: Option<[f64; 3]>,
+    n_jobs: Option<i64>,
+) -> PyResult<()> {
     let cloud = Arc::clone(&cloud.inner);
-    call(py, n_jobs, |monitor| {
-        io::write(&path, &cloud, &WriteOptions { monitor: monitor.clone(), ..Default::default() })
-    })
+    call(py, n_jobs, |monitor| io::write(&path, &cloud, &options(scale, monitor)))
 }
 
 /// Copies a file with other classes or more dimensions; returns notes on what could not stay as it was.
 #[pyfunction]
-#[pyo3(signature = (input, output, classification = None, dimensions = Vec::new(), n_jobs = None))]
+#[pyo3(signature = (input, output, classification = None, dimensions = Vec::new(), scale = None, n_jobs = None))]
 pub(crate) fn rewrite(
     py: Python<'_>,
     input: PathBuf,
     output: PathBuf,
     classification: Option<PyReadonlyArray1<'_, u8>>,
     dimensions: Vec<(String, Bound<'_, PyAny>)>,
+    scale: Option<[f64; 3]>,
     n_jobs: Option<i64>,
 ) -> PyResult<Vec<String>> {
     let mut edits = Vec::new();
@@ -102,10 +107,14 @@ pub(crate) fn rewrite(
     for (name, array) in &dimensions {
         edits.push(Edit::Dimension(Column::new(name, values(array, name)?)));
     }
-    let write = |monitor: &_| {
-        io::rewrite(&input, &output, &edits, &WriteOptions { monitor: Clone::clone(monitor), ..Default::default() })
-    };
-    call(py, n_jobs, write).map(|report| report.notes)
+    call(py, n_jobs, |monitor| io::rewrite(&input, &output, &edits, &options(scale, monitor)))
+        .map(|report| report.notes)
+}
+
+/// The text of a settings file or a pipe.
+#[pyfunction]
+pub(crate) fn settings_text(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    call(py, Some(1), |_| io::open::text(&path, io::open::MOST_SETTINGS))
 }
 
 /// What a file's header says, as JSON.
@@ -126,33 +135,36 @@ pub(crate) fn diff(py: Python<'_>, a: PathBuf, b: PathBuf, n_jobs: Option<i64>) 
 
 /// Copies a file into another format; returns what the target could not hold.
 #[pyfunction]
-#[pyo3(signature = (input, output, point_format = None, part = (None, None), n_jobs = None))]
+#[pyo3(signature = (input, output, point_format = None, part = (None, None), scale = None, n_jobs = None))]
 pub(crate) fn convert(
     py: Python<'_>,
     input: PathBuf,
     output: PathBuf,
     point_format: Option<u8>,
     part: (Option<Bounds>, Option<f64>),
+    scale: Option<[f64; 3]>,
     n_jobs: Option<i64>,
 ) -> PyResult<Vec<String>> {
     let params = ConvertParams { point_format, bounds: part.0, resolution: part.1 };
-    call(py, n_jobs, |monitor| io::convert(&input, &output, &params, &options(monitor))).map(|report| report.notes)
+    call(py, n_jobs, |monitor| io::convert(&input, &output, &params, &options(scale, monitor)))
+        .map(|report| report.notes)
 }
 
 /// Joins files; returns notes on what could not stay as it was.
 #[pyfunction]
-#[pyo3(signature = (inputs, output, n_jobs = None))]
+#[pyo3(signature = (inputs, output, scale = None, n_jobs = None))]
 pub(crate) fn merge(
     py: Python<'_>,
     inputs: Vec<PathBuf>,
     output: PathBuf,
+    scale: Option<[f64; 3]>,
     n_jobs: Option<i64>,
 ) -> PyResult<Vec<String>> {
-    call(py, n_jobs, |monitor| io::merge(&inputs, &output, &options(monitor))).map(|report| report.notes)
+    call(py, n_jobs, |monitor| io::merge(&inputs, &output, &options(scale, monitor))).map(|report| report.notes)
 }
 
-fn options(monitor: &Monitor) -> WriteOptions {
-    let mut options = WriteOptions::default();
+fn options(scale: Option<[f64; 3]>, monitor: &Monitor) -> WriteOptions {
+    let mut options = WriteOptions { scale, ..WriteOptions::default() };
     options.monitor.clone_from(monitor);
     options
 }
@@ -168,7 +180,7 @@ pub(crate) fn salvage(
 ) -> PyResult<String> {
     call(py, n_jobs, |monitor| {
         let losses = match &output {
-            Some(output) => io::salvage::copy(&input, output, &[], &options(monitor))?.1,
+            Some(output) => io::salvage::copy(&input, output, &[], &options(None, monitor))?.1,
             None => io::salvage::examine(&input, monitor)?,
         };
         crate::json::text(&losses)

@@ -41,13 +41,13 @@ mod _core {
     #[pymodule_export]
     use crate::images::render;
     #[pymodule_export]
-    use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, statistics, write};
+    use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, settings_text, statistics, write};
     #[pymodule_export]
     use crate::neighbours::{knn, optimal};
     #[pymodule_export]
     use crate::partitions::{object_features, octree_region_growing, region_growing, riemannian, supervoxels};
     #[pymodule_export]
-    use crate::recipes::{Model, recipe_columns};
+    use crate::recipes::{Model, mapped_codes, recipe_columns};
     #[pymodule_export]
     use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing};
     #[pymodule_export]

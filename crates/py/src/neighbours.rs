@@ -14,11 +14,7 @@ use std::sync::Arc;
 
 /// The points of a cloud in metres; all of them, so that indices fit.
 pub(crate) fn points(cloud: &CoreCloud, metres_per_unit: Option<f64>) -> Result<Points> {
-    let metres = metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0);
-    if !(metres > 0.0 && metres.is_finite()) {
-        return Err(Error::parameter("metres_per_unit", metres, "above 0, finite"));
-    }
-    let points = Points::from_cloud(cloud, metres);
+    let points = Points::with_strays(cloud, cloud.metres(metres_per_unit)?);
     match cloud.len() - points.len() {
         0 => Ok(points),
         lost => Err(Error::input(format!("{lost} of {} points have NaN or infinite coordinates", cloud.len()))),

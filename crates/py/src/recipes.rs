@@ -9,6 +9,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use scansion_core::classes::{Class, ClassTable, LabelMap};
 use scansion_core::classification::Model as CoreModel;
 use scansion_core::cloud::Cloud as CoreCloud;
 use scansion_core::recipes::{self, AnyRecipe, ClassifyParams, LabelParams, Regularise, read_labels};
@@ -36,6 +37,14 @@ pub(crate) fn recipe_columns(recipe: &str, settings: Vec<String>) -> PyResult<Ve
     Ok(resolve(recipe, &settings).map_err(raise)?.columns())
 }
 
+/// What each code 0..255 becomes by a map like `3-4=5`.
+#[pyfunction]
+pub(crate) fn mapped_codes(py: Python<'_>, map: &str) -> PyResult<Py<PyBytes>> {
+    let map: LabelMap = map.parse().map_err(raise)?;
+    let codes: Vec<u8> = (0..=255u8).map(|code| map.apply(code)).collect();
+    Ok(PyBytes::new(py, &codes).unbind())
+}
+
 /// The recipe of a TOML text, or of a name, with settings on top.
 fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<AnyRecipe> {
     let base = match AnyRecipe::NAMES.contains(&recipe) {
@@ -57,7 +66,7 @@ fn method(name: Option<&str>) -> PyResult<Option<Regularise>> {
 #[pymethods]
 impl Model {
     #[staticmethod]
-    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled, strengths = vec![], n_jobs = None))]
+    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled = None, names = vec![], strengths = vec![], n_jobs = None))]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
     fn train(
         py: Python<'_>,
@@ -66,7 +75,8 @@ impl Model {
         settings: Vec<String>,
         dimension: String,
         map: &str,
-        unlabelled: Vec<u8>,
+        unlabelled: Option<Vec<u8>>,
+        names: Vec<String>,
         strengths: Vec<f64>,
         n_jobs: Option<i64>,
     ) -> PyResult<(Self, String)> {
@@ -86,7 +96,12 @@ impl Model {
                     .and_then(|(m, report)| Ok((m, json::text(&report)?))),
             }
         };
-        let (inner, report) = call(py, n_jobs, train)?;
+        let (mut inner, report) = call(py, n_jobs, train)?;
+        if !names.is_empty() {
+            let classes = inner.classes.classes().iter().cloned();
+            let called = |c: Class| Class { name: names.get(usize::from(c.code)).cloned().unwrap_or(c.name), ..c };
+            inner.classes = ClassTable::new(classes.map(called).collect()).map_err(raise)?;
+        }
         Ok((Self { inner }, report))
     }
 
@@ -97,7 +112,7 @@ impl Model {
 
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Self::of(py.detach(|| CoreModel::load(&path)))
+        call(py, Some(1), |_| CoreModel::load(&path)).map(|inner| Self { inner })
     }
 
     #[staticmethod]
@@ -114,17 +129,18 @@ impl Model {
         py.detach(|| self.inner.save(&path)).map_err(raise)
     }
 
-    #[pyo3(signature = (cloud, probabilities = false, regularize = None, n_jobs = None))]
+    #[pyo3(signature = (cloud, probabilities = false, regularize = None, metres_per_unit = None, n_jobs = None))]
     fn classify<'py>(
         &self,
         py: Python<'py>,
         cloud: &Cloud,
         probabilities: bool,
         regularize: Option<&str>,
+        metres_per_unit: Option<f64>,
         n_jobs: Option<i64>,
     ) -> PyResult<Answer<'py>> {
         let cloud = Arc::clone(&cloud.inner);
-        let params = ClassifyParams { probabilities, metres_per_unit: None, regularise: method(regularize)? };
+        let params = ClassifyParams { probabilities, metres_per_unit, regularise: method(regularize)? };
         let found = call(py, n_jobs, |monitor| recipes::classify(&cloud, &self.inner, &params, monitor))?;
         let classes = self.inner.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;

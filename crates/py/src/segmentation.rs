@@ -87,7 +87,7 @@ pub(crate) fn merge_regions<'py>(py: Python<'py>, valued: Valued<'py>, settings:
     segments(py, found, valued.0.shape()[1])
 }
 
-/// Parts a graph by an intent; labels are codes, negative where nobody has said.
+/// Parts a graph by an intent; labels are codes, negative where there is none.
 #[pyfunction]
 #[pyo3(signature = (valued, settings, cloud = None, labels = None, n_jobs = None))]
 pub(crate) fn partition<'py>(

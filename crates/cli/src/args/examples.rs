@@ -51,7 +51,8 @@ pub(super) const SUGGEST: &str = "Examples:
 pub(super) const EVALUATE: &str = "Examples:
   scansion evaluate truth.laz named.laz                      same points in the same order
   scansion evaluate truth.laz named.laz -o scores.json -o confusion.png
-  scansion evaluate truth.laz --model my.model --map 3-4=5   name the truth's own points, then compare";
+  scansion evaluate truth.laz --model my.model --map-truth 3-4=5   name the truth's own points, then compare
+  scansion evaluate rooms.ply named.ply --map-truth 0=2,1=5,2=6    where truth and prediction have other codes";
 
 pub(super) const RENDER: &str = "Examples:
   scansion render named.laz -o map.png                       classes from above, with a world file for GIS

@@ -1,6 +1,6 @@
 //! Arguments of the commands that read and write files.
 
-use super::examples;
+use super::{ScaleArgs, examples};
 use clap::Args as ClapArgs;
 use std::path::PathBuf;
 
@@ -39,8 +39,10 @@ pub(crate) struct Convert {
     /// A thinner cloud: points about so far apart, from the levels of a COPC file
     #[arg(long, value_name = "DISTANCE")]
     pub(crate) resolution: Option<f64>,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
-    #[arg(long, conflicts_with_all = ["point_format", "bounds", "resolution"])]
+    #[arg(long, conflicts_with_all = ["point_format", "bounds", "resolution", "scale"])]
     pub(crate) salvage: bool,
     /// Replace the input itself if it is also the output
     #[arg(long)]
@@ -54,6 +56,8 @@ pub(crate) struct Merge {
     /// Files to join, in this order (`*`, `?` and `[...]` are understood), and the result last
     #[arg(required = true, num_args = 2.., value_names = ["IN...", "OUT"])]
     pub(crate) files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Replace an input if it is also the output
     #[arg(long)]
     pub(crate) overwrite: bool,

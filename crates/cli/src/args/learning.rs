@@ -1,6 +1,6 @@
 //! Arguments of the commands that describe, learn, name and compare.
 
-use super::{LabelArgs, RecipeArgs, examples};
+use super::{LabelArgs, RecipeArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
 use scansion_core::classification::ClassifierKind;
 use scansion_core::recipes::Regularise;
@@ -24,6 +24,10 @@ pub(crate) struct Features {
     pub(crate) only: Vec<String>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Replace the input itself if it is also the output
     #[arg(long)]
     pub(crate) overwrite: bool,
@@ -64,6 +68,8 @@ pub(crate) struct Train {
     pub(crate) labels: LabelArgs,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
     /// What is learned: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
     #[arg(long, value_enum)]
     pub(crate) classifier: Option<ClassifierName>,
@@ -113,7 +119,7 @@ pub(crate) struct Classify {
     /// Change nothing but the classification: no Confidence and Entropy
     #[arg(long)]
     pub(crate) no_extra: bool,
-    /// Only name points that are unclassified (codes 0 and 1)
+    /// Only name points that are unclassified (codes 0 and 1; Semantic3D: 0)
     #[arg(short = 'u', long)]
     pub(crate) only_unclassified: bool,
     /// Leave points with these codes as they are
@@ -122,9 +128,10 @@ pub(crate) struct Classify {
     /// Change the model's codes in the output, e.g. 5=4
     #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
     pub(crate) map: String,
-    /// Metres in one unit of the coordinates [default: from the file, else 1]
-    #[arg(long, value_name = "METRES")]
-    pub(crate) unit: Option<f64>,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
     #[arg(long)]
     pub(crate) salvage: bool,
@@ -170,12 +177,21 @@ pub(crate) struct Evaluate {
     pub(crate) prediction: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) labels: LabelArgs,
+    /// Change the codes of the truth before they are compared. --map does so too, but is refused where it would change codes
+    /// of the prediction as well
+    #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
+    pub(crate) map_truth: Option<String>,
+    /// Change the codes of the prediction before they are compared
+    #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
+    pub(crate) map_predicted: Option<String>,
     /// Dimension that holds the prediction [default: Classification of a second file, else PredictedClassification]
     #[arg(long, value_name = "NAME")]
     pub(crate) prediction_dimension: Option<String>,
     /// Classify the truth's cloud with this model and compare
     #[arg(short, long, conflicts_with = "prediction")]
     pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
     /// Also write the result: .json, .csv, or .png (confusion matrix); may be repeated
     #[arg(short, long)]
     pub(crate) output: Vec<PathBuf>,

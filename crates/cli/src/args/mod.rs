@@ -3,16 +3,21 @@
 mod examples;
 mod files;
 mod learning;
+mod lengths;
 mod pictures;
 mod segments;
 
 pub(crate) use files::{Convert, Diff, Info, Merge};
 pub(crate) use learning::{Classify, Evaluate, Features, Model, Train};
+pub(crate) use lengths::{ScaleArgs, UnitArgs};
 pub(crate) use pictures::{Render, ViewArg};
 pub(crate) use segments::{Segment, SegmentArgs, Suggest};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
-use std::path::PathBuf;
+use scansion_core::io::run::Replace;
+use scansion_core::recipes::{AnyRecipe, SegmentParams};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 /// Divides a LiDAR scan into its parts and names every point.
 #[derive(Debug, Parser)]
@@ -102,24 +107,106 @@ pub(crate) enum Command {
     Model(Model),
 }
 
+impl Command {
+    /// Whether an output may replace an input.
+    pub(crate) fn replace(&self) -> Replace {
+        let overwrite = match self {
+            Self::Convert(args) => Some(args.overwrite),
+            Self::Merge(args) => Some(args.overwrite),
+            Self::Features(args) => Some(args.overwrite),
+            Self::Classify(args) => Some(args.overwrite),
+            Self::Segment(args) => Some(args.overwrite),
+            _ => None,
+        };
+        match overwrite {
+            Some(true) => Replace::Allowed,
+            Some(false) => Replace::Refused("say --overwrite to replace it"),
+            None => Replace::Refused("give the output another name"),
+        }
+    }
+
+    /// The files that are read, as far as the arguments name them.
+    pub(crate) fn inputs(&self) -> Vec<&Path> {
+        let (many, others): (&[PathBuf], Vec<&Option<PathBuf>>) = match self {
+            Self::Demo(_) => (&[], vec![]),
+            Self::Info(args) => (&args.inputs, vec![]),
+            Self::Convert(args) => (std::slice::from_ref(&args.input), vec![]),
+            Self::Merge(args) => (args.files.split_last().map_or(&[], |(_, inputs)| inputs), vec![]),
+            Self::Diff(args) => return vec![&args.a, &args.b],
+            Self::Features(args) => (&[], vec![&args.input, &args.recipe.recipe]),
+            Self::Train(args) => (&args.inputs, vec![&args.weak_labels, &args.recipe.recipe]),
+            Self::Classify(args) => (&args.inputs, vec![&args.model]),
+            Self::Segment(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe]),
+            Self::Suggest(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe, &args.model]),
+            Self::Evaluate(args) => (std::slice::from_ref(&args.truth), vec![&args.prediction, &args.model]),
+            Self::Render(args) => (std::slice::from_ref(&args.input), vec![&args.truth]),
+            Self::Model(Model::Show { model, .. }) => (&[], vec![model]),
+        };
+        // A recipe may be a name.
+        let named = |path: &&Path| {
+            !path.to_str().is_some_and(|n| AnyRecipe::NAMES.contains(&n) || SegmentParams::named(n).is_some())
+        };
+        many.iter()
+            .map(PathBuf::as_path)
+            .chain(others.into_iter().flatten().map(PathBuf::as_path).filter(named))
+            .collect()
+    }
+}
+
 /// Where labels come from and what they mean.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct LabelArgs {
     /// Change codes before use, e.g. 3=5,4=5 or 3-4=5
     #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
     pub(crate) map: String,
-    /// Change the codes of one input in another way than --map says, e.g. old_scan.laz:1=5; may be repeated
+    /// Change the codes of one input in another way than --map says, e.g. old_scan.laz:1=5; may be repeated, once an input
     #[arg(long, value_name = "FILE:OLD=NEW,...")]
     pub(crate) map_of: Vec<String>,
-    /// Use only these codes (after --map)
+    /// Use only these codes (after --map), 0 and 1 too if they are named
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     pub(crate) classes: Vec<u8>,
-    /// Codes (after --map) that mean "nobody has said"; they are skipped and counted
-    #[arg(long, value_name = "CODES", value_delimiter = ',', default_values_t = [0, 1])]
-    pub(crate) unlabelled: Vec<u8>,
+    /// Codes (after --map) that mean "unlabelled", or none; they are skipped and counted. auto: 0 and 1 in the Classification of
+    /// LAS and LAZ, 0 in the .labels of Semantic3D, none in other formats and dimensions. Negative values and NaN always do
+    #[arg(long, value_name = "auto|none|CODES", default_value = "auto")]
+    pub(crate) unlabelled: Unlabelled,
     /// Dimension that holds the labels
     #[arg(long, value_name = "NAME", default_value = "Classification")]
     pub(crate) label_dimension: String,
+}
+
+/// Which codes mean that a point has no label.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Unlabelled {
+    /// Those of the format.
+    Auto,
+    /// These.
+    Codes(Vec<u8>),
+}
+
+impl FromStr for Unlabelled {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim() {
+            "auto" => Ok(Self::Auto),
+            "none" | "" => Ok(Self::Codes(Vec::new())),
+            codes => {
+                let code =
+                    |part: &str| part.trim().parse().map_err(|_| format!("{part:?} is no code 0..255, auto or none"));
+                codes.split(',').map(code).collect::<Result<_, _>>().map(Self::Codes)
+            }
+        }
+    }
+}
+
+impl Unlabelled {
+    /// As the core wants it.
+    pub(crate) fn codes(&self) -> Option<Vec<u8>> {
+        match self {
+            Self::Auto => None,
+            Self::Codes(codes) => Some(codes.clone()),
+        }
+    }
 }
 
 /// The recipe and changes to it.

@@ -1,6 +1,6 @@
 //! Arguments of `render`.
 
-use super::examples;
+use super::{Unlabelled, examples};
 use clap::{Args as ClapArgs, ValueEnum};
 use std::path::PathBuf;
 
@@ -19,9 +19,13 @@ pub(crate) struct Render {
     /// Show where the classes differ from those of this cloud, point by point the same
     #[arg(long, value_name = "FILE", conflicts_with = "by")]
     pub(crate) truth: Option<PathBuf>,
-    /// Compare only points whose class in the truth is one of these; all count without it, codes 0 and 1 too
+    /// Compare only points whose class in the truth is one of these
     #[arg(long, value_name = "CODES", value_delimiter = ',', requires = "truth")]
     pub(crate) classes: Vec<u8>,
+    /// Codes of the truth that mean "unlabelled", or none: such points are not compared. auto: 0 and 1 in LAS and LAZ, 0 in
+    /// Semantic3D, none in other formats
+    #[arg(long, value_name = "auto|none|CODES", default_value = "auto", requires = "truth")]
+    pub(crate) unlabelled: Unlabelled,
     /// From above, or from the side
     #[arg(long, value_enum, default_value_t = ViewArg::Map)]
     pub(crate) view: ViewArg,

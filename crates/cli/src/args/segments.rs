@@ -1,6 +1,6 @@
 //! Arguments of the commands that part a cloud.
 
-use super::{LabelArgs, examples};
+use super::{LabelArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, ValueEnum};
 use scansion_core::recipes::SegmentMethod;
 use std::path::PathBuf;
@@ -40,6 +40,8 @@ pub(crate) struct SegmentArgs {
     /// Change one setting, e.g. objects.vccs.voxel=0.4; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
     /// Seed of everything that is drawn by chance [default: 0]
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
@@ -97,6 +99,8 @@ pub(crate) struct Segment {
     pub(crate) levels: Vec<u32>,
     #[command(flatten)]
     pub(crate) labels: LabelArgs,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Replace the input itself if it is also the output
     #[arg(long)]
     pub(crate) overwrite: bool,
@@ -118,6 +122,8 @@ pub(crate) struct Suggest {
     /// Model that is to get better: its uncertainty counts
     #[arg(short, long)]
     pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Leave out segments that hold a label
     #[arg(long)]
     pub(crate) labelled: bool,

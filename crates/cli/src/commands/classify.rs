@@ -5,8 +5,8 @@ use crate::args::Classify;
 use crate::exit_code::Failure;
 use scansion_core::classes::LabelMap;
 use scansion_core::classification::Model;
-use scansion_core::cloud::{Cloud, Column, Values, names};
-use scansion_core::io::{self, Columns, Edit, salvage};
+use scansion_core::cloud::{Cloud, CodeScheme, Column, Values, names};
+use scansion_core::io::{self, Columns, Edit, run, salvage};
 use scansion_core::recipes::{self, AnyRecipe, Classified, ClassifyParams};
 use std::path::Path;
 use std::time::Instant;
@@ -21,8 +21,10 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     let map: LabelMap = args.map.parse()?;
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
     let mut failed = 0;
-    for (input, output) in &pairs {
-        match one(input, output, &model, &map, args, context) {
+    let checked: Vec<_> = pairs.iter().map(|(_, output)| io::check_cloud_output(output)).collect();
+    for ((input, output), checked) in pairs.iter().zip(checked) {
+        let work = || checked.map_err(Failure::from).and_then(|()| one(input, output, &model, &map, args, context));
+        match run::part(work) {
             Err(failure) if pairs.len() == 1 => return Err(failure),
             Err(Failure::Core(scansion_core::Error::Interrupted)) => {
                 return Err(scansion_core::Error::Interrupted.into());
@@ -45,8 +47,10 @@ fn one(
     args: &Classify,
     context: &Context<'_>,
 ) -> Result<(), Failure> {
-    sources::guard_input(input, output, args.overwrite)?;
     let start = Instant::now();
+    if !args.salvage {
+        io::check_dimensions(input, output, &dimensions(model, args))?;
+    }
     let mut wanted = AnyRecipe::from_toml(&model.recipe_toml)?.columns();
     if args.only_unclassified || !args.skip.is_empty() {
         wanted.push(names::CLASSIFICATION.into());
@@ -57,9 +61,10 @@ fn one(
         true => salvage::read(input, &options)?.0,
         false => io::read_with(input, &options)?,
     };
+    io::check_steps(input, output, &cloud, &context.write_options())?;
     let params = ClassifyParams {
         probabilities: args.probabilities,
-        metres_per_unit: args.unit,
+        metres_per_unit: args.unit.unit,
         regularise: args.regularize.map(Into::into),
     };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
@@ -89,7 +94,8 @@ fn one(
 /// The codes to write: the model's, but what was there where the user wants it kept.
 fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Vec<u8> {
     let old = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
-    let keep = |code: u8| args.skip.contains(&code) || (args.only_unclassified && code > 1);
+    let open: &[u8] = if cloud.scheme == CodeScheme::Semantic3d { &[0] } else { &[0, 1] };
+    let keep = |code: u8| args.skip.contains(&code) || (args.only_unclassified && !open.contains(&code));
     let codes = result.codes.iter().enumerate();
     codes
         .map(|(i, &new)| match old.map(|v| v.get(i) as u8) {
@@ -97,6 +103,24 @@ fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) ->
             _ => map.apply(new),
         })
         .collect()
+}
+
+/// The dimensions that will be written, without values.
+fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
+    let mut list: Vec<String> = Vec::new();
+    if !args.no_extra {
+        list.extend([names::CONFIDENCE.into(), names::ENTROPY.into()]);
+    }
+    if args.probabilities {
+        list.extend(model.classes.classes().iter().map(|class| probability_of(&class.name)));
+    }
+    list.into_iter().map(|name| Column::new(name, Values::F32(Vec::new()))).collect()
+}
+
+/// Name of the dimension that holds a class's probability.
+fn probability_of(class: &str) -> String {
+    let name = format!("P_{}", class.replace(|ch: char| !ch.is_ascii_alphanumeric(), "_"));
+    name.chars().take(31).collect()
 }
 
 fn edits(
@@ -116,8 +140,7 @@ fn edits(
         let classes = model.classes.classes();
         for (c, class) in classes.iter().enumerate() {
             let values = probabilities.chunks_exact(classes.len()).map(|p| p[c]).collect();
-            let name = format!("P_{}", class.name.replace(|ch: char| !ch.is_ascii_alphanumeric(), "_"));
-            edits.push(Edit::Dimension(Column::new(name.chars().take(31).collect::<String>(), Values::F32(values))));
+            edits.push(Edit::Dimension(Column::new(probability_of(&class.name), Values::F32(values))));
         }
     }
     Ok(edits)

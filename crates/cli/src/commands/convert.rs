@@ -1,13 +1,12 @@
 //! `scansion convert`: the same points in another format.
 
-use super::{Context, sources};
+use super::Context;
 use crate::args::Convert;
 use crate::exit_code::Failure;
 use scansion_core::io::{self, Bounds, ConvertParams, salvage};
 
 pub(crate) fn run(args: &Convert, context: &Context<'_>) -> Result<(), Failure> {
-    sources::guard_input(&args.input, &args.output, args.overwrite)?;
-    sources::refuse_partial(&args.input)?;
+    io::check_cloud_output(&args.output)?;
     if args.salvage {
         let (report, losses) = salvage::copy(&args.input, &args.output, &[], &context.write_options())?;
         context.losses(&args.input, &losses);

@@ -1,8 +1,10 @@
 //! `scansion evaluate`: compare a classification with the truth.
 
+use super::labels::LabelSource;
 use super::{Context, sources};
 use crate::args::{Evaluate, Format};
 use crate::exit_code::Failure;
+use scansion_core::classes::LabelMap;
 use scansion_core::cloud::{Cloud, names};
 use scansion_core::evaluation::{Confusion, report};
 use scansion_core::io::{self, atomic};
@@ -11,19 +13,23 @@ use scansion_core::{Error, images};
 use std::path::Path;
 
 pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure> {
-    let truth_params = sources::labels(&args.labels, &args.truth)?;
+    args.output.iter().try_for_each(|path| kind(path).and_then(|_| Ok(io::check_output(path)?)))?;
+    let inputs: Vec<&Path> = std::iter::once(&args.truth).chain(&args.prediction).map(AsRef::as_ref).collect();
+    let source = LabelSource::new(&args.labels, &inputs)?;
+    let maps = Maps::new(args, &source)?;
     let cloud = io::read_with(&args.truth, &context.read_options())?;
-    let truth = read_labels(&cloud, &truth_params)?.codes;
-    let predicted = predicted(args, &cloud, &truth_params, context)?;
-    if predicted.len() != truth.len() {
+    let truth = source.read_mapped((&args.truth, &cloud), &maps.truth, context)?;
+    source.absent(std::iter::once(&truth)).iter().for_each(|text| context.printer.warning(text));
+    let predicted = maps.predicted(&predicted(args, &cloud, context)?, &args.labels.map)?;
+    if predicted.len() != truth.codes.len() {
         let text = format!(
             "{} points in the truth, {} in the prediction; both must be the same points in the same order",
-            truth.len(),
+            truth.codes.len(),
             predicted.len()
         );
         return Err(Error::input(text).into());
     }
-    let confusion = Confusion::from_options(&truth, &predicted)?;
+    let confusion = Confusion::from_partial(&truth.codes, &predicted)?.named(truth.scheme);
     args.output.iter().try_for_each(|path| write(path, &confusion, context))?;
     context.printer.data(&match context.printer.format {
         Format::Json => report::to_json(&confusion)?,
@@ -32,22 +38,71 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
     })
 }
 
-/// Codes of the prediction, mapped as the truth's, none skipped.
-fn predicted(args: &Evaluate, cloud: &Cloud, truth: &LabelParams, context: &Context<'_>) -> Result<Vec<u8>, Failure> {
+/// What the codes of both sides become.
+struct Maps {
+    truth: LabelMap,
+    /// `None`: only `--map` may be meant.
+    predicted: Option<LabelMap>,
+}
+
+impl Maps {
+    /// `--map-of` for the one file, `--map-truth` and `--map-predicted`, or `--map`.
+    fn new(args: &Evaluate, source: &LabelSource<'_>) -> Result<Self, Error> {
+        let own = |input: &Path, flag: &Option<String>, name: &'static str| match (source.own_map(input), flag) {
+            (Some(_), Some(text)) => Err(Error::parameter(name, text, "one map a file; --map-of gives it another")),
+            (Some(map), None) => Ok(Some(map.clone())),
+            (None, Some(text)) => text.parse().map(Some),
+            (None, None) => Ok(None),
+        };
+        let truth = own(&args.truth, &args.map_truth, "map-truth")?;
+        let predicted = match &args.prediction {
+            Some(path) => own(path, &args.map_predicted, "map-predicted")?,
+            None => args.map_predicted.as_ref().map(|text| text.parse()).transpose()?,
+        };
+        let asked = truth.is_some() || predicted.is_some();
+        // Where one side has a map of its own it is clear what the other side has: --map, or nothing.
+        let map: LabelMap = args.labels.map.parse()?;
+        let predicted = predicted.or_else(|| asked.then(|| map.clone()));
+        Ok(Self { truth: truth.unwrap_or(map), predicted })
+    }
+
+    /// The prediction's codes. A map for both sides must leave them as they are: else it is not clear what was meant.
+    fn predicted(&self, codes: &[Option<u8>], map: &str) -> Result<Vec<Option<u8>>, Error> {
+        if let Some(own) = &self.predicted {
+            return Ok(codes.iter().map(|code| code.map(|c| own.apply(c))).collect());
+        }
+        let both: LabelMap = map.parse()?;
+        let changed = (0..=255u8).find(|&code| both.apply(code) != code && codes.contains(&Some(code)));
+        match changed {
+            None => Ok(codes.to_vec()),
+            Some(code) => Err(Error::parameter(
+                "map",
+                map,
+                format!(
+                    "a map that leaves the prediction's codes as they are, but it has code {code}; say --map-truth {map} if \
+                     only the truth has other codes, and --map-predicted {map} with it if both have"
+                ),
+            )),
+        }
+    }
+}
+
+/// Codes of the prediction, none skipped; `None` where it leaves a point open: an error of the prediction.
+fn predicted(args: &Evaluate, cloud: &Cloud, context: &Context<'_>) -> Result<Vec<Option<u8>>, Failure> {
     if args.model.is_some() {
         let model = sources::model(args.model.as_deref())?;
         let result = recipes::classify(cloud, &model, &ClassifyParams::default(), &context.monitor)?;
-        return Ok(result.codes.iter().map(|&c| truth.map.apply(c)).collect());
+        result.warnings.iter().for_each(|w| context.printer.warning(w));
+        return Ok(result.codes.into_iter().map(Some).collect());
     }
     let default = if args.prediction.is_some() { names::CLASSIFICATION } else { "PredictedClassification" };
     let dimension = args.prediction_dimension.clone().unwrap_or_else(|| default.into());
-    let params = LabelParams { dimension, map: truth.map.clone(), unlabelled: Vec::new(), classes: Vec::new() };
+    let params = LabelParams { dimension, unlabelled: Some(Vec::new()), ..LabelParams::default() };
     let read = |path| io::read_with(path, &context.read_options());
     let other = args.prediction.as_deref().map(read).transpose()?;
     let other = other.as_ref().unwrap_or(cloud);
     same_places(cloud, other)?;
-    // A point that the prediction leaves open counts as code 0: an error of the prediction.
-    Ok(read_labels(other, &params)?.codes.into_iter().map(|c| c.unwrap_or(0)).collect())
+    Ok(read_labels(other, &params)?.codes)
 }
 
 /// Two files of equal length whose points stand elsewhere are not the same scan.
@@ -67,12 +122,27 @@ fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
     }
 }
 
+/// What an output is, by its extension.
+enum Kind {
+    Json,
+    Csv,
+    Picture,
+}
+
+fn kind(path: &Path) -> Result<Kind, Failure> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("json") => Ok(Kind::Json),
+        Some("csv") => Ok(Kind::Csv),
+        Some("png") => Ok(Kind::Picture),
+        _ => Err(Failure::Usage(format!("{}: write .json, .csv or .png", path.display()))),
+    }
+}
+
 fn write(path: &Path, confusion: &Confusion, context: &Context<'_>) -> Result<(), Failure> {
-    let bytes = match path.extension().and_then(|e| e.to_str()) {
-        Some("json") => report::to_json(confusion)?.into_bytes(),
-        Some("csv") => report::to_csv(confusion).into_bytes(),
-        Some("png") => images::confusion_picture(confusion).to_png(&context.monitor)?,
-        _ => return Err(Failure::Usage(format!("{}: write .json, .csv or .png", path.display()))),
+    let bytes = match kind(path)? {
+        Kind::Json => report::to_json(confusion)?.into_bytes(),
+        Kind::Csv => report::to_csv(confusion).into_bytes(),
+        Kind::Picture => images::confusion_picture(confusion).to_png(&context.monitor)?,
     };
     Ok(atomic::write_bytes(path, &bytes)?)
 }

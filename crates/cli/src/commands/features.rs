@@ -1,61 +1,68 @@
 //! `scansion features`: compute multi-scale features, or list them.
 
+use super::feature_rows::{RowColumns, RowFile};
 use super::{Context, sources};
 use crate::args::{Features, Format};
 use crate::exit_code::Failure;
-use scansion_core::cloud::{Cloud, Column, Values};
-use scansion_core::features::{self, FeatureTable, definition};
-use scansion_core::io::{self, Edit, atomic};
-use std::fmt::Write;
-use std::path::Path;
+use scansion_core::cloud::{Column, Values};
+use scansion_core::features::{FeatureStream, Wanted, definition};
+use scansion_core::io::{self, Columns, Edit};
 
 pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure> {
     let (Some(input), Some(output), false) = (&args.input, &args.output, args.list) else {
         return context.printer.data(&list(context.printer.format));
     };
-    sources::guard_input(input, output, args.overwrite)?;
+    let table = matches!(output.extension().and_then(|e| e.to_str()), Some("npy" | "csv"));
+    if table {
+        io::check_output(output)?
+    } else {
+        io::check_cloud_output(output)?
+    }
     let set = sources::recipe(&args.recipe)?.features;
-    let cloud = io::read_with(input, &context.read_options())?;
-    let table = features::table(&cloud, &set, &context.monitor)?;
-    let wanted = wanted(&table, &args.only)?;
+    let asked = Wanted::Asked(&args.only);
+    // Names follow from the first scale; where the cloud decides on it they are not known yet.
+    if let (Some(scale), false) = (set.pyramid.first_scale, table) {
+        let columns =
+            asked.names(&set.names(scale))?.into_iter().map(|name| Column::new(name, Values::F32(Vec::new())));
+        io::check_dimensions(input, output, &columns.collect::<Vec<_>>())?;
+    }
+    let mut options = context.read_options();
+    options.columns = Columns::Only(set.columns().into_iter().map(String::from).collect());
+    let cloud = io::read_with(input, &options)?;
+    io::check_steps(input, output, &cloud, &context.write_options())?;
+    let stream = FeatureStream::prepare(&cloud, &set, asked, &context.monitor)?;
+    let (points, width) = (cloud.len(), stream.names().len());
     match output.extension().and_then(|e| e.to_str()) {
-        Some("npy") => atomic::write_bytes(output, &npy(&table, &wanted))?,
-        Some("csv") => atomic::write_bytes(output, csv(&cloud, &table, &wanted).as_bytes())?,
-        _ => dimensions(input, output, &table, &wanted, context)?,
+        Some("npy") => {
+            let mut file = RowFile::create(output, &npy_header(points, width), width)?;
+            stream.for_each(&context.monitor, |rows| file.put(rows))?;
+            file.finish()?;
+        }
+        Some("csv") => {
+            let mut file = RowFile::create(output, &[], width)?;
+            stream.for_each(&context.monitor, |rows| file.put(rows))?;
+            file.write_csv(output, (&cloud, stream.names()), &context.monitor)?;
+        }
+        _ => {
+            let mut columns = RowColumns::new(points, width)?;
+            stream.for_each(&context.monitor, |rows| {
+                columns.put(rows);
+                Ok(())
+            })?;
+            let names = stream.names().to_vec();
+            drop(stream);
+            drop(cloud);
+            let edits: Vec<Edit> = columns.named(&names).map(Edit::Dimension).collect();
+            io::rewrite(input, output, &edits, &context.write_options())?;
+        }
     }
-    context.printer.note(&format!("{}: {} features of {} points", output.display(), wanted.len(), cloud.len()));
+    context.printer.note(&format!("{}: {width} features of {points} points", output.display()));
     Ok(())
 }
 
-/// Columns whose name is one of `only`, or begins with it before the scale; all if `only` is empty.
-fn wanted(table: &FeatureTable, only: &[String]) -> Result<Vec<usize>, Failure> {
-    let matches =
-        |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
-    if let Some(unknown) = only.iter().find(|asked| !table.names.iter().any(|n| matches(n, asked))) {
-        return Err(Failure::Usage(format!("no feature {unknown}; there are: {}", table.names.join(", "))));
-    }
-    let named = |name: &String| only.is_empty() || only.iter().any(|asked| matches(name, asked));
-    Ok((0..table.width()).filter(|&c| named(&table.names[c])).collect())
-}
-
-fn dimensions(
-    input: &Path,
-    output: &Path,
-    table: &FeatureTable,
-    wanted: &[usize],
-    context: &Context<'_>,
-) -> Result<(), Failure> {
-    let column = |&c: &usize| (0..table.rows()).map(|row| table.row(row)[c]).collect::<Vec<f32>>();
-    let edits: Vec<Edit> =
-        wanted.iter().map(|c| Edit::Dimension(Column::new(table.names[*c].clone(), Values::F32(column(c))))).collect();
-    io::rewrite(input, output, &edits, &context.write_options())?;
-    Ok(())
-}
-
-/// NumPy's array file, version 1.0: little-endian f4, C order.
-fn npy(table: &FeatureTable, wanted: &[usize]) -> Vec<u8> {
-    let mut header =
-        format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {}), }}", table.rows(), wanted.len());
+/// The start of NumPy's array file, version 1.0: little-endian f4, C order.
+fn npy_header(points: usize, width: usize) -> Vec<u8> {
+    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({points}, {width}), }}");
     while (header.len() + 11) % 64 != 0 {
         header.push(' ');
     }
@@ -63,24 +70,7 @@ fn npy(table: &FeatureTable, wanted: &[usize]) -> Vec<u8> {
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend((header.len() as u16).to_le_bytes());
     bytes.extend(header.as_bytes());
-    for row in 0..table.rows() {
-        wanted.iter().for_each(|&c| bytes.extend(table.row(row)[c].to_le_bytes()));
-    }
     bytes
-}
-
-fn csv(cloud: &Cloud, table: &FeatureTable, wanted: &[usize]) -> String {
-    let names: Vec<&str> = wanted.iter().map(|&c| table.names[c].as_str()).collect();
-    let mut text = format!("x,y,z,{}\n", names.join(","));
-    for row in 0..table.rows() {
-        let [x, y, z] = cloud.xyz(row);
-        let _ = write!(text, "{x},{y},{z}");
-        wanted.iter().for_each(|&c| {
-            let _ = write!(text, ",{}", table.row(row)[c]);
-        });
-        text.push('\n');
-    }
-    text
 }
 
 /// The table of definitions, in the asked form.
@@ -108,24 +98,11 @@ fn list(format: Format) -> String {
 mod tests {
     use super::*;
 
-    fn table() -> FeatureTable {
-        let names = ["Planarity_r0p4", "Planarity_r0p8", "Linearity_r0p4"].map(String::from).to_vec();
-        FeatureTable { names, values: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0] }
-    }
-
     #[test]
-    fn features_are_chosen_by_name_with_or_without_scale() {
-        assert_eq!(wanted(&table(), &["Planarity".into()]).unwrap(), [0, 1]);
-        assert_eq!(wanted(&table(), &["Linearity_r0p4".into()]).unwrap(), [2]);
-        let message = wanted(&table(), &["Planar".into()]).unwrap_err().to_string();
-        assert!(message.contains("Planar;") && message.contains("Planarity_r0p8"), "{message}");
-    }
-
-    #[test]
-    fn npy_has_an_aligned_header_and_all_values() {
-        let bytes = npy(&table(), &[0, 2]);
-        let header = u16::from_le_bytes([bytes[8], bytes[9]]) as usize;
-        assert_eq!((10 + header) % 64, 0);
-        assert_eq!(bytes[10 + header..], [1.0f32, 3.0, 4.0, 6.0].map(f32::to_le_bytes).concat());
+    fn the_header_of_npy_is_aligned_and_tells_the_shape() {
+        let bytes = npy_header(1_234_567, 144);
+        let length = u16::from_le_bytes([bytes[8], bytes[9]]) as usize;
+        assert_eq!(((10 + length) % 64, bytes.len()), (0, 10 + length));
+        assert!(String::from_utf8_lossy(&bytes).contains("'shape': (1234567, 144)"));
     }
 }

@@ -3,7 +3,9 @@
 use super::{Context, sources};
 use crate::args::{Format, Info};
 use crate::exit_code::Failure;
+use scansion_core::Error;
 use scansion_core::classes::preset;
+use scansion_core::cloud::crs::{Unit, unit_of};
 use scansion_core::io::salvage::{self, Losses};
 use scansion_core::io::{self, FileInfo, statistics};
 use scansion_core::recipes::planar_density;
@@ -47,25 +49,49 @@ pub(crate) fn run(args: &Info, context: &Context<'_>) -> Result<(), Failure> {
     if args.salvage {
         return salvaged(&inputs, format, context);
     }
-    let mut described = Vec::new();
-    for path in &inputs {
+    let (described, failed) = each(&inputs, context, |path| {
         let mut info = io::inspect(path)?;
         let stats = if args.stats { Some(stats(path, &mut info, context)?) } else { None };
-        described.push(Described { info, stats });
-    }
+        Ok(Described { info, stats })
+    })?;
     context.printer.data(&match format {
         Format::Json => serde_json::to_string_pretty(&described).unwrap_or_default(),
         Format::Csv => csv(&described),
         Format::Table => described.iter().map(table).collect::<Vec<_>>().join("\n"),
-    })
+    })?;
+    partly(failed, inputs.len())
+}
+
+/// What `work` says of each file, and how many failed; a single one that fails ends the run.
+fn each<T>(
+    inputs: &[PathBuf],
+    context: &Context<'_>,
+    work: impl Fn(&Path) -> Result<T, Failure>,
+) -> Result<(Vec<T>, usize), Failure> {
+    let (mut done, mut failed) = (Vec::new(), 0);
+    for path in inputs {
+        match work(path) {
+            Ok(found) => done.push(found),
+            Err(Failure::Core(Error::Interrupted)) => return Err(Error::Interrupted.into()),
+            Err(failure) if inputs.len() == 1 => return Err(failure),
+            Err(failure) => {
+                context.printer.error(&failure.to_string());
+                failed += 1;
+            }
+        }
+    }
+    Ok((done, failed))
+}
+
+fn partly(failed: usize, inputs: usize) -> Result<(), Failure> {
+    if failed > 0 { Err(Failure::Partly { failed, inputs }) } else { Ok(()) }
 }
 
 fn salvaged(inputs: &[PathBuf], format: Format, context: &Context<'_>) -> Result<(), Failure> {
-    let mut list = Vec::new();
-    for path in inputs {
+    let (list, failed) = each(inputs, context, |path| {
         let losses = salvage::examine(path, &context.monitor)?;
-        list.push(Salvaged { path: path.clone(), lost: losses.lost(), losses });
-    }
+        Ok(Salvaged { path: path.to_path_buf(), lost: losses.lost(), losses })
+    })?;
     let text = |s: &Salvaged| {
         let notes = s.losses.notes.iter().map(|n| format!("\n  {n}")).collect::<String>();
         format!("{}: {}{notes}", s.path.display(), s.losses.summary())
@@ -75,7 +101,8 @@ fn salvaged(inputs: &[PathBuf], format: Format, context: &Context<'_>) -> Result
         Format::Json => serde_json::to_string_pretty(&list).unwrap_or_default(),
         Format::Csv => format!("path,declared,read,lost\n{}", list.iter().map(row).collect::<String>()),
         Format::Table => list.iter().map(text).collect::<Vec<_>>().join("\n"),
-    })
+    })?;
+    partly(failed, inputs.len())
 }
 
 fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stats, Failure> {
@@ -105,6 +132,8 @@ fn table(described: &Described) -> String {
     let info = &described.info;
     let mut text = format!("{}\n", info.path.display());
     let mut line = |name: &str, value: String| {
+        // A line end in a name would look like another line of ours.
+        let value = value.replace('\n', "\\u000a");
         let _ = writeln!(text, "  {name:<14} {value}");
     };
     let version = info.version.as_deref().map(|v| format!(" {v}")).unwrap_or_default();
@@ -122,7 +151,7 @@ fn table(described: &Described) -> String {
         line("scale", format!("{} {} {}", scale[0], scale[1], scale[2]));
     }
     line("CRS", info.crs.as_deref().map_or("unknown".into(), |c| c.chars().take(100).collect()));
-    line("unit", info.metres_per_unit.map_or("unknown, taken as metres".into(), |m| format!("{m} m")));
+    line("unit", unit(info));
     line("dimensions", info.dimensions.join(" "));
     if let Some(octree) = &info.octree {
         let points: Vec<String> = octree.points_per_level.iter().map(ToString::to_string).collect();
@@ -144,6 +173,27 @@ fn table(described: &Described) -> String {
     }
     info.warnings.iter().for_each(|w| line("warning", w.clone()));
     text
+}
+
+/// What the coordinates are.
+fn unit(info: &FileInfo) -> String {
+    match (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
+        (Some(metres), _) if (metres - 1.0).abs() < 1e-12 => "metre".into(),
+        (Some(metres), _) => format!("{metres} m{}", foot(metres)),
+        (None, Some(Unit::Degrees)) => "degrees: to be projected before distances count".into(),
+        (None, _) => "unknown, taken as metres".into(),
+    }
+}
+
+/// The name of a length that has one.
+fn foot(metres: f64) -> &'static str {
+    let is = |other: f64| (metres / other - 1.0).abs() < 1e-9;
+    match metres {
+        _ if is(0.3048) => " (foot)",
+        // WKT often has no more than ten digits of it.
+        _ if (metres / (1200.0 / 3937.0) - 1.0).abs() < 1e-7 => " (US survey foot)",
+        _ => "",
+    }
 }
 
 fn csv(described: &[Described]) -> String {

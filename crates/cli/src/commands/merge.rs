@@ -3,16 +3,15 @@
 use super::{Context, sources};
 use crate::args::Merge;
 use crate::exit_code::Failure;
-use scansion_core::io;
+use scansion_core::io::{self, run};
 
 pub(crate) fn run(args: &Merge, context: &Context<'_>) -> Result<(), Failure> {
     let Some((output, inputs)) = args.files.split_last() else {
         return Err(Failure::Usage("merge needs inputs and an output".into()));
     };
     let inputs = sources::expanded(inputs)?;
-    for input in &inputs {
-        sources::guard_input(input, output, args.overwrite)?;
-    }
+    inputs.iter().for_each(|input| run::expect(input));
+    io::check_cloud_output(output)?;
     let report = io::merge(&inputs, output, &context.write_options())?;
     context.report(output, &report);
     Ok(())

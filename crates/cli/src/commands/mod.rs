@@ -5,8 +5,10 @@ mod convert;
 mod demo;
 mod diff;
 mod evaluate;
+mod feature_rows;
 mod features;
 mod info;
+mod labels;
 mod merge;
 mod model;
 mod render;
@@ -24,6 +26,7 @@ use crate::interrupt::Interruptible;
 use crate::printer::Printer;
 use crate::progress::Progress;
 use crate::threads;
+use scansion_core::io::run::{Rules, expect, run};
 use scansion_core::io::salvage::Losses;
 use scansion_core::io::{ReadOptions, RewriteReport, WriteOptions};
 use scansion_core::parallel::Monitor;
@@ -33,19 +36,23 @@ use std::path::Path;
 pub(crate) struct Context<'a> {
     pub(crate) printer: &'a Printer,
     pub(crate) monitor: Monitor,
+    /// Metres in one unit of all inputs, if the user said so.
+    pub(crate) unit: Option<f64>,
+    /// Step of LAS outputs, if the user said so.
+    pub(crate) scale: Option<[f64; 3]>,
 }
 
 impl Context<'_> {
-    /// Settings for writing, with this run's progress and cancellation.
+    /// Settings for writing, with this run's step, progress and cancellation.
     pub(crate) fn write_options(&self) -> WriteOptions {
-        let mut options = WriteOptions::default();
+        let mut options = WriteOptions { scale: self.scale, ..WriteOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
 
-    /// Settings for reading all columns, with this run's progress and cancellation.
+    /// Settings for reading all columns, with this run's unit, progress and cancellation.
     pub(crate) fn read_options(&self) -> ReadOptions {
-        let mut options = ReadOptions::default();
+        let mut options = ReadOptions { metres_per_unit: self.unit, ..ReadOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
@@ -65,22 +72,36 @@ impl Context<'_> {
 
 /// Runs the command in a pool of the asked size, with progress and Ctrl-C.
 pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
+    let (unit, scale) = (args.command.unit(), args.command.scale().map_err(Failure::Usage)?);
     let running = Interruptible::begin();
-    let context = Context { printer, monitor: running.monitor() };
-    let _progress = Progress::watch(&context.monitor, &args.global);
-    threads::with_pool(args.global.threads, || match &args.command {
-        Command::Demo(demo) => demo::run(demo, &context),
-        Command::Info(info) => info::run(info, &context),
-        Command::Convert(convert) => convert::run(convert, &context),
-        Command::Merge(merge) => merge::run(merge, &context),
-        Command::Diff(diff) => diff::run(diff, &context),
-        Command::Features(features) => features::run(features, &context),
-        Command::Train(train) => train::run(train, &context),
-        Command::Classify(classify) => classify::run(classify, &context),
-        Command::Segment(segment) => segment::run(segment, &context),
-        Command::Suggest(suggest) => suggest::run(suggest, &context),
-        Command::Evaluate(evaluate) => evaluate::run(evaluate, &context),
-        Command::Render(render) => render::run(render, &context),
-        Command::Model(model) => model::run(model, &context),
-    })?
+    let context = Context { printer, monitor: running.monitor(), unit, scale };
+    let progress = Progress::watch(&context.monitor, &args.global);
+    let rules = Rules { monitor: context.monitor.clone(), replace: args.command.replace() };
+    let outcome = threads::with_pool(args.global.threads, || {
+        run(rules, || {
+            args.command.inputs().into_iter().for_each(expect);
+            command(&args.command, &context)
+        })
+    });
+    drop(progress);
+    context.monitor.take_warnings().iter().for_each(|text| printer.warning(text));
+    outcome?
+}
+
+fn command(command: &Command, context: &Context<'_>) -> Result<(), Failure> {
+    match command {
+        Command::Demo(demo) => demo::run(demo, context),
+        Command::Info(info) => info::run(info, context),
+        Command::Convert(convert) => convert::run(convert, context),
+        Command::Merge(merge) => merge::run(merge, context),
+        Command::Diff(diff) => diff::run(diff, context),
+        Command::Features(features) => features::run(features, context),
+        Command::Train(train) => train::run(train, context),
+        Command::Classify(classify) => classify::run(classify, context),
+        Command::Segment(segment) => segment::run(segment, context),
+        Command::Suggest(suggest) => suggest::run(suggest, context),
+        Command::Evaluate(evaluate) => evaluate::run(evaluate, context),
+        Command::Render(render) => render::run(render, context),
+        Command::Model(model) => model::run(model, context),
+    }
 }

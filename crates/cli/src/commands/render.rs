@@ -5,19 +5,24 @@ use crate::args::{Render, ViewArg};
 use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::classes::ClassTable;
-use scansion_core::cloud::{Cloud, Column, names};
+use scansion_core::cloud::{Cloud, Column, Values, names};
 use scansion_core::images::{self, ColourBy, RenderParams, View};
 use scansion_core::io::{self, atomic};
+use scansion_core::recipes::{LabelParams, read_labels};
 use std::path::Path;
 
 pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
     if args.output.extension().and_then(|e| e.to_str()) != Some("png") {
         return Err(Failure::Usage(format!("{}: pictures are written as .png", args.output.display())));
     }
+    io::check_output(&args.output)?;
+    if args.view == ViewArg::Map {
+        io::check_output(&args.output.with_extension("pgw"))?;
+    }
     let range = args.range.as_deref().map(range).transpose()?;
     let mut cloud = io::read_with(&args.input, &context.read_options())?;
     let by = match &args.truth {
-        Some(truth) => differences(&mut cloud, (truth, &args.classes), context)?,
+        Some(truth) => differences(&mut cloud, (truth, args), context)?,
         None => colour_by(args.by.as_deref(), &cloud),
     };
     let params = RenderParams {
@@ -49,24 +54,20 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
 }
 
 /// Puts the truth beside the cloud's classes.
-fn differences(
-    cloud: &mut Cloud,
-    (truth, classes): (&Path, &[u8]),
-    context: &Context<'_>,
-) -> Result<ColourBy, Failure> {
+fn differences(cloud: &mut Cloud, (truth, args): (&Path, &Render), context: &Context<'_>) -> Result<ColourBy, Failure> {
     let path = truth.display();
     let truth = io::read_with(truth, &context.read_options())?;
     let missing = || Error::input(format!("{path} has no {} to compare with", names::CLASSIFICATION));
-    let codes = truth.column(names::CLASSIFICATION).ok_or_else(missing)?;
+    truth.column(names::CLASSIFICATION).ok_or_else(missing)?;
+    let params =
+        LabelParams { unlabelled: args.unlabelled.codes(), classes: args.classes.clone(), ..LabelParams::default() };
+    let labels = read_labels(&truth, &params).map_err(|e| Error::input(format!("{path}: {e}")))?;
     if truth.len() != cloud.len() {
         return Err(Error::input(format!("{path} has {} points, not {}", truth.len(), cloud.len())).into());
     }
-    cloud.set_column(Column::new("Truth", codes.values.clone()))?;
-    Ok(ColourBy::Agreement {
-        truth: "Truth".into(),
-        prediction: names::CLASSIFICATION.into(),
-        classes: classes.to_vec(),
-    })
+    let codes = labels.codes.iter().map(|code| code.map_or(-1, i16::from)).collect();
+    cloud.set_column(Column::new("Truth", Values::I16(codes)))?;
+    Ok(ColourBy::Agreement { truth: "Truth".into(), prediction: names::CLASSIFICATION.into(), classes: Vec::new() })
 }
 
 fn range(text: &str) -> Result<(f64, f64), Failure> {

@@ -1,11 +1,12 @@
 //! `scansion segment`: part a cloud into segments.
 
+use super::labels::LabelSource;
 use super::{Context, sources};
 use crate::args::{Format, LabelArgs, Segment, SegmentArgs};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::io::{self, Columns, Edit};
-use scansion_core::recipes::{self, Labels, LevelReport, SegmentParams, SegmentReport, Segmented, read_labels};
+use scansion_core::recipes::{self, Labels, LevelReport, SegmentParams, SegmentReport, Segmented};
 use scansion_core::segmentation::Intent;
 use std::fmt::Write;
 use std::path::Path;
@@ -14,8 +15,13 @@ use std::path::Path;
 pub(crate) const CLUSTER: &str = "ClusterID";
 
 pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> {
-    sources::guard_input(&args.input, &args.output, args.overwrite)?;
-    let (_, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
+    io::check_cloud_output(&args.output)?;
+    let names = (0..=args.levels.len()).map(|l| if l == 0 { CLUSTER.into() } else { format!("{CLUSTER}_L{l}") });
+    let dimensions: Vec<Column> = names.map(|name: String| Column::new(name, Values::U32(Vec::new()))).collect();
+    io::check_dimensions(&args.input, &args.output, &dimensions)?;
+    let (cloud, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
+    io::check_steps(&args.input, &args.output, &cloud, &context.write_options())?;
+    drop(cloud);
     let mut edits = vec![Edit::Dimension(Column::new(CLUSTER, Values::U32(found.clusters)))];
     for (level, clusters) in found.levels.into_iter().enumerate() {
         edits.push(Edit::Dimension(Column::new(format!("{CLUSTER}_L{}", level + 1), Values::U32(clusters))));
@@ -37,14 +43,16 @@ pub(crate) fn parted(
     context: &Context<'_>,
 ) -> Result<(Cloud, Option<Labels>, Segmented), Failure> {
     let settings = SegmentParams { levels: levels.to_vec(), ..settings(args)? };
-    let params = sources::labels(labels, input)?;
+    let source = LabelSource::new(labels, &[input])?;
+    let dimension = &labels.label_dimension;
     let mut options = context.read_options();
-    options.columns = Columns::Only([vec![params.dimension.clone()], settings.columns()].concat());
+    options.columns = Columns::Only([vec![dimension.clone()], settings.columns()].concat());
     let cloud = io::read_with(input, &options)?;
-    let labels = match cloud.column(&params.dimension) {
-        Some(_) => Some(read_labels(&cloud, &params)?).filter(|l| l.unlabelled < cloud.len() as u64),
+    let labels = match cloud.column(dimension) {
+        Some(_) => Some(source.read(input, &cloud, context)?).filter(|l| l.unlabelled < cloud.len() as u64),
         None => None,
     };
+    source.absent(labels.iter()).iter().for_each(|text| context.printer.warning(text));
     let found = recipes::segment(&cloud, labels.as_ref(), &settings, &context.monitor)?;
     Ok((cloud, labels, found))
 }

@@ -1,10 +1,11 @@
 //! Inputs, outputs, recipes and models as the arguments name them.
 
-use crate::args::{LabelArgs, RecipeArgs};
+use crate::args::RecipeArgs;
 use crate::exit_code::Failure;
 use scansion_core::classification::Model;
-use scansion_core::recipes::{AnyRecipe, LabelParams, Recipe, default_model};
-use scansion_core::{Error, Result};
+use scansion_core::recipes::{AnyRecipe, Recipe, default_model};
+use scansion_core::{Error, Result, io};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// The recipe that name or file, settings and seed give together (flag before recipe before default).
@@ -35,19 +36,7 @@ pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
 
 /// The text of a file.
 pub(crate) fn text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|e| Error::io(path, e))
-}
-
-/// Label settings of an input as the core wants them.
-pub(crate) fn labels(args: &LabelArgs, input: &Path) -> Result<LabelParams> {
-    let named = |of: &&String| of.rsplit_once(':').is_some_and(|(file, _)| input.ends_with(file));
-    let own = args.map_of.iter().find(named).and_then(|of| of.rsplit_once(':'));
-    Ok(LabelParams {
-        dimension: args.label_dimension.clone(),
-        map: own.map_or(&args.map[..], |(_, map)| map).parse()?,
-        unlabelled: args.unlabelled.clone(),
-        classes: args.classes.clone(),
-    })
+    io::open::text(path, io::open::MOST_SETTINGS)
 }
 
 /// The model of that file, or the built-in one.
@@ -64,7 +53,9 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
     let mut pairs: Vec<(PathBuf, PathBuf)> = Vec::new();
     for input in inputs {
         let name = input.file_name().ok_or_else(|| Failure::Usage(format!("{} is not a file", input.display())))?;
-        let target = output.join(name);
+        // COPC is not written.
+        let plain = name.to_str().and_then(|n| Some(format!("{}.laz", n.strip_suffix(".copc.laz")?)));
+        let target = output.join(plain.as_deref().map_or(name, OsStr::new));
         if let Some((other, _)) = pairs.iter().find(|(_, t)| *t == target) {
             let text =
                 format!("{} and {} would both be written to {}", other.display(), input.display(), target.display());
@@ -80,7 +71,6 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
 pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, Failure> {
     let mut all = Vec::new();
     for input in inputs {
-        refuse_partial(input)?;
         let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         if !name.contains(['*', '?', '[']) || input.exists() {
             all.push(input.clone());
@@ -97,18 +87,6 @@ pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, 
         all.extend(found.into_iter().map(|n| input.with_file_name(n)));
     }
     Ok(all)
-}
-
-/// Refuses what a killed run has left: it is not whole.
-pub(crate) fn refuse_partial(input: &Path) -> std::result::Result<(), Failure> {
-    let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    match name.starts_with('.') && name.ends_with(".partial") {
-        true => {
-            let reason = "an output that was never finished; remove it and run the command again".to_string();
-            Err(Error::Unsupported { path: input.to_path_buf(), reason }.into())
-        }
-        false => Ok(()),
-    }
 }
 
 /// Whether a file name matches a pattern; hidden names only match patterns that begin with a dot.
@@ -153,18 +131,6 @@ fn one(pattern: &[u8], p: usize, byte: u8) -> Option<usize> {
             (found != not).then_some(end + 1)
         }
         &c => (c == byte).then_some(p + 1),
-    }
-}
-
-/// Refuses to replace an input by its own result unless the user asked for it.
-pub(crate) fn guard_input(input: &Path, output: &Path, overwrite: bool) -> std::result::Result<(), Failure> {
-    let same = match (input.canonicalize(), output.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    };
-    match same && !overwrite {
-        true => Err(Failure::Usage(format!("{} is input and output; say --overwrite to replace it", input.display()))),
-        false => Ok(()),
     }
 }
 

@@ -14,6 +14,14 @@ use std::path::Path;
 
 pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> {
     let kinds = args.output.iter().map(|path| kind(path)).collect::<Result<Vec<_>, _>>()?;
+    for (path, kind) in args.output.iter().zip(&kinds) {
+        if !matches!(kind, Kind::Cloud) {
+            io::check_output(path)?;
+        } else {
+            io::check_cloud_output(path)?;
+            io::check_dimensions(&args.input, path, &[Column::new(CLUSTER, Values::U32(Vec::new()))])?;
+        }
+    }
     let (cloud, labels, mut segmented) = parted(&args.input, (&args.segments, &[]), &args.labels, context)?;
     segmented.describe(&OptimalParams::default(), &context.monitor)?;
     let uncertainty = args.model.as_deref().map(|model| uncertainty(&args.input, model, context)).transpose()?;
@@ -25,7 +33,6 @@ pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> 
             Kind::Table => atomic::write_bytes(path, csv(&found, &cloud).as_bytes())?,
             Kind::Page => atomic::write_bytes(path, page(&found, &cloud, &segmented, context)?.as_bytes())?,
             Kind::Cloud => {
-                sources::guard_input(&args.input, path, false)?;
                 let column = Column::new(CLUSTER, Values::U32(segmented.clusters.clone()));
                 let report = io::rewrite(&args.input, path, &[Edit::Dimension(column)], &context.write_options())?;
                 context.report(path, &report);

@@ -1,16 +1,19 @@
 //! `scansion train`: learn a model from labelled clouds.
 
+use super::labels::LabelSource;
 use super::{Context, sources, train_objects, train_weak};
 use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
-use scansion_core::classes::preset;
+use scansion_core::Error;
+use scansion_core::classification::Model;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns, ReadOptions};
-use scansion_core::recipes::{self, AnyRecipe, LabelParams, Labels, TrainingReport, read_labels};
+use scansion_core::recipes::{self, AnyRecipe, ClassCount, Labels, TrainingReport};
 use std::fmt::Write;
 use std::path::Path;
 
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
+    Model::check_output(&args.output)?;
     let mut recipe = match sources::any_recipe(&named(args))? {
         AnyRecipe::Pyramid(recipe) => *recipe,
         AnyRecipe::Weak(_) if args.classifier.is_some() => {
@@ -29,11 +32,7 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
         recipe.classifier = classifier.kind();
     }
     let columns: Vec<String> = recipe.features.columns().into_iter().map(String::from).collect();
-    let clouds = args
-        .inputs
-        .iter()
-        .map(|path| read(path, &sources::labels(&args.labels, path)?, &columns, context))
-        .collect::<Result<Vec<_>, Failure>>()?;
+    let clouds = read_all(args, &columns, context)?;
     if !args.grid_depth.is_empty() || args.cross_validate.is_some() {
         let folds = usize::from(args.cross_validate.unwrap_or(5));
         let scores = recipes::cross_validate(&clouds, &recipe, (&args.grid_depth, folds), &context.monitor)?;
@@ -51,9 +50,10 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     }
     let (model, report) = recipes::train(&clouds, &recipe, &context.monitor)?;
     model.save(&args.output)?;
+    report.warnings.iter().for_each(|w| context.printer.warning(w));
     match context.printer.format {
         Format::Json => context.printer.data(&serde_json::to_string_pretty(&report).unwrap_or_default()),
-        Format::Csv => context.printer.data(&csv(&report)),
+        Format::Csv => context.printer.data(&class_csv(&report.classes, "samples")),
         Format::Table => context.printer.data(&table(&report, &args.output)),
     }
 }
@@ -75,37 +75,59 @@ fn without_weak(args: &Train) -> Result<(), Failure> {
     }
 }
 
-/// A cloud with these columns, and its labels.
-pub(super) fn read(
-    path: &Path,
-    labels: &LabelParams,
+/// All inputs with these columns, and their labels.
+pub(super) fn read_all(
+    args: &Train,
     columns: &[String],
     context: &Context<'_>,
-) -> Result<(Cloud, Labels), Failure> {
-    let mut wanted = columns.to_vec();
-    wanted.push(labels.dimension.clone());
-    let options =
-        ReadOptions { columns: Columns::Only(wanted), monitor: context.monitor.clone(), ..Default::default() };
-    let cloud = io::read_with(path, &options)?;
-    let labels =
-        read_labels(&cloud, labels).map_err(|e| scansion_core::Error::input(format!("{}: {e}", path.display())))?;
-    if labels.unlabelled > 0 {
-        context.printer.note(&format!(
-            "{}: {} of {} points are unlabelled and skipped",
-            path.display(),
-            labels.unlabelled,
-            cloud.len()
-        ));
+) -> Result<Vec<(Cloud, Labels)>, Failure> {
+    let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
+    let source = LabelSource::new(&args.labels, &inputs)?;
+    let options = ReadOptions {
+        columns: Columns::Only([columns, std::slice::from_ref(&args.labels.label_dimension)].concat()),
+        ..context.read_options()
+    };
+    let read = |path: &Path| -> Result<(Cloud, Labels), Failure> {
+        let cloud = io::read_with(path, &options)?;
+        let labels = source.read(path, &cloud, context)?;
+        Ok((cloud, labels))
+    };
+    let clouds = inputs.into_iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
+    all_there(&source, &clouds)?;
+    Ok(clouds)
+}
+
+/// Refuses to learn without a class that was asked for.
+pub(super) fn all_there(source: &LabelSource<'_>, clouds: &[(Cloud, Labels)]) -> Result<(), Failure> {
+    match source.absent(clouds.iter().map(|(_, labels)| labels)) {
+        Some(text) => Err(Error::input(text).into()),
+        None => Ok(()),
     }
-    Ok((cloud, labels))
+}
+
+/// Rows of the classes: points and samples, whatever a sample is.
+pub(super) fn class_rows(classes: &[ClassCount], samples: &str) -> String {
+    let width = classes.iter().map(|c| c.name.len()).max().unwrap_or(0).max(20);
+    let mut text = format!("{:>5}  {:<width$} {:>12} {samples:>12}\n", "code", "class", "points");
+    for c in classes {
+        let note = match c.samples {
+            0 => "  left out".to_string(),
+            _ if c.weight > 1.0 => format!("  each weighs {:.1}", c.weight),
+            _ => String::new(),
+        };
+        let _ = writeln!(text, "{:>5}  {:<width$} {:>12} {:>12}{note}", c.code, c.name, c.points, c.samples);
+    }
+    text
+}
+
+/// A line a class, for programs.
+pub(super) fn class_csv(classes: &[ClassCount], samples: &str) -> String {
+    let line = |c: &ClassCount| format!("{},{},{},{},{}\n", c.code, c.points, c.samples, c.weight, c.name);
+    std::iter::once(format!("code,points,{samples},weight,class\n")).chain(classes.iter().map(line)).collect()
 }
 
 fn table(report: &TrainingReport, output: &Path) -> String {
-    let mut text = format!("{:>5}  {:<20} {:>12} {:>12}\n", "code", "class", "points", "samples");
-    for class in &report.classes {
-        let name = preset::asprs(class.code).name;
-        let _ = writeln!(text, "{:>5}  {name:<20} {:>12} {:>12}", class.code, class.points, class.samples);
-    }
+    let mut text = class_rows(&report.classes, "samples");
     let _ = writeln!(text, "{:>5}  {:<20} {:>12}", "", "unlabelled, skipped", report.unlabelled);
     let _ = writeln!(
         text,
@@ -121,9 +143,4 @@ fn table(report: &TrainingReport, output: &Path) -> String {
     }
     let _ = write!(text, "model: {}", output.display());
     text
-}
-
-fn csv(report: &TrainingReport) -> String {
-    let lines = report.classes.iter().map(|c| format!("{},{},{}\n", c.code, c.points, c.samples));
-    std::iter::once("code,points,samples\n".to_string()).chain(lines).collect()
 }

@@ -1,11 +1,10 @@
 //! `scansion train --recipe objects`: learn to name segments.
 
-use super::{Context, sources, train};
+use super::{Context, train};
 use crate::args::{Format, Train};
 use crate::exit_code::Failure;
-use scansion_core::classes::preset;
 use scansion_core::evaluation::Scores;
-use scansion_core::recipes::{ObjectsRecipe, ObjectsReport, train_objects};
+use scansion_core::recipes::{ClassCount, ObjectsRecipe, ObjectsReport, train_objects};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -16,27 +15,19 @@ pub(crate) fn run(args: &Train, mut recipe: ObjectsRecipe, context: &Context<'_>
     if let Some(classifier) = args.classifier {
         recipe.classifier = classifier.kind();
     }
-    let clouds = args
-        .inputs
-        .iter()
-        .map(|path| train::read(path, &sources::labels(&args.labels, path)?, &recipe.columns(), context))
-        .collect::<Result<Vec<_>, Failure>>()?;
+    let clouds = train::read_all(args, &recipe.columns(), context)?;
     let (model, report) = train_objects(&clouds, &recipe, &context.monitor)?;
     model.save(&args.output)?;
     report.warnings.iter().for_each(|w| context.printer.warning(w));
     context.printer.data(&match context.printer.format {
         Format::Json => serde_json::to_string_pretty(&report).unwrap_or_default(),
-        Format::Csv => csv(&report),
+        Format::Csv => train::class_csv(&report.classes, "segments"),
         Format::Table => table(&report, &args.output),
     })
 }
 
 fn table(report: &ObjectsReport, output: &Path) -> String {
-    let mut text = format!("{:>5}  {:<20} {:>12} {:>12}\n", "code", "class", "points", "segments");
-    for class in &report.classes {
-        let name = preset::asprs(class.code).name;
-        let _ = writeln!(text, "{:>5}  {name:<20} {:>12} {:>12}", class.code, class.points, class.samples);
-    }
+    let mut text = train::class_rows(&report.classes, "segments");
     let _ = writeln!(
         text,
         "\n{} segments, {} labelled, {} learned from; naming whole segments could reach {:.2} %",
@@ -46,14 +37,14 @@ fn table(report: &ObjectsReport, output: &Path) -> String {
         100.0 * report.oracle_accuracy
     );
     for (scores, what) in [(&report.by_segment, "segments"), (&report.by_point, "points")] {
-        scores.iter().for_each(|scores| text += &held_out(scores, what));
+        scores.iter().for_each(|scores| text += &held_out(scores, (&report.classes, what)));
     }
     let _ = write!(text, "model: {}", output.display());
     text
 }
 
 /// Scores of what was not learned from.
-fn held_out(scores: &Scores, what: &str) -> String {
+fn held_out(scores: &Scores, (classes, what): (&[ClassCount], &str)) -> String {
     let mut text = format!(
         "\nthe other {} {what}: accuracy {:.2} %, mean F1 {:.2} %\n{:>5}  {:<20} {:>10} {:>10} {:>10} {:>10}\n",
         scores.points,
@@ -67,16 +58,11 @@ fn held_out(scores: &Scores, what: &str) -> String {
         what
     );
     for class in &scores.labels {
-        let name = preset::asprs(class.code).name;
+        let name = classes.iter().find(|c| c.code == class.code).map_or(&class.name, |c| &c.name);
         let percent = [class.precision, class.recall, class.f1_score].map(|v| format!("{:.2} %", 100.0 * v));
         let [precision, recall, f1] = percent;
         let _ =
             writeln!(text, "{:>5}  {name:<20} {precision:>10} {recall:>10} {f1:>10} {:>10}", class.code, class.support);
     }
     text
-}
-
-fn csv(report: &ObjectsReport) -> String {
-    let lines = report.classes.iter().map(|c| format!("{},{},{}\n", c.code, c.points, c.samples));
-    std::iter::once("code,points,segments\n".to_string()).chain(lines).collect()
 }

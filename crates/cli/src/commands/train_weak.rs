@@ -1,72 +1,71 @@
 //! `scansion train --weak`: learn from a few labels.
 
-use super::{Context, sources};
+use super::labels::LabelSource;
+use super::{Context, train};
 use crate::args::{Format, Train};
 use crate::exit_code::Failure;
-use scansion_core::classes::preset;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns};
-use scansion_core::recipes::{LabelFile, Labels, WeakRecipe, WeakReport, read_labels, train_weak};
+use scansion_core::recipes::{LabelFile, Labels, WeakRecipe, WeakReport, train_weak};
 use scansion_core::{Error, Result};
 use std::fmt::Write;
 use std::path::Path;
 
 pub(crate) fn run(args: &Train, mut recipe: WeakRecipe, context: &Context<'_>) -> std::result::Result<(), Failure> {
     recipe.labels.per_class = args.per_class.map_or(recipe.labels.per_class, |n| n as usize);
-    let picked = args.weak_labels.as_deref().map(|path| picked(path, args, context)).transpose()?;
-    let clouds = args
-        .inputs
+    let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
+    let source = LabelSource::new(&args.labels, &[&inputs[..], args.weak_labels.as_deref().as_slice()].concat())?;
+    let picked = args.weak_labels.as_deref().map(|path| picked(path, &source, context)).transpose()?;
+    let clouds = inputs
         .iter()
-        .map(|path| read(path, picked.as_ref(), (args, &recipe), context))
+        .map(|path| read(path, picked.as_ref(), (args, &recipe, &source), context))
         .collect::<Result<Vec<_>>>()?;
+    if picked.is_none() {
+        train::all_there(&source, &clouds)?;
+    }
     let (model, report) = train_weak(&clouds, &recipe, &args.grid_strength, &context.monitor)?;
     model.save(&args.output)?;
     report.warnings.iter().for_each(|w| context.printer.warning(w));
     context.printer.data(&match context.printer.format {
         Format::Json => serde_json::to_string_pretty(&report).unwrap_or_default(),
-        Format::Csv => csv(&report),
+        Format::Csv => train::class_csv(&report.classes, "samples"),
         Format::Table => table(&report, &args.output),
     })
 }
 
 /// A table of labels, or a cloud that has some.
-fn picked(path: &Path, args: &Train, context: &Context<'_>) -> Result<LabelFile> {
+fn picked(path: &Path, source: &LabelSource<'_>, context: &Context<'_>) -> Result<LabelFile> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if ["csv", "txt", "tsv"].contains(&extension.as_str()) {
         return LabelFile::read(path);
     }
     let cloud = io::read_with(path, &context.read_options())?;
-    let labels = read_labels(&cloud, &sources::labels(&args.labels, path)?)?;
+    let labels = source.read(path, &cloud, context)?;
     Ok(LabelFile::of_cloud(path, &cloud, &labels))
 }
 
 fn read(
     path: &Path,
     picked: Option<&LabelFile>,
-    (args, recipe): (&Train, &WeakRecipe),
+    (args, recipe, source): (&Train, &WeakRecipe, &LabelSource<'_>),
     context: &Context<'_>,
 ) -> Result<(Cloud, Labels)> {
-    let params = sources::labels(&args.labels, path)?;
     let mut wanted = recipe.columns();
-    wanted.push(if picked.is_some() { "ClusterID".into() } else { params.dimension.clone() });
+    wanted.push(if picked.is_some() { "ClusterID".into() } else { args.labels.label_dimension.clone() });
     let mut options = context.read_options();
     options.columns = Columns::Only(wanted);
     let cloud = io::read_with(path, &options)?;
     let metres = cloud.metres_per_unit.unwrap_or(1.0);
     let labels = match picked {
-        Some(file) => file.apply(&cloud, (metres, recipe.labels.within), &context.monitor),
-        None => read_labels(&cloud, &params),
+        Some(file) => (file.apply(&cloud, (metres, recipe.labels.within), &context.monitor))
+            .map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
+        None => source.read(path, &cloud, context)?,
     };
-    let labels = labels.map_err(|e| Error::input(format!("{}: {e}", path.display())))?;
     Ok((cloud, labels))
 }
 
 fn table(report: &WeakReport, output: &Path) -> String {
-    let mut text = format!("{:>5}  {:<20} {:>12} {:>12}\n", "code", "class", "points", "samples");
-    for class in &report.classes {
-        let name = preset::asprs(class.code).name;
-        let _ = writeln!(text, "{:>5}  {name:<20} {:>12} {:>12}", class.code, class.points, class.samples);
-    }
+    let mut text = train::class_rows(&report.classes, "samples");
     let _ = writeln!(text, "{:>5}  {:<20} {:>12}", "", "unlabelled", report.unlabelled);
     for score in &report.partitions {
         let _ = writeln!(
@@ -86,9 +85,4 @@ fn table(report: &WeakReport, output: &Path) -> String {
     }
     let _ = write!(text, "strength of the field: {}\nmodel: {}", report.strength, output.display());
     text
-}
-
-fn csv(report: &WeakReport) -> String {
-    let lines = report.classes.iter().map(|c| format!("{},{},{}\n", c.code, c.points, c.samples));
-    std::iter::once("code,points,samples\n".to_string()).chain(lines).collect()
 }

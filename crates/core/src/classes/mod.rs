@@ -1,5 +1,6 @@
 //! Classes: code, name, colour.
 
+use crate::cloud::CodeScheme;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -35,10 +36,15 @@ impl ClassTable {
 
     /// A table of these codes, named and coloured by the ASPRS list where it knows them.
     pub fn from_codes(codes: &[u8]) -> Self {
+        Self::of_scheme(codes, CodeScheme::Asprs)
+    }
+
+    /// A table of these codes, named by the list that they are of.
+    pub fn of_scheme(codes: &[u8], scheme: CodeScheme) -> Self {
         let mut codes = codes.to_vec();
         codes.sort_unstable();
         codes.dedup();
-        Self { classes: codes.into_iter().map(preset::asprs).collect() }
+        Self { classes: codes.into_iter().map(|code| preset::class(code, scheme)).collect() }
     }
 
     /// The classes in ascending order of code.
@@ -54,6 +60,12 @@ impl ClassTable {
     /// True if there is no class.
     pub fn is_empty(&self) -> bool {
         self.classes.is_empty()
+    }
+
+    /// A code that is none of the classes, for points that get no class: 1 (unclassified), else 0, else the highest.
+    pub fn free_code(&self) -> u8 {
+        let all = [1, 0].into_iter().chain((2..=255).rev());
+        all.into_iter().find(|&code| self.position(code).is_none()).unwrap_or(1)
     }
 
     /// Position of a code in the table.

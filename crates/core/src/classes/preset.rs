@@ -1,6 +1,7 @@
 //! Class tables that people know: ASPRS, Semantic3D, Oakland.
 
 use super::{Class, ClassTable};
+use crate::cloud::CodeScheme;
 
 const ASPRS: [(u8, &str, [u8; 3]); 19] = [
     (0, "never classified", [150, 150, 150]),
@@ -29,6 +30,18 @@ pub fn asprs(code: u8) -> Class {
     match ASPRS.iter().find(|(c, _, _)| *c == code) {
         Some(&(code, name, colour)) => Class { code, name: name.into(), colour },
         None => Class { code, name: format!("class {code}"), colour: hashed_colour(code) },
+    }
+}
+
+/// The class of that code in a list; where the list is not known, or does not have the code, its name is `class N`.
+pub fn class(code: u8, scheme: CodeScheme) -> Class {
+    let unnamed = || Class { name: format!("class {code}"), ..asprs(code) };
+    match scheme {
+        CodeScheme::Asprs => asprs(code),
+        CodeScheme::Semantic3d => {
+            semantic3d().classes().iter().find(|c| c.code == code).cloned().unwrap_or_else(unnamed)
+        }
+        CodeScheme::Own => unnamed(),
     }
 }
 

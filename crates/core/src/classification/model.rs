@@ -8,6 +8,7 @@ use super::codec::{Reader, forest_arrays, malformed, print_arrays};
 use super::fingerprint::Fingerprint;
 use crate::classes::ClassTable;
 use crate::error::{Error, Result};
+use crate::io::{atomic, open};
 use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,8 @@ use std::path::Path;
 const VERSION: u64 = 2;
 const FORMAT: &str = "scansion model";
 const KEY: &str = "scansion";
+/// Bytes at the start of a file that tell whether it is a model: its metadata come first.
+const START: u64 = 1 << 16;
 
 /// Everything needed to name the points of a cloud.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +56,20 @@ struct Header {
 
 fn is_forest(kind: &ClassifierKind) -> bool {
     *kind == ClassifierKind::Forest
+}
+
+/// Fails if a file stands there that is no model: a cloud, say. An empty file is nobody's loss.
+fn check_replaced(path: &Path) -> Result<()> {
+    // What is not there, cannot be read or is no file the writer judges.
+    let Ok(start) = open::start(path, START) else { return Ok(()) };
+    let model = start.get(8..).is_some_and(|json| json.starts_with(b"{") && find(json, FORMAT.as_bytes()).is_some());
+    match start.is_empty() || model {
+        true => Ok(()),
+        false => {
+            let reason = "stands there and is no model; give the model another name, or remove this file first";
+            Err(Error::io(path, std::io::Error::new(std::io::ErrorKind::AlreadyExists, reason)))
+        }
+    }
 }
 
 impl Model {
@@ -129,16 +146,27 @@ impl Model {
     /// # Errors
     /// As [`Model::from_bytes`]; [`Error::Io`] if the file cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let bytes = open::bytes(path, open::MOST_MODEL)?;
         Self::from_bytes(&bytes, path)
     }
 
     /// Writes the model file.
     ///
     /// # Errors
-    /// As [`Model::to_bytes`]; [`Error::Io`] if the file cannot be written.
+    /// As [`Model::to_bytes`]; [`Error::Io`] if the file cannot be written; it exists and is no model.
     pub fn save(&self, path: &Path) -> Result<()> {
-        crate::io::atomic::write_bytes(path, &self.to_bytes()?)
+        let bytes = self.to_bytes()?;
+        check_replaced(path)?;
+        atomic::write_bytes(path, &bytes)
+    }
+
+    /// Fails now if [`Model::save`] could not write this file later.
+    ///
+    /// # Errors
+    /// As [`atomic::check_output`]; the file exists and is no model.
+    pub fn check_output(path: &Path) -> Result<()> {
+        atomic::check_output(path)?;
+        check_replaced(path)
     }
 
     fn check_shape(&self) -> Result<()> {

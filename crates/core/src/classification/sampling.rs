@@ -4,12 +4,32 @@ use crate::error::{Error, Result};
 use crate::random::stream;
 use serde::{Deserialize, Serialize};
 
+/// A class is rare only beside one that has this many times its samples: where all classes have few, none is rare.
+const RARE_BESIDE: usize = 100;
+
+/// What becomes of a class that is too rare to be learned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rare {
+    /// It is no class of the model.
+    #[default]
+    LeaveOut,
+    /// It is learned from the few samples that there are.
+    Keep,
+}
+
 /// Settings of [`balance`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BalanceParams {
-    /// No class keeps more than this many times the samples of the smallest class, 1 or more.
+    /// No class keeps more than this many times the samples of the smallest class that is learned, 1 or more.
     pub max_ratio: f64,
+    /// `max_ratio` cuts no class below this many samples.
+    pub keep_samples: usize,
+    /// A class of fewer samples than this, and than a hundredth of the largest class, is rare; 0: none is.
+    pub rare_below: usize,
+    /// What becomes of rare classes.
+    pub rare: Rare,
     /// Most samples in all, 1 or more; above it all classes are thinned by the same factor.
     pub max_samples: usize,
     /// Seed of the draw.
@@ -18,7 +38,14 @@ pub struct BalanceParams {
 
 impl Default for BalanceParams {
     fn default() -> Self {
-        Self { max_ratio: 4.0, max_samples: 1_000_000, seed: 0 }
+        Self {
+            max_ratio: 4.0,
+            keep_samples: 10_000,
+            rare_below: 20,
+            rare: Rare::LeaveOut,
+            max_samples: 1_000_000,
+            seed: 0,
+        }
     }
 }
 
@@ -35,42 +62,97 @@ impl BalanceParams {
     }
 }
 
-/// Indices of the samples to learn from, ascending: of every class at most `max_ratio` times the smallest present class,
-/// drawn without replacement, then all classes thinned by one factor to `max_samples` (Hackel 2018, chapter 4.6.1). A
-/// class that is present keeps at least one sample.
+/// What [`balance`] chose.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Balance {
+    /// Indices of the samples to learn from, ascending.
+    pub chosen: Vec<u32>,
+    /// Weight of a sample of each class: 1, or more where the class has fewer samples than `max_ratio` asks for; 0 where it
+    /// has none.
+    pub weights: Vec<f32>,
+    /// Classes that are rare, ascending, whether they were left out or not.
+    pub rare: Vec<u16>,
+}
+
+/// Chooses the samples to learn from (Hackel 2018, chapter 4.6.1, made robust against rare classes):
+///
+/// 1. classes that are too rare are left out (or kept, if so asked);
+/// 2. every other class keeps at most `max_ratio` times the samples of the smallest of them, but never fewer than
+///    `keep_samples`, drawn without replacement; so a rare class does not throttle the others;
+/// 3. all classes are thinned by one factor to `max_samples`, each to one sample at least;
+/// 4. where a class still has fewer samples than the largest one over `max_ratio`, its samples weigh as much as so many would.
 ///
 /// # Errors
 /// A parameter out of range; more than 2^32 labels.
-pub fn balance(labels: &[u16], params: &BalanceParams) -> Result<Vec<u32>> {
+pub fn balance(labels: &[u16], params: &BalanceParams) -> Result<Balance> {
     params.validate()?;
     if u32::try_from(labels.len()).is_err() {
         return Err(Error::input(format!("{} labels; at most 2^32 - 1 are possible", labels.len())));
     }
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); labels.iter().max().map_or(0, |&l| usize::from(l) + 1)];
     labels.iter().zip(0u32..).for_each(|(&label, i)| members[usize::from(label)].push(i));
+    let rare = rare(&members, params.rare_below);
+    if params.rare == Rare::LeaveOut {
+        rare.iter().for_each(|&class| members[usize::from(class)].clear());
+    }
+    let sizes = capped(&members, params);
+    Ok(Balance { chosen: draw(&members, &sizes, params), weights: weights(&sizes, params.max_ratio), rare })
+}
+
+/// Classes with too few samples beside the largest.
+fn rare(members: &[Vec<u32>], below: usize) -> Vec<u16> {
+    let largest = members.iter().map(Vec::len).max().unwrap_or(0);
+    let few = |n: usize| n > 0 && n < below && n < largest / RARE_BESIDE;
+    (0..members.len()).filter(|&class| few(members[class].len())).map(|class| class as u16).collect()
+}
+
+/// Samples of each class that `max_ratio` and `keep_samples` leave.
+fn capped(members: &[Vec<u32>], params: &BalanceParams) -> Vec<usize> {
     let smallest = members.iter().map(Vec::len).filter(|&n| n > 0).min().unwrap_or(0);
-    let cap = (params.max_ratio * smallest as f64) as usize;
-    let total: usize = members.iter().map(|m| m.len().min(cap)).sum();
+    let cap = ((params.max_ratio * smallest as f64) as usize).max(params.keep_samples);
+    members.iter().map(|m| m.len().min(cap)).collect()
+}
+
+/// Draws so many of each class, thinned to `max_samples`.
+fn draw(members: &[Vec<u32>], sizes: &[usize], params: &BalanceParams) -> Vec<u32> {
+    let total: usize = sizes.iter().sum();
     let factor = (params.max_samples as f64 / total.max(1) as f64).min(1.0);
     let mut chosen = Vec::new();
     for (class, members) in members.iter().enumerate().filter(|(_, m)| !m.is_empty()) {
-        let count = ((members.len().min(cap) as f64 * factor) as usize).max(1);
+        let count = ((sizes[class] as f64 * factor) as usize).max(1);
         let picks = stream(params.seed, class as u64).choose(members.len(), count);
         chosen.extend(picks.into_iter().map(|p| members[p as usize]));
     }
     chosen.sort_unstable();
-    Ok(chosen)
+    chosen
+}
+
+/// Weights by which no class counts more than `max_ratio` times another.
+fn weights(sizes: &[usize], max_ratio: f64) -> Vec<f32> {
+    let largest = sizes.iter().copied().max().unwrap_or(0) as f64;
+    let weight = |&n: &usize| if n == 0 { 0.0 } else { (largest / (max_ratio * n as f64)).max(1.0) as f32 };
+    sizes.iter().map(weight).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Settings without a floor and without rare classes.
+    fn plain() -> BalanceParams {
+        BalanceParams { keep_samples: 0, rare_below: 0, ..BalanceParams::default() }
+    }
+
+    fn found(labels: &[u16], params: &BalanceParams) -> Balance {
+        let found = balance(labels, params).unwrap();
+        assert!(found.chosen.windows(2).all(|w| w[0] < w[1]));
+        assert_eq!(found, balance(labels, params).unwrap());
+        found
+    }
+
     fn counts(labels: &[u16], params: &BalanceParams) -> [usize; 3] {
         let mut counts = [0; 3];
-        let chosen = balance(labels, params).unwrap();
-        assert!(chosen.windows(2).all(|w| w[0] < w[1]));
-        assert_eq!(chosen, balance(labels, params).unwrap());
+        let chosen = found(labels, params).chosen;
         chosen.iter().for_each(|&i| counts[usize::from(labels[i as usize])] += 1);
         counts
     }
@@ -78,12 +160,33 @@ mod tests {
     #[test]
     fn large_classes_are_cut_to_the_ratio_and_the_total() {
         let labels: Vec<u16> = (0..1000).map(|i| if i < 10 { 2 } else { u16::from(i % 10 == 0) }).collect();
-        let params = BalanceParams::default();
-        assert_eq!(counts(&labels, &params), [40, 40, 10]);
-        assert_eq!(counts(&labels, &BalanceParams { max_samples: 45, ..params.clone() }), [20, 20, 5]);
-        assert_eq!(counts(&labels, &BalanceParams { max_samples: 1, ..params.clone() }), [1, 1, 1]);
-        assert_eq!(counts(&[0, 2, 2], &params), [1, 0, 2]);
-        assert_eq!(counts(&[], &params), [0, 0, 0]);
-        assert!(balance(&[], &BalanceParams { max_ratio: 0.5, ..params }).is_err());
+        assert_eq!(counts(&labels, &plain()), [40, 40, 10]);
+        assert_eq!(found(&labels, &plain()).weights, [1.0; 3]);
+        assert_eq!(counts(&labels, &BalanceParams { max_samples: 45, ..plain() }), [20, 20, 5]);
+        assert_eq!(counts(&labels, &BalanceParams { max_samples: 1, ..plain() }), [1, 1, 1]);
+        assert_eq!(counts(&[0, 2, 2], &plain()), [1, 0, 2]);
+        assert_eq!(counts(&[], &plain()), [0, 0, 0]);
+        assert!(balance(&[], &BalanceParams { max_ratio: 0.5, ..plain() }).is_err());
+    }
+
+    #[test]
+    fn a_rare_class_does_not_throttle_the_others() {
+        // 12 of class 2 beside 100,000 and 30,000.
+        let labels: Vec<u16> = (0..130_012).map(|i| u16::from(i >= 100_000) + u16::from(i >= 130_000)).collect();
+        let params = BalanceParams { keep_samples: 6000, rare_below: 50, ..BalanceParams::default() };
+        assert_eq!(counts(&labels, &params), [100_000, 30_000, 0]);
+        assert_eq!(found(&labels, &params).rare, [2]);
+        let kept = BalanceParams { rare: Rare::Keep, ..params.clone() };
+        assert_eq!(counts(&labels, &kept), [6000, 6000, 12]);
+        // 6000 / (4 * 12): as much as 1500 samples, a quarter of the largest class.
+        assert_eq!(found(&labels, &kept).weights, [1.0, 1.0, 125.0]);
+        assert_eq!(counts(&labels, &BalanceParams { rare_below: 0, ..params }), [6000, 6000, 12]);
+    }
+
+    #[test]
+    fn where_all_classes_have_few_samples_none_is_rare() {
+        let picked: Vec<u16> = (0..45).map(|i| i / 15).collect();
+        assert_eq!(counts(&picked, &BalanceParams::default()), [15, 15, 15]);
+        assert_eq!(found(&picked, &BalanceParams::default()).rare, [0u16; 0]);
     }
 }

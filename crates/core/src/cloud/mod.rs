@@ -1,15 +1,25 @@
 //! The cloud: coordinates as the file has them, and named columns beside them.
 
 mod column;
+pub mod crs;
 pub mod morton;
+mod oddities;
 mod points;
+mod scheme;
+mod stray;
 
 pub(crate) use column::each_values;
 pub use column::{Column, Values};
 pub use points::Points;
+pub use scheme::CodeScheme;
+pub use stray::{StrayParams, Strays};
 
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
+use std::collections::HashMap;
+
+/// Columns of one cloud; the records of LAS have no room for more.
+pub(crate) const MOST_COLUMNS: usize = 65_536;
 
 /// Points whose bounds are taken at once.
 const PIECE: usize = 65_536;
@@ -53,10 +63,14 @@ pub enum Coordinates {
 pub struct Cloud {
     coordinates: Coordinates,
     columns: Vec<Column>,
+    /// Where the column of each name stands.
+    places: HashMap<String, usize>,
     /// Coordinate reference system as the file states it (WKT, or `EPSG:n`).
     pub crs: Option<String>,
     /// Metres in one unit of the coordinates, if the file says so (0.3048 for feet).
     pub metres_per_unit: Option<f64>,
+    /// Which list the codes of the column `Classification` are of.
+    pub scheme: CodeScheme,
 }
 
 impl Cloud {
@@ -78,7 +92,14 @@ impl Cloud {
         {
             return Err(Error::input(format!("scale {scale:?} must be positive and offset {offset:?} finite")));
         }
-        Ok(Self { coordinates, columns: Vec::new(), crs: None, metres_per_unit: None })
+        Ok(Self {
+            coordinates,
+            columns: Vec::new(),
+            places: HashMap::new(),
+            crs: None,
+            metres_per_unit: None,
+            scheme: CodeScheme::default(),
+        })
     }
 
     /// A cloud from rows of x, y, z.
@@ -156,10 +177,11 @@ impl Cloud {
 
     /// The column of that name.
     pub fn column(&self, name: &str) -> Option<&Column> {
-        self.columns.iter().find(|c| c.name == name)
+        self.places.get(name).map(|&at| &self.columns[at])
     }
 
-    /// Adds a column or replaces the one of the same name. Fails if its length is not the number of points.
+    /// Adds a column or replaces the one of the same name. Fails if its length is not the number of points, or if there
+    /// are 65,536 columns already.
     pub fn set_column(&mut self, column: Column) -> Result<()> {
         if column.values.len() != self.len() {
             return Err(Error::input(format!(
@@ -169,16 +191,59 @@ impl Cloud {
                 self.len()
             )));
         }
-        match self.columns.iter_mut().find(|c| c.name == column.name) {
-            Some(slot) => *slot = column,
-            None => self.columns.push(column),
+        if let Some(&at) = self.places.get(&column.name) {
+            self.columns[at] = column;
+            return Ok(());
         }
+        if self.columns.len() >= MOST_COLUMNS {
+            return Err(Error::input(format!("column {}: a cloud has at most {MOST_COLUMNS} columns", column.name)));
+        }
+        self.places.insert(column.name.clone(), self.columns.len());
+        self.columns.push(column);
         Ok(())
+    }
+
+    /// The reference system as WKT; `None` without one, or if a code of EPSG is not in the table.
+    pub fn wkt(&self) -> Option<String> {
+        let text = self.crs.as_deref()?;
+        crs::epsg_code(text).map_or_else(|| Some(text.to_string()), crs::wkt_of)
+    }
+
+    /// Whether x and y are degrees: the reference system says so, and nobody has given a length.
+    pub fn is_in_degrees(&self) -> bool {
+        self.metres_per_unit.is_none() && self.crs.as_deref().and_then(crs::unit_of) == Some(crs::Unit::Degrees)
+    }
+
+    /// Metres in one unit of the coordinates: what was asked for, else what the cloud says, else 1.
+    ///
+    /// # Errors
+    /// The number is not finite and above 0, or the coordinates are degrees.
+    pub fn metres(&self, asked: Option<f64>) -> Result<f64> {
+        match asked {
+            Some(metres) if metres.is_finite() && metres > 0.0 => Ok(metres),
+            Some(metres) => Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite")),
+            None if self.is_in_degrees() => Err(Error::input(
+                "x and y are degrees, but distances are needed: project the cloud first, e.g. with PDAL's \
+                 filters.reprojection to UTM; if they are a length after all, say which (--unit METRES, or \
+                 metres_per_unit in Python)",
+            )),
+            None => Ok(self.metres_per_unit.unwrap_or(1.0)),
+        }
+    }
+
+    /// Takes the unit from the reference system where nothing else tells it.
+    pub fn take_unit_from_crs(&mut self) {
+        if let (None, Some(crs::Unit::Length(metres))) =
+            (self.metres_per_unit, self.crs.as_deref().and_then(crs::unit_of))
+        {
+            self.metres_per_unit = Some(metres);
+        }
     }
 
     /// Removes a column and returns it.
     pub fn take_column(&mut self, name: &str) -> Option<Column> {
-        let at = self.columns.iter().position(|c| c.name == name)?;
+        let at = self.places.remove(name)?;
+        self.places.values_mut().filter(|place| **place > at).for_each(|place| *place -= 1);
         Some(self.columns.remove(at))
     }
 
@@ -197,8 +262,10 @@ impl Cloud {
         Self {
             coordinates,
             columns: self.columns.iter().map(|c| c.select(indices)).collect(),
+            places: self.places.clone(),
             crs: self.crs.clone(),
             metres_per_unit: self.metres_per_unit,
+            scheme: self.scheme,
         }
     }
 }
@@ -224,6 +291,21 @@ mod tests {
         assert!(cloud.set_column(Column::new("Classification", Values::U8(vec![2]))).is_err());
         cloud.set_column(Column::new("Classification", Values::U8(vec![2, 6]))).unwrap();
         assert_eq!(cloud.select(&[1]).column("Classification").unwrap().values, Values::U8(vec![6]));
+    }
+
+    #[test]
+    fn columns_are_found_by_name_after_others_have_left() {
+        let mut cloud = Cloud::from_rows(&[[0.0; 3]]).unwrap();
+        for (i, name) in ["A", "B", "C", "D"].into_iter().enumerate() {
+            cloud.set_column(Column::new(name, Values::U8(vec![i as u8]))).unwrap();
+        }
+        assert_eq!(cloud.take_column("B").unwrap().values, Values::U8(vec![1]));
+        assert!(cloud.take_column("B").is_none() && cloud.column("B").is_none());
+        cloud.set_column(Column::new("D", Values::U8(vec![9]))).unwrap();
+        cloud.set_column(Column::new("B", Values::U8(vec![7]))).unwrap();
+        let found = ["A", "C", "D", "B"].map(|name| cloud.column(name).unwrap().values.get(0));
+        assert_eq!(found, [0.0, 2.0, 9.0, 7.0]);
+        assert!(cloud.columns().iter().map(|c| &c.name[..]).eq(["A", "C", "D", "B"]));
     }
 
     #[test]

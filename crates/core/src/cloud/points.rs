@@ -1,10 +1,14 @@
 //! Local coordinates in metres: what kernels see.
 
-use super::Cloud;
+use super::{Cloud, StrayParams, Strays};
+
+/// Metres from the origin; three squares of it are still an `f32`.
+const FARTHEST: f64 = 1e18;
 
 /// `f32` coordinates relative to an origin, axis by axis.
 ///
-/// Only the finite points of a cloud are here; `index[i]` is the position in the cloud of local point `i`.
+/// Only the finite points of a cloud that are not stray ([`Strays`]) are here (and none farther than 10^15 km from the origin,
+/// where squares of `f32` end); `index[i]` is the position in the cloud of local point `i`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     /// Metres east of the origin.
@@ -20,19 +24,35 @@ pub struct Points {
 }
 
 impl Points {
-    /// Local points of a cloud: finite ones only, in metres, the smallest corner (rounded down to whole metres)
-    /// subtracted in `f64` before rounding to `f32`.
+    /// Local points of a cloud: those that are finite and not stray, in metres, the smallest corner (rounded down to whole
+    /// metres) subtracted in `f64` before rounding to `f32`.
     pub fn from_cloud(cloud: &Cloud, metres_per_unit: f64) -> Self {
-        let Some((low, _)) = cloud.bounds() else { return Self::default() };
+        let strays = Strays::find(cloud, &StrayParams::default()).unwrap_or_default();
+        Self::new(cloud, metres_per_unit, (&strays, &strays.index))
+    }
+
+    /// All finite points of a cloud, the stray ones too; the corner is still that of the others, so that they stay exact.
+    pub fn with_strays(cloud: &Cloud, metres_per_unit: f64) -> Self {
+        let strays = Strays::find(cloud, &StrayParams::default()).unwrap_or_default();
+        Self::new(cloud, metres_per_unit, (&strays, &[]))
+    }
+
+    fn new(cloud: &Cloud, metres_per_unit: f64, (strays, without): (&Strays, &[u32])) -> Self {
+        let Some((low, _)) = strays.bounds else { return Self::default() };
         let origin = low.map(|v| (v * metres_per_unit).floor());
         let mut points = Self { origin, ..Self::default() };
         points.reserve(cloud.len());
+        let mut without = without.iter().peekable();
         for i in 0..cloud.len() {
+            if without.next_if(|&&stray| stray as usize == i).is_some() {
+                continue;
+            }
             let p = cloud.xyz(i);
-            if p.iter().all(|v| v.is_finite()) {
-                points.x.push((p[0] * metres_per_unit - origin[0]) as f32);
-                points.y.push((p[1] * metres_per_unit - origin[1]) as f32);
-                points.z.push((p[2] * metres_per_unit - origin[2]) as f32);
+            let local = [0, 1, 2].map(|a| p[a] * metres_per_unit - origin[a]);
+            if local.iter().all(|v| v.abs() <= FARTHEST) {
+                points.x.push(local[0] as f32);
+                points.y.push(local[1] as f32);
+                points.z.push(local[2] as f32);
                 points.index.push(i as u32);
             }
         }
@@ -62,6 +82,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_has_no_place_in_f32_is_not_among_the_points() {
+        let cloud = Cloud::from_rows(&[[0.0; 3], [1e300, 0.0, 0.0], [0.0, 1e19, 0.0], [1.0, 2.0, 3.0]]).unwrap();
+        assert_eq!(Points::from_cloud(&cloud, 1.0).index, [0, 3]);
+        assert!(Points::from_cloud(&Cloud::from_rows(&[[1e300; 3]]).unwrap(), 1e300).is_empty());
+    }
+
+    #[test]
     fn large_coordinates_keep_millimetres() {
         let cloud = Cloud::from_rows(&[
             [652_000.001, 6_862_000.002, 5e6],
@@ -72,5 +99,18 @@ mod tests {
         let points = Points::from_cloud(&cloud, 1.0);
         assert_eq!(points.index, [0, 2]);
         assert!((points.x[0] - 0.001).abs() < 1e-6 && (points.z[1] - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_point_at_zero_costs_the_others_no_precision() {
+        let mut rows: Vec<[f64; 3]> =
+            (0..500).map(|i| [500_000.0 + f64::from(i % 20) * 0.3, 5.2e6 + f64::from(i / 20) * 0.3, 400.0]).collect();
+        let clean = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        rows.push([0.0; 3]);
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        assert_eq!(Points::from_cloud(&cloud, 1.0), clean);
+        let all = Points::with_strays(&cloud, 1.0);
+        assert_eq!((all.len(), all.origin), (501, clean.origin));
+        assert_eq!((&all.x[..500], all.y[500]), (&clean.x[..], -5.2e6));
     }
 }

@@ -1,6 +1,7 @@
 //! The confusion matrix: how often which class was called what.
 
-use crate::classes::ClassTable;
+use crate::classes::{Class, ClassTable};
+use crate::cloud::CodeScheme;
 use crate::error::{Error, Result};
 
 /// Counts of points by true and predicted class. Row = truth, column = prediction.
@@ -46,6 +47,42 @@ impl Confusion {
     pub fn from_labels(truth: &[u8], predicted: &[u8], unlabelled: &[u8]) -> Result<Self> {
         let truth: Vec<Option<u8>> = truth.iter().map(|t| Some(*t).filter(|t| !unlabelled.contains(t))).collect();
         Self::from_options(&truth, predicted)
+    }
+
+    /// Like [`Confusion::from_options`], for predictions that leave points open: such a point counts as wrong, under a code
+    /// that neither side has (0 if that is free).
+    ///
+    /// # Errors
+    /// Truth and prediction differ in length, or have all 256 codes between them.
+    pub fn from_partial(truth: &[Option<u8>], predicted: &[Option<u8>]) -> Result<Self> {
+        let mut seen = [false; 256];
+        truth.iter().chain(predicted).flatten().for_each(|&code| seen[usize::from(code)] = true);
+        let free = std::iter::once(0u8).chain((1..=255).rev()).find(|&code| !seen[usize::from(code)]);
+        let open = match (free, predicted.iter().any(Option::is_none)) {
+            (None, true) => return Err(Error::input("no code is left for the points that the prediction leaves open")),
+            (free, _) => free.unwrap_or_default(),
+        };
+        let filled: Vec<u8> = predicted.iter().map(|p| p.unwrap_or(open)).collect();
+        let confusion = Self::from_options(truth, &filled)?;
+        Ok(match open {
+            0 => confusion,
+            open => confusion.called(|class| if class.code == open { "not named".into() } else { class.name }),
+        })
+    }
+
+    /// The same with the classes called as in a list of codes.
+    #[must_use]
+    pub fn named(self, scheme: CodeScheme) -> Self {
+        let codes: Vec<u8> = self.classes.classes().iter().map(|c| c.code).collect();
+        Self { classes: ClassTable::of_scheme(&codes, scheme), ..self }
+    }
+
+    /// The same with other names of the classes.
+    #[must_use]
+    pub fn called(self, name: impl Fn(Class) -> String) -> Self {
+        let called = self.classes.classes().iter().map(|c| Class { name: name(c.clone()), ..c.clone() });
+        let table = ClassTable::new(called.collect());
+        Self { classes: table.unwrap_or(self.classes), ..self }
     }
 
     /// Counts one point.
@@ -119,6 +156,17 @@ mod tests {
         assert_eq!([c.count(0, 0), c.count(0, 1), c.count(1, 0), c.count(1, 1)], [1, 2, 1, 0]);
         assert_eq!((c.support(0), c.predicted(0), c.points(), c.skipped()), (3, 2, 4, 1));
         assert!(Confusion::from_labels(&[2], &[], &[]).is_err());
+    }
+
+    #[test]
+    fn points_that_the_prediction_leaves_open_are_errors_under_a_code_of_their_own() {
+        let truth = [Some(0), Some(0), Some(1), None];
+        let c = Confusion::from_partial(&truth, &[Some(0), None, Some(1), None]).unwrap();
+        assert_eq!(c.classes().classes().iter().map(|c| c.code).collect::<Vec<_>>(), [0, 1, 255]);
+        assert_eq!((c.count(0, 0), c.count(0, 2), c.count(1, 1), c.points(), c.skipped()), (1, 1, 1, 3, 1));
+        assert_eq!(c.classes().classes()[2].name, "not named");
+        let usual = Confusion::from_partial(&[Some(2), Some(6)], &[Some(2), None]).unwrap();
+        assert_eq!(usual, Confusion::from_labels(&[2, 6], &[2, 0], &[]).unwrap());
     }
 
     #[test]

@@ -21,6 +21,23 @@ pub enum Wanted<'a> {
     All,
     /// These, in this order; the others and what only they need are not computed.
     Names(&'a [String]),
+    /// In the order of the set those that are named here, with or without their scale (`Planarity` takes `Planarity_r0p4`);
+    /// all if nothing is named.
+    Asked(&'a [String]),
+}
+
+impl Wanted<'_> {
+    /// The names of the wanted features, of all that there are.
+    ///
+    /// # Errors
+    /// Nothing bears a name that was asked for.
+    pub fn names(&self, all: &[String]) -> Result<Vec<String>> {
+        match self {
+            Self::All => Ok(all.to_vec()),
+            Self::Names(names) => Ok(names.to_vec()),
+            Self::Asked(asked) => matching(all, asked),
+        }
+    }
 }
 
 /// What is computed: settings, names, and where each feature goes.
@@ -34,7 +51,11 @@ pub(super) struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// The plan, and the cloud's finite points in the order of the grid.
+    pub(super) fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The plan, and the cloud's points that are finite and not stray, in the order of the grid.
     pub(super) fn new(
         cloud: &'a Cloud,
         set: &FeatureSet,
@@ -42,16 +63,13 @@ impl<'a> Plan<'a> {
         monitor: &Monitor,
     ) -> Result<(Self, Grid, Points)> {
         set.validate()?;
-        let points = Points::from_cloud(cloud, set.metres(cloud));
+        let points = Points::from_cloud(cloud, cloud.metres(set.metres_per_unit)?);
         let first_scale = match set.pyramid.first_scale {
             Some(scale) => scale,
             None => scale_of(spacing(&points, monitor)?),
         };
         let all = set.names(first_scale);
-        let names = match wanted {
-            Wanted::All => all.clone(),
-            Wanted::Names(names) => names.to_vec(),
-        };
+        let names = wanted.names(&all)?;
         let slots = slots(&all, &names)?;
         let own = sources(cloud, set)?.into_iter().zip(&slots[set.pyramid.levels * PER_LEVEL..]);
         let own = own.filter(|(_, slot)| **slot != NOWHERE).map(|(source, &slot)| (slot, source)).collect();
@@ -170,6 +188,17 @@ impl<'a> Extractor<'a> {
         }
         points
     }
+}
+
+/// The names that are asked for, with or without their scale.
+fn matching(all: &[String], asked: &[String]) -> Result<Vec<String>> {
+    let matches =
+        |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
+    if let Some(unknown) = asked.iter().find(|a| !all.iter().any(|name| matches(name, a))) {
+        return Err(Error::parameter("features", unknown, format!("one of {}", all.join(", "))));
+    }
+    let named = |name: &&String| asked.is_empty() || asked.iter().any(|a| matches(name, a));
+    Ok(all.iter().filter(named).cloned().collect())
 }
 
 /// For each feature of the set its column among the wanted names.

@@ -4,6 +4,7 @@ use super::extractor::{Extractor, Scratch, Wanted};
 use super::params::FeatureSet;
 use crate::cloud::Cloud;
 use crate::error::Result;
+use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with};
 
 /// Feature values, one row a point, with the name of each column.
@@ -32,11 +33,12 @@ impl FeatureTable {
     }
 }
 
-/// Features of all points in the cloud's order; rows of points that are not finite are NaN.
+/// Features of all points in the cloud's order; rows of points that are not finite, or stray, are NaN.
 ///
 /// 4 bytes a point and feature: classification never asks for it.
 pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<FeatureTable> {
     let extractor = Extractor::prepare(cloud, set, (Wanted::All, None), monitor)?;
+    cloud.oddities().into_iter().for_each(|text| monitor.warn(text));
     collect(&extractor, cloud.len(), |point| point as usize, monitor)
 }
 
@@ -61,7 +63,7 @@ fn collect(
 ) -> Result<FeatureTable> {
     let names = extractor.names().to_vec();
     let width = names.len();
-    let mut values = vec![f32::NAN; rows * width];
+    let mut values = memory::filled(f32::NAN, rows * width, &format!("{width} features of {rows} points"))?;
     monitor.stage("features", extractor.len() as u64);
     let at_once = AT_ONCE * rayon::current_num_threads();
     for first in (0..extractor.blocks()).step_by(at_once) {

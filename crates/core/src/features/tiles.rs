@@ -69,6 +69,16 @@ impl<'a> Tiles<'a> {
         self.points.is_empty()
     }
 
+    /// Names of the columns.
+    pub fn names(&self) -> &[String] {
+        self.plan.names()
+    }
+
+    /// Position in the cloud of each point, in no order of the cloud's.
+    pub(super) fn indices(&self) -> &[u32] {
+        &self.points.index
+    }
+
     /// Number of parts.
     pub fn parts(&self) -> usize {
         self.parts.len()

@@ -20,6 +20,7 @@ pub use spanning_tree::minimum_spanning_tree;
 pub use weight::EdgeWeight;
 
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::parallel::{Monitor, watched};
 
 /// An undirected graph: every edge once, as `[smaller node, larger node]`, in ascending order, with a weight.
@@ -47,9 +48,14 @@ impl Graph {
     /// O(m log m). Weights are finite and not negative.
     ///
     /// # Errors
-    /// If a node is not below `nodes`, an edge joins a node with itself, lengths differ, or a weight is negative or
-    /// not finite.
+    /// If a node is not below `nodes`, an edge joins a node with itself, lengths differ, a weight is negative or not
+    /// finite, there are more than 2^32 - 1 nodes or more than memory has room for.
     pub fn new(nodes: usize, pairs: &[[u32; 2]], weights: &[f32]) -> Result<Self> {
+        if nodes > u32::MAX as usize {
+            return Err(Error::input(format!("{nodes} nodes in one graph; at most {} are possible", u32::MAX)));
+        }
+        // What components, trees and merging hold of each node.
+        memory::require(24 * nodes as u64, &format!("a graph of {nodes} nodes"))?;
         if pairs.len() != weights.len() {
             return Err(Error::input(format!("{} edges but {} weights", pairs.len(), weights.len())));
         }

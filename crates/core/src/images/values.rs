@@ -3,7 +3,7 @@
 use super::palette::{ramp, segment_colour};
 use super::{ColourBy, RenderParams};
 use crate::classes::{Class, ClassTable, preset};
-use crate::cloud::{Cloud, Values, names};
+use crate::cloud::{Cloud, CodeScheme, Values, names};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
 
@@ -51,9 +51,10 @@ impl<'a> Agreement<'a> {
 
     /// 0 right, 1 wrong, 2 not compared.
     fn kind(&self, point: usize) -> usize {
-        let truth = self.truth.get(point) as u8;
-        match self.compared[usize::from(truth)] {
-            true => usize::from(truth != self.prediction.get(point) as u8),
+        let (truth, named) = (self.truth.get(point), self.prediction.get(point));
+        // A truth that is negative or NaN is no label.
+        match truth >= 0.0 && self.compared[usize::from(truth as u8)] {
+            true => usize::from((truth - named).abs() > 0.0 || named.is_nan()),
             false => 2,
         }
     }
@@ -93,7 +94,11 @@ impl<'a> Paint<'a> {
             points?.for_each(|i| counts[values.map_or(0, |v| usize::from(v.get(i) as u8))] += 1);
         }
         let of = |code: u8| {
-            classes.classes().iter().find(|c| c.code == code).cloned().unwrap_or_else(|| preset::asprs(code))
+            let known = classes.classes().iter().find(|c| c.code == code).cloned();
+            known.unwrap_or_else(|| match cloud.scheme {
+                CodeScheme::Semantic3d => preset::class(code, cloud.scheme),
+                CodeScheme::Asprs | CodeScheme::Own => preset::asprs(code),
+            })
         };
         Ok(Self::Classes { values, table: (0..=255).map(of).collect(), counts })
     }

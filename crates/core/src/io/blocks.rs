@@ -102,6 +102,9 @@ impl Iterator for Blocks {
                 _ => block,
             };
             if !block.is_empty() {
+                let mut block = block;
+                block.take_unit_from_crs();
+                block.metres_per_unit = self.options.metres_per_unit.or(block.metres_per_unit);
                 return Some(Ok(block));
             }
         }

@@ -1,7 +1,11 @@
 //! From one format to another: everything that the target can hold is kept, and what it cannot is said.
 
+use super::atomic::check_place;
 use super::diff::compare;
-use super::{Bounds, ReadOptions, RewriteReport, WriteOptions, extension, inspect, las, read_with, write};
+use super::{
+    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, extension, inspect, las, read_with, run, write,
+};
+use crate::cloud::crs;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -48,10 +52,16 @@ impl ConvertParams {
 /// The input cannot be read, the output not written, or the point format cannot hold the input's fields.
 pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &WriteOptions) -> Result<RewriteReport> {
     params.validate()?;
+    check_target(output)?;
+    run::joined(&options.monitor, || convert_any(input, output, params, options))
+}
+
+fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &WriteOptions) -> Result<RewriteReport> {
     let to_las = ["las", "laz"].contains(&extension(output).as_str());
     let from_las = las::is_las(input)?;
     let part = params.part(options);
     if from_las && to_las {
+        options.keeps_steps()?;
         if part.bounds.is_some() || part.resolution.is_some() {
             return las::crop(input, output, &part, options);
         }
@@ -61,6 +71,7 @@ pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
         let reason = "a point format can be chosen from LAS or LAZ to LAS or LAZ only".to_string();
         return Err(Error::Unsupported { path: input.to_path_buf(), reason });
     }
+    check_place(output)?;
     let cloud = read_with(input, &part)?;
     let records = if from_las { lost_records(input)? } else { Vec::new() };
     write(output, &cloud, options)?;
@@ -90,8 +101,12 @@ fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> 
     if found.points[0] != found.points[1] {
         notes.push(format!("{} points became {}", found.points[0], found.points[1]));
     }
-    if cloud.crs.is_some() && back.crs != cloud.crs {
+    let same = |(a, b): (&String, &String)| crs::same(a, b);
+    if cloud.crs.is_some() && !cloud.crs.as_ref().zip(back.crs.as_ref()).is_some_and(same) {
         notes.push("not kept: the coordinate reference system".into());
+    }
+    if let (Some(metres), None) = (cloud.metres_per_unit, back.metres_per_unit) {
+        notes.push(format!("not kept: the unit of {metres} m"));
     }
     if !found.only_in[0].is_empty() {
         notes.push(format!("not kept: {}", found.only_in[0].join(" ")));

@@ -1,7 +1,7 @@
 //! What a file is: told by its first bytes, then by its name.
 
 use crate::error::{Error, Result};
-use std::fs::File;
+use crate::io::open;
 use std::io::Read;
 use std::path::Path;
 
@@ -20,14 +20,37 @@ pub(super) enum Format {
 /// For messages.
 const READABLE: &str = "LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX or text";
 
+/// Extensions of clouds that are written.
+const WRITTEN: [&str; 10] = ["las", "laz", "ply", "pcd", "npz", "txt", "xyz", "csv", "asc", "labels"];
+
 pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
+/// Fails if no cloud can be written under such a name.
+pub(super) fn check_target(path: &Path) -> Result<()> {
+    let refused = |reason: String| Err(Error::Unsupported { path: path.to_path_buf(), reason });
+    let name = path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
+    match extension(path).as_str() {
+        "laz" if name.to_lowercase().ends_with(".copc.laz") => {
+            let stem = name.get(..name.len() - ".copc.laz".len()).unwrap_or_default();
+            refused(format!(
+                "COPC is read, not written; name it {stem}.laz, and index that with a COPC writer (untwine, pdal)"
+            ))
+        }
+        known if WRITTEN.contains(&known) => Ok(()),
+        other => refused(format!(
+            "cannot write {}; use .las, .laz, .ply, .pcd, .npz, .txt, .xyz, .csv or .labels",
+            if other.is_empty() { "a file without extension".into() } else { format!(".{other}") }
+        )),
+    }
+}
+
 /// By the first bytes; what begins with no known magic is text if its name or its bytes say so.
 pub(super) fn format_of(path: &Path) -> Result<Format> {
+    open::refuse_partial(path)?;
     let mut start = Vec::new();
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let file = open::file(path)?;
     file.take(4096).read_to_end(&mut start).map_err(|e| Error::io(path, e))?;
     let unsupported = |reason: String| Err(Error::Unsupported { path: path.to_path_buf(), reason });
     if start.is_empty() {

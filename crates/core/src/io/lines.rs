@@ -1,6 +1,7 @@
 //! Text files in pieces of whole lines, so that a file of any size takes a few megabytes.
 
 use crate::error::{Error, Result};
+use crate::io::open;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -23,7 +24,7 @@ pub(super) struct Pieces {
 
 impl Pieces {
     pub(super) fn open(path: &Path, format: &'static str, from: u64) -> Result<Self> {
-        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut file = open::file(path)?;
         file.seek(SeekFrom::Start(from)).map_err(|e| Error::io(path, e))?;
         Ok(Self { path: path.to_path_buf(), format, file, rest: Vec::new(), done: false })
     }

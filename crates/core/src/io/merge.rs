@@ -1,7 +1,9 @@
 //! Several files as one.
 
-use super::{ReadOptions, RewriteReport, WriteOptions, extension, las, read_with, write};
-use crate::cloud::{Cloud, Column, Coordinates, Values};
+use super::atomic::check_place;
+use super::{ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, run, write};
+use crate::cloud::crs::same;
+use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -18,13 +20,20 @@ pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
     if inputs.is_empty() {
         return Err(Error::input("nothing to merge: no input"));
     }
+    check_target(output)?;
+    run::joined(&options.monitor, || merge_any(inputs, output, options))
+}
+
+fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Result<RewriteReport> {
     let mut all_las = ["las", "laz"].contains(&extension(output).as_str());
     for input in inputs {
         all_las &= las::is_las(input)?;
     }
     if all_las {
+        options.keeps_steps()?;
         return las::merge(inputs, output, options);
     }
+    check_place(output)?;
     let mut merged: Option<Cloud> = None;
     let mut notes = Vec::new();
     for input in inputs {
@@ -47,7 +56,7 @@ pub(super) fn check_crs(
     notes: &mut Vec<String>,
 ) -> Result<()> {
     match (a, b) {
-        (Some(a), Some(b)) if a != b => {
+        (Some(a), Some(b)) if !same(a, b) => {
             let text = format!("{} lies in another reference system than {}", path.display(), first.display());
             Err(Error::input(format!("{text} ({} / {})", shortened(b), shortened(a))))
         }
@@ -72,6 +81,7 @@ fn append(before: Cloud, cloud: &Cloud, (path, notes): (&Path, &mut Vec<String>)
         [of(&before), of(cloud)].concat()
     });
     let mut merged = Cloud::new(Coordinates::Float(axes))?;
+    merged.scheme = if before.scheme == cloud.scheme { cloud.scheme } else { CodeScheme::Own };
     merged.crs = before.crs.clone().or_else(|| cloud.crs.clone());
     merged.metres_per_unit = before.metres_per_unit.or(cloud.metres_per_unit);
     let names = before.columns().iter().chain(cloud.columns().iter().filter(|c| before.column(&c.name).is_none()));

@@ -10,17 +10,19 @@ mod format;
 mod info;
 mod known;
 mod las;
+mod limits;
 mod lines;
 mod merge;
 mod npz;
 mod number;
+pub mod open;
 mod options;
 mod packed;
-mod partials;
 mod pcd;
 mod ply;
 mod print;
 mod ptx;
+pub mod run;
 pub mod salvage;
 pub mod statistics;
 mod table;
@@ -32,15 +34,17 @@ pub use blocks::{Blocks, blocks};
 pub use info::{FileInfo, Octree};
 pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
+pub use atomic::abandon_outputs;
+pub use atomic::check_output;
 pub use convert::{ConvertParams, convert};
 pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
-pub use las::PointReader;
+pub use las::{PointReader, las_frame};
 pub use merge::merge;
-pub use partials::abandon_outputs;
 
+use crate::cloud::crs::{Unit, unit_of};
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
-use format::{Format, extension, format_of};
+use format::{Format, check_target, extension, format_of};
 use std::path::Path;
 
 /// One change that [`rewrite`] makes; values in the order of the file.
@@ -75,9 +79,16 @@ pub fn read(path: &Path) -> Result<Cloud> {
 /// a kind that is not supported.
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     options.validate()?;
+    run::joined(&options.monitor, || {
+        let cloud = read_any(path, options)?;
+        run::unchanged(path).map(|()| cloud)
+    })
+}
+
+fn read_any(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let format = format_of(path)?;
     check_resolution(format, options)?;
-    let cloud = match format {
+    let mut cloud = match format {
         Format::Las => las::read(path, options),
         Format::Text => text::read(path, options),
         Format::Ply => ply::read(path, options),
@@ -86,6 +97,8 @@ pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
         Format::Npz => npz::read(path, options),
         Format::Ptx => ptx::read(path, options),
     }?;
+    cloud.take_unit_from_crs();
+    cloud.metres_per_unit = options.metres_per_unit.or(cloud.metres_per_unit);
     match &options.bounds {
         Some(bounds) if format != Format::Las => Ok(inside(&cloud, bounds)),
         _ => Ok(cloud),
@@ -113,16 +126,43 @@ fn inside(cloud: &Cloud, (low, high): &Bounds) -> Cloud {
 /// Writes a cloud in the format of the path's extension: `.las`, `.laz`, `.ply`, `.pcd`, `.npz`, `.txt`, `.xyz`, `.csv`,
 /// `.labels`.
 pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+    check_target(path)?;
     match extension(path).as_str() {
         "las" | "laz" => las::write(path, cloud, options),
         "ply" => ply::write(path, cloud, options),
         "pcd" => pcd::write(path, cloud, options),
         "npz" => npz::write(path, cloud, options),
-        "txt" | "xyz" | "csv" | "asc" | "labels" => text::write(path, cloud, options),
-        other => Err(Error::Unsupported {
-            path: path.to_path_buf(),
-            reason: format!("cannot write .{other}; use .las, .laz, .ply, .pcd, .npz, .txt, .xyz, .csv or .labels"),
-        }),
+        _ => text::write(path, cloud, options),
+    }
+}
+
+/// Fails now if a cloud could not be written to this path later: [`check_output`], and the extension.
+pub fn check_cloud_output(path: &Path) -> Result<()> {
+    check_target(path)?;
+    check_output(path)
+}
+
+/// Fails now if [`rewrite`] could not add these dimensions later; their values do not matter, their names and types do.
+///
+/// # Errors
+/// The input has a dimension of such a name and another type, or records would become too long.
+pub fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result<()> {
+    let las = ["las", "laz"].contains(&extension(output).as_str());
+    match las && format_of(input)? == Format::Las {
+        true => las::check_dimensions(input, output, added),
+        false => Ok(()),
+    }
+}
+
+/// Fails if a cloud from `input` could not be written to `output` for the step of its coordinates: to be asked before long work.
+///
+/// # Errors
+/// As [`write`](fn@write) of LAS and LAZ; a step that is asked for from LAS to LAS.
+pub fn check_steps(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+    match (["las", "laz"].contains(&extension(output).as_str()), las::is_las(input)?) {
+        (true, true) => options.keeps_steps(),
+        (true, false) => las_frame(cloud, options).map(|_| ()),
+        (false, _) => Ok(()),
     }
 }
 
@@ -130,8 +170,14 @@ pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
 ///
 /// From other formats, or into them, the cloud is read and written. `output` may be `input`.
 pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
+    check_target(output)?;
+    run::joined(&options.monitor, || rewrite_any(input, output, edits, options))
+}
+
+fn rewrite_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
     let las = ["las", "laz"].contains(&extension(output).as_str());
     if format_of(input)? == Format::Las && las {
+        options.keeps_steps()?;
         return las::rewrite(input, output, edits, options);
     }
     let mut cloud = read_with(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
@@ -156,7 +202,7 @@ fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
 
 /// What a file says of itself: its header, and for text the number of its lines.
 pub fn inspect(path: &Path) -> Result<FileInfo> {
-    match format_of(path)? {
+    let mut info = match format_of(path)? {
         Format::Las => las::inspect(path),
         Format::Pcd => pcd::inspect(path),
         Format::E57 => e57::inspect(path),
@@ -164,5 +210,9 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
         Format::Ptx => ptx::inspect(path),
         Format::Text => text::inspect(path),
         Format::Ply => ply::inspect(path),
+    }?;
+    if let (None, Some(Unit::Length(metres))) = (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
+        info.metres_per_unit = Some(metres);
     }
+    Ok(info)
 }

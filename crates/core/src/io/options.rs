@@ -25,7 +25,9 @@ pub struct ReadOptions {
     pub bounds: Option<Bounds>,
     /// A thinner cloud whose points are about so far apart, in the file's unit, above 0; `None`: all points. COPC only.
     pub resolution: Option<f64>,
-    /// Progress and cancellation.
+    /// Metres in one unit of the coordinates, whatever the file says, above 0; `None`: as the file says.
+    pub metres_per_unit: Option<f64>,
+    /// Progress, cancellation and warnings.
     pub monitor: Monitor,
 }
 
@@ -37,8 +39,11 @@ impl ReadOptions {
         }
     }
 
-    /// Fails if the box is not in order or the resolution not above 0.
+    /// Fails if the box is not in order, or the resolution or the unit not above 0.
     pub fn validate(&self) -> Result<()> {
+        if let Some(metres) = self.metres_per_unit.filter(|m| !(m.is_finite() && *m > 0.0)) {
+            return Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite"));
+        }
         if let Some((low, high)) = &self.bounds
             && !low.iter().zip(high).all(|(l, h)| l <= h)
         {
@@ -57,6 +62,29 @@ pub struct WriteOptions {
     /// Compress where the format lets one choose: PCD (`binary_compressed`) and npz (deflate). LAS and LAZ go by their
     /// extension.
     pub compressed: bool,
-    /// Progress and cancellation.
+    /// Step of the whole numbers that LAS and LAZ store x, y and z in, in the cloud's unit, finite and above 0; `None`: that of
+    /// the input, or one that moves no point by more than a thousandth of the spacing. Not for LAS to LAS.
+    pub scale: Option<[f64; 3]>,
+    /// Progress, cancellation and warnings.
     pub monitor: Monitor,
+}
+
+impl WriteOptions {
+    /// Fails if a step is not a number above 0.
+    pub fn validate(&self) -> Result<()> {
+        match self.scale {
+            Some(scale) if scale.iter().any(|s| !(s.is_finite() && *s > 0.0)) => {
+                Err(Error::parameter("scale", format!("{scale:?}"), "numbers above 0"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Fails if a step is asked for where the records of a LAS file keep theirs.
+    pub(super) fn keeps_steps(&self) -> Result<()> {
+        match self.scale {
+            Some(scale) => Err(Error::parameter("scale", format!("{scale:?}"), "none from LAS to LAS: steps are kept")),
+            None => Ok(()),
+        }
+    }
 }

@@ -4,9 +4,10 @@ use super::number::Slot;
 use super::table::Table;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
+use crate::io::open;
 use crate::parallel::Monitor;
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// Bytes decoded at once: they stay in the cache while one column after the other takes its numbers.
@@ -59,7 +60,7 @@ impl Packed {
         (count, width): (u64, usize),
         layout: Layout,
     ) -> Result<Self> {
-        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut file = open::file(path)?;
         file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(path, e))?;
         Ok(Self { path: path.to_path_buf(), file, width, left: count, layout, monitor: monitor.clone() })
     }
@@ -74,7 +75,8 @@ impl Packed {
             self.monitor.check()?;
             let now = most.min(wanted);
             let bytes = &mut slab[..now * self.width];
-            self.file.read_exact(bytes).map_err(|e| Error::io(&self.path, e))?;
+            let at = self.file.stream_position().map_err(|e| Error::io(&self.path, e))?;
+            open::fill((&self.path, &mut self.file), at, bytes)?;
             self.layout.append(bytes);
             self.left -= now as u64;
             wanted -= now;

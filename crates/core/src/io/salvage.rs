@@ -1,6 +1,8 @@
 //! Damaged files: what can be read is read, what is lost is counted and said.
 
-use super::{Edit, ReadOptions, RewriteReport, WriteOptions, extension, las, read_with, rewrite, write};
+use super::{
+    Edit, ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, rewrite, run, write,
+};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -65,6 +67,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(Cloud, Losses)> {
 /// # Errors
 /// Those of [`examine`] and of writing.
 pub fn copy(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<(RewriteReport, Losses)> {
+    check_target(output)?;
+    run::joined(&options.monitor, || copy_any(input, output, edits, options))
+}
+
+fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<(RewriteReport, Losses)> {
     let to_las = ["las", "laz"].contains(&extension(output).as_str());
     if las::is_las(input)? && to_las {
         let (records, losses) = las::Records::salvage(input, &options.monitor)?;

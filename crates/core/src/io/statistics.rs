@@ -1,7 +1,8 @@
 //! What only the points of a file can tell: what is odd about them, and how many of which class there are.
 
-use super::{FileInfo, ReadOptions, inspect, read_with};
-use crate::cloud::{Cloud, Coordinates, Values, names};
+use super::{Bounds, FileInfo, ReadOptions, inspect, read_with};
+use crate::cloud::crs::{Unit, unit_of};
+use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, Values, names};
 use crate::error::Result;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -30,9 +31,11 @@ pub struct Statistics {
 /// # Errors
 /// Those of [`read_with`](super::read_with()).
 pub fn statistics(path: &Path, options: &ReadOptions) -> Result<(Statistics, Cloud)> {
-    let info = inspect(path)?;
-    let cloud = read_with(path, options)?;
-    Ok((of_cloud(&cloud, &info), cloud))
+    super::run::joined(&options.monitor, || {
+        let info = inspect(path)?;
+        let cloud = read_with(path, options)?;
+        Ok((of_cloud(&cloud, &info), cloud))
+    })
 }
 
 /// The counts of a cloud that was read from the file that `info` describes.
@@ -111,18 +114,19 @@ fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo) -> Vec<Stri
     say(statistics.duplicates, "points lie exactly where another one lies");
     say(statistics.outside_bounds, "points lie outside the bounds in the header");
     statistics.nan_values.iter().for_each(|(name, n)| say(*n, &format!("values of {name} are NaN or infinite")));
-    warnings.extend(unit_warning(cloud, info));
+    let strays = Strays::find(cloud, &StrayParams::default()).unwrap_or_default();
+    warnings.extend(strays.warning(cloud).map(|text| format!("{text}; recipes set such points aside")));
+    warnings.extend(strays.bounds.and_then(|bounds| unit_warning(info, bounds)));
     warnings
 }
 
 /// Coordinates that do not look like the unit they are taken for.
-fn unit_warning(cloud: &Cloud, info: &FileInfo) -> Option<String> {
-    let (low, high) = cloud.bounds()?;
+fn unit_warning(info: &FileInfo, (low, high): Bounds) -> Option<String> {
     let size = [0, 1, 2].map(|a| high[a] - low[a]);
     let plan = size[0].max(size[1]);
     let degrees = low[0] >= -180.0 && high[0] <= 180.0 && low[1] >= -90.0 && high[1] <= 90.0;
     let fine = info.scale.is_some_and(|s| s[0] < 1e-5 && s[1] < 1e-5);
-    let geographic = info.crs.as_deref().is_some_and(|c| c.starts_with("GEOG"));
+    let geographic = info.crs.as_deref().and_then(unit_of) == Some(Unit::Degrees);
     if degrees && (geographic || fine || plan > 0.0 && plan < 1.0 && size[2] > 20.0 * plan) {
         return Some("x and y look like degrees; features need metres: project the cloud first".into());
     }

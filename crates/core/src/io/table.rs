@@ -1,8 +1,10 @@
 //! Columns that grow while a file is read, and are handed out as clouds.
 
+use super::limits::Names;
 use super::number::Kind;
 use crate::cloud::{Cloud, Column, Coordinates, Values, each_values};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Rows read but not handed out yet; all columns are of one length between two calls.
 #[derive(Clone, Debug, Default)]
@@ -35,6 +37,13 @@ pub(super) fn pad(values: &mut Values, n: usize) {
     each_values!(values, v => v.resize(v.len() + n, Default::default()));
 }
 
+/// The error about `n` points of `width` bytes and these columns that memory has no room for.
+pub(super) fn missing<'a>((n, width): (usize, usize), columns: impl Iterator<Item = &'a Values>) -> Error {
+    let width = columns.fold(width, |sum, values| sum + Kind::of(values).size());
+    let what = format!("{n} points of {width} bytes");
+    Error::Memory { what, needed: (n as u64).saturating_mul(width as u64), free: memory::free() }
+}
+
 impl Table {
     /// Number of rows.
     pub(super) fn len(&self) -> usize {
@@ -46,7 +55,7 @@ impl Table {
         let axes = self.axes.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
         match axes && self.columns.iter_mut().all(|column| reserve(&mut column.values, n)) {
             true => Ok(()),
-            false => Err(Error::input(format!("not enough memory for {n} points with {} columns", self.columns.len()))),
+            false => Err(missing((n, 24), self.columns.iter().map(|c| &c.values))),
         }
     }
 
@@ -68,13 +77,9 @@ impl Table {
     /// All rows as a cloud. Of two columns with one name the second gets a number.
     pub(super) fn cloud(self) -> Result<Cloud> {
         let mut cloud = Cloud::new(Coordinates::Float(self.axes))?;
+        let mut names = Names::default();
         for mut column in self.columns {
-            let name = column.name.clone();
-            let mut serial = 2;
-            while cloud.column(&column.name).is_some() {
-                column.name = format!("{name}_{serial}");
-                serial += 1;
-            }
+            column.name = names.free(&column.name);
             cloud.set_column(column)?;
         }
         Ok(cloud)

@@ -12,6 +12,8 @@ use std::ops::Range;
 
 /// Leaves that are searched in one go.
 const LEAVES: usize = 64;
+/// Metres between two origins at most: squares of `f32` end there.
+const FARTHEST: f64 = 1e18;
 /// Places that are searched in one go.
 const QUERIES: usize = 512;
 
@@ -70,7 +72,7 @@ pub fn knn(points: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
 /// queries are brought to that of the points in `f64`. `k` is cut to the number of points. O((n + q) log n) expected time.
 ///
 /// # Errors
-/// If a coordinate is not finite, the answer does not fit into memory, or the work was cancelled.
+/// If a coordinate is not finite, the origins are too far apart for `f32`, the answer does not fit into memory, or the work was cancelled.
 pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
     let k = k.min(points.len());
     let tree = Tree::new(points, k, monitor)?;
@@ -79,6 +81,10 @@ pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor
     let mut squared_distance = room(queries.len(), k)?;
     monitor.stage("neighbours", queries.len() as u64);
     let shift = [0, 1, 2].map(|a| queries.origin[a] - points.origin[a]);
+    if !shift.iter().all(|v| v.abs() <= FARTHEST) {
+        let found = format!("origins {:?} and {:?}", points.origin, queries.origin);
+        return Err(Error::input(format!("{found} are too far apart to be compared (allowed: {FARTHEST:e} m)")));
+    }
     let count = if k > 0 { queries.len().div_ceil(QUERIES) } else { 0 };
     let parts = map_ordered_with(0..count, monitor, Seeker::default, |seeker, block| {
         let range = block * QUERIES..((block + 1) * QUERIES).min(queries.len());

@@ -25,8 +25,10 @@ impl Grid {
         let cells = f64::from(far[0].max(far[1]).max(far[2])) / size;
         if cells >= f64::from(morton::LIMIT - 64) {
             let expected = format!(
-                "a size that gives fewer than {} voxels along an axis; these points need {cells:.0}",
-                morton::LIMIT
+                "a size that gives fewer than {} voxels along an axis; {} needs {cells:.0}: cut the cloud (convert --bounds) or \
+                 choose larger voxels (features.pyramid.first_scale)",
+                morton::LIMIT,
+                farthest(points)
             );
             return Err(Error::parameter("first_scale", size, expected));
         }
@@ -44,6 +46,15 @@ impl Grid {
     pub fn code(&self, x: f32, y: f32, z: f32) -> u64 {
         morton::encode(self.cell(x, y, z))
     }
+}
+
+/// The point that reaches farthest along an axis, for a message.
+fn farthest(points: &Points) -> String {
+    let reach = |i: usize| points.x[i].max(points.y[i]).max(points.z[i]);
+    let Some(i) = (0..points.len()).max_by(|&a, &b| reach(a).total_cmp(&reach(b))) else { return "it".into() };
+    let at = [points.x[i], points.y[i], points.z[i]];
+    let [x, y, z] = [0, 1, 2].map(|a| f64::from(at[a]) + points.origin[a]);
+    format!("point {} at {x:.1}, {y:.1}, {z:.1} m, {:.0} m from the other end of the cloud,", points.index[i], reach(i))
 }
 
 /// The points in ascending order of (Morton code, index). O(n log n) time, 16 bytes a point for a while.

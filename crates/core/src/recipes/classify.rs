@@ -7,9 +7,10 @@ use super::regularise::{Probabilities, Regularise, RegulariseParams, Regularised
 use super::training::planar_density;
 use super::weak::classify_weak;
 use crate::classification::{Model, PredictScratch};
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{Cloud, Points, StrayParams, Strays};
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, Scratch, Tiles, Wanted};
+use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with};
 
 /// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
@@ -17,6 +18,9 @@ const TOGETHER: usize = 8;
 
 /// Groups of blocks whose probabilities are held at a time.
 const GROUPS_AT_ONCE: usize = 32;
+
+/// A cloud so many times denser or thinner than the training is worth a warning.
+const OTHER: f64 = 8.0;
 
 /// Settings of [`classify`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,7 +33,9 @@ pub struct ClassifyParams {
     pub regularise: Option<Regularise>,
 }
 
-/// One answer a point, in the cloud's order. Points that are not finite get code 1, confidence 0 and entropy ln(classes).
+/// One answer a point, in the cloud's order. Points that are not finite get code 1 (where that is a class of the model
+/// [`ClassTable::free_code`](crate::classes::ClassTable::free_code)), confidence 0 and entropy ln(classes); so do stray ones
+/// ([`Strays`]), but by a model of ASPRS codes they get code 7 (noise).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Classified {
     /// Most probable class.
@@ -53,20 +59,43 @@ pub struct Classified {
 /// The model asks for a feature that this version or this cloud cannot give.
 pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<Classified> {
     let recipe = AnyRecipe::from_toml(&model.recipe_toml)?;
+    forecast(cloud.len(), &recipe, params)?;
     let agree = recipe.regularise();
     let agree = RegulariseParams { method: params.regularise.unwrap_or(agree.method), ..agree.clone() };
-    match &recipe {
-        AnyRecipe::Pyramid(recipe) => classify_pyramid(cloud, (model, recipe), (params, &agree), monitor),
+    let mut result = match &recipe {
+        AnyRecipe::Pyramid(recipe) => classify_pyramid(cloud, (model, recipe), (params, &agree), monitor)?,
         AnyRecipe::Weak(recipe) => {
             let (points, found) = classify_weak(cloud, (model, recipe), (params.metres_per_unit, &agree), monitor)?;
-            Ok(adopted(cloud, model, params, (&points.index, &found)))
+            adopted(cloud, model, params, (&points.index, &found))
         }
         AnyRecipe::Objects(recipe) => {
             let metres = params.metres_per_unit;
             let (points, found) = classify_objects(cloud, (model, recipe), (metres, &agree), monitor)?;
-            Ok(adopted(cloud, model, params, (&points.index, &found)))
+            adopted(cloud, model, params, (&points.index, &found))
         }
-    }
+    };
+    let strays = Strays::find(cloud, &StrayParams::default())?;
+    strays.index.iter().for_each(|&i| result.codes[i as usize] = stray_code(model));
+    Ok(result)
+}
+
+/// ASPRS code of low points and other noise.
+const NOISE: u8 = 7;
+
+/// The code of points that belong to no scene. ASPRS knows noise (7), and has no class of code 0 or 1.
+fn stray_code(model: &Model) -> u8 {
+    let has = |code| model.classes.position(code).is_some();
+    if has(2) && !has(0) && !has(1) { NOISE } else { model.classes.free_code() }
+}
+
+/// Fails before any work if there is less memory than naming so many points takes at least.
+fn forecast(points: usize, recipe: &AnyRecipe, params: &ClassifyParams) -> Result<()> {
+    let method = params.regularise.unwrap_or(recipe.regularise().method);
+    let alone = matches!(recipe, AnyRecipe::Pyramid(_)) && method == Regularise::None;
+    let each = if alone { 45 } else { 200 };
+    // The fine levels are held for a part of the points.
+    let needed = each * points as u64 + 150 * points.min(1 << 20) as u64;
+    memory::require(needed, &format!("naming {points} points"))
 }
 
 /// The answers of a recipe that decides on all points together.
@@ -76,7 +105,7 @@ fn adopted(
     params: &ClassifyParams,
     (index, found): (&[u32], &Regularised),
 ) -> Classified {
-    let mut result = Classified::unknown(cloud.len(), model.classes.len(), params.probabilities);
+    let mut result = Classified::unknown(cloud.len(), model, params.probabilities);
     result.warnings = warnings(cloud, model, params.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0));
     result.adopt(index, found, model);
     result
@@ -103,7 +132,7 @@ fn classify_pyramid(
     };
     let found = regularise(&points, Probabilities { values: &values, classes }, None, agree, monitor)?;
     let warnings = std::mem::take(&mut result.warnings);
-    result = Classified { warnings, ..Classified::unknown(cloud.len(), classes, params.probabilities) };
+    result = Classified { warnings, ..Classified::unknown(cloud.len(), model, params.probabilities) };
     result.adopt(&points.index, &found, model);
     Ok(result)
 }
@@ -114,7 +143,7 @@ fn point_by_point(
     (set, probabilities): (&FeatureSet, bool),
     monitor: &Monitor,
 ) -> Result<Classified> {
-    let mut result = Classified::unknown(cloud.len(), model.classes.len(), probabilities);
+    let mut result = Classified::unknown(cloud.len(), model, probabilities);
     result.warnings = warnings(cloud, model, set.metres(cloud));
     let tiles = prepare(cloud, set, model, monitor)?;
     monitor.stage("classify", tiles.len() as u64);
@@ -196,9 +225,10 @@ impl Workspace {
 }
 
 impl Classified {
-    fn unknown(points: usize, classes: usize, probabilities: bool) -> Self {
+    fn unknown(points: usize, model: &Model, probabilities: bool) -> Self {
+        let classes = model.classes.len();
         Self {
-            codes: vec![1; points],
+            codes: vec![model.classes.free_code(); points],
             confidence: vec![0.0; points],
             entropy: vec![(classes as f32).ln(); points],
             probabilities: probabilities.then(|| vec![1.0 / classes as f32; points * classes]),
@@ -242,15 +272,32 @@ fn warnings(cloud: &Cloud, model: &Model, metres: f64) -> Vec<String> {
     let finite = (0..cloud.len()).filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
     if finite < cloud.len() {
         warnings.push(format!(
-            "{} points have coordinates that are not finite; they stay unclassified",
-            cloud.len() - finite
+            "{} points have coordinates that are not finite; they stay unclassified (code {})",
+            cloud.len() - finite,
+            model.classes.free_code()
         ));
     }
+    warnings.extend(cloud.oddities());
     let (here, there) = (planar_density(cloud, metres), model.fingerprint.density);
-    if finite > 1000 && there > 0.0 && (here > 8.0 * there || here < 0.02 * there) {
-        warnings.push(format!("{here:.1} points per square metre here, {there:.1} in training: check the unit of the coordinates and the result"));
+    let thinnest = thinnest(model).min(there);
+    if finite > 1000 && there > 0.0 && (here > OTHER * there || here * OTHER < thinnest) {
+        let mut text = format!(
+            "{here:.1} points per square metre here, {there:.1} in training: check the unit of the coordinates and the result"
+        );
+        if here < there && cloud.metres_per_unit.is_none() && cloud.crs.is_none() {
+            text += " (the file tells no unit: if it is feet, say --unit 0.3048)";
+        }
+        warnings.push(text);
     }
     warnings
+}
+
+/// The lowest density of the thinned copies that a model has learned from.
+fn thinnest(model: &Model) -> f64 {
+    match AnyRecipe::from_toml(&model.recipe_toml) {
+        Ok(AnyRecipe::Pyramid(recipe)) => recipe.training.densities.iter().copied().fold(f64::INFINITY, f64::min),
+        _ => f64::INFINITY,
+    }
 }
 
 #[cfg(test)]

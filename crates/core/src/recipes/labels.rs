@@ -1,7 +1,7 @@
 //! Labels of a cloud as codes, with the unlabelled points counted.
 
-use crate::classes::LabelMap;
-use crate::cloud::{Cloud, names};
+use crate::classes::{ClassTable, LabelMap};
+use crate::cloud::{Cloud, CodeScheme, names};
 use crate::error::{Error, Result};
 
 /// How labels are taken from a cloud.
@@ -11,8 +11,9 @@ pub struct LabelParams {
     pub dimension: String,
     /// Applied to the codes before anything else.
     pub map: LabelMap,
-    /// Codes (after mapping) that mean "nobody has said".
-    pub unlabelled: Vec<u8>,
+    /// Codes (after mapping) that mean "unlabelled". `None`: in the column `Classification` those of the cloud's
+    /// [`CodeScheme`] (LAS: 0 and 1; Semantic3D: 0; others: none), in other columns none.
+    pub unlabelled: Option<Vec<u8>>,
     /// If not empty, only these codes (after mapping) count; all others are unlabelled.
     pub classes: Vec<u8>,
 }
@@ -22,8 +23,36 @@ impl Default for LabelParams {
         Self {
             dimension: names::CLASSIFICATION.into(),
             map: LabelMap::default(),
-            unlabelled: vec![0, 1],
+            unlabelled: None,
             classes: Vec::new(),
+        }
+    }
+}
+
+impl LabelParams {
+    /// Which list the codes of that column of a cloud are of.
+    pub fn scheme(&self, cloud: &Cloud) -> CodeScheme {
+        if self.dimension == names::CLASSIFICATION { cloud.scheme } else { CodeScheme::Own }
+    }
+
+    /// The codes (after mapping) that mean "unlabelled" in a cloud. What `classes` names is a class.
+    pub fn unlabelled_in(&self, cloud: &Cloud) -> Vec<u8> {
+        match &self.unlabelled {
+            Some(codes) => codes.clone(),
+            None => {
+                let codes = self.scheme(cloud).unlabelled().iter().copied();
+                codes.filter(|code| !self.classes.contains(code)).collect()
+            }
+        }
+    }
+
+    fn validate(&self) -> Result<()> {
+        let both = self.unlabelled.iter().flatten().find(|code| self.classes.contains(code));
+        match both {
+            Some(code) => {
+                Err(Error::parameter("unlabelled", code, "codes that are not among the classes that are asked for"))
+            }
+            None => Ok(()),
         }
     }
 }
@@ -35,14 +64,21 @@ pub struct Labels {
     pub codes: Vec<Option<u8>>,
     /// Points without a label.
     pub unlabelled: u64,
+    /// Which list the codes are of: what the classes are called.
+    pub scheme: CodeScheme,
 }
 
 impl Labels {
     /// The labels at `indices`, in that order.
     pub fn select(&self, indices: &[u32]) -> Self {
         let codes: Vec<Option<u8>> = indices.iter().map(|&i| self.codes[i as usize]).collect();
+        Self::new(codes, self.scheme)
+    }
+
+    /// Labels whose unlabelled points are counted.
+    pub fn new(codes: Vec<Option<u8>>, scheme: CodeScheme) -> Self {
         let unlabelled = codes.iter().filter(|c| c.is_none()).count() as u64;
-        Self { codes, unlabelled }
+        Self { codes, unlabelled, scheme }
     }
 
     /// Points that carry each code.
@@ -53,24 +89,62 @@ impl Labels {
     }
 }
 
-/// Reads the labels of a cloud. Negative values and NaN count as unlabelled.
+/// Reads the labels of a cloud. Negative values and NaN always count as unlabelled.
 ///
 /// # Errors
-/// The column is absent (the message lists the columns), or a value is not a whole number in 0..=255.
+/// The column is absent (the message lists the columns), a value is not a whole number in 0..=255, or a code is asked for as
+/// a class and as unlabelled.
 pub fn read_labels(cloud: &Cloud, params: &LabelParams) -> Result<Labels> {
+    params.validate()?;
     let column = cloud.column(&params.dimension).ok_or_else(|| {
         let known: Vec<&str> = cloud.columns().iter().map(|c| c.name.as_str()).collect();
         Error::input(format!("no column {} to take labels from; the cloud has: {}", params.dimension, known.join(", ")))
     })?;
-    let mut labels = Labels { codes: Vec::with_capacity(cloud.len()), unlabelled: 0 };
-    for i in 0..cloud.len() {
-        let code = code_of(column.values.get(i), i, &params.dimension)?.map(|c| params.map.apply(c));
-        let code = code
-            .filter(|c| !params.unlabelled.contains(c) && (params.classes.is_empty() || params.classes.contains(c)));
-        labels.unlabelled += u64::from(code.is_none());
-        labels.codes.push(code);
+    let skipped = params.unlabelled_in(cloud);
+    let counts = |c: &u8| !skipped.contains(c) && (params.classes.is_empty() || params.classes.contains(c));
+    let label = |i| {
+        let code = code_of(column.values.get(i), i, &params.dimension)?;
+        Ok(code.map(|c| params.map.apply(c)).filter(counts))
+    };
+    let codes = (0..cloud.len()).map(label).collect::<Result<Vec<_>>>()?;
+    Ok(Labels::new(codes, params.scheme(cloud)))
+}
+
+/// Points that carry each code, in all clouds together.
+pub(super) fn counts_of(clouds: &[(Cloud, Labels)]) -> [u64; 256] {
+    let mut points = [0u64; 256];
+    for (_, labels) in clouds {
+        labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
     }
-    Ok(labels)
+    points
+}
+
+/// The classes with these codes, called as in the one known list that labels are of.
+pub(super) fn class_table(codes: &[u8], clouds: &[(Cloud, Labels)]) -> ClassTable {
+    let mut known = clouds.iter().map(|(_, labels)| labels.scheme).filter(|&s| s != CodeScheme::Own);
+    let first = known.next().unwrap_or_default();
+    let scheme = if known.all(|s| s == first) { first } else { CodeScheme::Own };
+    ClassTable::of_scheme(codes, scheme)
+}
+
+/// Refuses clouds whose labels are of one class, or none, before anything is computed.
+pub(super) fn check_labels(clouds: &[(Cloud, Labels)]) -> Result<()> {
+    let points = counts_of(clouds);
+    let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
+    check_classes(&class_table(&codes, clouds))
+}
+
+/// Refuses to learn from no class or from one.
+pub(super) fn check_classes(classes: &ClassTable) -> Result<()> {
+    let advice = "check the label dimension, and which codes are mapped, asked for and count as unlabelled";
+    match classes.classes() {
+        [] => Err(Error::input(format!("no labelled point to learn from; {advice}"))),
+        [one] => Err(Error::input(format!(
+            "only one class to learn, code {} ({}): a model needs two or more; {advice}",
+            one.code, one.name
+        ))),
+        _ => Ok(()),
+    }
 }
 
 fn code_of(value: f64, point: usize, dimension: &str) -> Result<Option<u8>> {
@@ -91,24 +165,49 @@ mod tests {
     use super::*;
     use crate::cloud::{Column, Values};
 
-    fn cloud(values: Vec<f32>) -> Cloud {
+    fn cloud(values: Vec<f32>, scheme: CodeScheme) -> Cloud {
         let mut cloud = Cloud::from_rows(&vec![[0.0; 3]; values.len()]).unwrap();
+        cloud.set_column(Column::new("other", Values::F32(values.clone()))).unwrap();
         cloud.set_column(Column::new("Classification", Values::F32(values))).unwrap();
+        cloud.scheme = scheme;
         cloud
     }
 
+    fn codes(scheme: CodeScheme, params: &LabelParams) -> Vec<Option<u8>> {
+        read_labels(&cloud(vec![-1.0, 0.0, 1.0, 2.0, f32::NAN], scheme), params).unwrap().codes
+    }
+
     #[test]
-    fn negative_values_and_asked_codes_are_unlabelled() {
-        let params = LabelParams { map: "4=5".parse().unwrap(), ..LabelParams::default() };
-        let labels = read_labels(&cloud(vec![-1.0, 2.0, 1.0, 4.0, f32::NAN]), &params).unwrap();
-        assert_eq!(labels.codes, [None, Some(2), None, Some(5), None]);
+    fn what_is_unlabelled_depends_on_the_list_of_codes() {
+        let auto = LabelParams::default();
+        assert_eq!(codes(CodeScheme::Asprs, &auto), [None, None, None, Some(2), None]);
+        assert_eq!(codes(CodeScheme::Semantic3d, &auto), [None, None, Some(1), Some(2), None]);
+        assert_eq!(codes(CodeScheme::Own, &auto), [None, Some(0), Some(1), Some(2), None]);
+        let other = LabelParams { dimension: "other".into(), ..auto.clone() };
+        assert_eq!(codes(CodeScheme::Asprs, &other), [None, Some(0), Some(1), Some(2), None]);
+        let asked = LabelParams { unlabelled: Some(vec![2]), ..auto.clone() };
+        assert_eq!(codes(CodeScheme::Asprs, &asked), [None, Some(0), Some(1), None, None]);
+        let none = LabelParams { unlabelled: Some(Vec::new()), ..auto.clone() };
+        assert_eq!(codes(CodeScheme::Asprs, &none), [None, Some(0), Some(1), Some(2), None]);
+        let classes = LabelParams { classes: vec![1, 2], ..auto };
+        assert_eq!(codes(CodeScheme::Asprs, &classes), [None, None, Some(1), Some(2), None]);
+        let both = LabelParams { unlabelled: Some(vec![1]), ..classes };
+        assert!(read_labels(&cloud(vec![1.0], CodeScheme::Own), &both).is_err());
+    }
+
+    #[test]
+    fn codes_are_mapped_before_they_are_left_out() {
+        let params = LabelParams { map: "4=5,1=6,2=1".parse().unwrap(), ..LabelParams::default() };
+        let labels = read_labels(&cloud(vec![-1.0, 2.0, 1.0, 4.0, f32::NAN], CodeScheme::Asprs), &params).unwrap();
+        assert_eq!(labels.codes, [None, None, Some(6), Some(5), None]);
         assert_eq!(labels.unlabelled, 3);
     }
 
     #[test]
     fn labels_out_of_range_are_refused_with_point_and_value() {
         for bad in [256.0, 2.5] {
-            let message = read_labels(&cloud(vec![2.0, bad]), &LabelParams::default()).unwrap_err().to_string();
+            let cloud = cloud(vec![2.0, bad], CodeScheme::Own);
+            let message = read_labels(&cloud, &LabelParams::default()).unwrap_err().to_string();
             assert!(message.contains("point 1") && message.contains(&bad.to_string()), "{message}");
         }
         assert!(read_labels(&Cloud::from_rows(&[]).unwrap(), &LabelParams::default()).is_err());

@@ -2,15 +2,21 @@
 
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
+use crate::parallel::Monitor;
 
-/// Local coordinates of a cloud's finite points, metres; `metres` in one unit if somebody said so, else what the cloud says.
+/// Local coordinates of a cloud's points that are finite and not stray, metres; `metres` in one unit if somebody said so, else what the cloud says.
 ///
 /// # Errors
-/// If no point has finite coordinates.
+/// If no point has finite coordinates, or they are degrees.
 pub(super) fn points_of(cloud: &Cloud, metres: Option<f64>) -> Result<Points> {
-    let points = Points::from_cloud(cloud, metres.or(cloud.metres_per_unit).unwrap_or(1.0));
+    let points = Points::from_cloud(cloud, cloud.metres(metres)?);
     match points.is_empty() {
         true => Err(Error::input("the cloud has no point with finite coordinates")),
         false => Ok(points),
     }
+}
+
+/// Keeps what is odd about clouds that are learned from, for the user.
+pub(super) fn note_oddities<'a>(clouds: impl IntoIterator<Item = &'a Cloud>, monitor: &Monitor) {
+    clouds.into_iter().flat_map(Cloud::oddities).for_each(|text| monitor.warn(text));
 }

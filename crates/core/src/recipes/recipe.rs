@@ -85,12 +85,19 @@ impl Recipe {
     }
 }
 
+/// Parts of the longest key; those of recipes have four.
+const DEEPEST: usize = 16;
+
 /// Sets one `a.b.c=value` in a TOML table.
 pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
     let bad = || Error::parameter("set", setting, "key=value, e.g. forest.trees=100");
     let (key, value) = setting.split_once('=').ok_or_else(bad)?;
     let value = parse_value(value.trim());
-    let mut parts: Vec<&str> = key.trim().split('.').collect();
+    let mut parts: Vec<&str> = key.trim().split('.').take(DEEPEST + 1).collect();
+    if parts.len() > DEEPEST {
+        let start: String = key.trim().chars().take(40).collect();
+        return Err(Error::parameter("set", format!("{start}..."), format!("a key of at most {DEEPEST} parts")));
+    }
     let last = parts.pop().filter(|k| !k.is_empty()).ok_or_else(bad)?;
     let mut here = table;
     for part in parts {
@@ -176,6 +183,21 @@ mod tests {
         assert!(Recipe::default().with_settings(["seed.forest=5"]).is_err());
         assert!(Recipe::default().with_settings(["forest.trees"]).is_err());
         assert!(Recipe::default().with_settings(["forest.trees=many"]).is_err());
+    }
+
+    #[test]
+    fn deep_keys_and_values_are_refused_and_do_not_take_the_stack() {
+        let key = vec!["a"; 60_000].join(".") + "=1";
+        let message = Recipe::default().with_settings([&key[..]]).unwrap_err().to_string();
+        assert!(message.contains("at most 16 parts") && message.len() < 200, "{message}");
+        for value in ["[".repeat(60_000), "{a=".repeat(60_000), format!("{}1", "a.".repeat(60_000))] {
+            assert!(Recipe::default().with_settings([&format!("forest.trees={value}")[..]]).is_err());
+        }
+        for text in [format!("{}=1", vec!["a"; 60_000].join(".")), format!("[{}]", vec!["a"; 60_000].join("."))] {
+            assert!(Recipe::from_toml(&text).is_err());
+            assert!(crate::recipes::AnyRecipe::from_toml(&text).is_err());
+        }
+        assert!(Recipe::from_toml(&format!("seed = {}", "[".repeat(60_000))).is_err());
     }
 
     #[test]

@@ -200,7 +200,7 @@ mod tests {
         // Label one wall: the other is the least new of the large ones.
         let wall = |s: &Suggestion| cloud.xyz(s.point as usize)[1];
         let codes = (0..cloud.len()).map(|i| (cloud.xyz(i)[1] == 30.0).then_some(6)).collect();
-        let labels = Labels { codes, unlabelled: 0 };
+        let labels = Labels { codes, ..Labels::default() };
         let next = suggest(&segmented, None, Some(&labels), &params).unwrap();
         assert!(next.iter().all(|s| wall(s) != 30.0));
         assert!(wall(&next[0]) != 60.0 && next[0].score >= next[1].score);

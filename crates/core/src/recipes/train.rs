@@ -2,14 +2,15 @@
 //! (or another classifier).
 //!
 //! Reference: T. Hackel, *Large-scale machine learning for point cloud processing*, thesis, ETH Zurich 2018, chapter
-//! 4.4 (document 004). The steps of the chapter are the functions of this file, in order.
+//! 4.4. The steps of the chapter are the functions of this file, in order.
 
-use super::labels::Labels;
+use super::labels::{Labels, check_classes, class_table, counts_of};
+use super::points::note_oddities;
 use super::recipe::Recipe;
-use super::training::{Candidate, ClassCount, TrainingReport, candidates, copies, planar_density};
-use crate::classes::ClassTable;
+use super::training::{Candidate, ClassCount, TrainingParams, TrainingReport, candidates, copies, planar_density};
+use crate::classes::{Class, ClassTable};
 use crate::classification::cross_validation::{grid_search, grouped_folds};
-use crate::classification::sampling::{BalanceParams, balance};
+use crate::classification::sampling::balance;
 use crate::classification::{Classifier, ClassifierParams, Fingerprint, Model, Samples};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
@@ -33,19 +34,20 @@ struct Source {
 /// The first scale, if the recipe leaves it open, comes from the spacing of the first cloud and is fixed in the model.
 ///
 /// # Errors
-/// A parameter out of range; fewer than one labelled point; a column that the features need is absent.
+/// A parameter out of range; fewer than two classes to learn; a column that the features need is absent.
 pub fn train(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<(Model, TrainingReport)> {
-    let (sources, described, recipe) = prepare(clouds, recipe, monitor)?;
+    let Prepared { described, recipe, classes, warnings } = prepare(clouds, recipe, monitor)?;
     let params = recipe.classifier().with_seed(recipe.seed);
     let (classifier, out_of_bag_accuracy) = Classifier::fit_with_score(&described.samples(), &params, monitor)?;
     let (classifier, used) = classifier.retain_used();
     let report = TrainingReport {
-        classes: count(clouds, &sources, &described.classes),
+        classes,
         unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
         out_of_bag_accuracy,
         first_scale: recipe.features.pyramid.first_scale.unwrap_or_default(),
         used_features: used.len(),
         features: described.names.len(),
+        warnings,
     };
     let fingerprint = Fingerprint::of(&described.samples(), mean_density(clouds, &recipe)).select(&used);
     let feature_names = used.iter().map(|&f| described.names[f].clone()).collect();
@@ -75,7 +77,7 @@ pub fn cross_validate(
     (depths, folds): (&[usize], usize),
     monitor: &Monitor,
 ) -> Result<Vec<DepthScore>> {
-    let (_, described, recipe) = prepare(clouds, recipe, monitor)?;
+    let Prepared { described, recipe, .. } = prepare(clouds, recipe, monitor)?;
     let folds = grouped_folds(&described.blocks, folds)?;
     let mut grid = vec![recipe.classifier()];
     if !depths.is_empty() {
@@ -91,15 +93,41 @@ fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
     params
 }
 
-/// Steps 1 to 3; returns the recipe with its first scale fixed.
-fn prepare(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<(Vec<Source>, Described, Recipe)> {
+/// What is learned from, with the first scale fixed in the recipe.
+struct Prepared {
+    described: Described,
+    recipe: Recipe,
+    classes: Vec<ClassCount>,
+    warnings: Vec<String>,
+}
+
+/// Steps 1 to 3.
+fn prepare(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<Prepared> {
     recipe.validate()?;
     let mut recipe = recipe.clone();
+    for (cloud, _) in clouds {
+        cloud.metres(recipe.features.metres_per_unit)?;
+    }
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
     let mut sources = gather(clouds, &recipe);
-    let classes = class_table(&sources)?;
-    choose(&mut sources, &classes, &recipe)?;
-    let described = describe(clouds, &sources, &mut recipe, monitor)?;
-    Ok((sources, described, recipe))
+    let offered = tally(&sources);
+    let weights = choose(&mut sources, &recipe)?;
+    let counts = count(clouds, &tally(&sources), &weights);
+    let warnings = warnings(&counts, &offered, &recipe.training);
+    let codes: Vec<u8> = counts.iter().filter(|c| c.samples > 0).map(|c| c.code).collect();
+    let classes = class_table(&codes, clouds);
+    check_classes(&classes).map_err(|e| with_reasons(e, &warnings))?;
+    let described = Described { classes, ..Described::default() };
+    let described = describe(clouds, &sources, described, (&mut recipe, &weights), monitor)?;
+    Ok(Prepared { described, recipe, classes: counts, warnings })
+}
+
+/// The error of too few classes, with what became of the others.
+fn with_reasons(error: Error, reasons: &[String]) -> Error {
+    match reasons.is_empty() {
+        true => error,
+        false => Error::input(format!("{error} ({})", reasons.join("; "))),
+    }
 }
 
 /// Step 1: what could be learned from, for every cloud and its thinned copies.
@@ -118,34 +146,31 @@ fn gather(clouds: &[(Cloud, Labels)], recipe: &Recipe) -> Vec<Source> {
     sources
 }
 
-fn class_table(sources: &[Source]) -> Result<ClassTable> {
-    let codes: Vec<u8> = sources.iter().flat_map(|s| s.candidates.iter().map(|c| c.code)).collect();
-    match codes.is_empty() {
-        true => {
-            Err(Error::input("no labelled point to learn from; check the label dimension and the unlabelled codes"))
-        }
-        false => Ok(ClassTable::from_codes(&codes)),
-    }
+/// Samples by code.
+fn tally(sources: &[Source]) -> [u64; 256] {
+    let mut samples = [0; 256];
+    sources.iter().flat_map(|s| &s.candidates).for_each(|c| samples[usize::from(c.code)] += 1);
+    samples
 }
 
-/// Step 2: the class balance of chapter 4.6.1 over all sources together.
-fn choose(sources: &mut [Source], classes: &ClassTable, recipe: &Recipe) -> Result<()> {
-    let all = sources.iter().flat_map(|s| &s.candidates);
-    let labels: Vec<u16> = all.filter_map(|c| classes.position(c.code).map(|p| p as u16)).collect();
-    let params = BalanceParams {
-        max_ratio: recipe.training.max_ratio,
-        max_samples: recipe.training.max_samples,
-        seed: recipe.seed,
-    };
-    let chosen = balance(&labels, &params)?;
+/// Step 2: the class balance of chapter 4.6.1 over all sources together; returns the weight of each code's samples.
+fn choose(sources: &mut [Source], recipe: &Recipe) -> Result<Vec<f32>> {
+    let present = tally(sources);
+    let codes: Vec<u8> = (0..=255u8).filter(|&code| present[usize::from(code)] > 0).collect();
+    let position = |code: u8| codes.iter().position(|&c| c == code).unwrap_or_default() as u16;
+    let places: Vec<u16> = (0..=255u8).map(position).collect();
+    let labels: Vec<u16> = sources.iter().flat_map(|s| &s.candidates).map(|c| places[usize::from(c.code)]).collect();
+    let balance = balance(&labels, &recipe.training.balance(recipe.seed))?;
     let mut keep = vec![false; labels.len()];
-    chosen.iter().for_each(|&i| keep[i as usize] = true);
+    balance.chosen.iter().for_each(|&i| keep[i as usize] = true);
     let mut keep = keep.into_iter();
     for source in sources {
         source.candidates.retain(|_| keep.next().unwrap_or(false));
         source.candidates.sort_unstable_by_key(|c| c.point);
     }
-    Ok(())
+    let mut weights = vec![0.0; 256];
+    codes.iter().zip(balance.weights).for_each(|(&code, weight)| weights[usize::from(code)] = weight);
+    Ok(weights)
 }
 
 /// Feature vectors of the chosen points, the position of their class, and the block that they stand in.
@@ -153,6 +178,8 @@ fn choose(sources: &mut [Source], classes: &ClassTable, recipe: &Recipe) -> Resu
 pub(super) struct Described {
     pub(super) values: Vec<f32>,
     pub(super) labels: Vec<u16>,
+    /// Weight of each; empty: all the same.
+    pub(super) weights: Vec<f32>,
     pub(super) blocks: Vec<u32>,
     pub(super) names: Vec<String>,
     pub(super) classes: ClassTable,
@@ -161,7 +188,8 @@ pub(super) struct Described {
 impl Described {
     pub(super) fn samples(&self) -> Samples<'_> {
         let (features, labels) = (&self.values[..], &self.labels[..]);
-        Samples { features, width: self.names.len(), labels, weights: None, classes: self.classes.len() }
+        let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
+        Samples { features, width: self.names.len(), labels, weights, classes: self.classes.len() }
     }
 }
 
@@ -169,10 +197,14 @@ impl Described {
 fn describe(
     clouds: &[(Cloud, Labels)],
     sources: &[Source],
-    recipe: &mut Recipe,
+    mut described: Described,
+    (recipe, weights): (&mut Recipe, &[f32]),
     monitor: &Monitor,
 ) -> Result<Described> {
-    let mut described = Described { classes: class_table(sources)?, ..Described::default() };
+    let weighted = sources.iter().flat_map(|s| &s.candidates).map(|c| weights[usize::from(c.code)]);
+    if weighted.clone().any(|w| w > 1.0) {
+        described.weights = weighted.collect();
+    }
     for source in sources {
         let whole = &clouds[source.cloud].0;
         let thinned = source.copy.as_ref().map(|kept| whole.select(kept));
@@ -198,17 +230,43 @@ fn block_of(cloud: usize, xyz: [f64; 3], metres: f64) -> u32 {
     mixed.wrapping_mul(0x27d4_eb2f) >> 8
 }
 
-fn count(clouds: &[(Cloud, Labels)], sources: &[Source], classes: &ClassTable) -> Vec<ClassCount> {
-    let mut points = [0u64; 256];
-    for (_, labels) in clouds {
-        labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
-    }
-    let samples = |code| sources.iter().flat_map(|s| &s.candidates).filter(|c| c.code == code).count() as u64;
-    classes
-        .classes()
-        .iter()
-        .map(|c| ClassCount { code: c.code, points: points[usize::from(c.code)], samples: samples(c.code) })
-        .collect()
+/// Points, samples and weights of every labelled class.
+fn count(clouds: &[(Cloud, Labels)], samples: &[u64; 256], weights: &[f32]) -> Vec<ClassCount> {
+    let points = counts_of(clouds);
+    let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
+    let table = class_table(&codes, clouds);
+    let count = |class: &Class| {
+        let code = usize::from(class.code);
+        let weight = f64::from(weights.get(code).copied().unwrap_or_default());
+        ClassCount { code: class.code, name: class.name.clone(), points: points[code], samples: samples[code], weight }
+    };
+    table.classes().iter().map(count).collect()
+}
+
+/// What became of classes with few samples; `offered`: samples before the balance.
+fn warnings(counts: &[ClassCount], offered: &[u64; 256], params: &TrainingParams) -> Vec<String> {
+    let largest = counts.iter().map(|c| c.samples).max().unwrap_or(0);
+    let warning = |c: &ClassCount| {
+        let (of, name) = (offered[usize::from(c.code)], c.title());
+        match c.samples {
+            0 if of == 0 => Some(format!(
+                "{name} is left out: its {} points are the majority of no voxel of {} m, or are excluded",
+                c.points, params.voxel
+            )),
+            0 => Some(format!(
+                "{name} is left out: {of} samples are too few to learn from (training.rare_below = {}; \
+                 training.rare = \"keep\" learns it all the same)",
+                params.rare_below
+            )),
+            _ if c.weight > 1.0 => Some(format!(
+                "{name} has {} samples beside {largest} of the largest class: each weighs {:.1} times as much \
+                 (training.max_ratio = {})",
+                c.samples, c.weight, params.max_ratio
+            )),
+            _ => None,
+        }
+    };
+    counts.iter().filter_map(warning).collect()
 }
 
 /// Mean of the clouds' densities, points per square metre.

@@ -1,9 +1,11 @@
 //! Which labelled points are learned from: voxel sub-sampling, thinned copies, class balance.
 //!
-//! Document 004, chapters 4.4.3 and 4.6.1: training data are voxel-filtered so that their density does not depend on
-//! the scanner's position; then the largest class gets at most 4 times the samples of the smallest.
+//! Hackel 2018, chapters 4.4.3 and 4.6.1: training data are voxel-filtered so that their density does not depend on
+//! the scanner's position; then the largest class gets at most 4 times the samples of the smallest. Where the smallest is a
+//! handful of points, that rule would leave nothing of the others: see [`balance`](crate::classification::sampling::balance).
 
 use super::labels::Labels;
+use crate::classification::sampling::{BalanceParams, Rare};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::random::{Stream, stream};
@@ -15,8 +17,14 @@ use serde::{Deserialize, Serialize};
 pub struct TrainingParams {
     /// One sample a voxel of this size, metres, with the voxel's majority label; 0 takes every point.
     pub voxel: f64,
-    /// The largest class keeps at most this many times the samples of the smallest; at least 1.
+    /// The largest class keeps at most this many times the samples of the smallest that is learned; at least 1.
     pub max_ratio: f64,
+    /// `max_ratio` cuts no class below this many samples; the samples of smaller classes then weigh more.
+    pub keep_samples: usize,
+    /// A class of fewer samples than this, and than a hundredth of the largest class, is too rare to be learned; 0: none is.
+    pub rare_below: usize,
+    /// What becomes of a class that is too rare: `leave-out` or `keep`.
+    pub rare: Rare,
     /// Samples in all; every class is thinned by the same factor above it.
     pub max_samples: usize,
     /// Besides the cloud as it is, learn from copies thinned to these densities in points per square metre.
@@ -27,7 +35,17 @@ pub struct TrainingParams {
 
 impl Default for TrainingParams {
     fn default() -> Self {
-        Self { voxel: 0.01, max_ratio: 4.0, max_samples: 1_000_000, densities: Vec::new(), exclude: Vec::new() }
+        let balance = BalanceParams::default();
+        Self {
+            voxel: 0.01,
+            max_ratio: balance.max_ratio,
+            keep_samples: balance.keep_samples,
+            rare_below: balance.rare_below,
+            rare: balance.rare,
+            max_samples: balance.max_samples,
+            densities: Vec::new(),
+            exclude: Vec::new(),
+        }
     }
 }
 
@@ -49,28 +67,52 @@ impl TrainingParams {
         }
     }
 
+    /// The settings of the class balance.
+    pub(super) fn balance(&self, seed: u64) -> BalanceParams {
+        BalanceParams {
+            max_ratio: self.max_ratio,
+            keep_samples: self.keep_samples,
+            rare_below: self.rare_below,
+            rare: self.rare,
+            max_samples: self.max_samples,
+            seed,
+        }
+    }
+
     fn excludes(&self, x: f64, y: f64) -> bool {
         self.exclude.iter().any(|b| x >= b[0] && y >= b[1] && x <= b[2] && y <= b[3])
     }
 }
 
 /// How many points of a class were there and were used.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ClassCount {
     /// Class code.
     pub code: u8,
+    /// Its name in the model.
+    pub name: String,
     /// Labelled points in all clouds.
     pub points: u64,
-    /// Samples that the forest learned from.
+    /// Samples that were learned from; 0: it is no class of the model, or was not learned.
     pub samples: u64,
+    /// Weight of each of them: above 1 where the class has fewer than `training.max_ratio` asks for.
+    pub weight: f64,
+}
+
+impl ClassCount {
+    /// In messages: `class 2 ground`, or `class 66` if it has no other name.
+    pub(super) fn title(&self) -> String {
+        let plain = format!("class {}", self.code);
+        if self.name == plain { plain } else { format!("{plain} {}", self.name) }
+    }
 }
 
 /// What training did.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainingReport {
-    /// Per class, ascending by code.
+    /// Per class that is labelled, ascending by code; those that were left out have no samples.
     pub classes: Vec<ClassCount>,
-    /// Points that were skipped because nobody named them.
+    /// Points that were skipped because they are unlabelled.
     pub unlabelled: u64,
     /// Out-of-bag accuracy, 0..1, if bagging left samples out.
     pub out_of_bag_accuracy: Option<f64>,
@@ -80,6 +122,8 @@ pub struct TrainingReport {
     pub used_features: usize,
     /// Features that were offered.
     pub features: usize,
+    /// What the user should know: classes that were left out or are rare.
+    pub warnings: Vec<String>,
 }
 
 /// A point that may be learned from.
@@ -157,7 +201,7 @@ mod tests {
     use super::*;
 
     fn labels(codes: &[u8]) -> Labels {
-        Labels { codes: codes.iter().map(|&c| (c > 0).then_some(c)).collect(), unlabelled: 0 }
+        Labels { codes: codes.iter().map(|&c| (c > 0).then_some(c)).collect(), ..Labels::default() }
     }
 
     #[test]

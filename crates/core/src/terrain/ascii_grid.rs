@@ -6,6 +6,7 @@
 
 use super::raster::Raster;
 use crate::error::{Error, Result};
+use crate::io::open;
 use std::path::Path;
 
 /// Reads an ESRI ASCII grid of heights in metres; cells without data are holes.
@@ -14,7 +15,7 @@ use std::path::Path;
 /// If the file cannot be read, a word of the header is missing, a number is malformed, or there are not as many heights as the
 /// header says. Nothing is allocated by the header alone.
 pub fn read_ascii_grid(path: &Path) -> Result<Raster> {
-    let text = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let text = open::bytes(path, open::MOST_TABLE)?;
     let text = String::from_utf8_lossy(&text);
     let (header, body) = split(&text);
     let field = |names: [&'static str; 2]| {

@@ -2,6 +2,7 @@
 
 use super::elevation::{ElevationModel, ElevationParams};
 use super::raster::Raster;
+use super::sites::by_site;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
@@ -84,6 +85,10 @@ impl GroundParams {
 pub fn ground_points(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<Vec<bool>> {
     params.validate()?;
     monitor.stage("ground", points.len() as u64);
+    by_site(points, params.cell, |site| of_site(site, params, monitor))
+}
+
+fn of_site(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<Vec<bool>> {
     let lowest = ElevationParams { cell: params.cell, percentile: 0.0, median: 1 };
     let model = ElevationModel::fit(points, &vec![true; points.len()], &lowest, monitor)?;
     let ground = ElevationModel::from_raster(bare(model.raster(), params, monitor)?)?;

@@ -9,6 +9,7 @@ mod holes;
 mod position;
 mod raster;
 mod road;
+mod sites;
 
 pub use alpha_shape::{AlphaParams, AlphaShape};
 pub use ascii_grid::read_ascii_grid;
@@ -18,3 +19,4 @@ pub use ground_filter::{GroundParams, ground_points};
 pub use position::position;
 pub use raster::Raster;
 pub use road::{is_likely, road_probability};
+pub(crate) use sites::by_site;

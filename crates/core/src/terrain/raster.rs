@@ -45,7 +45,11 @@ impl Raster {
         let cells = count[0] * count[1];
         // Also false for NaN.
         if !(cells >= 1.0 && cells <= MOST as f64) {
-            let expected = format!("a size that gives 1..={MOST} cells; this extent needs {cells}");
+            let [wide, high] = count.map(|count| count * cell);
+            let expected = format!(
+                "a size that gives 1..={MOST} cells; this extent of {wide:.0} x {high:.0} m needs {cells}: cut the cloud or choose \
+                 a larger cell"
+            );
             return Err(Error::parameter("cell", cell, expected));
         }
         Self::new(first.map(|v| v * cell), cell, count[0] as usize, vec![f64::NAN; cells as usize])

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import codes, column
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
+from scansion._labels import classes_of, encoded, is_text, listed, signed, texts
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
 
@@ -27,7 +27,8 @@ class Classified(NamedTuple):
     """One answer a point, in the cloud's order."""
 
     codes: NDArray[np.uint8]
-    """Most probable class; 1 (unclassified) where coordinates are not finite."""
+    """Code of the most probable class; where coordinates are not finite 1 (unclassified), or if that is a class the highest
+    code that is none."""
     confidence: NDArray[np.float32]
     """Its probability, 0..1."""
     entropy: NDArray[np.float32]
@@ -44,8 +45,10 @@ class PointClassifier(Classifier):
     recipe : path, str or mapping, optional
         A TOML recipe: its path, its text, or a mapping of dotted keys to values, as in
         ``{"forest.trees": 100, "features.intensity": True}``. Without one the paper's values hold.
-    unlabelled : iterable of int
-        Codes that mean "nobody has said"; such points are not learned from. Negative labels never are.
+    unlabelled : iterable of int or str, optional
+        Labels that mean "unlabelled"; such points are not learned from. By default those of a cloud's own list of codes (LAS:
+        0 and 1, Semantic3D: 0, others: none; see `PointCloud.scheme`), and none of labels that are given as an array.
+        Negative labels, NaN and None never are learned from.
     class_map : str
         Changes of codes before learning, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None
@@ -56,7 +59,9 @@ class PointClassifier(Classifier):
     Attributes
     ----------
     classes_ : array of shape (n_classes,)
-        Class codes, ascending.
+        Class codes, ascending; the texts if ``fit`` was given text.
+    codes_ : array of shape (n_classes,)
+        The code of each class, as `classify` and files have it.
     class_names_ : list of str
     feature_names_in_ : array of shape (n_features,)
         Features that the forest uses.
@@ -65,7 +70,7 @@ class PointClassifier(Classifier):
     recipe_ : str
         The recipe as TOML, all values resolved.
     report_ : dict
-        What training did; only after ``fit``.
+        What training did: points, samples and weight of each class, ``warnings``, and more; only after ``fit``.
 
     Examples
     --------
@@ -79,9 +84,13 @@ class PointClassifier(Classifier):
     >>> classifier = PointClassifier(recipe).fit(cloud, labels)
     >>> bool((classifier.predict(cloud) == labels).mean() > 0.95)
     True
+    >>> named = PointClassifier(recipe).fit(cloud, np.where(labels == 2, "ground", "wall")).predict(cloud)
+    >>> sorted(set(named.tolist()))
+    ['ground', 'wall']
     """
 
-    classes_: NDArray[np.uint8]
+    classes_: NDArray[Any]
+    codes_: NDArray[np.uint8]
     class_names_: list[str]
     feature_names_in_: NDArray[np.object_]
     recipe_: str
@@ -91,7 +100,7 @@ class PointClassifier(Classifier):
         self,
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         *,
-        unlabelled: Iterable[int] = (0, 1),
+        unlabelled: Iterable[Any] | None = None,
         class_map: str = "",
         random_state: int | np.random.RandomState | None = None,
         n_jobs: int | None = None,
@@ -123,6 +132,12 @@ class PointClassifier(Classifier):
         Parameters
         ----------
         path : path
+            An older model is replaced; any other file that stands there is not.
+
+        Raises
+        ------
+        FileExistsError
+            A file that is no model stands there.
         """
         self._check_is_fitted()
         self._model.save(os.fspath(path))
@@ -135,7 +150,10 @@ class PointClassifier(Classifier):
         clouds : cloud or list of clouds
             Each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
         labels : array_like of shape (n,) or list of such, optional
-            Class codes 0..255, negative where there is none; without them each cloud's column Classification.
+            Class codes 0..255, negative where there is none, or text, None where there is none; without them each cloud's
+            column Classification.
+
+        Warns of classes that were left out because they have too few points, and of others that are rare.
         """
         recipe, settings = self._recipe()
         several = isinstance(clouds, (list, tuple)) and not _is_rows(clouds)
@@ -143,17 +161,39 @@ class PointClassifier(Classifier):
         given = [None] * len(clouds) if labels is None else list(labels) if several else [labels]
         if len(given) != len(clouds):
             raise ValueError(f"labels: found {len(given)} arrays for {len(clouds)} clouds")
+        given, names, unlabelled = self._known(given)
         wanted = _core.recipe_columns(recipe, settings)
         prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
-        unlabelled = codes(np.asarray(list(self.unlabelled), dtype=np.int64), "unlabelled").tobytes()
         model, report = _core.Model.train(
-            prepared, recipe, settings, _LABELS, self.class_map, unlabelled, self._strengths(), self.n_jobs
+            prepared, recipe, settings, _LABELS, self.class_map, unlabelled, names, self._strengths(), self.n_jobs
         )
         self._take(model)
+        if names:
+            self.classes_ = np.array(self.class_names_)
         self.report_ = json.loads(report)
+        for note in self.report_["warnings"]:
+            warnings.warn(note, stacklevel=2)
         return self
 
-    def classify(self, cloud: Any, *, probabilities: bool = False, regularize: str | None = None) -> Classified:
+    def _known(self, given: list[Any]) -> tuple[list[Any], list[str], bytes | None]:
+        """Labels as numbers; the names of the codes if they were text; the codes that mean "unlabelled"."""
+        asked = None if self.unlabelled is None else list(self.unlabelled)
+        if not any(y is not None and is_text(y) for y in given):
+            return given, [], None if asked is None else listed(asked)
+        if self.class_map:
+            raise ValueError(f"class_map: found {self.class_map!r}, expected none: the labels are text")
+        arrays = [texts(y, "labels") for y in given]
+        names = classes_of(arrays, asked or ())
+        return [encoded(y, names) for y in arrays], names, b""
+
+    def classify(
+        self,
+        cloud: Any,
+        *,
+        probabilities: bool = False,
+        regularize: str | None = None,
+        metres_per_unit: float | None = None,
+    ) -> Classified:
         """Class, confidence and entropy of every point.
 
         Parameters
@@ -163,22 +203,32 @@ class PointClassifier(Classifier):
             Return the probability of every class too.
         regularize : {"none", "local", "point-crf", "consensus", "segment-crf"}, optional
             Make neighbours agree in this way; None takes the model's own.
+        metres_per_unit : float, optional
+            Metres in one unit of the coordinates; None takes what the cloud says, else 1. Degrees are refused.
         """
         self._check_is_fitted()
         points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
-        found = self._model.classify(points._core, probabilities, regularize, self.n_jobs)
+        found = self._model.classify(points._core, probabilities, regularize, metres_per_unit, self.n_jobs)
         for note in found[4]:
             warnings.warn(note, stacklevel=2)
         return Classified(*found[:4])
 
-    def predict(self, cloud: Any) -> NDArray[np.uint8]:
-        """The class code of every point, in the cloud's order.
+    def predict(self, cloud: Any) -> NDArray[Any]:
+        """The class of every point, in the cloud's order: its code, or its text if ``fit`` was given text ("" where
+        coordinates are not finite).
 
         Parameters
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         """
-        return self.classify(cloud).codes
+        found = self.classify(cloud).codes
+        return self._texts(found) if self.classes_.dtype.kind == "U" else found
+
+    def _texts(self, found: NDArray[np.uint8]) -> NDArray[np.str_]:
+        """The names of codes, "" for those that are no class."""
+        names = np.full(256, "", dtype=np.array(self.class_names_).dtype)
+        names[self.codes_] = self.class_names_
+        return np.asarray(names[found])
 
     def predict_proba(self, cloud: Any) -> NDArray[np.float32]:
         """Probability of each class for every point, columns in the order of ``classes_``.
@@ -198,12 +248,27 @@ class PointClassifier(Classifier):
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         labels : array_like of shape (n,), optional
-            Class codes; without them the cloud's column Classification.
+            Class codes or text as for ``fit``, negative or None where there is none; without them the cloud's column
+            Classification. ``unlabelled`` and ``class_map`` hold as in ``fit``.
         """
         points = as_cloud(cloud)
-        truth = points[_LABELS] if labels is None else column(labels, "labels", len(points))
-        known = (truth >= 0) & ~np.isin(truth, list(self.unlabelled))
-        return float(np.mean(self.predict(points)[known] == truth[known]))
+        unlabelled = self.unlabelled if self.unlabelled is not None else ()
+        if labels is not None and is_text(labels):
+            true = texts(labels, "labels", len(points))
+            known = np.array([text is not None and text not in set(unlabelled) for text in true.tolist()], dtype=bool)
+            self._check_labelled(known)
+            return float(np.mean(self._texts(self.classify(points).codes)[known] == true[known].astype(str)))
+        if labels is None and self.unlabelled is None:
+            unlabelled = points._core.unlabelled()
+        given = points[_LABELS] if labels is None else labels
+        codes = signed(given, "labels", len(points), unlabelled, self.class_map)
+        self._check_labelled(codes >= 0)
+        return float(np.mean((self.classify(points).codes == codes)[codes >= 0]))
+
+    @staticmethod
+    def _check_labelled(known: NDArray[np.bool_]) -> None:
+        if not known.any():
+            raise ValueError(f"labels: found no label among {len(known)} points, expected some to score by")
 
     @property
     def feature_importances_(self) -> NDArray[np.float64]:
@@ -217,7 +282,8 @@ class PointClassifier(Classifier):
 
     def _take(self: Self, model: _core.Model) -> Self:
         self._model = model
-        self.classes_ = np.array(model.codes(), dtype=np.uint8)
+        self.codes_ = np.array(model.codes(), dtype=np.uint8)
+        self.classes_ = self.codes_
         self.class_names_ = model.class_names()
         self.feature_names_in_ = np.array(model.feature_names(), dtype=object)
         self.recipe_ = model.recipe()
@@ -242,4 +308,5 @@ def _labelled(cloud: Any, labels: Any, wanted: list[str]) -> PointCloud:
     if labels is not None:
         points = points.copy()
         points[_LABELS] = labels
+        points.scheme = "own"
     return points

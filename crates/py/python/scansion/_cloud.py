@@ -50,7 +50,7 @@ class PointCloud:
     xyz : array_like of shape (n, 3)
         Coordinates in the unit of the reference system.
     crs : str, optional
-        Coordinate reference system, as WKT or ``EPSG:n``.
+        Coordinate reference system, as WKT or ``EPSG:n``; it tells the unit.
     metres_per_unit : float, optional
         Metres in one unit of the coordinates (0.3048 for feet).
     **columns : array_like of shape (n,)
@@ -84,7 +84,8 @@ class PointCloud:
 
     def _fill(self, crs: str | None, metres_per_unit: float | None, columns: Mapping[str, ArrayLike]) -> None:
         self._core.crs = crs
-        self._core.metres_per_unit = metres_per_unit
+        if metres_per_unit is not None:
+            self._core.metres_per_unit = metres_per_unit
         for name, values in columns.items():
             self[name] = values
 
@@ -130,6 +131,16 @@ class PointCloud:
     def metres_per_unit(self, metres: float | None) -> None:
         self._core.metres_per_unit = metres
 
+    @property
+    def scheme(self) -> str:
+        """The list that the codes of the column Classification are of: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
+        ``"semantic3d"`` (0 is) or ``"own"`` (every code is a class). Readers set it; it may be changed."""
+        return self._core.scheme
+
+    @scheme.setter
+    def scheme(self, scheme: str) -> None:
+        self._core.scheme = scheme
+
     def __len__(self) -> int:
         return len(self._core)
 
@@ -158,7 +169,7 @@ class PointCloud:
     def __reduce__(self) -> tuple[Any, ...]:
         columns = {name: self[name] for name in self.columns}
         ticks = self._core.ticks()
-        return _restore, (self.xyz if ticks is None else ticks, self.crs, self.metres_per_unit, columns)
+        return _restore, (self.xyz if ticks is None else ticks, self.crs, self.metres_per_unit, columns, self.scheme)
 
     def copy(self) -> PointCloud:
         """A copy that may be changed without changing this cloud."""
@@ -182,6 +193,7 @@ class PointCloud:
                 cloud[_SCAN_ANGLE] = values.astype(np.float32) * np.float32(unit)
             elif values.ndim == 1 and values.dtype.kind in "fiub":
                 cloud[_LASPY_NAMES.get(name, name)] = values
+        cloud.scheme = "asprs"
         parsed = _laspy_crs(las.header)
         cloud.crs = parsed
         return cloud
@@ -197,11 +209,9 @@ class PointCloud:
         if ticks is not None:
             header.scales, header.offsets = np.array(ticks[1]), np.array(ticks[2])
         else:
-            finite = xyz[np.isfinite(xyz).all(axis=1)]
-            header.scales = np.full(3, 0.001)
-            header.offsets = np.floor(finite.min(axis=0)) if len(finite) else np.zeros(3)
-        if self.crs is not None and not self.crs.startswith("EPSG:"):
-            header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(self.crs))
+            header.scales, header.offsets = (np.array(values) for values in self._core.las_frame())
+        if (wkt := self._core.wkt()) is not None:
+            header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
             header.global_encoding.wkt = True
         las = laspy.LasData(header)
         las.x, las.y, las.z = xyz[:, 0], xyz[:, 1], xyz[:, 2]
@@ -221,12 +231,17 @@ class PointCloud:
 
 
 def _restore(
-    place: Any, crs: str | None, metres_per_unit: float | None, columns: Mapping[str, NDArray[Any]]
+    place: Any,
+    crs: str | None,
+    metres_per_unit: float | None,
+    columns: Mapping[str, NDArray[Any]],
+    scheme: str = "own",
 ) -> PointCloud:
     """Undoes ``PointCloud.__reduce__``."""
     core = _core.Cloud.from_ticks(*place) if isinstance(place, tuple) else _core.Cloud.from_xyz(place)
     cloud = PointCloud._wrap(core)
     cloud._fill(crs, metres_per_unit, columns)
+    cloud.scheme = scheme
     return cloud
 
 
@@ -235,7 +250,20 @@ def _laspy_crs(header: Any) -> str | None:
         text = getattr(vlr, "string", None)
         if getattr(vlr, "record_id", None) == 2112 and text:
             return str(text).rstrip("\0")
-    return None
+    keys = [vlr.geo_keys for vlr in header.vlrs if getattr(vlr, "record_id", None) == 34735]
+    values = {key.id: key.value_offset for key in (keys[0] if keys else []) if key.tiff_tag_location == 0}
+    code = values.get(3072, values.get(2048) if values.get(1024) == 2 else None)
+    return f"EPSG:{code}" if code not in (None, 0, 32767) else None
+
+
+def measured(points: Any, columns: list[str], metres_per_unit: float | None) -> PointCloud:
+    """`as_cloud` with another unit, if one is given; a cloud of the caller's stays as it is."""
+    cloud = as_cloud(points, columns=columns)
+    if metres_per_unit is None:
+        return cloud
+    cloud = cloud.copy()
+    cloud.metres_per_unit = metres_per_unit
+    return cloud
 
 
 def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:

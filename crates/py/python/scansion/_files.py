@@ -95,7 +95,19 @@ def blocks(
     return map(PointCloud._wrap, _core.Blocks(os.fspath(path), size, part))
 
 
-def write(path: str | os.PathLike[str], cloud: Any) -> None:
+def _steps(scale: float | Sequence[float] | None) -> Any:
+    """One step an axis."""
+    if scale is None:
+        return None
+    steps = np.asarray(scale, dtype=np.float64)
+    if steps.shape not in ((), (3,)):
+        raise ValueError(f"scale: found shape {steps.shape}, expected a number or three")
+    return tuple(np.broadcast_to(steps, 3).tolist())
+
+
+def write(
+    path: str | os.PathLike[str], cloud: Any, *, scale: float | Sequence[float] | None = None
+) -> None:
     """Writes points as LAS, LAZ, PLY, PCD, npz or text, by the extension; the file appears whole or not at all.
 
     Parameters
@@ -104,8 +116,16 @@ def write(path: str | os.PathLike[str], cloud: Any) -> None:
         ``.las``, ``.laz``, ``.ply``, ``.pcd``, ``.npz``, ``.txt``, ``.xyz``, ``.csv`` or ``.labels`` (class codes alone).
     cloud : PointCloud, laspy.LasData, structured array or array_like of shape (n, 3)
         What to write.
+    scale : float or three of them, optional
+        Step of the whole numbers that LAS and LAZ store coordinates in. None takes the cloud's own if it came from LAS,
+        else 0.001 (1e-7 for degrees), or what moves no point by more than a thousandth of the points' spacing.
+
+    Raises
+    ------
+    ValueError
+        No step holds the extent in 32 bits and the points in their places; ``scale`` accepts the loss.
     """
-    _core.write(os.fspath(path), as_cloud(cloud)._core)
+    _core.write(os.fspath(path), as_cloud(cloud)._core, _steps(scale))
 
 
 def rewrite(
@@ -113,6 +133,8 @@ def rewrite(
     output: str | os.PathLike[str],
     classification: ArrayLike | None = None,
     dimensions: Mapping[str, ArrayLike] | None = None,
+    *,
+    scale: float | Sequence[float] | None = None,
 ) -> list[str]:
     """Copies a file with other classes or more dimensions; every other byte stays as it is.
 
@@ -124,6 +146,8 @@ def rewrite(
         Class codes 0..255 in the file's order.
     dimensions : mapping of str to array_like of shape (n,), optional
         Dimensions to add or replace (Extra Bytes in LAS).
+    scale : float or three of them, optional
+        As of `write`; not from LAS to LAS, which keeps its steps.
 
     Returns
     -------
@@ -132,7 +156,7 @@ def rewrite(
     """
     labels = None if classification is None else codes(classification, "classification")
     extra = [(name, column(values, name)) for name, values in (dimensions or {}).items()]
-    return _core.rewrite(os.fspath(input), os.fspath(output), labels, extra)
+    return _core.rewrite(os.fspath(input), os.fspath(output), labels, extra, _steps(scale))
 
 
 def info(path: str | os.PathLike[str], *, stats: bool = False) -> dict[str, Any]:
@@ -188,6 +212,7 @@ def convert(
     point_format: int | None = None,
     bounds: ArrayLike | None = None,
     resolution: float | None = None,
+    scale: float | Sequence[float] | None = None,
 ) -> list[str]:
     """Copies a file into the format of the output's extension.
 
@@ -199,6 +224,8 @@ def convert(
         Point format of a LAS or LAZ output made from LAS or LAZ, 0 to 10; it must have all fields of the input's.
     bounds, resolution
         Only this part of the input, as of `read`.
+    scale : float or three of them, optional
+        As of `write`; not from LAS to LAS, which keeps its steps.
 
     Returns
     -------
@@ -206,10 +233,15 @@ def convert(
         What the target could not hold.
     """
     part = (_box(bounds), resolution)
-    return _core.convert(os.fspath(input), os.fspath(output), point_format, part)
+    return _core.convert(os.fspath(input), os.fspath(output), point_format, part, _steps(scale))
 
 
-def merge(inputs: Sequence[str | os.PathLike[str]], output: str | os.PathLike[str]) -> list[str]:
+def merge(
+    inputs: Sequence[str | os.PathLike[str]],
+    output: str | os.PathLike[str],
+    *,
+    scale: float | Sequence[float] | None = None,
+) -> list[str]:
     """Joins files in the order given; coordinates of LAS and LAZ are put on one grid exactly.
 
     Parameters
@@ -218,13 +250,15 @@ def merge(inputs: Sequence[str | os.PathLike[str]], output: str | os.PathLike[st
         Files in one reference system.
     output : path
         May be one of the inputs.
+    scale : float or three of them, optional
+        As of `write`; not from LAS to LAS, which keeps its steps.
 
     Returns
     -------
     list of str
         What could not stay as it was.
     """
-    return _core.merge([os.fspath(path) for path in inputs], os.fspath(output))
+    return _core.merge([os.fspath(path) for path in inputs], os.fspath(output), _steps(scale))
 
 
 def salvage(

@@ -16,9 +16,10 @@ class ObjectClassifier(PointClassifier):
     recipe : path, str or mapping, optional
         A TOML recipe of the kind ``objects``: its path, its text, or a mapping of dotted keys to values, as in
         ``{"segments.slic.size": 2.0, "training.share": 1.0, "classifier": "gbt"}``. Without one the paper's values hold.
-    unlabelled : iterable of int
-        Codes that mean "nobody has said"; such points do not vote for the class of their segment. Negative labels never
-        do.
+    unlabelled : iterable of int or str, optional
+        Labels that mean "unlabelled"; such points do not vote for the class of their segment. By default those of a cloud's
+        own list of codes (LAS: 0 and 1, Semantic3D: 0, others: none), and none of labels that are given as an array.
+        Negative labels, NaN and None never do.
     class_map : str
         Changes of codes before learning, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None
@@ -29,7 +30,7 @@ class ObjectClassifier(PointClassifier):
     Attributes
     ----------
     classes_ : array of shape (n_classes,)
-        Class codes, ascending.
+        Class codes, ascending; the texts if ``fit`` was given text.
     report_ : dict
         What training did, with the scores of segments that were not learned from, ``by_segment`` and ``by_point``; only
         after ``fit``.

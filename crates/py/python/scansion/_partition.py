@@ -13,6 +13,7 @@ from scansion import _core
 from scansion._arrays import as_array, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import valued
+from scansion._labels import signed
 from scansion._settings import seed, share, whole
 
 
@@ -126,7 +127,7 @@ def partition(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3), optional
         Position of each node.
     labels : array_like of shape (n,), optional
-        Class codes 0..255 of the nodes, negative where nobody has said.
+        Class codes 0..255 of the nodes, negative where there is none.
     n_jobs : int, optional
         Threads; None and -1 take all. The result does not depend on it.
 
@@ -139,19 +140,8 @@ def partition(
     [0, 0, 1, 1]
     """
     given = valued(values, edges, weights, node_weights)
-    codes = None if labels is None else _codes(labels)
+    codes = None if labels is None else signed(labels, "labels")
     cloud = None if xyz is None else as_cloud(xyz, columns=[])._core
     settings = to_json((params or PartitionParams()).settings())
     found, strength, trials = _core.partition(given, settings, cloud, codes, n_jobs)
     return Partition(found, strength, json.loads(trials))
-
-
-def _codes(labels: ArrayLike) -> NDArray[np.int16]:
-    codes = np.asarray(labels)
-    if codes.ndim != 1 or codes.dtype.kind not in "iub":
-        raise ValueError(
-            f"labels: found shape {codes.shape} of {codes.dtype}, expected one whole number a node"
-        )
-    if codes.size and codes.max() > 255:
-        raise ValueError(f"labels: found {codes.max()}, expected class codes up to 255, negative for none")
-    return np.maximum(codes, -1).astype(np.int16)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scansion import _core
 from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
+from scansion._labels import signed
 from scansion._settings import whole
 
 
@@ -39,7 +40,7 @@ def render(
     ----------
     cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
     path : path, optional
-        Also write the picture there as PNG.
+        Also write the picture there, as ``.png``; a map gets a world file ``.pgw`` beside it.
     by : str
         What the colour tells: "class", "height", "rgb" (the points' own colour) or the name of a column.
     view : {"map", "oblique"}
@@ -56,7 +57,7 @@ def render(
     value_range : (float, float), optional
         Ends of the colour bar; the 2nd and 98th percentile by default.
     truth : array_like of shape (n,), optional
-        True class codes 0..255: the colours then tell where the cloud's classes differ from them.
+        True class codes 0..255, negative where there is none: the colours then tell where the cloud's classes differ from them.
     classes : iterable of int
         Compare only points whose true class is one of these; all by default.
     n_jobs : int, optional
@@ -80,17 +81,14 @@ def render(
         "classes": [whole(code, "classes", 0) for code in classes],
     }
     target = None if path is None else os.fspath(path)
+    if target is not None and isinstance(cloud, (str, os.PathLike)):
+        _apart(cloud, target)
     points = as_cloud(cloud)
-    codes = None if truth is None else _codes(truth, len(points))
+    codes = None if truth is None else signed(truth, "truth", len(points))
     return _core.render(points._core, to_json(settings), target, codes, n_jobs)
 
 
-def _codes(truth: ArrayLike, points: int) -> NDArray[np.uint8]:
-    codes = np.asarray(truth)
-    if codes.shape != (points,) or codes.dtype.kind not in "iub":
-        raise ValueError(
-            f"truth: found shape {codes.shape} of {codes.dtype}, expected {points} whole numbers"
-        )
-    if codes.size and not 0 <= codes.min() <= codes.max() <= 255:
-        raise ValueError(f"truth: found {codes.min()}..{codes.max()}, expected class codes 0..255")
-    return codes.astype(np.uint8)
+def _apart(cloud: str | os.PathLike[str], target: str) -> None:
+    """Fails if the picture would be written over the cloud."""
+    if os.path.exists(target) and os.path.exists(cloud) and os.path.samefile(cloud, target):
+        raise ValueError(f"path: {target} is the file that is drawn; give the picture another name")

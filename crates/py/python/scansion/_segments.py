@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._cloud import as_cloud
+from scansion._cloud import measured
 from scansion._settings import recipe as read_recipe
 
 _LABELS = "Classification"
@@ -52,6 +52,7 @@ def segment(
     cutoff: float | None = None,
     k_min: int | None = None,
     random_state: int | None = None,
+    metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Segments:
     """Parts a cloud into segments.
@@ -89,6 +90,8 @@ def segment(
         Smallest neighbourhood that describes a point; 20 or more on scans that consist of lines.
     random_state : int, optional
         Seed.
+    metres_per_unit : float, optional
+        Metres in one unit of the coordinates; None takes what the cloud says, else 1. Degrees are refused.
     n_jobs : int, optional
         Threads; None and -1 take all. Results do not depend on it.
 
@@ -110,7 +113,7 @@ def segment(
     text, settings = _settings(recipe, method, cutoff, k_min, random_state)
     settings += [f"levels={[int(level) for level in levels]}"] if len(levels) else []
     aim = _aim(strength, segments_per_hectare, smallest_object, oracle_loss)
-    points = as_cloud(cloud, columns=[_LABELS, *_core.segment_columns(text, settings)])
+    points = measured(cloud, [_LABELS, *_core.segment_columns(text, settings)], metres_per_unit)
     clusters, found, report = _core.segment(points._core, text, settings, aim, size, n_jobs)
     return Segments(clusters, found, json.loads(report))
 
@@ -129,6 +132,7 @@ def suggest(
     recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     k_min: int | None = None,
     random_state: int | None = None,
+    metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Suggestions:
     """The segments whose labels would help most: uncertain, large, and unlike those that are labelled or named before.
@@ -142,7 +146,7 @@ def suggest(
         Uncertainty of each point, 0..1: its entropy over ln(classes); all are 1 without it.
     labelled : bool
         Leave out segments that hold a label (a code of 2 or more in the column Classification).
-    method, strength, segments_per_hectare, smallest_object, size, recipe, k_min, random_state, n_jobs
+    method, strength, segments_per_hectare, smallest_object, size, recipe, k_min, random_state, metres_per_unit, n_jobs
         As in :func:`segment`.
 
     Returns
@@ -162,7 +166,7 @@ def suggest(
     """
     text, settings = _settings(recipe, method, None, k_min, random_state)
     aim = _aim(strength, segments_per_hectare, smallest_object, None)
-    points = as_cloud(cloud, columns=[_LABELS, *_core.segment_columns(text, settings)])
+    points = measured(cloud, [_LABELS, *_core.segment_columns(text, settings)], metres_per_unit)
     wishes = json.dumps({"count": count})
     unsure = None if uncertainty is None else np.ascontiguousarray(uncertainty, dtype=np.float32)
     clusters, found = _core.suggest(points._core, text, settings, aim, wishes, size, unsure, labelled, n_jobs)

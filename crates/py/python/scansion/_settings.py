@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from scansion import _core
 
 
 def recipe(given: Any) -> tuple[str, list[str]]:
@@ -18,8 +21,7 @@ def recipe(given: Any) -> tuple[str, list[str]]:
         return given, []
     if given is None:
         return "", []
-    with open(given, encoding="utf-8") as file:
-        return file.read(), []
+    return _core.settings_text(os.fspath(given)), []
 
 
 def seed(random_state: Any) -> int:

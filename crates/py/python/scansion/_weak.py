@@ -24,8 +24,9 @@ class WeakClassifier(PointClassifier):
         ``{"neighbourhood.k_min": 20, "regularise.strength": 0.5}``. Without one the paper's values hold.
     strengths : sequence of float
         Strengths of the field to choose from, by the labels of held-out folds; empty takes the recipe's.
-    unlabelled : iterable of int
-        Codes that mean "nobody has said". Negative labels never are learned from.
+    unlabelled : iterable of int or str, optional
+        Labels that mean "unlabelled"; by default those of a cloud's own list of codes (LAS: 0 and 1, Semantic3D: 0, others:
+        none), and none of labels that are given as an array. Negative labels, NaN and None never are learned from.
     class_map : str
         Changes of codes before learning, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None
@@ -36,7 +37,7 @@ class WeakClassifier(PointClassifier):
     Attributes
     ----------
     classes_ : array of shape (n_classes,)
-        Class codes, ascending.
+        Class codes, ascending; the texts if ``fit`` was given text.
     report_ : dict
         What training did; only after ``fit``.
 
@@ -62,7 +63,7 @@ class WeakClassifier(PointClassifier):
         recipe: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         *,
         strengths: Iterable[float] = (),
-        unlabelled: Iterable[int] = (),
+        unlabelled: Iterable[Any] | None = None,
         class_map: str = "",
         random_state: int | np.random.RandomState | None = None,
         n_jobs: int | None = None,

@@ -7,41 +7,71 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import choice, codes, column, native, to_json
+from scansion._arrays import choice, column, native, to_json
 from scansion._cloud import as_cloud
+from scansion._labels import classes_of, encoded, is_text, signed, texts
 
 __all__ = ["confusion_matrix", "report", "scores", "segmentation_error"]
 
 
-def _pair(truth: ArrayLike, predicted: ArrayLike) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    first = codes(truth, "truth")
-    return first, codes(predicted, "predicted", len(first))
+class _Pair(NamedTuple):
+    """What is compared: -1 where there is no label, and where the prediction leaves a point open."""
+
+    truth: NDArray[np.int16]
+    predicted: NDArray[np.int16]
+    names: list[str]
+    """Of the codes, if the labels are text."""
+
+
+def _pair(
+    truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[Any], maps: tuple[str, str]
+) -> _Pair:
+    if is_text(truth) or is_text(predicted):
+        if any(maps):
+            raise ValueError(f"map_truth, map_predicted: found {maps!r}, expected none: the labels are text")
+        true = texts(truth, "truth")
+        named = texts(predicted, "predicted", len(true))
+        names = classes_of([true, named], ())
+        missing = set(unlabelled)
+        kept = encoded(true, names)
+        kept[[text in missing for text in true.tolist()]] = -1
+        return _Pair(kept, encoded(named, names), names)
+    first = signed(truth, "truth", None, unlabelled, maps[0])
+    return _Pair(first, signed(predicted, "predicted", len(first), (), maps[1]), [])
 
 
 def confusion_matrix(
-    truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[int] = ()
-) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]:
+    truth: ArrayLike,
+    predicted: ArrayLike,
+    unlabelled: Iterable[Any] = (),
+    *,
+    map_truth: str = "",
+    map_predicted: str = "",
+) -> tuple[NDArray[np.uint64], NDArray[Any]]:
     """Counts of points by true and predicted class.
 
     Parameters
     ----------
     truth, predicted : array_like of shape (n,)
-        Class codes 0..255.
-    unlabelled : iterable of int
-        Codes in ``truth`` whose points are skipped.
+        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; where the prediction is,
+        it counts as wrong, under a code that neither side has.
+    unlabelled : iterable of int or str
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+    map_truth, map_predicted : str
+        Changes of the codes of each side before they are compared, as in ``"3-4=5"``.
 
     Returns
     -------
     counts : array of shape (classes, classes)
         ``counts[i, j]`` points of true class i were named j.
     codes : array of shape (classes,)
-        The code of each row and column, ascending.
+        The code (or text) of each row and column, ascending.
 
     Examples
     --------
@@ -50,18 +80,33 @@ def confusion_matrix(
     >>> counts.tolist(), codes.tolist()
     ([[1, 1], [0, 2]], [2, 6])
     """
-    return _core.confusion_matrix(*_pair(truth, predicted), _codes(unlabelled))
+    pair = _pair(truth, predicted, unlabelled, (map_truth, map_predicted))
+    counts, found = _core.confusion_matrix(*pair)
+    if not pair.names:
+        return counts, found
+    called = [pair.names[code] if code < len(pair.names) else "not named" for code in found]
+    return counts, np.array(called)
 
 
-def scores(truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[int] = ()) -> dict[str, Any]:
+def scores(
+    truth: ArrayLike,
+    predicted: ArrayLike,
+    unlabelled: Iterable[Any] = (),
+    *,
+    map_truth: str = "",
+    map_predicted: str = "",
+) -> dict[str, Any]:
     """Precision, recall, F1 and intersection over union of each class, and their summaries.
 
     Parameters
     ----------
     truth, predicted : array_like of shape (n,)
-        Class codes 0..255.
-    unlabelled : iterable of int
-        Codes in ``truth`` whose points are skipped.
+        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; where the prediction is,
+        it counts as wrong, under a code that neither side has.
+    unlabelled : iterable of int or str
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+    map_truth, map_predicted : str
+        Changes of the codes of each side before they are compared, as in ``"3-4=5"``.
 
     Returns
     -------
@@ -77,35 +122,46 @@ def scores(truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[int] = (
     >>> scores([2, 2, 6, 6], [2, 6, 6, 6])["overall_accuracy"]
     0.75
     """
-    found: dict[str, Any] = json.loads(_core.scores(*_pair(truth, predicted), _codes(unlabelled)))
+    found: dict[str, Any] = json.loads(_core.scores(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted))))
     return found
 
 
-def report(truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[int] = ()) -> str:
+def report(
+    truth: ArrayLike,
+    predicted: ArrayLike,
+    unlabelled: Iterable[Any] = (),
+    *,
+    map_truth: str = "",
+    map_predicted: str = "",
+) -> str:
     """The scores as a table for people.
 
     Parameters
     ----------
     truth, predicted : array_like of shape (n,)
-        Class codes 0..255.
-    unlabelled : iterable of int
-        Codes in ``truth`` whose points are skipped.
+        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; where the prediction is,
+        it counts as wrong, under a code that neither side has.
+    unlabelled : iterable of int or str
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+    map_truth, map_predicted : str
+        Changes of the codes of each side before they are compared, as in ``"3-4=5"``.
 
     Returns
     -------
     str
         Aligned text with the confusion matrix and one line a class.
     """
-    return _core.report(*_pair(truth, predicted), _codes(unlabelled))
-
-
-def _codes(values: Iterable[int]) -> bytes:
-    """Codes as bytes, which is how the core takes a short list of them."""
-    return codes(np.asarray(list(values), dtype=np.int64), "unlabelled").tobytes()
+    return _core.report(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted)))
 
 
 def segmentation_error(
-    xyz: Any, labels: ArrayLike, truth: ArrayLike, *, cell: float = 0.3, empty: str = "ignored"
+    xyz: Any,
+    labels: ArrayLike,
+    truth: ArrayLike,
+    *,
+    cell: float = 0.3,
+    empty: str = "ignored",
+    unlabelled: Iterable[Any] = (),
 ) -> dict[str, Any]:
     """How well segments keep the edges of the classes, seen from above (Hasanpour Zaryabi et al. 2022).
 
@@ -116,11 +172,13 @@ def segmentation_error(
     labels : array_like of shape (n,)
         Segment of each point.
     truth : array_like of shape (n,)
-        Class codes 0..255; 0 is unlabelled.
+        Class codes 0..255, negative where there is none, or text, None where there is none.
     cell : float
         Edge of a cell of the raster, metres: the spacing of the points.
     empty : {"ignored", "background"}
         Whether cells without a labelled point have edges.
+    unlabelled : iterable of int or str
+        Labels in ``truth`` that mean that there is none, too.
 
     Returns
     -------
@@ -140,6 +198,8 @@ def segmentation_error(
     cloud = as_cloud(xyz, columns=[])
     segments = native(column(labels, "labels", len(cloud)), np.uint32)
     settings = to_json({"cell": cell, "empty": empty})
-    codes_of = codes(truth, "truth", len(cloud))
+    codes_of = _pair(truth, truth, unlabelled, ("", "")).truth
+    if len(codes_of) != len(cloud):
+        raise ValueError(f"truth: expected shape ({len(cloud)},), found ({len(codes_of)},)")
     found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, segments, codes_of, settings))
     return found

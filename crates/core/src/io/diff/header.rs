@@ -2,7 +2,7 @@
 
 use super::Changed;
 use crate::error::Result;
-use crate::io::las::{Header, Records, Vlr, f64_at, read_at, u16_at, u64_at};
+use crate::io::las::{HEADER_SIZES, Header, Records, Vlr, f64_at, read_at, u16_at, u64_at};
 use crate::parallel::Monitor;
 
 /// Fields of the header that differ, those apart that follow from how the points are packed.
@@ -51,7 +51,8 @@ fn named(header: &Header) -> Vec<(String, String)> {
     for r in 0..15 {
         list.push((format!("points of return {}", r + 1), header.points_of_return(r).to_string()));
     }
-    let standard = [227, 227, 227, 235, 375][usize::from(header.minor).min(4)].min(raw.len());
+    // What LAS 1.5 added stands where longer headers of 1.4 have somebody's own, and is compared as such.
+    let standard = HEADER_SIZES[usize::from(header.minor).min(4)].min(raw.len());
     list.push(("bytes behind the header's fields".into(), hex(&raw[standard..])));
     list
 }

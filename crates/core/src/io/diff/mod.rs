@@ -120,10 +120,10 @@ impl Difference {
 /// # Errors
 /// A file cannot be read; the work was cancelled.
 pub fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> {
-    if las::is_las(a)? && las::is_las(b)? {
-        return points::diff(a, b, monitor);
-    }
-    clouds::diff(a, b, monitor)
+    super::run::joined(monitor, || match las::is_las(a)? && las::is_las(b)? {
+        true => points::diff(a, b, monitor),
+        false => clouds::diff(a, b, monitor),
+    })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::tally::Tally;
 use super::{Changed, ClassChange, Difference, header};
 use crate::cloud::{Column, Values, names};
 use crate::error::Result;
-use crate::io::las::{Layout, Stream};
+use crate::io::las::{Layout, Outside, Stream};
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 use std::path::Path;
@@ -24,11 +24,14 @@ pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> 
     found.types = types(&tallies, &layouts);
     let mut counts = vec![0u64; 1 << 16];
     let grids = same_grid(&a, &b);
+    let mut outside = [&a, &b].map(|s| Outside::new(&s.records.header));
     monitor.stage("compare", found.compared);
     let mut first = 0;
     while first < found.compared {
         let most = (found.compared - first).min(BLOCK as u64) as usize;
         let blocks = [a.next(most, monitor)?, b.next(most, monitor)?];
+        outside[0].add(&blocks[0], a.record_length());
+        outside[1].add(&blocks[1], b.record_length());
         tallies.par_iter_mut().for_each(|tally| {
             if let [Some(one), Some(two)] = [0, 1].map(|f| layouts[f].column(&tally.name, &blocks[f])) {
                 match tally.name.as_bytes() {
@@ -47,6 +50,9 @@ pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> 
         first += most as u64;
         monitor.advance(most as u64);
     }
+    for (outside, stream) in outside.iter().zip([&a, &b]) {
+        outside.report(&stream.records.path, &stream.records.header, monitor);
+    }
     found.fields = tallies.into_iter().filter_map(Tally::finish).collect();
     if found.fields.iter().any(|f| f.name == names::CLASSIFICATION) {
         found.classes = class_changes(&counts);
@@ -55,7 +61,7 @@ pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> 
 }
 
 fn only_in(one: &Layout, other: &Layout) -> Vec<String> {
-    one.names().filter(|name| !other.names().any(|n| n == *name)).map(String::from).collect()
+    one.names().filter(|name| !other.has(name)).map(String::from).collect()
 }
 
 /// Whether both files have the same scale and offset, so that ticks can be compared.
@@ -77,7 +83,7 @@ fn coordinates(ticks: &Column, stream: &Stream, axis: usize) -> Values {
 fn tallies(a: &Stream, b: &Stream, layouts: &[Layout; 2]) -> Vec<Tally> {
     let (one, two) = (&a.records.header, &b.records.header);
     let grids = same_grid(a, b);
-    let common = layouts[0].names().filter(|name| layouts[1].names().any(|n| n == *name));
+    let common = layouts[0].names().filter(|name| layouts[1].has(name));
     common
         .map(|name| {
             let mut tally = Tally::new(name);

@@ -4,10 +4,14 @@ use crate::cloud::{Column, Values, names};
 use crate::io::number::Kind;
 use crate::io::{ReadOptions, known};
 use ::e57::{PointCloud, RecordDataType, RecordName};
+use std::collections::HashMap;
 
 /// Name and type of each column, in the order in which they first appear.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Columns(Vec<(String, Span)>);
+pub(super) struct Columns {
+    list: Vec<(String, Span)>,
+    places: HashMap<String, usize>,
+}
 
 /// The values that a column must hold.
 #[derive(Clone, Copy, Debug)]
@@ -48,25 +52,33 @@ impl Columns {
         for record in scans.iter().flat_map(|scan| &scan.prototype) {
             let Some(name) = name(&record.name).filter(|n| options.wants(n)) else { continue };
             let span = Span::of(&record.data_type, first(&record.name));
-            match columns.0.iter_mut().find(|(n, _)| *n == name) {
-                Some((_, old)) => *old = old.with(span),
-                None => columns.0.push((name, span)),
+            match columns.places.get(&name) {
+                Some(&at) => columns.list[at].1 = columns.list[at].1.with(span),
+                None => {
+                    columns.places.insert(name.clone(), columns.list.len());
+                    columns.list.push((name, span));
+                }
             }
         }
         columns
     }
 
     pub(super) fn names(&self) -> Vec<String> {
-        self.0.iter().map(|(name, _)| name.clone()).collect()
+        self.list.iter().map(|(name, _)| name.clone()).collect()
     }
 
     pub(super) fn position(&self, name: &str) -> Option<usize> {
-        self.0.iter().position(|(n, _)| n == name)
+        self.places.get(name).copied()
+    }
+
+    /// Bytes of a point: coordinates, these columns and the number of the scan.
+    pub(super) fn width(&self) -> u64 {
+        self.list.iter().map(|(_, span)| span.kind().size() as u64).sum::<u64>() + 28
     }
 
     /// The columns without values.
     pub(super) fn empty(&self) -> Vec<Column> {
-        self.0.iter().map(|(name, span)| Column::new(name, span.kind().values())).collect()
+        self.list.iter().map(|(name, span)| Column::new(name, span.kind().values())).collect()
     }
 }
 

@@ -1,6 +1,8 @@
 //! What is checked of an E57 file before and around the decoder.
 
 use crate::error::{Error, Result};
+use crate::io::limits;
+use crate::io::open;
 use ::e57::{E57Reader, PointCloud, RecordDataType};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -15,8 +17,12 @@ const MOST_XML: u64 = 16 << 20;
 const DEEPEST: usize = 64;
 /// The standard knows about 20 fields; extensions add some.
 const MOST_FIELDS: usize = 1000;
-/// Points that take no bytes at all (all their fields are constant) are read up to this number.
+/// Points that take no bytes at all (all their fields are constant) are read up to this number in a file.
 const MOST_CONSTANT: u64 = 1_000_000;
+/// Bits of a packet of points at most.
+const PACKET: u64 = 8 << 16;
+/// The decoder makes the values of constant fields for all points of a packet, 16 bytes each.
+const VALUE: u64 = 16;
 
 pub(super) type Reader = E57Reader<BufReader<File>>;
 
@@ -39,7 +45,7 @@ pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (im
 
 /// Opens a file after its header was compared with its size.
 pub(super) fn open(path: &Path) -> Result<E57> {
-    let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let mut file = open::file(path)?;
     let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
     let mut head = [0; 48];
     file.read_exact(&mut head).map_err(|_| bad(path, "header", "byte 0".into(), (size, "48 bytes")))?;
@@ -83,7 +89,11 @@ fn depth(xml: &[u8]) -> usize {
 
 /// Runs the decoder; its errors and panics become errors about `what`.
 fn caught<T>(path: &Path, what: &str, work: impl FnOnce() -> std::result::Result<T, String>) -> Result<T> {
-    let failed = |found: String| bad(path, what, "its bytes".into(), (found, "what an E57 writer writes"));
+    let failed = |found: String| {
+        // What the standard library says of a file that is too short.
+        let found = found.replace("failed to fill whole buffer", "the end of the file too early");
+        bad(path, what, "its bytes".into(), (found, "what an E57 writer writes"))
+    };
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(result) => result.map_err(failed),
         Err(_) => Err(failed("bytes that no writer writes".into())),
@@ -94,7 +104,7 @@ impl E57 {
     /// The scans, each with a number of points that the file can hold.
     pub(super) fn scans(&self, path: &Path) -> Result<Vec<PointCloud>> {
         let scans = self.reader.pointclouds();
-        let mut total = 0u64;
+        let (mut total, mut constant, mut packed) = (0u64, 0u64, 0u64);
         for (number, scan) in scans.iter().enumerate() {
             if scan.prototype.len() > MOST_FIELDS {
                 let found = format!("{} fields a point", scan.prototype.len());
@@ -105,21 +115,30 @@ impl E57 {
                     (found, format!("at most {MOST_FIELDS}")),
                 ));
             }
-            let mut bits = 0u64;
+            let (mut bits, mut filled) = (0u64, 0u64);
             for record in &scan.prototype {
-                bits += bits_of(&record.data_type).ok_or_else(|| {
+                let own = bits_of(&record.data_type).ok_or_else(|| {
                     let found = format!("{:?}", record.data_type);
                     bad(path, "prototype", format!("scan {number}"), (found, "minimum <= maximum"))
                 })?;
+                bits += own;
+                filled += u64::from(own == 0);
             }
-            let most = (8 * self.size).checked_div(bits).unwrap_or(MOST_CONSTANT);
+            if let Some(points) = PACKET.checked_div(bits) {
+                limits::unpacked(path, "E57", (self.size, points * filled * VALUE))?;
+            }
+            // The scans of a file have their bytes each for itself.
+            let most = match bits {
+                0 => MOST_CONSTANT - constant,
+                bits => (8 * self.size - packed) / bits,
+            };
             if scan.records > most {
-                return Err(bad(
-                    path,
-                    "recordCount",
-                    format!("scan {number}"),
-                    (scan.records, format!("at most {most}")),
-                ));
+                let allowed = format!("at most {most}, as this scan and those before it have room for");
+                return Err(bad(path, "recordCount", format!("scan {number}"), (scan.records, allowed)));
+            }
+            match bits {
+                0 => constant += scan.records,
+                bits => packed += bits * scan.records,
             }
             total += scan.records;
         }
@@ -127,6 +146,11 @@ impl E57 {
             true => Ok(scans),
             false => Err(bad(path, "recordCount", "all scans".into(), (total, format!("fewer than {}", u32::MAX)))),
         }
+    }
+
+    /// Bytes of the file.
+    pub(super) fn size(&self) -> u64 {
+        self.size
     }
 
     /// The coordinate reference system as the file states it.

@@ -11,7 +11,8 @@ mod scan;
 use crate::cloud::{Cloud, Column, Values};
 use crate::error::Result;
 use crate::io::table::Table;
-use crate::io::{FileInfo, ReadOptions};
+use crate::io::{FileInfo, ReadOptions, limits};
+use crate::memory;
 use columns::Columns;
 use std::path::Path;
 
@@ -20,9 +21,13 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let mut file = guard::open(path)?;
     let scans = file.scans(path)?;
     let columns = Columns::of(&scans, options);
+    let points: u64 = scans.iter().map(|s| s.records).sum();
+    limits::unpacked(path, "E57", (file.size(), columns.width().saturating_mul(points)))?;
     let mut table = Table { columns: columns.empty(), ..Table::default() };
+    table.reserve(points as usize)?;
     let mut index = Vec::new();
-    options.monitor.stage("read", scans.iter().map(|s| s.records).sum());
+    memory::reserve(&mut index, points as usize, "the numbers of the scans")?;
+    options.monitor.stage("read", points);
     for (number, cloud) in (0..).zip(&scans) {
         let reader = scan::Scan::new((path, number), cloud, &columns)?;
         file.guarded(path, &format!("scan {number}"), |e57| reader.read(e57, cloud, &mut table, &options.monitor))?;

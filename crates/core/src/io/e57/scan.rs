@@ -5,7 +5,7 @@ use super::guard::{Reader, bad};
 use super::pose::Pose;
 use crate::error::Result;
 use crate::io::table::{Table, pad};
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 use ::e57::{PointCloud, Record, RecordDataType, RecordName, RecordValue};
 use std::path::{Path, PathBuf};
 
@@ -84,8 +84,8 @@ impl Scan {
         let constant: Option<Vec<RecordValue>> = scan.prototype.iter().map(constant).collect();
         if let Some(record) = constant {
             // The decoder would make such points without end.
-            for _ in 0..scan.records {
-                self.point(&record, table);
+            for points in watched(scan.records as usize, monitor) {
+                points?.for_each(|_| self.point(&record, table));
             }
             return self.fill(table);
         }

@@ -1,5 +1,6 @@
 //! A part of a LAS, LAZ or COPC file as a file: what lies in a box, or the levels of a resolution.
 
+use super::outside::Outside;
 use super::read::open;
 use super::records::SLAB;
 use super::rewrite::{front, tail::Tail};
@@ -8,7 +9,7 @@ use super::stream::Stream;
 use super::tally::Tally;
 use super::writer::Writer;
 use crate::error::Result;
-use crate::io::{ReadOptions, RewriteReport, WriteOptions};
+use crate::io::{ReadOptions, RewriteReport, WriteOptions, run};
 use std::path::Path;
 
 /// Copies the records that lie in the box, byte for byte. Header, records and what stands behind the points stay; counts and
@@ -32,20 +33,23 @@ pub(in crate::io) fn crop(
     monitor.stage("write", all);
     let mut stream = Stream::of(records);
     let length = stream.record_length();
-    let mut tally = Tally::new(old.format);
+    let (mut tally, mut outside) = (Tally::new(old.format), Outside::new(&old));
     loop {
         let mut bytes = stream.next(SLAB, monitor)?;
         if bytes.is_empty() {
             break;
         }
         monitor.advance((bytes.len() / length) as u64);
+        outside.add(&bytes, length);
         if let Some(bounds) = part.bounds {
             bytes = within(&bytes, &old, bounds);
         }
         tally.add(&bytes, length);
         writer.push(&bytes, monitor)?;
     }
+    run::unchanged(&stream.records.path)?;
     let records = &mut stream.records;
+    outside.report(&records.path, &old, monitor);
     writer.finish(
         monitor,
         |file| tail.copy(records, file, monitor),

@@ -133,6 +133,9 @@ pub(super) fn guarded<T>(path: &Path, what: &str, work: impl FnOnce() -> std::io
     };
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(value)) => Ok(value),
+        Ok(Err(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+            Err(failed("its end before its last point".into()))
+        }
         Ok(Err(e)) => Err(failed(e.to_string())),
         Err(_) => Err(failed("bytes that no encoder writes".into())),
     }

@@ -1,4 +1,4 @@
-//! The public header block of LAS 1.0 to 1.4. Every declared size is checked against the file before it is used.
+//! The public header block of LAS 1.0 to 1.5. Every declared size is checked against the file before it is used.
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -7,8 +7,8 @@ use std::path::Path;
 
 /// Bytes of a record of point format 0..=10 without extra bytes.
 pub(in crate::io) const RECORD_SIZES: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
-/// Header bytes of version 1.0..=1.4.
-const HEADER_SIZES: [usize; 5] = [227, 227, 227, 235, 375];
+/// Header bytes of version 1.0..=1.5. LAS 1.5 adds the range of GPS times and an offset of them; all else stands as in 1.4.
+pub(in crate::io) const HEADER_SIZES: [usize; 6] = [227, 227, 227, 235, 375, 393];
 
 /// The header: its bytes as they are, and the fields that reading needs.
 #[derive(Clone, Debug)]
@@ -73,6 +73,11 @@ pub(in crate::io) fn bad(path: &Path, field: &str, at: u64, (found, allowed): (i
     }
 }
 
+/// Bytes of the header of a version, if it is one that is read.
+pub(in crate::io) fn least_size((major, minor): (u8, u8)) -> Option<usize> {
+    HEADER_SIZES.get(usize::from(minor)).filter(|_| major == 1).copied()
+}
+
 impl Header {
     /// Reads the header from the start of a file of `size` bytes.
     pub(in crate::io) fn read(path: &Path, file: &mut File, size: u64) -> Result<Self> {
@@ -85,11 +90,9 @@ impl Header {
             return Err(bad(path, "file signature", 0, (format!("{:?}", &raw[..4]), "LASF")));
         }
         let (major, minor) = (raw[24], raw[25]);
-        if major != 1 || minor > 4 {
-            return Err(bad(path, "version", 24, (format!("{major}.{minor}"), "1.0 to 1.4")));
-        }
         let length = usize::from(u16_at(&raw, 94));
-        let least = HEADER_SIZES[usize::from(minor)];
+        let least = least_size((major, minor))
+            .ok_or_else(|| bad(path, "version", 24, (format!("{major}.{minor}"), "1.0 to 1.5")))?;
         if length < least || length as u64 > size {
             return Err(bad(path, "header size", 94, (length, format!("{least} to the file's {size} bytes"))));
         }
@@ -165,6 +168,13 @@ impl Header {
             return Err(bad(path, "number of points", 107, (self.points, "0, the file ends where points begin")));
         }
         Ok(())
+    }
+
+    /// What GPS times count from: standard time or the week, and since LAS 1.5 an offset (bit 6, millions of seconds).
+    pub(in crate::io) fn time(&self) -> (u16, Option<u16>) {
+        let encoding = u16_at(&self.raw, 6);
+        let moved = self.minor >= 5 && encoding & 64 != 0;
+        (encoding & 1, moved.then(|| u16_at(&self.raw, 391)))
     }
 
     /// Points of return `r` (from 0): the wide counters of LAS 1.4 if they are used, else the old ones.

@@ -3,7 +3,7 @@
 use super::copc;
 use super::fields::of_format;
 use super::records::Records;
-use super::vlr::crs;
+use super::vlr::{crs, other_vertical_unit};
 use crate::error::Result;
 use crate::io::FileInfo;
 use std::path::Path;
@@ -24,6 +24,13 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     }
     if (0..3).any(|a| header.low[a] > header.high[a]) && header.points > 0 {
         warnings.push("the bounds in the header are not in order".into());
+    }
+    if let Some(vertical) = other_vertical_unit(header, records.vlrs.iter().chain(&records.evlrs)) {
+        warnings.push(super::vertical_warning(metres_per_unit, vertical));
+    }
+    if let Some(offset) = header.time().1 {
+        warnings
+            .push(format!("GPS times count from {offset} million seconds; other formats than LAS do not keep that"));
     }
     if crs.is_none() {
         warnings.push("no coordinate reference system".into());

@@ -5,6 +5,8 @@ use super::fields::{self, Field};
 use super::header::{Header, RECORD_SIZES};
 use super::vlr::Vlr;
 use crate::cloud::{Column, Values};
+use crate::io::limits::Names;
+use std::collections::HashMap;
 
 /// Where a column comes from.
 #[derive(Clone, Debug)]
@@ -22,6 +24,9 @@ pub(in crate::io) struct Layout {
     format: u8,
     length: usize,
     sources: Vec<(String, Source)>,
+    /// Where the column of each name stands.
+    places: HashMap<String, usize>,
+    taken: Names,
 }
 
 /// Parts of the 29 bytes that close a record with a waveform (LAS 1.4 R15, table 11).
@@ -39,7 +44,13 @@ impl Layout {
     /// The layout that header and Extra Bytes descriptors tell.
     pub(in crate::io) fn of(header: &Header, vlrs: &[Vlr]) -> Self {
         let base = usize::from(RECORD_SIZES[usize::from(header.format)]);
-        let mut layout = Self { format: header.format, length: usize::from(header.record_length), sources: Vec::new() };
+        let mut layout = Self {
+            format: header.format,
+            length: usize::from(header.record_length),
+            sources: Vec::new(),
+            places: HashMap::new(),
+            taken: Names::default(),
+        };
         (0..3).for_each(|a| layout.push(["X", "Y", "Z"][a], Source::Axis(a)));
         fields::of_format(header.format).for_each(|(field, name)| layout.push(name, Source::Field(field)));
         if matches!(header.format, 4 | 5 | 9 | 10) {
@@ -57,12 +68,8 @@ impl Layout {
 
     /// Adds a column; a name that is taken gets a number.
     fn push(&mut self, name: &str, source: Source) {
-        let mut free = name.to_string();
-        let mut serial = 2;
-        while self.sources.iter().any(|(n, _)| *n == free) {
-            free = format!("{name}_{serial}");
-            serial += 1;
-        }
+        let free = self.taken.free(name);
+        self.places.insert(free.clone(), self.sources.len());
         self.sources.push((free, source));
     }
 
@@ -79,9 +86,14 @@ impl Layout {
         self.sources.iter().map(|(name, _)| &name[..])
     }
 
+    /// Whether there is a column of that name.
+    pub(in crate::io) fn has(&self, name: &str) -> bool {
+        self.places.contains_key(name)
+    }
+
     /// The column of that name of some raw records. `X`, `Y`, `Z` are ticks.
     pub(in crate::io) fn column(&self, name: &str, records: &[u8]) -> Option<Column> {
-        let (name, source) = self.sources.iter().find(|(n, _)| n == name)?;
+        let (name, source) = &self.sources[*self.places.get(name)?];
         let each = records.chunks_exact(self.length);
         let values = match source {
             Source::Axis(axis) => {

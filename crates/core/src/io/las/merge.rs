@@ -3,6 +3,7 @@
 use super::extra::{self, Extra};
 use super::grid::Grid;
 use super::header::{Header, RECORD_SIZES, array, f64_at, put, u16_at};
+use super::outside::Outside;
 use super::promote;
 use super::records::{Records, SLAB};
 use super::rewrite::plan::describe;
@@ -12,7 +13,8 @@ use super::vlr::{Vlr, crs};
 use super::writer::{CHUNK, Front, Writer};
 use crate::error::{Error, Result};
 use crate::io::merge::check_crs;
-use crate::io::{RewriteReport, WriteOptions};
+use crate::io::{RewriteReport, WriteOptions, run};
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// What is known of an input before its points are read.
@@ -77,13 +79,17 @@ fn check(parts: &[Part], notes: &mut Vec<String>) -> Result<()> {
     let first = &parts[0];
     for part in parts {
         check_crs((&first.path, first.crs.as_deref()), (&part.path, part.crs.as_deref()), notes)?;
-        let time = |p: &Part| u16_at(&p.header.raw, 6) & 1;
+        let time = |p: &Part| p.header.time();
         if time(part) != time(first) {
-            let text = "has another kind of GPS time (global encoding, bit 0) than";
+            let text = "has another kind of GPS time (global encoding, bits 0 and 6, and time offset) than";
             return Err(Error::input(format!("{} {text} {}", part.path.display(), first.path.display())));
         }
         if promote::wave(part.header.format) && parts.len() > 1 {
-            let reason = "waveforms cannot be merged; convert the files to another point format first".to_string();
+            let reason = format!(
+                "point format {} has waveforms, which cannot be joined; merge into .npz or .ply instead, which keeps all \
+                 fields of the points but their waveforms",
+                part.header.format
+            );
             return Err(Error::Unsupported { path: part.path.clone(), reason });
         }
     }
@@ -127,6 +133,8 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
         return Ok((moves, (base + first.header.extra()) as u16));
     }
     let (mut known, mut end): (Vec<(Extra, usize)>, usize) = (Vec::new(), base);
+    // Where each name stands in `known`, and how many inputs have it.
+    let mut places: HashMap<String, (usize, usize)> = HashMap::new();
     let mut all = Vec::new();
     for part in parts {
         let (list, _) = extra::described(&part.header, &part.vlrs);
@@ -136,9 +144,15 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
             return Err(Error::Unsupported { path: part.path.clone(), reason });
         }
         let mut moves = Vec::new();
+        let mut seen = HashSet::new();
         for extra in list {
             let size = extra::size_of(extra.kind);
-            let place = match known.iter().find(|(k, _)| k.name == extra.name) {
+            if seen.insert(extra.name.clone())
+                && let Some((_, inputs)) = places.get_mut(&extra.name)
+            {
+                *inputs += 1;
+            }
+            let place = match places.get(&extra.name).map(|&(at, _)| &known[at]) {
                 Some((old, at)) if old.kind == extra.kind && old.scaled == extra.scaled => *at,
                 Some(_) => {
                     let text = format!("dimension {} has another type or scale than before", extra.name);
@@ -148,6 +162,7 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
                     if !std::ptr::eq(part, first) {
                         describe(vlrs, 0, &descriptor(part, &extra.name)?)?;
                     }
+                    places.insert(extra.name.clone(), (known.len(), 1));
                     known.push((extra.clone(), end));
                     end += size;
                     end - size
@@ -158,9 +173,7 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
         all.push(moves);
     }
     for (extra, _) in &known {
-        let lacks =
-            parts.iter().filter(|p| !extra::described(&p.header, &p.vlrs).0.iter().any(|e| e.name == extra.name));
-        let count = lacks.count();
+        let count = parts.len() - places.get(&extra.name).map_or(0, |&(_, inputs)| inputs);
         if count > 0 {
             notes.push(format!("{} is not in {count} of {} inputs; 0 there", extra.name, parts.len()));
         }
@@ -241,11 +254,14 @@ fn copy(part: &Part, mapper: &Mapper, writer: &mut Writer, (length, options): (u
     if stream.len() != part.header.points || old_length != usize::from(part.header.record_length) {
         return Err(Error::input(format!("{}: the file changed while it was read", part.path.display())));
     }
+    let mut outside = Outside::new(&part.header);
     loop {
         let old = stream.next(SLAB, &options.monitor)?;
         if old.is_empty() {
-            return Ok(());
+            outside.report(&part.path, &part.header, &options.monitor);
+            return run::unchanged(&part.path);
         }
+        outside.add(&old, old_length);
         let count = old.len() / old_length;
         let mut new = vec![0; count * length];
         for (from, to) in old.chunks_exact(old_length).zip(new.chunks_exact_mut(length)) {

@@ -3,7 +3,7 @@
 use super::layout::Layout;
 use super::stream::Stream;
 use super::vlr::crs;
-use crate::cloud::{Cloud, Coordinates, Values};
+use crate::cloud::{Cloud, CodeScheme, Coordinates, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
 use std::ops::Range;
@@ -59,6 +59,7 @@ impl PointReader {
         let header = &self.stream.records.header;
         let ticks = [axis("X"), axis("Y"), axis("Z")];
         let mut cloud = Cloud::new(Coordinates::Scaled { ticks, scale: header.scale, offset: header.offset })?;
+        cloud.scheme = CodeScheme::Asprs;
         for name in self.layout.names().filter(|n| !["X", "Y", "Z"].contains(n)) {
             if let Some(column) = self.layout.column(name, &bytes).filter(|_| options.wants(name)) {
                 cloud.set_column(column)?;

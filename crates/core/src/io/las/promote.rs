@@ -86,7 +86,7 @@ pub(super) fn header(old: &Header, to: u8, wkt: bool) -> Vec<u8> {
     if wkt {
         raw[6] |= 16;
     }
-    raw[25] = 4;
+    raw[25] = old.minor.max(4);
     let length = raw.len() as u16;
     put(&mut raw, 94, &length.to_le_bytes());
     let returns: [[u8; 4]; 5] = [0, 1, 2, 3, 4].map(|r| super::header::array(&old.raw, 111 + 4 * r));

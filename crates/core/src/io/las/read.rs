@@ -1,7 +1,8 @@
 //! Reading a LAS, LAZ or COPC file into clouds.
 
 use super::copc;
-use super::records::{Records, SLAB, Slab};
+use super::outside::Outside;
+use super::records::{Records, Slab, slab};
 use super::sink::Sink;
 use super::stream::Stream;
 use crate::cloud::{Cloud, Values};
@@ -35,11 +36,15 @@ pub(in crate::io) fn read_records(mut records: Records, options: &ReadOptions) -
     }
     options.monitor.stage("read", n as u64);
     let monitor = options.monitor.clone();
+    let mut outside = Outside::new(&records.header);
+    let length = usize::from(records.header.record_length);
     records.for_each(&monitor, |Slab { points, bytes }| {
         monitor.advance(points.len() as u64);
+        outside.add(bytes, length);
         sink.push(bytes);
         Ok(())
     })?;
+    outside.report(&records.path, &records.header, &monitor);
     sink.take(usize::MAX)
 }
 
@@ -48,6 +53,7 @@ pub(in crate::io) fn read_records(mut records: Records, options: &ReadOptions) -
 pub(in crate::io) struct Reader {
     stream: Stream,
     sink: Sink,
+    outside: Outside,
     monitor: Monitor,
 }
 
@@ -56,17 +62,22 @@ impl Reader {
         let mut records = open(path, options)?;
         let sink = Sink::new(&mut records, options);
         options.monitor.stage("read", records.header.points);
-        Ok(Self { stream: Stream::of(records), sink, monitor: options.monitor.clone() })
+        let outside = Outside::new(&records.header);
+        Ok(Self { stream: Stream::of(records), sink, outside, monitor: options.monitor.clone() })
     }
 
     /// The next points, at most so many; an empty cloud at the end.
     pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
         while self.sink.len() < points {
-            let bytes = self.stream.next((points - self.sink.len()).min(SLAB), &self.monitor)?;
+            let bytes =
+                self.stream.next((points - self.sink.len()).min(slab(self.stream.record_length())), &self.monitor)?;
             if bytes.is_empty() {
+                let records = &self.stream.records;
+                self.outside.report(&records.path, &records.header, &self.monitor);
                 break;
             }
             self.monitor.advance((bytes.len() / self.stream.record_length()) as u64);
+            self.outside.add(&bytes, self.stream.record_length());
             self.sink.push(&bytes);
         }
         self.sink.take(points)

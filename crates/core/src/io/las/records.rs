@@ -6,11 +6,12 @@ use super::extra::{self, Extra};
 use super::header::{Header, bad};
 use super::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
 use crate::error::{Error, Result};
+use crate::io::open;
 use crate::parallel::{Monitor, map_ordered};
 use laz::DecompressionSelection;
 use rayon::prelude::*;
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -18,8 +19,20 @@ use std::path::{Path, PathBuf};
 pub(super) const SLAB: usize = 100_000;
 /// Chunks of more points than this are decoded piece by piece, so that memory does not follow the declared size.
 pub(super) const LARGE: u64 = 200_000;
+/// Bytes of a slab at most: records may be 65,535 bytes long.
+const SLAB_BYTES: usize = 32 << 20;
 /// EVLRs above this are not held in memory.
 pub(super) const MOST_EVLR: u64 = 64 << 20;
+
+/// Points of a slab of records of so many bytes.
+pub(super) fn slab(length: usize) -> usize {
+    SLAB.min(SLAB_BYTES / length.max(1)).max(1)
+}
+
+/// Whether a chunk is decoded piece by piece.
+pub(super) fn large(chunk: &Chunk, length: usize) -> bool {
+    chunk.points > LARGE || chunk.points > 2 * slab(length) as u64
+}
 
 /// An opened LAS or LAZ file whose header, records and chunk table have been checked.
 #[derive(Debug)]
@@ -46,7 +59,7 @@ pub(in crate::io) struct Slab<'a> {
 impl Records {
     /// Opens a file and checks everything but the points.
     pub(in crate::io) fn open(path: &Path) -> Result<Self> {
-        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut file = open::file(path)?;
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let header = Header::read(path, &mut file, size)?;
         let (vlrs, gap) = read_vlrs(path, &mut file, &header)?;
@@ -91,13 +104,15 @@ impl Records {
         if self.chunks.is_some() {
             return self.for_each_chunk(monitor, work);
         }
-        let mut slab = vec![0; SLAB.min(total) * length];
+        let step = slab(length);
+        let mut slab = vec![0; step.min(total) * length];
         self.file.seek(SeekFrom::Start(self.header.points_at)).map_err(|e| Error::io(&self.path, e))?;
-        for first in (0..total).step_by(SLAB) {
+        for first in (0..total).step_by(step) {
             monitor.check()?;
-            let points = first..(first + SLAB).min(total);
+            let points = first..(first + step).min(total);
             let bytes = &mut slab[..points.len() * length];
-            self.file.read_exact(bytes).map_err(|e| Error::io(&self.path, e))?;
+            let at = self.header.points_at + (points.start * length) as u64;
+            open::fill((&self.path, &mut self.file), at, bytes)?;
             work(Slab { points, bytes })?;
         }
         Ok(())
@@ -109,7 +124,7 @@ impl Records {
         let length = usize::from(self.header.record_length);
         let (mut first, mut begin) = (0, 0);
         while begin < list.len() {
-            let end = begin + group(&list[begin..]);
+            let end = begin + group(&list[begin..], length);
             let mut packed = Vec::with_capacity(end - begin);
             for chunk in &list[begin..end] {
                 packed.push(read_at(path, &mut self.file, chunk.at, chunk.bytes as usize)?);
@@ -119,12 +134,13 @@ impl Records {
                 first = points.end;
                 work(Slab { points, bytes: &mut bytes })
             };
-            if list[begin].points > LARGE {
+            if large(&list[begin], length) {
                 let mut decoder = Decoder::new(path, how, (begin, &packed[0]))?;
                 let points = list[begin].points as usize;
-                for done in (0..points).step_by(SLAB) {
+                let step = slab(length);
+                for done in (0..points).step_by(step) {
                     monitor.check()?;
-                    let mut bytes = vec![0; SLAB.min(points - done) * length];
+                    let mut bytes = vec![0; step.min(points - done) * length];
                     decoder.next(&mut bytes)?;
                     pass_on(bytes)?;
                 }
@@ -146,8 +162,8 @@ impl Records {
 }
 
 /// How many of these chunks are decoded at once: one a thread, a large one alone.
-fn group(chunks: &[Chunk]) -> usize {
-    let small = chunks.iter().take(rayon::current_num_threads()).take_while(|c| c.points <= LARGE).count();
+fn group(chunks: &[Chunk], length: usize) -> usize {
+    let small = chunks.iter().take(rayon::current_num_threads()).take_while(|c| !large(c, length)).count();
     small.max(1)
 }
 

@@ -2,13 +2,14 @@
 
 use super::chunks::{self, Chunk, Chunks};
 use super::decoder::{self, Decoder, How};
-use super::header::{Header, RECORD_SIZES, bad, put, u16_at, u32_at, u64_at};
+use super::header::{Header, RECORD_SIZES, bad, least_size, put, u16_at, u32_at, u64_at};
 use super::records::{MOST_EVLR, Records, SLAB};
 use super::stream::Stream;
 use super::tally::Tally;
 use super::vlr::{Vlr, read_at};
 use super::walk;
 use crate::error::{Error, Result};
+use crate::io::open;
 use crate::io::salvage::Losses;
 use crate::parallel::{Monitor, map_ordered};
 use laz::DecompressionSelection;
@@ -22,7 +23,7 @@ impl Records {
     /// # Errors
     /// There is no header, or nothing in it makes sense: then nothing can be salvaged.
     pub(in crate::io) fn salvage(path: &Path, monitor: &Monitor) -> Result<(Self, Losses)> {
-        let mut file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let mut file = open::file(path)?;
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let mut losses = Losses::default();
         let mut header = header(path, &mut file, size, &mut losses)?;
@@ -51,11 +52,8 @@ fn header(path: &Path, file: &mut File, size: u64, losses: &mut Losses) -> Resul
     if raw.len() < 227 || &raw[..4] != b"LASF" {
         return Err(bad(path, "header", 0, (format!("{} bytes", raw.len()), "at least the 227 bytes of a LAS header")));
     }
-    let minor = usize::from(raw[25]);
-    if raw[24] != 1 || minor > 4 {
-        return Err(bad(path, "version", 24, (format!("{}.{minor}", raw[24]), "1.0 to 1.4")));
-    }
-    let least = [227, 227, 227, 235, 375][minor];
+    let least = least_size((raw[24], raw[25]))
+        .ok_or_else(|| bad(path, "version", 24, (format!("{}.{}", raw[24], raw[25]), "1.0 to 1.5")))?;
     let mut length = usize::from(u16_at(&raw, 94));
     if length < least || length as u64 > size {
         losses.notes.push(format!("header size {length} taken as {least}"));

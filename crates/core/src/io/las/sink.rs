@@ -4,9 +4,10 @@ use super::extra::Extra;
 use super::fields::{self, Field};
 use super::header::Header;
 use super::records::Records;
-use super::vlr::crs;
-use crate::cloud::{Cloud, Column, Coordinates};
-use crate::error::{Error, Result};
+use super::vlr::{crs, other_vertical_unit};
+use crate::cloud::{Cloud, CodeScheme, Column, Coordinates};
+use crate::error::Result;
+use crate::io::limits::Names;
 use crate::io::number::array;
 use crate::io::options::Bounds;
 use crate::io::{ReadOptions, table};
@@ -53,7 +54,12 @@ impl Sink {
                 Source::Field(field) => field.select(selection),
                 Source::Extra(_) => selection.decompress_extra_bytes(),
             });
-        let (crs, metres_per_unit) = crs(&header, records.vlrs.iter().chain(&records.evlrs));
+        let vlrs = records.vlrs.iter().chain(&records.evlrs);
+        let (crs, metres_per_unit) = crs(&header, vlrs.clone());
+        if let Some(vertical) = other_vertical_unit(&header, vlrs) {
+            let text = super::vertical_warning(metres_per_unit, vertical);
+            options.monitor.warn(format!("{}: {text}", records.path.display()));
+        }
         Self { header, bounds: options.bounds, ticks: Default::default(), columns, crs, metres_per_unit }
     }
 
@@ -67,7 +73,7 @@ impl Sink {
         let axes = self.ticks.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
         match axes && self.columns.iter_mut().all(|(_, column)| table::reserve(&mut column.values, n)) {
             true => Ok(()),
-            false => Err(Error::input(format!("not enough memory for {n} points with {} columns", self.columns.len()))),
+            false => Err(table::missing((n, 12), self.columns.iter().map(|(_, column)| &column.values))),
         }
     }
 
@@ -112,6 +118,7 @@ impl Sink {
         }
         let (scale, offset) = (self.header.scale, self.header.offset);
         let mut cloud = Cloud::new(Coordinates::Scaled { ticks, scale, offset })?;
+        cloud.scheme = CodeScheme::Asprs;
         for (_, column) in &mut self.columns {
             cloud.set_column(Column::new(&column.name, table::split(&mut column.values, n)))?;
         }
@@ -134,12 +141,6 @@ pub(super) fn within(records: &[u8], header: &Header, (low, high): Bounds) -> Ve
 
 /// Two dimensions of one name (it happens) are told apart by a number.
 fn tell_apart(columns: &mut [(Source, Column)]) {
-    for i in 1..columns.len() {
-        let name = columns[i].1.name.clone();
-        let mut serial = 2;
-        while columns[..i].iter().any(|(_, c)| c.name == columns[i].1.name) {
-            columns[i].1.name = format!("{name}_{serial}");
-            serial += 1;
-        }
-    }
+    let mut names = Names::default();
+    columns.iter_mut().for_each(|(_, column)| column.name = names.free(&column.name));
 }

@@ -2,7 +2,7 @@
 
 use super::chunks::Chunks;
 use super::decoder::{Decoder, How, decode};
-use super::records::{LARGE, Records, SLAB};
+use super::records::{Records, large, slab};
 use super::vlr::read_at;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
@@ -137,7 +137,7 @@ impl Stream {
         monitor.check()?;
         let length = self.record_length();
         if let Some((decoder, left)) = &mut self.large {
-            let mut bytes = vec![0; (*left).min(SLAB as u64) as usize * length];
+            let mut bytes = vec![0; (*left).min(slab(length) as u64) as usize * length];
             decoder.next(&mut bytes)?;
             *left -= (bytes.len() / length) as u64;
             self.ready.push_back(bytes);
@@ -148,7 +148,7 @@ impl Stream {
             return Ok(());
         }
         let Some(Chunks { vlr, whole, list }) = &self.records.chunks else { return Ok(()) };
-        let small = list[self.chunk..].iter().take(self.ahead).take_while(|c| c.points <= LARGE).count();
+        let small = list[self.chunk..].iter().take(self.ahead).take_while(|c| !large(c, length)).count();
         let how = How { vlr, selection: self.records.selection, whole: *whole };
         let (path, first) = (&self.records.path, self.chunk);
         let mut packed = Vec::with_capacity(small.max(1));

@@ -3,6 +3,7 @@
 use super::extra;
 use super::fit::Fit;
 use super::header::{RECORD_SIZES, put};
+use super::step::{Frame, frame};
 use super::vlr::Vlr;
 use super::writer::{CHUNK, Front, Writer};
 use crate::cloud::{Cloud, Column, Coordinates, names};
@@ -14,12 +15,11 @@ use std::path::Path;
 /// Points that are encoded at once.
 const SLAB: usize = 100_000;
 
-/// Scale and offset per axis.
-type Frame = ([f64; 3], [f64; 3]);
-
 /// Writes LAS or LAZ by the extension, columns as [`Fit`] says; the point format is the smallest of 6, 7 and 8 that has the cloud's colours.
 pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
-    let frame = frame(cloud)?;
+    options.validate()?;
+    let frame = frame(cloud, options)?;
+    let wkt = wkt(cloud, options);
     let has = |name| cloud.column(name).is_some();
     let format = if has("Infrared") {
         8
@@ -34,16 +34,20 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     let length16 = u16::try_from(length)
         .map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
     let laz = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("laz"));
-    let vlrs = vlrs(cloud, &extras)?;
-    let front =
-        Front { header: header(cloud, format, length16, &frame), vlrs, gap: Vec::new(), chunk: laz.then_some(CHUNK) };
+    let vlrs = vlrs(wkt.as_deref(), &extras)?;
+    let front = Front {
+        header: header(cloud, (format, length16), &frame, wkt.is_some()),
+        vlrs,
+        gap: Vec::new(),
+        chunk: laz.then_some(CHUNK),
+    };
     let mut writer = Writer::create(path, front)?;
     options.monitor.stage("write", cloud.len() as u64);
     for first in (0..cloud.len()).step_by(SLAB) {
         let points = first..(first + SLAB).min(cloud.len());
         let mut records = vec![0; points.len() * length];
         for (record, i) in records.chunks_exact_mut(length).zip(points.clone()) {
-            let ticks = ticks(cloud, i, &frame)?;
+            let ticks = ticks(cloud, i, (&frame, options.scale.is_some()))?;
             (0..3).for_each(|a| put(record, 4 * a, &ticks[a].to_le_bytes()));
             fields
                 .iter()
@@ -60,29 +64,28 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     writer.finish(&options.monitor, |_| Ok(0), |_, _| {})
 }
 
-/// The cloud's own integers if it has them; else millimetres, or finer for small units, that fit the extent.
-fn frame(cloud: &Cloud) -> Result<Frame> {
-    if let Coordinates::Scaled { scale, offset, .. } = cloud.coordinates() {
-        return Ok((*scale, *offset));
-    }
-    let (low, high) = cloud.bounds().unwrap_or(([0.0; 3], [0.0; 3]));
-    let degrees = cloud.crs.as_deref().is_some_and(|c| c.starts_with("GEOG"));
-    let scale = [0, 1, 2].map(|a| if degrees && a < 2 { 1e-7 } else { 1e-3 });
-    let offset = low.map(f64::floor);
-    for a in 0..3 {
-        if (high[a] - offset[a]) / scale[a] > f64::from(i32::MAX) {
-            let text = format!(
-                "axis {a} reaches from {} to {}; with a scale of {} that does not fit LAS",
-                low[a], high[a], scale[a]
-            );
-            return Err(Error::input(text));
-        }
-    }
-    Ok((scale, offset))
+/// Scale and offset with which a cloud is written.
+///
+/// # Errors
+/// A scale that is not above 0; no step fits the extent and the points' spacing.
+pub fn las_frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
+    options.validate()?;
+    frame(cloud, options)
 }
 
-fn ticks(cloud: &Cloud, i: usize, (scale, offset): &Frame) -> Result<[i32; 3]> {
-    if let Coordinates::Scaled { ticks, .. } = cloud.coordinates() {
+/// The reference system as WKT: point formats from 6 on know no other way.
+fn wkt(cloud: &Cloud, options: &WriteOptions) -> Option<String> {
+    let text = cloud.crs.as_deref()?;
+    let kept = cloud.wkt().filter(|wkt| wkt.len() < 65_535);
+    if kept.is_none() {
+        let short: String = text.chars().take(60).collect();
+        options.monitor.warn(format!("the reference system {short} is not kept: no WKT of it is known that fits LAS"));
+    }
+    kept
+}
+
+fn ticks(cloud: &Cloud, i: usize, ((scale, offset), rescaled): (&Frame, bool)) -> Result<[i32; 3]> {
+    if let (Coordinates::Scaled { ticks, .. }, false) = (cloud.coordinates(), rescaled) {
         return Ok([0, 1, 2].map(|a| ticks[a][i]));
     }
     let p = cloud.xyz(i);
@@ -92,14 +95,11 @@ fn ticks(cloud: &Cloud, i: usize, (scale, offset): &Frame) -> Result<[i32; 3]> {
     }
 }
 
-fn vlrs(cloud: &Cloud, extras: &[Cow<'_, Column>]) -> Result<Vec<Vlr>> {
+fn vlrs(wkt: Option<&str>, extras: &[Cow<'_, Column>]) -> Result<Vec<Vlr>> {
     let mut vlrs = Vec::new();
-    if let Some(wkt) = cloud.crs.as_deref().filter(|c| !c.starts_with("EPSG:")) {
-        let mut data = wkt.as_bytes().to_vec();
-        data.push(0);
-        if data.len() <= 65_535 {
-            vlrs.push(Vlr::new("LASF_Projection", 2112, "OGC coordinate system WKT", data));
-        }
+    if let Some(wkt) = wkt {
+        let data = [wkt.as_bytes(), &[0]].concat();
+        vlrs.push(Vlr::new("LASF_Projection", 2112, "OGC coordinate system WKT", data));
     }
     let mut data = Vec::new();
     for column in extras {
@@ -114,10 +114,9 @@ fn vlrs(cloud: &Cloud, extras: &[Cow<'_, Column>]) -> Result<Vec<Vlr>> {
     Ok(vlrs)
 }
 
-fn header(cloud: &Cloud, format: u8, length: u16, (scale, offset): &Frame) -> Vec<u8> {
+fn header(cloud: &Cloud, (format, length): (u8, u16), (scale, offset): &Frame, wkt: bool) -> Vec<u8> {
     let mut raw = vec![0; 375];
     put(&mut raw, 0, b"LASF");
-    let wkt = cloud.crs.as_deref().is_some_and(|c| !c.starts_with("EPSG:"));
     // Adjusted standard GPS time, and WKT where there is one (formats from 6 on know no other CRS).
     put(&mut raw, 6, &(1u16 | if wkt { 16 } else { 0 }).to_le_bytes());
     raw[24] = 1;

@@ -92,6 +92,24 @@ mod tests {
     }
 
     #[test]
+    fn bytes_that_become_numbers_of_eight_are_counted_as_such() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npz");
+        let mut archive = zip::Writer::create(&path, true).unwrap();
+        let (mut head, mut left) = (Some(npy::header("|u1", &[20_000_000, 3])), 60);
+        let zeros = || {
+            left -= 1;
+            Ok(head.take().or((left >= 0).then(|| vec![0; 1_000_000])))
+        };
+        archive.add("xyz.npy", zeros).unwrap();
+        archive.close().unwrap().finish().unwrap();
+        assert!(path.metadata().unwrap().len() < 100_000);
+        assert_eq!(io::inspect(&path).unwrap().points, 20_000_000);
+        let message = io::read(&path).unwrap_err().to_string();
+        assert!(message.contains("unpacked size") && message.contains("found 480000000 bytes in memory"), "{message}");
+    }
+
+    #[test]
     fn what_is_written_comes_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npz");

@@ -6,7 +6,8 @@ use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::Result;
 use crate::io::number::{Kind, Slot, array};
 use crate::io::table::Table;
-use crate::io::{FileInfo, ReadOptions, known};
+use crate::io::{FileInfo, ReadOptions, known, limits};
+use crate::memory;
 use std::path::Path;
 
 /// An array of the archive.
@@ -19,6 +20,14 @@ struct Array {
 impl Array {
     fn is(&self, names: &[&str]) -> bool {
         names.contains(&&self.name.to_ascii_lowercase()[..])
+    }
+
+    /// Bytes that its numbers take; halves become numbers of four bytes.
+    fn unpacked(&self) -> u64 {
+        match self.npy.element {
+            Element::Half { .. } => self.entry.size.saturating_mul(2),
+            _ => self.entry.size,
+        }
     }
 
     /// Whether it holds text.
@@ -37,6 +46,18 @@ struct Plan {
     left_out: Vec<String>,
 }
 
+impl Plan {
+    /// Bytes of the cloud with the wanted columns, and those of the largest array, which stands beside it while its
+    /// numbers are taken.
+    fn bytes(&self, options: &ReadOptions) -> (u64, u64) {
+        let wanted = |array: &&Array| column_names(array).iter().any(|name| options.wants(name));
+        let columns = self.columns.iter().filter(wanted);
+        let largest = self.axes.iter().chain(columns.clone()).map(Array::unpacked).max().unwrap_or(0);
+        let columns = columns.fold(0, |sum: u64, array| sum.saturating_add(array.unpacked()));
+        (self.points.saturating_mul(24).saturating_add(columns), largest)
+    }
+}
+
 const XYZ: [&str; 5] = ["xyz", "points", "coordinates", "coords", "pos"];
 const COLOURS: [&str; 4] = ["rgb", "color", "colors", "colours"];
 const ABOUT: [&str; 2] = ["crs", "metres_per_unit"];
@@ -46,6 +67,9 @@ const MOST_COLUMNS: u64 = 4096;
 /// Reads the cloud of an archive.
 pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let (mut archive, plan) = plan(path)?;
+    let (cloud, largest) = plan.bytes(options);
+    limits::unpacked(path, "npz", (archive.length, cloud))?;
+    memory::require(cloud.saturating_add(largest), &format!("the points of {}", path.display()))?;
     options.monitor.stage("read", plan.points);
     let mut table = Table::default();
     match &plan.axes[..] {
@@ -175,7 +199,10 @@ fn numbers(path: &Path, archive: &mut Archive, array: &Array) -> Result<Content>
         Element::Half { big } => {
             let halves = bytes.get(body..).unwrap_or_default().chunks_exact(2);
             let bits = |h: &[u8]| if big { u16::from_be_bytes(array2(h)) } else { u16::from_le_bytes(array2(h)) };
-            bytes = halves.flat_map(|h| half(bits(h)).to_le_bytes()).collect();
+            let mut wide = Vec::new();
+            memory::reserve(&mut wide, 2 * halves.len() * 2, &array.name)?;
+            halves.for_each(|h| wide.extend(half(bits(h)).to_le_bytes()));
+            bytes = wide;
             body = 0;
             (Kind::F32, false)
         }

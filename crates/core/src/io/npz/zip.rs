@@ -2,7 +2,10 @@
 
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
+use crate::io::limits;
 use crate::io::number::array;
+use crate::io::open;
+use crate::memory;
 use flate2::Compression;
 use flate2::read::DeflateDecoder;
 use flate2::write::DeflateEncoder;
@@ -10,9 +13,6 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Entries of all kinds together unpack to this many bytes and [`RATIO`] times the file's size at most.
-const FREE: u64 = 128 << 20;
-const RATIO: u64 = 64;
 const STORED: u16 = 0;
 const DEFLATED: u16 = 8;
 const LOCAL: u32 = 0x0403_4b50;
@@ -38,7 +38,7 @@ pub(super) struct Entry {
 pub(super) struct Archive {
     path: PathBuf,
     file: File,
-    length: u64,
+    pub(super) length: u64,
     pub(super) entries: Vec<Entry>,
 }
 
@@ -67,7 +67,7 @@ pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (im
 
 impl Archive {
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let file = open::file(path)?;
         let length = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let mut archive = Self { path: path.to_path_buf(), file, length, entries: Vec::new() };
         let (count, size, at) = archive.end()?;
@@ -83,11 +83,8 @@ impl Archive {
         let list = archive.bytes(at, size)?;
         archive.entries = entries(path, &list, count)?;
         let sum = archive.entries.iter().fold(0, |sum: u64, e| sum.saturating_add(e.size));
-        let most = FREE + RATIO.saturating_mul(length);
-        match sum <= most {
-            true => Ok(archive),
-            false => Err(bad(path, "unpacked size", "list of entries".into(), (sum, format!("at most {most}")))),
-        }
+        limits::unpacked(path, "npz", (length, sum))?;
+        Ok(archive)
     }
 
     fn bytes(&mut self, at: u64, length: u64) -> Result<Vec<u8>> {
@@ -151,6 +148,7 @@ impl Archive {
     pub(super) fn start(&mut self, entry: &Entry, most: u64) -> Result<Vec<u8>> {
         let path = self.path.clone();
         let mut bytes = Vec::new();
+        memory::reserve(&mut bytes, most.min(entry.size) as usize, &entry.name)?;
         let read = self.reader(entry)?.take(most).read_to_end(&mut bytes);
         read.map_err(|e| bad(&path, &entry.name, "its start".into(), (e, "deflated bytes")))?;
         Ok(bytes)

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::io::number::Kind;
-use std::fs::File;
+use crate::io::open;
 use std::io::Read;
 use std::path::Path;
 
@@ -87,7 +87,7 @@ impl<'a> Entries<'a> {
 
 impl Header {
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let file = open::file(path)?;
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let mut bytes = Vec::new();
         file.take(LONGEST).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;

@@ -10,9 +10,8 @@ const LONGEST: usize = 264;
 const FARTHEST: usize = 8192;
 const LITERALS: usize = 32;
 
-/// Unpacks to exactly `size` bytes; or the byte of the input at which it fails.
-pub(super) fn unpack(packed: &[u8], size: usize) -> std::result::Result<Vec<u8>, usize> {
-    let mut out = Vec::with_capacity(size);
+/// Unpacks to exactly `size` bytes, which the empty `out` has room for; or the byte of the input at which it fails.
+pub(super) fn unpack(packed: &[u8], size: usize, mut out: Vec<u8>) -> std::result::Result<Vec<u8>, usize> {
     let mut at = 0;
     while let Some(&control) = packed.get(at) {
         let control = usize::from(control);
@@ -101,23 +100,23 @@ mod tests {
         // "abc", then 6 bytes from 3 back, then 266 - 2 of the last byte.
         let packed = [2, b'a', b'b', b'c', 4 << 5, 2, 7 << 5, 255, 0];
         let expected = [b"abcabcabc".to_vec(), vec![b'c'; 264]].concat();
-        assert_eq!(unpack(&packed, 273), Ok(expected));
-        assert_eq!(unpack(&packed, 272), Err(9));
-        assert_eq!(unpack(&packed[..8], 273), Err(8));
-        assert_eq!(unpack(&[32, 0], 3), Err(2), "a copy from before the start");
+        assert_eq!(unpack(&packed, 273, Vec::new()), Ok(expected));
+        assert_eq!(unpack(&packed, 272, Vec::new()), Err(9));
+        assert_eq!(unpack(&packed[..8], 273, Vec::new()), Err(8));
+        assert_eq!(unpack(&[32, 0], 3, Vec::new()), Err(2), "a copy from before the start");
     }
 
     proptest! {
         #[test]
         fn what_is_packed_unpacks(bytes in prop::collection::vec(0u8..4, 0..3000)) {
             let packed = pack(&bytes);
-            prop_assert_eq!(unpack(&packed, bytes.len()), Ok(bytes.clone()));
+            prop_assert_eq!(unpack(&packed, bytes.len(), Vec::new()), Ok(bytes.clone()));
             prop_assert!(bytes.len() as u64 <= packed.len() as u64 * MOST_RATIO);
         }
 
         #[test]
         fn any_bytes_unpack_or_fail(bytes in prop::collection::vec(any::<u8>(), 0..300), size in 0usize..1000) {
-            if let Ok(out) = unpack(&bytes, size) {
+            if let Ok(out) = unpack(&bytes, size, Vec::new()) {
                 prop_assert_eq!(out.len(), size);
             }
         }

@@ -6,9 +6,11 @@ use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::{Error, Result};
 use crate::io::lines::Lines;
 use crate::io::number::{Kind, Slot};
+use crate::io::open;
 use crate::io::packed::{Layout, Packed, Target};
 use crate::io::words::Words;
-use crate::io::{FileInfo, ReadOptions, known};
+use crate::io::{FileInfo, ReadOptions, known, limits};
+use crate::memory;
 use crate::parallel::Monitor;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -200,7 +202,12 @@ fn compressed(path: &Path, header: &Header, (mut layout, parts): (Layout, &[Part
     }
     let failed =
         |at| bad(path, "compressed points", format!("byte {}", header.body + 8 + at as u64), ("a wrong code", "LZF"));
-    let bytes = lzf::unpack(&packed, size as usize).map_err(failed)?;
+    let width: u64 = layout.table.columns.iter().map(|c| Kind::of(&c.values).size() as u64).sum();
+    let table = header.points.saturating_mul(24 + width);
+    limits::unpacked(path, "PCD", (header.body + header.room, size.saturating_add(table)))?;
+    let mut bytes = Vec::new();
+    memory::reserve(&mut bytes, size as usize, "the unpacked points")?;
+    let bytes = lzf::unpack(&packed, size as usize, bytes).map_err(failed)?;
     layout.table.reserve(header.points as usize)?;
     let (mut rest, mut parts) = (&bytes[..], parts.iter());
     for field in &header.fields {
@@ -221,7 +228,7 @@ fn compressed(path: &Path, header: &Header, (mut layout, parts): (Layout, &[Part
 
 /// The compressed bytes and the size that they unpack to.
 fn packed_bytes(path: &Path, header: &Header) -> Result<(Vec<u8>, u64)> {
-    let mut file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+    let mut file = open::file(path)?;
     let mut sizes = [0; 8];
     let start = file.seek(SeekFrom::Start(header.body)).and_then(|_| file.read_exact(&mut sizes));
     start.map_err(|_| {

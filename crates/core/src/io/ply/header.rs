@@ -3,8 +3,8 @@
 use crate::cloud::names;
 use crate::error::{Error, Result};
 use crate::io::number::Kind;
+use crate::io::open;
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -94,7 +94,7 @@ fn kind(name: &str) -> Option<Kind> {
 impl Header {
     /// Reads and checks the header.
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|e| Error::io(path, e))?;
+        let file = open::file(path)?;
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let mut bytes = Vec::new();
         file.take(LONGEST).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
@@ -143,6 +143,14 @@ fn check_names(path: &Path, vertex: &Element) -> Result<()> {
                 "header".into(),
                 (format!("`{}` twice", property.name), "each name once"),
             ));
+        }
+    }
+    let axis = |name: &str, a: &str| name.eq_ignore_ascii_case(a);
+    for a in ["x", "y", "z"] {
+        let same: Vec<&str> = vertex.properties.iter().map(|p| &p.name[..]).filter(|name| axis(name, a)).collect();
+        if same.len() > 1 {
+            let found = same.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(" and ");
+            return Err(bad(path, "properties", "header".into(), (found, format!("one `{a}`; rename the others"))));
         }
     }
     Ok(())

@@ -2,9 +2,10 @@
 
 use super::header::{Element, Encoding, Header, bad, column_name};
 use crate::cloud::{Cloud, Column};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::lines::Lines;
 use crate::io::number::Slot;
+use crate::io::open;
 use crate::io::packed::{Layout, Packed, Target};
 use crate::io::words::Words;
 use crate::io::{FileInfo, ReadOptions};
@@ -116,7 +117,7 @@ fn whole(
     header: &Header,
     (mut layout, targets): (Layout, &[Option<Target>]),
 ) -> Result<Layout> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let bytes = open::whole(path)?;
     let mut cursor = Cursor { path, bytes: &bytes, at: header.body as usize, big: header.encoding == Encoding::Big };
     for element in &header.before {
         cursor.element(element, monitor, |_, _| {})?;

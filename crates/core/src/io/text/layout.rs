@@ -1,7 +1,7 @@
 //! What the columns of a text file are.
 
 use super::bad;
-use crate::cloud::names;
+use crate::cloud::{MOST_COLUMNS, names};
 use crate::error::Result;
 use crate::io::lines::{Pieces, count, lines};
 use crate::io::words::Words;
@@ -63,7 +63,11 @@ impl Layout {
 fn layout(path: &Path, (number, line): (usize, &[u8])) -> Result<(Layout, bool)> {
     decimal_comma(path, (number, line))?;
     let head = line.strip_prefix(b"//").unwrap_or(line);
-    let words: Vec<_> = Words::new(head).collect();
+    let words: Vec<_> = Words::new(head).take(MOST_COLUMNS + 4).collect();
+    if words.len() > MOST_COLUMNS + 3 {
+        let allowed = format!("at most {MOST_COLUMNS} and x, y, z");
+        return Err(bad(path, ("number of columns", number, 1), (Words::new(head).count(), allowed)));
+    }
     let is_name = |text: &[u8]| text.first().is_some_and(|b| b.is_ascii_alphabetic() || *b == b'_');
     if words.iter().any(|w| w.value.is_none() && is_name(w.text)) {
         let names: Vec<String> = words.iter().map(|w| w.string().trim_matches('"').to_string()).collect();

@@ -4,11 +4,13 @@ use super::bad;
 use super::labels::{self, Labels};
 use super::layout::{self, Layout};
 use super::rows::{self, Fault};
-use crate::cloud::{Cloud, Column, Coordinates, Values, names};
+use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values, names};
 use crate::error::Result;
 use crate::io::lines::{Pieces, count, cut};
 use crate::io::{FileInfo, ReadOptions};
+use crate::memory;
 use crate::parallel::{Monitor, map_ordered};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// A piece of 4 MiB is read in so many parts, each by one thread.
@@ -44,11 +46,11 @@ impl Reader {
         let mut pieces = Pieces::open(path, "text", 0)?;
         let (layout, first, lines) = layout::find(path, &mut pieces)?;
         let (mut targets, mut kept) = (Vec::new(), Vec::new());
+        let last: HashMap<&String, usize> = layout.names.iter().zip(0..).collect();
         for (c, name) in layout.names.iter().enumerate() {
             targets.push(layout.axes.iter().position(|&a| a == c).or_else(|| {
                 // Of two columns with one name the last one counts.
-                let last = layout.names.iter().rposition(|n| n == name) == Some(c);
-                (last && options.wants(name)).then(|| {
+                (last.get(name) == Some(&c) && options.wants(name)).then(|| {
                     kept.push(name.clone());
                     2 + kept.len()
                 })
@@ -79,7 +81,7 @@ impl Reader {
         let read = map_ordered(parts.len(), &self.monitor, |i| Ok(rows::read(parts[i], &self.targets, width)))?;
         for (part, rows) in parts.iter().zip(read) {
             let rows = rows.map_err(|fault| self.fault(fault))?;
-            self.columns.iter_mut().zip(rows).for_each(|(column, rows)| column.extend_from_slice(&rows));
+            append(&mut self.columns, rows)?;
             self.lines += count(part);
         }
         self.monitor.advance(piece.len() as u64);
@@ -112,6 +114,7 @@ impl Reader {
             let codes = labels.codes.get(self.given..self.given + n);
             let codes = codes.ok_or_else(|| labels.wrong(&self.path, self.given + n))?;
             cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(codes.to_vec())))?;
+            cloud.scheme = CodeScheme::Semantic3d;
         }
         self.given += n;
         Ok(cloud)
@@ -131,6 +134,18 @@ impl Reader {
             }
         }
     }
+}
+
+/// Appends rows, column by column.
+fn append(columns: &mut [Vec<f64>], rows: Vec<Vec<f64>>) -> Result<()> {
+    for (column, rows) in columns.iter_mut().zip(rows) {
+        // Grows to twice the size like any other vector, so that all of it is copied once on average.
+        if column.try_reserve(rows.len()).is_err() {
+            memory::reserve(column, rows.len(), "the numbers of a text file")?;
+        }
+        column.extend_from_slice(&rows);
+    }
+    Ok(())
 }
 
 /// Reads all points; codes and colours that are whole numbers become integers.

@@ -16,7 +16,8 @@ pub(super) struct Fault {
 
 /// Reads the rows of a part. `targets` tells for each number of a row into which of `columns` it goes, if at all.
 pub(super) fn read(part: &[u8], targets: &[Option<usize>], columns: usize) -> Result<Vec<Vec<f64>>, Fault> {
-    let guess = count(part) + 1;
+    // Each number takes a digit and something between it and the next: lines may be empty.
+    let guess = (count(part) + 1).min(part.len() / (2 * targets.len()).max(1) + 1);
     let mut out: Vec<Vec<f64>> = (0..columns).map(|_| Vec::with_capacity(guess)).collect();
     for (number, line) in (1..).zip(lines(part)) {
         if holds(line) {

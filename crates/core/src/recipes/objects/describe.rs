@@ -7,7 +7,7 @@ use crate::features::FeatureTable;
 use crate::parallel::Monitor;
 use crate::recipes::points::points_of;
 use crate::segmentation::{ObjectAttributes, Partition, object_features};
-use crate::terrain::{ElevationModel, ground_points};
+use crate::terrain::{ElevationModel, by_site, ground_points};
 
 /// Segments of a cloud's points and one row of features for each.
 pub(super) struct Objects {
@@ -39,8 +39,10 @@ pub(super) fn objects(
 }
 
 fn above_ground(points: &Points, recipe: &ObjectsRecipe, monitor: &Monitor) -> Result<Vec<f32>> {
-    let ground = ground_points(points, &recipe.ground, monitor)?;
-    ElevationModel::fit(points, &ground, &recipe.elevation, monitor)?.heights(points, monitor)
+    by_site(points, recipe.ground.cell.min(recipe.elevation.cell), |site| {
+        let ground = ground_points(site, &recipe.ground, monitor)?;
+        ElevationModel::fit(site, &ground, &recipe.elevation, monitor)?.heights(site, monitor)
+    })
 }
 
 /// The table without one column.

@@ -3,12 +3,14 @@
 use super::ObjectsRecipe;
 use super::describe::{Objects, objects};
 use super::split::{Labelled, split};
-use crate::classes::ClassTable;
+use crate::classes::{Class, ClassTable};
 use crate::classification::{Classifier, Fingerprint, Model, Samples};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::evaluation::{Confusion, Scores};
 use crate::parallel::Monitor;
+use crate::recipes::labels::{check_classes, check_labels, class_table, counts_of};
+use crate::recipes::points::note_oddities;
 use crate::recipes::{ClassCount, Labels, planar_density};
 use crate::segmentation::majorities;
 use serde::Serialize;
@@ -50,15 +52,17 @@ struct Lesson {
 /// Learns from a share of the segments of one or more labelled clouds; a segment has the majority class of its points.
 ///
 /// # Errors
-/// No labelled point, a parameter out of range, colours are asked for that a cloud does not have, cancellation.
+/// Fewer than two classes are labelled, a parameter out of range, colours are asked for that a cloud does not have, cancellation.
 pub fn train_objects(
     clouds: &[(Cloud, Labels)],
     recipe: &ObjectsRecipe,
     monitor: &Monitor,
 ) -> Result<(Model, ObjectsReport)> {
     recipe.validate()?;
+    check_labels(clouds)?;
     let mut recipe = recipe.clone();
     let mut lessons = Vec::new();
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let lesson = study((cloud, labels), &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
         // Whether the first cloud has colours decides for all that the model will name.
@@ -67,10 +71,8 @@ pub fn train_objects(
         lessons.push(lesson);
     }
     let codes: Vec<u8> = lessons.iter().flat_map(|l| l.codes.iter().flatten().copied()).collect();
-    if codes.is_empty() {
-        return Err(Error::input("no labelled point to learn from; check the labels and the unlabelled codes"));
-    }
-    let classes = ClassTable::from_codes(&codes);
+    let classes = class_table(&codes, clouds);
+    check_classes(&classes)?;
     let (rows, labels) = table(&lessons, &classes);
     let names = lessons.first().map(|l| l.found.features.names.clone()).unwrap_or_default();
     let samples =
@@ -132,23 +134,19 @@ fn report(
     lessons: &[Lesson],
     (classifier, classes): (&Classifier, &ClassTable),
 ) -> Result<ObjectsReport> {
-    let mut points = [0u64; 256];
-    for (_, labels) in clouds {
-        labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
-    }
+    let points = counts_of(clouds);
     let learned = |code| {
         let of = |l: &Lesson| l.codes.iter().zip(&l.learned).filter(|(c, l)| **c == Some(code) && **l).count();
         lessons.iter().map(of).sum::<usize>() as u64
     };
-    let counts: Vec<ClassCount> = (classes.classes().iter())
-        .map(|c| ClassCount { code: c.code, points: points[usize::from(c.code)], samples: learned(c.code) })
-        .collect();
-    let unseen = counts.iter().filter(|c| c.samples == 0);
-    let mut warnings: Vec<String> =
-        unseen.map(|c| format!("class {} is in no segment that was learned from", c.code)).collect();
-    if classes.len() == 1 {
-        warnings.push(format!("only one class is labelled ({}): every point will get it", counts[0].code));
-    }
+    let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
+    let count = |c: &Class| {
+        let samples = learned(c.code);
+        let weight = if samples > 0 { 1.0 } else { 0.0 };
+        ClassCount { code: c.code, name: c.name.clone(), points: points[usize::from(c.code)], samples, weight }
+    };
+    let counts: Vec<ClassCount> = class_table(&codes, clouds).classes().iter().map(count).collect();
+    let warnings = counts.iter().filter(|c| c.samples == 0).map(|c| unlearned(c, classes)).collect();
     let (by_segment, by_point) = held_out(lessons, (classifier, classes))?;
     Ok(ObjectsReport {
         unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
@@ -161,6 +159,15 @@ fn report(
         by_point,
         warnings,
     })
+}
+
+/// What a class without samples is told of.
+fn unlearned(class: &ClassCount, classes: &ClassTable) -> String {
+    let (title, points) = (class.title(), class.points);
+    match classes.position(class.code) {
+        Some(_) => format!("{title} is in no segment that was learned from"),
+        None => format!("{title} is left out: its {points} points are the majority of no segment"),
+    }
 }
 
 fn oracle(lessons: &[Lesson]) -> Result<f64> {

@@ -6,7 +6,7 @@ mod part;
 pub use params::{GrowingParams, SegmentMethod, SegmentParams};
 
 use super::Labels;
-use super::points::points_of;
+use super::points::{note_oddities, points_of};
 use crate::cloud::{Cloud, Points};
 use crate::error::Result;
 use crate::evaluation::{BoundaryScores, SizeBin, boundary_scores, oracle_accuracy, size_histogram};
@@ -21,16 +21,16 @@ use serde::Serialize;
 /// A parted cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Segmented {
-    /// Segment of each point of the cloud, from 1; 0 where coordinates are not finite.
+    /// Segment of each point of the cloud, from 1; 0 where coordinates are not finite or stray.
     pub clusters: Vec<u32>,
-    /// Points with finite coordinates, in the order of the partition's nodes.
+    /// Points with finite coordinates that are not stray, in the order of the partition's nodes.
     pub points: Points,
     /// Linearity, planarity, scattering, verticality of these points; empty if the method does without, see
     /// [`Segmented::describe`].
     pub descriptors: FeatureTable,
     /// The segments of these points; segment s has number s + 1 among the clusters.
     pub partition: Partition,
-    /// Segment of each point of the cloud at each level that was asked for, from 1; 0 where coordinates are not finite.
+    /// Segment of each point of the cloud at each level that was asked for, from 1; 0 where coordinates are not finite or stray.
     pub levels: Vec<Vec<u32>>,
     /// What is worth knowing about it.
     pub report: SegmentReport,
@@ -98,6 +98,7 @@ pub struct LevelReport {
 pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, monitor: &Monitor) -> Result<Segmented> {
     params.validate()?;
     let points = points_of(cloud, None)?;
+    note_oddities([cloud], monitor);
     let known: Option<Vec<Option<u8>>> =
         labels.map(|labels| points.index.iter().map(|&i| labels.codes.get(i as usize).copied().flatten()).collect());
     let found = part((cloud, &points), known.as_deref(), params, monitor)?;

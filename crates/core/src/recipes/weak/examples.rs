@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     fn labels(codes: &[u8]) -> Labels {
-        Labels { codes: codes.iter().map(|&c| (c > 0).then_some(c)).collect(), unlabelled: 0 }
+        Labels { codes: codes.iter().map(|&c| (c > 0).then_some(c)).collect(), ..Labels::default() }
     }
 
     #[test]

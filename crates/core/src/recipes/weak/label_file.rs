@@ -2,6 +2,7 @@
 
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
+use crate::io::open;
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::Labels;
@@ -31,7 +32,7 @@ impl LabelFile {
     /// # Errors
     /// `path:line: what is wrong`.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        let text = open::text(path, open::MOST_TABLE)?;
         let mut file = Self { path: path.to_path_buf(), ..Self::default() };
         let mut columns = None;
         for (line, row) in text.lines().map(str::trim).enumerate() {
@@ -74,8 +75,7 @@ impl LabelFile {
         let mut codes: Vec<Option<u8>> = vec![None; cloud.len()];
         self.apply_places(cloud, (metres, within), &mut codes, monitor)?;
         self.apply_segments(cloud, &mut codes)?;
-        let unlabelled = codes.iter().filter(|c| c.is_none()).count() as u64;
-        Ok(Labels { codes, unlabelled })
+        Ok(Labels::new(codes, cloud.scheme))
     }
 
     fn apply_places(
@@ -88,9 +88,10 @@ impl LabelFile {
         if self.places.is_empty() {
             return Ok(());
         }
+        self.check_box(cloud, (metres, within))?;
         let points = Points::from_cloud(cloud, metres);
         let rows: Vec<[f64; 3]> = self.places.iter().map(|p| p.1).collect();
-        let queries = Points::from_cloud(&Cloud::from_rows(&rows)?, metres);
+        let queries = Points::with_strays(&Cloud::from_rows(&rows)?, metres);
         if points.is_empty() {
             return Err(Error::input("the cloud has no point with finite coordinates"));
         }
@@ -102,6 +103,19 @@ impl LabelFile {
                 return Err(self.wrong(*line, found, &format!("at most {within} m; check the coordinate system")));
             }
             self.put(*line, &mut codes[points.index[near.of(q)[0] as usize] as usize], *code)?;
+        }
+        Ok(())
+    }
+
+    /// Fails at the first place that lies outside the box of the cloud's points by more than `within` metres.
+    fn check_box(&self, cloud: &Cloud, (metres, within): (f64, f64)) -> Result<()> {
+        let Some((low, high)) = cloud.bounds() else { return Ok(()) };
+        for (line, place, _) in &self.places {
+            let beyond = (0..3).map(|a| (low[a] - place[a]).max(place[a] - high[a])).fold(0.0, f64::max) * metres;
+            if beyond > within || beyond.is_nan() {
+                let found = format!("{place:?} is {beyond:.3e} m outside the cloud from {low:?} to {high:?}");
+                return Err(self.wrong(*line, found, &format!("at most {within} m; check the coordinate system")));
+            }
         }
         Ok(())
     }
@@ -246,7 +260,9 @@ mod tests {
         for (text, expected) in [
             ("x,y,z,class\n0,0,0,2\n0,0,far,2\n", ":3: \"far\""),
             ("x,y,z,class\n0,0,0,300\n", ":2: 300"),
-            ("x,y,z,class\n500,0,0,2\n", "from the nearest point"),
+            ("x,y,z,class\n500,0,0,2\n", "outside the cloud"),
+            ("x,y,z,class\n1e300,0,0,2\n", "outside the cloud"),
+            ("x,y,z,class\n1.6,0.4,0,2\n", "from the nearest point"),
             ("x,y,z,class\n0,0,0,2\n0.1,0,0,3\n", ":3: class 3 where an earlier line has 2"),
             ("cluster_id,class\n9,2\n", "cluster_id 9"),
             ("a,b\n1,2\n", "x,y,z,class or cluster_id,class"),

@@ -4,14 +4,15 @@ use super::WeakRecipe;
 use super::describe::{self, Described};
 use super::examples::{Example, examples};
 use super::hold::{self, Known};
-use crate::classes::ClassTable;
+use crate::classes::{Class, ClassTable};
 use crate::classification::cross_validation::stratified_folds;
 use crate::classification::{Classifier, ClassifierParams, Fingerprint, Model, Samples};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::recipes::points::points_of;
+use crate::recipes::labels::{check_classes, check_labels, class_table, counts_of};
+use crate::recipes::points::{note_oddities, points_of};
 use crate::recipes::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, Scene};
 use crate::recipes::{ClassCount, Labels, planar_density};
 use crate::segmentation::Intent;
@@ -70,7 +71,7 @@ struct Lesson<'a> {
 /// ties to the smallest); it is measured on the first cloud.
 ///
 /// # Errors
-/// No labelled point, a parameter out of range, cancellation.
+/// Fewer than two classes are labelled, a parameter out of range, cancellation.
 pub fn train_weak(
     clouds: &[(Cloud, Labels)],
     recipe: &WeakRecipe,
@@ -78,10 +79,12 @@ pub fn train_weak(
     monitor: &Monitor,
 ) -> Result<(Model, WeakReport)> {
     recipe.validate()?;
+    check_labels(clouds)?;
     let mut recipe = recipe.clone();
     let (lessons, partitions) = study(clouds, &mut recipe, !strengths.is_empty(), monitor)?;
     let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
-    let classes = ClassTable::from_codes(&codes);
+    let classes = class_table(&codes, clouds);
+    check_classes(&classes)?;
     let labels: Vec<u16> = codes.iter().filter_map(|&code| classes.position(code)).map(|p| p as u16).collect();
     recipe.shares.learn(&labels, classes.len());
     let scores = match (strengths, lessons.first()) {
@@ -96,7 +99,7 @@ pub fn train_weak(
     let (width, count) = (feature_names.len(), classes.len());
     let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: count };
     let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
-    let report = WeakReport { partitions, ..report(clouds, &codes, &recipe, scores) };
+    let report = WeakReport { partitions, ..report(clouds, (&codes, &classes), &recipe, scores) };
     let model = Model {
         recipe_toml: toml::to_string(&recipe).map_err(|e| Error::input(format!("recipe cannot be written: {e}")))?,
         fingerprint: Fingerprint::of(&samples, density),
@@ -125,6 +128,7 @@ fn study<'a>(
     monitor: &Monitor,
 ) -> Result<(Vec<Lesson<'a>>, Vec<StrengthScore>)> {
     let mut drafts = Vec::new();
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let points = points_of(cloud, recipe.features.metres_per_unit)?;
         let seed = recipe.seed.wrapping_add(c as u64);
@@ -243,20 +247,24 @@ fn head(features: &FeatureTable) -> FeatureTable {
     FeatureTable { names: features.names[..4].to_vec(), values: rows.flat_map(|r| &r[..4]).copied().collect() }
 }
 
-fn report(clouds: &[(Cloud, Labels)], codes: &[u8], recipe: &WeakRecipe, strengths: Vec<StrengthScore>) -> WeakReport {
-    let mut points = [0u64; 256];
-    for (_, labels) in clouds {
-        labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
-    }
+fn report(
+    clouds: &[(Cloud, Labels)],
+    (codes, classes): (&[u8], &ClassTable),
+    recipe: &WeakRecipe,
+    strengths: Vec<StrengthScore>,
+) -> WeakReport {
+    let points = counts_of(clouds);
     let samples = |code| codes.iter().filter(|&&c| c == code).count() as u64;
-    let seen = (0..=255u8).filter(|&code| samples(code) > 0);
-    let classes: Vec<ClassCount> =
-        seen.map(|code| ClassCount { code, points: points[usize::from(code)], samples: samples(code) }).collect();
+    let count = |c: &Class| ClassCount {
+        code: c.code,
+        name: c.name.clone(),
+        points: points[usize::from(c.code)],
+        samples: samples(c.code),
+        weight: 1.0,
+    };
+    let classes: Vec<ClassCount> = classes.classes().iter().map(count).collect();
     let road_examples = recipe.road.examples.iter().filter(|e| e.1).count();
     let mut warnings = Vec::new();
-    if classes.len() == 1 {
-        warnings.push(format!("only one class is labelled ({}): every point will get it", classes[0].code));
-    }
     if road_examples == 0 {
         warnings
             .push(format!("no label is road (road.codes {:?}): the lowest points stand in for it", recipe.road.codes));
@@ -273,7 +281,7 @@ pub(in crate::recipes) fn classify_weak(
     (metres, params): (Option<f64>, &RegulariseParams),
     monitor: &Monitor,
 ) -> Result<(Points, Regularised)> {
-    let unit = metres.or(recipe.features.metres_per_unit).or(cloud.metres_per_unit).unwrap_or(1.0);
+    let unit = cloud.metres(metres.or(recipe.features.metres_per_unit))?;
     let points = points_of(cloud, Some(unit))?;
     let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
     let local = describe::local(&points, recipe, monitor)?;

@@ -28,7 +28,8 @@ impl Grid {
     /// If a coordinate is not finite, or the points need 2^21 cells or more along an axis.
     pub(super) fn new(points: &Points, size: f64, name: &'static str) -> Result<Self> {
         let mut first = [0; 3];
-        for (axis, first) in [&points.x, &points.y, &points.z].into_iter().zip(&mut first) {
+        let axes = [("x", &points.x), ("y", &points.y), ("z", &points.z)];
+        for ((of, axis), first) in axes.into_iter().zip(&mut first) {
             let (low, high) = axis.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
             if axis.iter().any(|v| !v.is_finite()) {
                 return Err(Error::input("a coordinate is not finite (allowed: finite numbers)"));
@@ -40,7 +41,12 @@ impl Grid {
             let most = f64::from((1u32 << BITS) - 8);
             // The negation refuses what is not a number too.
             if !(high - low < most && low.abs() < 1e15) {
-                let expected = format!("a size that gives fewer than {most} cells along an axis, not {}", high - low);
+                let expected = format!(
+                    "a size that gives fewer than {most} cells along an axis, not {}; the points reach over {:.0} m in {of}: cut \
+                     the cloud or choose a larger size",
+                    high - low,
+                    (high - low) * size
+                );
                 return Err(Error::parameter(name, size, expected));
             }
             *first = low as i64 - MARGIN;

@@ -10,14 +10,16 @@ pub(super) mod tail;
 mod tests;
 
 use super::header::put;
+use super::outside::Outside;
 use super::promote;
-use super::read::check_codes;
+use super::read::{check_codes, check_values};
 use super::records::{Records, SLAB, par_records};
 use super::stream::Stream;
 use super::vlr::laz_chunk_size;
 use super::writer::{CHUNK, Front, Writer};
+use crate::cloud::Column;
 use crate::error::{Error, Result};
-use crate::io::{Edit, RewriteReport, WriteOptions};
+use crate::io::{Edit, RewriteReport, WriteOptions, run};
 use plan::plan;
 use rayon::prelude::*;
 use std::path::Path;
@@ -34,6 +36,13 @@ pub(in crate::io) fn rewrite(
     options: &WriteOptions,
 ) -> Result<RewriteReport> {
     rewrite_records(Records::open(input)?, output, edits, options)
+}
+
+/// Fails if the dimensions cannot be added, whatever their values.
+pub(in crate::io) fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result<()> {
+    let records = Records::open(input)?;
+    let edits: Vec<Edit> = added.iter().map(|column| Edit::Dimension(column.clone())).collect();
+    plan(&records, &mut front(&records, None, output), &edits, None).map(|_| ())
 }
 
 /// Writes records that are open with the edits applied.
@@ -94,6 +103,11 @@ pub(in crate::io) fn rewrite_as(
     if tail.lost_copc {
         report.notes.push("the octree of the COPC input is not kept; the output is plain LAZ".into());
     }
+    for edit in edits {
+        if let Edit::Dimension(column) = edit {
+            check_values(&column.name, &column.values, points)?;
+        }
+    }
     let plan = plan(&records, &mut front, edits, to)?;
     edits.iter().for_each(|edit| {
         if let Edit::ClassNames(names) = edit {
@@ -104,6 +118,7 @@ pub(in crate::io) fn rewrite_as(
     let mut writer = Writer::create(output, front)?;
     let monitor = &options.monitor;
     monitor.stage("write", points);
+    let mut outside = Outside::new(&old);
     let mut stream = Stream::of(records);
     let mut first = 0;
     loop {
@@ -112,6 +127,7 @@ pub(in crate::io) fn rewrite_as(
         if count == 0 {
             break;
         }
+        outside.add(&bytes, plan.old_length);
         if plan.keeps_length() {
             par_records(&mut bytes, first, plan.old_length).for_each(|(i, record)| plan.apply(record, i));
             writer.push(&bytes, monitor)?;
@@ -121,7 +137,9 @@ pub(in crate::io) fn rewrite_as(
         first += count;
         monitor.advance(count as u64);
     }
+    run::unchanged(&stream.records.path)?;
     let records = &mut stream.records;
+    outside.report(&records.path, &old, monitor);
     writer.finish(monitor, |file| tail.copy(records, file, monitor), |header, end| tail.patch(&old, header, end))?;
     Ok(report)
 }

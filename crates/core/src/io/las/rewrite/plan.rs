@@ -7,7 +7,6 @@ use crate::io::las::extra::{self, Extra};
 use crate::io::las::fields::Field;
 use crate::io::las::header::{RECORD_SIZES, put};
 use crate::io::las::promote;
-use crate::io::las::read::check_values;
 use crate::io::las::records::Records;
 use crate::io::las::vlr::Vlr;
 use crate::io::las::writer::Front;
@@ -48,7 +47,6 @@ pub(super) fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], 
             }
             Edit::ClassNames(_) => continue,
         };
-        check_values(&column.name, &column.values, header.points)?;
         if Field::named(&column.name, format).is_some() {
             let allowed = "a name that the point format does not use itself";
             return Err(Error::parameter("dimension", &column.name, allowed));

@@ -3,20 +3,22 @@
 use std::io::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::time::Duration;
 
-/// Names of the temporary files that exist now; none once the process is ending.
-static OPEN: Mutex<Option<Vec<PathBuf>>> = Mutex::new(Some(Vec::new()));
+/// Names of the temporary files that exist now.
+static OPEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// A temporary file that exists: it is renamed to its final name, or removed when this value is dropped.
 #[derive(Debug)]
 pub(super) struct Partial(PathBuf);
 
 impl Partial {
-    /// Takes charge of a file that was just made. Fails, and removes it, if the process is ending.
-    pub(super) fn new(path: PathBuf) -> crate::Result<Self> {
-        let partial = Self(path);
-        let open = OPEN.lock().ok().and_then(|mut open| open.as_mut().map(|open| open.push(partial.0.clone())));
-        open.map(|()| partial).ok_or(crate::Error::Interrupted)
+    /// Takes charge of a file that was just made.
+    pub(super) fn new(path: PathBuf) -> Self {
+        if let Ok(mut open) = OPEN.lock() {
+            open.push(path.clone());
+        }
+        Self(path)
     }
 
     /// Its name.
@@ -28,7 +30,7 @@ impl Partial {
     pub(super) fn rename(&mut self, target: &Path) -> Result<()> {
         let mut open = OPEN.lock().map_err(|_| Error::other("a writer of this process has failed"))?;
         std::fs::rename(&self.0, target)?;
-        forget(&mut open, &self.0);
+        open.retain(|path| *path != self.0);
         self.0 = PathBuf::new();
         Ok(())
     }
@@ -39,26 +41,28 @@ impl Drop for Partial {
         if !self.0.as_os_str().is_empty() {
             let _ = std::fs::remove_file(&self.0);
             if let Ok(mut open) = OPEN.lock() {
-                forget(&mut open, &self.0);
+                open.retain(|path| *path != self.0);
             }
         }
     }
 }
 
-fn forget(open: &mut Option<Vec<PathBuf>>, path: &Path) {
-    if let Some(open) = open {
-        open.retain(|p| p != path);
-    }
-}
-
-/// Removes every temporary file of this process; no output can be begun or finished after it.
+/// Removes every temporary file of this process; no output can be begun or finished after it. Asks for no memory.
 ///
 /// For a process that is about to end while its threads are still at work: after a signal, or without memory.
 pub fn abandon_outputs() {
-    let Ok(mut open) = OPEN.lock() else { return };
-    for path in open.take().unwrap_or_default() {
+    // A thread that was stopped inside may hold the list for ever.
+    let list = (0..100).find_map(|_| {
+        let list = OPEN.try_lock().ok();
+        if list.is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        list
+    });
+    let Some(open) = list else { return };
+    for path in open.iter() {
         let _ = std::fs::remove_file(path);
     }
-    // Whoever wants to rename its file waits for this lock until the process is gone.
+    // Whoever begins or finishes an output waits for this lock until the process is gone.
     std::mem::forget(open);
 }

@@ -1,0 +1,58 @@
+//! Arguments of the commands that measure, or write whole numbers of a step.
+
+use super::Command;
+use clap::Args as ClapArgs;
+
+/// What the coordinates are.
+#[derive(Clone, Debug, ClapArgs)]
+pub(crate) struct UnitArgs {
+    /// Metres in one unit of the coordinates, e.g. 0.3048 for feet [default: from the file, else 1]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) unit: Option<f64>,
+}
+
+/// How LAS stores coordinates that come from another format.
+#[derive(Clone, Debug, ClapArgs)]
+pub(crate) struct ScaleArgs {
+    /// Step of the whole numbers that LAS and LAZ store coordinates in, one or one each for x, y and z [default: 0.001, 1e-7 for
+    /// degrees, or as fine as a thousandth of the points' spacing needs]; not from LAS to LAS
+    #[arg(long, value_name = "STEP[,STEP,STEP]", value_delimiter = ',')]
+    pub(crate) scale: Vec<f64>,
+}
+
+impl Command {
+    /// The unit that was given.
+    pub(crate) fn unit(&self) -> Option<f64> {
+        match self {
+            Self::Features(args) => args.unit.unit,
+            Self::Train(args) => args.unit.unit,
+            Self::Classify(args) => args.unit.unit,
+            Self::Segment(args) => args.segments.unit.unit,
+            Self::Suggest(args) => args.segments.unit.unit,
+            Self::Evaluate(args) => args.unit.unit,
+            _ => None,
+        }
+    }
+
+    /// The step that was given, one number an axis.
+    ///
+    /// # Errors
+    /// Two numbers, or more than three.
+    pub(crate) fn scale(&self) -> Result<Option<[f64; 3]>, String> {
+        let numbers = match self {
+            Self::Convert(args) => &args.scale.scale,
+            Self::Merge(args) => &args.scale.scale,
+            Self::Features(args) => &args.scale.scale,
+            Self::Classify(args) => &args.scale.scale,
+            Self::Segment(args) => &args.scale.scale,
+            Self::Suggest(args) => &args.scale.scale,
+            _ => return Ok(None),
+        };
+        match numbers[..] {
+            [] => Ok(None),
+            [all] => Ok(Some([all; 3])),
+            [x, y, z] => Ok(Some([x, y, z])),
+            _ => Err(format!("--scale: found {} numbers, expected 1 or 3", numbers.len())),
+        }
+    }
+}

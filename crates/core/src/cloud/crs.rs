@@ -1,0 +1,250 @@
+//! What the text of a coordinate reference system says of its units.
+//!
+//! A system is written as WKT (OGC 01-009, ISO 19162) or as a code of the EPSG registry (`EPSG:2229`). The WKT of EPSG's codes
+//! is kept in `epsg.bin`, made by `scripts/epsg-table`.
+
+use std::io::Read;
+
+/// Systems of EPSG as WKT, deflated; the layout is that of `scripts/epsg-table`.
+const EPSG: &[u8] = include_bytes!("epsg.bin");
+
+/// Bytes of an entry of the table's index.
+const ENTRY: usize = 6;
+
+/// Deeper brackets are no reference system.
+const DEEPEST: usize = 32;
+
+/// What the numbers of horizontal coordinates are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unit {
+    /// Lengths: metres in one of them.
+    Length(f64),
+    /// Angles on the ellipsoid.
+    Degrees,
+}
+
+/// The unit of x and y; `None` if the text does not say.
+pub fn unit_of(crs: &str) -> Option<Unit> {
+    match epsg_code(crs) {
+        Some(code) => Node::parse(&wkt_of(code)?)?.horizontal(),
+        None => Node::parse(crs)?.horizontal(),
+    }
+}
+
+/// Metres in one unit of the heights, if the system has a vertical part that says so.
+pub fn vertical_unit_of(crs: &str) -> Option<f64> {
+    match epsg_code(crs) {
+        Some(code) => Node::parse(&wkt_of(code)?)?.vertical(),
+        None => Node::parse(crs)?.vertical(),
+    }
+}
+
+/// Whether two texts name one system: the same text, or the same code of EPSG.
+pub fn same(a: &str, b: &str) -> bool {
+    let code = |crs| epsg_code(crs).or_else(|| Node::parse(crs)?.code());
+    a == b || code(a).is_some_and(|found| Some(found) == code(b))
+}
+
+/// The code of `EPSG:2229`, of `EPSG:2229+5703` (its first part) and of `urn:ogc:def:crs:EPSG::2229`.
+pub fn epsg_code(crs: &str) -> Option<u16> {
+    let text = crs.trim();
+    let head = text.get(..5).filter(|head| head.eq_ignore_ascii_case("EPSG:"));
+    let urn = text.get(..21).filter(|head| head.eq_ignore_ascii_case("urn:ogc:def:crs:EPSG:"));
+    let rest = match (head, urn) {
+        (Some(_), _) => &text[5..],
+        (_, Some(_)) => text[21..].rsplit(':').next()?,
+        _ => return None,
+    };
+    rest.split('+').next()?.trim().parse().ok()
+}
+
+/// The WKT of a code of EPSG, if it is in the table.
+pub fn wkt_of(code: u16) -> Option<String> {
+    let number = |at: usize, bytes: usize| -> Option<usize> {
+        Some(EPSG.get(at..at + bytes)?.iter().rev().fold(0, |sum, &byte| sum << 8 | usize::from(byte)))
+    };
+    let frames = number(0, 2)?;
+    let first = |frame: usize| number(2 + ENTRY * frame, 2);
+    let frame = (0..frames).take_while(|&f| first(f).is_some_and(|c| c <= usize::from(code))).last()?;
+    let end = |frame: usize| number(4 + ENTRY * frame, 4);
+    let start = if frame == 0 { 0 } else { end(frame - 1)? };
+    let data = 2 + ENTRY * frames;
+    let mut text = String::new();
+    flate2::read::DeflateDecoder::new(EPSG.get(data + start..data + end(frame)?)?).read_to_string(&mut text).ok()?;
+    let line = text.lines().find_map(|line| line.split_once('\t').filter(|(c, _)| c.parse() == Ok(code)))?;
+    Some(line.1.to_string())
+}
+
+/// `KEYWORD[value, value, ..., NODE[...], ...]`.
+#[derive(Debug, Default)]
+struct Node {
+    keyword: String,
+    values: Vec<String>,
+    children: Vec<Node>,
+}
+
+impl Node {
+    /// The tree of a text; `None` if its brackets do not match.
+    fn parse(text: &str) -> Option<Self> {
+        let mut open: Vec<Self> = Vec::new();
+        let (mut word, mut quoted) = (String::new(), false);
+        for c in text.chars() {
+            match c {
+                '"' => quoted = !quoted,
+                _ if quoted => word.push(c),
+                '[' | '(' => {
+                    let keyword = std::mem::take(&mut word).trim().to_ascii_uppercase();
+                    open.push(Self { keyword, ..Self::default() });
+                    if open.len() > DEEPEST {
+                        return None;
+                    }
+                }
+                ',' | ']' | ')' => {
+                    let value = std::mem::take(&mut word).trim().to_string();
+                    let node = open.last_mut()?;
+                    if !value.is_empty() {
+                        node.values.push(value);
+                    }
+                    if c == ',' {
+                        continue;
+                    }
+                    let closed = open.pop()?;
+                    match open.last_mut() {
+                        Some(parent) => parent.children.push(closed),
+                        None => return Some(closed),
+                    }
+                }
+                _ => word.push(c),
+            }
+        }
+        None
+    }
+
+    fn child(&self, keywords: &[&str]) -> Option<&Self> {
+        self.children.iter().find(|child| keywords.contains(&&child.keyword[..]))
+    }
+
+    /// The system that a bound one is bound to, and of a compound one the first part with that property.
+    fn part<T>(&self, of: impl Fn(&Self) -> Option<T> + Copy) -> Option<T> {
+        match &self.keyword[..] {
+            "COMPD_CS" | "COMPOUNDCRS" => self.children.iter().find_map(|part| part.part(of)),
+            "BOUNDCRS" => self.child(&["SOURCECRS"])?.children.first()?.part(of),
+            _ => of(self),
+        }
+    }
+
+    /// The unit of x and y.
+    fn horizontal(&self) -> Option<Unit> {
+        self.part(|system| match &system.keyword[..] {
+            "PROJCS" | "PROJCRS" | "PROJECTEDCRS" | "LOCAL_CS" | "ENGCRS" | "GEOCCS" => {
+                system.length().or_else(|| system.known().and_then(|known| known.length())).map(Unit::Length)
+            }
+            // WKT 2 calls geocentric systems geodetic ones with Cartesian axes.
+            "GEODCRS" | "GEODETICCRS" if system.is_cartesian() => system.length().map(Unit::Length),
+            "GEOGCS" | "GEOGCRS" | "GEOGRAPHICCRS" | "GEODCRS" | "GEODETICCRS" => Some(Unit::Degrees),
+            _ => None,
+        })
+    }
+
+    /// Metres in one unit of the heights.
+    fn vertical(&self) -> Option<f64> {
+        self.part(|system| match &system.keyword[..] {
+            "VERT_CS" | "VERTCRS" | "VERTICALCRS" => {
+                system.length().or_else(|| system.known().and_then(|known| known.length()))
+            }
+            _ => None,
+        })
+    }
+
+    fn is_cartesian(&self) -> bool {
+        self.child(&["CS"]).is_some_and(|cs| cs.values.iter().any(|v| v.eq_ignore_ascii_case("Cartesian")))
+    }
+
+    /// Metres in the unit of the system itself: that of its first axis, in WKT 2, or of all its axes.
+    fn length(&self) -> Option<f64> {
+        let units = ["UNIT", "LENGTHUNIT"];
+        let of_axis = || self.child(&["AXIS"])?.child(&units);
+        let factor: f64 = self.child(&units).or_else(of_axis)?.values.get(1)?.parse().ok()?;
+        (factor.is_finite() && factor > 0.0).then_some(factor)
+    }
+
+    /// The code of EPSG that stands in this node, not in one inside it.
+    fn code(&self) -> Option<u16> {
+        let id = self.child(&["AUTHORITY", "ID"])?;
+        match &id.values[..] {
+            [authority, code, ..] if authority.eq_ignore_ascii_case("EPSG") => code.parse().ok(),
+            _ => None,
+        }
+    }
+
+    /// The system of the table with this one's code.
+    fn known(&self) -> Option<Self> {
+        Self::parse(&wkt_of(self.code()?)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_of_epsg_have_the_units_of_the_registry() {
+        let foot = 1200.0 / 3937.0;
+        for (code, metres) in [
+            (2229, foot),
+            (6539, foot),
+            (2222, 0.3048),
+            (32632, 1.0),
+            (32733, 1.0),
+            (25832, 1.0),
+            (2154, 1.0),
+            (28992, 1.0),
+            (7415, 1.0),
+            (2056, 1.0),
+            (3857, 1.0),
+            (4978, 1.0),
+        ] {
+            let Some(Unit::Length(found)) = unit_of(&format!("EPSG:{code}")) else { panic!("{code}") };
+            assert!((found - metres).abs() < 1e-12, "{code}: {found}");
+        }
+        for code in ["EPSG:4326", "epsg:4979", "EPSG:4258", "urn:ogc:def:crs:EPSG::4326", "EPSG:4326+5773"] {
+            assert_eq!(unit_of(code), Some(Unit::Degrees), "{code}");
+        }
+        for unknown in ["EPSG:1", "EPSG:65535", "EPSG:", "EPSG:x", "", "é:1234", "somewhere"] {
+            assert_eq!(unit_of(unknown), None, "{unknown}");
+        }
+        assert_eq!(vertical_unit_of("EPSG:7415"), Some(1.0));
+    }
+
+    #[test]
+    fn every_system_of_the_table_is_found_by_its_code() {
+        let found: Vec<u16> = (0..=u16::MAX).step_by(7).filter(|&code| wkt_of(code).is_some()).collect();
+        assert!(found.len() > 800, "{}", found.len());
+        for code in found {
+            let node = Node::parse(&wkt_of(code).unwrap()).unwrap();
+            // A few withdrawn codes stand for those that replaced them.
+            assert!(node.code().is_none_or(|own| own == code || wkt_of(own).is_some()), "{code}");
+        }
+    }
+
+    #[test]
+    fn units_of_wkt_are_those_of_the_outermost_horizontal_system() {
+        let compound = r#"COMPD_CS["x, [y]",PROJCS["y",GEOGCS["z",UNIT["degree",0.0174],AUTHORITY["EPSG","4269"]],UNIT["US survey foot",0.3048006]],VERT_CS["v",UNIT["metre",1]]]"#;
+        assert_eq!((unit_of(compound), vertical_unit_of(compound)), (Some(Unit::Length(0.3048006)), Some(1.0)));
+        let two = r#"PROJCRS["y",BASEGEOGCRS["z",DATUM["d",ELLIPSOID["e",6378137,298.2,LENGTHUNIT["metre",1]]],ID["EPSG",4269]],CONVERSION["c",PARAMETER["False easting",0,LENGTHUNIT["metre",1]]],CS[Cartesian,2],AXIS["e",east,ORDER[1],LENGTHUNIT["foot",0.3048]],AXIS["n",north,LENGTHUNIT["foot",0.3048]],ID["EPSG",2222]]"#;
+        assert_eq!(unit_of(two), Some(Unit::Length(0.3048)));
+        // Nothing but a code of its own, at the right place; the code of the geographic part does not count.
+        let bare = r#"PROJCS["y",GEOGCS["z",AUTHORITY["EPSG","4269"]],AUTHORITY["EPSG","2229"]]"#;
+        assert_eq!(unit_of(bare), Some(Unit::Length(1200.0 / 3937.0)));
+        assert_eq!(unit_of(r#"PROJCS["y",GEOGCS["z",AUTHORITY["EPSG","4269"]]]"#), None);
+        assert_eq!(unit_of(r#"GEOGCS["z",UNIT["degree",0.0174]]"#), Some(Unit::Degrees));
+        assert_eq!(unit_of(r#"GEOGCS["z",UNIT["degree",0.0174"#), None);
+        assert!(Node::parse(&"A[".repeat(1000)).is_none());
+    }
+
+    #[test]
+    fn one_system_may_be_written_in_two_ways() {
+        assert!(same("EPSG:25832", &wkt_of(25832).unwrap()));
+        assert!(!same("EPSG:25833", &wkt_of(25832).unwrap()) && !same("EPSG:25833", "PROJCS[\"a\"]"));
+    }
+}

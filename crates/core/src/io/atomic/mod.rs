@@ -1,0 +1,248 @@
+//! The one writer of all outputs: a temporary name in the same folder, fsync, rename, fsync of the folder.
+//!
+//! Until the rename the old file stays as it is; whatever fails before it leaves no trace. A run that is killed leaves its
+//! temporary file; the next run that writes into the folder removes it.
+
+mod leftovers;
+mod partials;
+#[cfg(test)]
+mod tests;
+
+use super::run;
+use crate::error::{Error, Result};
+use leftovers::{fresh, sweep};
+use partials::Partial;
+pub use partials::abandon_outputs;
+use std::fs::File;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Links behind links that are followed.
+const MOST_LINKS: usize = 40;
+/// The file that is written now. Every operation passes `step`, where tests let one fail.
+#[derive(Debug)]
+pub struct Storage(File);
+
+impl Write for Storage {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if let Err(error) = step() {
+            // A full disk takes a part before it refuses.
+            let _ = self.0.write(&bytes[..bytes.len() / 2]);
+            return Err(error);
+        }
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        step()?;
+        self.0.flush()
+    }
+}
+
+impl Seek for Storage {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        step()?;
+        self.0.seek(to)
+    }
+}
+
+#[cfg(not(test))]
+#[expect(clippy::unnecessary_wraps, reason = "tests let it fail")]
+fn step() -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+use fail::step;
+
+/// Lets one operation of this thread's writers fail.
+#[cfg(test)]
+pub(crate) mod fail {
+    use std::cell::Cell;
+
+    thread_local! {
+        static LEFT: Cell<Option<u64>> = const { Cell::new(None) };
+    }
+
+    /// Called before every operation.
+    pub(super) fn step() -> std::io::Result<()> {
+        let left = LEFT.get();
+        LEFT.set(left.and_then(|n| n.checked_sub(1)));
+        if left == Some(0) { Err(std::io::Error::other("no space left (said by the test)")) } else { Ok(()) }
+    }
+
+    /// Runs `work` once for each operation that it makes, with that one failing, and after each failure `check`; ends when
+    /// `work` makes fewer operations. Returns how many there were.
+    pub(crate) fn at_each<T>(work: impl Fn() -> crate::Result<T>, check: impl Fn(bool)) -> u64 {
+        for n in 0.. {
+            LEFT.set(Some(n));
+            let done = work().is_ok();
+            let all_passed = LEFT.take().is_some();
+            check(done);
+            if all_passed {
+                assert!(done, "nothing failed");
+                return n;
+            }
+        }
+        0
+    }
+}
+
+/// A file that appears under its name only when it is complete.
+#[derive(Debug)]
+pub struct AtomicFile {
+    target: PathBuf,
+    partial: Partial,
+    writer: Option<BufWriter<Storage>>,
+}
+
+impl AtomicFile {
+    /// Opens a temporary file beside `target`: `.NAME.PID-RANDOM.partial`.
+    ///
+    /// # Errors
+    /// The folder does not exist or cannot be written; the target is a folder, a device or a pipe, or an input of the run
+    /// that must not be replaced.
+    pub fn create(target: &Path) -> Result<Self> {
+        let place = Place::find(target)?;
+        run::begun(target, &place.target)?;
+        Self::at(place, target)
+    }
+
+    fn at(place: Place, typed: &Path) -> Result<Self> {
+        let Place { target, old } = place;
+        let (file, partial) = step().and_then(|()| fresh(&target)).map_err(|e| Error::io(typed, explain(e)))?;
+        let partial = Partial::new(partial);
+        // Tells other runs that it is in use; some file systems know no locks.
+        let _ = file.try_lock();
+        if let Some(old) = old {
+            // Who could not read the old file shall not read the new one; some file systems know no permissions.
+            let _ = file.set_permissions(old.permissions());
+        }
+        Ok(Self { target, partial, writer: Some(BufWriter::with_capacity(1 << 20, Storage(file))) })
+    }
+
+    /// The name under which the file is written now, for checks before [`AtomicFile::finish`].
+    pub fn partial(&self) -> &Path {
+        self.partial.path()
+    }
+
+    /// The name that the file will have.
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Where bytes go.
+    ///
+    /// # Errors
+    /// The file is finished already.
+    pub fn writer(&mut self) -> Result<&mut BufWriter<Storage>> {
+        self.writer.as_mut().ok_or_else(|| Error::io(&self.target, std::io::ErrorKind::NotConnected.into()))
+    }
+
+    /// Appends bytes.
+    pub fn write_all(&mut self, bytes: &[u8]) -> Result<()> {
+        let target = self.target.clone();
+        self.writer()?.write_all(bytes).map_err(|e| Error::io(&target, e))
+    }
+
+    /// Hands everything to the operating system, so that the partial file can be checked.
+    pub fn flush(&mut self) -> Result<()> {
+        let target = self.target.clone();
+        self.writer()?.flush().map_err(|e| Error::io(&target, e))
+    }
+
+    /// Syncs and renames. After an error the target is what it was.
+    pub fn finish(mut self) -> Result<()> {
+        self.flush()?;
+        if let Some(writer) = &self.writer {
+            step().and_then(|()| writer.get_ref().0.sync_all()).map_err(|e| Error::io(&self.target, e))?;
+        }
+        self.writer = None;
+        step().and_then(|()| self.partial.rename(&self.target)).map_err(|e| Error::io(&self.target, e))?;
+        let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // Some file systems cannot sync a folder; the file itself is safe by now.
+        let _ = step().and_then(|()| File::open(folder)).and_then(|f| f.sync_all());
+        run::done(&self.target);
+        Ok(())
+    }
+}
+
+/// Where an output goes.
+#[derive(Debug)]
+struct Place {
+    /// The name behind all links.
+    target: PathBuf,
+    /// What stands there now.
+    old: Option<std::fs::Metadata>,
+}
+
+impl Place {
+    /// Follows links, to names that do not exist yet too: what a link points to is replaced, not the link.
+    fn find(typed: &Path) -> Result<Self> {
+        let refused = |reason: &str| Err(Error::io(typed, std::io::Error::other(reason)));
+        let mut target = typed.to_path_buf();
+        for _ in 0..MOST_LINKS {
+            if target.file_name().is_none() {
+                return Err(Error::io(typed, std::io::ErrorKind::InvalidInput.into()));
+            }
+            match std::fs::symlink_metadata(&target) {
+                Ok(about) if about.is_symlink() => {
+                    let to = std::fs::read_link(&target).map_err(|e| Error::io(typed, e))?;
+                    target = target.parent().unwrap_or(Path::new("")).join(to);
+                }
+                Ok(about) if about.is_dir() => return Err(Error::io(typed, std::io::ErrorKind::IsADirectory.into())),
+                // The rename would put a plain file in the place of /dev/null.
+                Ok(about) if !about.is_file() => {
+                    return refused("not a plain file; outputs are written beside their target and renamed");
+                }
+                Ok(about) => return Ok(Self { target, old: Some(about) }),
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Self { target, old: None }),
+                Err(e) => return Err(Error::io(typed, e)),
+            }
+        }
+        refused("a link that leads back to itself")
+    }
+}
+
+/// Fails now if the output could not be written later: its folder is missing or cannot be written, its name is too long, it is
+/// a folder, a device or a pipe, an input of this run, or named twice.
+///
+/// Also removes what killed runs have left in the folder.
+pub fn check_output(path: &Path) -> Result<()> {
+    let place = Place::find(path)?;
+    let first = run::announce(path, &place.target)?;
+    let file = AtomicFile::at(place, path)?;
+    if first {
+        sweep(&file);
+    }
+    Ok(())
+}
+
+/// As [`check_output`] for an output that the run knows already.
+pub(super) fn check_place(path: &Path) -> Result<()> {
+    AtomicFile::at(Place::find(path)?, path).map(drop)
+}
+
+/// "Not found" of an output speaks of its folder.
+fn explain(error: std::io::Error) -> std::io::Error {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => std::io::Error::other("the folder does not exist; make it first"),
+        _ => error,
+    }
+}
+
+impl Drop for AtomicFile {
+    fn drop(&mut self) {
+        // Taken apart, not dropped: dropping a buffered writer would write once more. The partial file removes itself.
+        if let Some(writer) = self.writer.take() {
+            let _ = writer.into_parts();
+        }
+    }
+}
+
+/// Writes a whole file atomically.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes)?;
+    file.finish()
+}

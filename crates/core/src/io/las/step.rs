@@ -1,0 +1,277 @@
+//! The step of whole numbers that LAS stores coordinates in, for clouds that have plain ones.
+
+use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, morton};
+use crate::error::{Error, Result};
+use crate::io::WriteOptions;
+use rayon::prelude::*;
+
+/// Scale and offset per axis.
+pub(in crate::io) type Frame = ([f64; 3], [f64; 3]);
+
+/// Steps of lengths, of degrees, and of heights beside degrees.
+const LENGTH: f64 = 1e-3;
+const DEGREE: f64 = 1e-7;
+
+/// Points may be moved by this share of their spacing.
+const ALLOWED: f64 = 1e-3;
+
+/// A step holds coordinates that are off by no more than this share of it.
+const EXACT: f64 = 1e-3;
+
+/// Powers of ten that are tried below the usual step, and above it where the extent needs it.
+const FINER: i32 = 12;
+const COARSER: i32 = 6;
+
+/// The cloud's own integers if it has them, or the scale that is asked for. Else millimetres (1e-7 degrees), and powers of ten
+/// of them: finer where points would move by more than a thousandth of their spacing, coarser where the extent needs it and
+/// they would not.
+///
+/// # Errors
+/// No step does both, or the one that is asked for does not fit the extent.
+pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
+    if let (Coordinates::Scaled { scale, offset, .. }, None) = (cloud.coordinates(), options.scale) {
+        return Ok((*scale, *offset));
+    }
+    let (low, high) = cloud.bounds().unwrap_or(([0.0; 3], [0.0; 3]));
+    let axes = [0, 1, 2].map(|a| Axis { a, low: low[a], high: high[a] });
+    if let Some(scale) = options.scale {
+        let mut offset = [0.0; 3];
+        for axis in &axes {
+            let fitting = axis.offset(scale[axis.a]).ok_or_else(|| axis.too_long(scale[axis.a]));
+            offset[axis.a] = fitting?;
+        }
+        return Ok((scale, offset));
+    }
+    let degrees = cloud.is_in_degrees();
+    let plan = degrees || may_be_degrees(cloud, &axes);
+    let mut spacings = [None, None];
+    let mut frame = ([0.0; 3], [0.0; 3]);
+    for axis in &axes {
+        let (height, usual) = (axis.a == 2, if degrees && axis.a < 2 { DEGREE } else { LENGTH });
+        let (scale, offset) = axis.choose(cloud, usual, || match height && degrees {
+            // In degrees and metres there is no distance in space; millimetres of height are kept.
+            true => f64::INFINITY,
+            false => {
+                let plan = plan && !height;
+                *spacings[usize::from(plan)].get_or_insert_with(|| spacing(cloud, plan))
+            }
+        })?;
+        (frame.0[axis.a], frame.1[axis.a]) = (scale, offset);
+    }
+    Ok(frame)
+}
+
+/// A cloud that tells no unit and is less than one wide, where degrees are: heights say nothing of its spacing then.
+fn may_be_degrees(cloud: &Cloud, axes: &[Axis; 3]) -> bool {
+    let narrow = |axis: &Axis, most: f64| axis.low >= -most && axis.high <= most && axis.high - axis.low < 1.0;
+    cloud.crs.is_none() && cloud.metres_per_unit.is_none() && narrow(&axes[0], 180.0) && narrow(&axes[1], 90.0)
+}
+
+/// One axis and what coordinates are on it.
+struct Axis {
+    a: usize,
+    low: f64,
+    high: f64,
+}
+
+impl Axis {
+    fn choose(&self, cloud: &Cloud, usual: f64, mut spacing: impl FnMut() -> f64) -> Result<(f64, f64)> {
+        let mut finest = None;
+        // Powers of ten by their text: 1e-4 is the number nearest to it, 1e-3 / 10 may not be.
+        let exponent = usual.log10().round() as i32;
+        let steps = (exponent - FINER..=exponent).rev().chain(exponent + 1..=exponent + COARSER);
+        let mut fitting = steps.filter_map(|e| format!("1e{e}").parse::<f64>().ok()).filter_map(|scale| {
+            // Coarser steps are only for what the usual one cannot hold.
+            let wanted = scale <= usual || self.offset(usual).is_none();
+            self.offset(scale).filter(|_| wanted).map(|offset| (scale, offset))
+        });
+        let found = fitting.find(|&(scale, offset)| {
+            let loss = self.loss(cloud, (scale, offset));
+            if finest.is_none_or(|(least, _)| loss < least) {
+                finest = Some((loss, scale));
+            }
+            loss <= EXACT * scale || loss <= ALLOWED * spacing()
+        });
+        found.ok_or_else(|| match finest {
+            Some((loss, scale)) => self.too_coarse((loss, scale), spacing()),
+            None => self.too_long(usual),
+        })
+    }
+
+    /// The offset with which all coordinates fit 32 bits: whole numbers below the lowest, or in the middle.
+    fn offset(&self, scale: f64) -> Option<f64> {
+        let most = f64::from(i32::MAX);
+        let (below, middle) = (self.low.floor(), (self.low + (self.high - self.low) / 2.0).floor());
+        let fits = |offset: f64| (self.high - offset) / scale <= most && (offset - self.low) / scale <= most;
+        [below, middle].into_iter().find(|&offset| fits(offset))
+    }
+
+    /// The largest distance by which a coordinate moves.
+    fn loss(&self, cloud: &Cloud, (scale, offset): (f64, f64)) -> f64 {
+        let moved = |v: f64| (((v - offset) / scale).round().mul_add(scale, offset) - v).abs();
+        // Half of what the number itself cannot tell apart does not count.
+        let noise = 2.0 * f64::EPSILON * self.low.abs().max(self.high.abs());
+        let finite = |v: f64| if v.is_finite() { moved(v) } else { 0.0 };
+        let most = match cloud.coordinates() {
+            Coordinates::Float(axes) => axes[self.a].par_iter().map(|&v| finite(v)).reduce(|| 0.0, f64::max),
+            Coordinates::Scaled { .. } => {
+                (0..cloud.len()).into_par_iter().map(|i| finite(cloud.xyz(i)[self.a])).reduce(|| 0.0, f64::max)
+            }
+        };
+        (most - noise).max(0.0)
+    }
+
+    fn name(&self) -> char {
+        ['x', 'y', 'z'][self.a]
+    }
+
+    fn too_long(&self, scale: f64) -> Error {
+        let Self { low, high, .. } = self;
+        let least = (high - low) / (2.0 * f64::from(i32::MAX));
+        Error::input(format!(
+            "{} reaches from {low} to {high}; with a scale of {scale} that does not fit LAS: give a scale above {least:.1e} \
+             (--scale) or cut the cloud (convert --bounds)",
+            self.name()
+        ))
+    }
+
+    fn too_coarse(&self, (loss, scale): (f64, f64), spacing: f64) -> Error {
+        let Self { low, high, .. } = self;
+        Error::input(format!(
+            "{}: LAS would move points by up to {loss:.1e}, more than a thousandth of their spacing of {spacing:.1e}; a step \
+             below {scale:e} does not fit its 32 bits from {low} to {high}: accept the loss with --scale {scale:e} (scale= in \
+             Python), cut the cloud (convert --bounds), or write another format",
+            self.name()
+        ))
+    }
+}
+
+/// About the distance of neighbouring points, a little below rather than above; infinite if all stand in one place. With
+/// `plan`, in x and y only.
+///
+/// The largest cubes, halved again and again, of which there are half as many as places. One sort of the points' Morton codes.
+fn spacing(cloud: &Cloud, plan: bool) -> f64 {
+    let strays = Strays::find(cloud, &StrayParams::default()).unwrap_or_default();
+    let Some((low, high)) = strays.bounds else { return f64::INFINITY };
+    let axes = if plan { 2 } else { 3 };
+    let side = (0..axes).map(|a| high[a] - low[a]).fold(0.0, f64::max);
+    if !(side > 0.0 && side.is_finite()) {
+        return f64::INFINITY;
+    }
+    let cells = f64::from(morton::LIMIT);
+    let cell = |at: [f64; 3]| {
+        [0, 1, 2].map(|a| {
+            let v = if a < axes { (at[a] - low[a]) / side * cells } else { 0.0 };
+            (v.max(0.0) as u32).min(morton::LIMIT - 1)
+        })
+    };
+    let mut codes: Vec<u64> = (0..cloud.len()).into_par_iter().map(|i| morton::encode(cell(cloud.xyz(i)))).collect();
+    codes.par_sort_unstable();
+    // Places that part from the one before them at this level or a finer one.
+    let levels = morton::LIMIT.trailing_zeros() as usize;
+    let mut parting = vec![0usize; levels + 1];
+    for pair in codes.windows(2).filter(|pair| pair[0] != pair[1]) {
+        let bit = 63 - (pair[0] ^ pair[1]).leading_zeros() as usize;
+        parting[levels - bit / 3] += 1;
+    }
+    let places = 1 + parting.iter().sum::<usize>();
+    if places < 2 {
+        return f64::INFINITY;
+    }
+    let mut cubes = 1;
+    let level = parting.iter().position(|&more| {
+        cubes += more;
+        2 * cubes >= places
+    });
+    side / (level.unwrap_or(levels) as f64).exp2()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io;
+    use crate::random::stream;
+
+    fn lattice(step: f64) -> Vec<[f64; 3]> {
+        (0..2500).map(|i| [f64::from(i % 50) * step, f64::from(i / 50) * step, 2.0]).collect()
+    }
+
+    fn written(rows: &[[f64; 3]], options: &WriteOptions) -> Result<Cloud> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.las");
+        io::write(&path, &Cloud::from_rows(rows)?, options)?;
+        io::read(&path)
+    }
+
+    fn scale(cloud: &Cloud) -> [f64; 3] {
+        match cloud.coordinates() {
+            Coordinates::Scaled { scale, .. } => *scale,
+            Coordinates::Float(_) => panic!("not LAS"),
+        }
+    }
+
+    #[test]
+    fn the_spacing_of_a_lattice_is_found_within_a_factor_of_two() {
+        for step in [0.3, 1e-5, 40.0] {
+            let found = spacing(&Cloud::from_rows(&lattice(step)).unwrap(), false);
+            assert!((0.5 * step..=step).contains(&found), "{step} {found}");
+        }
+        assert!(spacing(&Cloud::from_rows(&[[1.0; 3]; 50]).unwrap(), false).is_infinite());
+    }
+
+    #[test]
+    fn millimetres_are_the_step_of_what_they_hold() {
+        let rows: Vec<[f64; 3]> =
+            lattice(0.3).iter().map(|p| [p[0] + 500_000.125, p[1] + 5_200_000.25, p[2] + 0.007]).collect();
+        assert_eq!(scale(&written(&rows, &WriteOptions::default()).unwrap()), [1e-3; 3]);
+        // Single precision is within the allowed share of the spacing.
+        let single: Vec<[f64; 3]> =
+            rows.iter().map(|p| [p[0] - 5e5, p[1] - 5.2e6, p[2]].map(|v| f64::from(v as f32))).collect();
+        assert_eq!(scale(&written(&single, &WriteOptions::default()).unwrap()), [1e-3; 3]);
+    }
+
+    #[test]
+    fn no_point_moves_by_more_than_a_thousandth_of_the_spacing() {
+        let mut s = stream(2, 9);
+        for size in [1e-3, 0.2, 300.0] {
+            let rows: Vec<[f64; 3]> = (0..4000).map(|_| [s.uniform() * size, s.uniform() * size, 0.0]).collect();
+            let back = written(&rows, &WriteOptions::default()).unwrap();
+            let spacing = size / 63.0;
+            let moved =
+                (0..rows.len()).map(|i| (0..3).fold(0.0, |m: f64, a| m.max((back.xyz(i)[a] - rows[i][a]).abs())));
+            assert!(moved.fold(0.0, f64::max) <= 1e-3 * spacing, "{size}");
+        }
+    }
+
+    #[test]
+    fn places_in_degrees_stay_apart() {
+        let mut s = stream(4, 2);
+        let rows: Vec<[f64; 3]> =
+            lattice(2e-5).iter().map(|p| [2.35 + p[0], 48.85 + p[1], 30.0 * s.uniform()]).collect();
+        let back = written(&rows, &WriteOptions::default()).unwrap();
+        assert!((0..rows.len()).all(|i| (0..2).all(|a| (back.xyz(i)[a] - rows[i][a]).abs() <= 2e-8)));
+        let mut places: Vec<[u64; 2]> = (0..back.len()).map(|i| [0, 1].map(|a| back.xyz(i)[a].to_bits())).collect();
+        places.sort_unstable();
+        places.dedup();
+        assert_eq!(places.len(), rows.len());
+    }
+
+    #[test]
+    fn an_extent_that_needs_a_coarser_step_is_refused_unless_nothing_is_lost() {
+        let mut rows: Vec<[f64; 3]> =
+            lattice(0.25).iter().map(|p| [p[0] + 500_000.0, p[1] + 5_200_000.0, 0.0]).collect();
+        rows.push([0.0; 3]);
+        assert_eq!(scale(&written(&rows, &WriteOptions::default()).unwrap()), [1e-3, 1e-2, 1e-3]);
+        rows[7][1] += 0.003;
+        let message = written(&rows, &WriteOptions::default()).unwrap_err().to_string();
+        assert!(message.contains("y: ") && message.contains("--scale"), "{message}");
+        let asked = WriteOptions { scale: Some([0.01; 3]), ..WriteOptions::default() };
+        assert_eq!(scale(&written(&rows, &asked).unwrap()), [0.01; 3]);
+        let asked = WriteOptions { scale: Some([1e-4; 3]), ..WriteOptions::default() };
+        assert!(written(&rows, &asked).unwrap_err().to_string().contains("does not fit"));
+        for bad in [0.0, -1.0, f64::NAN] {
+            let asked = WriteOptions { scale: Some([bad; 3]), ..WriteOptions::default() };
+            assert!(written(&rows, &asked).is_err());
+        }
+    }
+}

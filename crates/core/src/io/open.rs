@@ -1,0 +1,253 @@
+//! The one door through which files are read.
+//!
+//! Clouds are read more than once and out of order, so they must be regular files: a pipe, a device or a folder is refused
+//! before anything is read of it, and opening never waits. Settings, models and tables of labels are read once from the
+//! beginning to the end ([`bytes`], [`text`]), so they may come from a pipe.
+
+use super::run;
+use crate::error::{Error, Result};
+use crate::memory;
+use std::fs::{File, FileType, OpenOptions};
+use std::io::Read;
+use std::path::Path;
+
+/// Bytes of a recipe, or of other settings, at most.
+pub const MOST_SETTINGS: u64 = 4 << 20;
+/// Bytes of a table of labels at most.
+pub const MOST_TABLE: u64 = 1 << 30;
+/// Bytes of a model at most.
+pub const MOST_MODEL: u64 = 8 << 30;
+
+/// Opens a regular file.
+///
+/// # Errors
+/// There is none of this name, it cannot be read, or it is a folder, a pipe or a device.
+pub fn file(path: &Path) -> Result<File> {
+    let file = at_once(path)?;
+    let kind = file.metadata().map_err(|e| Error::io(path, e))?.file_type();
+    match kind.is_file() {
+        true => run::opened(path, &file).map(|()| file),
+        false => Err(refused(path, kind)),
+    }
+}
+
+/// Refuses what a killed run has left: it is not whole.
+pub(super) fn refuse_partial(path: &Path) -> Result<()> {
+    match path.file_name().is_some_and(|name| is_partial(&name.to_string_lossy())) {
+        true => {
+            let reason = "an output that was never finished; remove it and run the command again".to_string();
+            Err(Error::Unsupported { path: path.to_path_buf(), reason })
+        }
+        false => Ok(()),
+    }
+}
+
+/// Whether outputs have such a name while they are written.
+pub(super) fn is_partial(name: &str) -> bool {
+    name.starts_with('.') && name.ends_with(".partial")
+}
+
+/// The first bytes of a regular file that is not an input: of what stands where an output will go.
+pub(crate) fn start(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let file = at_once(path)?;
+    let kind = file.metadata().map_err(|e| Error::io(path, e))?.file_type();
+    if !kind.is_file() {
+        return Err(refused(path, kind));
+    }
+    let mut bytes = Vec::new();
+    file.take(most).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
+/// All bytes of a regular file.
+pub(super) fn whole(path: &Path) -> Result<Vec<u8>> {
+    let mut file = file(path)?;
+    let length = file.metadata().map_err(|e| Error::io(path, e))?.len();
+    let mut bytes = Vec::new();
+    memory::reserve(&mut bytes, usize::try_from(length).unwrap_or(usize::MAX), &path.display().to_string())?;
+    file.read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
+/// All bytes of a file or a pipe, at most so many.
+///
+/// # Errors
+/// As [`file`], but for pipes; there are more bytes.
+pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
+    refuse_partial(path)?;
+    let file = at_once(path)?;
+    let about = file.metadata().map_err(|e| Error::io(path, e))?;
+    let bytes = match about.file_type() {
+        kind if kind.is_file() && about.len() > most => return Err(too_large(path, about.len(), most)),
+        kind if kind.is_file() => {
+            run::opened(path, &file)?;
+            memory::require(about.len(), &path.display().to_string())?;
+            let mut bytes = Vec::new();
+            file.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+            bytes
+        }
+        kind if name(kind) == "a pipe" => from_pipe(path, file, most)?,
+        kind => return Err(refused(path, kind)),
+    };
+    match bytes.len() as u64 > most {
+        true => Err(too_large(path, bytes.len() as u64, most)),
+        false => Ok(bytes),
+    }
+}
+
+/// Fills `bytes` from byte `at` of a file on.
+pub(super) fn fill((path, file): (&Path, &mut File), at: u64, bytes: &mut [u8]) -> Result<()> {
+    match file.read_exact(bytes) {
+        Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(Error::Malformed {
+            path: path.to_path_buf(),
+            format: "file",
+            field: format!("{} bytes", bytes.len()),
+            place: format!("byte {at}"),
+            found: match file.metadata() {
+                Ok(about) => format!("the end of the file at byte {}", about.len()),
+                Err(_) => "the end of the file".into(),
+            },
+            allowed: "all of them; the file was cut, maybe while it was read".into(),
+        }),
+        Err(e) => Err(Error::io(path, e)),
+        Ok(()) => Ok(()),
+    }
+}
+
+/// The text of a file or a pipe, at most so many bytes.
+///
+/// # Errors
+/// As [`bytes`]; the text is not UTF-8.
+pub fn text(path: &Path, most: u64) -> Result<String> {
+    String::from_utf8(bytes(path, most)?).map_err(|e| {
+        let at = e.utf8_error().valid_up_to();
+        Error::Malformed {
+            path: path.to_path_buf(),
+            format: "text",
+            field: "character".into(),
+            place: format!("byte {at}"),
+            found: format!("{:02x?}", e.as_bytes().get(at).copied().unwrap_or(0)),
+            allowed: "UTF-8".into(),
+        }
+    })
+}
+
+/// Bytes of a pipe to its end, or one more than so many. Waits for the other program until the run is cancelled.
+#[cfg(unix)]
+fn from_pipe(path: &Path, mut pipe: File, most: u64) -> Result<Vec<u8>> {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    let (monitor, mut bytes, mut piece) = (run::monitor(), Vec::new(), vec![0; 1 << 16]);
+    let patience = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+    while bytes.len() as u64 <= most {
+        monitor.check()?;
+        let ready = poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&patience));
+        if ready.map_err(|e| Error::io(path, e.into()))? == 0 {
+            continue;
+        }
+        match pipe.read(&mut piece) {
+            Ok(0) => break,
+            Ok(n) => bytes.extend_from_slice(&piece[..n]),
+            Err(e) if matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::Interrupted) => {}
+            Err(e) => return Err(Error::io(path, e)),
+        }
+    }
+    Ok(bytes)
+}
+
+#[cfg(not(unix))]
+fn from_pipe(path: &Path, mut pipe: File, most: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    (&mut pipe).take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    Ok(bytes)
+}
+
+/// Opens whatever it is without waiting for another program.
+pub(super) fn at_once(path: &Path) -> Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true);
+    #[cfg(unix)]
+    {
+        use rustix::fs::OFlags;
+        use std::os::unix::fs::OpenOptionsExt;
+        options.custom_flags((OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed());
+    }
+    options.open(path).map_err(|e| Error::io(path, e))
+}
+
+fn refused(path: &Path, kind: FileType) -> Error {
+    let reason = match name(kind) {
+        "a folder" => "a folder, not a file; give the files in it".to_string(),
+        "a pipe" => {
+            "a pipe; clouds are read more than once, so write it to a file first (`cat PIPE > FILE`)".to_string()
+        }
+        other => format!("{other}, not a regular file; write what it gives to a file first"),
+    };
+    Error::Unsupported { path: path.to_path_buf(), reason }
+}
+
+/// What stands there if it is no regular file.
+fn name(kind: FileType) -> &'static str {
+    if kind.is_dir() {
+        return "a folder";
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if kind.is_fifo() {
+            return "a pipe";
+        }
+        if kind.is_socket() {
+            return "a socket";
+        }
+    }
+    "a device"
+}
+
+fn too_large(path: &Path, found: u64, most: u64) -> Error {
+    Error::Malformed {
+        path: path.to_path_buf(),
+        format: "file",
+        field: "size".into(),
+        place: "byte 0".into(),
+        found: format!("{found} bytes"),
+        allowed: format!("at most {most} bytes"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    #[cfg(unix)]
+    #[test]
+    fn only_regular_files_are_opened_and_nothing_is_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        rustix::fs::mknodat(rustix::fs::CWD, path("pipe"), rustix::fs::FileType::Fifo, 0o600.into(), 0).unwrap();
+        std::fs::write(path("a.txt"), "1 2 3\n").unwrap();
+        std::os::unix::fs::symlink(path("pipe"), path("link")).unwrap();
+        let begin = Instant::now();
+        for (name, said) in [("pipe", "a pipe"), ("link", "a pipe"), (".", "a folder")] {
+            let message = file(&path(name)).unwrap_err().to_string();
+            assert!(message.contains(said) && message.contains(name), "{message}");
+        }
+        let message = file(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert!(message.contains("/dev/zero: a device"), "{message}");
+        assert!(begin.elapsed() < Duration::from_secs(2));
+        assert!(file(&path("a.txt")).is_ok());
+        assert!(matches!(file(&path("absent")), Err(Error::Io { .. })));
+    }
+
+    #[test]
+    fn a_file_above_its_limit_is_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, [b'a'; 100]).unwrap();
+        assert_eq!(bytes(&path, 100).unwrap().len(), 100);
+        let message = bytes(&path, 99).unwrap_err().to_string();
+        assert!(message.contains("found 100 bytes, allowed at most 99"), "{message}");
+        std::fs::write(&path, b"ab\xff").unwrap();
+        assert!(text(&path, 99).unwrap_err().to_string().contains("byte 2"));
+    }
+}

@@ -1,0 +1,326 @@
+//! The files of one run: what was opened for reading, and what is written.
+//!
+//! Every file is opened through [`open`](super::open), every output begins in [`atomic`](super::atomic); both tell the run
+//! that is going on in their thread. So no command can write over one of its inputs without being asked to, and an input that
+//! is replaced while it is read is an error. Files are the same if they are one file of the system (links of both kinds) or
+//! have the same full name. Runs do not know of each other: each has its own list, and so has each thread.
+
+#[cfg(test)]
+mod tests;
+
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use std::cell::{Cell, RefCell};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::SystemTime;
+
+thread_local! {
+    static CURRENT: RefCell<Option<Rc<Files>>> = const { RefCell::new(None) };
+}
+
+/// Bytes at the start of a file that tell whether it is still the same one.
+const START: u64 = 4096;
+
+/// How a run treats its files.
+#[derive(Clone, Debug, Default)]
+pub struct Rules {
+    /// Ends the wait for a pipe.
+    pub monitor: Monitor,
+    /// Whether an output may replace an input.
+    pub replace: Replace,
+}
+
+/// Whether an output may replace an input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Replace {
+    /// It may.
+    #[default]
+    Allowed,
+    /// It may not; what the user can do instead.
+    Refused(&'static str),
+}
+
+#[derive(Debug, Default)]
+struct Files {
+    rules: Rules,
+    inputs: RefCell<Vec<Input>>,
+    outputs: RefCell<Vec<Output>>,
+    /// The run that this is a part of.
+    whole: Option<Rc<Files>>,
+}
+
+#[derive(Debug)]
+struct Input {
+    typed: PathBuf,
+    place: Place,
+    /// `None` until it is opened.
+    state: Option<State>,
+}
+
+#[derive(Debug)]
+struct Output {
+    typed: PathBuf,
+    place: Place,
+    stage: Cell<Stage>,
+}
+
+/// How far an output is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// Will be written.
+    Announced,
+    /// Is being written.
+    Begun,
+    /// Has its name.
+    Done,
+}
+
+/// Which file it is.
+#[derive(Clone, Debug)]
+struct Place {
+    /// Device and number of the file, where the system has them.
+    file: Option<(u64, u64)>,
+    /// Full name without links.
+    path: PathBuf,
+}
+
+/// What must stay as it is while a file is read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct State {
+    file: Option<(u64, u64)>,
+    size: u64,
+    modified: Option<SystemTime>,
+    /// Checksum of the first bytes.
+    start: u32,
+}
+
+/// Does `work` as one run.
+pub fn run<T>(rules: Rules, work: impl FnOnce() -> T) -> T {
+    within(Files { rules, ..Files::default() }, work)
+}
+
+/// Does `work` as a part of this thread's run, with inputs of its own: they are forgotten afterwards.
+pub fn part<T>(work: impl FnOnce() -> T) -> T {
+    let whole = current();
+    let rules = whole.as_ref().map(|whole| whole.rules.clone()).unwrap_or_default();
+    within(Files { rules, whole, ..Files::default() }, work)
+}
+
+/// Does `work` in this thread's run; if there is none, as a run in which an output may replace an input.
+pub(super) fn joined<T>(monitor: &Monitor, work: impl FnOnce() -> T) -> T {
+    match current() {
+        Some(_) => work(),
+        None => run(Rules { monitor: monitor.clone(), ..Rules::default() }, work),
+    }
+}
+
+fn within<T>(files: Files, work: impl FnOnce() -> T) -> T {
+    /// Puts the run back that was interrupted, after a panic too.
+    struct Back(Option<Rc<Files>>);
+    impl Drop for Back {
+        fn drop(&mut self) {
+            CURRENT.replace(self.0.take());
+        }
+    }
+    let _back = Back(CURRENT.replace(Some(Rc::new(files))));
+    work()
+}
+
+fn current() -> Option<Rc<Files>> {
+    CURRENT.with_borrow(Clone::clone)
+}
+
+/// The monitor of this thread's run.
+pub(super) fn monitor() -> Monitor {
+    current().map(|files| files.rules.monitor.clone()).unwrap_or_default()
+}
+
+/// Tells this thread's run that a file will be read, so that outputs can be compared with it before that.
+pub fn expect(path: &Path) {
+    if let Some(files) = current() {
+        let place = Place::of(path);
+        files.inputs.borrow_mut().push(Input { typed: path.to_path_buf(), place, state: None });
+    }
+}
+
+/// Called for every file that was opened for reading.
+///
+/// # Errors
+/// The file will be written too, or is another than when it was opened before.
+pub(super) fn opened(path: &Path, file: &File) -> Result<()> {
+    let Some(files) = current() else { return Ok(()) };
+    let state = State::of(file).map_err(|e| Error::io(path, e))?;
+    let place = Place { file: state.file, path: full(path) };
+    if let Replace::Refused(advice) = files.rules.replace {
+        for level in files.levels() {
+            let outputs = level.outputs.borrow();
+            let same = outputs.iter().find(|o| o.stage.get() != Stage::Done && o.place.is(&place));
+            if let Some(output) = same {
+                return Err(same_file(path, &output.typed, advice));
+            }
+        }
+    }
+    let mut inputs = files.inputs.borrow_mut();
+    match inputs.iter_mut().find(|i| i.typed == path) {
+        Some(before) if before.state.as_ref().is_some_and(|old| *old != state) => return Err(changed(path)),
+        Some(before) => before.state = Some(state),
+        None => inputs.push(Input { typed: path.to_path_buf(), place, state: Some(state) }),
+    }
+    Ok(())
+}
+
+/// Fails if a file is not what it was when it was opened in this run. A file that is gone has not changed what was read.
+pub(super) fn unchanged(path: &Path) -> Result<()> {
+    let Some(files) = current() else { return Ok(()) };
+    let inputs = files.inputs.borrow();
+    let before = inputs.iter().find(|i| i.typed == path).and_then(|input| input.state.as_ref());
+    let Some(before) = before else { return Ok(()) };
+    match super::open::at_once(path) {
+        Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        Ok(file) if State::of(&file).is_ok_and(|now| now == *before) => Ok(()),
+        _ => Err(changed(path)),
+    }
+}
+
+/// Called before an output is looked at for the first time; `target` is `typed` behind its links. Whether it is the run's first
+/// in its folder.
+///
+/// # Errors
+/// Two outputs are one file, or the output is an input.
+pub(super) fn announce(typed: &Path, target: &Path) -> Result<bool> {
+    let Some(files) = current() else { return Ok(true) };
+    let output = Output::new(typed, target, Stage::Announced);
+    for level in files.levels() {
+        if let Some(other) = level.outputs.borrow().iter().find(|o| o.place.is(&output.place)) {
+            return Err(Error::SameFile {
+                first: other.typed.clone(),
+                second: typed.to_path_buf(),
+                what: "an output twice",
+                advice: "give each its own name",
+            });
+        }
+    }
+    files.check(&output)?;
+    let folder = |output: &Output| output.place.path.parent().map(|p| p.as_os_str().to_os_string());
+    let here = folder(&output);
+    let first = files.levels().all(|level| level.outputs.borrow().iter().all(|other| folder(other) != here));
+    files.outputs.borrow_mut().push(output);
+    Ok(first)
+}
+
+/// Called when an output is begun.
+///
+/// # Errors
+/// The output is an input.
+pub(super) fn begun(typed: &Path, target: &Path) -> Result<()> {
+    let Some(files) = current() else { return Ok(()) };
+    let output = Output::new(typed, target, Stage::Begun);
+    files.check(&output)?;
+    for level in files.levels() {
+        if let Some(own) = level.outputs.borrow().iter().find(|o| o.place.is(&output.place)) {
+            own.stage.set(Stage::Begun);
+            return Ok(());
+        }
+    }
+    files.outputs.borrow_mut().push(output);
+    Ok(())
+}
+
+/// Called when an output has its name: what was read of the old file is over.
+pub(super) fn done(target: &Path) {
+    let Some(files) = current() else { return };
+    let path = full(target).into_os_string();
+    for level in files.levels() {
+        level
+            .outputs
+            .borrow()
+            .iter()
+            .filter(|o| o.place.path.as_os_str() == path)
+            .for_each(|o| o.stage.set(Stage::Done));
+        level.inputs.borrow_mut().retain(|i| i.place.path.as_os_str() != path);
+    }
+}
+
+impl Files {
+    /// This part and what it is a part of.
+    fn levels(&self) -> impl Iterator<Item = &Self> {
+        std::iter::successors(Some(self), |files| files.whole.as_deref())
+    }
+
+    /// Fails if the output is an input and may not be.
+    fn check(&self, output: &Output) -> Result<()> {
+        let Replace::Refused(advice) = self.rules.replace else { return Ok(()) };
+        for level in self.levels() {
+            if let Some(input) = level.inputs.borrow().iter().find(|i| i.place.is(&output.place)) {
+                return Err(same_file(&input.typed, &output.typed, advice));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Output {
+    fn new(typed: &Path, target: &Path, stage: Stage) -> Self {
+        Self { typed: typed.to_path_buf(), place: Place::of(target), stage: Cell::new(stage) }
+    }
+}
+
+impl Place {
+    fn of(path: &Path) -> Self {
+        Self { file: std::fs::metadata(path).ok().and_then(|about| number(&about)), path: full(path) }
+    }
+
+    fn is(&self, other: &Self) -> bool {
+        match (self.file, other.file) {
+            (Some(a), Some(b)) => a == b,
+            _ => self.path.as_os_str() == other.path.as_os_str(),
+        }
+    }
+}
+
+impl State {
+    /// The place in the file stays where it is.
+    fn of(mut file: &File) -> std::io::Result<Self> {
+        let about = file.metadata()?;
+        let at = file.stream_position()?;
+        file.seek(SeekFrom::Start(0))?;
+        let mut start = Vec::new();
+        file.take(START).read_to_end(&mut start)?;
+        file.seek(SeekFrom::Start(at))?;
+        let (file, modified) = (number(&about), about.modified().ok());
+        Ok(Self { file, size: about.len(), modified, start: crc32fast::hash(&start) })
+    }
+}
+
+#[cfg(unix)]
+#[expect(clippy::unnecessary_wraps, reason = "other systems have none")]
+fn number(about: &std::fs::Metadata) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    Some((about.dev(), about.ino()))
+}
+
+#[cfg(not(unix))]
+fn number(_: &std::fs::Metadata) -> Option<(u64, u64)> {
+    None
+}
+
+/// The full name without links; of a file that is not there yet, its folder's.
+fn full(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+        path.file_name().map_or(folder.clone(), |name| folder.join(name))
+    })
+}
+
+fn same_file(input: &Path, output: &Path, advice: &'static str) -> Error {
+    Error::SameFile { first: input.to_path_buf(), second: output.to_path_buf(), what: "input and output", advice }
+}
+
+fn changed(path: &Path) -> Error {
+    let reason = "the file changed while it was read; let its writer finish, then run this again".to_string();
+    Error::Unsupported { path: path.to_path_buf(), reason }
+}

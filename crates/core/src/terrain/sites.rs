@@ -1,0 +1,105 @@
+//! Sites far apart, one after the other: rasters then follow the ground that is covered, not the box around it.
+
+use crate::cloud::Points;
+use crate::error::Result;
+
+/// Rasters of so many cells, and of so many a point, are cut.
+const LARGE: f64 = 16e6;
+const SPARSE: f64 = 64.0;
+
+/// Cells of a raster along an edge of a tile; tiles that touch are one site.
+const TILE: f64 = 128.0;
+
+/// Values of all points, from work on each site for itself. A cloud whose raster is small, or filled well enough, is one site.
+///
+/// # Errors
+/// Those of the work.
+pub(crate) fn by_site<T: Clone + Default>(
+    points: &Points,
+    cell: f64,
+    work: impl Fn(&Points) -> Result<Vec<T>>,
+) -> Result<Vec<T>> {
+    let sites = sites(points, cell);
+    if sites.len() < 2 {
+        return work(points);
+    }
+    let mut values = vec![T::default(); points.len()];
+    for site in sites {
+        let found = work(&pick(points, &site))?;
+        site.iter().zip(found).for_each(|(&i, value)| values[i as usize] = value);
+    }
+    Ok(values)
+}
+
+/// The points of each site, ascending; nothing if the cloud is to stay whole.
+fn sites(points: &Points, cell: f64) -> Vec<Vec<u32>> {
+    let size = [&points.x, &points.y].map(|axis| {
+        let (low, high) = axis.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+        (f64::from(high) - f64::from(low)) / cell + 1.0
+    });
+    let cells = size[0] * size[1];
+    // Also whole if the cell is no size: the raster then says so.
+    if !(cells > LARGE && cells > SPARSE * points.len() as f64 && cells.is_finite()) {
+        return Vec::new();
+    }
+    let tile = |i: usize| [points.x[i], points.y[i]].map(|v| (f64::from(v) / (TILE * cell)).floor() as i64);
+    let mut members: Vec<([i64; 2], u32)> = (0..points.len()).map(|i| (tile(i), i as u32)).collect();
+    members.sort_unstable();
+    let tiles: Vec<&[([i64; 2], u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
+    let mut seen = vec![false; tiles.len()];
+    let mut sites = Vec::new();
+    for start in 0..tiles.len() {
+        let mut open = if std::mem::replace(&mut seen[start], true) { continue } else { vec![start] };
+        let mut site = Vec::new();
+        while let Some(t) = open.pop() {
+            site.extend(tiles[t].iter().map(|m| m.1));
+            for offset in (0..9).map(|i| [i % 3 - 1, i / 3 - 1]) {
+                let near = [0, 1].map(|a| tiles[t][0].0[a].saturating_add(offset[a]));
+                match tiles.binary_search_by_key(&near, |tile| tile[0].0) {
+                    Ok(found) if !std::mem::replace(&mut seen[found], true) => open.push(found),
+                    _ => {}
+                }
+            }
+        }
+        site.sort_unstable();
+        sites.push(site);
+    }
+    sites
+}
+
+fn pick(points: &Points, site: &[u32]) -> Points {
+    let axis = |from: &[f32]| site.iter().map(|&i| from[i as usize]).collect();
+    Points {
+        x: axis(&points.x),
+        y: axis(&points.y),
+        z: axis(&points.z),
+        index: site.iter().map(|&i| points.index[i as usize]).collect(),
+        origin: points.origin,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+    use crate::parallel::Monitor;
+    use crate::random::stream;
+    use crate::terrain::{GroundParams, ground_points};
+
+    #[test]
+    fn two_sites_far_apart_have_the_ground_that_each_has_alone() {
+        let mut s = stream(3, 8);
+        let mut site = |east: f64| -> Vec<[f64; 3]> {
+            let ground = (0..3000).map(|_| [east + s.uniform() * 40.0, s.uniform() * 40.0, 0.0]).collect::<Vec<_>>();
+            ground.into_iter().chain((0..400).map(|i| [east + 10.0 + f64::from(i % 20) * 0.5, 12.0, 6.0])).collect()
+        };
+        let (a, b) = (site(0.0), site(60_000.0).into_iter().map(|p| [p[0], p[1] + 60_000.0, p[2]]).collect::<Vec<_>>());
+        let ground = |rows: &[[f64; 3]]| {
+            let points = Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
+            ground_points(&points, &GroundParams::default(), &Monitor::default()).unwrap()
+        };
+        let alone = [ground(&a), ground(&b)].concat();
+        assert_eq!(ground(&[a, b].concat()), alone);
+        assert!(alone.contains(&true) && alone.contains(&false));
+    }
+}

@@ -1,0 +1,77 @@
+"""Labels as people have them: codes 0..255, negative where there is none, or text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import codes, column
+
+MOST = 256
+"""Codes, and so classes, that there can be."""
+
+
+def is_text(values: Any) -> bool:
+    """Whether labels are text: an array of strings, or of objects with a string among them."""
+    array = np.asarray(values)
+    if array.dtype.kind != "O":
+        return array.dtype.kind in "UST"
+    return any(isinstance(value, (str, bytes)) for value in array.ravel())
+
+
+def texts(values: Any, name: str, length: int | None = None) -> NDArray[np.object_]:
+    """Labels as text, one a point; None where there is none (None or NaN)."""
+    array = np.asarray(values)
+    if array.ndim != 1 or (length is not None and len(array) != length):
+        expected = "(n,)" if length is None else f"({length},)"
+        raise ValueError(f"{name}: expected shape {expected}, found {array.shape}")
+    found = np.empty(len(array), dtype=object)
+    for i, value in enumerate(array.tolist()):
+        if isinstance(value, str):
+            found[i] = value
+        elif isinstance(value, bytes):
+            found[i] = value.decode()
+        elif not (value is None or (isinstance(value, float) and np.isnan(value))):
+            raise TypeError(f"{name}: expected text or None, found {value!r} at index {i}")
+    return found
+
+
+def classes_of(labels: Iterable[NDArray[np.object_]], unlabelled: Iterable[Any]) -> list[str]:
+    """The texts that are classes, in alphabetical order."""
+    missing = {None, *unlabelled}
+    found = sorted({text for array in labels for text in set(array.tolist()) if text not in missing})
+    if len(found) > MOST:
+        raise ValueError(f"labels: found {len(found)} different texts, expected at most {MOST} classes")
+    return found
+
+
+def encoded(labels: NDArray[np.object_], classes: list[str]) -> NDArray[np.int16]:
+    """The place of each label among the classes, -1 where it is none of them."""
+    place = {text: i for i, text in enumerate(classes)}
+    return np.array([place.get(text, -1) for text in labels.tolist()], dtype=np.int16)
+
+
+def signed(
+    values: Any, name: str, length: int | None = None, unlabelled: Iterable[int] = (), changes: str = ""
+) -> NDArray[np.int16]:
+    """Codes 0..255, changed by a map like ``3-4=5``; -1 where they are negative, NaN or then ``unlabelled``."""
+    array = column(values, name, length)
+    known = array >= 0
+    table = np.frombuffer(_core.mapped_codes(changes), dtype=np.uint8).astype(np.int16)
+    for code in listed(unlabelled):
+        table[table == code] = -1
+    found = np.full(len(array), -1, dtype=np.int16)
+    found[known] = table[codes(np.where(known, array, 0), name)[known]]
+    return found
+
+
+def listed(unlabelled: Iterable[int]) -> bytes:
+    """Codes as bytes, which is how the core takes a short list of them; negative ones need not be said."""
+    array = np.asarray(list(unlabelled))
+    if array.size == 0:
+        return b""
+    return codes(array[~(column(array, "unlabelled") < 0)], "unlabelled").tobytes()

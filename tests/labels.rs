@@ -1,0 +1,291 @@
+//! What labels mean in files of several schemes, which classes a model learns, and how two sets of codes are compared.
+
+use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::io;
+use scansion_tests::street;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn scansion(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_scansion-under-test")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+/// Stdout and stderr of a run that succeeds.
+fn done(folder: &Path, arguments: &[&str]) -> (String, String) {
+    let output = scansion(folder, arguments);
+    let [out, err] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {err}");
+    (out, err)
+}
+
+/// Stderr of a run that fails.
+fn fails(folder: &Path, arguments: &[&str]) -> String {
+    let output = scansion(folder, arguments);
+    let err = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(matches!(output.status.code(), Some(2 | 4)), "{arguments:?}: {:?} {err}", output.status);
+    assert!(err.contains("error"), "{err}");
+    err
+}
+
+fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+const QUICK: [&str; 6] =
+    ["--set", "features.pyramid.first_scale=0.5", "--set", "features.pyramid.levels=3", "--set", "forest.trees=5"];
+
+/// A street whose classes 2, 5, 6 carry other codes.
+fn coded(size: f64, seed: u64, codes: [i16; 3]) -> Cloud {
+    let mut cloud = street(size, seed);
+    let old = cloud.column("Classification").unwrap().values.to_f64();
+    let new = old.iter().map(|&c| codes[if c < 3.0 { 0 } else { c as usize - 4 }]).collect();
+    cloud.set_column(Column::new("Classification", Values::I16(new))).unwrap();
+    cloud
+}
+
+/// Writes a cloud; the codes as bytes if none is negative.
+fn write(path: &Path, mut cloud: Cloud) {
+    let values = cloud.column("Classification").unwrap().values.to_f64();
+    if values.iter().all(|&v| v >= 0.0) {
+        let codes = Values::U8(values.iter().map(|&v| v as u8).collect());
+        cloud.set_column(Column::new("Classification", codes)).unwrap();
+    }
+    io::write(path, &cloud, &Default::default()).unwrap();
+}
+
+/// Semantic3D: `x y z i r g b`, and the labels beside it.
+fn write_semantic3d(folder: &Path, name: &str, cloud: &Cloud) {
+    let row = |i: usize| {
+        let [x, y, z] = cloud.xyz(i);
+        format!("{x} {y} {z} -900 10 20 30\n")
+    };
+    std::fs::write(folder.join(format!("{name}.txt")), (0..cloud.len()).map(row).collect::<String>()).unwrap();
+    let codes = cloud.column("Classification").unwrap().values.to_f64();
+    let lines: String = codes.iter().map(|c| format!("{c}\n")).collect();
+    std::fs::write(folder.join(format!("{name}.labels")), lines).unwrap();
+}
+
+/// Codes of the classes that training reports, and the points without a label.
+fn learned(folder: &Path, arguments: &[&str]) -> (Vec<u64>, u64) {
+    let all = [&["train"], arguments, &["-o", "t.model", "--format", "json"], &QUICK[..]].concat();
+    let report = json(&done(folder, &all).0);
+    let codes = report["classes"].as_array().unwrap().iter().map(|c| c["code"].as_u64().unwrap()).collect();
+    (codes, report["unlabelled"].as_u64().unwrap())
+}
+
+/// Points of a cloud with this code.
+fn count(cloud: &Cloud, code: f64) -> u64 {
+    cloud.column("Classification").unwrap().values.to_f64().iter().filter(|&&c| (c - code).abs() < 0.5).count() as u64
+}
+
+#[test]
+fn what_is_unlabelled_depends_on_the_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let scene = coded(14.0, 1, [0, 1, 2]);
+    let (zeros, ones, n) = (count(&scene, 0.0), count(&scene, 1.0), scene.len() as u64);
+    write_semantic3d(f, "semantic", &scene);
+    for name in ["rooms.ply", "rooms.npz", "scan.laz"] {
+        write(&f.join(name), scene.clone());
+    }
+    // Semantic3D: 0 is unlabelled, 1 is man-made terrain.
+    assert_eq!(learned(f, &["semantic.txt"]), (vec![1, 2], zeros));
+    // S3DIS: 0 is the ceiling, 1 the floor.
+    assert_eq!(learned(f, &["rooms.ply"]), (vec![0, 1, 2], 0));
+    assert_eq!(learned(f, &["rooms.npz"]), (vec![0, 1, 2], 0));
+    // ASPRS: 0 is never classified, 1 unclassified: one class is left, and that is an error.
+    let message = fails(f, &["train", "scan.laz", "-o", "t.model"]);
+    assert!(
+        message.contains("only one class to learn, code 2 (ground)") && message.contains("unlabelled"),
+        "{message}"
+    );
+    assert!(!f.join("scan.model").exists());
+    // What is asked for goes before the default, in all formats.
+    assert_eq!(learned(f, &["scan.laz", "--unlabelled", "none"]), (vec![0, 1, 2], 0));
+    assert_eq!(learned(f, &["scan.laz", "--unlabelled", "1"]), (vec![0, 2], ones));
+    assert_eq!(learned(f, &["rooms.ply", "--unlabelled", "0"]), (vec![1, 2], zeros));
+    assert_eq!(learned(f, &["scan.laz", "--classes", "1,2"]), (vec![1, 2], zeros));
+    assert!(fails(f, &["train", "scan.laz", "-o", "t.model", "--unlabelled", "nothing"]).contains("nothing"));
+    // It is said.
+    let train = |input| done(f, &[&["train", input, "-o", "t.model", "--unlabelled", "auto"], &QUICK[..]].concat());
+    let (table, said) = train("semantic.txt");
+    assert!(said.contains("code 0 counts as unlabelled") && said.contains("--unlabelled none"), "{said}");
+    assert!(said.contains(&format!("{zeros} of {n} points")), "{said}");
+    assert!(table.contains("man-made terrain") && table.contains("natural terrain"), "{table}");
+    let (table, said) = train("rooms.ply");
+    assert!(said.contains("every code is a class, 0 too") && said.contains("--unlabelled 0"), "{said}");
+    assert!(!table.contains("ground") && table.contains("class 2"), "{table}");
+}
+
+#[test]
+fn negative_values_are_unlabelled_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let scene = coded(14.0, 2, [0, -1, 2]);
+    let open = count(&scene, -1.0);
+    write(&f.join("a.ply"), scene.clone());
+    assert_eq!(learned(f, &["a.ply"]), (vec![0, 2], open));
+    let mut other = coded(14.0, 2, [2, 5, 6]);
+    other.set_column(Column::new("mine", scene.column("Classification").unwrap().values.clone())).unwrap();
+    write(&f.join("a.laz"), other);
+    // A dimension that is not Classification has codes of its own, in LAS too.
+    assert_eq!(learned(f, &["a.laz", "--label-dimension", "mine"]), (vec![0, 2], open));
+}
+
+#[test]
+fn every_verb_takes_the_same_points_as_labelled() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let scene = coded(20.0, 3, [1, 0, 2]);
+    write_semantic3d(f, "s", &scene);
+    write(&f.join("s.npz"), scene.clone());
+    let (n, zeros) = (scene.len() as u64, count(&scene, 0.0));
+    for (file, points) in [("s.txt", n - zeros), ("s.npz", n)] {
+        let scores = json(&done(f, &["evaluate", file, file, "--format", "json"]).0);
+        let support: u64 = scores["labels"].as_array().unwrap().iter().map(|l| l["support"].as_u64().unwrap()).sum();
+        assert_eq!(support, points, "evaluate {file}");
+        for recipe in ["pyramid", "weak", "objects"] {
+            let quick: &[&str] = if recipe == "pyramid" { &QUICK } else { &["--set", "forest.trees=3"] };
+            let all = [&["train", file, "-o", "m.model", "--recipe", recipe, "--format", "json"], quick].concat();
+            let report = json(&done(f, &all).0);
+            assert_eq!(report["unlabelled"].as_u64(), Some(n - points), "train {recipe} {file}");
+        }
+        let (_, said) = done(f, &["segment", file, "-o", "o.ply", "--strength", "0.1"]);
+        assert!(said.contains(&format!("{} of {n} points are unlabelled", n - points)), "segment {file}: {said}");
+    }
+    // Folds are squares of 50 m.
+    write_semantic3d(f, "wide", &coded(60.0, 3, [1, 0, 2]));
+    let (_, said) = done(f, &[&["train", "wide.txt", "-o", "m.model", "--cross-validate", "2"], &QUICK[..]].concat());
+    assert!(said.contains("2-fold accuracy"), "{said}");
+}
+
+#[test]
+fn truth_and_prediction_have_maps_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    // Truth in codes 0, 1, 2; prediction in 2, 5, 6: ten of the ground are called building, five are left open.
+    let truth = coded(14.0, 4, [0, 1, 2]);
+    let mut named = coded(14.0, 4, [2, 5, 6]);
+    let mut codes: Vec<i16> =
+        named.column("Classification").unwrap().values.to_f64().iter().map(|&c| c as i16).collect();
+    let ground: Vec<usize> = (0..codes.len()).filter(|&i| codes[i] == 2).take(15).collect();
+    ground[..10].iter().for_each(|&i| codes[i] = 6);
+    ground[10..].iter().for_each(|&i| codes[i] = -1);
+    named.set_column(Column::new("Classification", Values::I16(codes))).unwrap();
+    let n = truth.len() as f64;
+    let by_hand = (n - 15.0) / n;
+    write(&f.join("truth.ply"), truth);
+    write(&f.join("named.ply"), named);
+    let accuracy = |arguments: &[&str]| {
+        let all = [&["evaluate", "truth.ply", "named.ply", "--format", "json"], arguments].concat();
+        json(&done(f, &all).0)["overall_accuracy"].as_f64().unwrap()
+    };
+    const MAP: &str = "0=2,1=5,2=6";
+    assert!((accuracy(&["--map-truth", MAP]) - by_hand).abs() < 1e-9);
+    assert!((accuracy(&["--map-of", "truth.ply:0=2,1=5,2=6"]) - by_hand).abs() < 1e-9);
+    assert!((accuracy(&["--map-predicted", "2=0,5=1,6=2"]) - by_hand).abs() < 1e-9);
+    assert!((accuracy(&["--map-of", "named.ply:2=0,5=1,6=2"]) - by_hand).abs() < 1e-9);
+    // Merged on both sides: the ten errors are between ground and building.
+    let both = accuracy(&["--map-truth", "0=1,2=1,1=5", "--map-predicted", "2=1,6=1"]);
+    assert!((both - (n - 5.0) / n).abs() < 1e-9, "{both}");
+    // The old flag is refused where it is not clear what is meant.
+    let message = fails(f, &["evaluate", "truth.ply", "named.ply", "--map", MAP]);
+    assert!(
+        message.contains("--map-truth") && message.contains("--map-predicted") && message.contains("code 2"),
+        "{message}"
+    );
+    assert!((accuracy(&["--map", "0=2,1=5"]) - accuracy(&["--map-truth", "0=2,1=5"])).abs() < 1e-12);
+}
+
+#[test]
+fn map_of_must_name_one_input_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::create_dir(f.join("sub")).unwrap();
+    for name in ["a.laz", "b.laz", "sub/a.laz"] {
+        write(&f.join(name), coded(20.0, 5, [2, 5, 6]));
+    }
+    let train =
+        |arguments: &[&str]| fails(f, &[&["train", "a.laz", "b.laz", "-o", "m.model"], arguments, &QUICK[..]].concat());
+    let message = train(&["--map-of", "c.laz:1=5"]);
+    assert!(message.contains("a.laz, b.laz") && message.contains("c.laz:1=5"), "{message}");
+    assert!(train(&["--map-of", "a.laz"]).contains("FILE:OLD=NEW"));
+    assert!(train(&["--map-of", "a.laz:1=5", "--map-of", "a.laz:2=5"]).contains("one map an input"));
+    let message = fails(f, &["evaluate", "a.laz", "sub/a.laz", "--map-of", "a.laz:2=5"]);
+    assert!(message.contains("sub/a.laz") && message.contains("folders"), "{message}");
+    done(f, &["evaluate", "a.laz", "sub/a.laz", "--map-of", "sub/a.laz:2=5"]);
+    let report = json(
+        &done(
+            f,
+            &[&["train", "a.laz", "b.laz", "-o", "m.model", "--map-of", "b.laz:6=9", "--format", "json"], &QUICK[..]]
+                .concat(),
+        )
+        .0,
+    );
+    let codes: Vec<u64> = report["classes"].as_array().unwrap().iter().map(|c| c["code"].as_u64().unwrap()).collect();
+    assert_eq!(codes, [2, 5, 6, 9]);
+}
+
+#[test]
+fn a_class_that_is_asked_for_and_absent_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    write(&f.join("a.laz"), coded(12.0, 6, [2, 5, 6]));
+    let message = fails(f, &[&["train", "a.laz", "-o", "m.model", "--classes", "2,6,17"], &QUICK[..]].concat());
+    assert!(message.contains("17") && message.contains("found: 2, 6"), "{message}");
+    let (_, said) = done(f, &["evaluate", "a.laz", "a.laz", "--classes", "2,6,17"]);
+    assert!(said.contains("warning") && said.contains("17"), "{said}");
+}
+
+/// A scene with so many points of class 7 in one place above it.
+fn with_strays(size: f64, seed: u64, strays: usize) -> Cloud {
+    let scene = street(size, seed);
+    let mut codes: Vec<u8> = scene.column("Classification").unwrap().values.to_f64().iter().map(|&c| c as u8).collect();
+    let mut rows: Vec<[f64; 3]> = (0..scene.len()).map(|i| scene.xyz(i)).collect();
+    for i in 0..strays {
+        rows.push([3.0 + 0.1 * i as f64, 4.0, 30.0]);
+        codes.push(7);
+    }
+    let mut cloud = Cloud::from_rows(&rows).unwrap();
+    cloud.set_column(Column::new("Classification", Values::U8(codes))).unwrap();
+    cloud
+}
+
+#[test]
+fn a_few_stray_points_of_a_class_do_not_throttle_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    write(&f.join("other.laz"), street(30.0, 9));
+    for strays in [0, 1, 12] {
+        write(&f.join("in.laz"), with_strays(60.0, 8, strays));
+        let train = |more: &[&str]| {
+            let all = [&["train", "in.laz", "-o", "m.model", "--format", "json"], more, &QUICK[..]].concat();
+            let (out, err) = done(f, &all);
+            let samples = |code: u64| {
+                let report = json(&out);
+                let found = report["classes"].as_array().unwrap().iter().find(|c| c["code"] == code).cloned();
+                found.map_or(0, |c| c["samples"].as_u64().unwrap())
+            };
+            (samples(2), samples(7), err)
+        };
+        let (ground, rare, said) = train(&[]);
+        assert!(ground >= 10_000 && rare == 0, "{strays}: {ground}, {rare}");
+        assert_eq!(said.contains("class 7 low noise is left out"), strays > 0, "{said}");
+        assert_eq!(said.contains("training.rare"), strays > 0, "{said}");
+        let scores = json(&done(f, &["evaluate", "other.laz", "--model", "m.model", "--format", "json"]).0);
+        assert!(scores["overall_accuracy"].as_f64().unwrap() > 0.95, "{strays}: {scores}");
+        if strays == 12 {
+            let (ground, rare, said) = train(&["--set", "training.rare=keep"]);
+            assert!(ground >= 10_000 && rare == 12 && said.contains("each weighs"), "{ground}, {rare}: {said}");
+            let csv = done(f, &[&["train", "in.laz", "-o", "m.model", "--format", "csv"], &QUICK[..]].concat()).0;
+            assert!(
+                csv.starts_with("code,points,samples,weight,class\n") && csv.contains("7,12,0,0,low noise"),
+                "{csv}"
+            );
+            let (table, _) = done(f, &[&["train", "in.laz", "-o", "m.model"], &QUICK[..]].concat());
+            assert!(table.contains("low noise") && table.contains("left out"), "{table}");
+        }
+    }
+    let message = fails(f, &[&["train", "in.laz", "-o", "m.model", "--classes", "2,7"], &QUICK[..]].concat());
+    assert!(message.contains("only one class") && message.contains("class 7 low noise is left out"), "{message}");
+}

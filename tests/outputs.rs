@@ -1,0 +1,553 @@
+//! What is read and what is written: no input is written over, no output is found unwritable after the work, nothing is taken
+//! for a file that is none.
+
+use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::io::run::{Replace, Rules, run};
+use scansion_core::io::{self, Edit, WriteOptions};
+use scansion_tests::street;
+use std::io::Write;
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_scansion-under-test"));
+    command.args(arguments).args(["--progress", "never", "-j", "2"]).current_dir(folder).env("NO_COLOR", "1");
+    command
+}
+
+fn scansion(folder: &Path, arguments: &[&str]) -> Output {
+    command(folder, arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = scansion(folder, arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// The message of a run that fails with this code.
+fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
+    let output = scansion(folder, arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+    assert!(stderr.contains("error: ") && !stderr.contains("panicked"), "{stderr}");
+    stderr
+}
+
+/// All files of a folder with their bytes.
+fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap());
+    let files = entries.filter(|e| e.path().is_file());
+    let mut list: Vec<_> =
+        files.map(|e| (e.file_name().to_string_lossy().into_owned(), std::fs::read(e.path()).unwrap())).collect();
+    list.sort();
+    list
+}
+
+/// Settings that make `train` quick.
+const QUICK: [&str; 4] = ["--set", "forest.trees=2", "--set", "features.pyramid.levels=2"];
+
+fn train(rest: &[&'static str]) -> Vec<&'static str> {
+    [&["train"], rest, &QUICK].concat()
+}
+
+#[test]
+fn no_command_writes_over_one_of_its_inputs() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let cloud = street(12.0, 1);
+    for name in ["a.laz", "b.laz", "a.csv", "b.csv", "a.ply"] {
+        io::write(&f.join(name), &cloud, &WriteOptions::default()).unwrap();
+    }
+    // What a file is, its content tells.
+    std::fs::copy(f.join("a.ply"), f.join("a.png")).unwrap();
+    std::fs::write(f.join("r.toml"), "seed = 3\n").unwrap();
+    std::fs::write(f.join("l.csv"), "x,y,z,class\n1,1,0,2\n5,5,7,6\n").unwrap();
+    done(f, &train(&["a.laz", "-o", "m.model"]));
+    std::fs::copy(f.join("m.model"), f.join("m.laz")).unwrap();
+    symlink("a.laz", f.join("soft.laz")).unwrap();
+    std::fs::hard_link(f.join("a.laz"), f.join("hard.laz")).unwrap();
+    symlink("a.csv", f.join("soft.csv")).unwrap();
+    let before = contents(f);
+    let runs: [(Vec<&str>, [&str; 2]); 26] = [
+        (train(&["a.laz", "-o", "a.laz"]), ["a.laz"; 2]),
+        (train(&["b.laz", "a.laz", "-o", "soft.laz"]), ["a.laz", "soft.laz"]),
+        (train(&["a.laz", "-o", "hard.laz"]), ["a.laz", "hard.laz"]),
+        (train(&["a.laz", "--recipe", "r.toml", "-o", "./r.toml"]), ["r.toml", "./r.toml"]),
+        (train(&["a.laz", "--weak", "--weak-labels", "l.csv", "-o", "l.csv"]), ["l.csv"; 2]),
+        (train(&["a.laz", "--recipe", "objects", "-o", "a.laz"]), ["a.laz"; 2]),
+        (vec!["suggest", "a.csv", "-o", "a.csv"], ["a.csv"; 2]),
+        (vec!["suggest", "a.csv", "-o", "soft.csv"], ["a.csv", "soft.csv"]),
+        (vec!["suggest", "a.laz", "-o", "t.csv", "-o", "hard.laz"], ["a.laz", "hard.laz"]),
+        (vec!["suggest", "a.laz", "-m", "m.laz", "-o", "m.laz"], ["m.laz"; 2]),
+        (vec!["evaluate", "a.csv", "b.csv", "-o", "a.csv"], ["a.csv"; 2]),
+        (vec!["evaluate", "a.csv", "b.csv", "-o", "./b.csv"], ["b.csv", "./b.csv"]),
+        (vec!["evaluate", "a.csv", "-m", "m.model", "-o", "soft.csv"], ["a.csv", "soft.csv"]),
+        (vec!["render", "a.png", "-o", "a.png"], ["a.png"; 2]),
+        (vec!["render", "a.laz", "--truth", "a.png", "-o", "./a.png"], ["a.png", "./a.png"]),
+        (vec!["features", "a.csv", "-o", "a.csv"], ["a.csv"; 2]),
+        (vec!["features", "a.laz", "-o", "soft.laz"], ["a.laz", "soft.laz"]),
+        (vec!["segment", "a.laz", "-o", "hard.laz"], ["a.laz", "hard.laz"]),
+        (vec!["convert", "a.laz", "soft.laz"], ["a.laz", "soft.laz"]),
+        (vec!["convert", "a.csv", "a.csv"], ["a.csv"; 2]),
+        (vec!["merge", "b.laz", "a.laz", "hard.laz"], ["a.laz", "hard.laz"]),
+        (vec!["merge", "?.laz", "a.laz"], ["a.laz"; 2]),
+        (vec!["classify", "a.laz", "-o", "soft.laz"], ["a.laz", "soft.laz"]),
+        (vec!["classify", "a.laz", "-m", "m.laz", "-o", "m.laz"], ["m.laz"; 2]),
+        (vec!["convert", "--salvage", "a.laz", "a.laz"], ["a.laz"; 2]),
+        (vec!["classify", "--salvage", "a.laz", "-o", "hard.laz"], ["a.laz", "hard.laz"]),
+    ];
+    for (arguments, [input, output]) in runs {
+        let message = fails(f, &arguments, 2);
+        assert!(message.contains("input and output"), "{arguments:?}: {message}");
+        assert!(message.contains(input) && message.contains(output), "{arguments:?}: {message}");
+        assert!(contents(f) == before, "{arguments:?} changed something");
+    }
+    for arguments in [
+        vec!["suggest", "a.laz", "-o", "x.csv", "-o", "x.csv"],
+        vec!["evaluate", "a.csv", "b.csv", "-o", "x.csv", "-o", "./x.csv"],
+    ] {
+        assert!(fails(f, &arguments, 2).contains("an output twice"));
+        assert!(contents(f) == before, "{arguments:?} changed something");
+    }
+    // Two tiles, of which the second one's result would be the first.
+    std::fs::create_dir(f.join("out")).unwrap();
+    std::fs::copy(f.join("a.laz"), f.join("out/b.laz")).unwrap();
+    let message = fails(f, &["classify", "out/b.laz", "b.csv", "a.laz", "-o", "out"], 3);
+    assert!(message.contains("out/b.laz is input and output"), "{message}");
+    assert!(f.join("out/a.laz").exists() && f.join("out/b.csv").exists());
+    assert_eq!(std::fs::read(f.join("out/b.laz")).unwrap(), std::fs::read(f.join("a.laz")).unwrap());
+    // Where it makes sense it can be asked for.
+    done(f, &["convert", "a.csv", "soft.csv", "--overwrite"]);
+    assert!(f.join("soft.csv").is_symlink());
+    done(f, &["classify", "a.laz", "-o", "a.laz", "--overwrite"]);
+    done(f, &["merge", "a.laz", "b.laz", "b.laz", "--overwrite"]);
+    assert_eq!(io::inspect(&f.join("b.laz")).unwrap().points, 2 * cloud.len() as u64);
+}
+
+#[test]
+fn a_model_is_written_over_models_and_empty_files_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    io::write(&f.join("scan.laz"), &street(12.0, 2), &WriteOptions::default()).unwrap();
+    std::fs::write(f.join("notes.txt"), "scansion model").unwrap();
+    std::fs::write(f.join("my.model"), "").unwrap();
+    let before = contents(f);
+    for output in ["scan.laz", "notes.txt"] {
+        let message = fails(f, &train(&["a.laz", "-o", output]), 2);
+        assert!(message.contains(output) && message.contains("no model"), "{message}");
+        assert!(contents(f) == before);
+    }
+    done(f, &train(&["a.laz", "-o", "my.model"]));
+    done(f, &train(&["a.laz", "-o", "my.model"]));
+    let model = scansion_core::classification::Model::load(&f.join("my.model")).unwrap();
+    assert!(model.save(&f.join("scan.laz")).unwrap_err().to_string().contains("no model"));
+    model.save(&f.join("my.model")).unwrap();
+}
+
+/// A cloud of text that is malformed at its end: whoever reads its points says so.
+fn bad_at_its_end(path: &Path) {
+    let rows: String = (0..2000).map(|i| format!("{} {} 0.5\n", i % 50, i / 50)).collect();
+    std::fs::write(path, format!("{rows}1 2 three\n")).unwrap();
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_found_before_points_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    bad_at_its_end(&f.join("a.xyz"));
+    std::fs::create_dir(f.join("folder.png")).unwrap();
+    std::fs::create_dir(f.join("folder.laz")).unwrap();
+    let long = format!("{}.EXT", "n".repeat(252));
+    let wrong = |ext: &str| {
+        let missing = format!("absent/o.{ext}");
+        vec![
+            (missing, "folder does not exist"),
+            (long.replace("EXT", ext), "name too long"),
+            ("/proc/self/o.".to_string() + ext, "o."),
+        ]
+    };
+    let verbs: [(&[&str], &str); 11] = [
+        (&["classify", "a.xyz", "-o"], "laz"),
+        (&["convert", "a.xyz"], "ply"),
+        (&["merge", "a.xyz", "a.xyz"], "npz"),
+        (&["features", "a.xyz", "-o"], "npy"),
+        (&["features", "a.xyz", "-o"], "laz"),
+        (&["segment", "a.xyz", "-o"], "laz"),
+        (&["suggest", "a.xyz", "-o"], "html"),
+        (&["suggest", "a.xyz", "-o"], "csv"),
+        (&["render", "a.xyz", "-o"], "png"),
+        (&["evaluate", "a.xyz", "a.xyz", "-o"], "json"),
+        (&["train", "a.xyz", "-o"], "model"),
+    ];
+    for (verb, ext) in verbs {
+        for (output, expected) in wrong(ext) {
+            let found = scansion(f, &[verb, &[&output[..]]].concat());
+            let message = text(&found.stderr);
+            assert_eq!(found.status.code(), Some(1), "{verb:?}: {message}");
+            assert!(message.contains(expected) && !message.contains("three"), "{verb:?}: {message}");
+        }
+        // And with an output that can be written, the points are read.
+        assert!(fails(f, &[verb, &[&format!("o.{ext}")[..]]].concat(), 4).contains("three"), "{verb:?}");
+    }
+    for (arguments, code, expected) in [
+        (vec!["classify", "a.xyz", "-o", "o.e57"], 4, "cannot write .e57"),
+        (vec!["convert", "a.xyz", "o"], 4, "a file without extension"),
+        (vec!["segment", "a.xyz", "-o", "o.doc"], 4, "cannot write .doc"),
+        (vec!["merge", "a.xyz", "a.xyz", "o.e57"], 4, "cannot write .e57"),
+        (vec!["features", "a.xyz", "-o", "o.txt2"], 4, "cannot write .txt2"),
+        (vec!["suggest", "a.xyz", "-o", "o.csv", "-o", "o.e57"], 2, "o.e57"),
+        (vec!["evaluate", "a.xyz", "a.xyz", "-o", "o.csv", "-o", "o.pdf"], 2, "o.pdf"),
+        (vec!["render", "a.xyz", "-o", "o.jpg"], 2, "o.jpg"),
+        (vec!["render", "a.xyz", "-o", "folder.png"], 1, "folder.png"),
+        (vec!["convert", "a.xyz", "o.copc.laz"], 4, "name it o.laz"),
+        (vec!["classify", "a.xyz", "-o", "O.COPC.LAZ"], 4, "COPC is read, not written"),
+    ] {
+        let message = fails(f, &arguments, code);
+        assert!(message.contains(expected) && !message.contains("three"), "{arguments:?}: {message}");
+    }
+    assert_eq!(contents(f).len(), 1, "nothing is left");
+}
+
+#[test]
+fn a_dimension_of_another_type_is_found_before_points_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = street(60.0, 1);
+    for name in ["Confidence", "ClusterID"] {
+        cloud.set_column(Column::new(name, Values::U16(vec![7; cloud.len()]))).unwrap();
+    }
+    io::write(&f.join("a.laz"), &cloud, &WriteOptions::default()).unwrap();
+    // The points cannot be decoded, so whoever reads them says so.
+    let mut bytes = std::fs::read(f.join("a.laz")).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle..middle + 4000].fill(0xff);
+    std::fs::write(f.join("a.laz"), bytes).unwrap();
+    for (arguments, dimension) in [
+        (vec!["classify", "a.laz", "-o", "o.laz"], "Confidence"),
+        (vec!["segment", "a.laz", "-o", "o.laz"], "ClusterID"),
+        (vec!["suggest", "a.laz", "-o", "o.csv", "-o", "o.laz"], "ClusterID"),
+    ] {
+        let message = fails(f, &arguments, 2);
+        assert!(message.contains(dimension) && message.contains("another type"), "{message}");
+    }
+    assert!(fails(f, &["classify", "a.laz", "-o", "o.laz", "--no-extra"], 4).contains("chunk"));
+}
+
+/// Waits for the end of a program, at most so long.
+fn ends_within(mut child: Child, limit: Duration) -> Output {
+    let begin = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if begin.elapsed() > limit {
+            child.kill().unwrap();
+            panic!("still running after {limit:?}");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    child.wait_with_output().unwrap()
+}
+
+fn start(folder: &Path, arguments: &[&str]) -> Child {
+    command(folder, arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::piped()).spawn().unwrap()
+}
+
+fn make_pipe(path: &Path) {
+    assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
+}
+
+#[test]
+fn pipes_devices_and_folders_are_refused_at_once_by_every_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    make_pipe(&f.join("pipe"));
+    std::fs::create_dir(f.join("dir")).unwrap();
+    for (input, said) in [("pipe", "a pipe"), ("/dev/zero", "a device"), ("/dev/stdin", "a pipe"), ("dir", "a folder")]
+    {
+        for arguments in [
+            vec!["info", input],
+            vec!["info", "--salvage", input],
+            vec!["convert", input, "o.laz"],
+            vec!["merge", "a.laz", input, "o.laz"],
+            vec!["diff", "a.laz", input],
+            vec!["features", input, "-o", "o.npy"],
+            vec!["train", input, "-o", "o.model"],
+            vec!["classify", input, "-o", "o.laz"],
+            vec!["segment", input, "-o", "o.laz"],
+            vec!["suggest", input, "-o", "o.csv"],
+            vec!["evaluate", "a.laz", input],
+            vec!["render", input, "-o", "o.png"],
+        ] {
+            let output = ends_within(start(f, &arguments), Duration::from_secs(20));
+            let message = text(&output.stderr);
+            assert_eq!(output.status.code(), Some(4), "{arguments:?}: {message}");
+            assert!(message.contains(said) && message.contains(input), "{arguments:?}: {message}");
+        }
+        if said != "a pipe" {
+            for arguments in [
+                vec!["classify", "a.laz", "-o", "o.laz", "-m", input],
+                vec!["model", "show", input],
+                vec!["train", "a.laz", "-o", "o.model", "--recipe", input],
+                vec!["segment", "a.laz", "-o", "o.laz", "--recipe", input],
+                vec!["train", "a.laz", "--weak", "-o", "o.model", "--weak-labels", input],
+            ] {
+                let output = ends_within(start(f, &arguments), Duration::from_secs(20));
+                assert_eq!(output.status.code(), Some(4), "{arguments:?}");
+                assert!(text(&output.stderr).contains(said), "{arguments:?}: {}", text(&output.stderr));
+            }
+        }
+    }
+    assert_eq!(contents(f).len(), 1, "nothing is written");
+}
+
+#[test]
+fn settings_and_models_come_through_pipes_and_waiting_for_one_ends_with_a_signal() {
+    use rustix::process::{Pid, Signal, kill_process};
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    make_pipe(&f.join("pipe"));
+    done(f, &train(&["a.laz", "-o", "m.model"]));
+    let model = std::fs::read(f.join("m.model")).unwrap();
+    let write = |bytes: Vec<u8>| {
+        let path = f.join("pipe");
+        std::thread::spawn(move || {
+            std::fs::OpenOptions::new().write(true).open(path).unwrap().write_all(&bytes).unwrap()
+        })
+    };
+    let child = start(f, &["classify", "a.laz", "-o", "o.laz", "-m", "pipe"]);
+    let writer = write(model);
+    let output = ends_within(child, Duration::from_secs(60));
+    writer.join().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    done(f, &["classify", "a.laz", "-o", "p.laz", "-m", "m.model"]);
+    assert!(std::fs::read(f.join("o.laz")).unwrap() == std::fs::read(f.join("p.laz")).unwrap());
+    for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
+        let child = start(f, &["train", "a.laz", "-o", "n.model", "--recipe", "pipe"]);
+        std::thread::sleep(Duration::from_millis(400));
+        kill_process(Pid::from_child(&child), signal).unwrap();
+        let output = ends_within(child, Duration::from_secs(5));
+        assert_eq!(output.status.code(), Some(code), "{}", text(&output.stderr));
+    }
+}
+
+#[test]
+fn an_unfinished_output_is_no_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    done(f, &train(&["a.laz", "-o", "m.model"]));
+    let partial = ".x.laz.1-0000000000000001.partial";
+    for (from, commands) in [
+        (
+            "a.laz",
+            vec![
+                vec!["info", partial],
+                vec!["merge", "a.laz", partial, "o.laz"],
+                vec!["render", partial, "-o", "o.png"],
+                vec!["info", "--salvage", partial],
+            ],
+        ),
+        ("m.model", vec![vec!["classify", "a.laz", "-o", "o.laz", "-m", partial]]),
+    ] {
+        std::fs::copy(f.join(from), f.join(partial)).unwrap();
+        for arguments in commands {
+            assert!(fails(f, &arguments, 4).contains("never finished"), "{arguments:?}");
+        }
+    }
+}
+
+#[test]
+fn info_tells_of_the_good_files_when_one_is_bad() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    for name in ["a.laz", "c.ply"] {
+        io::write(&f.join(name), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    }
+    std::fs::write(f.join("b.laz"), b"LASF and no more").unwrap();
+    for arguments in [
+        &["info", "a.laz", "b.laz", "c.ply"][..],
+        &["info", "--stats", "a.laz", "b.laz", "c.ply"],
+        &["info", "--salvage", "a.laz", "b.laz", "c.ply"],
+    ] {
+        let output = scansion(f, arguments);
+        assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
+        let (shown, said) = (text(&output.stdout), text(&output.stderr));
+        assert!(shown.contains("a.laz") && shown.contains("c.ply") && !shown.contains("b.laz"), "{shown}");
+        assert!(said.contains("b.laz") && said.contains("1 of 3"), "{said}");
+    }
+    let output = scansion(f, &["info", "--json", "a.laz", "b.laz"]);
+    let list: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(list.as_array().unwrap().len(), 1);
+    fails(f, &["info", "b.laz"], 4);
+    fails(f, &["info", "b.laz", "b.laz"], 4);
+}
+
+#[test]
+fn a_file_that_is_replaced_between_reading_and_writing_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let cloud = street(20.0, 1);
+    let reversed = cloud.select(&(0..cloud.len() as u32).rev().collect::<Vec<_>>());
+    let options = WriteOptions::default();
+    let edits = [Edit::Classification(vec![2; cloud.len()])];
+    for name in ["a.las", "a.laz", "a.ply", "a.csv", "a.npz"] {
+        let (input, output) = (path(name), path("out.laz"));
+        let as_one_run = |between: &dyn Fn()| {
+            run(Rules::default(), || {
+                io::read(&input)?;
+                between();
+                io::rewrite(&input, &output, &edits, &options)
+            })
+        };
+        io::write(&input, &cloud, &options).unwrap();
+        as_one_run(&|| ()).unwrap();
+        std::fs::remove_file(&output).unwrap();
+        let other = path(&format!("other.{}", name.rsplit_once('.').unwrap().1));
+        io::write(&input, &cloud, &options).unwrap();
+        io::write(&other, &reversed, &options).unwrap();
+        let error = as_one_run(&|| std::fs::rename(&other, &input).unwrap()).unwrap_err().to_string();
+        assert!(error.contains(name) && error.contains("changed while it was read"), "{error}");
+        assert!(!output.exists(), "{name}");
+    }
+    // Without a run around them two calls know nothing of each other.
+    io::write(&path("a.las"), &cloud, &options).unwrap();
+    io::rewrite(&path("a.las"), &path("a.las"), &edits, &options).unwrap();
+    let refused = Rules { replace: Replace::Refused("no"), ..Rules::default() };
+    let error = run(refused, || io::rewrite(&path("a.las"), &path("a.las"), &edits, &options)).unwrap_err();
+    assert!(error.to_string().contains("input and output"), "{error}");
+}
+
+#[test]
+fn what_files_say_cannot_act_on_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let ply = |property: &str, more: &str| {
+        format!(
+            "ply\nformat ascii 1.0\n{more}element vertex 1\nproperty float x\nproperty float y\nproperty float z\nproperty float {property}\nend_header\n1 2 3 4\n"
+        )
+    };
+    std::fs::write(f.join("a.ply"), ply("a\u{1b}[31mb\u{9b}2J", "")).unwrap();
+    std::fs::write(f.join("b.ply"), ply("a", "bad\u{1b}]0;title\u{7}\n")).unwrap();
+    for arguments in [
+        &["info", "a.ply"][..],
+        &["info", "--json", "a.ply"],
+        &["info", "--stats", "a.ply"],
+        &["convert", "a.ply", "a.laz"],
+        &["info", "b.ply"],
+    ] {
+        let output = scansion(f, arguments);
+        let shown = text(&output.stdout) + &text(&output.stderr);
+        assert!(!shown.chars().any(|c| c.is_control() && c != '\n'), "{arguments:?}: {shown:?}");
+        assert!(shown.contains("\\u001b"), "{arguments:?}: {shown}");
+    }
+    let list: serde_json::Value = serde_json::from_slice(&scansion(f, &["info", "--json", "a.ply"]).stdout).unwrap();
+    assert_eq!(list[0]["dimensions"][0], "a\u{1b}[31mb\u{9b}2J", "JSON says the same with escapes");
+}
+
+/// LAS 1.5 as ASPRS describes it: 18 more bytes of header (range of GPS times, offset of time), everything else as in 1.4.
+fn las_1_5(path: &Path, cloud: &Cloud, offset: Option<u16>) {
+    io::write(path, cloud, &WriteOptions::default()).unwrap();
+    let mut bytes = std::fs::read(path).unwrap();
+    bytes[25] = 5;
+    bytes[94..96].copy_from_slice(&393u16.to_le_bytes());
+    let points_at = u32::from_le_bytes(bytes[96..100].try_into().unwrap());
+    bytes[96..100].copy_from_slice(&(points_at + 18).to_le_bytes());
+    if let Some(offset) = offset {
+        bytes[6] = bytes[6] & !1 | 64;
+        bytes.splice(375..375, offset.to_le_bytes());
+        bytes.splice(375..375, [0; 16]);
+    } else {
+        bytes.splice(375..375, [0; 18]);
+    }
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn las_1_5_is_read_and_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = street(12.0, 1);
+    let times = (0..cloud.len()).map(|i| i as f64 * 1e-3).collect();
+    cloud.set_column(Column::new("GpsTime", Values::F64(times))).unwrap();
+    io::write(&f.join("four.las"), &cloud, &WriteOptions::default()).unwrap();
+    las_1_5(&f.join("a.las"), &cloud, Some(1400));
+    las_1_5(&f.join("b.las"), &cloud, None);
+    let (four, five) = (io::read(&f.join("four.las")).unwrap(), io::read(&f.join("a.las")).unwrap());
+    assert!(four == five);
+    let shown = done(f, &["info", "a.las"]);
+    assert!(shown.contains("LAS 1.5") && shown.contains("1400 million seconds"), "{shown}");
+    done(f, &["convert", "a.las", "a.laz"]);
+    done(f, &["convert", "a.laz", "back.las"]);
+    assert!(std::fs::read(f.join("a.las")).unwrap() == std::fs::read(f.join("back.las")).unwrap());
+    done(f, &["merge", "a.las", "a.laz", "both.laz"]);
+    assert!(fails(f, &["merge", "a.las", "b.las", "c.laz"], 4).contains("kind of GPS time"));
+    done(f, &["info", "--salvage", "a.las"]);
+    let mut bytes = std::fs::read(f.join("a.las")).unwrap();
+    bytes[25] = 6;
+    std::fs::write(f.join("six.las"), bytes).unwrap();
+    assert!(fails(f, &["info", "six.las"], 4).contains("found 1.6, allowed 1.0 to 1.5"));
+}
+
+#[test]
+fn two_axes_of_one_name_are_named_with_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float X\nproperty float y\nproperty float z\nend_header\n1 2 3 4\n";
+    std::fs::write(f.join("xX.ply"), ply).unwrap();
+    for command in [&["info", "xX.ply"][..], &["convert", "xX.ply", "o.laz"]] {
+        let message = fails(f, command, 4);
+        assert!(message.contains("xX.ply") && message.contains("`x` and `X`"), "{message}");
+    }
+}
+
+#[test]
+fn the_advice_about_waveforms_can_be_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    for name in ["a.las", "b.las"] {
+        let mut builder = las::Builder::from((1, 4));
+        builder.point_format = las::point::Format::new(9).unwrap();
+        let mut writer = las::Writer::from_path(f.join(name), builder.into_header().unwrap()).unwrap();
+        for i in 0..50 {
+            let point = las::Point {
+                x: f64::from(i),
+                gps_time: Some(1.0),
+                waveform: Some(Default::default()),
+                ..Default::default()
+            };
+            writer.write_point(point).unwrap();
+        }
+        writer.close().unwrap();
+    }
+    let message = fails(f, &["merge", "a.las", "b.las", "o.laz"], 4);
+    assert!(message.contains("merge into .npz"), "{message}");
+    done(f, &["merge", "a.las", "b.las", "o.npz"]);
+    done(f, &["convert", "o.npz", "o.laz"]);
+    let merged = io::read(&f.join("o.laz")).unwrap();
+    assert_eq!(merged.len(), 100);
+    assert_eq!(merged.column("GpsTime").unwrap().values.get(99), 1.0);
+}
+
+#[test]
+fn an_output_through_a_link_to_nothing_makes_its_target() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    symlink("real.laz", f.join("link.laz")).unwrap();
+    done(f, &["convert", "a.laz", "link.laz"]);
+    assert!(f.join("link.laz").is_symlink() && f.join("real.laz").is_file());
+    // COPC names among several inputs become plain ones.
+    std::fs::copy(f.join("a.laz"), f.join("b.copc.laz")).unwrap();
+    done(f, &["classify", "a.laz", "b.copc.laz", "-o", "out"]);
+    assert!(f.join("out/b.laz").is_file());
+    let names: Vec<_> = std::fs::read_dir(f.join("out")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(names.len(), 2, "{names:?}");
+}

@@ -1,0 +1,211 @@
+//! What a file or an argument may cost: time linear in names and columns, memory checked before it is taken, and too little
+//! memory is an error with exit code 1 that leaves nothing behind.
+
+use scansion_core::io;
+use scansion_tests::{demo_scan, street};
+use std::path::Path;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+/// Two seconds is the goal; a busy machine and a build for tests get more.
+const SOON: Duration = Duration::from_secs(15);
+
+/// Runs the program with so many kilobytes of address space: code, stacks and memory together.
+fn limited(kilobytes: u64, folder: &Path, arguments: &[&str]) -> Output {
+    let limit = format!("ulimit -v {kilobytes}; exec \"$0\" --progress never -j 1 \"$@\"");
+    Command::new("sh")
+        .args(["-c", &limit, env!("CARGO_BIN_EXE_scansion-under-test")])
+        .args(arguments)
+        .env("MALLOC_ARENA_MAX", "1")
+        .env_remove("RUST_BACKTRACE")
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Runs the program in 384 MB; it must end soon with that code and without a panic.
+fn soon(folder: &Path, arguments: &[&str], code: i32) -> String {
+    let begin = Instant::now();
+    let output = limited(393_216, folder, arguments);
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+    assert!(!text.contains("internal error") && !text.contains("panicked"), "{arguments:?}: {text}");
+    assert!(begin.elapsed() < SOON, "{arguments:?}: {:?}", begin.elapsed());
+    text
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        folder.read_dir().unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// A LAS 1.4 file of 10 points with `count` dimensions of one byte and one name.
+fn equal_names(count: usize) -> Vec<u8> {
+    let mut vlrs = Vec::new();
+    for first in (0..count).step_by(341) {
+        let here = 341.min(count - first);
+        let mut head = [0; 54];
+        head[2..11].copy_from_slice(b"LASF_Spec");
+        head[18] = 4;
+        head[20..22].copy_from_slice(&(192 * here as u16).to_le_bytes());
+        vlrs.extend(head);
+        let mut block = [0; 192];
+        (block[2], block[4]) = (1, b'a');
+        (0..here).for_each(|_| vlrs.extend(block));
+    }
+    let mut raw = vec![0; 375];
+    let mut put = |at: usize, bytes: &[u8]| raw[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, b"LASF");
+    put(24, &[1, 4]);
+    put(94, &375u16.to_le_bytes());
+    put(96, &(375 + vlrs.len() as u32).to_le_bytes());
+    put(100, &(count.div_ceil(341) as u32).to_le_bytes());
+    put(104, &[6]);
+    put(105, &(30 + count as u16).to_le_bytes());
+    put(247, &10u64.to_le_bytes());
+    (0..3).for_each(|a| put(131 + 8 * a, &0.01f64.to_le_bytes()));
+    [raw, vlrs, vec![0; 10 * (30 + count)]].concat()
+}
+
+#[test]
+fn thousands_of_columns_and_equal_names_take_no_longer_than_their_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::write(f.join("a.las"), equal_names(5000)).unwrap();
+    let many = |word: &str, n: usize| vec![word; n].join(" ");
+    let (head, kinds) = (many("a", 4093), many("1", 4096));
+    let pcd = format!(
+        "VERSION 0.7\nFIELDS x y z {head}\nSIZE {kinds}\nTYPE {}\nCOUNT {kinds}\nPOINTS 2\nDATA binary\n",
+        many("U", 4096)
+    );
+    std::fs::write(f.join("a.pcd"), [pcd.as_bytes(), &[7; 2 * 4096]].concat()).unwrap();
+    std::fs::write(f.join("a.xyz"), many("1", 60_000) + "\n" + &many("2", 60_000)).unwrap();
+    for file in ["a.las", "a.pcd", "a.xyz"] {
+        soon(f, &["info", "--stats", file], 0);
+        soon(f, &["diff", file, file], 0);
+        soon(f, &["convert", file, "b.npz"], 0);
+    }
+    assert_eq!(io::read(&f.join("b.npz")).unwrap().columns().len(), 60_000 - 3);
+    soon(f, &["merge", "a.las", "a.las", "b.las"], 0);
+    std::fs::write(f.join("wide.xyz"), many("1", 200_000)).unwrap();
+    for command in [&["info", "wide.xyz"][..], &["convert", "wide.xyz", "c.npz"]] {
+        let text = soon(f, command, 4);
+        assert!(text.contains("wide.xyz") && text.contains("found 200000, allowed at most 65536"), "{text}");
+    }
+}
+
+#[test]
+fn small_files_that_unpack_to_much_are_refused_before_memory_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    // 100 scans of a million points whose fields are all constant: they take no bytes at all.
+    let scans = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/constant-scans.e57");
+    std::fs::copy(scans, f.join("a.e57")).unwrap();
+    let text = soon(f, &["convert", "a.e57", "b.ply"], 4);
+    assert!(text.contains("recordCount at scan 1 (found 1000000, allowed at most 0"), "{text}");
+    // Lines without numbers take no room, however many columns there are.
+    let text = vec!["1"; 1000].join(" ") + &"\n".repeat(3 << 20);
+    std::fs::write(f.join("a.xyz"), text).unwrap();
+    soon(f, &["info", "--stats", "a.xyz"], 0);
+    assert_eq!(names(f), ["a.e57", "a.xyz"]);
+}
+
+#[test]
+fn deep_settings_and_places_far_away_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(20.0, 3), &Default::default()).unwrap();
+    let deep = vec!["a"; 60_000].join(".") + "=1";
+    let text = soon(f, &["train", "a.laz", "-o", "o.model", "--set", &deep], 2);
+    assert!(text.contains("at most 16 parts"), "{text}");
+    std::fs::write(f.join("r.toml"), &deep).unwrap();
+    soon(f, &["train", "a.laz", "-o", "o.model", "--recipe", "r.toml"], 4);
+    std::fs::write(f.join("l.csv"), "x,y,z,class\n".to_string() + &"1e300,0,0,2\n".repeat(10)).unwrap();
+    let text = soon(f, &["train", "a.laz", "--weak", "--weak-labels", "l.csv", "-o", "o.model"], 4);
+    assert!(text.contains("l.csv:2") && text.contains("outside the cloud"), "{text}");
+    for from in [&["--recipe", "/dev/zero"][..], &["--weak", "--weak-labels", "/dev/zero"]] {
+        let text = soon(f, &[&["train", "a.laz", "-o", "o.model"], from].concat(), 4);
+        assert!(text.contains("/dev/zero"), "{text}");
+    }
+    soon(f, &["classify", "a.laz", "-m", "/dev/zero", "-o", "b.laz"], 4);
+    assert_eq!(names(f), ["a.laz", "l.csv", "r.toml"]);
+}
+
+/// Every limit from one that hardly lets the program start to one that is enough.
+#[test]
+fn too_little_memory_is_an_error_that_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(60.0, 4), &Default::default()).unwrap();
+    std::fs::copy(demo_scan(), f.join("demo.laz")).unwrap();
+    let works: [&[&str]; 4] = [
+        &["classify", "a.laz", "-o", "out.laz"],
+        &["features", "a.laz", "-o", "out.npy"],
+        &["train", "a.laz", "-o", "out.model", "--set", "forest.trees=5"],
+        &["convert", "a.laz", "out.txt"],
+    ];
+    for work in works {
+        let (mut refused, mut amount) = (0, false);
+        for step in 0..60 {
+            let output = limited(36_000 + 6_000 * step, f, work);
+            let text = stderr(&output);
+            match output.status.code() {
+                Some(0) => {
+                    names(f)
+                        .iter()
+                        .filter(|n| n.starts_with("out"))
+                        .for_each(|n| std::fs::remove_file(f.join(n)).unwrap());
+                    break;
+                }
+                // The system's loader could not start the program.
+                Some(127) => continue,
+                Some(1) => {
+                    refused += 1;
+                    amount |= ["bytes failed", "MiB", "threads"].iter().any(|said| text.contains(said));
+                }
+                other => panic!("{work:?} in {} kB: {other:?} {text}", 36_000 + 6_000 * step),
+            }
+            assert_eq!(names(f), ["a.laz", "demo.laz"], "{work:?}: {text}");
+        }
+        assert!(refused > 0 && amount, "{work:?}: {refused} limits were too small");
+    }
+}
+
+#[test]
+fn features_are_written_as_they_are_computed() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let cloud = street(100.0, 5);
+    io::write(&f.join("a.laz"), &cloud, &Default::default()).unwrap();
+    // 120,000 points of 144 features are 69 MB, which stood in memory twice.
+    let output = limited(190_000, f, &["features", "a.laz", "-o", "a.npy"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let bytes = std::fs::read(f.join("a.npy")).unwrap();
+    assert_eq!(bytes.len(), 128 + cloud.len() * 144 * 4);
+    let output = limited(190_000, f, &["features", "a.laz", "-o", "b.laz", "--only", "Planarity"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let output = limited(400_000, f, &["features", "a.laz", "-o", "b.csv", "--only", "Planarity"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    // One feature stands in the table of all, in the dimension, and in the text, in the file's order.
+    let written = io::read(&f.join("b.laz")).unwrap();
+    let column = written.columns().iter().find(|c| c.name.starts_with("Planarity_r")).unwrap().clone();
+    let text = std::fs::read_to_string(f.join("b.csv")).unwrap();
+    let place = text.lines().next().unwrap().split(',').position(|n| n == column.name).unwrap();
+    let whole = io::read(&f.join("a.laz")).unwrap();
+    for (i, line) in text.lines().skip(1).enumerate().step_by(997) {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        assert_eq!(cells[..3], whole.xyz(i));
+        let same = |row: &[u8]| {
+            row.chunks_exact(4).any(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]) == cells[place] as f32)
+        };
+        assert!(same(&bytes[128 + i * 576..][..576]), "{i}");
+        assert_eq!(column.values.get(i) as f32, cells[place] as f32, "{i}");
+    }
+    assert_eq!(names(f), ["a.laz", "a.npy", "b.csv", "b.laz"]);
+}
