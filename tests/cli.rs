@@ -171,7 +171,7 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     }
     std::fs::write(f.join("far.csv"), "x,y,z,class\n9000,0,0,2\n").unwrap();
     let far = fails(f, &["train", "a.laz", "--weak", "--weak-labels", "far.csv", "-o", "x.model"], 4);
-    assert!(far.contains("far.csv:2") && far.contains("nearest point"), "{far}");
+    assert!(far.contains("far.csv:2") && far.contains("outside the cloud"), "{far}");
     fails(f, &["train", "a.laz", "--per-class", "3", "-o", "x.model"], 2);
     fails(f, &["suggest", "a.laz", "-o", "x.docx"], 2);
 }

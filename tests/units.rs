@@ -67,8 +67,8 @@ fn with_keys(path: &Path, cloud: &Cloud, keys: &[[u16; 4]]) {
     let mut writer = las::Writer::from_path(path, builder.into_header().unwrap()).unwrap();
     for i in 0..cloud.len() {
         let [x, y, z] = cloud.xyz(i);
-        let gps_time = Some(0.0);
-        writer.write_point(las::Point { x, y, z, gps_time, ..Default::default() }).unwrap();
+        let (gps_time, classification) = (Some(0.0), las::point::Classification::new(2 + 4 * (i % 2) as u8).unwrap());
+        writer.write_point(las::Point { x, y, z, gps_time, classification, ..Default::default() }).unwrap();
     }
     writer.close().unwrap();
 }

@@ -111,7 +111,7 @@ fn aborted() -> ! {
     abandon_outputs();
     let text =
         b"error: ended by what the line above says; where an allocation failed there was not enough memory: raise the \
-        limit, or take a part of the points at a time. Nothing was written\n";
+        limit, or take a part of the points at a time. Outputs that were not complete are removed\n";
     #[cfg(unix)]
     let _ = rustix::io::write(rustix::stdio::stderr(), text);
     signal_hook::low_level::exit(i32::from(ExitCode::Failed as u8))

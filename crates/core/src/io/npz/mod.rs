@@ -96,7 +96,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npz");
         let mut archive = zip::Writer::create(&path, true).unwrap();
-        let (mut head, mut left) = (Some(npy::header("|u1", &[20_000_000, 3])), 60);
+        let (mut head, mut left) = (Some(npy::header("|u1", &[20_000_000, 3])), 61);
         let zeros = || {
             left -= 1;
             Ok(head.take().or((left >= 0).then(|| vec![0; 1_000_000])))

@@ -156,7 +156,7 @@ mod tests {
         let mut rows: Vec<[f64; 3]> =
             (0..400).map(|i| [f64::from(i % 20) * 0.3, f64::from(i / 20) * 0.3, 0.0]).collect();
         rows.push([3.0, 3.0, 3.0]);
-        rows.push([3.0, 3.0, 60.0]);
+        rows.push([3.0, 3.0, 30.0]);
         let points = points_of(&rows);
         let found = slic(&points, &PointAttributes::default(), &SlicParams::default(), &Monitor::default()).unwrap();
         assert!(found.labels()[400] != NO_SUPERVOXEL && found.labels()[401] == NO_SUPERVOXEL);
