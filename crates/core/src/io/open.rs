@@ -72,7 +72,7 @@ pub(super) fn whole(path: &Path) -> Result<Vec<u8>> {
 /// All bytes of a file or a pipe, at most so many.
 ///
 /// # Errors
-/// As [`file`], but for pipes; there are more bytes.
+/// As [`file()`], but for pipes; there are more bytes.
 pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
     refuse_partial(path)?;
     let file = at_once(path)?;
