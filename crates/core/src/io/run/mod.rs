@@ -274,10 +274,9 @@ impl Place {
     }
 
     fn is(&self, other: &Self) -> bool {
-        match (self.file, other.file) {
-            (Some(a), Some(b)) => a == b,
-            _ => self.path.as_os_str() == other.path.as_os_str(),
-        }
+        let linked = self.file.is_some() && self.file == other.file;
+        // Not only by number: a file that was replaced under the same name has another one.
+        linked || self.path.as_os_str() == other.path.as_os_str()
     }
 }
 
