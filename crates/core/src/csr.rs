@@ -40,6 +40,13 @@ impl Csr {
         Ok(Self { offsets, items })
     }
 
+    /// The first groups alone.
+    pub(crate) fn truncated(mut self, groups: usize) -> Self {
+        self.offsets.truncate(groups + 1);
+        self.items.truncate(self.offsets.last().map_or(0, |&end| end as usize));
+        self
+    }
+
     /// Number of groups.
     pub fn len(&self) -> usize {
         self.offsets.len().saturating_sub(1)

@@ -69,6 +69,11 @@ impl Points {
         self.x.is_empty()
     }
 
+    /// The local coordinates of each point.
+    pub(crate) fn places(&self) -> impl Iterator<Item = [f32; 3]> + '_ {
+        self.x.iter().zip(&self.y).zip(&self.z).map(|((&x, &y), &z)| [x, y, z])
+    }
+
     fn reserve(&mut self, n: usize) {
         self.x.reserve_exact(n);
         self.y.reserve_exact(n);

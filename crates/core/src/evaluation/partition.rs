@@ -2,7 +2,7 @@
 //! boundaries are met.
 
 use crate::error::{Error, Result};
-use crate::graph::{Adjacency, Graph};
+use crate::graph::Graph;
 use crate::segmentation::{Partition, majorities};
 use serde::Serialize;
 
@@ -52,12 +52,11 @@ pub fn boundary_scores(
     let edges = || graph.edges().iter().zip(&known);
     let truth: Vec<bool> = edges().map(|(&[a, b], k)| *k && labels[a as usize] != labels[b as usize]).collect();
     let found: Vec<bool> = edges().map(|(&[a, b], k)| *k && segments[a as usize] != segments[b as usize]).collect();
-    let adjacency = graph.adjacency();
     Ok(BoundaryScores {
         true_edges: count(&truth),
         found_edges: count(&found),
-        recall: met(graph, &adjacency, (&truth, &found), hops),
-        precision: met(graph, &adjacency, (&found, &truth), hops),
+        recall: met(graph, (&truth, &found), hops),
+        precision: met(graph, (&found, &truth), hops),
     })
 }
 
@@ -66,8 +65,8 @@ fn count(marks: &[bool]) -> u64 {
 }
 
 /// Share of the wanted edges that are met by others.
-fn met(graph: &Graph, adjacency: &Adjacency, (wanted, others): (&[bool], &[bool]), hops: usize) -> f64 {
-    let near = (hops > 0).then(|| nodes_near(graph, adjacency, others, hops - 1));
+fn met(graph: &Graph, (wanted, others): (&[bool], &[bool]), hops: usize) -> f64 {
+    let near = (hops > 0).then(|| nodes_near(graph, others, hops - 1));
     let is_met = |edge: usize| {
         others[edge] || near.as_ref().is_some_and(|near| graph.edges()[edge].iter().any(|&v| near[v as usize]))
     };
@@ -75,23 +74,21 @@ fn met(graph: &Graph, adjacency: &Adjacency, (wanted, others): (&[bool], &[bool]
     hits as f64 / count(wanted).max(1) as f64
 }
 
-/// Nodes at most `hops` away from an end of a marked edge.
-fn nodes_near(graph: &Graph, adjacency: &Adjacency, marked: &[bool], hops: usize) -> Vec<bool> {
+/// Nodes at most `hops` away from an end of a marked edge. Each hop is one pass over the edges: two bytes a node are held,
+/// where lists of neighbours would be the largest thing in memory.
+fn nodes_near(graph: &Graph, marked: &[bool], hops: usize) -> Vec<bool> {
     let mut near = vec![false; graph.len()];
-    let mut front = Vec::new();
-    for &node in graph.edges().iter().zip(marked).filter(|(_, m)| **m).flat_map(|(edge, _)| edge) {
-        if !std::mem::replace(&mut near[node as usize], true) {
-            front.push(node);
-        }
-    }
+    let ends = graph.edges().iter().zip(marked).filter(|(_, marked)| **marked).flat_map(|(ends, _)| ends);
+    ends.for_each(|&node| near[node as usize] = true);
     for _ in 0..hops {
-        let mut next = Vec::new();
-        for (other, _) in front.iter().flat_map(|&node| adjacency.of(node as usize)) {
-            if !std::mem::replace(&mut near[other as usize], true) {
-                next.push(other);
-            }
+        let before = near.clone();
+        for &[a, b] in graph.edges() {
+            near[a as usize] |= before[b as usize];
+            near[b as usize] |= before[a as usize];
         }
-        front = next;
+        if near == before {
+            break;
+        }
     }
     near
 }

@@ -1,6 +1,5 @@
 //! Things in the cells of a grid, found by sorted keys: no table of hashes, the same order everywhere.
 
-use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
@@ -26,15 +25,20 @@ impl Grid {
     ///
     /// # Errors
     /// If a coordinate is not finite, or the points need 2^21 cells or more along an axis.
-    pub(super) fn new(points: &Points, size: f64, name: &'static str) -> Result<Self> {
-        let mut first = [0; 3];
-        let axes = [("x", &points.x), ("y", &points.y), ("z", &points.z)];
-        for ((of, axis), first) in axes.into_iter().zip(&mut first) {
-            let (low, high) = axis.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
-            if axis.iter().any(|v| !v.is_finite()) {
-                return Err(Error::input("a coordinate is not finite (allowed: finite numbers)"));
+    pub(super) fn new(places: impl Iterator<Item = [f32; 3]>, size: f64, name: &'static str) -> Result<Self> {
+        let (mut low, mut high, mut finite) = ([f32::MAX; 3], [f32::MIN; 3], true);
+        for place in places {
+            for a in 0..3 {
+                (low[a], high[a]) = (low[a].min(place[a]), high[a].max(place[a]));
+                finite &= place[a].is_finite();
             }
-            if axis.is_empty() {
+        }
+        if !finite {
+            return Err(Error::input("a coordinate is not finite (allowed: finite numbers)"));
+        }
+        let mut first = [0; 3];
+        for (((of, low), high), first) in ["x", "y", "z"].into_iter().zip(low).zip(high).zip(&mut first) {
+            if low > high {
                 continue;
             }
             let (low, high) = ((f64::from(low) / size).floor(), (f64::from(high) / size).floor());
@@ -111,6 +115,14 @@ impl Cells {
         Ok(cells)
     }
 
+    /// The items alone, by cell; `items` is how many there are.
+    ///
+    /// # Errors
+    /// Never.
+    pub(super) fn into_groups(self, items: usize) -> Result<Csr> {
+        Csr::new(self.starts, self.items, items)
+    }
+
     /// Number of occupied cells.
     pub(super) fn len(&self) -> usize {
         self.keys.len()
@@ -136,54 +148,72 @@ impl Cells {
     }
 }
 
-/// The 26 neighbours of each of these cells that are there too, ascending; `keys` ascend. O(cells).
+/// The 26 neighbours of each of these cells that are there too, ascending; `keys` ascend. O(cells): the neighbours are found
+/// twice, first to count and then to store them, so that nothing but the result is held.
 pub(super) fn adjacency(keys: &[u64], monitor: &Monitor) -> Result<Csr> {
-    let parts = map_ordered(keys.len().div_ceil(BLOCK), monitor, |block| {
-        let range = block * BLOCK..((block + 1) * BLOCK).min(keys.len());
-        let mut pointers: [(i64, usize); 9] = [(0, 0); 9];
-        for (slot, row) in pointers.iter_mut().zip(rows()) {
-            let first = keys[range.start].wrapping_add_signed(row);
-            *slot = (row, keys.partition_point(|&k| k < first));
-        }
-        Ok(neighbours(keys, range, &mut pointers))
+    let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(keys.len());
+    let counts = map_ordered(keys.len().div_ceil(BLOCK), monitor, |b| {
+        let mut counts = vec![0u8; block(b).len()];
+        neighbours(keys, block(b), |place, _| counts[place] += 1);
+        Ok(counts)
     })?;
     let mut offsets = Vec::with_capacity(keys.len() + 1);
-    let mut items = Vec::with_capacity(parts.iter().map(|(_, items)| items.len()).sum());
     offsets.push(0u32);
     let mut end = 0u32;
-    for (counts, found) in parts {
-        for count in counts {
-            end = end.checked_add(u32::from(count)).ok_or_else(|| Error::input("more than 2^32 pairs of voxels"))?;
-            offsets.push(end);
-        }
-        items.extend(found);
+    for count in counts.into_iter().flatten() {
+        end = end.checked_add(u32::from(count)).ok_or_else(|| Error::input("more than 2^32 pairs of voxels"))?;
+        offsets.push(end);
     }
+    let mut items = vec![0u32; end as usize];
+    let parts = split_at_offsets(&mut items, (0..keys.len()).step_by(BLOCK).map(|v| offsets[v] as usize));
+    parts.into_par_iter().enumerate().try_for_each(|(b, part)| {
+        monitor.check()?;
+        let mut free = part.iter_mut();
+        neighbours(keys, block(b), |_, neighbour| free.next().into_iter().for_each(|slot| *slot = neighbour));
+        Ok::<(), Error>(())
+    })?;
     Csr::new(offsets, items, keys.len())
 }
 
-/// Number of neighbours of each cell of a range, and all of them: the rows around ascending keys ascend too.
-fn neighbours(keys: &[u64], range: Range<usize>, pointers: &mut [(i64, usize); 9]) -> (Vec<u8>, Vec<u32>) {
-    let mut counts = Vec::with_capacity(range.len());
-    let mut found = Vec::with_capacity(10 * range.len());
-    for (cell, &key) in range.clone().zip(&keys[range]) {
-        let before = found.len();
-        for (row, pointer) in pointers.iter_mut() {
-            let first = key.wrapping_add_signed(*row);
+/// The pieces of a slice that begin at these places, of which the first is 0.
+fn split_at_offsets(mut rest: &mut [u32], begins: impl Iterator<Item = usize>) -> Vec<&mut [u32]> {
+    let begins: Vec<usize> = begins.collect();
+    let mut parts = Vec::with_capacity(begins.len());
+    for pair in begins.windows(2) {
+        let (part, behind) = std::mem::take(&mut rest).split_at_mut(pair[1] - pair[0]);
+        parts.push(part);
+        rest = behind;
+    }
+    if !begins.is_empty() {
+        parts.push(rest);
+    }
+    parts
+}
+
+/// Calls `found` with the place in the range and the neighbour, for each neighbour of each cell of a range, ascending. The
+/// rows around ascending keys ascend too, so that nine pointers find all.
+fn neighbours(keys: &[u64], range: Range<usize>, mut found: impl FnMut(usize, u32)) {
+    let mut pointers: [(i64, usize); 9] = [(0, 0); 9];
+    for (slot, row) in pointers.iter_mut().zip(rows()) {
+        let first = keys[range.start].wrapping_add_signed(row);
+        *slot = (row, keys.partition_point(|&k| k < first));
+    }
+    for (place, cell) in range.enumerate() {
+        for (row, pointer) in &mut pointers {
+            let first = keys[cell].wrapping_add_signed(*row);
             while keys.get(*pointer).is_some_and(|&k| k < first) {
                 *pointer += 1;
             }
             let near = keys[*pointer..].iter().take(3).take_while(|&&k| k <= first + 2);
-            found.extend(near.zip(*pointer..).map(|(_, c)| c as u32).filter(|&c| c as usize != cell));
+            near.zip(*pointer..).filter(|(_, c)| *c != cell).for_each(|(_, c)| found(place, c as u32));
         }
-        counts.push((found.len() - before) as u8);
     }
-    (counts, found)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::random::stream;
 
     fn scattered() -> Points {
@@ -196,7 +226,7 @@ mod tests {
     #[test]
     fn neighbours_of_cells_are_those_of_brute_force() {
         let points = scattered();
-        let grid = Grid::new(&points, 0.5, "size").unwrap();
+        let grid = Grid::new(points.places(), 0.5, "size").unwrap();
         let cells =
             Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), &Monitor::default())
                 .unwrap();
@@ -215,7 +245,7 @@ mod tests {
     fn items_stand_in_the_cell_that_holds_them() {
         let mut points = scattered();
         points.x.iter_mut().for_each(|x| *x -= 4.0);
-        let grid = Grid::new(&points, 0.7, "size").unwrap();
+        let grid = Grid::new(points.places(), 0.7, "size").unwrap();
         let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
         let cells = Cells::new(points.len(), |i| grid.key(place(i)), &Monitor::default()).unwrap();
         let held = (0..cells.len()).flat_map(|c| cells.of(c).iter().map(move |&i| (c, i as usize)));
@@ -229,9 +259,9 @@ mod tests {
     #[test]
     fn sizes_without_keys_and_places_that_are_no_numbers_are_refused() {
         let mut points = scattered();
-        assert!(Grid::new(&points, 1e-6, "size").unwrap_err().to_string().contains("size"));
+        assert!(Grid::new(points.places(), 1e-6, "size").unwrap_err().to_string().contains("size"));
         points.y[7] = f32::NAN;
-        assert!(Grid::new(&points, 1.0, "size").is_err());
-        assert!(Grid::new(&Points::default(), 1.0, "size").is_ok());
+        assert!(Grid::new(points.places(), 1.0, "size").is_err());
+        assert!(Grid::new(std::iter::empty(), 1.0, "size").is_ok());
     }
 }

@@ -78,11 +78,9 @@ impl Supervoxels {
         monitor.check()?;
         // Points without a supervoxel form a last group, which is cut off.
         let keys: Vec<u32> = labels.iter().map(|&l| l.min(count)).collect();
-        let all = Csr::group_by(&keys, count as usize + 1)?;
+        let groups = Csr::group_by(&keys, count as usize + 1)?.truncated(count as usize);
+        drop(keys);
         monitor.check()?;
-        let offsets = all.offsets()[..=count as usize].to_vec();
-        let held = offsets.last().copied().unwrap_or(0) as usize;
-        let groups = Csr::new(offsets, all.items()[..held].to_vec(), points.len())?;
         let shapes = describe::shapes(points, attributes, &groups, monitor)?;
         Ok(Self { labels, groups, shapes, size })
     }

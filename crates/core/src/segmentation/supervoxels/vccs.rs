@@ -23,7 +23,7 @@ use voxels::Voxels;
 /// supervoxel reaches have none.
 ///
 /// All voxels choose at once, so that the result does not depend on an order; the reference implementation lets one
-/// supervoxel after the other grow. O(steps · voxels) time, about 350 bytes a voxel.
+/// supervoxel after the other grow. O(steps · voxels) time, at most about 150 bytes a voxel.
 ///
 /// # Errors
 /// If a parameter is outside its range, attributes do not fit the points, a coordinate is not finite, the points need
@@ -38,23 +38,23 @@ pub fn vccs(
     attributes.check(points.len())?;
     monitor.stage("supervoxels", points.len() as u64);
     let voxels = Voxels::new(points, attributes, params.voxel, monitor)?;
-    let seeds = seeds::seeds(&voxels, params, monitor)?;
     let metric = Metric::new(params, attributes);
-    let mut flow = Flow::new(&voxels, metric, &seeds);
+    let mut flow = Flow::new(&voxels, metric, &seeds::seeds(&voxels, params, monitor)?);
     let steps = (params.depth * params.size / params.voxel) as usize;
     flow.expand(steps.max(1), monitor)?;
     for _ in 0..params.refinements {
-        let seeds = flow.nearest_to_means(monitor)?;
-        flow = Flow::new(&voxels, metric, &seeds);
+        flow.restart(&flow.nearest_to_means(monitor)?);
         flow.expand(steps.max(1), monitor)?;
     }
     flow.mend(monitor)?;
+    let owners = flow.into_owners();
     let mut labels = vec![NO_SUPERVOXEL; points.len()];
     for piece in watched(voxels.len(), monitor) {
         for voxel in piece? {
-            voxels.cells.of(voxel).iter().for_each(|&i| labels[i as usize] = flow.owners()[voxel]);
+            voxels.points.group(voxel).iter().for_each(|&i| labels[i as usize] = owners[voxel]);
         }
     }
+    drop((voxels, owners));
     monitor.advance(points.len() as u64);
     Supervoxels::new(points, attributes, (labels, params.size), monitor)
 }
@@ -75,9 +75,9 @@ mod tests {
         let attributes = scene.attributes();
         let found = vccs(&scene.points, &attributes, &params(), &Monitor::default()).unwrap();
         let voxels = Voxels::new(&scene.points, &attributes, 0.4, &Monitor::default()).unwrap();
-        let of = |v: usize| found.labels()[voxels.cells.of(v)[0] as usize];
+        let of = |v: usize| found.labels()[voxels.points.group(v)[0] as usize];
         for v in 0..voxels.len() {
-            assert!(voxels.cells.of(v).iter().all(|&i| found.labels()[i as usize] == of(v)));
+            assert!(voxels.points.group(v).iter().all(|&i| found.labels()[i as usize] == of(v)));
         }
         let inside = |a: usize| voxels.near.group(a).iter().map(move |&b| [a as u32, b]);
         let alike = |p: &[u32; 2]| p[0] < p[1] && of(p[0] as usize) == of(p[1] as usize);

@@ -24,7 +24,7 @@ struct Node {
 /// points touch them, or none.
 pub(super) fn connect(scene: &Sorted, params: &SlicParams, labels: &mut [u32], monitor: &Monitor) -> Result<()> {
     let points = Points { x: scene.x.clone(), y: scene.y.clone(), z: scene.z.clone(), ..Points::default() };
-    let grid = Grid::new(&points, params.size * FINE, "size")?;
+    let grid = Grid::new(points.places(), params.size * FINE, "size")?;
     drop(points);
     let voxels = Cells::new(scene.len(), |i| grid.key(scene.place(i)), monitor)?;
     let near = adjacency(&voxels.keys, monitor)?;

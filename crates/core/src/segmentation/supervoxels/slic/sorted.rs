@@ -23,7 +23,7 @@ pub(super) struct Sorted {
 
 impl Sorted {
     pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
-        let grid = Grid::new(points, size, "size")?;
+        let grid = Grid::new(points.places(), size, "size")?;
         let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
         let pick = |axis: &[f32]| cells.items.par_iter().map(|&i| axis[i as usize]).collect::<Vec<f32>>();
         let rows = |rows: Option<&[[f32; 3]]>| {

@@ -3,13 +3,15 @@
 use super::super::describe::dot;
 use super::super::{NO_SUPERVOXEL, PointAttributes, VccsParams};
 use super::voxels::{Sum, Voxel, Voxels};
-use crate::error::Result;
-use crate::parallel::{Monitor, map_ordered, watched};
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, watched};
 use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
 /// Voxels that choose in one go.
 const BLOCK: usize = 4096;
+/// Centres that move in one go; a sum has 56 bytes.
+const CENTRES: usize = 1 << 20;
 
 /// The distance D: a factor for each of the three differences.
 #[derive(Clone, Copy, Debug)]
@@ -53,14 +55,22 @@ pub(super) struct Flow<'a> {
 impl<'a> Flow<'a> {
     /// Each seed is a supervoxel of one voxel.
     pub(super) fn new(voxels: &'a Voxels, metric: Metric, seeds: &[u32]) -> Self {
-        let mut owners = vec![NO_SUPERVOXEL; voxels.len()];
-        seeds.iter().zip(0..).for_each(|(&seed, s)| owners[seed as usize] = s);
-        Self { voxels, metric, centres: seeds.iter().map(|&s| voxels.voxels[s as usize]).collect(), owners }
+        let mut flow = Self { voxels, metric, centres: Vec::new(), owners: vec![NO_SUPERVOXEL; voxels.len()] };
+        flow.restart(seeds);
+        flow
+    }
+
+    /// Begins anew from these seeds.
+    pub(super) fn restart(&mut self, seeds: &[u32]) {
+        self.owners.fill(NO_SUPERVOXEL);
+        seeds.iter().zip(0..).for_each(|(&seed, s)| self.owners[seed as usize] = s);
+        self.centres.clear();
+        self.centres.extend(seeds.iter().map(|&s| self.voxels.voxels[s as usize]));
     }
 
     /// Supervoxel of each voxel, or none.
-    pub(super) fn owners(&self) -> &[u32] {
-        &self.owners
+    pub(super) fn into_owners(self) -> Vec<u32> {
+        self.owners
     }
 
     /// At most so many steps, each followed by a move of the centres.
@@ -76,12 +86,13 @@ impl<'a> Flow<'a> {
 
     /// Lets the wanted voxels choose; false if nothing changed.
     fn step(&mut self, wanted: impl Fn(u32) -> bool + Sync, monitor: &Monitor) -> Result<bool> {
-        let parts = map_ordered(self.owners.len().div_ceil(BLOCK), monitor, |block| {
-            let range = block * BLOCK..((block + 1) * BLOCK).min(self.owners.len());
+        let mut chosen = vec![NO_SUPERVOXEL; self.owners.len()];
+        chosen.par_chunks_mut(BLOCK).enumerate().try_for_each(|(b, block)| {
+            monitor.check()?;
             let choose = |v| if wanted(self.owners[v]) { self.choose(v) } else { self.owners[v] };
-            Ok(range.map(choose).collect::<Vec<u32>>())
+            block.iter_mut().zip(b * BLOCK..).for_each(|(slot, v)| *slot = choose(v));
+            Ok::<(), Error>(())
         })?;
-        let chosen = parts.concat();
         let changed = chosen != self.owners;
         self.owners = chosen;
         Ok(changed)
@@ -113,19 +124,22 @@ impl<'a> Flow<'a> {
         centre.map_or(f32::INFINITY, |centre| self.metric.between(&self.voxels.voxels[v], centre))
     }
 
-    /// Centres become the means of their voxels; those without any stay.
+    /// Centres become the means of their voxels; those without any stay. So many at a time that the sums are small beside
+    /// the voxels.
     fn move_centres(&mut self, monitor: &Monitor) -> Result<()> {
-        let mut sums = vec![Sum::default(); self.centres.len()];
-        for piece in watched(self.owners.len(), monitor) {
-            let piece = piece?;
-            for (voxel, &owner) in self.voxels.voxels[piece.clone()].iter().zip(&self.owners[piece]) {
-                if let Some(sum) = sums.get_mut(owner as usize) {
-                    sum.add(voxel);
+        for (centres, first) in self.centres.chunks_mut(CENTRES).zip((0..).step_by(CENTRES)) {
+            let mut sums = vec![Sum::default(); centres.len()];
+            for piece in watched(self.owners.len(), monitor) {
+                let piece = piece?;
+                for (voxel, &owner) in self.voxels.voxels[piece.clone()].iter().zip(&self.owners[piece]) {
+                    if let Some(sum) = sums.get_mut((owner as usize).wrapping_sub(first)) {
+                        sum.add(voxel);
+                    }
                 }
             }
+            let means = centres.par_iter_mut().zip(&sums);
+            means.filter(|(_, sum)| !sum.is_empty()).for_each(|(centre, sum)| *centre = sum.mean());
         }
-        let means = self.centres.par_iter_mut().zip(&sums);
-        means.filter(|(_, sum)| !sum.is_empty()).for_each(|(centre, sum)| *centre = sum.mean());
         Ok(())
     }
 
@@ -199,7 +213,7 @@ mod tests {
         let metric = Metric::new(&VccsParams::default(), &none);
         let mut flow = Flow::new(&voxels, metric, &[0, 20]);
         flow.expand(steps, &Monitor::default()).unwrap();
-        flow.owners().to_vec()
+        flow.into_owners()
     }
 
     #[test]

@@ -3,7 +3,6 @@
 use super::super::VccsParams;
 use super::super::cells::{Cells, Grid};
 use super::voxels::Voxels;
-use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
 
@@ -14,8 +13,7 @@ const BLOCK: usize = 1024;
 /// `min_share` · π (R_seed/2)²/R_voxel² voxels, itself among them, lie within R_seed/2 of it.
 pub(super) fn seeds(voxels: &Voxels, params: &VccsParams, monitor: &Monitor) -> Result<Vec<u32>> {
     let place = |v: usize| voxels.voxels[v].place;
-    let axis = |a: usize| voxels.voxels.iter().map(|v| v.place[a]).collect();
-    let grid = Grid::new(&Points { x: axis(0), y: axis(1), z: axis(2), ..Points::default() }, params.size, "size")?;
+    let grid = Grid::new(voxels.voxels.iter().map(|v| v.place), params.size, "size")?;
     let cells = Cells::new(voxels.len(), |v| grid.key(place(v)), monitor)?;
     let radius = params.size / 2.0;
     let least = params.min_share * std::f64::consts::PI * (radius / params.voxel).powi(2);

@@ -5,8 +5,9 @@ use super::super::cells::{Cells, Grid, adjacency};
 use super::super::describe::dot;
 use crate::cloud::Points;
 use crate::csr::Csr;
-use crate::error::Result;
-use crate::parallel::{Monitor, map_ordered};
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use rayon::prelude::*;
 
 /// Voxels that are described in one go.
 const BLOCK: usize = 4096;
@@ -21,8 +22,8 @@ pub(super) struct Voxel {
 
 /// All occupied voxels.
 pub(super) struct Voxels {
-    /// Items are points.
-    pub(super) cells: Cells,
+    /// Points by voxel.
+    pub(super) points: Csr,
     pub(super) voxels: Vec<Voxel>,
     /// The voxels among the 26 around each one.
     pub(super) near: Csr,
@@ -30,15 +31,18 @@ pub(super) struct Voxels {
 
 impl Voxels {
     pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
-        let grid = Grid::new(points, size, "voxel")?;
+        let grid = Grid::new(points.places(), size, "voxel")?;
         let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
         let near = adjacency(&cells.keys, monitor)?;
-        let parts = map_ordered(cells.len().div_ceil(BLOCK), monitor, |block| {
-            let range = block * BLOCK..((block + 1) * BLOCK).min(cells.len());
-            Ok(range.map(|c| voxel(points, attributes, cells.of(c))).collect::<Vec<_>>())
+        let points_of = cells.into_groups(points.len())?;
+        let mut voxels = vec![Voxel::default(); points_of.len()];
+        voxels.par_chunks_mut(BLOCK).enumerate().try_for_each(|(b, block)| {
+            monitor.check()?;
+            let described = block.iter_mut().zip(b * BLOCK..);
+            described.for_each(|(slot, v)| *slot = voxel(points, attributes, points_of.group(v)));
+            Ok::<(), Error>(())
         })?;
-        let voxels = parts.concat();
-        Ok(Self { cells, voxels, near })
+        Ok(Self { points: points_of, voxels, near })
     }
 
     /// Number of voxels.
