@@ -116,6 +116,17 @@ fn small_files_that_unpack_to_much_are_refused_before_memory_is_taken() {
     assert_eq!(names(f), ["a.e57", "a.xyz"]);
 }
 
+/// The damaged GPS times of these points change their sequence without end; the decoder calls itself at each change.
+#[test]
+fn points_that_would_use_up_the_stack_are_lost_and_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join("data/endless-gps.laz"), f.join("a.laz")).unwrap();
+    soon(f, &["convert", "a.laz", "b.las"], 4);
+    let text = soon(f, &["convert", "--salvage", "a.laz", "b.las"], 0);
+    assert!(text.contains("35 of 40 points are lost, 5 are read"), "{text}");
+}
+
 #[test]
 fn deep_settings_and_places_far_away_are_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -3,12 +3,12 @@
 //! The arithmetic coding is the `laz` crate's. What it would allocate from declared sizes is checked here first, and a panic
 //! inside it becomes an error.
 
+use super::deep::{Source, on_a_large_stack};
 use super::header::{bad, u32_at};
 use crate::error::{Error, Result};
 use laz::laszip::LazItemType;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LazItem, LazVlr};
-use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -34,7 +34,7 @@ pub(super) struct Decoder<'a, B> {
     /// Bytes of the chunk.
     bytes: u64,
     whole: bool,
-    inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a>,
+    inner: Box<dyn RecordDecompressor<Source<B>> + Send + Sync + 'a>,
 }
 
 impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
@@ -47,8 +47,8 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
         let place = format!("chunk {index}");
         let length = bytes.as_ref().len() as u64;
         let inner = guarded(path, &place, || {
-            let source = Cursor::new(bytes);
-            let mut inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a> = match layered(vlr) {
+            let source = Source::new(bytes);
+            let mut inner: Box<dyn RecordDecompressor<Source<B>> + Send + Sync + 'a> = match layered(vlr) {
                 true => Box::new(LayeredPointRecordDecompressor::new(source)),
                 false => Box::new(SequentialPointRecordDecompressor::new(source)),
             };
@@ -61,7 +61,31 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
 
     /// Fills `out`, a whole number of records, with the next ones.
     pub(super) fn next(&mut self, out: &mut [u8]) -> Result<()> {
-        guarded(&self.path, &self.place, || self.inner.decompress_many(out))
+        let Self { path, place, inner, .. } = self;
+        guarded(path, place, || {
+            on_a_large_stack(|| {
+                inner.get_mut().begin();
+                inner.decompress_many(out)
+            })
+        })
+    }
+
+    /// Fills `out`, records of this length, as far as they can be decoded; how many were.
+    pub(super) fn readable(&mut self, out: &mut [u8], length: usize) -> usize {
+        let Self { path, place, inner, .. } = self;
+        let mut good = 0;
+        // The error says no more than the number of records does.
+        let _ = guarded(path, place, || {
+            on_a_large_stack(|| {
+                inner.get_mut().begin();
+                for record in out.chunks_exact_mut(length) {
+                    inner.decompress_next(record)?;
+                    good += 1;
+                }
+                Ok(())
+            })
+        });
+        good
     }
 
     /// Fails unless the chunk ends where its last point, which has been decoded, ends: the decoder of damaged bytes loses its way.
@@ -136,6 +160,7 @@ pub(super) fn guarded<T>(path: &Path, what: &str, work: impl FnOnce() -> std::io
         Ok(Err(e)) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             Err(failed("its end before its last point".into()))
         }
+        Ok(Err(e)) if e.kind() == std::io::ErrorKind::WouldBlock => Err(Error::io(path, e)),
         Ok(Err(e)) => Err(failed(e.to_string())),
         Err(_) => Err(failed("bytes that no encoder writes".into())),
     }

@@ -4,6 +4,7 @@ mod chunks;
 mod copc;
 mod crop;
 mod decoder;
+mod deep;
 mod extra;
 mod fields;
 mod fit;

@@ -199,24 +199,15 @@ fn readable(
     monitor: &Monitor,
 ) -> Result<(u64, bool)> {
     let mut done = 0;
-    let mut step = SLAB as u64;
-    let mut buffer = vec![0; (points.min(step) as usize) * length];
+    let mut buffer = vec![0; points.min(SLAB as u64) as usize * length];
     let Ok(mut decoder) = Decoder::new(path, how, (index, bytes)) else { return Ok((0, false)) };
     while done < points {
         monitor.check()?;
-        let now = step.min(points - done);
-        if decoder.next(&mut buffer[..now as usize * length]).is_ok() {
-            done += now;
-        } else if now == 1 {
+        let now = (points - done).min(SLAB as u64) as usize;
+        let good = decoder.readable(&mut buffer[..now * length], length);
+        done += good as u64;
+        if good < now {
             break;
-        } else {
-            // Once more from the start, then record by record.
-            let Ok(again) = Decoder::new(path, how, (index, bytes)) else { return Ok((done, false)) };
-            decoder = again;
-            for skipped in (0..done).step_by(SLAB) {
-                decoder.next(&mut buffer[..(done - skipped).min(SLAB as u64) as usize * length])?;
-            }
-            step = 1;
         }
     }
     Ok((done, decoder.end().is_ok()))
