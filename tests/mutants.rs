@@ -5,9 +5,12 @@
 //! `SCANSION_MUTANT_FORMAT=laz` hunts in one format, `SCANSION_MUTANT=laz:1234` looks at one mutant and keeps it as a file.
 
 use rayon::prelude::*;
+use scansion_core::evaluation::Confusion;
+use scansion_core::features::{self, FeatureSet};
 use scansion_core::io::{self, PointReader, ReadOptions, WriteOptions, salvage};
 use scansion_core::parallel::Monitor;
 use scansion_core::random::{Stream, stream};
+use scansion_core::recipes::{LabelParams, Recipe, SegmentParams, SuggestParams, read_labels, segment, suggest, train};
 use scansion_tests::data;
 use scansion_tests::samples::{self, FORMATS, Sample, seal};
 use std::io::{BufRead, BufReader, Write};
@@ -71,12 +74,29 @@ fn look(path: &Path, i: u64) {
     if i.is_multiple_of(3) {
         parts(path);
     }
+    if i.is_multiple_of(64) {
+        learn(path);
+    }
     if i.is_multiple_of(16) {
         let _ = io::diff(path, path, &Monitor::default());
         let target = path.with_file_name("out.laz");
         let _ = io::convert(path, &target, &Default::default(), &WriteOptions::default());
         let _ = io::merge(&[path.to_path_buf(), path.to_path_buf()], &target, &WriteOptions::default());
     }
+}
+
+/// `features`, `evaluate`, `segment`, `suggest` and `train` on what could be read.
+fn learn(path: &Path) {
+    let monitor = Monitor::default();
+    let Ok(cloud) = io::read(path) else { return };
+    let _ = features::table(&cloud, &FeatureSet::default(), &monitor);
+    let Ok(labels) = read_labels(&cloud, &LabelParams::default()) else { return };
+    let _ = Confusion::from_partial(&labels.codes, &labels.codes);
+    if let Ok(segments) = segment(&cloud, Some(&labels), &SegmentParams::default(), &monitor) {
+        let _ = suggest(&segments, None, Some(&labels), &SuggestParams::default());
+    }
+    let few = Recipe::default().with_settings(["forest.trees=3", "training.keep_samples=50"]).unwrap();
+    let _ = train(&[(cloud, labels)], &few, &monitor);
 }
 
 /// A box, a level, blocks, and the last point by its number.
@@ -235,6 +255,18 @@ fn corpus_of_the_fuzz_targets_is_written_on_demand() {
             std::fs::create_dir_all(corpus.join(target)).unwrap();
             std::fs::write(corpus.join(target).join(format!("{i}-{name}")), bytes).unwrap();
         }
+    }
+    for target in ["labels", "model"] {
+        std::fs::create_dir_all(corpus.join(target)).unwrap();
+    }
+    std::fs::write(corpus.join("labels/three"), "2\n5\n6\n").unwrap();
+    let cloud = samples::cloud(600);
+    let labels = read_labels(&cloud, &LabelParams::default()).unwrap();
+    for classifier in ["forest", "boosting"] {
+        let settings = [format!("classifier=\"{classifier}\""), "forest.trees=3".into(), "boosting.rounds=3".into()];
+        let recipe = Recipe::default().with_settings(settings.iter().map(String::as_str)).unwrap();
+        let (model, _) = train(&[(cloud.clone(), labels.clone())], &recipe, &Monitor::default()).unwrap();
+        model.save(&corpus.join("model").join(classifier)).unwrap();
     }
 }
 
