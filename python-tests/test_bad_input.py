@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 import scansion
-from scansion import RandomForestClassifier, features
+from scansion import RandomForestClassifier, features, graph, regularisation, segmentation, terrain
 
 XYZ = np.random.default_rng(0).uniform(0, 10, (300, 3))
 
@@ -160,6 +160,38 @@ def test_ctrl_c_ends_a_forest_within_a_fifth_of_a_second():
     random = np.random.default_rng(0)
     X, y = random.normal(size=(200_000, 40)).astype(np.float32), random.integers(0, 5, 200_000)
     assert interrupted_after(0.7, lambda: RandomForestClassifier(500).fit(X, y)) < 0.2
+
+
+def interruptible():
+    """Long functions of every room, each of some seconds."""
+    random = np.random.default_rng(0)
+    nodes = 3_000_000
+    xyz = random.uniform(0, 300, (nodes, 3)) * [1, 1, 0.1]
+    edges = random.integers(0, nodes, (12_000_000, 2), dtype=np.uint32)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    costs = random.uniform(size=(nodes, 3)).astype(np.float32)
+    codes = random.integers(0, 4, nodes).astype(np.uint8)
+    cloud = scansion.PointCloud(xyz, Classification=codes)
+    return {
+        "components": lambda: graph.connected_components(nodes, edges),
+        "felzenszwalb": lambda: graph.felzenszwalb(nodes, edges, np.ones(len(edges))),
+        "spanning tree": lambda: graph.minimum_spanning_tree(nodes, edges),
+        "smoothing": lambda: regularisation.local_smoothing(costs, edges),
+        "expansion": lambda: regularisation.alpha_expansion(costs, edges, strength=0.1),
+        "merge": lambda: segmentation.merge(costs, edges, strength=0.1),
+        "normals": lambda: features.normals(xyz),
+        "regions": lambda: segmentation.region_growing(xyz),
+        "segments": lambda: scansion.segment(cloud, method="riemannian"),
+        "ground": lambda: terrain.ground_points(cloud, cell=0.5),
+        "predict": lambda: scansion.PointClassifier.default().predict(cloud),
+    }
+
+
+def test_ctrl_c_ends_every_room_before_it_has_a_result():
+    for name, work in interruptible().items():
+        finished = []
+        interrupted_after(0.2, lambda work=work, finished=finished: finished.append(work()))
+        assert not finished, name
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")

@@ -105,7 +105,7 @@ impl Scene {
 
     fn error(&self, partition: &Partition, empty: EmptyCells) -> Result<scansion_core::evaluation::SegmentationError> {
         let params = SegmentationErrorParams { cell: self.cell, empty };
-        segmentation_error(&self.points, partition, &self.truth, &params)
+        segmentation_error(&self.points, partition, &self.truth, &params, &Monitor::default())
     }
 }
 
@@ -183,7 +183,7 @@ fn modes(scene: &mut Scene) -> Outcome {
         (scene.size, scene.voxel) = (first * factor, (first * factor / 4.0).max(scene.voxel));
         for (name, run) in runs(scene) {
             let (found, seconds) = timed(run)?;
-            let partition = found.partition()?;
+            let partition = found.partition(&Monitor::default())?;
             let lost = scene.points.len() - (0..found.len()).map(|s| found.members(s).len()).sum::<usize>();
             let (oracle, error) = (scene.oracle(&partition)?, scene.error(&partition, EmptyCells::Ignored)?);
             let (size, count) = (scene.size, found.len());
@@ -198,7 +198,11 @@ fn modes(scene: &mut Scene) -> Outcome {
 
 fn sweep(scene: &Scene) -> Outcome {
     let supervoxels = scene.supervoxels()?;
-    println!("{} supervoxels, oracle {:.2} %", supervoxels.len(), scene.oracle(&supervoxels.partition()?)?);
+    println!(
+        "{} supervoxels, oracle {:.2} %",
+        supervoxels.len(),
+        scene.oracle(&supervoxels.partition(&Monitor::default())?)?
+    );
     println!("λp/S | λs | k | surface | combination | isolated | segments | oracle % | error | precision | largest %");
     let default = LocalGraphParams::default;
     let mut all = Vec::new();
@@ -219,7 +223,7 @@ fn sweep(scene: &Scene) -> Outcome {
     }
     for params in all {
         let found = local_graphs(&supervoxels, &params, &Monitor::default())?;
-        let partition = supervoxels.point_partition(&found)?;
+        let partition = supervoxels.point_partition(&found, &Monitor::default())?;
         let error = scene.error(&partition, EmptyCells::Ignored)?;
         let largest = partition.iter().map(<[u32]>::len).max().unwrap_or(0) as f64 / partition.nodes() as f64;
         println!(
@@ -242,12 +246,16 @@ fn sweep(scene: &Scene) -> Outcome {
 
 fn neighbours(scene: &Scene) -> Outcome {
     let supervoxels = scene.supervoxels()?;
-    println!("{} supervoxels, oracle {:.2} %", supervoxels.len(), scene.oracle(&supervoxels.partition()?)?);
+    println!(
+        "{} supervoxels, oracle {:.2} %",
+        supervoxels.len(),
+        scene.oracle(&supervoxels.partition(&Monitor::default())?)?
+    );
     println!("isolated | N | segments | oracle % | error per class | mean | precision | mean with background | s");
     for (attach_isolated, neighbours) in [true, false].into_iter().flat_map(|a| (3..=12).map(move |n| (a, n))) {
         let params = LocalGraphParams { neighbours, attach_isolated, ..LocalGraphParams::default() };
         let (found, seconds) = timed(|| local_graphs(&supervoxels, &params, &Monitor::default()))?;
-        let partition = supervoxels.point_partition(&found)?;
+        let partition = supervoxels.point_partition(&found, &Monitor::default())?;
         let error = scene.error(&partition, EmptyCells::Ignored)?;
         let classes: Vec<String> = error.classes.iter().map(|c| format!("{}: {:.4}", c.code, c.error)).collect();
         println!(
@@ -266,7 +274,7 @@ fn neighbours(scene: &Scene) -> Outcome {
 fn chain(scene: &Scene) -> Outcome {
     let (supervoxels, a) = timed(|| scene.supervoxels())?;
     let (segments, b) = timed(|| local_graphs(&supervoxels, &LocalGraphParams::default(), &Monitor::default()))?;
-    let partition = supervoxels.point_partition(&segments)?;
+    let partition = supervoxels.point_partition(&segments, &Monitor::default())?;
     let (heights, d) = timed(|| heights(&scene.points))?;
     let attributes = ObjectAttributes { colours: scene.colours.as_deref(), heights: Some(&heights) };
     let (table, c) = timed(|| object_features(&scene.points, &partition, &attributes, &Monitor::default()))?;
@@ -332,9 +340,10 @@ fn stratified(labels: &[Option<u8>]) -> Vec<usize> {
 fn segments(scene: &mut Scene) -> Outcome {
     let supervoxels = scene.supervoxels()?;
     let found = local_graphs(&supervoxels, &LocalGraphParams::default(), &Monitor::default())?;
-    for (name, partition) in
-        [("supervoxels.laz", supervoxels.partition()?), ("segments.laz", supervoxels.point_partition(&found)?)]
-    {
+    for (name, partition) in [
+        ("supervoxels.laz", supervoxels.partition(&Monitor::default())?),
+        ("segments.laz", supervoxels.point_partition(&found, &Monitor::default())?),
+    ] {
         println!("{name}: {}", partition.len());
         let mut column = vec![0; scene.cloud.len()];
         scene.points.index.iter().zip(partition.segments()).for_each(|(&i, &s)| column[i as usize] = s);

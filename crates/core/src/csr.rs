@@ -1,6 +1,7 @@
 //! Groups of indices in compressed form: serves neighbours, graphs and partitions.
 
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, watched};
 
 /// `items[offsets[g]..offsets[g + 1]]` are the members of group `g`.
 ///
@@ -20,22 +21,30 @@ impl Csr {
     }
 
     /// Groups `0..keys.len()` by `keys[i] < groups`; members stay in ascending order. O(n + groups).
-    pub fn group_by(keys: &[u32], groups: usize) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If a key is not below `groups`, or the work was cancelled.
+    pub fn group_by(keys: &[u32], groups: usize, monitor: &Monitor) -> Result<Self> {
         let mut offsets = vec![0u32; groups + 1];
-        for &key in keys {
-            let slot = offsets
-                .get_mut(key as usize + 1)
-                .ok_or_else(|| Error::input(format!("group {key} is not below the number of groups {groups}")))?;
-            *slot += 1;
+        for piece in watched(keys.len(), monitor) {
+            for &key in &keys[piece?] {
+                let slot = offsets
+                    .get_mut(key as usize + 1)
+                    .ok_or_else(|| Error::input(format!("group {key} is not below the number of groups {groups}")))?;
+                *slot += 1;
+            }
         }
         for g in 0..groups {
             offsets[g + 1] += offsets[g];
         }
         let mut next = offsets.clone();
         let mut items = vec![0u32; keys.len()];
-        for (i, &key) in keys.iter().enumerate() {
-            items[next[key as usize] as usize] = i as u32;
-            next[key as usize] += 1;
+        for piece in watched(keys.len(), monitor) {
+            for i in piece? {
+                let slot = &mut next[keys[i] as usize];
+                items[*slot as usize] = i as u32;
+                *slot += 1;
+            }
         }
         Ok(Self { offsets, items })
     }
@@ -102,7 +111,7 @@ mod tests {
 
     #[test]
     fn grouping_keeps_order_inside_groups() {
-        let csr = Csr::group_by(&[2, 0, 2, 0, 0], 4).unwrap();
+        let csr = Csr::group_by(&[2, 0, 2, 0, 0], 4, &Monitor::default()).unwrap();
         assert_eq!(csr.groups().collect::<Vec<_>>(), [&[1, 3, 4][..], &[], &[0, 2], &[]]);
         csr.check(5).unwrap();
     }
@@ -113,6 +122,6 @@ mod tests {
         assert!(Csr::new(vec![1, 1], vec![], 1).is_err());
         assert!(Csr::new(vec![0, 1], vec![5], 5).is_err());
         assert!(Csr::new(vec![0, 1], vec![4], 5).is_ok());
-        assert!(Csr::group_by(&[3], 3).is_err());
+        assert!(Csr::group_by(&[3], 3, &Monitor::default()).is_err());
     }
 }

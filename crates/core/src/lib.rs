@@ -23,11 +23,11 @@ pub mod error;
 
 pub mod memory;
 
-pub mod csr;
-
 pub mod linalg;
 
 pub mod parallel;
+
+pub mod csr;
 
 pub mod random;
 

@@ -85,13 +85,103 @@ pub fn watched(len: usize, monitor: &Monitor) -> impl Iterator<Item = Result<std
     (0..len).step_by(PIECE).map(move |at| monitor.check().map(|()| at..at.saturating_add(PIECE).min(len)))
 }
 
+/// Looks at a monitor every so many steps of a serial loop that does not go over `0..len` ([`watched`]).
+#[derive(Debug)]
+pub struct Looks<'a> {
+    monitor: &'a Monitor,
+    /// Steps until the next look.
+    left: usize,
+}
+
+impl<'a> Looks<'a> {
+    /// Looks at this monitor.
+    pub fn at(monitor: &'a Monitor) -> Self {
+        Self { monitor, left: 0 }
+    }
+
+    /// One step of light work (nanoseconds).
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    #[inline]
+    pub fn step(&mut self) -> Result<()> {
+        self.steps(1)
+    }
+
+    /// So many steps of light work.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    #[inline]
+    pub fn steps(&mut self, count: usize) -> Result<()> {
+        if self.left > count {
+            self.left -= count;
+            return Ok(());
+        }
+        self.left = PIECE;
+        self.monitor.check()
+    }
+}
+
 /// Sorts in parallel, unstably. Once the work is cancelled all items compare as equal, so that the sort ends at once.
 ///
 /// # Errors
 /// If the work was cancelled: the order of the items is then of no use.
 pub fn sort_watched<T: Ord + Send>(items: &mut [T], monitor: &Monitor) -> Result<()> {
-    items.par_sort_unstable_by(|a, b| if monitor.is_cancelled() { std::cmp::Ordering::Equal } else { a.cmp(b) });
+    sort_watched_by(items, T::cmp, monitor)
+}
+
+/// As [`sort_watched`], by an order of its own.
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn sort_watched_by<T: Send>(
+    items: &mut [T],
+    order: impl Fn(&T, &T) -> std::cmp::Ordering + Sync,
+    monitor: &Monitor,
+) -> Result<()> {
+    items.par_sort_unstable_by(|a, b| if monitor.is_cancelled() { std::cmp::Ordering::Equal } else { order(a, b) });
     monitor.check()
+}
+
+/// As [`sort_watched_by`], stably: items that compare as equal stay in their order.
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn sort_stable_watched<T: Send>(
+    items: &mut [T],
+    order: impl Fn(&T, &T) -> std::cmp::Ordering + Sync,
+    monitor: &Monitor,
+) -> Result<()> {
+    items.par_sort_by(|a, b| if monitor.is_cancelled() { std::cmp::Ordering::Equal } else { order(a, b) });
+    monitor.check()
+}
+
+/// Maps `0..count` in parallel, in order, by a kernel of some nanoseconds. Once the work is cancelled it is not called any more.
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn map_watched<T: Default + Send>(
+    count: usize,
+    monitor: &Monitor,
+    kernel: impl Fn(usize) -> T + Sync,
+) -> Result<Vec<T>> {
+    let item = |i: usize| if monitor.is_cancelled() { T::default() } else { kernel(i) };
+    let all = (0..count).into_par_iter().map(item).collect();
+    monitor.check().map(|()| all)
+}
+
+/// The items of all parts, in order; each part is freed as soon as its items stand in the result.
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn concat_watched<T>(parts: Vec<Vec<T>>, monitor: &Monitor) -> Result<Vec<T>> {
+    let mut all = Vec::with_capacity(parts.iter().map(Vec::len).sum());
+    for part in parts {
+        monitor.check()?;
+        all.extend(part);
+    }
+    Ok(all)
 }
 
 /// Maps `0..count` in parallel; results in order; stops early when cancelled or at the first error in order.
@@ -153,6 +243,28 @@ mod tests {
         }
         let seen = watched(5 * PIECE, &monitor).inspect(|_| monitor.cancel()).take_while(Result::is_ok).count();
         assert_eq!(seen, 1);
+    }
+
+    #[test]
+    fn items_and_parts_stand_in_order_unless_the_work_is_cancelled() {
+        let monitor = Monitor::default();
+        let squares: Vec<usize> = (0..PIECE + 7).map(|i| i * i).collect();
+        assert_eq!(map_watched(PIECE + 7, &monitor, |i| i * i).unwrap(), squares);
+        let parts: Vec<Vec<usize>> = squares.chunks(1000).map(<[usize]>::to_vec).collect();
+        assert_eq!(concat_watched(parts.clone(), &monitor).unwrap(), squares);
+        monitor.cancel();
+        assert!(map_watched::<usize>(9, &monitor, |_| panic!("not called")).is_err());
+        assert!(concat_watched(parts, &monitor).is_err());
+    }
+
+    #[test]
+    fn looks_end_a_loop_once_the_work_is_cancelled() {
+        let monitor = Monitor::default();
+        let mut looks = Looks::at(&monitor);
+        assert!((0..3 * PIECE).all(|_| looks.step().is_ok()));
+        monitor.cancel();
+        assert!((0..PIECE).any(|_| looks.step().is_err()));
+        assert!(Looks::at(&monitor).step().is_err() && looks.steps(PIECE).is_err());
     }
 
     #[test]

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use scansion_core::io::run::{Rules, run};
 use scansion_core::parallel::Monitor;
 use std::ffi::CString;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -64,6 +65,18 @@ fn watch(py: Python<'_>, done: &AtomicBool, monitor: &Monitor) -> PyResult<()> {
     while !done.load(Ordering::Acquire) {
         py.detach(|| thread::park_timeout(POLL));
         py.check_signals().inspect_err(|_| monitor.cancel())?;
+    }
+    Ok(())
+}
+
+/// Items of light work between two looks for signals.
+const PIECE: usize = 1 << 18;
+
+/// Light work on `0..len`, serial and on this thread, which looks for signals between its pieces.
+pub(crate) fn in_pieces(py: Python<'_>, len: usize, mut work: impl FnMut(Range<usize>) + Send) -> PyResult<()> {
+    for first in (0..len).step_by(PIECE) {
+        py.detach(|| work(first..(first + PIECE).min(len)));
+        py.check_signals()?;
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! Room `cloud`: the handle that Python's `PointCloud` holds.
 
+use crate::call::in_pieces;
 use crate::convert::{axes, to_matrix, to_vector, values};
 use crate::error::raise;
 use numpy::{PyArray2, PyReadonlyArray2};
@@ -23,12 +24,12 @@ type Ticks<'py> = (Bound<'py, PyArray2<i32>>, [f64; 3], [f64; 3]);
 impl Cloud {
     #[staticmethod]
     fn from_xyz(xyz: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
-        Self::new(Coordinates::Float(axes(&xyz, "xyz")?))
+        Self::new(Coordinates::Float(axes(xyz.py(), &xyz, "xyz")?))
     }
 
     #[staticmethod]
     fn from_ticks(ticks: PyReadonlyArray2<'_, i32>, scale: [f64; 3], offset: [f64; 3]) -> PyResult<Self> {
-        Self::new(Coordinates::Scaled { ticks: axes(&ticks, "ticks")?, scale, offset })
+        Self::new(Coordinates::Scaled { ticks: axes(ticks.py(), &ticks, "ticks")?, scale, offset })
     }
 
     fn __len__(&self) -> usize {
@@ -40,7 +41,8 @@ impl Cloud {
     }
 
     fn xyz<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let rows = py.detach(|| (0..self.inner.len()).flat_map(|i| self.inner.xyz(i)).collect());
+        let mut rows = Vec::with_capacity(3 * self.inner.len());
+        in_pieces(py, self.inner.len(), |piece| rows.extend(piece.flat_map(|i| self.inner.xyz(i))))?;
         to_matrix(py, rows, 3)
     }
 
@@ -48,7 +50,8 @@ impl Cloud {
         match self.inner.coordinates() {
             Coordinates::Float(_) => Ok(None),
             Coordinates::Scaled { ticks: [x, y, z], scale, offset } => {
-                let rows = (0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).collect();
+                let mut rows = Vec::with_capacity(3 * x.len());
+                in_pieces(py, x.len(), |piece| rows.extend(piece.flat_map(|i| [x[i], y[i], z[i]])))?;
                 Ok(Some((to_matrix(py, rows, 3)?, *scale, *offset)))
             }
         }

@@ -1,5 +1,6 @@
 //! numpy arrays to slices and back. The Python side brings arrays to native C order; here that is only checked.
 
+use crate::call::in_pieces;
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -18,13 +19,21 @@ pub(crate) fn vector<'a, T: Element>(array: &'a PyReadonlyArray1<'_, T>, name: &
 }
 
 /// Rows of three numbers as one vector an axis.
-pub(crate) fn axes<T: Element + Copy>(array: &PyReadonlyArray2<'_, T>, name: &str) -> PyResult<[Vec<T>; 3]> {
+pub(crate) fn axes<T: Element + Copy + Send + Sync>(
+    py: Python<'_>,
+    array: &PyReadonlyArray2<'_, T>,
+    name: &str,
+) -> PyResult<[Vec<T>; 3]> {
     let [rows, columns] = [array.shape()[0], array.shape()[1]];
     if columns != 3 {
         return Err(PyValueError::new_err(format!("{name}: found shape ({rows}, {columns}), expected (n, 3)")));
     }
-    let values = matrix(array, name)?;
-    Ok([0, 1, 2].map(|a| values.iter().skip(a).step_by(3).copied().collect()))
+    let (values, _) = matrix(array, name)?.as_chunks::<3>();
+    let mut axes = [0; 3].map(|_| Vec::with_capacity(rows));
+    in_pieces(py, rows, |piece| {
+        (0..3).for_each(|a| axes[a].extend(values[piece.clone()].iter().map(|row| row[a])));
+    })?;
+    Ok(axes)
 }
 
 /// Row-major values as a matrix without a copy.

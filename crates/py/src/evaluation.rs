@@ -9,6 +9,7 @@ use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
 use scansion_core::evaluation::{self, Confusion, SegmentationErrorParams, report as texts};
+use scansion_core::parallel::{Monitor, map_watched};
 use scansion_core::segmentation::Partition;
 use std::sync::Arc;
 
@@ -20,15 +21,17 @@ fn confusion(
     names: Vec<String>,
 ) -> PyResult<Confusion> {
     let (truth, predicted) = (vector(truth, "truth")?, vector(predicted, "predicted")?);
-    let compare = || {
-        let codes = |values: &[i16]| values.iter().map(|&v| u8::try_from(v).ok()).collect::<Vec<_>>();
-        Confusion::from_partial(&codes(truth), &codes(predicted))
-    };
-    let confusion = py.detach(compare).map_err(raise)?;
+    let confusion =
+        call(py, Some(1), |monitor| Confusion::from_partial(&codes(truth, monitor)?, &codes(predicted, monitor)?))?;
     Ok(match names.is_empty() {
         true => confusion,
         false => confusion.called(|class| names.get(usize::from(class.code)).cloned().unwrap_or(class.name)),
     })
+}
+
+/// Codes of classes; negative ones stand for none.
+fn codes(values: &[i16], monitor: &Monitor) -> scansion_core::Result<Vec<Option<u8>>> {
+    map_watched(values.len(), monitor, |i| u8::try_from(values[i]).ok())
 }
 
 /// Counts by true (row) and predicted (column) class, and the code of each row.
@@ -81,9 +84,10 @@ pub(crate) fn segmentation_error(
     let params: SegmentationErrorParams = json::settings(settings)?;
     let (labels, truth) = (vector(&labels, "labels")?, vector(&truth, "truth")?);
     let cloud = Arc::clone(&cloud.inner);
-    call(py, Some(1), |_| {
-        let truth: Vec<Option<u8>> = truth.iter().map(|&code| u8::try_from(code).ok()).collect();
-        let partition = Partition::from_labels(labels)?;
-        json::text(&evaluation::segmentation_error(&points(&cloud, None)?, &partition, &truth, &params)?)
+    call(py, Some(1), |monitor| {
+        let truth = codes(truth, monitor)?;
+        let partition = Partition::from_labels_watched(labels, monitor)?;
+        let points = points(&cloud, None, monitor)?;
+        json::text(&evaluation::segmentation_error(&points, &partition, &truth, &params, monitor)?)
     })
 }

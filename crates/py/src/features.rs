@@ -70,7 +70,7 @@ pub(crate) fn normals<'py>(
     let orientation: Orientation = json::settings(orientation)?;
     let cloud = Arc::clone(&cloud.inner);
     let found = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, metres_per_unit)?;
+        let points = points(&cloud, metres_per_unit, monitor)?;
         let near = knn(&points, k, monitor)?;
         let mut found = features::normals(&points, &near, monitor)?;
         orient(&points, &near, &mut found.directions, &orientation, monitor)?;

@@ -9,6 +9,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use scansion_core::graph::{self, FelzenszwalbParams, Graph, KnnGraphParams};
 use scansion_core::neighbours::knn;
+use scansion_core::parallel::{Monitor, watched};
 use scansion_core::{Error, Result};
 use std::sync::Arc;
 
@@ -16,15 +17,19 @@ use std::sync::Arc;
 type Edges<'py> = (Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<f32>>);
 
 /// A graph from rows of two nodes; without weights every edge has 1.
-pub(crate) fn graph_of(nodes: usize, edges: &[u32], weights: Option<&[f32]>) -> Result<Graph> {
+pub(crate) fn graph_of(nodes: usize, edges: &[u32], weights: Option<&[f32]>, monitor: &Monitor) -> Result<Graph> {
     let (pairs, rest) = edges.as_chunks::<2>();
     if !rest.is_empty() {
         return Err(Error::input(format!("edges: {} nodes are not pairs", edges.len())));
     }
-    match weights {
-        Some(weights) => Graph::new(nodes, pairs, weights),
-        None => Graph::new(nodes, pairs, &vec![1.0; pairs.len()]),
+    if let Some(weights) = weights {
+        return Graph::new_watched(nodes, pairs, weights, monitor);
     }
+    let mut ones = Vec::with_capacity(pairs.len());
+    for piece in watched(pairs.len(), monitor) {
+        ones.resize(piece?.end, 1.0);
+    }
+    Graph::new_watched(nodes, pairs, &ones, monitor)
 }
 
 /// The elements of the weights, if there are any.
@@ -32,9 +37,9 @@ pub(crate) fn optional<'a>(array: Option<&'a PyReadonlyArray1<'_, f32>>, name: &
     array.map(|a| vector(a, name)).transpose()
 }
 
-fn give<'py>(py: Python<'py>, graph: &Graph) -> PyResult<Edges<'py>> {
-    let edges = to_matrix(py, graph.edges().as_flattened().to_vec(), 2)?;
-    Ok((edges, PyArray1::from_slice(py, graph.weights())))
+fn give(py: Python<'_>, graph: Graph) -> PyResult<Edges<'_>> {
+    let (edges, weights) = graph.into_edges();
+    Ok((to_matrix(py, edges.into_flattened(), 2)?, PyArray1::from_vec(py, weights)))
 }
 
 /// Edges between each point and its nearest, with weights.
@@ -51,10 +56,10 @@ pub(crate) fn knn_graph<'py>(
     let params: KnnGraphParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
     let graph = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, metres_per_unit)?;
+        let points = points(&cloud, metres_per_unit, monitor)?;
         graph::knn_graph(points.len(), knn(&points, k, monitor)?, &params, monitor)
     })?;
-    give(py, &graph)
+    give(py, graph)
 }
 
 /// Component of each node, and how many there are.
@@ -65,7 +70,8 @@ pub(crate) fn connected_components<'py>(
     edges: PyReadonlyArray2<'py, u32>,
 ) -> PyResult<(Bound<'py, PyArray1<u32>>, usize)> {
     let edges = matrix(&edges, "edges")?;
-    let found = call(py, Some(1), |_| Ok(graph::connected_components(&graph_of(nodes, edges, None)?)))?;
+    let found =
+        call(py, Some(1), |monitor| graph::connected_components(&graph_of(nodes, edges, None, monitor)?, monitor))?;
     Ok((PyArray1::from_vec(py, found.of), found.count))
 }
 
@@ -80,13 +86,13 @@ pub(crate) fn minimum_spanning_tree<'py>(
 ) -> PyResult<Edges<'py>> {
     let (edges, weights) = (matrix(&edges, "edges")?, optional(weights.as_ref(), "weights")?);
     let tree = call(py, Some(1), |monitor| {
-        let graph = graph_of(nodes, edges, weights)?;
+        let graph = graph_of(nodes, edges, weights, monitor)?;
         let tree = graph::minimum_spanning_tree(&graph, monitor)?;
         let pairs: Vec<[u32; 2]> = tree.iter().map(|&e| graph.edges()[e as usize]).collect();
         let weights: Vec<f32> = tree.iter().map(|&e| graph.weights()[e as usize]).collect();
-        Graph::new(nodes, &pairs, &weights)
+        Graph::new_watched(nodes, &pairs, &weights, monitor)
     })?;
-    give(py, &tree)
+    give(py, tree)
 }
 
 /// Component of each node, and how many there are, by Felzenszwalb and Huttenlocher.
@@ -101,6 +107,8 @@ pub(crate) fn felzenszwalb<'py>(
 ) -> PyResult<(Bound<'py, PyArray1<u32>>, usize)> {
     let params: FelzenszwalbParams = json::settings(settings)?;
     let (edges, weights) = (matrix(&edges, "edges")?, vector(&weights, "weights")?);
-    let found = call(py, Some(1), |_| graph::felzenszwalb(&graph_of(nodes, edges, Some(weights))?, &params))?;
+    let found = call(py, Some(1), |monitor| {
+        graph::felzenszwalb(&graph_of(nodes, edges, Some(weights), monitor)?, &params, monitor)
+    })?;
     Ok((PyArray1::from_vec(py, found.of), found.count))
 }

@@ -70,7 +70,8 @@ pub(crate) fn statistics(py: Python<'_>, path: PathBuf, n_jobs: Option<i64>) -> 
         let options = ReadOptions { monitor: monitor.clone(), ..Default::default() };
         let (found, cloud) = io::statistics::statistics(&path, &options)?;
         let unit = cloud.metres_per_unit.unwrap_or(1.0);
-        crate::json::text(&(found, planar_density(&cloud, unit), cloud.bounds()))
+        let density = planar_density(&cloud, unit, monitor)?;
+        crate::json::text(&(found, density, cloud.bounds_watched(monitor)?))
     })
 }
 

@@ -9,12 +9,13 @@ use pyo3::prelude::*;
 use scansion_core::cloud::Points;
 use scansion_core::features::optimal_features;
 use scansion_core::neighbours::OptimalParams;
+use scansion_core::parallel::{Monitor, watched};
 use scansion_core::{Cloud as CoreCloud, Error, Result};
 use std::sync::Arc;
 
 /// The points of a cloud in metres; all of them, so that indices fit.
-pub(crate) fn points(cloud: &CoreCloud, metres_per_unit: Option<f64>) -> Result<Points> {
-    let points = Points::with_strays(cloud, cloud.metres(metres_per_unit)?);
+pub(crate) fn points(cloud: &CoreCloud, metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Points> {
+    let points = Points::with_strays(cloud, cloud.metres(metres_per_unit)?, monitor)?;
     match cloud.len() - points.len() {
         0 => Ok(points),
         lost => Err(Error::input(format!("{lost} of {} points have NaN or infinite coordinates", cloud.len()))),
@@ -33,16 +34,24 @@ pub(crate) fn knn<'py>(
     n_jobs: Option<i64>,
 ) -> PyResult<(Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>)> {
     let cloud = Arc::clone(&cloud.inner);
-    let near = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, metres_per_unit)?;
+    let (indices, distances) = call(py, n_jobs, |monitor| {
+        let points = points(&cloud, metres_per_unit, monitor)?;
         if k == 0 || k >= points.len() {
             let most = points.len().saturating_sub(1);
             return Err(Error::parameter("k", k, format!("1..{most} for {} points", points.len())));
         }
-        scansion_core::neighbours::knn(&points, k, monitor)
+        let near = scansion_core::neighbours::knn(&points, k, monitor)?;
+        let (mut indices, mut distances) = (Vec::new(), Vec::new());
+        indices.reserve_exact(near.indices().len());
+        distances.reserve_exact(near.indices().len());
+        for piece in watched(near.len(), monitor) {
+            let piece = piece?;
+            piece.clone().for_each(|i| indices.extend_from_slice(near.of(i)));
+            distances.extend(piece.flat_map(|i| near.squared_distances(i)).map(|d| d.sqrt()));
+        }
+        Ok((indices, distances))
     })?;
-    let distances = (0..near.len()).flat_map(|i| near.squared_distances(i)).map(|d| d.sqrt()).collect();
-    Ok((to_matrix(py, near.indices().to_vec(), k)?, to_matrix(py, distances, k)?))
+    Ok((to_matrix(py, indices, k)?, to_matrix(py, distances, k)?))
 }
 
 /// Neighbours of each point's optimal neighbourhood, and the four descriptors of it.
@@ -58,7 +67,8 @@ pub(crate) fn optimal<'py>(
 ) -> PyResult<(Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>)> {
     let params: OptimalParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
-    let found = call(py, n_jobs, |monitor| optimal_features(&points(&cloud, metres_per_unit)?, &params, monitor))?;
+    let found =
+        call(py, n_jobs, |monitor| optimal_features(&points(&cloud, metres_per_unit, monitor)?, &params, monitor))?;
     let width = found.table.width();
     Ok((PyArray1::from_vec(py, found.k), to_matrix(py, found.table.values, width)?))
 }

@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use scansion_core::cloud::Points;
 use scansion_core::features::normals;
 use scansion_core::neighbours::knn;
+use scansion_core::parallel::Monitor;
 use scansion_core::segmentation::{
     self, ObjectAttributes, OctreeGrowingParams, Partition, PointAttributes, RegionGrowingParams, RiemannianParams,
     SlicParams, VccsParams,
@@ -51,11 +52,15 @@ pub(crate) fn supervoxels<'py>(
     let found = match method {
         "slic" => {
             let params: SlicParams = json::settings(settings)?;
-            call(py, n_jobs, |monitor| segmentation::slic(&points(&cloud, None)?, &attributes, &params, monitor))
+            call(py, n_jobs, |monitor| {
+                segmentation::slic(&points(&cloud, None, monitor)?, &attributes, &params, monitor)
+            })
         }
         _ => {
             let params: VccsParams = json::settings(settings)?;
-            call(py, n_jobs, |monitor| segmentation::vccs(&points(&cloud, None)?, &attributes, &params, monitor))
+            call(py, n_jobs, |monitor| {
+                segmentation::vccs(&points(&cloud, None, monitor)?, &attributes, &params, monitor)
+            })
         }
     }?;
     Ok(PyArray1::from_slice(py, found.labels()))
@@ -73,7 +78,7 @@ pub(crate) fn riemannian<'py>(
     let params: RiemannianParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
     let (found, report) = call(py, n_jobs, |monitor| {
-        let found = segmentation::riemannian(&points(&cloud, None)?, &params, monitor)?;
+        let found = segmentation::riemannian(&points(&cloud, None, monitor)?, &params, monitor)?;
         let report = serde_json::json!({
             "supervoxels": found.supervoxels.len(),
             "segments": found.segments.len(),
@@ -101,7 +106,7 @@ pub(crate) fn region_growing<'py>(
     let params: RegionGrowingParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
     let found = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, None)?;
+        let points = points(&cloud, None, monitor)?;
         let near = knn(&points, neighbours, monitor)?;
         segmentation::region_growing(&near, &normals(&points, &near, monitor)?, &params, monitor)
     })?;
@@ -119,7 +124,8 @@ pub(crate) fn octree_region_growing<'py>(
 ) -> PyResult<Labels<'py>> {
     let params: OctreeGrowingParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
-    let grow = |monitor: &_| segmentation::octree_region_growing(&points(&cloud, None)?, &params, monitor);
+    let grow =
+        |monitor: &Monitor| segmentation::octree_region_growing(&points(&cloud, None, monitor)?, &params, monitor);
     Ok(PyArray1::from_vec(py, call(py, n_jobs, grow)?.labels))
 }
 
@@ -139,8 +145,8 @@ pub(crate) fn object_features<'py>(
     let heights = heights.as_ref().map(|h| vector(h, "heights")).transpose()?;
     let cloud = Arc::clone(&cloud.inner);
     let table = call(py, n_jobs, |monitor| {
-        let points: Points = points(&cloud, None)?;
-        let partition = Partition::from_labels(labels)?;
+        let points: Points = points(&cloud, None, monitor)?;
+        let partition = Partition::from_labels_watched(labels, monitor)?;
         let attributes = ObjectAttributes { colours, heights };
         segmentation::object_features(&points, &partition, &attributes, monitor)
     })?;

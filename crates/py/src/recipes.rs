@@ -12,6 +12,7 @@ use pyo3::types::PyBytes;
 use scansion_core::classes::{Class, ClassTable, LabelMap};
 use scansion_core::classification::Model as CoreModel;
 use scansion_core::cloud::Cloud as CoreCloud;
+use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{self, AnyRecipe, ClassifyParams, LabelParams, Regularise, read_labels};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -83,8 +84,11 @@ impl Model {
         let clouds: Vec<_> = clouds.iter().map(|c| Arc::clone(&c.inner)).collect();
         let recipe = resolve(recipe, &settings).map_err(raise)?;
         let labels = LabelParams { dimension, map: map.parse().map_err(raise)?, unlabelled, classes: Vec::new() };
-        let train = |monitor: &_| {
-            let read = |cloud: Arc<CoreCloud>| read_labels(&cloud, &labels).map(|l| (Arc::unwrap_or_clone(cloud), l));
+        let train = |monitor: &Monitor| {
+            let read = |cloud: Arc<CoreCloud>| {
+                let labels = read_labels(&cloud, &labels)?;
+                Ok((Arc::try_unwrap(cloud).or_else(|shared| shared.copied(monitor))?, labels))
+            };
             let pairs = clouds.into_iter().map(read).collect::<scansion_core::Result<Vec<_>>>()?;
             match recipe {
                 AnyRecipe::Pyramid(recipe) => {

@@ -31,7 +31,7 @@ fn solve<'py>(
     let nodes = problem.0.shape()[0];
     let (unary, edges) = (matrix(&problem.0, "unary")?, matrix(&problem.1, "edges")?);
     let weights = optional(problem.2.as_ref(), "weights")?;
-    let found = call(py, n_jobs, |monitor| search(unary, &graph_of(nodes, edges, weights)?, monitor))?;
+    let found = call(py, n_jobs, |monitor| search(unary, &graph_of(nodes, edges, weights, monitor)?, monitor))?;
     Ok((PyArray1::from_vec(py, found.labels), found.energy, found.converged))
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn energy(
 ) -> PyResult<f64> {
     let params: ExpansionParams = json::settings(settings)?;
     let labels = vector(&labels, "labels")?;
-    let found = solve(py, &problem, Some(1), |unary, graph, _| {
+    let found = solve(py, &problem, Some(1), |unary, graph, monitor| {
         let energy =
             Energy::new(unary, graph, params.strength, &params.pairwise)?.with_label_costs(&params.label_costs)?;
         match labels.iter().find(|label| usize::from(**label) >= energy.labels) {
@@ -85,7 +85,7 @@ pub(crate) fn energy(
             None if labels.len() != graph.len() => {
                 Err(Error::input(format!("{} labels for {} nodes", labels.len(), graph.len())))
             }
-            None => Ok(Labelling { energy: energy.of(labels), ..Labelling::default() }),
+            None => Ok(Labelling { energy: energy.of_watched(labels, monitor)?, ..Labelling::default() }),
         }
     })?;
     Ok(found.1)
@@ -102,7 +102,9 @@ pub(crate) fn local_smoothing<'py>(
     let [nodes, classes] = [problem.0.shape()[0], problem.0.shape()[1]];
     let (rows, edges) = (matrix(&problem.0, "probabilities")?, matrix(&problem.1, "edges")?);
     let weights = optional(problem.2.as_ref(), "weights")?;
-    let smooth =
-        call(py, n_jobs, |_| regularisation::local_smoothing(rows, classes, &graph_of(nodes, edges, weights)?))?;
+    let smooth = call(py, n_jobs, |monitor| {
+        let graph = graph_of(nodes, edges, weights, monitor)?;
+        regularisation::local_smoothing(rows, classes, &graph, monitor)
+    })?;
     to_matrix(py, smooth, classes)
 }

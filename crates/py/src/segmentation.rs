@@ -49,7 +49,7 @@ fn solve<'py, T: Send>(
             Some(weights) => signal.with_weights(weights)?,
             None => signal,
         };
-        search(&signal, &graph_of(nodes, edges, weights)?, monitor)
+        search(&signal, &graph_of(nodes, edges, weights, monitor)?, monitor)
     })
 }
 
@@ -105,7 +105,7 @@ pub(crate) fn partition<'py>(
         None => None,
     };
     let (found, trials) = solve(py, &valued, n_jobs, |signal, graph, monitor| {
-        let points = cloud.as_deref().map(|cloud| points(cloud, None)).transpose()?;
+        let points = cloud.as_deref().map(|cloud| points(cloud, None, monitor)).transpose()?;
         let scene = Scene { signal: *signal, graph, points: points.as_ref(), labels: labels.as_deref() };
         let found = segmentation::partition_by_intent(&scene, &params, monitor)?;
         let trials = json::text(&found.trials)?;

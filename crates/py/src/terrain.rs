@@ -22,8 +22,9 @@ pub(crate) fn ground_points<'py>(
 ) -> PyResult<Bound<'py, PyArray1<bool>>> {
     let params: GroundParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
-    let found =
-        call(py, n_jobs, |monitor| terrain::ground_points(&points(&cloud, metres_per_unit)?, &params, monitor))?;
+    let found = call(py, n_jobs, |monitor| {
+        terrain::ground_points(&points(&cloud, metres_per_unit, monitor)?, &params, monitor)
+    })?;
     Ok(PyArray1::from_vec(py, found))
 }
 
@@ -42,7 +43,7 @@ pub(crate) fn heights<'py>(
     let ground = vector(&ground, "ground")?;
     let cloud = Arc::clone(&cloud.inner);
     let found = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, metres_per_unit)?;
+        let points = points(&cloud, metres_per_unit, monitor)?;
         ElevationModel::fit(&points, ground, &params, monitor)?.heights(&points, monitor)
     })?;
     Ok(PyArray1::from_vec(py, found))

@@ -110,7 +110,7 @@ fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stat
     info.warnings.extend(found.warnings);
     // Headers of other formats than LAS do not tell the bounds.
     info.bounds = info.bounds.or_else(|| cloud.bounds());
-    let density = planar_density(&cloud, info.metres_per_unit.unwrap_or(1.0));
+    let density = planar_density(&cloud, info.metres_per_unit.unwrap_or(1.0), &context.monitor)?;
     Ok(Stats {
         points_per_square_metre: density,
         spacing_metres: if density > 0.0 { 1.0 / density.sqrt() } else { 0.0 },

@@ -107,6 +107,27 @@ impl Cloud {
         Self::new(Coordinates::Float([0, 1, 2].map(|a| rows.iter().map(|r| r[a]).collect())))
     }
 
+    /// A copy, made array by array; as [`Clone`], for many points.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn copied(&self, monitor: &Monitor) -> Result<Self> {
+        let coordinates = match &self.coordinates {
+            Coordinates::Scaled { ticks, scale, offset } => {
+                Coordinates::Scaled { ticks: copied(ticks, monitor)?, scale: *scale, offset: *offset }
+            }
+            Coordinates::Float(axes) => Coordinates::Float(copied(axes, monitor)?),
+        };
+        let mut columns = Vec::with_capacity(self.columns.len());
+        for column in &self.columns {
+            monitor.check()?;
+            columns.push(column.clone());
+        }
+        let Self { places, crs, metres_per_unit, scheme, .. } = self;
+        let (places, crs) = (places.clone(), crs.clone());
+        Ok(Self { coordinates, columns, places, crs, metres_per_unit: *metres_per_unit, scheme: *scheme })
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         match &self.coordinates {
@@ -268,6 +289,11 @@ impl Cloud {
             scheme: self.scheme,
         }
     }
+}
+
+fn copied<T: Clone>([x, y, z]: &[Vec<T>; 3], monitor: &Monitor) -> Result<[Vec<T>; 3]> {
+    let copy = |axis: &Vec<T>| monitor.check().map(|()| axis.clone());
+    Ok([copy(x)?, copy(y)?, copy(z)?])
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! What a user should know of a cloud before its points are worked with.
 
 use super::{Cloud, StrayParams, Strays};
+use crate::error::Result;
+use crate::parallel::Monitor;
 
 /// A cloud lower than this many times its width may well be in one unit; higher, x and y are hardly lengths like z.
 const TALL: f64 = 20.0;
@@ -8,8 +10,11 @@ const TALL: f64 = 20.0;
 impl Cloud {
     /// Oddities that change results: stray points, which are set aside, and coordinates that look like degrees though nothing says
     /// so. One sentence each.
-    pub fn oddities(&self) -> Vec<String> {
-        let strays = Strays::find(self, &StrayParams::default()).unwrap_or_default();
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn oddities(&self, monitor: &Monitor) -> Result<Vec<String>> {
+        let strays = Strays::find(self, &StrayParams::default(), monitor)?;
         let aside = strays.warning(self).map(|text| format!("{text}; they are set aside"));
         let aside = aside.map(|text| if strays.index.len() == 1 { text.replace("they are", "it is") } else { text });
         let silent = self.metres_per_unit.is_none() && self.crs.is_none();
@@ -18,7 +23,7 @@ impl Cloud {
              filters.reprojection to UTM"
                 .to_string()
         });
-        aside.into_iter().chain(degrees).collect()
+        Ok(aside.into_iter().chain(degrees).collect())
     }
 }
 
@@ -40,13 +45,13 @@ mod tests {
             .map(|i| [2.35 + f64::from(i % 20) * 1e-5, 48.85 + f64::from(i / 20) * 1e-5, f64::from(i % 9)])
             .collect();
         let degrees = Cloud::from_rows(&rows).unwrap();
-        assert_eq!(degrees.oddities().len(), 1);
+        assert_eq!(degrees.oddities(&Monitor::default()).unwrap().len(), 1);
         let known = Cloud { metres_per_unit: Some(1.0), ..degrees };
-        assert!(known.oddities().is_empty());
+        assert!(known.oddities(&Monitor::default()).unwrap().is_empty());
         let metres: Vec<[f64; 3]> = rows.iter().map(|p| [(p[0] - 2.35) * 1e5, (p[1] - 48.85) * 1e5, p[2]]).collect();
-        assert!(Cloud::from_rows(&metres).unwrap().oddities().is_empty());
+        assert!(Cloud::from_rows(&metres).unwrap().oddities(&Monitor::default()).unwrap().is_empty());
         let strayed = [metres, vec![[9e5, 0.0, 0.0]]].concat();
-        let found = Cloud::from_rows(&strayed).unwrap().oddities();
+        let found = Cloud::from_rows(&strayed).unwrap().oddities(&Monitor::default()).unwrap();
         assert!(
             found.len() == 1 && found[0].contains("number 400") && found[0].ends_with("it is set aside"),
             "{found:?}"

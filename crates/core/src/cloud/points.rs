@@ -1,6 +1,8 @@
 //! Local coordinates in metres: what kernels see.
 
 use super::{Cloud, StrayParams, Strays};
+use crate::error::Result;
+use crate::parallel::{Monitor, watched};
 
 /// Metres from the origin; three squares of it are still an `f32`.
 const FARTHEST: f64 = 1e18;
@@ -27,36 +29,55 @@ impl Points {
     /// Local points of a cloud: those that are finite and not stray, in metres, the smallest corner (rounded down to whole
     /// metres) subtracted in `f64` before rounding to `f32`.
     pub fn from_cloud(cloud: &Cloud, metres_per_unit: f64) -> Self {
-        let strays = Strays::find(cloud, &StrayParams::default()).unwrap_or_default();
-        Self::new(cloud, metres_per_unit, (&strays, &strays.index))
+        // Nobody can cancel a new monitor.
+        Self::from_cloud_watched(cloud, metres_per_unit, &Monitor::default()).unwrap_or_default()
+    }
+
+    /// As [`Points::from_cloud`], for many points.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn from_cloud_watched(cloud: &Cloud, metres_per_unit: f64, monitor: &Monitor) -> Result<Self> {
+        let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
+        Self::new(cloud, metres_per_unit, (&strays, &strays.index), monitor)
     }
 
     /// All finite points of a cloud, the stray ones too; the corner is still that of the others, so that they stay exact.
-    pub fn with_strays(cloud: &Cloud, metres_per_unit: f64) -> Self {
-        let strays = Strays::find(cloud, &StrayParams::default()).unwrap_or_default();
-        Self::new(cloud, metres_per_unit, (&strays, &[]))
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn with_strays(cloud: &Cloud, metres_per_unit: f64, monitor: &Monitor) -> Result<Self> {
+        let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
+        Self::new(cloud, metres_per_unit, (&strays, &[]), monitor)
     }
 
-    fn new(cloud: &Cloud, metres_per_unit: f64, (strays, without): (&Strays, &[u32])) -> Self {
-        let Some((low, _)) = strays.bounds else { return Self::default() };
+    fn new(
+        cloud: &Cloud,
+        metres_per_unit: f64,
+        (strays, without): (&Strays, &[u32]),
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let Some((low, _)) = strays.bounds else { return Ok(Self::default()) };
         let origin = low.map(|v| (v * metres_per_unit).floor());
         let mut points = Self { origin, ..Self::default() };
         points.reserve(cloud.len());
         let mut without = without.iter().peekable();
-        for i in 0..cloud.len() {
-            if without.next_if(|&&stray| stray as usize == i).is_some() {
-                continue;
-            }
-            let p = cloud.xyz(i);
-            let local = [0, 1, 2].map(|a| p[a] * metres_per_unit - origin[a]);
-            if local.iter().all(|v| v.abs() <= FARTHEST) {
-                points.x.push(local[0] as f32);
-                points.y.push(local[1] as f32);
-                points.z.push(local[2] as f32);
-                points.index.push(i as u32);
+        for piece in watched(cloud.len(), monitor) {
+            for i in piece? {
+                if without.next_if(|&&stray| stray as usize == i).is_some() {
+                    continue;
+                }
+                let p = cloud.xyz(i);
+                let local = [0, 1, 2].map(|a| p[a] * metres_per_unit - origin[a]);
+                if local.iter().all(|v| v.abs() <= FARTHEST) {
+                    points.x.push(local[0] as f32);
+                    points.y.push(local[1] as f32);
+                    points.z.push(local[2] as f32);
+                    points.index.push(i as u32);
+                }
             }
         }
-        points
+        Ok(points)
     }
 
     /// Number of points.
@@ -114,7 +135,7 @@ mod tests {
         rows.push([0.0; 3]);
         let cloud = Cloud::from_rows(&rows).unwrap();
         assert_eq!(Points::from_cloud(&cloud, 1.0), clean);
-        let all = Points::with_strays(&cloud, 1.0);
+        let all = Points::with_strays(&cloud, 1.0, &Monitor::default()).unwrap();
         assert_eq!((all.len(), all.origin), (501, clean.origin));
         assert_eq!((&all.x[..500], all.y[500]), (&clean.x[..], -5.2e6));
     }

@@ -5,7 +5,7 @@
 
 use super::Cloud;
 use crate::error::{Error, Result};
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_ordered};
 
 /// Points whose coordinates tell where the scene is.
 const SAMPLES: usize = 4096;
@@ -15,6 +15,9 @@ const TAIL: f64 = 0.05;
 
 /// More strays than this share of a cloud are none: then the cloud is made of scattered places.
 const MOST: f64 = 0.01;
+
+/// Points that are looked at in one go.
+const PIECE: usize = 1 << 16;
 
 /// A cloud of fewer points is too small to tell.
 const FEWEST: usize = 100;
@@ -75,10 +78,10 @@ impl Strays {
     /// two large groups, so none of them is. One pass over the bounds for a cloud without far points, two more otherwise.
     ///
     /// # Errors
-    /// A parameter out of range.
-    pub fn find(cloud: &Cloud, params: &StrayParams) -> Result<Self> {
+    /// A parameter out of range, or the work was cancelled.
+    pub fn find(cloud: &Cloud, params: &StrayParams, monitor: &Monitor) -> Result<Self> {
         params.validate()?;
-        let Some(bounds) = cloud.bounds() else { return Ok(Self::default()) };
+        let Some(bounds) = cloud.bounds_watched(monitor)? else { return Ok(Self::default()) };
         let none = Self { index: Vec::new(), bounds: Some(bounds) };
         let Some(core) = core(cloud) else { return Ok(none) };
         let reach = params.distance * diagonal(&core);
@@ -86,10 +89,12 @@ impl Strays {
         if !(reach > 0.0 && reach.is_finite() && corner_away(&bounds, &core) > reach) {
             return Ok(none);
         }
-        let far: Vec<u32> = (0..cloud.len() as u32)
-            .into_par_iter()
-            .filter(|&i| finite(cloud.xyz(i as usize)).is_some_and(|at| away(at, &core) > reach))
-            .collect();
+        let is_far = |i: u32| finite(cloud.xyz(i as usize)).is_some_and(|at| away(at, &core) > reach);
+        let far = map_ordered(cloud.len().div_ceil(PIECE), monitor, |piece| {
+            let points = piece * PIECE..((piece + 1) * PIECE).min(cloud.len());
+            Ok(points.map(|i| i as u32).filter(|&i| is_far(i)).collect::<Vec<_>>())
+        })?;
+        let far = far.concat();
         let few = ((params.share * cloud.len() as f64) as usize).max(3);
         let small = small_groups(cloud, &far, (&core, few));
         if small.is_empty() || small.len() as f64 > (MOST * cloud.len() as f64).max(3.0) {
@@ -205,7 +210,7 @@ mod tests {
     }
 
     fn found(rows: &[[f64; 3]]) -> Vec<u32> {
-        Strays::find(&Cloud::from_rows(rows).unwrap(), &StrayParams::default()).unwrap().index
+        Strays::find(&Cloud::from_rows(rows).unwrap(), &StrayParams::default(), &Monitor::default()).unwrap().index
     }
 
     #[test]
@@ -237,7 +242,7 @@ mod tests {
             strays.iter().zip([1500, 0, 77]).for_each(|(&stray, at)| rows.insert(at, stray));
             rows.push([f64::INFINITY, 0.0, 0.0]);
             let cloud = Cloud::from_rows(&rows).unwrap();
-            let found = Strays::find(&cloud, &StrayParams::default()).unwrap();
+            let found = Strays::find(&cloud, &StrayParams::default(), &Monitor::default()).unwrap();
             let expected: Vec<u32> = (0..rows.len() as u32).filter(|&i| strays.contains(&rows[i as usize])).collect();
             assert_eq!(found.index, expected, "{strays:?}");
             assert_eq!(found.bounds, bounds);
@@ -267,7 +272,7 @@ mod tests {
             (StrayParams { distance: 0.0, ..Default::default() }, "distance"),
             (StrayParams { share: 0.5, ..Default::default() }, "share"),
         ] {
-            assert!(Strays::find(&cloud, &bad).unwrap_err().to_string().contains(name));
+            assert!(Strays::find(&cloud, &bad, &Monitor::default()).unwrap_err().to_string().contains(name));
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::cloud::Points;
 use crate::error::{Error, Result};
+use crate::parallel::{Looks, Monitor, map_watched};
 use crate::segmentation::{Partition, majorities};
 use serde::{Deserialize, Serialize};
 
@@ -81,31 +82,33 @@ pub struct ClassImage {
 ///
 /// # Errors
 /// If there is not one segment and one label (or `None`) a point, the cell is not above 0, or the raster would have more
-/// than 2^28 cells.
+/// than 2^28 cells, or the work was cancelled.
 pub fn segmentation_error(
     points: &Points,
     partition: &Partition,
     truth: &[Option<u8>],
     params: &SegmentationErrorParams,
+    monitor: &Monitor,
 ) -> Result<SegmentationError> {
     let majority = majorities(partition, truth)?;
     if truth.len() != points.len() {
         return Err(Error::input(format!("{} labels for {} points", truth.len(), points.len())));
     }
-    let (width, top) = top_points(points, truth, params.cell)?;
-    let image = |code: &dyn Fn(usize) -> Option<u8>| {
-        let codes = top.iter().map(|&i| if i == NOTHING { None } else { code(i as usize) }).collect();
-        ClassImage { width, codes }
+    let (width, top) = top_points((points, truth), params.cell, monitor)?;
+    let image = |code: &(dyn Fn(usize) -> Option<u8> + Sync)| {
+        let cell = |cell: usize| if top[cell] == NOTHING { None } else { code(top[cell] as usize) };
+        map_watched(top.len(), monitor, cell).map(|codes| ClassImage { width, codes })
     };
-    let reference = image(&|i| truth[i]);
-    let found = image(&|i| majority[partition.segments()[i] as usize].code);
-    compare_edges(&reference, &found, params.empty)
+    let reference = image(&|i| truth[i])?;
+    let found = image(&|i| majority[partition.segments()[i] as usize].code)?;
+    compare_edges(&reference, &found, params.empty, monitor)
 }
 
 const NOTHING: u32 = u32::MAX;
 
 /// Cells of a row, and the highest labelled point in each cell, the first of equally high ones.
-fn top_points(points: &Points, truth: &[Option<u8>], cell: f64) -> Result<(usize, Vec<u32>)> {
+fn top_points((points, truth): (&Points, &[Option<u8>]), cell: f64, monitor: &Monitor) -> Result<(usize, Vec<u32>)> {
+    let mut looks = Looks::at(monitor);
     let bad = |found: String| Error::parameter("cell", found, "metres, above 0, at most 2^28 cells in all");
     if !cell.is_finite() || cell <= 0.0 {
         return Err(bad(cell.to_string()));
@@ -121,6 +124,7 @@ fn top_points(points: &Points, truth: &[Option<u8>], cell: f64) -> Result<(usize
     }
     let mut top = vec![NOTHING; width as usize * height as usize];
     for i in (0..points.len()).filter(|&i| truth[i].is_some()) {
+        looks.step()?;
         let column = ((f64::from(points.x[i]) - f64::from(west)) / cell) as usize;
         let row = ((f64::from(points.y[i]) - f64::from(south)) / cell) as usize;
         let slot = &mut top[row * width as usize + column];
@@ -137,8 +141,14 @@ type Codes = [u64; 4];
 /// Compares the edges of two class images of one size, class by class.
 ///
 /// # Errors
-/// If the images differ in size.
-pub fn compare_edges(reference: &ClassImage, found: &ClassImage, empty: EmptyCells) -> Result<SegmentationError> {
+/// If the images differ in size, or the work was cancelled.
+pub fn compare_edges(
+    reference: &ClassImage,
+    found: &ClassImage,
+    empty: EmptyCells,
+    monitor: &Monitor,
+) -> Result<SegmentationError> {
+    let mut looks = Looks::at(monitor);
     let (width, cells) = (reference.width, reference.codes.len());
     if width != found.width || cells != found.codes.len() || !cells.is_multiple_of(width.max(1)) {
         let (w, c) = (found.width, found.codes.len());
@@ -146,6 +156,8 @@ pub fn compare_edges(reference: &ClassImage, found: &ClassImage, empty: EmptyCel
     }
     let mut counts = [[0u64; 3]; 256];
     for cell in 0..cells {
+        // A cell costs what its nine neighbours do.
+        looks.steps(9)?;
         let sets = [reference, found].map(|image| edges_at(image, cell, empty));
         for word in 0..4 {
             let mut left = sets[0][word] | sets[1][word];
@@ -208,11 +220,13 @@ mod tests {
     #[test]
     fn one_cell_has_a_ring_of_eight_and_itself() {
         let truth = image(&["22222", "22222", "22622", "22222", "22222"]);
-        let all = compare_edges(&truth, &truth, EmptyCells::Ignored).unwrap();
+        let all = compare_edges(&truth, &truth, EmptyCells::Ignored, &Monitor::default()).unwrap();
         assert_eq!(all.classes.iter().map(|c| (c.code, c.reference)).collect::<Vec<_>>(), [(2, 9), (6, 9)]);
         assert_eq!((all.error, all.precision), (0.0, 1.0));
         let lonely = image(&[".....", ".....", "..6..", ".....", "....."]);
-        let count = |empty| compare_edges(&lonely, &lonely, empty).unwrap().classes.first().map(|c| c.reference);
+        let count = |empty| {
+            compare_edges(&lonely, &lonely, empty, &Monitor::default()).unwrap().classes.first().map(|c| c.reference)
+        };
         assert_eq!((count(EmptyCells::Background), count(EmptyCells::Ignored)), (Some(9), None));
     }
 
@@ -220,12 +234,12 @@ mod tests {
     fn edges_at_other_places_are_missed() {
         let truth = image(&["2266222222", "2266222222"]);
         let found = image(&["2222222662", "2222222662"]);
-        let all = compare_edges(&truth, &found, EmptyCells::Ignored).unwrap();
+        let all = compare_edges(&truth, &found, EmptyCells::Ignored, &Monitor::default()).unwrap();
         assert_eq!((all.error, all.precision), (1.0, 0.0));
         let nothing = image(&["2222222222", "2222222222"]);
-        assert_eq!(compare_edges(&truth, &nothing, EmptyCells::Ignored).unwrap().error, 1.0);
-        assert!(compare_edges(&nothing, &truth, EmptyCells::Ignored).unwrap().classes.is_empty());
-        assert!(compare_edges(&truth, &image(&["22"]), EmptyCells::Ignored).is_err());
+        assert_eq!(compare_edges(&truth, &nothing, EmptyCells::Ignored, &Monitor::default()).unwrap().error, 1.0);
+        assert!(compare_edges(&nothing, &truth, EmptyCells::Ignored, &Monitor::default()).unwrap().classes.is_empty());
+        assert!(compare_edges(&truth, &image(&["22"]), EmptyCells::Ignored, &Monitor::default()).is_err());
     }
 
     #[test]
@@ -238,7 +252,7 @@ mod tests {
         };
         for _ in 0..20 {
             let (truth, found) = (random(), random());
-            let all = compare_edges(&truth, &found, EmptyCells::Background).unwrap();
+            let all = compare_edges(&truth, &found, EmptyCells::Background, &Monitor::default()).unwrap();
             for class in all.classes {
                 let edges = |image: &ClassImage| -> Vec<bool> {
                     let inside = |x: i64, y: i64| {
@@ -268,7 +282,7 @@ mod tests {
         let params = SegmentationErrorParams { cell: 1.0, ..Default::default() };
         let error = |labels: &[u32]| {
             let partition = Partition::from_labels(labels).unwrap();
-            segmentation_error(&points, &partition, &truth, &params).unwrap()
+            segmentation_error(&points, &partition, &truth, &params, &Monitor::default()).unwrap()
         };
         assert_eq!((error(&[0, 0, 1, 0, 0]).error, error(&[0, 1, 2, 3, 4]).error), (0.0, 0.0));
         assert_eq!(error(&[0, 0, 0, 0, 0]).error, 1.0);
@@ -276,7 +290,7 @@ mod tests {
         let partition = Partition::from_labels(&[0; 5]).unwrap();
         for cell in [0.0, f64::NAN, 1e-9] {
             let params = SegmentationErrorParams { cell, ..Default::default() };
-            assert!(segmentation_error(&points, &partition, &truth, &params).is_err());
+            assert!(segmentation_error(&points, &partition, &truth, &params, &Monitor::default()).is_err());
         }
     }
 }

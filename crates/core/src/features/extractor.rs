@@ -9,7 +9,7 @@ use super::spacing::{scale_of, spacing};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::neighbours::{Columns, Grid, Level, build_levels, sorted};
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 use std::sync::Arc;
 
 pub use super::pyramid::Scratch;
@@ -63,7 +63,7 @@ impl<'a> Plan<'a> {
         monitor: &Monitor,
     ) -> Result<(Self, Grid, Points)> {
         set.validate()?;
-        let points = Points::from_cloud(cloud, cloud.metres(set.metres_per_unit)?);
+        let points = Points::from_cloud_watched(cloud, cloud.metres(set.metres_per_unit)?, monitor)?;
         let first_scale = match set.pyramid.first_scale {
             Some(scale) => scale,
             None => scale_of(spacing(&points, monitor)?),
@@ -132,7 +132,7 @@ impl<'a> Extractor<'a> {
         let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
         let stages = plan.stages(0, build_levels(&points, &grid, set.pyramid.levels, monitor)?, None, monitor)?;
         let queries = match at {
-            Some(at) => subset(points, at, cloud.len())?,
+            Some(at) => subset(points, at, cloud.len(), monitor)?,
             None => points,
         };
         Ok(Self { plan, stages, queries })
@@ -215,7 +215,7 @@ fn slots(all: &[String], names: &[String]) -> Result<Vec<usize>> {
 }
 
 /// The points with these cloud indices, in the order that they have.
-fn subset(points: Points, at: &[u32], cloud: usize) -> Result<Points> {
+fn subset(points: Points, at: &[u32], cloud: usize, monitor: &Monitor) -> Result<Points> {
     let mut wanted = vec![false; cloud];
     for &index in at {
         match wanted.get_mut(index as usize) {
@@ -226,7 +226,10 @@ fn subset(points: Points, at: &[u32], cloud: usize) -> Result<Points> {
             None => return Err(Error::input(format!("point {index} of a cloud of {cloud}"))),
         }
     }
-    let kept: Vec<usize> = (0..points.len()).filter(|&i| wanted[points.index[i] as usize]).collect();
+    let mut kept: Vec<usize> = Vec::with_capacity(at.len());
+    for piece in watched(points.len(), monitor) {
+        kept.extend(piece?.filter(|&i| wanted[points.index[i] as usize]));
+    }
     let pick = |axis: &[f32]| kept.iter().map(|&i| axis[i]).collect();
     Ok(Points {
         x: pick(&points.x),

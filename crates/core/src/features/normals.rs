@@ -62,6 +62,7 @@ pub fn normals(points: &Points, neighbours: &Neighbours, monitor: &Monitor) -> R
     found.directions.reserve_exact(points.len());
     found.variation.reserve_exact(points.len());
     for part in parts {
+        monitor.check()?;
         found.directions.extend(part.directions);
         found.variation.extend(part.variation);
     }

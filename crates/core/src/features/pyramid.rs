@@ -91,7 +91,8 @@ impl Stage {
         monitor: &Monitor,
     ) -> Result<Self> {
         let wants = |range: Range<usize>| slots[range].iter().any(|&s| s != NOWHERE);
-        let columns = wants(13..16).then(|| Columns::new(&level, params.column_radius * level.size));
+        let columns = wants(13..16).then(|| Columns::new(&level, params.column_radius * level.size, monitor));
+        let columns = columns.transpose()?;
         let (surfaces, open) = match wants(9..13) {
             true => surfaces(&level, region.as_ref(), params, monitor)?,
             false => (Vec::new(), Vec::new()),

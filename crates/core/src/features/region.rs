@@ -1,7 +1,9 @@
 //! The part of a cloud that is held: whole columns of voxels.
 
 use crate::cloud::Points;
+use crate::error::Result;
 use crate::neighbours::Grid;
+use crate::parallel::{Looks, Monitor, watched};
 
 /// A box of voxels of some level, without end upwards and downwards; where it reaches the end of the cloud, it has no end.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,20 +17,25 @@ pub(super) struct Region {
 impl Region {
     /// The voxels of level `level` around the points at `positions`, `margin` more on each side and all heights, and the positions of all
     /// points in them. `None` instead of the box if these are all points. O(points).
+    ///
+    /// # Errors
+    /// If the work was cancelled.
     pub(super) fn around(
-        points: &Points,
-        grid: &Grid,
+        (points, grid): (&Points, &Grid),
         positions: &[u32],
         (level, margin): (usize, u32),
-    ) -> (Option<Self>, Vec<u32>) {
+        monitor: &Monitor,
+    ) -> Result<(Option<Self>, Vec<u32>)> {
         let cell = |i: usize| grid.cell(points.x[i], points.y[i], points.z[i]).map(|c| c >> level);
         let bounds = |all: &mut dyn Iterator<Item = usize>| {
-            all.map(cell).fold(([u32::MAX; 3], [0; 3]), |(low, high), c| {
-                ([0, 1, 2].map(|a| low[a].min(c[a])), [0, 1, 2].map(|a| high[a].max(c[a])))
+            let mut looks = Looks::at(monitor);
+            all.map(cell).try_fold(([u32::MAX; 3], [0; 3]), |(low, high), c| {
+                looks.step()?;
+                Ok(([0, 1, 2].map(|a| low[a].min(c[a])), [0, 1, 2].map(|a| high[a].max(c[a]))))
             })
         };
-        let (first, last) = bounds(&mut (0..points.len()));
-        let (low, high) = bounds(&mut positions.iter().map(|&i| i as usize));
+        let (first, last) = bounds(&mut (0..points.len()))?;
+        let (low, high) = bounds(&mut positions.iter().map(|&i| i as usize))?;
         // All heights, for the columns.
         let low = [low[0].saturating_sub(margin), low[1].saturating_sub(margin), 0];
         let high = [high[0].saturating_add(margin), high[1].saturating_add(margin), u32::MAX];
@@ -36,9 +43,12 @@ impl Region {
             let c = cell(*i as usize);
             (0..3).all(|a| (low[a]..=high[a]).contains(&c[a]))
         };
-        let held: Vec<u32> = (0..points.len() as u32).filter(inside).collect();
+        let mut held: Vec<u32> = Vec::new();
+        for piece in watched(points.len(), monitor) {
+            held.extend(piece?.map(|i| i as u32).filter(inside));
+        }
         if held.len() == points.len() {
-            return (None, held);
+            return Ok((None, held));
         }
         let size = grid.size * f64::from(1u32 << level);
         let start = |a: usize| if low[a] <= first[a] { f64::NEG_INFINITY } else { f64::from(low[a]) * size };
@@ -46,7 +56,7 @@ impl Region {
         let far = f64::from(last.into_iter().max().unwrap_or_default()) * size + size;
         let region =
             Self { low: [0, 1, 2].map(start), high: [0, 1, 2].map(end), rounding: far * f64::from(f32::EPSILON) };
-        (Some(region), held)
+        Ok((Some(region), held))
     }
 
     /// True if nothing beyond the box can be as near to `at` as this squared distance. With `all` false, neighbours are

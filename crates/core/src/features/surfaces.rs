@@ -43,6 +43,7 @@ pub(super) fn surfaces(
     let (mut packed, mut open) = (Vec::new(), Vec::new());
     packed.reserve_exact(level.len());
     for chunk in chunks {
+        monitor.check()?;
         packed.extend(chunk.0);
         open.extend(chunk.1);
     }

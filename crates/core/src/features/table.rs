@@ -38,7 +38,7 @@ impl FeatureTable {
 /// 4 bytes a point and feature: classification never asks for it.
 pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<FeatureTable> {
     let extractor = Extractor::prepare(cloud, set, (Wanted::All, None), monitor)?;
-    cloud.oddities().into_iter().for_each(|text| monitor.warn(text));
+    cloud.oddities(monitor)?.into_iter().for_each(|text| monitor.warn(text));
     collect(&extractor, cloud.len(), |point| point as usize, monitor)
 }
 
@@ -75,6 +75,7 @@ fn collect(
             Ok((points, rows))
         })?;
         for (points, rows) in parts {
+            monitor.check()?;
             for (&point, row) in points.iter().zip(rows.chunks_exact(width)) {
                 values[row_of(point) * width..][..width].copy_from_slice(row);
             }

@@ -10,7 +10,7 @@ use super::region::Region;
 use crate::cloud::{Cloud, Points};
 use crate::error::Result;
 use crate::neighbours::{Grid, build_levels, coarse_levels};
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, map_watched};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -99,24 +99,24 @@ impl<'a> Tiles<'a> {
         if self.fine > 0 {
             let columns = (4.0 * self.plan.set.pyramid.column_radius).ceil() as u32;
             let margin = MARGIN.max(columns).saturating_mul(4u32.saturating_pow(attempt));
-            let (region, held) = Region::around(&self.points, &self.grid, places, (self.fine - 1, margin));
-            let held = pick(&self.points, &held);
+            let (region, held) = Region::around((&self.points, &self.grid), places, (self.fine - 1, margin), monitor)?;
+            let held = pick(&self.points, &held, monitor)?;
             stages = self.plan.stages(0, build_levels(&held, &self.grid, self.fine, monitor)?, region, monitor)?;
         }
         stages.extend(self.coarse.iter().cloned());
-        Ok(Extractor::from_parts(self.plan.clone(), stages, pick(&self.points, places)))
+        Ok(Extractor::from_parts(self.plan.clone(), stages, pick(&self.points, places, monitor)?))
     }
 }
 
-fn pick(points: &Points, places: &[u32]) -> Points {
-    let axis = |from: &[f32]| places.iter().map(|&i| from[i as usize]).collect();
-    Points {
-        x: axis(&points.x),
-        y: axis(&points.y),
-        z: axis(&points.z),
-        index: places.iter().map(|&i| points.index[i as usize]).collect(),
+fn pick(points: &Points, places: &[u32], monitor: &Monitor) -> Result<Points> {
+    let axis = |from: &[f32]| map_watched(places.len(), monitor, |i| from[places[i] as usize]);
+    Ok(Points {
+        x: axis(&points.x)?,
+        y: axis(&points.y)?,
+        z: axis(&points.z)?,
+        index: map_watched(places.len(), monitor, |i| points.index[places[i] as usize])?,
         origin: points.origin,
-    }
+    })
 }
 
 /// Cuts a range of sorted points where the codes differ in the three bits below `bits`, until no part has too many points.

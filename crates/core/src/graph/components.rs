@@ -2,6 +2,8 @@
 
 use super::Graph;
 use super::union_find::UnionFind;
+use crate::error::Result;
+use crate::parallel::{Monitor, watched};
 
 /// Which component each node belongs to.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -16,30 +18,46 @@ pub struct Components {
 ///
 /// ```
 /// use scansion_core::graph::{Graph, connected_components};
+/// use scansion_core::parallel::Monitor;
 ///
 /// let graph = Graph::new(5, &[[3, 1], [4, 2]], &[1.0, 1.0])?;
-/// let components = connected_components(&graph);
+/// let components = connected_components(&graph, &Monitor::default())?;
 /// assert_eq!(components.of, [0, 1, 2, 1, 2]);
 /// assert_eq!(components.count, 3);
 /// # Ok::<(), scansion_core::Error>(())
 /// ```
-pub fn connected_components(graph: &Graph) -> Components {
-    const UNSEEN: u32 = u32::MAX;
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn connected_components(graph: &Graph, monitor: &Monitor) -> Result<Components> {
     let mut sets = UnionFind::new(graph.len());
-    for &[a, b] in graph.edges() {
-        sets.join(a, b);
-    }
-    let mut name = vec![UNSEEN; graph.len()];
-    let mut count = 0;
-    let of = (0..graph.len() as u32).map(|node| {
-        let slot = &mut name[sets.find(node) as usize];
-        if *slot == UNSEEN {
-            *slot = count;
-            count += 1;
+    for piece in watched(graph.edges().len(), monitor) {
+        for &[a, b] in &graph.edges()[piece?] {
+            sets.join(a, b);
         }
-        *slot
-    });
-    Components { of: of.collect(), count: count as usize }
+    }
+    Components::numbered(graph.len(), |node| sets.find(node), monitor)
+}
+
+impl Components {
+    /// From the node that stands for the component of each node.
+    pub(super) fn numbered(nodes: usize, mut root: impl FnMut(u32) -> u32, monitor: &Monitor) -> Result<Self> {
+        const UNSEEN: u32 = u32::MAX;
+        let mut name = vec![UNSEEN; nodes];
+        let mut count = 0;
+        let mut of = Vec::with_capacity(nodes);
+        for piece in watched(nodes, monitor) {
+            of.extend(piece?.map(|node| {
+                let slot = &mut name[root(node as u32) as usize];
+                if *slot == UNSEEN {
+                    *slot = count;
+                    count += 1;
+                }
+                *slot
+            }));
+        }
+        Ok(Self { of, count: count as usize })
+    }
 }
 
 #[cfg(test)]
@@ -66,7 +84,7 @@ mod tests {
             let mut draw = || (random.uniform() * 40.0) as u32;
             let pairs: Vec<[u32; 2]> = (0..25).map(|_| [draw(), draw()]).filter(|[a, b]| a != b).collect();
             let graph = Graph::new(40, &pairs, &vec![0.0; pairs.len()]).unwrap();
-            let (found, smallest) = (connected_components(&graph), slow(&graph));
+            let (found, smallest) = (connected_components(&graph, &Monitor::default()).unwrap(), slow(&graph));
             let mut names = smallest.clone();
             names.sort_unstable();
             names.dedup();
@@ -78,8 +96,9 @@ mod tests {
 
     #[test]
     fn no_nodes_no_components() {
-        assert_eq!(connected_components(&Graph::default()), Components::default());
+        let components = |graph: &Graph| connected_components(graph, &Monitor::default()).unwrap();
+        assert_eq!(components(&Graph::default()), Components::default());
         let alone = Graph::new(2, &[], &[]).unwrap();
-        assert_eq!(connected_components(&alone).of, [0, 1]);
+        assert_eq!(components(&alone).of, [0, 1]);
     }
 }

@@ -2,7 +2,10 @@
 
 use super::{Components, Graph};
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, sort_stable_watched, watched};
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+use std::ops::Range;
 
 /// What the weight of an edge says.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
@@ -52,37 +55,49 @@ impl FelzenszwalbParams {
 ///
 /// ```
 /// use scansion_core::graph::{FelzenszwalbParams, Graph, felzenszwalb};
+/// use scansion_core::parallel::Monitor;
 ///
 /// let graph = Graph::new(4, &[[0, 1], [1, 2], [2, 3]], &[0.1, 0.9, 0.2])?;
-/// let parts = felzenszwalb(&graph, &FelzenszwalbParams { k: 0.5, ..Default::default() })?;
+/// let params = FelzenszwalbParams { k: 0.5, ..Default::default() };
+/// let parts = felzenszwalb(&graph, &params, &Monitor::default())?;
 /// assert_eq!(parts.of, [0, 0, 1, 1]);
 /// # Ok::<(), scansion_core::Error>(())
 /// ```
 ///
 /// # Errors
-/// If k is negative or not a number.
-pub fn felzenszwalb(graph: &Graph, params: &FelzenszwalbParams) -> Result<Components> {
+/// If k is negative or not a number, or the work was cancelled.
+pub fn felzenszwalb(graph: &Graph, params: &FelzenszwalbParams, monitor: &Monitor) -> Result<Components> {
     params.validate()?;
     let mut merger = FelzenszwalbMerger::default();
-    let edges = graph.edges().iter().zip(graph.weights()).map(|(&ends, &weight)| (ends, f64::from(weight)));
-    merger.merge(graph.len(), edges, params);
-    let mut name = vec![u32::MAX; graph.len()];
-    let mut count = 0;
-    let of = (0..graph.len() as u32).map(|node| {
-        let slot = &mut name[merger.component(node) as usize];
-        if *slot == u32::MAX {
-            *slot = count;
-            count += 1;
-        }
-        *slot
-    });
-    Ok(Components { of: of.collect(), count: count as usize })
+    merger.edges.reserve_exact(graph.edges().len());
+    for piece in watched(graph.edges().len(), monitor) {
+        merger.edges.extend(piece?.map(|e| (graph.edges()[e], f64::from(graph.weights()[e]))));
+    }
+    sort_stable_watched(&mut merger.edges, params.order(), monitor)?;
+    merger.begin(graph.len(), params);
+    for piece in watched(graph.edges().len(), monitor) {
+        merger.join(piece?, params);
+    }
+    Components::numbered(graph.len(), |node| merger.component(node), monitor)
 }
+
+impl FelzenszwalbParams {
+    /// From the most alike ends to the least.
+    fn order(&self) -> fn(&Edge, &Edge) -> Ordering {
+        match self.meaning {
+            EdgeMeaning::Similarity => |a, b| b.1.total_cmp(&a.1),
+            EdgeMeaning::Dissimilarity => |a, b| a.1.total_cmp(&b.1),
+        }
+    }
+}
+
+/// Ends and weight.
+type Edge = ([u32; 2], f64);
 
 /// The working memory of many small segmentations.
 #[derive(Clone, Debug, Default)]
 pub struct FelzenszwalbMerger {
-    edges: Vec<([u32; 2], f64)>,
+    edges: Vec<Edge>,
     parent: Vec<u32>,
     size: Vec<u32>,
     internal: Vec<f64>,
@@ -91,22 +106,29 @@ pub struct FelzenszwalbMerger {
 impl FelzenszwalbMerger {
     /// Segments nodes `0..nodes` by edges between them. As [`felzenszwalb`], without checks of the parameters.
     pub fn merge(&mut self, nodes: usize, edges: impl Iterator<Item = ([u32; 2], f64)>, params: &FelzenszwalbParams) {
-        let similar = params.meaning == EdgeMeaning::Similarity;
         self.edges.clear();
         self.edges.extend(edges);
-        // Stable sorts: ties stay in the order of the edges.
-        if similar {
-            self.edges.sort_by(|a, b| b.1.total_cmp(&a.1));
-        } else {
-            self.edges.sort_by(|a, b| a.1.total_cmp(&b.1));
-        }
+        // A stable sort: ties stay in the order of the edges.
+        self.edges.sort_by(params.order());
+        self.begin(nodes, params);
+        self.join(0..self.edges.len(), params);
+    }
+
+    /// Every node a component of its own.
+    fn begin(&mut self, nodes: usize, params: &FelzenszwalbParams) {
+        let similar = params.meaning == EdgeMeaning::Similarity;
         self.parent.clear();
         self.parent.extend(0..nodes as u32);
         self.size.clear();
         self.size.resize(nodes, 1);
         self.internal.clear();
         self.internal.resize(nodes, if similar { 1.0 } else { 0.0 });
-        for at in 0..self.edges.len() {
+    }
+
+    /// Takes the next edges, which are sorted.
+    fn join(&mut self, edges: Range<usize>, params: &FelzenszwalbParams) {
+        let similar = params.meaning == EdgeMeaning::Similarity;
+        for at in edges {
             let ([a, b], weight) = self.edges[at];
             let (a, b) = (self.component(a), self.component(b));
             let share = |c: u32| params.k / f64::from(self.size[c as usize]);
@@ -155,7 +177,7 @@ mod tests {
     }
 
     fn run(graph: &Graph, k: f64, meaning: EdgeMeaning) -> Components {
-        felzenszwalb(graph, &FelzenszwalbParams { k, meaning }).unwrap()
+        felzenszwalb(graph, &FelzenszwalbParams { k, meaning }, &Monitor::default()).unwrap()
     }
 
     /// By the letter of the paper: components as lists, Int as the largest edge of their spanning tree.
@@ -200,20 +222,23 @@ mod tests {
     #[test]
     fn without_k_only_perfect_edges_join_and_with_much_all_that_hangs_together() {
         let mut s = stream(22, 0);
+        let components = |graph: &Graph| connected_components(graph, &Monitor::default()).unwrap();
         for _ in 0..100 {
             let graph = random_graph(&mut s);
-            assert_eq!(run(&graph, f64::INFINITY, EdgeMeaning::Similarity), connected_components(&graph));
+            assert_eq!(run(&graph, f64::INFINITY, EdgeMeaning::Similarity), components(&graph));
             let kept: Vec<[u32; 2]> =
                 graph.edges().iter().zip(graph.weights()).filter(|(_, w)| **w == 1.0).map(|(e, _)| *e).collect();
             let perfect = Graph::new(graph.len(), &kept, &vec![1.0; kept.len()]).unwrap();
-            assert_eq!(run(&graph, 0.0, EdgeMeaning::Similarity), connected_components(&perfect));
+            assert_eq!(run(&graph, 0.0, EdgeMeaning::Similarity), components(&perfect));
         }
     }
 
     #[test]
     fn a_negative_k_is_refused() {
         let graph = Graph::new(2, &[[0, 1]], &[1.0]).unwrap();
-        assert!(felzenszwalb(&graph, &FelzenszwalbParams { k: -1.0, ..Default::default() }).is_err());
-        assert!(felzenszwalb(&graph, &FelzenszwalbParams { k: f64::NAN, ..Default::default() }).is_err());
+        for k in [-1.0, f64::NAN] {
+            let params = FelzenszwalbParams { k, ..Default::default() };
+            assert!(felzenszwalb(&graph, &params, &Monitor::default()).is_err());
+        }
     }
 }

@@ -1,6 +1,8 @@
 //! The edges at each node in a third of the memory of an [`Adjacency`](super::Adjacency).
 
 use super::Graph;
+use crate::error::Result;
+use crate::parallel::{Monitor, watched};
 
 /// The edges at each node. Those to larger nodes stand together in the graph, so that only the others need a list.
 /// 4 bytes an edge and 8 a node.
@@ -16,24 +18,28 @@ pub struct Incidence<'a> {
 
 impl<'a> Incidence<'a> {
     /// O(n + m).
-    pub(super) fn new(graph: &'a Graph) -> Self {
+    pub(super) fn new(graph: &'a Graph, monitor: &Monitor) -> Result<Self> {
         let mut larger = vec![0u32; graph.len() + 1];
         let mut smaller = vec![0u32; graph.len() + 2];
-        for &[a, b] in graph.edges() {
-            larger[a as usize + 1] += 1;
-            smaller[b as usize + 2] += 1;
+        for piece in watched(graph.edges().len(), monitor) {
+            for &[a, b] in &graph.edges()[piece?] {
+                larger[a as usize + 1] += 1;
+                smaller[b as usize + 2] += 1;
+            }
         }
         for table in [&mut larger, &mut smaller] {
             (1..table.len()).for_each(|node| table[node] += table[node - 1]);
         }
         let mut edges = vec![0u32; graph.edges().len()];
-        for (edge, &[_, b]) in (0u32..).zip(graph.edges()) {
-            let slot = &mut smaller[b as usize + 1];
-            edges[*slot as usize] = edge;
-            *slot += 1;
+        for piece in watched(graph.edges().len(), monitor) {
+            for edge in piece? {
+                let slot = &mut smaller[graph.edges()[edge][1] as usize + 1];
+                edges[*slot as usize] = edge as u32;
+                *slot += 1;
+            }
         }
         smaller.pop();
-        Self { graph, larger, smaller, edges }
+        Ok(Self { graph, larger, smaller, edges })
     }
 
     /// Neighbours of a node, ascending, with the edge that leads there.
@@ -61,13 +67,13 @@ mod tests {
         let all = (0..50u32).flat_map(|b| (0..b).map(move |a| [a, b]));
         let pairs: Vec<[u32; 2]> = all.filter(|_| random.below(6) == 0).collect();
         let graph = Graph::new(52, &pairs, &vec![1.0; pairs.len()]).unwrap();
-        let (incidence, adjacency) = (graph.incidence(), graph.adjacency());
+        let (incidence, adjacency) = (graph.incidence(&Monitor::default()).unwrap(), graph.adjacency());
         for node in 0..52 {
             let expected: Vec<(u32, u32)> = adjacency.of(node).collect();
             assert_eq!(incidence.of(node).collect::<Vec<_>>(), expected);
             let larger: Vec<(u32, u32)> = expected.into_iter().filter(|(other, _)| *other as usize > node).collect();
             assert_eq!(incidence.larger(node).collect::<Vec<_>>(), larger);
         }
-        assert_eq!(Graph::default().incidence().edges.len(), 0);
+        assert_eq!(Graph::default().incidence(&Monitor::default()).unwrap().edges.len(), 0);
     }
 }

@@ -21,7 +21,7 @@ pub use weight::EdgeWeight;
 
 use crate::error::{Error, Result};
 use crate::memory;
-use crate::parallel::{Monitor, watched};
+use crate::parallel::{Monitor, sort_stable_watched, watched};
 
 /// An undirected graph: every edge once, as `[smaller node, larger node]`, in ascending order, with a weight.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -51,6 +51,14 @@ impl Graph {
     /// If a node is not below `nodes`, an edge joins a node with itself, lengths differ, a weight is negative or not
     /// finite, there are more than 2^32 - 1 nodes or more than memory has room for.
     pub fn new(nodes: usize, pairs: &[[u32; 2]], weights: &[f32]) -> Result<Self> {
+        Self::new_watched(nodes, pairs, weights, &Monitor::default())
+    }
+
+    /// As [`Graph::new`], for many edges.
+    ///
+    /// # Errors
+    /// As [`Graph::new`], and if the work was cancelled.
+    pub fn new_watched(nodes: usize, pairs: &[[u32; 2]], weights: &[f32], monitor: &Monitor) -> Result<Self> {
         if nodes > u32::MAX as usize {
             return Err(Error::input(format!("{nodes} nodes in one graph; at most {} are possible", u32::MAX)));
         }
@@ -59,24 +67,23 @@ impl Graph {
         if pairs.len() != weights.len() {
             return Err(Error::input(format!("{} edges but {} weights", pairs.len(), weights.len())));
         }
-        let mut rows: Vec<([u32; 2], f32)> = Vec::with_capacity(pairs.len());
-        for (&[a, b], &weight) in pairs.iter().zip(weights) {
-            if a == b || a as usize >= nodes || b as usize >= nodes {
-                return Err(Error::input(format!("edge {a}-{b} does not join two of the {nodes} nodes")));
+        let mut rows: Vec<Row> = Vec::with_capacity(pairs.len());
+        for piece in watched(pairs.len(), monitor) {
+            for e in piece? {
+                rows.push(row(nodes, pairs[e], weights[e])?);
             }
-            if !(weight >= 0.0 && weight.is_finite()) {
-                return Err(Error::input(format!("weight {weight} of edge {a}-{b} (allowed: finite, not negative)")));
-            }
-            rows.push(([a.min(b), a.max(b)], weight));
         }
-        rows.sort_by_key(|row| row.0);
+        // Edges of the same ends stay in their order, in which their weights are summed.
+        sort_stable_watched(&mut rows, |a, b| a.0.cmp(&b.0), monitor)?;
         let mut graph = Self { nodes, ..Self::default() };
-        for (edge, weight) in rows {
-            match graph.weights.last_mut() {
-                Some(last) if graph.edges.last() == Some(&edge) => *last += weight,
-                _ => {
-                    graph.edges.push(edge);
-                    graph.weights.push(weight);
+        for piece in watched(rows.len(), monitor) {
+            for &(edge, weight) in &rows[piece?] {
+                match graph.weights.last_mut() {
+                    Some(last) if graph.edges.last() == Some(&edge) => *last += weight,
+                    _ => {
+                        graph.edges.push(edge);
+                        graph.weights.push(weight);
+                    }
                 }
             }
         }
@@ -101,6 +108,11 @@ impl Graph {
     /// Weight of each edge.
     pub fn weights(&self) -> &[f32] {
         &self.weights
+    }
+
+    /// The edges and their weights, for who needs nothing else of the graph.
+    pub fn into_edges(self) -> (Vec<[u32; 2]>, Vec<f32>) {
+        (self.edges, self.weights)
     }
 
     /// The same edges with other weights.
@@ -138,8 +150,8 @@ impl Graph {
     /// O(n + m); nothing but the result and 4 bytes a node is held.
     ///
     /// # Errors
-    /// If a node does not exist or they do not ascend.
-    pub fn induced(&self, nodes: &[u32], kept: impl Fn([u32; 2]) -> bool) -> Result<Self> {
+    /// If a node does not exist or they do not ascend, or the work was cancelled.
+    pub fn induced(&self, nodes: &[u32], kept: impl Fn([u32; 2]) -> bool, monitor: &Monitor) -> Result<Self> {
         if let Some(pair) = nodes.windows(2).find(|pair| pair[0] >= pair[1]) {
             return Err(Error::input(format!("node {} stands before {} (allowed: ascending nodes)", pair[0], pair[1])));
         }
@@ -149,26 +161,55 @@ impl Graph {
         let mut place = vec![u32::MAX; self.nodes];
         nodes.iter().zip(0..).for_each(|(&node, at)| place[node as usize] = at);
         let there = |ends: [u32; 2]| ends.iter().all(|end| place[*end as usize] != u32::MAX) && kept(ends);
-        let rows = || self.edges.iter().zip(&self.weights).filter(|(ends, _)| there(**ends));
-        let count = rows().count();
+        let mut count = 0;
+        for piece in watched(self.edges.len(), monitor) {
+            count += self.edges[piece?].iter().filter(|ends| there(**ends)).count();
+        }
         let mut graph =
             Self { nodes: nodes.len(), edges: Vec::with_capacity(count), weights: Vec::with_capacity(count) };
-        for (ends, &weight) in rows() {
-            graph.edges.push(ends.map(|end| place[end as usize]));
-            graph.weights.push(weight);
+        for piece in watched(self.edges.len(), monitor) {
+            for e in piece?.filter(|&e| there(self.edges[e])) {
+                graph.edges.push(self.edges[e].map(|end| place[end as usize]));
+                graph.weights.push(self.weights[e]);
+            }
         }
         Ok(graph)
     }
 
     /// The edges at each node, in less memory than [`Graph::adjacency`]. O(n + m).
-    pub fn incidence(&self) -> Incidence<'_> {
-        Incidence::new(self)
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn incidence(&self, monitor: &Monitor) -> Result<Incidence<'_>> {
+        Incidence::new(self, monitor)
     }
 
     /// The edges at each node. O(nodes + edges).
     pub fn adjacency(&self) -> Adjacency {
         // Nobody can cancel a new monitor.
-        Adjacency::new(self.nodes, &self.edges, &Monitor::default()).unwrap_or_default()
+        self.adjacency_watched(&Monitor::default()).unwrap_or_default()
+    }
+
+    /// As [`Graph::adjacency`], for many edges.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn adjacency_watched(&self, monitor: &Monitor) -> Result<Adjacency> {
+        Adjacency::new(self.nodes, &self.edges, monitor)
+    }
+}
+
+/// An edge of a graph in the making: `[smaller node, larger node]` and its weight.
+type Row = ([u32; 2], f32);
+
+/// The edge of a pair, checked.
+fn row(nodes: usize, [a, b]: [u32; 2], weight: f32) -> Result<Row> {
+    if a == b || a as usize >= nodes || b as usize >= nodes {
+        return Err(Error::input(format!("edge {a}-{b} does not join two of the {nodes} nodes")));
+    }
+    match weight >= 0.0 && weight.is_finite() {
+        true => Ok(([a.min(b), a.max(b)], weight)),
+        false => Err(Error::input(format!("weight {weight} of edge {a}-{b} (allowed: finite, not negative)"))),
     }
 }
 
@@ -223,11 +264,12 @@ mod tests {
     #[test]
     fn some_nodes_keep_the_edges_between_them() {
         let graph = Graph::new(5, &[[0, 1], [1, 2], [1, 4], [2, 4], [3, 4]], &[1.0, 2.0, 3.0, 4.0, 5.0]).unwrap();
-        let found = graph.induced(&[1, 2, 4], |ends| ends != [1, 4]).unwrap();
+        let found = graph.induced(&[1, 2, 4], |ends| ends != [1, 4], &Monitor::default()).unwrap();
         assert_eq!(found, Graph::new(3, &[[0, 1], [1, 2]], &[2.0, 4.0]).unwrap());
-        assert_eq!(graph.induced(&[0, 1, 2, 3, 4], |_| true).unwrap(), graph);
-        assert!(graph.induced(&[], |_| true).unwrap().is_empty());
-        assert!(graph.induced(&[1, 1], |_| true).is_err() && graph.induced(&[1, 5], |_| true).is_err());
+        let all_of = |nodes: &[u32]| graph.induced(nodes, |_| true, &Monitor::default());
+        assert_eq!(all_of(&[0, 1, 2, 3, 4]).unwrap(), graph);
+        assert!(all_of(&[]).unwrap().is_empty());
+        assert!(all_of(&[1, 1]).is_err() && all_of(&[1, 5]).is_err());
     }
 
     #[test]
@@ -247,5 +289,18 @@ mod tests {
         assert!(Graph::new(2, &[[0, 1]], &[-1.0]).is_err());
         assert!(Graph::new(2, &[[0, 1]], &[f32::NAN]).is_err());
         assert!(Graph::new(2, &[[0, 1]], &[]).is_err());
+    }
+
+    #[test]
+    fn cancelled_work_ends_in_an_error() {
+        let monitor = Monitor::default();
+        let graph = Graph::new(3, &[[0, 1], [1, 2]], &[1.0, 2.0]).unwrap();
+        monitor.cancel();
+        assert!(Graph::new_watched(3, graph.edges(), graph.weights(), &monitor).is_err());
+        assert!(graph.adjacency_watched(&monitor).is_err() && graph.incidence(&monitor).is_err());
+        assert!(graph.induced(&[0, 1], |_| true, &monitor).is_err());
+        assert!(connected_components(&graph, &monitor).is_err());
+        assert!(felzenszwalb(&graph, &FelzenszwalbParams::default(), &monitor).is_err());
+        assert!(minimum_spanning_tree(&graph, &monitor).is_err());
     }
 }

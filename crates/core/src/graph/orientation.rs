@@ -5,7 +5,7 @@ use super::{Adjacency, KnnGraphParams, knn_graph, minimum_spanning_tree};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::neighbours::Neighbours;
-use crate::parallel::{Monitor, watched};
+use crate::parallel::{Monitor, map_watched, watched};
 use serde::{Deserialize, Serialize};
 
 /// Points between two looks at the monitor on the way through the tree.
@@ -82,7 +82,7 @@ fn propagate(points: &Points, neighbours: &Neighbours, directions: &mut [[f32; 3
     }
     let graph = graph.with_weights(weights)?;
     let tree = minimum_spanning_tree(&graph, monitor)?;
-    let pairs: Vec<[u32; 2]> = tree.iter().map(|&e| graph.edges()[e as usize]).collect();
+    let pairs: Vec<[u32; 2]> = map_watched(tree.len(), monitor, |i| graph.edges()[tree[i] as usize])?;
     drop((tree, graph));
     let roots = highest(&pairs, points, monitor)?;
     spread(&Adjacency::new(points.len(), &pairs, monitor)?, &roots, directions, monitor)

@@ -119,8 +119,8 @@ mod tests {
             assert_eq!(total, prim(&graph), "seed {seed}");
             let pairs: Vec<[u32; 2]> = tree.iter().map(|&e| graph.edges()[e as usize]).collect();
             let forest = Graph::new(graph.len(), &pairs, &vec![1.0; pairs.len()]).unwrap();
-            let components = connected_components(&graph);
-            assert_eq!(connected_components(&forest), components);
+            let components = connected_components(&graph, &Monitor::default()).unwrap();
+            assert_eq!(connected_components(&forest, &Monitor::default()).unwrap(), components);
             assert_eq!(tree.len(), graph.len() - components.count);
         }
     }

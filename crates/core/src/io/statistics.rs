@@ -4,9 +4,12 @@ use super::{Bounds, FileInfo, ReadOptions, inspect, read_with};
 use crate::cloud::crs::{Unit, unit_of};
 use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, Values, names};
 use crate::error::Result;
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
 use serde::Serialize;
 use std::path::Path;
+
+/// Points that are counted in one go.
+const PIECE: usize = 1 << 16;
 
 /// Counts over all points of a file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -34,76 +37,97 @@ pub fn statistics(path: &Path, options: &ReadOptions) -> Result<(Statistics, Clo
     super::run::joined(&options.monitor, || {
         let info = inspect(path)?;
         let cloud = read_with(path, options)?;
-        Ok((of_cloud(&cloud, &info), cloud))
+        Ok((of_cloud(&cloud, &info, &options.monitor)?, cloud))
     })
 }
 
 /// The counts of a cloud that was read from the file that `info` describes.
-pub fn of_cloud(cloud: &Cloud, info: &FileInfo) -> Statistics {
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn of_cloud(cloud: &Cloud, info: &FileInfo, monitor: &Monitor) -> Result<Statistics> {
     let finite = |i: usize| cloud.xyz(i).iter().all(|v| v.is_finite());
     let mut statistics = Statistics {
-        not_finite: (0..cloud.len()).into_par_iter().filter(|&i| !finite(i)).count() as u64,
-        duplicates: duplicates(cloud),
-        outside_bounds: outside(cloud, info),
-        nan_values: nan_values(cloud),
-        classes: classes(cloud),
+        not_finite: count(cloud.len(), |i| !finite(i), monitor)?,
+        duplicates: duplicates(cloud, monitor)?,
+        outside_bounds: outside(cloud, info, monitor)?,
+        nan_values: nan_values(cloud, monitor)?,
+        classes: classes(cloud, monitor)?,
         warnings: Vec::new(),
     };
-    statistics.warnings = warnings(&statistics, cloud, info);
-    statistics
+    statistics.warnings = warnings(&statistics, cloud, info, monitor)?;
+    Ok(statistics)
 }
 
-fn duplicates(cloud: &Cloud) -> u64 {
+/// How many of `0..len` are so.
+fn count(len: usize, is_so: impl Fn(usize) -> bool + Sync, monitor: &Monitor) -> Result<u64> {
+    let parts = map_ordered(len.div_ceil(PIECE), monitor, |piece| {
+        let items = piece * PIECE..((piece + 1) * PIECE).min(len);
+        Ok(items.filter(|&i| is_so(i)).count() as u64)
+    })?;
+    Ok(parts.into_iter().sum())
+}
+
+fn duplicates(cloud: &Cloud, monitor: &Monitor) -> Result<u64> {
     match cloud.coordinates() {
-        Coordinates::Scaled { ticks: [x, y, z], .. } => {
-            repeated((0..x.len()).into_par_iter().map(|i| [x[i], y[i], z[i]]))
-        }
+        Coordinates::Scaled { ticks: [x, y, z], .. } => repeated(x.len(), |i| Some([x[i], y[i], z[i]]), monitor),
         // Adding zero makes one of the two zeros; NaN lies nowhere.
-        Coordinates::Float(axes) => repeated(
-            (0..axes[0].len())
-                .into_par_iter()
-                .map(|i| [0, 1, 2].map(|a| axes[a][i] + 0.0))
-                .filter(|p| p.iter().all(|v| v.is_finite()))
-                .map(|p| p.map(f64::to_bits)),
-        ),
+        Coordinates::Float(axes) => {
+            let place = |i: usize| [0, 1, 2].map(|a| axes[a][i] + 0.0);
+            let finite = |p: &[f64; 3]| p.iter().all(|v| v.is_finite());
+            repeated(axes[0].len(), |i| Some(place(i)).filter(finite).map(|p| p.map(f64::to_bits)), monitor)
+        }
     }
 }
 
-fn repeated<T: Ord + Send>(places: impl ParallelIterator<Item = [T; 3]>) -> u64 {
-    let mut places: Vec<[T; 3]> = places.collect();
-    places.par_sort_unstable();
-    places.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64
+/// How many of `0..len` lie where another one lies.
+fn repeated<T: Ord + Send + Sync>(
+    len: usize,
+    place: impl Fn(usize) -> Option<[T; 3]>,
+    monitor: &Monitor,
+) -> Result<u64> {
+    let mut places: Vec<[T; 3]> = Vec::with_capacity(len);
+    for piece in watched(len, monitor) {
+        places.extend(piece?.filter_map(&place));
+    }
+    sort_watched(&mut places, monitor)?;
+    count(places.len().saturating_sub(1), |i| places[i] == places[i + 1], monitor)
 }
 
-fn outside(cloud: &Cloud, info: &FileInfo) -> u64 {
-    let Some((low, high)) = info.bounds else { return 0 };
+fn outside(cloud: &Cloud, info: &FileInfo, monitor: &Monitor) -> Result<u64> {
+    let Some((low, high)) = info.bounds else { return Ok(0) };
     let slack = info.scale.unwrap_or([0.0; 3]);
     let out = |i: usize| {
         let p = cloud.xyz(i);
         (0..3).any(|a| p[a] < low[a] - slack[a] || p[a] > high[a] + slack[a])
     };
-    (0..cloud.len()).into_par_iter().filter(|&i| out(i)).count() as u64
+    count(cloud.len(), out, monitor)
 }
 
-fn nan_values(cloud: &Cloud) -> Vec<(String, u64)> {
-    let count = |values: &Values| match values {
-        Values::F32(v) => v.iter().filter(|x| !x.is_finite()).count() as u64,
-        Values::F64(v) => v.iter().filter(|x| !x.is_finite()).count() as u64,
-        _ => 0,
-    };
-    let counted = cloud.columns().iter().map(|c| (c.name.clone(), count(&c.values)));
-    counted.filter(|(_, n)| *n > 0).collect()
+fn nan_values(cloud: &Cloud, monitor: &Monitor) -> Result<Vec<(String, u64)>> {
+    let mut counted = Vec::new();
+    for column in cloud.columns() {
+        let found = match &column.values {
+            Values::F32(v) => count(v.len(), |i| !v[i].is_finite(), monitor)?,
+            Values::F64(v) => count(v.len(), |i| !v[i].is_finite(), monitor)?,
+            _ => 0,
+        };
+        counted.extend((found > 0).then(|| (column.name.clone(), found)));
+    }
+    Ok(counted)
 }
 
-fn classes(cloud: &Cloud) -> Vec<(u8, u64)> {
+fn classes(cloud: &Cloud, monitor: &Monitor) -> Result<Vec<(u8, u64)>> {
     let mut counts = [0u64; 256];
     if let Some(column) = cloud.column(names::CLASSIFICATION) {
-        (0..cloud.len()).for_each(|i| counts[usize::from(column.values.get(i) as u8)] += 1);
+        for piece in watched(cloud.len(), monitor) {
+            piece?.for_each(|i| counts[usize::from(column.values.get(i) as u8)] += 1);
+        }
     }
-    (0..=255u8).map(|c| (c, counts[usize::from(c)])).filter(|(_, n)| *n > 0).collect()
+    Ok((0..=255u8).map(|c| (c, counts[usize::from(c)])).filter(|(_, n)| *n > 0).collect())
 }
 
-fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo) -> Vec<String> {
+fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo, monitor: &Monitor) -> Result<Vec<String>> {
     let mut warnings = Vec::new();
     let mut say = |count: u64, what: &str| {
         if count > 0 {
@@ -114,10 +138,10 @@ fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo) -> Vec<Stri
     say(statistics.duplicates, "points lie exactly where another one lies");
     say(statistics.outside_bounds, "points lie outside the bounds in the header");
     statistics.nan_values.iter().for_each(|(name, n)| say(*n, &format!("values of {name} are NaN or infinite")));
-    let strays = Strays::find(cloud, &StrayParams::default()).unwrap_or_default();
+    let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
     warnings.extend(strays.warning(cloud).map(|text| format!("{text}; recipes set such points aside")));
     warnings.extend(strays.bounds.and_then(|bounds| unit_warning(info, bounds)));
-    warnings
+    Ok(warnings)
 }
 
 /// Coordinates that do not look like the unit they are taken for.

@@ -4,6 +4,8 @@
 //! before the block. A block is found by an open-addressing table.
 
 use crate::cloud::morton;
+use crate::error::Result;
+use crate::parallel::{Monitor, watched};
 
 /// Occupied cells of a grid over points that stand in Morton order.
 #[derive(Clone, Debug, Default)]
@@ -23,40 +25,48 @@ const SLAB: [u64; 3] = [0x0055_0055_0055_0055, 0x0000_3333_0000_3333, 0x0f0f_0f0
 
 impl Blocks {
     /// Cells are `codes >> (3 * shift)`; codes ascend.
-    pub(super) fn new(codes: &[u64], shift: u32) -> Self {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn new(codes: &[u64], shift: u32, monitor: &Monitor) -> Result<Self> {
         let mut blocks = Self::default();
         let mut last = u64::MAX;
-        for (i, code) in codes.iter().enumerate() {
-            let cell = code >> (3 * shift);
-            if cell == last {
-                continue;
+        for piece in watched(codes.len(), monitor) {
+            for i in piece? {
+                let cell = codes[i] >> (3 * shift);
+                if cell == last {
+                    continue;
+                }
+                last = cell;
+                if blocks.keys.last() != Some(&(cell >> 6)) {
+                    blocks.keys.push(cell >> 6);
+                    blocks.masks.push(0);
+                    blocks.first.push(blocks.starts.len() as u32);
+                }
+                if let Some(mask) = blocks.masks.last_mut() {
+                    *mask |= 1 << (cell & 63);
+                }
+                blocks.starts.push(i as u32);
             }
-            last = cell;
-            if blocks.keys.last() != Some(&(cell >> 6)) {
-                blocks.keys.push(cell >> 6);
-                blocks.masks.push(0);
-                blocks.first.push(blocks.starts.len() as u32);
-            }
-            if let Some(mask) = blocks.masks.last_mut() {
-                *mask |= 1 << (cell & 63);
-            }
-            blocks.starts.push(i as u32);
         }
         blocks.starts.push(codes.len() as u32);
-        blocks.index();
-        blocks
+        blocks.index(monitor)?;
+        Ok(blocks)
     }
 
-    fn index(&mut self) {
+    fn index(&mut self, monitor: &Monitor) -> Result<()> {
         let size = (2 * self.keys.len()).next_power_of_two().max(2);
         self.table = vec![NONE; size];
-        for (b, &key) in self.keys.iter().enumerate() {
-            let mut slot = hash(key) & (size - 1);
-            while self.table[slot] != NONE {
-                slot = (slot + 1) & (size - 1);
+        for piece in watched(self.keys.len(), monitor) {
+            for b in piece? {
+                let mut slot = hash(self.keys[b]) & (size - 1);
+                while self.table[slot] != NONE {
+                    slot = (slot + 1) & (size - 1);
+                }
+                self.table[slot] = b as u32;
             }
-            self.table[slot] = b as u32;
         }
+        Ok(())
     }
 
     /// Groups of 8 x 8 x 8 blocks: Morton key of the group and its blocks.
@@ -190,7 +200,7 @@ mod tests {
         let mut codes: Vec<u64> = (0..4000u64).map(|i| i.wrapping_mul(2_654_435_761) % 30_000).collect();
         codes.sort_unstable();
         for shift in 0..3 {
-            let blocks = Blocks::new(&codes, shift);
+            let blocks = Blocks::new(&codes, shift, &Monitor::default()).unwrap();
             let mut around = Around::default();
             for cell in (0..30_000u64).map(|c| c >> (3 * shift)) {
                 let expected = codes.partition_point(|c| c >> (3 * shift) < cell)
@@ -205,7 +215,7 @@ mod tests {
     #[test]
     fn blocks_hold_all_points_once() {
         let codes: Vec<u64> = (0..1000).map(|i| i * 17).collect();
-        let blocks = Blocks::new(&codes, 1);
+        let blocks = Blocks::new(&codes, 1, &Monitor::default()).unwrap();
         let all: Vec<usize> = blocks.groups().flat_map(|(_, group)| group).flat_map(|b| blocks.points(b)).collect();
         assert_eq!(all, (0..1000).collect::<Vec<_>>());
         assert!(blocks.find(u64::MAX).is_none());

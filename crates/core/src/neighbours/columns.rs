@@ -4,7 +4,8 @@ use super::blocks::{Around, Blocks};
 use super::level::Level;
 use super::order::Grid;
 use crate::cloud::{Points, morton};
-use rayon::prelude::*;
+use crate::error::Result;
+use crate::parallel::{Monitor, map_watched, sort_watched};
 
 /// A level's points by the cell of a horizontal grid whose cells are as wide as the column's radius.
 #[derive(Clone, Debug)]
@@ -17,14 +18,18 @@ pub struct Columns {
 
 impl Columns {
     /// Columns of that radius in metres (also the edge of the grid's cells). O(n log n).
-    pub fn new(level: &Level, radius: f64) -> Self {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn new(level: &Level, radius: f64, monitor: &Monitor) -> Result<Self> {
         let grid = Grid { size: radius };
         let key = |i: usize| (grid.code(level.x[i], level.y[i], 0.0), i as u32);
-        let mut keyed: Vec<(u64, u32)> = (0..level.len()).into_par_iter().map(key).collect();
-        keyed.par_sort_unstable();
-        let order = keyed.iter().map(|k| k.1).collect();
-        let codes: Vec<u64> = keyed.into_iter().map(|k| k.0).collect();
-        Self { radius, blocks: Blocks::new(&codes, 0), order }
+        let mut keyed: Vec<(u64, u32)> = map_watched(level.len(), monitor, key)?;
+        sort_watched(&mut keyed, monitor)?;
+        let order = map_watched(keyed.len(), monitor, |i| keyed[i].1)?;
+        let codes = map_watched(keyed.len(), monitor, |i| keyed[i].0)?;
+        drop(keyed);
+        Ok(Self { radius, blocks: Blocks::new(&codes, 0, monitor)?, order })
     }
 
     /// Whether the indices of all cells fit.
@@ -138,7 +143,7 @@ mod tests {
         let points = sorted(points, &grid, &Monitor::default()).unwrap();
         for level in build_levels(&points, &grid, 4, &Monitor::default()).unwrap() {
             for radius in [level.size, 1.7 * level.size] {
-                let columns = Columns::new(&level, radius);
+                let columns = Columns::new(&level, radius, &Monitor::default()).unwrap();
                 let mut search = ColumnSearch::default();
                 for i in (0..points.len()).step_by(11) {
                     let at = [points.x[i], points.y[i], points.z[i]];

@@ -7,7 +7,7 @@ use super::blocks::Blocks;
 use super::order::Grid;
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 
 /// Occupied cells of the search grid hold at least this many points on average: fewer, and many queries need a wider search.
 const POINTS_PER_CELL: usize = 5;
@@ -92,16 +92,29 @@ impl Voxels {
     }
 
     /// How often to double the voxel so that occupied cells hold [`POINTS_PER_CELL`] on average.
-    fn doublings(&self) -> u32 {
-        let cells = |j: u32| self.codes.chunk_by(|a, b| a >> (3 * j) == b >> (3 * j)).count();
-        (1..20).find(|&j| cells(j) * POINTS_PER_CELL <= self.codes.len() + 8).unwrap_or(20)
+    fn doublings(&self, monitor: &Monitor) -> Result<u32> {
+        for doublings in 1..20 {
+            let mut cells = usize::from(!self.codes.is_empty());
+            for piece in watched(self.codes.len().saturating_sub(1), monitor) {
+                let cell = |i: usize| self.codes[i] >> (3 * doublings);
+                cells += piece?.filter(|&i| cell(i) != cell(i + 1)).count();
+            }
+            if cells * POINTS_PER_CELL <= self.codes.len() + 8 {
+                return Ok(doublings);
+            }
+        }
+        Ok(20)
     }
 
-    fn level(&self, size: f64, [x, y, z]: [Vec<f32>; 3]) -> Level {
-        let doublings = self.doublings();
-        let far = [&x, &y, &z].into_iter().flatten().fold(0.0f32, |m, &v| m.max(v));
-        let blocks = Blocks::new(&self.codes, doublings);
-        Level {
+    fn level(&self, size: f64, [x, y, z]: [Vec<f32>; 3], monitor: &Monitor) -> Result<Level> {
+        let doublings = self.doublings(monitor)?;
+        let mut far = 0.0f32;
+        for axis in [&x, &y, &z] {
+            monitor.check()?;
+            far = axis.iter().fold(far, |m, &v| m.max(v));
+        }
+        let blocks = Blocks::new(&self.codes, doublings, monitor)?;
+        Ok(Level {
             size,
             groups: blocks.groups().collect(),
             cell_size: size * f64::from(1u32 << doublings),
@@ -110,7 +123,7 @@ impl Voxels {
             x,
             y,
             z,
-        }
+        })
     }
 }
 
@@ -145,7 +158,9 @@ pub fn coarse_levels(
         }
         match levels.is_empty() && voxels.codes.len() > most {
             true => fine = l + 1,
-            false => levels.push(voxels.level(grid.size * f64::from(1u32 << l), std::mem::take(&mut means))),
+            false => {
+                levels.push(voxels.level(grid.size * f64::from(1u32 << l), std::mem::take(&mut means), monitor)?)
+            }
         }
     }
     Ok((fine, levels))

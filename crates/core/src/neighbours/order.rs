@@ -2,8 +2,7 @@
 
 use crate::cloud::{Points, morton};
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, sort_watched};
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_watched, sort_watched};
 
 /// The voxel grid of the finest level. Cells of level l are cells of this grid with indices shifted right by l.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,13 +62,14 @@ fn farthest(points: &Points) -> String {
 /// If the work was cancelled.
 pub fn sorted(points: Points, grid: &Grid, monitor: &Monitor) -> Result<Points> {
     let key = |i: usize| (grid.code(points.x[i], points.y[i], points.z[i]), i as u32);
-    let mut order: Vec<(u64, u32)> = (0..points.len()).into_par_iter().map(key).collect();
+    let mut order: Vec<(u64, u32)> = map_watched(points.len(), monitor, key)?;
     sort_watched(&mut order, monitor)?;
     let Points { x, y, z, index, origin } = points;
     // Each old axis goes as soon as the new one stands.
-    let pick = |axis: Vec<f32>| order.par_iter().map(|&(_, i)| axis[i as usize]).collect();
-    let (x, y, z) = (pick(x), pick(y), pick(z));
-    Ok(Points { x, y, z, index: order.par_iter().map(|&(_, i)| index[i as usize]).collect(), origin })
+    let pick = |axis: Vec<f32>| map_watched(order.len(), monitor, |i| axis[order[i].1 as usize]);
+    let (x, y, z) = (pick(x)?, pick(y)?, pick(z)?);
+    let index = map_watched(order.len(), monitor, |i| index[order[i].1 as usize])?;
+    Ok(Points { x, y, z, index, origin })
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use crate::cloud::{Cloud, Points, StrayParams, Strays};
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, Scratch, Tiles, Wanted};
 use crate::memory;
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::{Monitor, map_ordered_with, watched};
 
 /// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
 const TOGETHER: usize = 8;
@@ -66,15 +66,15 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
         AnyRecipe::Pyramid(recipe) => classify_pyramid(cloud, (model, recipe), (params, &agree), monitor)?,
         AnyRecipe::Weak(recipe) => {
             let (points, found) = classify_weak(cloud, (model, recipe), (params.metres_per_unit, &agree), monitor)?;
-            adopted(cloud, model, params, (&points.index, &found))
+            adopted(cloud, (model, params), (&points.index, &found), monitor)?
         }
         AnyRecipe::Objects(recipe) => {
             let metres = params.metres_per_unit;
             let (points, found) = classify_objects(cloud, (model, recipe), (metres, &agree), monitor)?;
-            adopted(cloud, model, params, (&points.index, &found))
+            adopted(cloud, (model, params), (&points.index, &found), monitor)?
         }
     };
-    let strays = Strays::find(cloud, &StrayParams::default())?;
+    let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
     strays.index.iter().for_each(|&i| result.codes[i as usize] = stray_code(model));
     Ok(result)
 }
@@ -101,14 +101,15 @@ fn forecast(points: usize, recipe: &AnyRecipe, params: &ClassifyParams) -> Resul
 /// The answers of a recipe that decides on all points together.
 fn adopted(
     cloud: &Cloud,
-    model: &Model,
-    params: &ClassifyParams,
+    (model, params): (&Model, &ClassifyParams),
     (index, found): (&[u32], &Regularised),
-) -> Classified {
+    monitor: &Monitor,
+) -> Result<Classified> {
     let mut result = Classified::unknown(cloud.len(), model, params.probabilities);
-    result.warnings = warnings(cloud, model, params.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0));
-    result.adopt(index, found, model);
-    result
+    let metres = params.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0);
+    result.warnings = warnings(cloud, model, metres, monitor)?;
+    result.adopt(index, found, model, monitor)?;
+    Ok(result)
 }
 
 fn classify_pyramid(
@@ -123,18 +124,27 @@ fn classify_pyramid(
         return point_by_point(cloud, model, (&set, params.probabilities), monitor);
     }
     let mut result = point_by_point(cloud, model, (&set, true), monitor)?;
-    let points = Points::from_cloud(cloud, set.metres(cloud));
+    let points = Points::from_cloud_watched(cloud, set.metres(cloud), monitor)?;
     let classes = model.classes.len();
     let all = result.probabilities.take().unwrap_or_default();
     let values = match points.len() == cloud.len() {
         true => all,
-        false => points.index.iter().flat_map(|&i| &all[i as usize * classes..][..classes]).copied().collect(),
+        false => rows_of(&all, classes, &points.index, monitor)?,
     };
     let found = regularise(&points, Probabilities { values: &values, classes }, None, agree, monitor)?;
     let warnings = std::mem::take(&mut result.warnings);
     result = Classified { warnings, ..Classified::unknown(cloud.len(), model, params.probabilities) };
-    result.adopt(&points.index, &found, model);
+    result.adopt(&points.index, &found, model, monitor)?;
     Ok(result)
+}
+
+/// The rows of some points.
+fn rows_of(all: &[f32], classes: usize, index: &[u32], monitor: &Monitor) -> Result<Vec<f32>> {
+    let mut rows = Vec::with_capacity(index.len() * classes);
+    for piece in watched(index.len(), monitor) {
+        rows.extend(index[piece?].iter().flat_map(|&i| &all[i as usize * classes..][..classes]));
+    }
+    Ok(rows)
 }
 
 fn point_by_point(
@@ -144,7 +154,7 @@ fn point_by_point(
     monitor: &Monitor,
 ) -> Result<Classified> {
     let mut result = Classified::unknown(cloud.len(), model, probabilities);
-    result.warnings = warnings(cloud, model, set.metres(cloud));
+    result.warnings = warnings(cloud, model, set.metres(cloud), monitor)?;
     let tiles = prepare(cloud, set, model, monitor)?;
     monitor.stage("classify", tiles.len() as u64);
     for part in 0..tiles.parts() {
@@ -244,11 +254,15 @@ impl Classified {
     }
 
     /// Takes over the labels that were agreed on; row i belongs to point `index[i]`.
-    fn adopt(&mut self, index: &[u32], found: &Regularised, model: &Model) {
-        let rows = found.probabilities.chunks_exact(model.classes.len());
-        for ((&point, &label), row) in index.iter().zip(&found.labels).zip(rows) {
-            self.set(point as usize, usize::from(label), row, model);
+    fn adopt(&mut self, index: &[u32], found: &Regularised, model: &Model, monitor: &Monitor) -> Result<()> {
+        let classes = model.classes.len();
+        for piece in watched(index.len(), monitor) {
+            for i in piece? {
+                let row = &found.probabilities[i * classes..][..classes];
+                self.set(index[i] as usize, usize::from(found.labels[i]), row, model);
+            }
         }
+        Ok(())
     }
 
     fn set(&mut self, point: usize, label: usize, row: &[f32], model: &Model) {
@@ -267,9 +281,12 @@ fn entropy(row: &[f32]) -> f32 {
 }
 
 /// "Does this model fit this cloud?": what differs from the training.
-fn warnings(cloud: &Cloud, model: &Model, metres: f64) -> Vec<String> {
+fn warnings(cloud: &Cloud, model: &Model, metres: f64, monitor: &Monitor) -> Result<Vec<String>> {
     let mut warnings = Vec::new();
-    let finite = (0..cloud.len()).filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
+    let mut finite = 0;
+    for piece in watched(cloud.len(), monitor) {
+        finite += piece?.filter(|&i| cloud.xyz(i).iter().all(|v| v.is_finite())).count();
+    }
     if finite < cloud.len() {
         warnings.push(format!(
             "{} points have coordinates that are not finite; they stay unclassified (code {})",
@@ -277,8 +294,8 @@ fn warnings(cloud: &Cloud, model: &Model, metres: f64) -> Vec<String> {
             model.classes.free_code()
         ));
     }
-    warnings.extend(cloud.oddities());
-    let (here, there) = (planar_density(cloud, metres), model.fingerprint.density);
+    warnings.extend(cloud.oddities(monitor)?);
+    let (here, there) = (planar_density(cloud, metres, monitor)?, model.fingerprint.density);
     let thinnest = thinnest(model).min(there);
     if finite > 1000 && there > 0.0 && (here > OTHER * there || here * OTHER < thinnest) {
         let mut text = format!(
@@ -289,7 +306,7 @@ fn warnings(cloud: &Cloud, model: &Model, metres: f64) -> Vec<String> {
         }
         warnings.push(text);
     }
-    warnings
+    Ok(warnings)
 }
 
 /// The lowest density of the thinned copies that a model has learned from.

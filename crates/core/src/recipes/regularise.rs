@@ -185,7 +185,7 @@ impl Scene {
                     segment((points, &found.table), &scene.graph, params, monitor)?
                 }
             };
-            scene.segments = Some(Segments::new(found, &scene.graph)?);
+            scene.segments = Some(Segments::new(found, &scene.graph, monitor)?);
         }
         Ok(scene)
     }
@@ -241,7 +241,7 @@ impl Scene {
         let classes = given.classes;
         match (params.method, &self.segments) {
             (Regularise::None, _) => Ok(by_largest(smooth, classes)),
-            (Regularise::Local, _) => Ok(by_largest(local_smoothing(&smooth, classes, &self.graph)?, classes)),
+            (Regularise::Local, _) => Ok(by_largest(local_smoothing(&smooth, classes, &self.graph, monitor)?, classes)),
             (Regularise::PointCrf, _) => self.point_field(smooth, classes, params, monitor),
             (_, Some(segments)) => segments.decide((&smooth, classes), params, monitor),
             (_, None) => Err(Error::input("segments are needed, but there are none")),
@@ -274,7 +274,7 @@ pub(super) fn field(
         let expansion = ExpansionParams { strength, ..ExpansionParams::default() };
         return alpha_expansion(costs, graph, &expansion, monitor);
     }
-    let pieces = connected_components(graph);
+    let pieces = connected_components(graph, monitor)?;
     let mut sums = vec![0.0f64; pieces.count * classes];
     for (row, &piece) in costs.chunks_exact(classes).zip(&pieces.of) {
         let sum = &mut sums[piece as usize * classes..][..classes];

@@ -19,8 +19,8 @@ pub(super) struct Segments {
 }
 
 impl Segments {
-    pub(super) fn new(found: Search, points: &Graph) -> Result<Self> {
-        let graph = segment_graph(points, &found.partition, Interface::Weight)?;
+    pub(super) fn new(found: Search, points: &Graph, monitor: &Monitor) -> Result<Self> {
+        let graph = segment_graph(points, &found.partition, Interface::Weight, monitor)?;
         Ok(Self { partition: found.partition, graph, strength: found.strength })
     }
 
@@ -44,7 +44,7 @@ impl Segments {
     ) -> Result<()> {
         let params = PartitionParams { intent: Intent::Strength(finer * self.strength), ..params.clone() };
         self.partition = recut(scene, (&self.partition, chosen), &params, monitor)?;
-        self.graph = segment_graph(scene.graph, &self.partition, Interface::Weight)?;
+        self.graph = segment_graph(scene.graph, &self.partition, Interface::Weight, monitor)?;
         Ok(())
     }
 

@@ -49,7 +49,7 @@ pub fn train(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> 
         features: described.names.len(),
         warnings,
     };
-    let fingerprint = Fingerprint::of(&described.samples(), mean_density(clouds, &recipe)).select(&used);
+    let fingerprint = Fingerprint::of(&described.samples(), mean_density(clouds, &recipe, monitor)?).select(&used);
     let feature_names = used.iter().map(|&f| described.names[f].clone()).collect();
     let (recipe_toml, seed) = (recipe.to_toml()?, recipe.seed);
     Ok((Model { recipe_toml, classes: described.classes, feature_names, seed, fingerprint, classifier }, report))
@@ -108,8 +108,8 @@ fn prepare(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Re
     for (cloud, _) in clouds {
         cloud.metres(recipe.features.metres_per_unit)?;
     }
-    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
-    let mut sources = gather(clouds, &recipe);
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
+    let mut sources = gather(clouds, &recipe, monitor)?;
     let offered = tally(&sources);
     let weights = choose(&mut sources, &recipe)?;
     let counts = count(clouds, &tally(&sources), &weights);
@@ -131,19 +131,20 @@ fn with_reasons(error: Error, reasons: &[String]) -> Error {
 }
 
 /// Step 1: what could be learned from, for every cloud and its thinned copies.
-fn gather(clouds: &[(Cloud, Labels)], recipe: &Recipe) -> Vec<Source> {
+fn gather(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<Vec<Source>> {
     let mut sources = Vec::new();
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let metres = recipe.features.metres(cloud);
-        for copy in copies(cloud, &recipe.training, metres, recipe.seed.wrapping_add(c as u64)) {
+        for copy in copies(cloud, (&recipe.training, metres), recipe.seed.wrapping_add(c as u64), monitor)? {
+            let at = (&recipe.training, metres);
             let candidates = match &copy {
-                None => candidates(cloud, labels, &recipe.training, metres),
-                Some(kept) => candidates(&cloud.select(kept), &labels.select(kept), &recipe.training, metres),
+                None => candidates(cloud, labels, at, monitor)?,
+                Some(kept) => candidates(&cloud.select(kept), &labels.select(kept), at, monitor)?,
             };
             sources.push(Source { cloud: c, copy, candidates });
         }
     }
-    sources
+    Ok(sources)
 }
 
 /// Samples by code.
@@ -270,7 +271,10 @@ fn warnings(counts: &[ClassCount], offered: &[u64; 256], params: &TrainingParams
 }
 
 /// Mean of the clouds' densities, points per square metre.
-fn mean_density(clouds: &[(Cloud, Labels)], recipe: &Recipe) -> f64 {
-    let sum: f64 = clouds.iter().map(|(cloud, _)| planar_density(cloud, recipe.features.metres(cloud))).sum();
-    sum / clouds.len().max(1) as f64
+fn mean_density(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<f64> {
+    let mut sum = 0.0;
+    for (cloud, _) in clouds {
+        sum += planar_density(cloud, recipe.features.metres(cloud), monitor)?;
+    }
+    Ok(sum / clouds.len().max(1) as f64)
 }

@@ -8,6 +8,7 @@ use super::labels::Labels;
 use crate::classification::sampling::{BalanceParams, Rare};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, sort_watched, sort_watched_by, watched};
 use crate::random::{Stream, stream};
 use serde::{Deserialize, Serialize};
 
@@ -138,17 +139,32 @@ pub(super) struct Candidate {
 /// One candidate for each voxel: its first point that carries the voxel's majority label (ties: smallest code).
 ///
 /// O(n log n) time, 28 bytes a labelled point.
-pub(super) fn candidates(cloud: &Cloud, labels: &Labels, params: &TrainingParams, metres: f64) -> Vec<Candidate> {
-    let points = Points::from_cloud(cloud, metres);
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn candidates(
+    cloud: &Cloud,
+    labels: &Labels,
+    (params, metres): (&TrainingParams, f64),
+    monitor: &Monitor,
+) -> Result<Vec<Candidate>> {
+    let points = Points::from_cloud_watched(cloud, metres, monitor)?;
     let mut keyed: Vec<([i32; 3], Candidate)> = Vec::new();
-    for (i, &point) in points.index.iter().enumerate() {
-        let xyz = cloud.xyz(point as usize);
-        let Some(code) = labels.codes[point as usize].filter(|_| !params.excludes(xyz[0], xyz[1])) else { continue };
-        let key = [points.x[i], points.y[i], points.z[i]].map(|v| cell(v, params.voxel, point));
-        keyed.push((key, Candidate { point, code }));
+    for piece in watched(points.len(), monitor) {
+        for i in piece? {
+            let point = points.index[i];
+            let xyz = cloud.xyz(point as usize);
+            let kept = |_: &u8| !params.excludes(xyz[0], xyz[1]);
+            let Some(code) = labels.codes[point as usize].filter(kept) else { continue };
+            let key = [points.x[i], points.y[i], points.z[i]].map(|v| cell(v, params.voxel, point));
+            keyed.push((key, Candidate { point, code }));
+        }
     }
-    keyed.sort_unstable_by_key(|(key, c)| (*key, c.code, c.point));
-    keyed.chunk_by(|a, b| a.0 == b.0).filter_map(majority).collect()
+    drop(points);
+    let order = |(key, c): &([i32; 3], Candidate)| (*key, c.code, c.point);
+    sort_watched_by(&mut keyed, |a, b| order(a).cmp(&order(b)), monitor)?;
+    monitor.check()?;
+    Ok(keyed.chunk_by(|a, b| a.0 == b.0).filter_map(majority).collect())
 }
 
 /// Cell of a coordinate; with voxel 0 every point has a cell of its own.
@@ -169,31 +185,49 @@ fn majority(voxel: &[([i32; 3], Candidate)]) -> Option<Candidate> {
 /// The cloud as it is, then its thinned copies: for each the positions of its points. `None` stands for all points.
 ///
 /// A density is only thinned to if the cloud is at least a quarter denser.
-pub(super) fn copies(cloud: &Cloud, params: &TrainingParams, metres: f64, seed: u64) -> Vec<Option<Vec<u32>>> {
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn copies(
+    cloud: &Cloud,
+    (params, metres): (&TrainingParams, f64),
+    seed: u64,
+    monitor: &Monitor,
+) -> Result<Vec<Option<Vec<u32>>>> {
     let mut copies = vec![None];
-    let density = planar_density(cloud, metres);
+    let density = planar_density(cloud, metres, monitor)?;
     for (c, &target) in params.densities.iter().enumerate() {
         if density > 1.25 * target {
             let mut random = stream(seed, 0x7468_696e ^ (c as u64) << 32);
-            copies.push(Some(thin(cloud.len(), target / density, &mut random)));
+            copies.push(Some(thin(cloud.len(), target / density, &mut random, monitor)?));
         }
     }
-    copies
+    Ok(copies)
 }
 
-fn thin(points: usize, share: f64, random: &mut Stream) -> Vec<u32> {
-    (0..points as u32).filter(|_| random.uniform() < share).collect()
+fn thin(points: usize, share: f64, random: &mut Stream, monitor: &Monitor) -> Result<Vec<u32>> {
+    let mut kept = Vec::new();
+    for piece in watched(points, monitor) {
+        kept.extend(piece?.map(|i| i as u32).filter(|_| random.uniform() < share));
+    }
+    Ok(kept)
 }
 
 /// Points per occupied square metre, measured on cells of 2 m. 0 for an empty cloud.
-pub fn planar_density(cloud: &Cloud, metres: f64) -> f64 {
-    let points = Points::from_cloud(cloud, metres);
-    let mut cells: Vec<(i32, i32)> =
-        points.x.iter().zip(&points.y).map(|(&x, &y)| ((x / 2.0).floor() as i32, (y / 2.0).floor() as i32)).collect();
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn planar_density(cloud: &Cloud, metres: f64, monitor: &Monitor) -> Result<f64> {
+    let points = Points::from_cloud_watched(cloud, metres, monitor)?;
+    let cell = |v: f32| (v / 2.0).floor() as i32;
+    let mut cells: Vec<(i32, i32)> = Vec::with_capacity(points.len());
+    for piece in watched(points.len(), monitor) {
+        cells.extend(piece?.map(|i| (cell(points.x[i]), cell(points.y[i]))));
+    }
     let n = cells.len();
-    cells.sort_unstable();
+    sort_watched(&mut cells, monitor)?;
     cells.dedup();
-    if cells.is_empty() { 0.0 } else { n as f64 / (4.0 * cells.len() as f64) }
+    Ok(if cells.is_empty() { 0.0 } else { n as f64 / (4.0 * cells.len() as f64) })
 }
 
 #[cfg(test)]
@@ -209,12 +243,14 @@ mod tests {
         let rows = [[0.1, 0.1, 0.1], [0.2, 0.2, 0.2], [0.3, 0.1, 0.2], [1.5, 0.0, 0.0]];
         let cloud = Cloud::from_rows(&rows).unwrap();
         let params = TrainingParams { voxel: 1.0, ..TrainingParams::default() };
-        let found = candidates(&cloud, &labels(&[5, 2, 2, 0]), &params, 1.0);
+        let found = candidates(&cloud, &labels(&[5, 2, 2, 0]), (&params, 1.0), &Monitor::default()).unwrap();
         assert_eq!(found, [Candidate { point: 1, code: 2 }]);
         let all = TrainingParams { voxel: 0.0, ..params.clone() };
-        assert_eq!(candidates(&cloud, &labels(&[5, 2, 2, 6]), &all, 1.0).len(), 4);
+        let found = candidates(&cloud, &labels(&[5, 2, 2, 6]), (&all, 1.0), &Monitor::default()).unwrap();
+        assert_eq!(found.len(), 4);
         let boxed = TrainingParams { exclude: vec![[0.0, 0.0, 1.0, 1.0]], ..params };
-        assert_eq!(candidates(&cloud, &labels(&[5, 2, 2, 6]), &boxed, 1.0), [Candidate { point: 3, code: 6 }]);
+        let found = candidates(&cloud, &labels(&[5, 2, 2, 6]), (&boxed, 1.0), &Monitor::default()).unwrap();
+        assert_eq!(found, [Candidate { point: 3, code: 6 }]);
     }
 
     #[test]
@@ -222,9 +258,9 @@ mod tests {
         let rows: Vec<[f64; 3]> =
             (0..10_000).map(|i| [f64::from(i % 100) * 0.2, f64::from(i / 100) * 0.2, 0.0]).collect();
         let cloud = Cloud::from_rows(&rows).unwrap();
-        assert!((planar_density(&cloud, 1.0) - 25.0).abs() < 1e-9);
+        assert!((planar_density(&cloud, 1.0, &Monitor::default()).unwrap() - 25.0).abs() < 1e-9);
         let params = TrainingParams { densities: vec![5.0, 24.0], ..TrainingParams::default() };
-        let copies = copies(&cloud, &params, 1.0, 0);
+        let copies = copies(&cloud, (&params, 1.0), 0, &Monitor::default()).unwrap();
         assert_eq!(copies.len(), 2);
         let thinned = copies[1].as_ref().unwrap().len();
         assert!((1800..2200).contains(&thinned), "{thinned}");

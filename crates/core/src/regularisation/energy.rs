@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::graph::Graph;
+use crate::parallel::{Monitor, watched};
 
 /// Distance of two labels.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -155,11 +156,26 @@ impl<'a> Energy<'a> {
 
     /// Energy of a labelling, summed in the order of nodes, then edges, then labels. O(nodes + edges + labels).
     pub fn of(&self, labels: &[u16]) -> f64 {
-        let nodes: f64 = labels.iter().enumerate().map(|(node, &label)| self.cost(node, label)).sum();
-        let edges = self.graph.edges().iter().enumerate();
-        let edges: f64 = edges.map(|(e, &[i, j])| self.edge_cost(e, labels[i as usize], labels[j as usize])).sum();
+        // Nobody can cancel a new monitor.
+        self.of_watched(labels, &Monitor::default()).unwrap_or_default()
+    }
+
+    /// As [`Energy::of`], for many nodes.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn of_watched(&self, labels: &[u16], monitor: &Monitor) -> Result<f64> {
+        let (mut nodes, mut edges) = (0.0, 0.0);
+        for piece in watched(labels.len(), monitor) {
+            nodes = piece?.map(|node| self.cost(node, labels[node])).fold(nodes, |sum, cost| sum + cost);
+        }
+        let ends = self.graph.edges();
+        for piece in watched(ends.len(), monitor) {
+            let cost = |e: usize| self.edge_cost(e, labels[ends[e][0] as usize], labels[ends[e][1] as usize]);
+            edges = piece?.map(cost).fold(edges, |sum, cost| sum + cost);
+        }
         let used = self.users(labels).into_iter().enumerate().filter(|(_, users)| *users > 0);
-        nodes + edges + used.map(|(label, _)| self.label_cost(label as u16)).sum::<f64>()
+        Ok(nodes + edges + used.map(|(label, _)| self.label_cost(label as u16)).sum::<f64>())
     }
 
     /// How many nodes have each label.
@@ -170,21 +186,39 @@ impl<'a> Energy<'a> {
     }
 
     /// Where a search begins: the cheapest label of every node, or one label for all if that costs less.
-    pub(super) fn start(&self) -> Vec<u16> {
-        let cheapest = self.cheapest();
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn start(&self, monitor: &Monitor) -> Result<Vec<u16>> {
+        let cheapest = self.cheapest(monitor)?;
         let mut sums = vec![0.0; self.labels];
-        for row in self.unary.chunks_exact(self.labels) {
-            sums.iter_mut().zip(row).for_each(|(sum, cost)| *sum += f64::from(*cost));
+        for piece in watched(cheapest.len(), monitor) {
+            for row in piece?.map(|node| self.row(node)) {
+                sums.iter_mut().zip(row).for_each(|(sum, cost)| *sum += f64::from(*cost));
+            }
         }
         let total = |label: usize| sums[label] + self.label_cost(label as u16);
         let best = (1..self.labels).fold(0, |best, label| if total(label) < total(best) { label } else { best });
-        if total(best) < self.of(&cheapest) { vec![best as u16; cheapest.len()] } else { cheapest }
+        let least = self.of_watched(&cheapest, monitor)?;
+        Ok(if total(best) < least { vec![best as u16; cheapest.len()] } else { cheapest })
+    }
+
+    /// What each label costs at a node.
+    fn row(&self, node: usize) -> &[f32] {
+        &self.unary[node * self.labels..][..self.labels]
     }
 
     /// The cheapest label of every node by itself, the first of equals.
-    pub fn cheapest(&self) -> Vec<u16> {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn cheapest(&self, monitor: &Monitor) -> Result<Vec<u16>> {
         let best = |row: &[f32]| (1..row.len()).fold(0, |best, l| if row[l] < row[best] { l } else { best }) as u16;
-        self.unary.chunks_exact(self.labels).map(best).collect()
+        let mut labels = Vec::with_capacity(self.graph.len());
+        for piece in watched(self.unary.len() / self.labels, monitor) {
+            labels.extend(piece?.map(|node| best(self.row(node))));
+        }
+        Ok(labels)
     }
 }
 

@@ -81,7 +81,7 @@ pub fn alpha_expansion(unary: &[f32], graph: &Graph, params: &ExpansionParams, m
     if !graph.is_empty() {
         params.pairwise.check_metric(energy.labels)?;
     }
-    let adjacency = graph.adjacency();
+    let adjacency = graph.adjacency_watched(monitor)?;
     match Kernel::of(&energy, &adjacency, monitor)? {
         None => {
             let rival = params.rival(energy, &adjacency, monitor)?;
@@ -101,7 +101,7 @@ impl ExpansionParams {
         if self.starts < 2 {
             return Ok(None);
         }
-        let mut search = Search::new(energy, adjacency, vec![0; energy.graph.len()]);
+        let mut search = Search::new(energy, adjacency, vec![0; energy.graph.len()], monitor)?;
         search.question.eager = true;
         let mut expansions = Moves::new(energy.labels, self.max_rounds);
         let mut ask = |search: &mut Search<'_>, alpha: usize, since: u32| offer(search, alpha as u16, since, monitor);
@@ -117,11 +117,13 @@ impl ExpansionParams {
         rival: Option<&[u16]>,
         monitor: &Monitor,
     ) -> Result<Labelling> {
-        let mut search = Search::new(energy, adjacency, energy.start());
+        let mut search = Search::new(energy, adjacency, energy.start(monitor)?, monitor)?;
         let mut expansions = Moves::new(energy.labels, self.max_rounds);
         let mut ask = |search: &mut Search<'_>, alpha: usize, since: u32| offer(search, alpha as u16, since, monitor);
         let mut converged = search.in_turn(&mut expansions, monitor, &mut ask)?;
-        if rival.is_some_and(|rival| search.join(rival)) {
+        if let Some(rival) = rival
+            && search.join(rival, monitor)?
+        {
             converged = search.in_turn(&mut expansions, monitor, &mut ask)?;
         }
         Ok(search.into_labelling(converged))
@@ -135,7 +137,7 @@ impl ExpansionParams {
         monitor: &Monitor,
     ) -> Result<Labelling> {
         let open = kernel.energy();
-        let inner = open.graph.adjacency();
+        let inner = open.graph.adjacency_watched(monitor)?;
         let rival = match energy.graph.edges().len() <= WHOLE {
             // Known labels are at least as good as the rival's, whatever the labels of the kernel.
             true => self.rival(energy, adjacency, monitor)?.map(|labels| kernel.part_of(&labels)),
@@ -143,7 +145,7 @@ impl ExpansionParams {
         };
         let found = self.descend(open, &inner, rival.as_deref(), monitor)?;
         let labels = kernel.whole(&found.labels);
-        let least = energy.of(&labels);
+        let least = energy.of_watched(&labels, monitor)?;
         // What the known labels cost is the same in each round; rounding must not make the trace rise.
         let trace = found.trace.iter().map(|round| (round + (least - found.energy)).max(least)).collect();
         Ok(Labelling { labels, energy: least, trace, converged: found.converged })
@@ -153,18 +155,19 @@ impl ExpansionParams {
 /// Offers one label to all nodes.
 fn offer(search: &mut Search<'_>, alpha: u16, since: u32, monitor: &Monitor) -> Result<Outcome> {
     // Only what has changed since the label was last offered can give another answer, unless labels cost.
-    let with_hubs = hubs::adjacency(search, alpha);
+    let with_hubs = hubs::adjacency(search, alpha, monitor)?;
     let since = if with_hubs.is_some() { 0 } else { since };
     let adjacency = with_hubs.as_ref().unwrap_or(search.adjacency);
     search.refresh(since);
-    search.question.ask(&search.energy, adjacency, &search.labels, alpha);
-    search.pieces.collect(&search.question, adjacency);
+    search.question.ask(&search.energy, adjacency, (&search.labels, alpha), monitor)?;
+    search.pieces.collect(&search.question, adjacency, monitor)?;
     let mut taken = search.pieces.answer(&search.question, adjacency, monitor)?;
     taken.extend(search.question.settled(State::Takes));
     let labels = &search.labels;
+    monitor.check()?;
     let news = taken.into_iter().filter(|&node| labels.get(node as usize).is_some_and(|&label| label != alpha));
     let moves: Vec<(u32, u16)> = news.map(|node| (node, alpha)).collect();
-    Ok(search.apply(&moves))
+    search.apply(&moves, monitor)
 }
 
 #[cfg(test)]
@@ -313,7 +316,7 @@ mod tests {
     fn no_strength_gives_the_cheapest_label_and_a_great_one_a_label_for_each_component() {
         let mut instance = random(5, 40, 4);
         let none = solve(&instance, &ExpansionParams { strength: 0.0, ..ExpansionParams::default() });
-        assert_eq!(none.labels, instance.energy(&ExpansionParams::default()).cheapest());
+        assert_eq!(none.labels, instance.energy(&ExpansionParams::default()).cheapest(&Monitor::default()).unwrap());
         let pairs: Vec<[u32; 2]> = (0..39).filter(|i| *i != 19).map(|i| [i, i + 1]).collect();
         instance.graph = Graph::new(40, &pairs, &[1.0; 38]).unwrap();
         let great = solve(&instance, &ExpansionParams { strength: 1e6, ..ExpansionParams::default() });

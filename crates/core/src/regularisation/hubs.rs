@@ -8,7 +8,9 @@
 use super::Energy;
 use super::reduce::{Question, State};
 use super::search::Search;
+use crate::error::Result;
 use crate::graph::Adjacency;
+use crate::parallel::{Looks, Monitor};
 
 /// The hub of `label`, if it can vanish: nodes after those of the graph.
 fn hub(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
@@ -17,15 +19,20 @@ fn hub(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
 
 /// The adjacency with hubs, or none if no label costs anything. The edge from a node to its hub has the number of the node
 /// after those of the graph's edges. O(nodes + edges).
-pub(super) fn adjacency(search: &Search<'_>, alpha: u16) -> Option<Adjacency> {
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn adjacency(search: &Search<'_>, alpha: u16, monitor: &Monitor) -> Result<Option<Adjacency>> {
     let energy = &search.energy;
     if energy.label_costs.iter().all(|cost| *cost == 0.0) {
-        return None;
+        return Ok(None);
     }
     let (nodes, edges) = (energy.graph.len(), energy.graph.edges().len());
     let mut out = Adjacency { offsets: vec![0], ..Adjacency::default() };
     let mut members = vec![Vec::new(); energy.labels];
+    let mut looks = Looks::at(monitor);
     for (node, &label) in search.labels.iter().enumerate() {
+        looks.step()?;
         for (other, edge) in search.adjacency.of(node) {
             out.neighbours.push(other);
             out.edges.push(edge);
@@ -42,7 +49,7 @@ pub(super) fn adjacency(search: &Search<'_>, alpha: u16) -> Option<Adjacency> {
         out.neighbours.extend(nodes_of_label);
         out.offsets.push(out.neighbours.len());
     }
-    Some(out)
+    Ok(Some(out))
 }
 
 impl Question {

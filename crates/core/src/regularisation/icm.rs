@@ -59,9 +59,9 @@ pub fn iterated_conditional_modes(
 ) -> Result<Labelling> {
     params.validate()?;
     let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?;
-    let adjacency = graph.adjacency();
-    let mut labels = energy.cheapest();
-    let mut trace = vec![energy.of(&labels)];
+    let adjacency = graph.adjacency_watched(monitor)?;
+    let mut labels = energy.cheapest(monitor)?;
+    let mut trace = vec![energy.of_watched(&labels, monitor)?];
     let mut costs = vec![0.0; energy.labels];
     let mut converged = false;
     monitor.stage("labels", params.max_rounds as u64);
@@ -75,7 +75,7 @@ pub fn iterated_conditional_modes(
             converged &= best == labels[node];
             labels[node] = best;
         }
-        trace.push(energy.of(&labels));
+        trace.push(energy.of_watched(&labels, monitor)?);
         monitor.advance(1);
     }
     let energy = trace.last().copied().unwrap_or_default();

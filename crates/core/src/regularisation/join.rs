@@ -4,35 +4,48 @@
 //! labellings whatever the others have. The result costs at most what the better labelling does.
 
 use super::search::Search;
+use crate::error::Result;
+use crate::parallel::{Looks, Monitor};
 
 /// Moves to `other` of all regions in which it costs less; if labels cost something, regions depend on each other and all
 /// differences are one. O(nodes + edges).
-pub(super) fn better_regions(search: &Search<'_>, other: &[u16]) -> Vec<(u32, u16)> {
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn better_regions(search: &Search<'_>, other: &[u16], monitor: &Monitor) -> Result<Vec<(u32, u16)>> {
+    let mut looks = Looks::at(monitor);
     let mut seen: Vec<bool> = search.labels.iter().zip(other).map(|(a, b)| a == b).collect();
     let label_of = |node: &u32| (*node, other[*node as usize]);
     let mut moves = Vec::new();
     let one_region = search.energy.label_costs.iter().any(|cost| *cost > 0.0);
     let mut region = Vec::new();
     for seed in 0..seen.len() {
+        looks.step()?;
         if !seen[seed] {
             region.clear();
-            let rise = spread(search, other, seed, &mut seen, &mut region);
+            let rise = spread((search, other), seed, (&mut seen, &mut region), &mut looks)?;
             if rise < 0.0 || one_region {
                 moves.extend(region.iter().map(label_of));
             }
         }
     }
-    moves
+    Ok(moves)
 }
 
 /// Collects the region of `seed` and returns by how much the energy rises if it takes the labels of `other`.
-fn spread(search: &Search<'_>, other: &[u16], seed: usize, seen: &mut [bool], region: &mut Vec<u32>) -> f64 {
+fn spread(
+    (search, other): (&Search<'_>, &[u16]),
+    seed: usize,
+    (seen, region): (&mut [bool], &mut Vec<u32>),
+    looks: &mut Looks<'_>,
+) -> Result<f64> {
     let (energy, labels) = (&search.energy, &search.labels);
     let (mut rise, mut next) = (0.0, 0);
     seen[seed] = true;
     region.push(seed as u32);
     while let Some(&node) = region.get(next) {
         next += 1;
+        looks.step()?;
         let node = node as usize;
         rise += energy.cost(node, other[node]) - energy.cost(node, labels[node]);
         for (neighbour, edge) in search.adjacency.of(node) {
@@ -48,7 +61,7 @@ fn spread(search: &Search<'_>, other: &[u16], seed: usize, seen: &mut [bool], re
             }
         }
     }
-    rise
+    Ok(rise)
 }
 
 #[cfg(test)]
@@ -64,10 +77,10 @@ mod tests {
         let unary = [0.0, 5.0, 0.0, 5.0, 0.0, 0.0, 5.0, 0.0];
         let energy = Energy::new(&unary, &graph, 1.0, &Pairwise::Potts).unwrap();
         let adjacency = graph.adjacency();
-        let mut search = Search::new(energy, &adjacency, vec![0, 0, 0, 0]);
-        assert_eq!(better_regions(&search, &[1, 1, 0, 1]), [(3, 1)]);
-        assert!(search.join(&[1, 1, 0, 1]));
+        let mut search = Search::new(energy, &adjacency, vec![0, 0, 0, 0], &Monitor::default()).unwrap();
+        assert_eq!(better_regions(&search, &[1, 1, 0, 1], &Monitor::default()).unwrap(), [(3, 1)]);
+        assert!(search.join(&[1, 1, 0, 1], &Monitor::default()).unwrap());
         assert_eq!((search.labels.clone(), search.energy.of(&search.labels)), (vec![0, 0, 0, 1], 1.0));
-        assert!(!search.join(&[1, 1, 0, 1]));
+        assert!(!search.join(&[1, 1, 0, 1], &Monitor::default()).unwrap());
     }
 }

@@ -6,7 +6,7 @@ use super::known::Known;
 use super::{Energy, Pairwise};
 use crate::error::Result;
 use crate::graph::{Adjacency, Graph};
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor, watched};
 
 /// Open nodes as a problem of its own, and the labels of the others.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ impl Kernel {
         let mut kernel = Self::shrink(energy, adjacency, monitor)?;
         loop {
             let before = kernel.nodes.len();
-            let inner = Self::shrink(&kernel.energy(), &kernel.graph.adjacency(), monitor)?;
+            let inner = Self::shrink(&kernel.energy(), &kernel.graph.adjacency_watched(monitor)?, monitor)?;
             kernel = kernel.replaced(inner);
             // A round that finds little costs more than it saves.
             if kernel.nodes.len() * 10 >= before * 9 {
@@ -70,16 +70,24 @@ impl Kernel {
         let known = Known::find(energy, adjacency, monitor)?.labels;
         let nodes: Vec<u32> = (0..).zip(&known).filter(|(_, label)| label.is_none()).map(|(node, _)| node).collect();
         let labels = known.iter().map(|label| label.unwrap_or(0)).collect();
-        let (unary, graph) = (costs(energy, adjacency, &known, &nodes), inner_graph(energy.graph, &known)?);
+        let (unary, graph) =
+            (costs(energy, adjacency, (&known, &nodes), monitor)?, inner_graph(energy.graph, &known, monitor)?);
         Ok(Self { nodes, labels, graph, unary, count: energy.labels, strength: energy.strength })
     }
 }
 
 /// Costs of the open nodes with what edges to known nodes add.
-fn costs(energy: &Energy<'_>, adjacency: &Adjacency, known: &[Option<u16>], open: &[u32]) -> Vec<f32> {
+fn costs(
+    energy: &Energy<'_>,
+    adjacency: &Adjacency,
+    (known, open): (&[Option<u16>], &[u32]),
+    monitor: &Monitor,
+) -> Result<Vec<f32>> {
+    let mut looks = Looks::at(monitor);
     let mut unary = Vec::with_capacity(open.len() * energy.labels);
     let mut row = vec![0.0; energy.labels];
     for &node in open {
+        looks.step()?;
         (0..).zip(&mut row).for_each(|(label, cost)| *cost = energy.cost(node as usize, label));
         for (other, edge) in adjacency.of(node as usize) {
             if let Some(label) = known[other as usize] {
@@ -89,22 +97,28 @@ fn costs(energy: &Energy<'_>, adjacency: &Adjacency, known: &[Option<u16>], open
         }
         unary.extend(row.iter().map(|cost| *cost as f32));
     }
-    unary
+    Ok(unary)
 }
 
 /// The edges between open nodes, in their own numbering.
-fn inner_graph(graph: &Graph, known: &[Option<u16>]) -> Result<Graph> {
+fn inner_graph(graph: &Graph, known: &[Option<u16>], monitor: &Monitor) -> Result<Graph> {
     let mut nodes = 0u32;
     let mut place = Vec::with_capacity(known.len());
     for label in known {
         place.push(nodes);
         nodes += u32::from(label.is_none());
     }
-    let edges = graph.edges().iter().zip(graph.weights());
-    let open = edges.filter(|([a, b], _)| known[*a as usize].is_none() && known[*b as usize].is_none());
-    let (pairs, weights): (Vec<[u32; 2]>, Vec<f32>) =
-        open.map(|(ends, weight)| (ends.map(|node| place[node as usize]), *weight)).unzip();
-    Graph::new(nodes as usize, &pairs, &weights)
+    let (mut pairs, mut weights) = (Vec::new(), Vec::new());
+    for piece in watched(graph.edges().len(), monitor) {
+        for e in piece? {
+            let ends = graph.edges()[e];
+            if ends.iter().all(|&node| known[node as usize].is_none()) {
+                pairs.push(ends.map(|node| place[node as usize]));
+                weights.push(graph.weights()[e]);
+            }
+        }
+    }
+    Graph::new_watched(nodes as usize, &pairs, &weights, monitor)
 }
 
 #[cfg(test)]

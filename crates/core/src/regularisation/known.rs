@@ -9,7 +9,7 @@ use super::reduce::{Question, State};
 use super::solve::Pieces;
 use crate::error::Result;
 use crate::graph::Adjacency;
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 
 /// Labels that are known, and the two least costs of each node.
 #[derive(Clone, Debug)]
@@ -39,14 +39,16 @@ impl TwoLeast {
 impl Known {
     /// Puts the question of every label, for 2 labels or more. O(labels · (nodes + edges)) and the cuts.
     pub(super) fn find(energy: &Energy<'_>, adjacency: &Adjacency, monitor: &Monitor) -> Result<Self> {
-        let least = energy.unary.chunks_exact(energy.labels).map(TwoLeast::of).collect();
+        let mut least = Vec::with_capacity(energy.graph.len());
+        for piece in watched(energy.graph.len(), monitor) {
+            least.extend(piece?.map(|node| TwoLeast::of(&energy.unary[node * energy.labels..][..energy.labels])));
+        }
         let mut known = Self { labels: vec![None; energy.graph.len()], least };
         let (mut question, mut pieces) = (Question::default(), Pieces::default());
         monitor.stage("known labels", energy.labels as u64);
         for alpha in 0..energy.labels as u16 {
-            monitor.check()?;
-            question.ask_against(energy, adjacency, &known, alpha);
-            pieces.collect(&question, adjacency);
+            question.ask_against(energy, adjacency, (&known, alpha), monitor)?;
+            pieces.collect(&question, adjacency, monitor)?;
             let taken = pieces.answer(&question, adjacency, monitor)?;
             let taken = taken.into_iter().chain(question.settled(State::Takes));
             taken.for_each(|node| known.labels[node as usize] = Some(alpha));

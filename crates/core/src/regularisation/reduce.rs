@@ -10,7 +10,9 @@
 
 use super::Energy;
 use super::known::Known;
+use crate::error::Result;
 use crate::graph::Adjacency;
+use crate::parallel::{Looks, Monitor, watched};
 
 /// State of a node in the question about one label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,28 +45,50 @@ pub(super) struct Question {
 
 impl Question {
     /// Asks about `alpha` and settles what can be settled; the adjacency may have hubs. O(nodes + edges).
-    pub(super) fn ask(&mut self, energy: &Energy<'_>, adjacency: &Adjacency, labels: &[u16], alpha: u16) {
-        self.set_nodes(energy, labels, alpha);
-        self.set_edges(energy, labels, alpha);
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn ask(
+        &mut self,
+        energy: &Energy<'_>,
+        adjacency: &Adjacency,
+        (labels, alpha): (&[u16], u16),
+        monitor: &Monitor,
+    ) -> Result<()> {
+        self.set_nodes(energy, (labels, alpha), monitor)?;
+        self.set_edges(energy, (labels, alpha), monitor)?;
         if adjacency.offsets.len() > labels.len() + 1 {
             self.add_hubs(energy, labels, alpha);
         }
         self.hubs_from = labels.len();
-        self.reduce(adjacency);
+        self.reduce(adjacency, monitor)
     }
 
     /// Asks which nodes of labels `alpha` and `beta` have `alpha` (they "take" it); all others stand apart.
-    pub(super) fn ask_swap(&mut self, energy: &Energy<'_>, adjacency: &Adjacency, labels: &[u16], pair: [u16; 2]) {
-        let [alpha, beta] = pair;
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn ask_swap(
+        &mut self,
+        energy: &Energy<'_>,
+        adjacency: &Adjacency,
+        (labels, [alpha, beta]): (&[u16], [u16; 2]),
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let mut looks = Looks::at(monitor);
         let inside = |node: usize| labels[node] == alpha || labels[node] == beta;
         let difference = |i: usize| if inside(i) { energy.cost(i, alpha) - energy.cost(i, beta) } else { 0.0 };
         self.theta.clear();
-        self.theta.extend((0..labels.len()).map(difference));
         self.state.clear();
-        self.state.extend((0..labels.len()).map(|i| if inside(i) { State::Open } else { State::Stays }));
+        for piece in watched(labels.len(), monitor) {
+            let piece = piece?;
+            self.theta.extend(piece.clone().map(difference));
+            self.state.extend(piece.map(|i| if inside(i) { State::Open } else { State::Stays }));
+        }
         self.clear_edges(energy, labels.len());
         for (e, &[i, j]) in energy.graph.edges().iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
+            looks.step()?;
             let gain = |label| energy.edge_cost(e, alpha, label) - energy.edge_cost(e, beta, label);
             match (inside(i), inside(j)) {
                 (true, true) => {
@@ -78,20 +102,33 @@ impl Question {
             }
         }
         self.hubs_from = labels.len();
-        self.reduce(adjacency);
+        self.reduce(adjacency, monitor)
     }
 
     /// Asks which nodes have `alpha` in every labelling of least energy (Potts), where some are known already. The costs of
     /// all other labels are replaced by their least.
-    pub(super) fn ask_against(&mut self, energy: &Energy<'_>, adjacency: &Adjacency, known: &Known, alpha: u16) {
-        let nodes = known.labels.len();
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn ask_against(
+        &mut self,
+        energy: &Energy<'_>,
+        adjacency: &Adjacency,
+        (known, alpha): (&Known, u16),
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let (nodes, mut looks) = (known.labels.len(), Looks::at(monitor));
         self.theta.clear();
-        self.theta.extend((0..nodes).map(|i| energy.cost(i, alpha) - known.least_but(i, alpha)));
         self.state.clear();
-        self.state.extend(known.labels.iter().map(|label| label.map_or(State::Open, |_| State::Stays)));
+        for piece in watched(nodes, monitor) {
+            let piece = piece?;
+            self.theta.extend(piece.clone().map(|i| energy.cost(i, alpha) - known.least_but(i, alpha)));
+            self.state.extend(piece.map(|i| known.labels[i].map_or(State::Open, |_| State::Stays)));
+        }
         self.clear_edges(energy, nodes);
         let edges = energy.graph.edges().iter().zip(energy.graph.weights());
         for ((&[i, j], &weight), coupling) in edges.zip(&mut self.coupling) {
+            looks.step()?;
             let (i, j) = (i as usize, j as usize);
             let cost = energy.strength * f64::from(weight);
             match (self.state[i], self.state[j]) {
@@ -108,7 +145,7 @@ impl Question {
         self.fresh.clear();
         self.fresh.resize(nodes, true);
         self.hubs_from = nodes;
-        self.reduce(adjacency);
+        self.reduce(adjacency, monitor)
     }
 
     /// Nodes in this state; after the reduction those that are settled so.
@@ -116,22 +153,30 @@ impl Question {
         self.state.iter().enumerate().filter(move |(_, s)| **s == state).map(|(node, _)| node as u32)
     }
 
-    fn reduce(&mut self, adjacency: &Adjacency) {
+    fn reduce(&mut self, adjacency: &Adjacency, monitor: &Monitor) -> Result<()> {
+        let mut looks = Looks::at(monitor);
         self.settled.clear();
         for node in 0..self.state.len() {
+            looks.step()?;
             self.settle(node);
         }
         while let Some(node) = self.settled.pop() {
+            looks.step()?;
             self.tell_neighbours(node as usize, adjacency);
         }
+        Ok(())
     }
 
-    fn set_nodes(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
+    fn set_nodes(&mut self, energy: &Energy<'_>, (labels, alpha): (&[u16], u16), monitor: &Monitor) -> Result<()> {
         self.theta.clear();
-        self.theta.extend((0..labels.len()).map(|i| energy.cost(i, alpha) - energy.cost(i, labels[i])));
-        // A node that has the label already "takes" it: its edges speak for the label.
         self.state.clear();
-        self.state.extend(labels.iter().map(|&label| if label == alpha { State::Takes } else { State::Open }));
+        for piece in watched(labels.len(), monitor) {
+            let piece = piece?;
+            self.theta.extend(piece.clone().map(|i| energy.cost(i, alpha) - energy.cost(i, labels[i])));
+            // A node that has the label already "takes" it: its edges speak for the label.
+            self.state.extend(piece.map(|i| if labels[i] == alpha { State::Takes } else { State::Open }));
+        }
+        Ok(())
     }
 
     fn clear_edges(&mut self, energy: &Energy<'_>, nodes: usize) {
@@ -141,11 +186,13 @@ impl Question {
         self.coupling.resize(energy.graph.edges().len(), 0.0);
     }
 
-    fn set_edges(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
+    fn set_edges(&mut self, energy: &Energy<'_>, (labels, alpha): (&[u16], u16), monitor: &Monitor) -> Result<()> {
+        let mut looks = Looks::at(monitor);
         self.clear_edges(energy, labels.len());
         for (e, &[i, j]) in energy.graph.edges().iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let (a, b) = (labels[i], labels[j]);
+            looks.step()?;
             let there = energy.edge_cost(e, alpha, b);
             let back = energy.edge_cost(e, a, alpha);
             match (a == alpha, b == alpha) {
@@ -163,6 +210,7 @@ impl Question {
                 }
             }
         }
+        Ok(())
     }
 
     fn settle(&mut self, node: usize) {

@@ -6,7 +6,7 @@ use super::solve::Pieces;
 use super::{Energy, Labelling};
 use crate::error::Result;
 use crate::graph::Adjacency;
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor};
 
 /// What came of an offer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,18 +53,23 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub(super) fn new(energy: Energy<'a>, adjacency: &'a Adjacency, start: Vec<u16>) -> Self {
-        Self {
+    pub(super) fn new(
+        energy: Energy<'a>,
+        adjacency: &'a Adjacency,
+        start: Vec<u16>,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        Ok(Self {
             adjacency,
             users: energy.users(&start),
             changed: vec![0; start.len()],
             question: Question::default(),
             pieces: Pieces::default(),
             now: 0,
-            trace: vec![energy.of(&start)],
+            trace: vec![energy.of_watched(&start, monitor)?],
             energy,
             labels: start,
-        }
+        })
     }
 
     pub(super) fn into_labelling(self, converged: bool) -> Labelling {
@@ -102,7 +107,7 @@ impl<'a> Search<'a> {
                     break;
                 }
             }
-            self.trace.push(self.energy.of(&self.labels));
+            self.trace.push(self.energy.of_watched(&self.labels, monitor)?);
             if idle >= count {
                 return Ok(true);
             }
@@ -128,7 +133,7 @@ impl<'a> Search<'a> {
                     order.swap(next, end);
                 }
             }
-            self.trace.push(self.energy.of(&self.labels));
+            self.trace.push(self.energy.of_watched(&self.labels, monitor)?);
             if end == first {
                 circles.pop();
                 first = circle;
@@ -143,12 +148,12 @@ impl<'a> Search<'a> {
     }
 
     /// Takes over what is better in another labelling, region by region; true if there is something.
-    pub(super) fn join(&mut self, other: &[u16]) -> bool {
+    pub(super) fn join(&mut self, other: &[u16], monitor: &Monitor) -> Result<bool> {
         self.now = self.now.saturating_add(1);
-        let moves = better_regions(self, other);
-        let moved = self.apply(&moves) == Outcome::Moved;
-        self.trace.push(self.energy.of(&self.labels));
-        moved
+        let moves = better_regions(self, other, monitor)?;
+        let moved = self.apply(&moves, monitor)? == Outcome::Moved;
+        self.trace.push(self.energy.of_watched(&self.labels, monitor)?);
+        Ok(moved)
     }
 
     /// Tells the next question which nodes changed, or have neighbours that did, after offer `since`.
@@ -163,25 +168,30 @@ impl<'a> Search<'a> {
     }
 
     /// Gives nodes other labels if that lowers the energy; rounding must not send the search in circles.
-    pub(super) fn apply(&mut self, moves: &[(u32, u16)]) -> Outcome {
+    pub(super) fn apply(&mut self, moves: &[(u32, u16)], monitor: &Monitor) -> Result<Outcome> {
         if moves.is_empty() {
-            return Outcome::Nothing;
+            return Ok(Outcome::Nothing);
         }
         let before: Vec<u16> = moves.iter().map(|&(node, _)| self.labels[node as usize]).collect();
-        let rise: f64 = moves.iter().map(|&(node, label)| self.change(node as usize, label)).sum();
+        let (mut rise, mut looks) = (0.0, Looks::at(monitor));
+        for &(node, label) in moves {
+            looks.step()?;
+            rise += self.change(node as usize, label);
+        }
         if rise >= 0.0 {
             for (&(node, label), old) in moves.iter().zip(before) {
                 self.users[usize::from(label)] -= 1;
                 self.users[usize::from(old)] += 1;
                 self.labels[node as usize] = old;
             }
-            return Outcome::Refused;
+            return Ok(Outcome::Refused);
         }
         for &(node, _) in moves {
+            looks.step()?;
             self.changed[node as usize] = self.now;
             self.adjacency.of(node as usize).for_each(|(other, _)| self.changed[other as usize] = self.now);
         }
-        Outcome::Moved
+        Ok(Outcome::Moved)
     }
 
     /// Gives a node another label and returns by how much the energy rises.

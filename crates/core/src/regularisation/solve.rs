@@ -3,7 +3,7 @@
 use super::reduce::{Question, State};
 use crate::error::Result;
 use crate::graph::{Adjacency, MaxFlow};
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::{Looks, Monitor, map_ordered_with};
 
 /// Pieces of open nodes that hang together, in the order of their smallest node.
 #[derive(Clone, Debug, Default)]
@@ -16,13 +16,18 @@ pub(super) struct Pieces {
 
 impl Pieces {
     /// Collects the pieces that hold a fresh node. O(nodes + edges).
-    pub(super) fn collect(&mut self, question: &Question, adjacency: &Adjacency) {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn collect(&mut self, question: &Question, adjacency: &Adjacency, monitor: &Monitor) -> Result<()> {
+        let mut looks = Looks::at(monitor);
         const UNSEEN: u32 = u32::MAX;
         self.place.clear();
         self.place.resize(question.state.len(), UNSEEN);
         self.nodes.clear();
         self.starts.clear();
         for seed in 0..question.state.len() {
+            looks.step()?;
             if question.state[seed] != State::Open || self.place[seed] != UNSEEN {
                 continue;
             }
@@ -33,6 +38,7 @@ impl Pieces {
             let mut next = start;
             while let Some(&node) = self.nodes.get(next) {
                 next += 1;
+                looks.step()?;
                 wanted |= question.fresh[node as usize];
                 for (other, _) in adjacency.of(node as usize) {
                     let at = other as usize;
@@ -44,6 +50,7 @@ impl Pieces {
             }
             if wanted { self.starts.push(start) } else { self.nodes.truncate(start) }
         }
+        Ok(())
     }
 
     /// All nodes of all pieces.
@@ -63,8 +70,7 @@ impl Pieces {
         let work = |network: &mut MaxFlow, task: usize| {
             let mut taken = Vec::new();
             for p in task * BATCH..((task + 1) * BATCH).min(self.starts.len()) {
-                monitor.check()?;
-                self.ask(self.piece(p), question, adjacency, network)?;
+                self.ask((self.piece(p), question), adjacency, network, monitor)?;
                 network.solve_watched(monitor)?;
                 let piece = self.piece(p).iter().enumerate();
                 taken.extend(piece.filter(|(at, _)| network.is_source(*at) != question.eager).map(|(_, &node)| node));
@@ -81,9 +87,17 @@ impl Pieces {
 
     /// The source side takes the label: a node pays θ there, or gains -θ. Of all smallest cuts the one with the smallest source
     /// side is found: the eager want the smallest number of nodes that stay, so that these are the source side for them.
-    fn ask(&self, piece: &[u32], question: &Question, adjacency: &Adjacency, network: &mut MaxFlow) -> Result<()> {
+    fn ask(
+        &self,
+        (piece, question): (&[u32], &Question),
+        adjacency: &Adjacency,
+        network: &mut MaxFlow,
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let mut looks = Looks::at(monitor);
         network.reset(piece.len());
         for (at, &node) in piece.iter().enumerate() {
+            looks.step()?;
             let theta = question.theta[node as usize];
             let gain = if question.eager { theta } else { -theta };
             network.add_terminals(at, gain.max(0.0), (-gain).max(0.0))?;

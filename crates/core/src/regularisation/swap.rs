@@ -8,7 +8,7 @@ use super::search::{Moves, Outcome, Search};
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor, sort_stable_watched};
 use serde::{Deserialize, Serialize};
 
 /// Parameters of [`alpha_beta_swap`].
@@ -65,9 +65,9 @@ impl SwapParams {
 pub fn alpha_beta_swap(unary: &[f32], graph: &Graph, params: &SwapParams, monitor: &Monitor) -> Result<Labelling> {
     params.validate()?;
     let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?;
-    let adjacency = graph.adjacency();
+    let adjacency = graph.adjacency_watched(monitor)?;
     let pairs = energy.labels * (energy.labels - 1) / 2;
-    let mut search = Search::new(energy, &adjacency, energy.start());
+    let mut search = Search::new(energy, &adjacency, energy.start(monitor)?, monitor)?;
     let mut swaps = Moves::new(pairs, params.max_rounds);
     let converged =
         search.in_turn(&mut swaps, monitor, &mut |search, pair, since| offer(search, pair, since, monitor))?;
@@ -91,17 +91,19 @@ fn offer(search: &mut Search<'_>, number: usize, since: u32, monitor: &Monitor) 
         return Ok(Outcome::Nothing);
     }
     search.refresh(since);
-    search.question.ask_swap(&search.energy, search.adjacency, &search.labels, pair);
-    search.pieces.collect(&search.question, search.adjacency);
+    search.question.ask_swap(&search.energy, search.adjacency, (&search.labels, pair), monitor)?;
+    search.pieces.collect(&search.question, search.adjacency, monitor)?;
     let takers = search.pieces.answer(&search.question, search.adjacency, monitor)?;
     let [alpha, beta] = pair;
     let mut answer: Vec<(u32, u16)> = search.pieces.nodes().iter().map(|&node| (node, beta)).collect();
     answer.extend(search.question.settled(State::Stays).map(|node| (node, beta)));
     answer.extend(search.question.settled(State::Takes).chain(takers).map(|node| (node, alpha)));
     // The last word on a node counts; those that stand apart and those that keep their label do not move.
-    answer.sort_by_key(|(node, _)| *node);
+    sort_stable_watched(&mut answer, |a, b| a.0.cmp(&b.0), monitor)?;
+    let mut looks = Looks::at(monitor);
     let mut moves: Vec<(u32, u16)> = Vec::new();
     for (node, label) in answer {
+        looks.step()?;
         match moves.last_mut().filter(|last| last.0 == node) {
             Some(last) => last.1 = label,
             None => moves.push((node, label)),
@@ -109,7 +111,7 @@ fn offer(search: &mut Search<'_>, number: usize, since: u32, monitor: &Monitor) 
     }
     let labels = &search.labels;
     moves.retain(|&(node, label)| pair.contains(&labels[node as usize]) && labels[node as usize] != label);
-    Ok(search.apply(&moves))
+    search.apply(&moves, monitor)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::Partition;
 use crate::error::Result;
 use crate::graph::Graph;
+use crate::parallel::{Monitor, watched};
 
 /// Disjoint sets in which the root is always the smallest member.
 pub(super) struct Sets(Vec<u32>);
@@ -37,23 +38,37 @@ impl Sets {
     }
 
     /// Root of every member.
-    pub(super) fn roots(mut self) -> Vec<u32> {
-        (0..self.0.len() as u32).map(|node| self.root(node)).collect()
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn roots(&mut self, monitor: &Monitor) -> Result<Vec<u32>> {
+        let mut roots = Vec::with_capacity(self.0.len());
+        for piece in watched(self.0.len(), monitor) {
+            roots.extend(piece?.map(|node| self.root(node as u32)));
+        }
+        Ok(roots)
     }
 }
 
 /// Segments that hang together by the edges of `graph` for which `kept(edge index, ends)` is true. O(n + m).
 ///
 /// # Errors
-/// Never for fewer than 2^32 nodes.
-pub fn connected_partition(graph: &Graph, mut kept: impl FnMut(usize, [u32; 2]) -> bool) -> Result<Partition> {
+/// If the work was cancelled.
+pub fn connected_partition(
+    graph: &Graph,
+    mut kept: impl FnMut(usize, [u32; 2]) -> bool,
+    monitor: &Monitor,
+) -> Result<Partition> {
     let mut sets = Sets::new(graph.len());
-    for (e, &[a, b]) in graph.edges().iter().enumerate() {
-        if kept(e, [a, b]) {
-            sets.unite(a, b);
+    for piece in watched(graph.edges().len(), monitor) {
+        for e in piece? {
+            let [a, b] = graph.edges()[e];
+            if kept(e, [a, b]) {
+                sets.unite(a, b);
+            }
         }
     }
-    Partition::from_labels(&sets.roots())
+    Partition::from_labels_watched(&sets.roots(monitor)?, monitor)
 }
 
 #[cfg(test)]
@@ -63,9 +78,9 @@ mod tests {
     #[test]
     fn left_out_edges_part_the_graph() {
         let graph = Graph::new(6, &[[0, 5], [5, 3], [1, 2], [2, 3]], &[1.0; 4]).unwrap();
-        let whole = connected_partition(&graph, |_, _| true).unwrap();
+        let whole = connected_partition(&graph, |_, _| true, &Monitor::default()).unwrap();
         assert_eq!(whole.segments(), [0, 0, 0, 0, 1, 0]);
-        let parted = connected_partition(&graph, |_, ends| ends != [2, 3]).unwrap();
+        let parted = connected_partition(&graph, |_, ends| ends != [2, 3], &Monitor::default()).unwrap();
         assert_eq!(parted.segments(), [0, 1, 1, 0, 2, 0]);
     }
 }

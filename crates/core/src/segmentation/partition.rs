@@ -2,6 +2,7 @@
 
 use crate::csr::Csr;
 use crate::error::Result;
+use crate::parallel::{Monitor, sort_watched, watched};
 
 /// Every node in exactly one segment; segments are numbered in the order of their smallest node.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -19,33 +20,56 @@ impl Partition {
     /// # Errors
     /// Never for fewer than 2^32 nodes.
     pub fn from_labels(labels: &[u32]) -> Result<Self> {
-        let largest = labels.iter().copied().max().unwrap_or(0) as usize;
-        if largest / 4 <= labels.len() {
-            return Self::from_small_labels(labels, largest);
-        }
-        let mut distinct = labels.to_vec();
-        distinct.sort_unstable();
-        distinct.dedup();
-        let ranks: Vec<u32> = labels.iter().map(|l| distinct.partition_point(|d| d < l) as u32).collect();
-        Self::from_small_labels(&ranks, distinct.len())
+        Self::from_labels_watched(labels, &Monitor::default())
     }
 
-    fn from_small_labels(labels: &[u32], largest: usize) -> Result<Self> {
+    /// As [`Partition::from_labels`], for many nodes.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn from_labels_watched(labels: &[u32], monitor: &Monitor) -> Result<Self> {
+        let largest = labels.iter().copied().max().unwrap_or(0) as usize;
+        if largest / 4 <= labels.len() {
+            return Self::from_small_labels(labels, largest, monitor);
+        }
+        let mut distinct = labels.to_vec();
+        sort_watched(&mut distinct, monitor)?;
+        distinct.dedup();
+        let mut ranks = Vec::with_capacity(labels.len());
+        for piece in watched(labels.len(), monitor) {
+            ranks.extend(labels[piece?].iter().map(|l| distinct.partition_point(|d| d < l) as u32));
+        }
+        Self::from_small_labels(&ranks, distinct.len(), monitor)
+    }
+
+    fn from_small_labels(labels: &[u32], largest: usize, monitor: &Monitor) -> Result<Self> {
         let mut number = vec![UNSEEN; largest + 1];
         let mut count = 0;
-        let segment: Vec<u32> = labels
-            .iter()
-            .map(|&label| {
+        let mut segment = Vec::with_capacity(labels.len());
+        for piece in watched(labels.len(), monitor) {
+            segment.extend(labels[piece?].iter().map(|&label| {
                 let slot = &mut number[label as usize];
                 if *slot == UNSEEN {
                     *slot = count;
                     count += 1;
                 }
                 *slot
-            })
-            .collect();
-        let groups = Csr::group_by(&segment, count as usize)?;
+            }));
+        }
+        let groups = Csr::group_by(&segment, count as usize, monitor)?;
         Ok(Self { segment, groups })
+    }
+
+    /// The nodes in the segments that `segments`, a partition of these segments, makes of them.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn coarser(&self, segments: &Self, monitor: &Monitor) -> Result<Self> {
+        let mut labels = Vec::with_capacity(self.nodes());
+        for piece in watched(self.nodes(), monitor) {
+            labels.extend(self.segment[piece?].iter().map(|&s| segments.segment[s as usize]));
+        }
+        Self::from_labels_watched(&labels, monitor)
     }
 
     /// Number of segments.

@@ -4,6 +4,7 @@ use super::Partition;
 use super::minimal_partition::{Cost, EdgeLinks, contract};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
+use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
 /// What an edge between two segments weighs.
@@ -20,8 +21,8 @@ pub enum Interface {
 /// The graph whose nodes are the segments and whose edges join segments that touch. O(m log m).
 ///
 /// # Errors
-/// If the partition is not one of the graph's nodes.
-pub fn segment_graph(graph: &Graph, partition: &Partition, interface: Interface) -> Result<Graph> {
+/// If the partition is not one of the graph's nodes, or the work was cancelled.
+pub fn segment_graph(graph: &Graph, partition: &Partition, interface: Interface, monitor: &Monitor) -> Result<Graph> {
     if graph.len() != partition.nodes() {
         return Err(Error::input(format!("a partition of {} nodes for a graph of {}", partition.nodes(), graph.len())));
     }
@@ -31,8 +32,8 @@ pub fn segment_graph(graph: &Graph, partition: &Partition, interface: Interface)
     };
     let links = EdgeLinks::new(graph, cost);
     let (ends, weights): (Vec<_>, Vec<_>) =
-        contract(&links, partition.segments()).iter().map(|l| (l.ends, l.boundary as f32)).unzip();
-    Graph::new(partition.len(), &ends, &weights)
+        contract(&links, partition.segments(), monitor)?.iter().map(|l| (l.ends, l.boundary as f32)).unzip();
+    Graph::new_watched(partition.len(), &ends, &weights, monitor)
 }
 
 #[cfg(test)]
@@ -58,8 +59,8 @@ mod tests {
                 graph.edges().iter().zip(graph.weights()).filter(move |(e, _)| joins(e))
             };
             let partition = Partition::from_labels(&labels).unwrap();
-            let counted = segment_graph(&graph, &partition, Interface::Count).unwrap();
-            let weighed = segment_graph(&graph, &partition, Interface::Weight).unwrap();
+            let counted = segment_graph(&graph, &partition, Interface::Count, &Monitor::default()).unwrap();
+            let weighed = segment_graph(&graph, &partition, Interface::Weight, &Monitor::default()).unwrap();
             let cut = graph.edges().iter().filter(|e| labels[e[0] as usize] != labels[e[1] as usize]).count();
             assert_eq!(counted.weights().iter().sum::<f32>(), cut as f32);
             assert_eq!((counted.len(), counted.edges()), (partition.len(), weighed.edges()));
@@ -74,6 +75,6 @@ mod tests {
     fn a_partition_of_other_nodes_is_refused() {
         let graph = Graph::new(3, &[[0, 1]], &[1.0]).unwrap();
         let partition = Partition::from_labels(&[0, 1]).unwrap();
-        assert!(segment_graph(&graph, &partition, Interface::Count).is_err());
+        assert!(segment_graph(&graph, &partition, Interface::Count, &Monitor::default()).is_err());
     }
 }

@@ -3,8 +3,7 @@
 use super::raster::Raster;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered};
-use rayon::prelude::*;
+use crate::parallel::{Looks, Monitor, concat_watched, map_ordered, sort_watched};
 use serde::{Deserialize, Serialize};
 
 /// Points of a block.
@@ -75,14 +74,16 @@ impl ElevationModel {
         let high = [&points.x, &points.y].map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
         let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + points.origin[a]);
         let mut raster = Raster::over(world(low), world(high), params.cell)?;
-        let mut keys: Vec<(u32, u32)> = (0..points.len())
-            .into_par_iter()
-            .filter(|&i| is_ground[i])
-            .map(|i| (raster.cell_of(world([points.x[i], points.y[i]])) as u32, ascending(points.z[i])))
-            .collect();
-        keys.par_sort_unstable();
-        monitor.check()?;
+        let key = |i: usize| (raster.cell_of(world([points.x[i], points.y[i]])) as u32, ascending(points.z[i]));
+        let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
+            let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
+            Ok(range.filter(|&i| is_ground[i]).map(key).collect::<Vec<(u32, u32)>>())
+        })?;
+        let mut keys = concat_watched(parts, monitor)?;
+        sort_watched(&mut keys, monitor)?;
+        let mut looks = Looks::at(monitor);
         for cell in keys.chunk_by(|a, b| a.0 == b.0) {
+            looks.steps(cell.len())?;
             let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
             raster.values_mut()[index as usize] = f64::from(descended(z)) + points.origin[2];
         }
@@ -127,7 +128,7 @@ impl ElevationModel {
             };
             Ok(range.map(above).collect::<Vec<f32>>())
         })?;
-        Ok(parts.concat())
+        concat_watched(parts, monitor)
     }
 }
 

@@ -14,6 +14,18 @@ from scansion._base import Classifier
 Self = TypeVar("Self", bound="TableClassifier")
 
 
+_BLOCK = 1 << 18
+"""Labels that numpy sorts in one go: between two blocks Python looks for Ctrl-C."""
+
+
+def _positions(targets: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint16]]:
+    """The classes, ascending, and the place of each label among them (of no use if there are more than 65,536)."""
+    blocks = [targets[first : first + _BLOCK] for first in range(0, len(targets), _BLOCK)]
+    classes = np.unique(np.concatenate([np.unique(block) for block in blocks]))
+    places = [np.searchsorted(classes, block).astype(np.uint16) for block in blocks]
+    return classes, np.concatenate(places)
+
+
 class Lesson(NamedTuple):
     """What is learned from: the table, positions of the labels in ``classes``, weights; and the labels themselves."""
 
@@ -54,11 +66,11 @@ class TableClassifier(Classifier):
         table = _validation.table(X, name, self._missing)
         targets = _validation.labels(y, len(table), name)
         weights = _validation.weights(sample_weight, len(table))
-        classes, positions = np.unique(targets, return_inverse=True)
+        classes, positions = _positions(targets)
         if len(classes) > 65_535:
             raise ValueError(f"y: found {len(classes)} classes, expected at most 65535")
         self._trees = self._learn(
-            Lesson((table, positions.astype(np.uint16), weights, len(classes)), classes)
+            Lesson((table, positions, weights, len(classes)), classes)
         )
         self.classes_, self.n_classes_, self.n_features_in_ = classes, len(classes), table.shape[1]
         self.__dict__.pop("feature_names_in_", None)

@@ -3,10 +3,13 @@
 use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, morton};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
 
 /// Scale and offset per axis.
 pub(in crate::io) type Frame = ([f64; 3], [f64; 3]);
+
+/// Points that are looked at in one go.
+const PIECE: usize = 1 << 16;
 
 /// Steps of lengths, of degrees, and of heights beside degrees.
 const LENGTH: f64 = 1e-3;
@@ -27,12 +30,13 @@ const COARSER: i32 = 6;
 /// they would not.
 ///
 /// # Errors
-/// No step does both, or the one that is asked for does not fit the extent.
+/// No step does both, the one that is asked for does not fit the extent, or the work was cancelled.
 pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
     if let (Coordinates::Scaled { scale, offset, .. }, None) = (cloud.coordinates(), options.scale) {
         return Ok((*scale, *offset));
     }
-    let (low, high) = cloud.bounds().unwrap_or(([0.0; 3], [0.0; 3]));
+    let monitor = &options.monitor;
+    let (low, high) = cloud.bounds_watched(monitor)?.unwrap_or(([0.0; 3], [0.0; 3]));
     let axes = [0, 1, 2].map(|a| Axis { a, low: low[a], high: high[a] });
     if let Some(scale) = options.scale {
         let mut offset = [0.0; 3];
@@ -48,14 +52,17 @@ pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
     let mut frame = ([0.0; 3], [0.0; 3]);
     for axis in &axes {
         let (height, usual) = (axis.a == 2, if degrees && axis.a < 2 { DEGREE } else { LENGTH });
-        let (scale, offset) = axis.choose(cloud, usual, || match height && degrees {
-            // In degrees and metres there is no distance in space; millimetres of height are kept.
-            true => f64::INFINITY,
-            false => {
-                let plan = plan && !height;
-                *spacings[usize::from(plan)].get_or_insert_with(|| spacing(cloud, plan))
+        let spacing = || -> Result<f64> {
+            match (height && degrees, usize::from(plan && !height)) {
+                // In degrees and metres there is no distance in space; millimetres of height are kept.
+                (true, _) => Ok(f64::INFINITY),
+                (false, of) => match spacings[of] {
+                    Some(known) => Ok(known),
+                    None => Ok(*spacings[of].insert(spacing(cloud, of == 1, monitor)?)),
+                },
             }
-        })?;
+        };
+        let (scale, offset) = axis.choose(cloud, usual, spacing, monitor)?;
         (frame.0[axis.a], frame.1[axis.a]) = (scale, offset);
     }
     Ok(frame)
@@ -75,25 +82,33 @@ struct Axis {
 }
 
 impl Axis {
-    fn choose(&self, cloud: &Cloud, usual: f64, mut spacing: impl FnMut() -> f64) -> Result<(f64, f64)> {
+    fn choose(
+        &self,
+        cloud: &Cloud,
+        usual: f64,
+        mut spacing: impl FnMut() -> Result<f64>,
+        monitor: &Monitor,
+    ) -> Result<(f64, f64)> {
         let mut finest = None;
         // Powers of ten by their text: 1e-4 is the number nearest to it, 1e-3 / 10 may not be.
         let exponent = usual.log10().round() as i32;
         let steps = (exponent - FINER..=exponent).rev().chain(exponent + 1..=exponent + COARSER);
-        let mut fitting = steps.filter_map(|e| format!("1e{e}").parse::<f64>().ok()).filter_map(|scale| {
+        let fitting = steps.filter_map(|e| format!("1e{e}").parse::<f64>().ok()).filter_map(|scale| {
             // Coarser steps are only for what the usual one cannot hold.
             let wanted = scale <= usual || self.offset(usual).is_none();
             self.offset(scale).filter(|_| wanted).map(|offset| (scale, offset))
         });
-        let found = fitting.find(|&(scale, offset)| {
-            let loss = self.loss(cloud, (scale, offset));
+        for (scale, offset) in fitting {
+            let loss = self.loss(cloud, (scale, offset), monitor)?;
             if finest.is_none_or(|(least, _)| loss < least) {
                 finest = Some((loss, scale));
             }
-            loss <= EXACT * scale || loss <= ALLOWED * spacing()
-        });
-        found.ok_or_else(|| match finest {
-            Some((loss, scale)) => self.too_coarse((loss, scale), spacing()),
+            if loss <= EXACT * scale || loss <= ALLOWED * spacing()? {
+                return Ok((scale, offset));
+            }
+        }
+        Err(match finest {
+            Some((loss, scale)) => self.too_coarse((loss, scale), spacing()?),
             None => self.too_long(usual),
         })
     }
@@ -107,18 +122,19 @@ impl Axis {
     }
 
     /// The largest distance by which a coordinate moves.
-    fn loss(&self, cloud: &Cloud, (scale, offset): (f64, f64)) -> f64 {
+    fn loss(&self, cloud: &Cloud, (scale, offset): (f64, f64), monitor: &Monitor) -> Result<f64> {
         let moved = |v: f64| (((v - offset) / scale).round().mul_add(scale, offset) - v).abs();
         // Half of what the number itself cannot tell apart does not count.
         let noise = 2.0 * f64::EPSILON * self.low.abs().max(self.high.abs());
         let finite = |v: f64| if v.is_finite() { moved(v) } else { 0.0 };
-        let most = match cloud.coordinates() {
-            Coordinates::Float(axes) => axes[self.a].par_iter().map(|&v| finite(v)).reduce(|| 0.0, f64::max),
-            Coordinates::Scaled { .. } => {
-                (0..cloud.len()).into_par_iter().map(|i| finite(cloud.xyz(i)[self.a])).reduce(|| 0.0, f64::max)
-            }
-        };
-        (most - noise).max(0.0)
+        let most = map_ordered(cloud.len().div_ceil(PIECE), monitor, |piece| {
+            let points = piece * PIECE..((piece + 1) * PIECE).min(cloud.len());
+            Ok(match cloud.coordinates() {
+                Coordinates::Float(axes) => axes[self.a][points].iter().map(|&v| finite(v)).fold(0.0, f64::max),
+                Coordinates::Scaled { .. } => points.map(|i| finite(cloud.xyz(i)[self.a])).fold(0.0, f64::max),
+            })
+        })?;
+        Ok((most.into_iter().fold(0.0, f64::max) - noise).max(0.0))
     }
 
     fn name(&self) -> char {
@@ -150,13 +166,13 @@ impl Axis {
 /// `plan`, in x and y only.
 ///
 /// The largest cubes, halved again and again, of which there are half as many as places. One sort of the points' Morton codes.
-fn spacing(cloud: &Cloud, plan: bool) -> f64 {
-    let strays = Strays::find(cloud, &StrayParams::default()).unwrap_or_default();
-    let Some((low, high)) = strays.bounds else { return f64::INFINITY };
+fn spacing(cloud: &Cloud, plan: bool, monitor: &Monitor) -> Result<f64> {
+    let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
+    let Some((low, high)) = strays.bounds else { return Ok(f64::INFINITY) };
     let axes = if plan { 2 } else { 3 };
     let side = (0..axes).map(|a| high[a] - low[a]).fold(0.0, f64::max);
     if !(side > 0.0 && side.is_finite()) {
-        return f64::INFINITY;
+        return Ok(f64::INFINITY);
     }
     let cells = f64::from(morton::LIMIT);
     let cell = |at: [f64; 3]| {
@@ -165,25 +181,30 @@ fn spacing(cloud: &Cloud, plan: bool) -> f64 {
             (v.max(0.0) as u32).min(morton::LIMIT - 1)
         })
     };
-    let mut codes: Vec<u64> = (0..cloud.len()).into_par_iter().map(|i| morton::encode(cell(cloud.xyz(i)))).collect();
-    codes.par_sort_unstable();
+    let mut codes: Vec<u64> = Vec::with_capacity(cloud.len());
+    for piece in watched(cloud.len(), monitor) {
+        codes.extend(piece?.map(|i| morton::encode(cell(cloud.xyz(i)))));
+    }
+    sort_watched(&mut codes, monitor)?;
     // Places that part from the one before them at this level or a finer one.
     let levels = morton::LIMIT.trailing_zeros() as usize;
     let mut parting = vec![0usize; levels + 1];
-    for pair in codes.windows(2).filter(|pair| pair[0] != pair[1]) {
-        let bit = 63 - (pair[0] ^ pair[1]).leading_zeros() as usize;
-        parting[levels - bit / 3] += 1;
+    for piece in watched(codes.len().saturating_sub(1), monitor) {
+        for i in piece?.filter(|&i| codes[i] != codes[i + 1]) {
+            let bit = 63 - (codes[i] ^ codes[i + 1]).leading_zeros() as usize;
+            parting[levels - bit / 3] += 1;
+        }
     }
     let places = 1 + parting.iter().sum::<usize>();
     if places < 2 {
-        return f64::INFINITY;
+        return Ok(f64::INFINITY);
     }
     let mut cubes = 1;
     let level = parting.iter().position(|&more| {
         cubes += more;
         2 * cubes >= places
     });
-    side / (level.unwrap_or(levels) as f64).exp2()
+    Ok(side / (level.unwrap_or(levels) as f64).exp2())
 }
 
 #[cfg(test)]
@@ -213,10 +234,11 @@ mod tests {
     #[test]
     fn the_spacing_of_a_lattice_is_found_within_a_factor_of_two() {
         for step in [0.3, 1e-5, 40.0] {
-            let found = spacing(&Cloud::from_rows(&lattice(step)).unwrap(), false);
+            let found = spacing(&Cloud::from_rows(&lattice(step)).unwrap(), false, &Monitor::default()).unwrap();
             assert!((0.5 * step..=step).contains(&found), "{step} {found}");
         }
-        assert!(spacing(&Cloud::from_rows(&[[1.0; 3]; 50]).unwrap(), false).is_infinite());
+        let one_place = Cloud::from_rows(&[[1.0; 3]; 50]).unwrap();
+        assert!(spacing(&one_place, false, &Monitor::default()).unwrap().is_infinite());
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::writer::{CHUNK, Front, Writer};
 use crate::cloud::{Cloud, Column, Coordinates, names};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
+use crate::parallel::{Monitor, watched};
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -36,7 +37,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     let laz = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("laz"));
     let vlrs = vlrs(wkt.as_deref(), &extras)?;
     let front = Front {
-        header: header(cloud, (format, length16), &frame, wkt.is_some()),
+        header: header(cloud, (format, length16), &frame, (wkt.is_some(), &options.monitor))?,
         vlrs,
         gap: Vec::new(),
         chunk: laz.then_some(CHUNK),
@@ -114,7 +115,12 @@ fn vlrs(wkt: Option<&str>, extras: &[Cow<'_, Column>]) -> Result<Vec<Vlr>> {
     Ok(vlrs)
 }
 
-fn header(cloud: &Cloud, (format, length): (u8, u16), (scale, offset): &Frame, wkt: bool) -> Vec<u8> {
+fn header(
+    cloud: &Cloud,
+    (format, length): (u8, u16),
+    (scale, offset): &Frame,
+    (wkt, monitor): (bool, &Monitor),
+) -> Result<Vec<u8>> {
     let mut raw = vec![0; 375];
     put(&mut raw, 0, b"LASF");
     // Adjusted standard GPS time, and WKT where there is one (formats from 6 on know no other CRS).
@@ -127,7 +133,7 @@ fn header(cloud: &Cloud, (format, length): (u8, u16), (scale, offset): &Frame, w
     raw[104] = format;
     put(&mut raw, 105, &length.to_le_bytes());
     put(&mut raw, 247, &(cloud.len() as u64).to_le_bytes());
-    let (low, high) = cloud.bounds().unwrap_or(([0.0; 3], [0.0; 3]));
+    let (low, high) = cloud.bounds_watched(monitor)?.unwrap_or(([0.0; 3], [0.0; 3]));
     for a in 0..3 {
         put(&mut raw, 131 + 8 * a, &scale[a].to_le_bytes());
         put(&mut raw, 155 + 8 * a, &offset[a].to_le_bytes());
@@ -136,8 +142,10 @@ fn header(cloud: &Cloud, (format, length): (u8, u16), (scale, offset): &Frame, w
     }
     if let Some(returns) = cloud.column(names::RETURN_NUMBER) {
         let mut counts = [0u64; 16];
-        (0..cloud.len()).for_each(|i| counts[(returns.values.get(i) as usize).min(15)] += 1);
+        for piece in watched(cloud.len(), monitor) {
+            piece?.for_each(|i| counts[(returns.values.get(i) as usize).min(15)] += 1);
+        }
         (1..=15).for_each(|r| put(&mut raw, 247 + 8 * r, &counts[r].to_le_bytes()));
     }
-    raw
+    Ok(raw)
 }

@@ -23,7 +23,7 @@ pub(super) fn objects(
     metres: Option<f64>,
     monitor: &Monitor,
 ) -> Result<Objects> {
-    let points = points_of(cloud, metres.or(recipe.metres_per_unit))?;
+    let points = points_of(cloud, metres.or(recipe.metres_per_unit), monitor)?;
     let colours = recipe.segments.colours(cloud, &points)?;
     let partition = recipe.segments.partition(&points, colours.as_deref(), monitor)?;
     let heights = match recipe.heights {

@@ -62,7 +62,7 @@ pub fn train_objects(
     check_labels(clouds)?;
     let mut recipe = recipe.clone();
     let mut lessons = Vec::new();
-    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let lesson = study((cloud, labels), &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
         // Whether the first cloud has colours decides for all that the model will name.
@@ -104,7 +104,7 @@ fn study((cloud, labels): (&Cloud, &Labels), recipe: &ObjectsRecipe, seed: u64, 
         named.iter().map(|&s| Labelled { code: codes[s].unwrap_or_default(), at: middle(&found, s) }).collect();
     let mut learned = vec![false; codes.len()];
     named.iter().zip(split(&segments, &recipe.training, seed)).for_each(|(&s, chosen)| learned[s] = chosen);
-    let density = planar_density(cloud, recipe.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0));
+    let density = planar_density(cloud, recipe.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0), monitor)?;
     Ok(Lesson { found, codes, learned, truth, density })
 }
 

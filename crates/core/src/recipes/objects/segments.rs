@@ -124,6 +124,6 @@ impl ObjectSegments {
     /// # Errors
     /// A parameter out of range, cancellation.
     pub(in crate::recipes) fn joined(&self, supervoxels: &Supervoxels, monitor: &Monitor) -> Result<Partition> {
-        supervoxels.point_partition(&local_graphs(supervoxels, &self.local_graphs, monitor)?)
+        supervoxels.point_partition(&local_graphs(supervoxels, &self.local_graphs, monitor)?, monitor)
     }
 }

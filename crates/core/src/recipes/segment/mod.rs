@@ -13,7 +13,7 @@ use crate::evaluation::{BoundaryScores, SizeBin, boundary_scores, oracle_accurac
 use crate::features::{FeatureTable, optimal_features};
 use crate::graph::Graph;
 use crate::neighbours::OptimalParams;
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 use crate::segmentation::{Partition, StageSeconds, Trial};
 use part::{Level, Parted, adjacency, part};
 use serde::Serialize;
@@ -98,23 +98,22 @@ pub struct LevelReport {
 /// A parameter out of range, an intent that needs labels without any, no finite point, cancellation.
 pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, monitor: &Monitor) -> Result<Segmented> {
     params.validate()?;
-    let points = points_of(cloud, None)?;
-    note_oddities([cloud], monitor);
+    let points = points_of(cloud, None, monitor)?;
+    note_oddities([cloud], monitor)?;
     let known: Option<Vec<Option<u8>>> =
         labels.map(|labels| points.index.iter().map(|&i| labels.codes.get(i as usize).copied().flatten()).collect());
     let found = part((cloud, &points), known.as_deref(), params, monitor)?;
     monitor.check()?;
     let report = judge(&found, (&points, known.as_deref()), params, monitor)?;
-    monitor.check()?;
     let in_cloud = |partition: &Partition| {
         let mut clusters = vec![0; cloud.len()];
-        let each = points.index.iter().zip(partition.segments());
-        each.for_each(|(&point, s)| clusters[point as usize] = s + 1);
-        clusters
+        for piece in watched(points.len(), monitor) {
+            piece?.for_each(|i| clusters[points.index[i] as usize] = partition.segments()[i] + 1);
+        }
+        Ok(clusters)
     };
-    let clusters = in_cloud(&found.partition);
-    let levels = found.levels.iter().map(|level| in_cloud(&level.segments)).collect();
-    monitor.check()?;
+    let clusters = in_cloud(&found.partition)?;
+    let levels = found.levels.iter().map(|level| in_cloud(&level.segments)).collect::<Result<_>>()?;
     Ok(Segmented { clusters, levels, descriptors: found.descriptors, partition: found.partition, points, report })
 }
 

@@ -124,7 +124,7 @@ fn of_supervoxels((cloud, points): (&Cloud, &Points), params: &SegmentParams, mo
     let supervoxels = objects.supervoxels(points, colours.as_deref(), monitor)?;
     let partition = match params.method {
         SegmentMethod::LocalGraph => objects.joined(&supervoxels, monitor)?,
-        _ => supervoxels.partition()?,
+        _ => supervoxels.partition(monitor)?,
     };
     Ok(Parted { partition, supervoxels: Some(supervoxels.len()), ..Parted::default() })
 }

@@ -52,7 +52,7 @@ impl WeakLabels {
             return Ok(Vec::new());
         }
         let rows: Vec<[f64; 3]> = places.iter().map(|(place, _)| *place).collect();
-        let near = nearest_of(points, &Points::with_strays(&Cloud::from_rows(&rows)?, metres), 1, monitor)?;
+        let near = nearest_of(points, &Points::with_strays(&Cloud::from_rows(&rows)?, metres, monitor)?, 1, monitor)?;
         let close = (0..places.len()).filter(|&q| f64::from(near.squared_distances(q)[0]).sqrt() <= SAME);
         let named = close.filter_map(|q| Some((near.of(q)[0], classes.position(places[q].1)? as u16)));
         let mut found: Vec<(u32, u16)> = named.collect();

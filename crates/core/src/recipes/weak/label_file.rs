@@ -88,10 +88,10 @@ impl LabelFile {
         if self.places.is_empty() {
             return Ok(());
         }
-        self.check_box(cloud, (metres, within))?;
-        let points = Points::from_cloud(cloud, metres);
+        self.check_box(cloud, (metres, within), monitor)?;
+        let points = Points::from_cloud_watched(cloud, metres, monitor)?;
         let rows: Vec<[f64; 3]> = self.places.iter().map(|p| p.1).collect();
-        let queries = Points::with_strays(&Cloud::from_rows(&rows)?, metres);
+        let queries = Points::with_strays(&Cloud::from_rows(&rows)?, metres, monitor)?;
         if points.is_empty() {
             return Err(Error::input("the cloud has no point with finite coordinates"));
         }
@@ -108,8 +108,8 @@ impl LabelFile {
     }
 
     /// Fails at the first place that lies outside the box of the cloud's points by more than `within` metres.
-    fn check_box(&self, cloud: &Cloud, (metres, within): (f64, f64)) -> Result<()> {
-        let Some((low, high)) = cloud.bounds() else { return Ok(()) };
+    fn check_box(&self, cloud: &Cloud, (metres, within): (f64, f64), monitor: &Monitor) -> Result<()> {
+        let Some((low, high)) = cloud.bounds_watched(monitor)? else { return Ok(()) };
         for (line, place, _) in &self.places {
             let beyond = (0..3).map(|a| (low[a] - place[a]).max(place[a] - high[a])).fold(0.0, f64::max) * metres;
             if beyond > within || beyond.is_nan() {

@@ -128,9 +128,9 @@ fn study<'a>(
     monitor: &Monitor,
 ) -> Result<(Vec<Lesson<'a>>, Vec<StrengthScore>)> {
     let mut drafts = Vec::new();
-    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor);
+    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
-        let points = points_of(cloud, recipe.features.metres_per_unit)?;
+        let points = points_of(cloud, recipe.features.metres_per_unit, monitor)?;
         let seed = recipe.seed.wrapping_add(c as u64);
         let examples = examples(labels, &points.index, (&recipe.labels, seed))?;
         let local = describe::local(&points, recipe, monitor)?;
@@ -159,7 +159,7 @@ fn study<'a>(
         let (rows, scale) = describe::rows(cloud, (own, &places), more.as_ref(), monitor)?;
         // The finest scale of the first cloud is that of the others, and of all that the model will name.
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
-        let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0));
+        let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0), monitor)?;
         lessons.push(Lesson { described, examples, rows, density });
     }
     Ok((lessons, partitions))
@@ -282,7 +282,7 @@ pub(in crate::recipes) fn classify_weak(
     monitor: &Monitor,
 ) -> Result<(Points, Regularised)> {
     let unit = cloud.metres(metres.or(recipe.features.metres_per_unit))?;
-    let points = points_of(cloud, Some(unit))?;
+    let points = points_of(cloud, Some(unit), monitor)?;
     let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
     let local = describe::local(&points, recipe, monitor)?;
     // First what needs most memory, while little else is held.

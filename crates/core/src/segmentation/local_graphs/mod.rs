@@ -50,7 +50,8 @@ pub fn local_graphs(supervoxels: &Supervoxels, params: &LocalGraphParams, monito
     if params.attach_isolated {
         local.attach_isolated(&mut links);
     }
-    connected_partition(&Graph::new(shapes.len(), &links, &vec![1.0; links.len()])?, |_, _| true)
+    let graph = Graph::new_watched(shapes.len(), &links, &vec![1.0; links.len()], monitor)?;
+    connected_partition(&graph, |_, _| true, monitor)
 }
 
 /// Working memory of a thread.

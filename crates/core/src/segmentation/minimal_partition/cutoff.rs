@@ -2,9 +2,10 @@
 
 use super::Signal;
 use super::links::{EdgeLinks, Link, contract};
-use super::regions::{Regions, compact};
+use super::regions::{Regions, compact, renumber};
 use crate::error::Result;
 use crate::graph::Graph;
+use crate::parallel::{Looks, Monitor};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::Sets;
 
@@ -14,32 +15,34 @@ const PASSES: usize = 50;
 /// Merges every segment whose weight is below `cutoff` into the neighbour of largest gain, be it negative; segments
 /// without neighbours stay. At most 50 passes of O(m log m).
 pub(super) fn absorb_small(
-    signal: &Signal,
-    graph: &Graph,
-    partition: &Partition,
+    (signal, graph): (&Signal, &Graph),
+    partition: Partition,
     (strength, cutoff): (f64, f64),
+    monitor: &Monitor,
 ) -> Result<Partition> {
-    let mut regions = Regions::of_segments(signal, partition);
+    let mut regions = Regions::of_segments(signal, &partition, monitor)?;
     if (0..regions.len() as u32).all(|region| regions.weight(region) >= cutoff) {
-        return Ok(partition.clone());
+        return Ok(partition);
     }
     let mut segment = partition.segments().to_vec();
     // With an infinite strength only edges of weight 0 are left between segments: they save nothing.
     let strength = if strength.is_finite() { strength } else { 0.0 };
-    let mut links = contract(&EdgeLinks::weighted(graph, strength), &segment);
+    let mut links = contract(&EdgeLinks::weighted(graph, strength), &segment, monitor)?;
     for _ in 0..PASSES {
-        let Some(sets) = absorb_once(&mut regions, &links, cutoff) else { break };
-        let (number, left) = compact(&regions, sets);
-        segment.iter_mut().for_each(|s| *s = number[*s as usize]);
-        links = contract(&links[..], &number);
+        let Some(sets) = absorb_once(&mut regions, &links, cutoff, monitor)? else { break };
+        let (number, left) = compact(&regions, sets, monitor)?;
+        renumber(&mut segment, &number, monitor)?;
+        links = contract(&links[..], &number, monitor)?;
         regions = left;
     }
-    Partition::from_labels(&segment)
+    Partition::from_labels_watched(&segment, monitor)
 }
 
-fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64) -> Option<Sets> {
+fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64, monitor: &Monitor) -> Result<Option<Sets>> {
+    let mut looks = Looks::at(monitor);
     let mut best: Vec<Option<(f64, u32)>> = vec![None; regions.len()];
     for link in links {
+        looks.step()?;
         let gain = link.boundary - regions.loss(link.ends);
         for (end, other) in [(link.ends[0], link.ends[1]), (link.ends[1], link.ends[0])] {
             let slot = &mut best[end as usize];
@@ -51,6 +54,7 @@ fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64) -> Option<Set
     let mut sets = Sets::new(regions.len());
     let mut any = false;
     for (region, choice) in (0u32..).zip(best) {
+        looks.step()?;
         let Some((_, other)) = choice else { continue };
         let root = sets.root(region);
         // A region that has grown enough in this pass needs no further partner.
@@ -61,7 +65,7 @@ fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64) -> Option<Set
             any = true;
         }
     }
-    any.then_some(sets)
+    Ok(any.then_some(sets))
 }
 
 #[cfg(test)]
@@ -74,11 +78,11 @@ mod tests {
         let signal = Signal::new(&values, 1).unwrap();
         let graph = Graph::new(8, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 5], [5, 6]], &[1.0; 6]).unwrap();
         let partition = Partition::from_labels(&[0, 0, 0, 1, 2, 2, 2, 3]).unwrap();
-        let kept = absorb_small(&signal, &graph, &partition, (1.0, 1.0)).unwrap();
+        let kept = absorb_small((&signal, &graph), partition.clone(), (1.0, 1.0), &Monitor::default()).unwrap();
         assert_eq!(kept, partition);
-        let joined = absorb_small(&signal, &graph, &partition, (1.0, 2.0)).unwrap();
+        let joined = absorb_small((&signal, &graph), partition.clone(), (1.0, 2.0), &Monitor::default()).unwrap();
         assert_eq!(joined.segments(), [0, 0, 0, 0, 1, 1, 1, 2], "the lonely node has nobody to join");
-        let all = absorb_small(&signal, &graph, &partition, (1.0, 5.0)).unwrap();
+        let all = absorb_small((&signal, &graph), partition.clone(), (1.0, 5.0), &Monitor::default()).unwrap();
         assert_eq!(all.segments(), [0, 0, 0, 0, 0, 0, 0, 1]);
     }
 }

@@ -1,6 +1,8 @@
 //! Links between regions that touch, and what remains of them when regions become one.
 
+use crate::error::Result;
 use crate::graph::Graph;
+use crate::parallel::{Looks, Monitor};
 
 /// Two regions that touch and what the edges between them cost together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +85,15 @@ const ALONE: usize = 1 << 15;
 /// The links between the segments of a partition of the nodes that `links` join, ascending by their ends; parallel ones are
 /// one, their costs added in the order of the links. O(links · log of the links of one segment); 8 bytes a link beside
 /// the result.
-pub(in crate::segmentation) fn contract(links: &(impl Links + ?Sized), segment: &[u32]) -> Vec<Link> {
+///
+/// # Errors
+/// If the work was cancelled.
+pub(in crate::segmentation) fn contract(
+    links: &(impl Links + ?Sized),
+    segment: &[u32],
+    monitor: &Monitor,
+) -> Result<Vec<Link>> {
+    let mut looks = Looks::at(monitor);
     let renamed = || {
         links.numbered().filter_map(|(index, link)| {
             let [a, b] = link.ends.map(|end| segment[end as usize]);
@@ -93,48 +103,55 @@ pub(in crate::segmentation) fn contract(links: &(impl Links + ?Sized), segment: 
     // Rows of links: those of smaller end s end at ends[s] once all are there.
     let segments = segment.iter().max().map_or(0, |&last| last as usize + 1);
     let mut ends = vec![0usize; segments + 1];
-    renamed().for_each(|(smaller, ..)| ends[smaller as usize + 1] += 1);
+    for (smaller, ..) in renamed() {
+        looks.step()?;
+        ends[smaller as usize + 1] += 1;
+    }
     (0..segments).for_each(|s| ends[s + 1] += ends[s]);
     let mut rows = vec![0u64; ends[segments]];
     for (smaller, larger, index) in renamed() {
+        looks.step()?;
         let slot = &mut ends[smaller as usize];
         rows[*slot] = u64::from(larger) << 32 | u64::from(index);
         *slot += 1;
     }
     ends.pop();
-    sort_rows(&mut rows, &ends, 0);
-    joined(links, &rows, &ends)
+    sort_rows(&mut rows, &ends, 0, monitor)?;
+    joined(links, (&rows, &ends), &mut looks)
 }
 
 /// Sorts each row; `rows` begin at `begin` of all.
-fn sort_rows(rows: &mut [u64], ends: &[usize], begin: usize) {
+fn sort_rows(rows: &mut [u64], ends: &[usize], begin: usize, monitor: &Monitor) -> Result<()> {
+    monitor.check()?;
     if rows.len() > ALONE && ends.len() > 1 {
         let (low, high) = ends.split_at(ends.len() / 2);
         let cut = low.last().map_or(0, |end| end - begin);
         let (first, second) = rows.split_at_mut(cut);
-        rayon::join(|| sort_rows(first, low, begin), || sort_rows(second, high, begin + cut));
-        return;
+        let (first, second) =
+            rayon::join(|| sort_rows(first, low, begin, monitor), || sort_rows(second, high, begin + cut, monitor));
+        return first.and(second);
     }
     let mut start = begin;
     for &end in ends {
         rows[start - begin..end - begin].sort_unstable();
         start = end;
     }
+    Ok(())
 }
 
 /// The links of sorted rows.
-fn joined(links: &(impl Links + ?Sized), rows: &[u64], ends: &[usize]) -> Vec<Link> {
-    let mut start = 0;
-    let each = |end: &usize| {
-        let row = &rows[start..*end];
-        start = *end;
-        row
-    };
+fn joined(links: &(impl Links + ?Sized), (rows, ends): (&[u64], &[usize]), looks: &mut Looks<'_>) -> Result<Vec<Link>> {
     let parallel = |a: &u64, b: &u64| a >> 32 == b >> 32;
-    let count = ends.iter().map(each).map(|row| row.chunk_by(parallel).count()).sum();
+    let (mut start, mut count) = (0, 0);
+    for &end in ends {
+        looks.steps(end - start)?;
+        count += rows[start..end].chunk_by(parallel).count();
+        start = end;
+    }
     let mut joined = Vec::with_capacity(count);
     let mut start = 0;
     for (smaller, &end) in (0u32..).zip(ends) {
+        looks.steps(end - start)?;
         for same in rows[start..end].chunk_by(parallel) {
             let larger = same.first().map_or(0, |row| (row >> 32) as u32);
             let boundary = same.iter().map(|row| links.get(*row as u32).boundary).reduce(|sum, b| sum + b);
@@ -142,7 +159,7 @@ fn joined(links: &(impl Links + ?Sized), rows: &[u64], ends: &[usize]) -> Vec<Li
         }
         start = end;
     }
-    joined
+    Ok(joined)
 }
 
 #[cfg(test)]
@@ -155,8 +172,9 @@ mod tests {
     fn parallel_links_add_up_and_inner_ones_vanish() {
         let link = |a, b, boundary| Link { ends: [a, b], boundary };
         let links = [link(0, 1, 1.0), link(0, 2, 2.0), link(1, 3, 4.0), link(2, 3, 8.0)];
-        assert_eq!(contract(&links[..], &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
-        assert!(contract(&links[..], &[0; 4]).is_empty() && contract(&links[..0], &[]).is_empty());
+        let contracted = |links: &[Link], segment: &[u32]| contract(links, segment, &Monitor::default()).unwrap();
+        assert_eq!(contracted(&links, &[1, 1, 0, 0]), [link(0, 1, 6.0)]);
+        assert!(contracted(&links, &[0; 4]).is_empty() && contracted(&links[..0], &[]).is_empty());
     }
 
     #[test]
@@ -176,7 +194,7 @@ mod tests {
         let expected: Vec<Link> = expected.into_iter().map(|(ends, boundary)| Link { ends, boundary }).collect();
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            assert!(pool.install(|| contract(&links[..], &segment)) == expected);
+            assert!(pool.install(|| contract(&links[..], &segment, &Monitor::default()).unwrap()) == expected);
         }
     }
 }

@@ -10,7 +10,7 @@ mod greedy;
 use super::Signal;
 use super::cutoff::absorb_small;
 use super::links::{EdgeLinks, Link, Links, contract};
-use super::regions::{Regions, compact, energy};
+use super::regions::{Regions, compact, energy, renumber};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::Monitor;
@@ -84,27 +84,33 @@ pub struct Merge {
 pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Monitor) -> Result<Merge> {
     params.validate()?;
     signal.fits(graph.len())?;
-    let partition = match trivial_partition(signal, graph, params.strength)? {
+    let partition = match trivial_partition(signal, graph, params.strength, monitor)? {
         Some(partition) => partition,
         None => {
             let links = EdgeLinks::weighted(graph, params.strength);
-            Partition::from_labels(&merge_nodes(Regions::of_nodes(signal), links, GREEDY_LINKS, monitor)?.became)?
+            let nodes = Regions::of_nodes(signal, monitor)?;
+            Partition::from_labels_watched(&merge_nodes(nodes, links, GREEDY_LINKS, monitor)?.became, monitor)?
         }
     };
-    let energy = energy(signal, graph, params.strength, &partition);
-    let partition = absorb_small(signal, graph, &partition, (params.strength, params.cutoff))?;
-    let centroids = Regions::of_segments(signal, &partition).into_means();
+    let energy = energy(signal, (graph, params.strength), &partition, monitor)?;
+    let partition = absorb_small((signal, graph), partition, (params.strength, params.cutoff), monitor)?;
+    let centroids = Regions::of_segments(signal, &partition, monitor)?.into_means();
     Ok(Merge { partition, centroids, energy })
 }
 
 /// The partition where the strength leaves no choice: the connected sets of equal values at 0, the connected pieces
 /// over edges of positive weight at infinity.
-pub(super) fn trivial_partition(signal: &Signal, graph: &Graph, strength: f64) -> Result<Option<Partition>> {
+pub(super) fn trivial_partition(
+    signal: &Signal,
+    graph: &Graph,
+    strength: f64,
+    monitor: &Monitor,
+) -> Result<Option<Partition>> {
     let same = |[a, b]: [u32; 2]| signal.row(a as usize) == signal.row(b as usize);
     if strength.is_infinite() {
-        connected_partition(graph, |e, _| graph.weights()[e] > 0.0).map(Some)
+        connected_partition(graph, |e, _| graph.weights()[e] > 0.0, monitor).map(Some)
     } else if strength == 0.0 {
-        connected_partition(graph, |_, ends| same(ends)).map(Some)
+        connected_partition(graph, |_, ends| same(ends), monitor).map(Some)
     } else {
         Ok(None)
     }
@@ -124,12 +130,13 @@ pub(super) struct Merger {
 pub(super) fn merge_further(regions: Regions, links: Vec<Link>, greedy: usize, monitor: &Monitor) -> Result<Merger> {
     let mut merger = Merger { became: (0..regions.len() as u32).collect(), regions, links };
     while merger.links.len() > greedy {
-        monitor.check()?;
-        let Some(sets) = batch::merge_best_pairs(&mut merger.regions, &merger.links[..]) else { return Ok(merger) };
-        merger.unite(sets);
+        let Some(sets) = batch::merge_best_pairs(&mut merger.regions, &merger.links[..], monitor)? else {
+            return Ok(merger);
+        };
+        merger.unite(sets, monitor)?;
     }
     let sets = greedy::merge_largest_gain_first(&mut merger.regions, &merger.links, monitor)?;
-    merger.unite(sets);
+    merger.unite(sets, monitor)?;
     Ok(merger)
 }
 
@@ -142,22 +149,27 @@ pub(super) fn merge_nodes(
 ) -> Result<Merger> {
     monitor.check()?;
     let links = || edges.numbered().map(|(_, link)| link);
-    let nodes = regions.len();
-    let sets = if links().nth(greedy).is_some() { batch::merge_best_pairs(&mut regions, &edges) } else { None };
+    let sets = match links().nth(greedy).is_some() {
+        true => batch::merge_best_pairs(&mut regions, &edges, monitor)?,
+        false => None,
+    };
     let Some(sets) = sets else { return merge_further(regions, links().collect(), greedy, monitor) };
-    let (number, left) = compact(&regions, sets);
+    let (number, left) = compact(&regions, sets, monitor)?;
     regions = left;
-    let mut merger = merge_further(regions, contract(&edges, &number), greedy, monitor)?;
-    merger.became = (0..nodes).map(|node| merger.became[number[node] as usize]).collect();
+    let mut merger = merge_further(regions, contract(&edges, &number, monitor)?, greedy, monitor)?;
+    let mut became = number;
+    renumber(&mut became, &merger.became, monitor)?;
+    merger.became = became;
     Ok(merger)
 }
 
 impl Merger {
-    fn unite(&mut self, sets: Sets) {
-        let (number, left) = compact(&self.regions, sets);
+    fn unite(&mut self, sets: Sets, monitor: &Monitor) -> Result<()> {
+        let (number, left) = compact(&self.regions, sets, monitor)?;
         self.regions = left;
-        self.became.iter_mut().for_each(|region| *region = number[*region as usize]);
-        self.links = contract(&self.links[..], &number);
+        renumber(&mut self.became, &number, monitor)?;
+        self.links = contract(&self.links[..], &number, monitor)?;
+        Ok(())
     }
 }
 
@@ -188,7 +200,7 @@ mod tests {
         let found = merge(&signal, &graph, &params, &Monitor::default()).unwrap();
         let fields: Vec<u32> = (0..256).map(|v| v % 16 / 4 + v / 16 / 4 * 4).collect();
         assert_eq!(found.partition, Partition::from_labels(&fields).unwrap());
-        assert_eq!(found.energy, energy(&signal, &graph, 0.1, &found.partition));
+        assert_eq!(found.energy, energy(&signal, (&graph, 0.1), &found.partition, &Monitor::default()).unwrap());
     }
 
     #[test]
@@ -196,24 +208,28 @@ mod tests {
         let (values, graph) = (chequer(32, 2), grid(32));
         let signal = Signal::new(&values, 1).unwrap();
         let links: Vec<Link> = EdgeLinks::weighted(&graph, 0.03).numbered().map(|(_, link)| link).collect();
-        let start = energy(&signal, &graph, 0.03, &Partition::from_labels(&(0..1024).collect::<Vec<_>>()).unwrap());
-        let (mut regions, mut left) = (Regions::of_nodes(&signal), links.clone());
+        let monitor = Monitor::default();
+        let energy_of = |labels: &[u32]| {
+            energy(&signal, (&graph, 0.03), &Partition::from_labels(labels).unwrap(), &monitor).unwrap()
+        };
+        let start = energy_of(&(0..1024).collect::<Vec<_>>());
+        let nodes = || Regions::of_nodes(&signal, &monitor).unwrap();
+        let (mut regions, mut left) = (nodes(), links.clone());
         let mut became: Vec<u32> = (0..1024).collect();
         let mut last = start;
-        while let Some(sets) = batch::merge_best_pairs(&mut regions, &left[..]) {
-            let (number, next) = compact(&regions, sets);
+        while let Some(sets) = batch::merge_best_pairs(&mut regions, &left[..], &monitor).unwrap() {
+            let (number, next) = compact(&regions, sets, &monitor).unwrap();
             became.iter_mut().for_each(|r| *r = number[*r as usize]);
-            (left, regions) = (contract(&left[..], &number), next);
-            let now = energy(&signal, &graph, 0.03, &Partition::from_labels(&became).unwrap());
+            (left, regions) = (contract(&left[..], &number, &monitor).unwrap(), next);
+            let now = energy_of(&became);
             assert!(now < last, "every round lowers the energy");
             last = now;
         }
-        let one_by_one =
-            merge_further(Regions::of_nodes(&signal), links, GREEDY_LINKS, &Monitor::default()).unwrap().became;
+        let one_by_one = merge_further(nodes(), links, GREEDY_LINKS, &monitor).unwrap().became;
         for labels in [became, one_by_one] {
             let partition = Partition::from_labels(&labels).unwrap();
-            let regions = Regions::of_segments(&signal, &partition);
-            let links = contract(&EdgeLinks::weighted(&graph, 0.03), partition.segments());
+            let regions = Regions::of_segments(&signal, &partition, &monitor).unwrap();
+            let links = contract(&EdgeLinks::weighted(&graph, 0.03), partition.segments(), &monitor).unwrap();
             assert!(links.iter().all(|l| l.boundary - regions.loss(l.ends) < 1e-9));
         }
     }

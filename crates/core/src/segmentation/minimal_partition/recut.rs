@@ -37,12 +37,12 @@ pub fn recut(
             }
         }
     }
-    let piece = Piece::new(scene, partition, &is_chosen)?;
+    let piece = Piece::new(scene, partition, &is_chosen, monitor)?;
     let found = piece.cut(scene.signal.width(), params, monitor)?;
     let mut labels = partition.segments().to_vec();
     let first = partition.len() as u32;
     piece.nodes.iter().zip(found.segments()).for_each(|(&node, &part)| labels[node as usize] = first + part);
-    Partition::from_labels(&labels)
+    Partition::from_labels_watched(&labels, monitor)
 }
 
 /// The chosen segments as a graph of their own.
@@ -55,11 +55,11 @@ struct Piece {
 }
 
 impl Piece {
-    fn new(scene: &Scene<'_>, partition: &Partition, is_chosen: &[bool]) -> Result<Self> {
+    fn new(scene: &Scene<'_>, partition: &Partition, is_chosen: &[bool], monitor: &Monitor) -> Result<Self> {
         let of = partition.segments();
         let nodes: Vec<u32> = (0..).zip(of).filter(|(_, s)| is_chosen[**s as usize]).map(|(node, _)| node).collect();
         // The ends of an edge within one segment are both chosen or not.
-        let graph = scene.graph.induced(&nodes, |[a, b]| of[a as usize] == of[b as usize])?;
+        let graph = scene.graph.induced(&nodes, |[a, b]| of[a as usize] == of[b as usize], monitor)?;
         Ok(Self {
             graph,
             values: nodes.iter().flat_map(|&node| scene.signal.row(node as usize)).copied().collect(),

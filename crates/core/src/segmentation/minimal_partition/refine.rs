@@ -4,7 +4,7 @@ use super::Signal;
 use super::regions::Regions;
 use crate::error::Result;
 use crate::graph::{Graph, Incidence};
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::connected_partition;
 use std::collections::VecDeque;
@@ -34,20 +34,22 @@ pub(super) fn move_boundary_nodes(
     monitor: &Monitor,
 ) -> Result<Partition> {
     let segment = partition.segments().to_vec();
-    let regions = Regions::of_segments(signal, partition);
+    let regions = Regions::of_segments(signal, partition, monitor)?;
     let mut moves = Moves { signal, graph, incidence, strength, segment, regions, around: Vec::new() };
     moves.run(monitor)?;
     let segment = moves.segment;
-    connected_partition(graph, |_, [a, b]| segment[a as usize] == segment[b as usize])
+    connected_partition(graph, |_, [a, b]| segment[a as usize] == segment[b as usize], monitor)
 }
 
 impl Moves<'_> {
     /// First the nodes at boundaries in order, then again those around each node that moved.
     fn run(&mut self, monitor: &Monitor) -> Result<()> {
         let mut waiting = vec![false; self.graph.len()];
-        for &[a, b] in self.graph.edges() {
-            if self.segment[a as usize] != self.segment[b as usize] {
-                (waiting[a as usize], waiting[b as usize]) = (true, true);
+        for piece in watched(self.graph.edges().len(), monitor) {
+            for &[a, b] in &self.graph.edges()[piece?] {
+                if self.segment[a as usize] != self.segment[b as usize] {
+                    (waiting[a as usize], waiting[b as usize]) = (true, true);
+                }
             }
         }
         let mut queue: VecDeque<u32> = (0u32..).zip(&waiting).filter(|(_, w)| **w).map(|(v, _)| v).collect();
@@ -128,24 +130,28 @@ mod tests {
             let graph = Graph::new(40, &pairs, &vec![1.0; pairs.len()]).unwrap();
             let labels: Vec<u32> = (0..40).map(|_| random.below(4) as u32).collect();
             let of = |labels: &[u32]| {
-                connected_partition(&graph, |_, [a, b]| labels[a as usize] == labels[b as usize]).unwrap()
+                connected_partition(&graph, |_, [a, b]| labels[a as usize] == labels[b as usize], &Monitor::default())
+                    .unwrap()
             };
-            let with_edges = (&graph, &graph.incidence());
+            let with_edges = (&graph, &graph.incidence(&Monitor::default()).unwrap());
             let (mut last, mut now) = (Partition::default(), of(&labels));
             // A move shifts means, which may open moves elsewhere: repeat until nothing moves.
             while now != last {
                 let moved = move_boundary_nodes(&signal, with_edges, (&now, 0.05), &Monitor::default()).unwrap();
-                let fell = energy(&signal, &graph, 0.05, &now) - energy(&signal, &graph, 0.05, &moved);
+                let fell = energy(&signal, (&graph, 0.05), &now, &Monitor::default()).unwrap()
+                    - energy(&signal, (&graph, 0.05), &moved, &Monitor::default()).unwrap();
                 assert!(if moved == now { fell == 0.0 } else { fell > 0.0 });
                 (last, now) = (now, moved);
             }
-            let least = energy(&signal, &graph, 0.05, &now);
+            let least = energy(&signal, (&graph, 0.05), &now, &Monitor::default()).unwrap();
             for &[a, b] in graph.edges() {
                 for (node, to) in [(a, b), (b, a)] {
                     let mut moved = now.segments().to_vec();
                     let alone = moved.iter().filter(|s| **s == moved[node as usize]).count() == 1;
                     moved[node as usize] = moved[to as usize];
-                    let there = energy(&signal, &graph, 0.05, &Partition::from_labels(&moved).unwrap());
+                    let there =
+                        energy(&signal, (&graph, 0.05), &Partition::from_labels(&moved).unwrap(), &Monitor::default())
+                            .unwrap();
                     assert!(alone || there >= least - 1e-9);
                 }
             }
@@ -157,7 +163,12 @@ mod tests {
         let signal = Signal::new(&[0.0, 0.1, 0.1], 1).unwrap();
         let graph = Graph::new(3, &[[0, 1], [1, 2]], &[1.0; 2]).unwrap();
         let partition = Partition::from_labels(&[0, 1, 2]).unwrap();
-        let moved = move_boundary_nodes(&signal, (&graph, &graph.incidence()), (&partition, 10.0), &Monitor::default());
+        let moved = move_boundary_nodes(
+            &signal,
+            (&graph, &graph.incidence(&Monitor::default()).unwrap()),
+            (&partition, 10.0),
+            &Monitor::default(),
+        );
         assert_eq!(moved.unwrap(), partition);
     }
 }

@@ -1,7 +1,9 @@
 //! Weights and means of the segments of a partition, the boundaries between them, and the energy of the whole.
 
 use super::Signal;
+use crate::error::Result;
 use crate::graph::Graph;
+use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::Sets;
 
@@ -15,25 +17,27 @@ pub(super) struct Regions {
 
 impl Regions {
     /// Every node a region of its own.
-    pub(super) fn of_nodes(signal: &Signal) -> Self {
-        let nodes = 0..signal.len();
-        Self {
-            width: signal.width(),
-            weights: nodes.clone().map(|v| signal.weight(v)).collect(),
-            means: nodes.flat_map(|v| signal.row(v)).map(|&f| f64::from(f)).collect(),
+    pub(super) fn of_nodes(signal: &Signal, monitor: &Monitor) -> Result<Self> {
+        let (nodes, width) = (signal.len(), signal.width());
+        let mut regions = Self { width, weights: Vec::with_capacity(nodes), means: Vec::with_capacity(nodes * width) };
+        for piece in watched(nodes, monitor) {
+            let piece = piece?;
+            regions.weights.extend(piece.clone().map(|v| signal.weight(v)));
+            regions.means.extend(piece.flat_map(|v| signal.row(v)).map(|&f| f64::from(f)));
         }
+        Ok(regions)
     }
 
     /// The segments of a partition.
-    pub(super) fn of_segments(signal: &Signal, partition: &Partition) -> Self {
-        let width = signal.width();
+    pub(super) fn of_segments(signal: &Signal, partition: &Partition, monitor: &Monitor) -> Result<Self> {
+        let (width, mut looks) = (signal.width(), Looks::at(monitor));
         let mut regions =
             Self { width, weights: Vec::with_capacity(partition.len()), means: vec![0.0; partition.len() * width] };
         for (members, mean) in partition.iter().zip(regions.means.chunks_exact_mut(width)) {
             let nodes = members.iter().map(|&v| (signal.row(v as usize), signal.weight(v as usize)));
-            regions.weights.push(weighted_mean(nodes, mean));
+            regions.weights.push(weighted_mean(nodes, mean, &mut looks)?);
         }
-        regions
+        Ok(regions)
     }
 
     pub(super) fn len(&self) -> usize {
@@ -100,51 +104,85 @@ fn square_between(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Writes the weighted mean of rows into `mean` and returns the sum of weights.
-pub(super) fn weighted_mean<'a>(rows: impl Iterator<Item = (&'a [f32], f64)>, mean: &mut [f64]) -> f64 {
+pub(super) fn weighted_mean<'a>(
+    rows: impl Iterator<Item = (&'a [f32], f64)>,
+    mean: &mut [f64],
+    looks: &mut Looks<'_>,
+) -> Result<f64> {
     mean.fill(0.0);
     let mut total = 0.0;
     for (row, weight) in rows {
+        looks.step()?;
         total += weight;
         mean.iter_mut().zip(row).for_each(|(m, &f)| *m += weight * f64::from(f));
     }
     if total > 0.0 {
         mean.iter_mut().for_each(|m| *m /= total);
     }
-    total
+    Ok(total)
 }
 
 /// The roots of `sets` renumbered 0, 1, ... in order, and the regions that remain, in the same order.
-pub(super) fn compact(regions: &Regions, sets: Sets) -> (Vec<u32>, Regions) {
-    let roots = sets.roots();
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn compact(regions: &Regions, mut sets: Sets, monitor: &Monitor) -> Result<(Vec<u32>, Regions)> {
+    let roots = sets.roots(monitor)?;
     let mut number = vec![0u32; roots.len()];
     let mut left = Regions { width: regions.width, weights: Vec::new(), means: Vec::new() };
-    for (region, &root) in roots.iter().enumerate() {
-        if region == root as usize {
+    for piece in watched(roots.len(), monitor) {
+        for region in piece?.filter(|&region| region == roots[region] as usize) {
             number[region] = left.len() as u32;
-            left.weights.push(regions.weight(root));
-            left.means.extend_from_slice(regions.mean(root));
+            left.weights.push(regions.weight(region as u32));
+            left.means.extend_from_slice(regions.mean(region as u32));
         }
     }
-    (roots.iter().map(|&root| number[root as usize]).collect(), left)
+    let mut numbers = roots;
+    renumber(&mut numbers, &number, monitor)?;
+    Ok((numbers, left))
+}
+
+/// Puts `number[label]` in the place of each label.
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn renumber(labels: &mut [u32], number: &[u32], monitor: &Monitor) -> Result<()> {
+    for piece in watched(labels.len(), monitor) {
+        labels[piece?].iter_mut().for_each(|label| *label = number[*label as usize]);
+    }
+    Ok(())
 }
 
 /// Q = Σ m_i ‖f_i − x_c(i)‖² + strength · Σ w over the edges that join different segments. O((n + m) · width).
-pub(super) fn energy(signal: &Signal, graph: &Graph, strength: f64, partition: &Partition) -> f64 {
-    let regions = Regions::of_segments(signal, partition);
-    let fit: f64 = (0..signal.len())
-        .map(|v| {
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn energy(
+    signal: &Signal,
+    (graph, strength): (&Graph, f64),
+    partition: &Partition,
+    monitor: &Monitor,
+) -> Result<f64> {
+    let regions = Regions::of_segments(signal, partition, monitor)?;
+    let (mut fit, mut cut) = (0.0, 0.0);
+    for piece in watched(signal.len(), monitor) {
+        for v in piece? {
             let mean = regions.mean(partition.segments()[v]);
             let square: f64 = signal.row(v).iter().zip(mean).map(|(&f, x)| (f64::from(f) - x).powi(2)).sum();
-            signal.weight(v) * square
-        })
-        .sum();
+            fit += signal.weight(v) * square;
+        }
+    }
     let segment = |end: u32| partition.segments()[end as usize];
-    let cut: f64 = (graph.edges().iter().zip(graph.weights()))
-        .filter(|(ends, _)| segment(ends[0]) != segment(ends[1]))
-        .map(|(_, &w)| f64::from(w))
-        .sum();
+    for piece in watched(graph.edges().len(), monitor) {
+        for e in piece? {
+            let [a, b] = graph.edges()[e];
+            if segment(a) != segment(b) {
+                cut += f64::from(graph.weights()[e]);
+            }
+        }
+    }
     // Not strength · 0: an infinite strength forbids boundaries, and none is no cost.
-    fit + if cut > 0.0 { strength * cut } else { 0.0 }
+    Ok(fit + if cut > 0.0 { strength * cut } else { 0.0 })
 }
 
 #[cfg(test)]
@@ -164,14 +202,15 @@ mod tests {
             let graph = Graph::new(8, &pairs, &vec![0.25; pairs.len()]).unwrap();
             let before = Partition::from_labels(&[0, 0, 1, 1, 2, 2, 2, 1]).unwrap();
             let after = Partition::from_labels(&[0, 0, 1, 1, 1, 1, 1, 1]).unwrap();
-            let links = contract(&EdgeLinks::weighted(&graph, 0.3), before.segments());
-            let mut regions = Regions::of_segments(&signal, &before);
+            let links = contract(&EdgeLinks::weighted(&graph, 0.3), before.segments(), &Monitor::default()).unwrap();
+            let mut regions = Regions::of_segments(&signal, &before, &Monitor::default()).unwrap();
             let link = links.iter().find(|l| l.ends == [1, 2]).unwrap();
             let gain = link.boundary - regions.loss(link.ends);
-            let difference = energy(&signal, &graph, 0.3, &before) - energy(&signal, &graph, 0.3, &after);
+            let energy = |partition| energy(&signal, (&graph, 0.3), partition, &Monitor::default()).unwrap();
+            let difference = energy(&before) - energy(&after);
             assert!((gain - difference).abs() < 1e-12, "{gain} {difference}");
             regions.absorb(1, 2);
-            let merged = Regions::of_segments(&signal, &after);
+            let merged = Regions::of_segments(&signal, &after, &Monitor::default()).unwrap();
             assert!(regions.mean(1).iter().zip(merged.mean(1)).all(|(a, b)| (a - b).abs() < 1e-12));
         }
     }

@@ -4,9 +4,8 @@ use super::{Moments, OctreeParams, eigenvalues};
 use crate::cloud::{Points, morton};
 use crate::csr::Csr;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered, sort_watched};
+use crate::parallel::{Monitor, map_ordered, map_watched, sort_watched};
 use crate::segmentation::Partition;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Points that are divided in one go, at least.
@@ -120,8 +119,7 @@ pub fn octree(points: &Points, params: &OctreeParams, monitor: &Monitor) -> Resu
     }
     let deepest = params.max_depth();
     let code = |i: usize| morton::encode(root.cell([points.x[i], points.y[i], points.z[i]], deepest));
-    let mut keys: Vec<(u64, u32)> = (0..points.len()).into_par_iter().map(|i| (code(i), i as u32)).collect();
-    monitor.check()?;
+    let mut keys: Vec<(u64, u32)> = map_watched(points.len(), monitor, |i| (code(i), i as u32))?;
     sort_watched(&mut keys, monitor)?;
     let division = Division { points, params, keys: &keys };
     let tasks = division.tasks();
@@ -135,7 +133,8 @@ pub fn octree(points: &Points, params: &OctreeParams, monitor: &Monitor) -> Resu
     let mut offsets = vec![0];
     offsets.extend(parts.iter().flatten().map(|&(end, _)| end as u32));
     let leaves = parts.into_iter().flatten().map(|(_, leaf)| leaf).collect();
-    let order = keys.iter().map(|&(_, i)| i).collect();
+    let order = map_watched(keys.len(), monitor, |i| keys[i].1)?;
+    drop(keys);
     Ok(Octree { root, leaves, points: Csr::new(offsets, order, points.len())? })
 }
 

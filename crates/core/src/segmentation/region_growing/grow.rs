@@ -8,8 +8,7 @@ use super::result::GrownRegions;
 use crate::error::{Error, Result};
 use crate::features::Normals;
 use crate::neighbours::Neighbours;
-use crate::parallel::Monitor;
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_watched, sort_watched};
 
 /// Points between two looks at the monitor.
 const STEP: u64 = 1 << 16;
@@ -60,7 +59,7 @@ pub fn region_growing(
     let mut labels = vec![0u32; count];
     let (mut regions, mut front, mut next) = (0, Vec::new(), STEP);
     let mut done = 0u64;
-    for seed in seeds(&normals.variation) {
+    for seed in seeds(&normals.variation, monitor)? {
         if labels[seed as usize] > 0 {
             continue;
         }
@@ -72,16 +71,15 @@ pub fn region_growing(
             next = done + STEP;
         }
     }
-    monitor.check()?;
-    Ok(GrownRegions::numbered(labels, regions, params.min_size..=params.max_size))
+    GrownRegions::numbered(labels, regions, params.min_size..=params.max_size, monitor)
 }
 
 /// All points, the flattest first. Variations are not negative: their bits are ordered as they are.
-fn seeds(variation: &[f32]) -> impl Iterator<Item = u32> {
-    let key = |(i, v): (usize, &f32)| u64::from((v.max(0.0) + 0.0).to_bits()) << 32 | i as u64;
-    let mut keys: Vec<u64> = variation.par_iter().enumerate().map(key).collect();
-    keys.par_sort_unstable();
-    keys.into_iter().map(|key| key as u32)
+fn seeds(variation: &[f32], monitor: &Monitor) -> Result<impl Iterator<Item = u32>> {
+    let key = |i: usize| u64::from((variation[i].max(0.0) + 0.0).to_bits()) << 32 | i as u64;
+    let mut keys: Vec<u64> = map_watched(variation.len(), monitor, key)?;
+    sort_watched(&mut keys, monitor)?;
+    Ok(keys.into_iter().map(|key| key as u32))
 }
 
 struct Growth<'a> {
@@ -202,7 +200,7 @@ mod tests {
                 }
             }
         }
-        GrownRegions::numbered(labels, regions, params.min_size..=params.max_size).labels
+        GrownRegions::numbered(labels, regions, params.min_size..=params.max_size, &Monitor::default()).unwrap().labels
     }
 
     #[test]

@@ -48,7 +48,7 @@ pub fn octree_region_growing(points: &Points, params: &OctreeGrowingParams, moni
     let (regions, count) = grow(&patches, &touching, params);
     monitor.check()?;
     let labels = refine(points, (&tree, &touching), (&patches, &regions), params, monitor)?;
-    Ok(GrownRegions::numbered(labels, count, params.min_size..=u32::MAX))
+    GrownRegions::numbered(labels, count, params.min_size..=u32::MAX, monitor)
 }
 
 /// Depths of the octree whose cells have the sizes asked for.

@@ -3,7 +3,7 @@
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::neighbours::nearest_of;
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor, map_watched, watched};
 use crate::segmentation::Partition;
 use serde::{Deserialize, Serialize};
 
@@ -29,12 +29,24 @@ pub enum Leftovers {
 
 impl GrownRegions {
     /// Gives up regions that are too small or too large and numbers the others by their smallest point.
-    pub(super) fn numbered(mut labels: Vec<u32>, largest: u32, sizes: std::ops::RangeInclusive<u32>) -> Self {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn numbered(
+        mut labels: Vec<u32>,
+        largest: u32,
+        sizes: std::ops::RangeInclusive<u32>,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let mut size = vec![0u32; largest as usize + 1];
-        labels.iter().for_each(|&l| size[l as usize] += 1);
+        for piece in watched(labels.len(), monitor) {
+            labels[piece?].iter().for_each(|&l| size[l as usize] += 1);
+        }
+        let mut looks = Looks::at(monitor);
         let mut number = vec![0u32; size.len()];
         let mut count = 0;
         for label in labels.iter_mut().filter(|label| **label > 0) {
+            looks.step()?;
             let old = *label as usize;
             if number[old] == 0 && sizes.contains(&size[old]) {
                 count += 1;
@@ -42,7 +54,7 @@ impl GrownRegions {
             }
             *label = number[old];
         }
-        Self { labels, count }
+        Ok(Self { labels, count })
     }
 
     /// Share of the points that have a region, 0..=1; 0 for no points.
@@ -62,9 +74,12 @@ impl GrownRegions {
         }
         let mut labels = self.labels.clone();
         if leftovers == Leftovers::Nearest && self.count > 0 {
-            let chosen = |inside: bool| (0..points.len()).filter(move |&i| (self.labels[i] > 0) == inside);
-            let (inside, outside): (Vec<usize>, Vec<usize>) = (chosen(true).collect(), chosen(false).collect());
-            let nearest = nearest_of(&select(points, &inside), &select(points, &outside), 1, monitor)?;
+            let (mut inside, mut outside) = (Vec::new(), Vec::new());
+            for piece in watched(points.len(), monitor) {
+                piece?.for_each(|i| if self.labels[i] > 0 { inside.push(i) } else { outside.push(i) });
+            }
+            let (held, left) = (select(points, &inside, monitor)?, select(points, &outside, monitor)?);
+            let nearest = nearest_of(&held, &left, 1, monitor)?;
             for (&i, &j) in outside.iter().zip(nearest.indices()) {
                 labels[i] = self.labels[inside[j as usize]];
             }
@@ -74,19 +89,19 @@ impl GrownRegions {
             next += 1;
             *label = next;
         }
-        Partition::from_labels(&labels)
+        Partition::from_labels_watched(&labels, monitor)
     }
 }
 
-fn select(points: &Points, chosen: &[usize]) -> Points {
-    let axis = |axis: &[f32]| chosen.iter().map(|&i| axis[i]).collect();
-    Points {
-        x: axis(&points.x),
-        y: axis(&points.y),
-        z: axis(&points.z),
+fn select(points: &Points, chosen: &[usize], monitor: &Monitor) -> Result<Points> {
+    let axis = |axis: &[f32]| map_watched(chosen.len(), monitor, |i| axis[chosen[i]]);
+    Ok(Points {
+        x: axis(&points.x)?,
+        y: axis(&points.y)?,
+        z: axis(&points.z)?,
         index: (0..chosen.len() as u32).collect(),
         origin: points.origin,
-    }
+    })
 }
 
 #[cfg(test)]
@@ -95,7 +110,7 @@ mod tests {
 
     #[test]
     fn regions_are_numbered_by_their_smallest_point_and_small_and_large_ones_vanish() {
-        let found = GrownRegions::numbered(vec![0, 5, 2, 2, 5, 1, 3, 3, 3, 3], 5, 2..=3);
+        let found = GrownRegions::numbered(vec![0, 5, 2, 2, 5, 1, 3, 3, 3, 3], 5, 2..=3, &Monitor::default()).unwrap();
         assert_eq!((found.labels.as_slice(), found.count), (&[0, 1, 2, 2, 1, 0, 0, 0, 0, 0][..], 2));
         assert_eq!(found.coverage(), 0.4);
         assert_eq!(GrownRegions::default().coverage(), 0.0);

@@ -3,7 +3,7 @@
 use crate::cloud::{Points, morton};
 use crate::error::Result;
 use crate::linalg::Sym3;
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::{Monitor, concat_watched, map_ordered, map_watched, sort_watched};
 use crate::segmentation::octree::Moments;
 use crate::segmentation::{Leaf, Octree};
 
@@ -35,7 +35,7 @@ pub(super) fn patches(points: &Points, tree: &Octree, min_points: u32, monitor: 
         let leaves = block * BLOCK..((block + 1) * BLOCK).min(count);
         Ok(leaves.map(|l| patch(points, tree.points.group(l), min_points)).collect::<Vec<_>>())
     })?;
-    Ok(parts.into_iter().flatten().collect())
+    concat_watched(parts, monitor)
 }
 
 fn patch(points: &Points, members: &[u32], min_points: u32) -> Patch {
@@ -80,11 +80,12 @@ impl Touching {
             }
             Ok(pairs)
         })?;
-        let mut pairs: Vec<[u32; 2]> = parts.into_iter().flatten().collect();
-        pairs.sort_unstable();
+        let mut pairs: Vec<[u32; 2]> = concat_watched(parts, monitor)?;
+        sort_watched(&mut pairs, monitor)?;
         pairs.dedup();
-        let offsets = (0..=starts.len()).map(|l| pairs.partition_point(|p| (p[0] as usize) < l)).collect();
-        Ok(Self { offsets, others: pairs.into_iter().map(|p| p[1]).collect() })
+        let offset = |l: usize| pairs.partition_point(|p| (p[0] as usize) < l);
+        let offsets = map_watched(starts.len() + 1, monitor, offset)?;
+        Ok(Self { offsets, others: map_watched(pairs.len(), monitor, |i| pairs[i][1])? })
     }
 
     /// The leaves that touch a leaf.

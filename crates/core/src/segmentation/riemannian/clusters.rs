@@ -8,10 +8,9 @@ use super::boxes::{Bounds, Boxes, Visitor};
 use super::params::{KMeansParams, Sides, Start};
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::parallel::{Monitor, map_ordered_with, watched};
+use crate::parallel::{Looks, Monitor, concat_watched, map_ordered_with, map_watched, watched};
 use crate::segmentation::Octree;
 use pulp::{Arch, Simd, WithSimd};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Points that are compared with a centre at once.
@@ -46,10 +45,14 @@ pub(super) fn clusters(
     (params, sides, cell): (&KMeansParams, Sides, f64),
     monitor: &Monitor,
 ) -> Result<Clusters> {
-    let rows = Rows::new(points, directions, tree, sides);
-    monitor.check()?;
+    let rows = Rows::new((points, directions), tree, sides, monitor)?;
     let leaves: Vec<Range<usize>> = tree.points.offsets().windows(2).map(|w| w[0] as usize..w[1] as usize).collect();
-    let mut of: Vec<u32> = (0u32..).zip(&leaves).flat_map(|(l, range)| range.clone().map(move |_| l)).collect();
+    let mut of: Vec<u32> = Vec::with_capacity(points.len());
+    let mut looks = Looks::at(monitor);
+    for (leaf, range) in (0u32..).zip(&leaves) {
+        looks.steps(range.len())?;
+        of.extend(range.clone().map(|_| leaf));
+    }
     let mut centres = vec![[0.0; 6]; leaves.len()];
     rows.first_normals(&leaves, &mut centres);
     rows.update(&of, &mut centres, monitor)?;
@@ -70,7 +73,9 @@ pub(super) fn clusters(
         }
     }
     let mut labels = vec![0; of.len()];
-    tree.points.items().iter().zip(of).for_each(|(&i, cluster)| labels[i as usize] = cluster);
+    for piece in watched(of.len(), monitor) {
+        piece?.for_each(|at| labels[tree.points.items()[at] as usize] = of[at]);
+    }
     Ok(Clusters { of: labels, iterations, mean_move })
 }
 
@@ -98,12 +103,17 @@ struct Rows {
 }
 
 impl Rows {
-    fn new(points: &Points, directions: &[[f32; 3]], tree: &Octree, sides: Sides) -> Self {
+    fn new(
+        (points, directions): (&Points, &[[f32; 3]]),
+        tree: &Octree,
+        sides: Sides,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let order = tree.points.items();
-        let place = |axis: &[f32]| order.par_iter().map(|&i| axis[i as usize]).collect();
-        let normal = |a: usize| order.par_iter().map(|&i| directions[i as usize][a]).collect();
-        let axes = [place(&points.x), place(&points.y), place(&points.z), normal(0), normal(1), normal(2)];
-        Self { axes, sides }
+        let place = |axis: &[f32]| map_watched(order.len(), monitor, |i| axis[order[i] as usize]);
+        let normal = |a: usize| map_watched(order.len(), monitor, |i| directions[order[i] as usize][a]);
+        let axes = [place(&points.x)?, place(&points.y)?, place(&points.z)?, normal(0)?, normal(1)?, normal(2)?];
+        Ok(Self { axes, sides })
     }
 
     fn row(&self, i: usize) -> Row {
@@ -170,7 +180,7 @@ impl Rows {
             monitor.advance(out.len() as u64);
             Ok(out)
         })?;
-        Ok(parts.into_iter().flatten().collect())
+        concat_watched(parts, monitor)
     }
 
     /// The centres that one of the points may be nearest to, ascending: D² ≥ D_s² ≥ the squared gap to the points' box.
@@ -322,7 +332,7 @@ mod tests {
             tree.points.offsets().windows(2).map(|w| w[0] as usize..w[1] as usize).collect();
         let mut random = stream(4, 4);
         for sides in [Sides::Signed, Sides::Unsigned] {
-            let rows = Rows::new(&points, &normals, &tree, sides);
+            let rows = Rows::new((&points, &normals), &tree, sides, &Monitor::default()).unwrap();
             let mut centres: Vec<Row> = leaves.iter().map(|l| rows.row(l.start + l.len() / 2)).collect();
             centres[5] = centres[6];
             for start in ["leaf", "anywhere"] {

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::neighbours::Neighbours;
-use crate::parallel::{Monitor, sort_watched, watched};
+use crate::parallel::{Looks, Monitor, map_watched, sort_watched, watched};
 use crate::segmentation::connected::Sets;
 use std::ops::Range;
 
@@ -26,9 +26,8 @@ pub(super) fn connected_clusters(
             sets.unite(a, b);
         }
     }
-    let mut label = sets.roots();
-    monitor.check()?;
-    let mut loose = small_pieces(of, &label, min_points);
+    let mut label = sets.roots(monitor)?;
+    let mut loose = small_pieces(of, &label, min_points, monitor)?;
     while attach(&mut label, &mut loose, near, monitor)? {}
     Ok(label)
 }
@@ -38,18 +37,22 @@ fn edges(near: &Neighbours, points: Range<usize>) -> impl Iterator<Item = (u32, 
 }
 
 /// For each root, whether its piece is small and not the largest of its cluster.
-fn small_pieces(of: &[u32], roots: &[u32], min_points: u32) -> Vec<bool> {
+fn small_pieces(of: &[u32], roots: &[u32], min_points: u32, monitor: &Monitor) -> Result<Vec<bool>> {
     let mut size = vec![0u32; of.len()];
-    roots.iter().for_each(|&r| size[r as usize] += 1);
+    for piece in watched(roots.len(), monitor) {
+        roots[piece?].iter().for_each(|&r| size[r as usize] += 1);
+    }
     let mut largest = vec![u32::MAX; of.iter().max().map_or(0, |m| *m as usize + 1)];
-    for (root, &cluster) in of.iter().enumerate().filter(|(root, _)| size[*root] > 0) {
-        let best = &mut largest[cluster as usize];
-        if *best == u32::MAX || size[root] > size[*best as usize] {
-            *best = root as u32;
+    for piece in watched(of.len(), monitor) {
+        for root in piece?.filter(|&root| size[root] > 0) {
+            let best = &mut largest[of[root] as usize];
+            if *best == u32::MAX || size[root] > size[*best as usize] {
+                *best = root as u32;
+            }
         }
     }
     let small = |root: usize| size[root] < min_points && largest[of[root] as usize] != root as u32;
-    (0..of.len()).map(|root| size[root] > 0 && small(root)).collect()
+    map_watched(of.len(), monitor, |root| size[root] > 0 && small(root))
 }
 
 /// Every loose piece that touches settled ones joins one of them; false if there was none.
@@ -67,7 +70,9 @@ fn attach(label: &mut [u32], loose: &mut [bool], near: &Neighbours, monitor: &Mo
     }
     sort_watched(&mut touches, monitor)?;
     let mut target: Vec<u32> = (0..label.len() as u32).collect();
+    let mut looks = Looks::at(monitor);
     for piece in touches.chunk_by(|a, b| a.0 == b.0) {
+        looks.steps(piece.len())?;
         let mut most = 0;
         for run in piece.chunk_by(|a, b| a == b) {
             if run.len() > most {
@@ -77,7 +82,9 @@ fn attach(label: &mut [u32], loose: &mut [bool], near: &Neighbours, monitor: &Mo
         }
         loose[piece[0].0 as usize] = false;
     }
-    label.iter_mut().for_each(|l| *l = target[*l as usize]);
+    for piece in watched(label.len(), monitor) {
+        label[piece?].iter_mut().for_each(|l| *l = target[*l as usize]);
+    }
     Ok(!touches.is_empty())
 }
 

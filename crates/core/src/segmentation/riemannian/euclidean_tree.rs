@@ -8,7 +8,7 @@ use super::boxes::{Bounds, Boxes, Visitor};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::Neighbours;
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor, map_watched, sort_watched};
 use crate::segmentation::connected::Sets;
 use crate::segmentation::{OctreeParams, octree};
 use std::ops::Range;
@@ -30,7 +30,7 @@ pub(super) fn euclidean_tree(points: &Points, near: &Neighbours, monitor: &Monit
     let fine = OctreeParams { min_depth: 20, extra_depth: 0, ..OctreeParams::default() };
     let order = octree(points, &fine, monitor)?.points.items().to_vec();
     let at = |i: u32| [points.x[i as usize], points.y[i as usize], points.z[i as usize]];
-    let places: Vec<[f32; 3]> = order.iter().map(|&i| at(i)).collect();
+    let places: Vec<[f32; 3]> = map_watched(order.len(), monitor, |i| at(order[i]))?;
     let boxes = Boxes::new(&places);
     let mut forest = Forest { order: &order, places: &places, boxes: &boxes, near, sets: Sets::new(points.len()) };
     let mut tree = Vec::with_capacity(points.len().saturating_sub(1));
@@ -41,7 +41,7 @@ pub(super) fn euclidean_tree(points: &Points, near: &Neighbours, monitor: &Monit
             }
         }
     }
-    tree.sort_unstable();
+    sort_watched(&mut tree, monitor)?;
     Ok(tree)
 }
 
@@ -58,13 +58,15 @@ struct Forest<'a> {
 impl Forest<'_> {
     /// The least edge that leaves each tree; the same edge may come twice.
     fn round(&mut self, monitor: &Monitor) -> Result<Vec<Edge>> {
-        let root: Vec<u32> = (0..self.order.len() as u32).map(|i| self.sets.root(i)).collect();
-        let tree: Vec<u32> = self.order.iter().map(|&i| root[i as usize]).collect();
+        let root = self.sets.roots(monitor)?;
+        let tree: Vec<u32> = map_watched(self.order.len(), monitor, |i| root[self.order[i] as usize])?;
+        let mut looks = Looks::at(monitor);
         let same = |a: u32, b: u32| if a == b { a } else { MIXED };
         let trees = self.boxes.summarise(|r| tree[r].iter().copied().reduce(same).unwrap_or(MIXED), same);
         let mut best = vec![NO_EDGE; root.len()];
         let mut open = Vec::new();
         for (position, &i) in self.order.iter().enumerate() {
+            looks.step()?;
             let least = &mut best[root[i as usize] as usize];
             match self.among_neighbours(i, &root) {
                 Ok(edge) => *least = edge.min(*least),

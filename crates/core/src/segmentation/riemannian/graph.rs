@@ -11,7 +11,7 @@ use crate::cloud::Points;
 use crate::error::Result;
 use crate::graph::{Graph, minimum_spanning_tree};
 use crate::neighbours::{Neighbours, knn};
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::{Looks, Monitor, concat_watched, map_ordered, sort_stable_watched, sort_watched, watched};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -38,25 +38,29 @@ pub(super) fn riemannian_graph(
     let index = (0..nodes.centres.len() as u32).collect();
     let centres = Points { x: axis(0), y: axis(1), z: axis(2), index, origin: [0.0; 3] };
     let near = knn(&centres, params.candidates, monitor)?;
-    let pairs = candidates(&near, euclidean_tree(&centres, &near, monitor)?);
+    let pairs = candidates(&near, euclidean_tree(&centres, &near, monitor)?, monitor)?;
     let lengths = map_ordered(pairs.len().div_ceil(BLOCK), monitor, |block| {
         let pairs = &pairs[block * BLOCK..((block + 1) * BLOCK).min(pairs.len())];
         let end = |i: u32| (nodes.centres[i as usize], nodes.normals[i as usize]);
         Ok(pairs.iter().map(|&[a, b]| projected_distance(end(a), end(b), params) as f32).collect::<Vec<_>>())
     })?;
-    let lengths: Vec<f32> = lengths.into_iter().flatten().collect();
-    let candidates = Graph::new(nodes.centres.len(), &pairs, &lengths)?;
+    let lengths: Vec<f32> = concat_watched(lengths, monitor)?;
+    let candidates = Graph::new_watched(nodes.centres.len(), &pairs, &lengths, monitor)?;
     let graph = weighted(thinned(&candidates, params, monitor)?, params)?;
     Ok(RiemannianGraph { graph, candidates: pairs.len() })
 }
 
 /// Neighbours and tree, each pair once, ascending.
-fn candidates(near: &Neighbours, tree: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
-    let rows = (0..near.len() as u32).flat_map(|i| near.of(i as usize).iter().map(move |&j| [i.min(j), i.max(j)]));
-    let mut pairs: Vec<[u32; 2]> = rows.chain(tree).collect();
-    pairs.sort_unstable();
+fn candidates(near: &Neighbours, tree: Vec<[u32; 2]>, monitor: &Monitor) -> Result<Vec<[u32; 2]>> {
+    let row = |i: usize| near.of(i).iter().map(move |&j| [j.min(i as u32), j.max(i as u32)]);
+    let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(near.len() * near.k() + tree.len());
+    for piece in watched(near.len(), monitor) {
+        pairs.extend(piece?.flat_map(row));
+    }
+    pairs.extend(tree);
+    sort_watched(&mut pairs, monitor)?;
     pairs.dedup();
-    pairs
+    Ok(pairs)
 }
 
 /// The spanning tree of the candidates, and of each node the nearest; lengths stay the weights.
@@ -65,39 +69,48 @@ fn thinned(candidates: &Graph, params: &RiemannianGraphParams, monitor: &Monitor
     let tree = minimum_spanning_tree(candidates, monitor)?;
     tree.iter().for_each(|&e| kept[e as usize] = true);
     if params.nearest_by == Nearest::Distance {
-        keep_nearest(candidates, params.nearest, &mut kept);
+        keep_nearest(candidates, params.nearest, &mut kept, monitor)?;
     }
-    let chosen = (0..kept.len()).filter(|&e| kept[e]);
-    let (mut pairs, mut lengths): (Vec<_>, Vec<_>) =
-        chosen.map(|e| (candidates.edges()[e], candidates.weights()[e])).unzip();
+    let (mut pairs, mut lengths) = (Vec::new(), Vec::new());
+    for piece in watched(kept.len(), monitor) {
+        for e in piece?.filter(|&e| kept[e]) {
+            pairs.push(candidates.edges()[e]);
+            lengths.push(candidates.weights()[e]);
+        }
+    }
     if params.nearest_by == Nearest::TreePath {
-        let tree = Graph::new(candidates.len(), &pairs, &lengths)?;
+        let tree = Graph::new_watched(candidates.len(), &pairs, &lengths, monitor)?;
         // Neighbours in the tree are there already: their path is their edge.
+        let mut looks = Looks::at(monitor);
         for (pair, length) in nearest_on_tree(&tree, params.nearest, monitor)? {
+            looks.step()?;
             if tree.edges().binary_search(&pair).is_err() {
                 pairs.push(pair);
                 lengths.push(length);
             }
         }
     }
-    Graph::new(candidates.len(), &pairs, &lengths)
+    Graph::new_watched(candidates.len(), &pairs, &lengths, monitor)
 }
 
 /// Marks the `count` shortest edges at each node, ties by edge.
-fn keep_nearest(graph: &Graph, count: usize, kept: &mut [bool]) {
-    let adjacency = graph.adjacency();
+fn keep_nearest(graph: &Graph, count: usize, kept: &mut [bool], monitor: &Monitor) -> Result<()> {
+    let adjacency = graph.adjacency_watched(monitor)?;
     let mut row: Vec<(u32, u32)> = Vec::new();
+    let mut looks = Looks::at(monitor);
     for node in 0..graph.len() {
+        looks.step()?;
         row.clear();
         row.extend(adjacency.of(node).map(|(_, e)| (graph.weights()[e as usize].to_bits(), e)));
         row.sort_unstable();
         row.iter().take(count).for_each(|&(_, e)| kept[e as usize] = true);
     }
+    Ok(())
 }
 
 /// The pairs of each node with the `count` nodes nearest along a tree, each pair once, with the lengths of the paths.
 fn nearest_on_tree(tree: &Graph, count: usize, monitor: &Monitor) -> Result<Vec<([u32; 2], f32)>> {
-    let adjacency = tree.adjacency();
+    let adjacency = tree.adjacency_watched(monitor)?;
     let rows = map_ordered(tree.len(), monitor, |node| {
         // (bits of the length: not negative, ordered as they are; node; where the path came from)
         let mut heap = BinaryHeap::from([Reverse((0u32, node as u32, node as u32))]);
@@ -116,8 +129,8 @@ fn nearest_on_tree(tree: &Graph, count: usize, monitor: &Monitor) -> Result<Vec<
         }
         Ok(found)
     })?;
-    let mut pairs: Vec<([u32; 2], f32)> = rows.into_iter().flatten().collect();
-    pairs.sort_by_key(|(pair, _)| *pair);
+    let mut pairs = concat_watched(rows, monitor)?;
+    sort_stable_watched(&mut pairs, |a, b| a.0.cmp(&b.0), monitor)?;
     pairs.dedup_by_key(|(pair, _)| *pair);
     Ok(pairs)
 }
@@ -175,7 +188,7 @@ mod tests {
         let everything = RiemannianGraphParams { candidates: 149, ..params.clone() };
         let found = riemannian_graph(&nodes, &everything, &Monitor::default()).unwrap();
         assert_eq!((found.graph.edges().len(), found.candidates), (149, all.len()));
-        assert_eq!(connected_components(&found.graph).count, 1);
+        assert_eq!(connected_components(&found.graph, &Monitor::default()).unwrap().count, 1);
         let total: f64 = found.graph.edges().iter().map(|&e| f64::from(length(&nodes, e, &params))).sum();
         assert!((total - prim(150, &all, |e| length(&nodes, e, &params))).abs() < 1e-9);
     }
@@ -196,7 +209,7 @@ mod tests {
         for nearest_by in [Nearest::Distance, Nearest::TreePath] {
             let params = RiemannianGraphParams { nearest_by, ..Default::default() };
             let graph = riemannian_graph(&nodes, &params, &Monitor::default()).unwrap().graph;
-            assert_eq!(connected_components(&graph).count, 1);
+            assert_eq!(connected_components(&graph, &Monitor::default()).unwrap().count, 1);
             assert!(graph.weights().iter().all(|w| *w == 1.0));
             let adjacency = graph.adjacency();
             assert!((0..300).all(|i| adjacency.of(i).count() >= 8));
@@ -205,7 +218,7 @@ mod tests {
         let (axis, index) = (|a: usize| nodes.centres.iter().map(|c| c[a]).collect(), (0..300).collect());
         let centres = Points { x: axis(0), y: axis(1), z: axis(2), index, origin: [0.0; 3] };
         let near = knn(&centres, 16, &Monitor::default()).unwrap();
-        let pairs = candidates(&near, vec![]);
+        let pairs = candidates(&near, vec![], &Monitor::default()).unwrap();
         let graph = riemannian_graph(&nodes, &params, &Monitor::default()).unwrap().graph;
         for i in 0..300u32 {
             let mut own: Vec<(f32, [u32; 2])> =
@@ -242,7 +255,7 @@ mod tests {
         for count in 0..4 {
             let found = riemannian_graph(&nodes(count, true), &Default::default(), &Monitor::default()).unwrap();
             assert_eq!(found.graph.len(), count);
-            assert_eq!(connected_components(&found.graph).count, count.min(1));
+            assert_eq!(connected_components(&found.graph, &Monitor::default()).unwrap().count, count.min(1));
         }
     }
 }

@@ -179,10 +179,12 @@ fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &
     let cell = tree.edge(params.octree.min_depth);
     monitor.check()?;
     let grown = clusters(oriented, &tree, (&params.clusters, params.sides, cell), monitor)?;
-    let supervoxels = Partition::from_labels(&match params.clusters.connected {
+    let labels = match params.clusters.connected {
         true => connected_clusters(&grown.of, &surface.near, params.octree.min_points, monitor)?,
         false => grown.of,
-    })?;
+    };
+    let supervoxels = Partition::from_labels_watched(&labels, monitor)?;
+    drop(labels);
     let mut seconds = StageSeconds { normals: surface.seconds, ..StageSeconds::default() };
     seconds.supervoxels = start.elapsed().as_secs_f64();
 
@@ -197,8 +199,7 @@ fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &
     let signal = Signal::new(&nodes.features, nodes.width)?.with_weights(&weights)?;
     let cut = CutPursuitParams { strength: params.strength, seed: params.seed, ..CutPursuitParams::default() };
     let optimum = cut_pursuit(&signal, &built.graph, &cut, monitor)?;
-    monitor.check()?;
-    let segments = inherited(&supervoxels, &optimum.partition)?;
+    let segments = supervoxels.coarser(&optimum.partition, monitor)?;
     seconds.optimisation = start.elapsed().as_secs_f64();
     let sizes = GraphSizes { nodes: supervoxels.len(), candidates: built.candidates, edges: built.graph.edges().len() };
     let (iterations, mean_move, energy) = (grown.iterations, grown.mean_move, optimum.energy);
@@ -212,12 +213,6 @@ fn node_weights(supervoxels: &Partition, weight: NodeWeight) -> Vec<f32> {
         NodeWeight::Points => (members.len() as f64 / mean) as f32,
     };
     supervoxels.iter().map(of).collect()
-}
-
-/// Points inherit the segment of their supervoxel.
-fn inherited(supervoxels: &Partition, segments: &Partition) -> Result<Partition> {
-    let labels: Vec<u32> = supervoxels.segments().iter().map(|&s| segments.segments()[s as usize]).collect();
-    Partition::from_labels(&labels)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::csr::Csr;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
+use crate::parallel::{Monitor, map_ordered, map_watched, sort_watched, watched};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -96,7 +96,7 @@ impl Cells {
     /// # Errors
     /// If the work was cancelled.
     pub(super) fn new(len: usize, key: impl Fn(usize) -> u64 + Sync, monitor: &Monitor) -> Result<Self> {
-        let mut rows: Vec<(u64, u32)> = (0..len).into_par_iter().map(|i| (key(i), i as u32)).collect();
+        let mut rows: Vec<(u64, u32)> = map_watched(len, monitor, |i| (key(i), i as u32))?;
         if rows.windows(2).any(|w| w[0].0 > w[1].0) {
             sort_watched(&mut rows, monitor)?;
         }
@@ -160,9 +160,12 @@ pub(super) fn adjacency(keys: &[u64], monitor: &Monitor) -> Result<Csr> {
     let mut offsets = Vec::with_capacity(keys.len() + 1);
     offsets.push(0u32);
     let mut end = 0u32;
-    for count in counts.into_iter().flatten() {
-        end = end.checked_add(u32::from(count)).ok_or_else(|| Error::input("more than 2^32 pairs of voxels"))?;
-        offsets.push(end);
+    for counts in counts {
+        monitor.check()?;
+        for count in counts {
+            end = end.checked_add(u32::from(count)).ok_or_else(|| Error::input("more than 2^32 pairs of voxels"))?;
+            offsets.push(end);
+        }
     }
     let mut items = vec![0u32; end as usize];
     let parts = split_at_offsets(&mut items, (0..keys.len()).step_by(BLOCK).map(|v| offsets[v] as usize));

@@ -5,7 +5,7 @@ use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::Result;
 use crate::linalg::{Sym3, mean};
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::{Monitor, concat_watched, map_ordered_with};
 use std::ops::Range;
 
 /// Supervoxels that are described in one go.
@@ -47,7 +47,7 @@ pub(super) fn shapes(
         let range: Range<usize> = block(b);
         Ok(range.map(|g| shape(points, attributes, groups.group(g), places)).collect::<Vec<_>>())
     })?;
-    Ok(parts.concat())
+    concat_watched(parts, monitor)
 }
 
 fn shape(

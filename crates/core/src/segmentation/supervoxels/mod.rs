@@ -19,7 +19,7 @@ use super::Partition;
 use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor, map_watched};
 
 /// In [`Supervoxels::labels`]: the point belongs to no supervoxel.
 pub const NO_SUPERVOXEL: u32 = u32::MAX;
@@ -74,13 +74,11 @@ impl Supervoxels {
         if labels.len() != points.len() {
             return Err(Error::input(format!("{} labels for {} points", labels.len(), points.len())));
         }
-        let (labels, count) = renumbered(labels)?;
-        monitor.check()?;
+        let (labels, count) = renumbered(labels, monitor)?;
         // Points without a supervoxel form a last group, which is cut off.
-        let keys: Vec<u32> = labels.iter().map(|&l| l.min(count)).collect();
-        let groups = Csr::group_by(&keys, count as usize + 1)?.truncated(count as usize);
+        let keys: Vec<u32> = map_watched(labels.len(), monitor, |i| labels[i].min(count))?;
+        let groups = Csr::group_by(&keys, count as usize + 1, monitor)?.truncated(count as usize);
         drop(keys);
-        monitor.check()?;
         let shapes = describe::shapes(points, attributes, &groups, monitor)?;
         Ok(Self { labels, groups, shapes, size })
     }
@@ -118,42 +116,45 @@ impl Supervoxels {
     /// Hands a partition of the supervoxels to the points: the segment of each point, or [`NO_SUPERVOXEL`].
     ///
     /// # Errors
-    /// If the partition is not one of these supervoxels.
-    pub fn spread(&self, segments: &Partition) -> Result<Vec<u32>> {
+    /// If the partition is not one of these supervoxels, or the work was cancelled.
+    pub fn spread(&self, segments: &Partition, monitor: &Monitor) -> Result<Vec<u32>> {
         if segments.nodes() != self.len() {
             return Err(Error::input(format!("a partition of {} for {} supervoxels", segments.nodes(), self.len())));
         }
         let of = segments.segments();
-        Ok(self.labels.iter().map(|&l| of.get(l as usize).copied().unwrap_or(NO_SUPERVOXEL)).collect())
+        let segment = |i: usize| of.get(self.labels[i] as usize).copied().unwrap_or(NO_SUPERVOXEL);
+        map_watched(self.labels.len(), monitor, segment)
     }
 
     /// The same as a partition of the points, in which each point without a supervoxel is a segment of its own.
     ///
     /// # Errors
-    /// If the partition is not one of these supervoxels.
-    pub fn point_partition(&self, segments: &Partition) -> Result<Partition> {
-        let mut labels = self.spread(segments)?;
+    /// If the partition is not one of these supervoxels, or the work was cancelled.
+    pub fn point_partition(&self, segments: &Partition, monitor: &Monitor) -> Result<Partition> {
+        let mut labels = self.spread(segments, monitor)?;
         let alone = labels.iter_mut().filter(|l| **l == NO_SUPERVOXEL);
         alone.zip(segments.len() as u32..).for_each(|(label, own)| *label = own);
-        Partition::from_labels(&labels)
+        Partition::from_labels_watched(&labels, monitor)
     }
 
     /// The supervoxels themselves as a partition of the points.
     ///
     /// # Errors
-    /// Never for fewer than 2^32 points.
-    pub fn partition(&self) -> Result<Partition> {
+    /// If the work was cancelled.
+    pub fn partition(&self, monitor: &Monitor) -> Result<Partition> {
         let each: Vec<u32> = (0..self.len() as u32).collect();
-        self.point_partition(&Partition::from_labels(&each)?)
+        self.point_partition(&Partition::from_labels_watched(&each, monitor)?, monitor)
     }
 }
 
 /// Labels numbered in the order of their smallest point, and how many there are.
-fn renumbered(mut labels: Vec<u32>) -> Result<(Vec<u32>, u32)> {
+fn renumbered(mut labels: Vec<u32>, monitor: &Monitor) -> Result<(Vec<u32>, u32)> {
+    let mut looks = Looks::at(monitor);
     let (mut count, limit) = (0, 2 * labels.len());
     let largest = labels.iter().filter(|l| **l != NO_SUPERVOXEL).max().map_or(0, |&l| l as usize + 1);
     let mut number = vec![NO_SUPERVOXEL; largest.min(limit)];
     for label in labels.iter_mut().filter(|l| **l != NO_SUPERVOXEL) {
+        looks.step()?;
         let slot = number.get_mut(*label as usize).ok_or_else(|| {
             Error::input(format!("supervoxel {label} is not below {limit}, twice the number of points"))
         })?;
@@ -183,10 +184,10 @@ mod tests {
         assert_eq!(found.labels(), [0, 1, 1, NO_SUPERVOXEL, 0]);
         assert_eq!((found.len(), found.members(1)), (2, &[1, 2][..]));
         let joined = Partition::from_labels(&[0, 0]).unwrap();
-        assert_eq!(found.spread(&joined).unwrap(), [0, 0, 0, NO_SUPERVOXEL, 0]);
-        assert_eq!(found.point_partition(&joined).unwrap().segments(), [0, 0, 0, 1, 0]);
-        assert_eq!(found.partition().unwrap().segments(), [0, 1, 1, 2, 0]);
-        assert!(found.spread(&Partition::from_labels(&[0]).unwrap()).is_err());
+        assert_eq!(found.spread(&joined, &Monitor::default()).unwrap(), [0, 0, 0, NO_SUPERVOXEL, 0]);
+        assert_eq!(found.point_partition(&joined, &Monitor::default()).unwrap().segments(), [0, 0, 0, 1, 0]);
+        assert_eq!(found.partition(&Monitor::default()).unwrap().segments(), [0, 1, 1, 2, 0]);
+        assert!(found.spread(&Partition::from_labels(&[0]).unwrap(), &Monitor::default()).is_err());
     }
 
     #[test]

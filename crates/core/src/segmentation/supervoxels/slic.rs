@@ -9,7 +9,7 @@ use super::{NO_SUPERVOXEL, PointAttributes, SlicParams, Supervoxels};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::nearest_of;
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor, watched};
 use assign::Distance;
 use centres::Centre;
 use sorted::Sorted;
@@ -53,7 +53,7 @@ pub fn slic(
         connect::connect(&scene, params, &mut found.labels, monitor)?;
     }
     let labels = attach(&scene, &found, params.size, monitor)?;
-    Supervoxels::new(points, attributes, (scene.in_order_of_points(&labels), params.size), monitor)
+    Supervoxels::new(points, attributes, (scene.in_order_of_points(&labels, monitor)?, params.size), monitor)
 }
 
 /// Labels of the sorted points and the centres they stand for.
@@ -82,25 +82,28 @@ fn rounds(scene: &Sorted, params: &SlicParams, monitor: &Monitor) -> Result<(Clu
 fn attach(scene: &Sorted, found: &Clusters, size: f64, monitor: &Monitor) -> Result<Vec<u32>> {
     let mut labels = found.labels.clone();
     let mut held = vec![false; found.centres.len()];
-    for &label in &labels {
-        if let Some(slot) = held.get_mut(label as usize) {
-            *slot = true;
+    for piece in watched(labels.len(), monitor) {
+        for &label in &labels[piece?] {
+            if let Some(slot) = held.get_mut(label as usize) {
+                *slot = true;
+            }
         }
     }
     let places = |of: &mut dyn Iterator<Item = (u32, [f32; 3])>| {
-        let mut points = Points::default();
+        let (mut points, mut looks) = (Points::default(), Looks::at(monitor));
         for (index, [x, y, z]) in of {
+            looks.step()?;
             points.x.push(x);
             points.y.push(y);
             points.z.push(z);
             points.index.push(index);
         }
-        points
+        Ok(points)
     };
     let lost = (0..labels.len()).filter(|&i| labels[i] == NO_SUPERVOXEL);
-    let lost = places(&mut lost.map(|i| (i as u32, scene.place(i))));
+    let lost = places(&mut lost.map(|i| (i as u32, scene.place(i))))?;
     let kept = found.centres.iter().zip(0u32..).filter(|(_, c)| held[*c as usize]);
-    let kept = places(&mut kept.map(|(centre, c)| (c, centre.place)));
+    let kept = places(&mut kept.map(|(centre, c)| (c, centre.place)))?;
     let near = nearest_of(&kept, &lost, 1, monitor)?;
     let reach = 2.0 * 3.0f64.sqrt() * size;
     for (row, &point) in lost.index.iter().enumerate().take(near.len()) {

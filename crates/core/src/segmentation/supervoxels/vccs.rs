@@ -82,7 +82,11 @@ mod tests {
         let inside = |a: usize| voxels.near.group(a).iter().map(move |&b| [a as u32, b]);
         let alike = |p: &[u32; 2]| p[0] < p[1] && of(p[0] as usize) == of(p[1] as usize);
         let pairs: Vec<[u32; 2]> = (0..voxels.len()).flat_map(inside).filter(alike).collect();
-        let pieces = connected_components(&Graph::new(voxels.len(), &pairs, &vec![1.0; pairs.len()]).unwrap());
+        let pieces = connected_components(
+            &Graph::new(voxels.len(), &pairs, &vec![1.0; pairs.len()]).unwrap(),
+            &Monitor::default(),
+        )
+        .unwrap();
         let held: std::collections::BTreeSet<u32> =
             (0..voxels.len()).filter(|&v| of(v) != NO_SUPERVOXEL).map(|v| pieces.of[v]).collect();
         assert_eq!(held.len(), found.len());

@@ -5,7 +5,7 @@ use super::piece::Piece;
 use super::two_means::{Means, means_of_sides, starts, two_means};
 use crate::error::Result;
 use crate::graph::MaxFlow;
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::{Looks, Monitor, map_ordered_with};
 use crate::random::Stream;
 use std::ops::Range;
 
@@ -32,19 +32,22 @@ impl Scratch {
         let Self { piece, network } = self;
         // The best of several 2-means first, then any: the best often leads to the same cut again.
         let restarts = |attempt| if attempt == 0 { params.restarts } else { 1 };
-        let starts = (0..params.attempts).map(|attempt| starts(piece, restarts(attempt), random));
-        let Some(starts) = starts.collect::<Option<Vec<_>>>() else { return Ok(None) };
+        let starts = (0..params.attempts).map(|attempt| starts(piece, restarts(attempt), random, monitor).transpose());
+        let Some(starts) = starts.collect::<Option<Result<Vec<_>>>>().transpose()? else { return Ok(None) };
         let attempt = |network: &mut MaxFlow, i: usize| {
-            let sides = two_means(piece, &starts[i], params.means_steps);
+            let sides = two_means(piece, &starts[i], params.means_steps, monitor)?;
             let parts = cut((piece, sides), network, params.flow_steps, monitor)?;
-            Ok(parts.map(|parts| (piece.energy(&parts), parts)))
+            parts.map(|parts| Ok((piece.energy(&parts, monitor)?, parts))).transpose()
         };
         let attempts = match SHARED.contains(&piece.len()) {
             true => map_ordered_with(0..starts.len(), monitor, MaxFlow::default, attempt)?,
             false => (0..starts.len()).map(|i| attempt(network, i)).collect::<Result<Vec<_>>>()?,
         };
         let mut best = None;
-        let mut least = if params.guard { piece.energy(&vec![0; piece.len()]) } else { f64::INFINITY };
+        let mut least = f64::INFINITY;
+        if params.guard {
+            least = piece.energy(&vec![0; piece.len()], monitor)?;
+        }
         for (energy, parts) in attempts.into_iter().flatten() {
             if energy < least {
                 (least, best) = (energy, Some(parts));
@@ -62,7 +65,7 @@ fn cut(
     monitor: &Monitor,
 ) -> Result<Option<Vec<u32>>> {
     for _ in 0..steps {
-        let Some(means) = means_of_sides(piece, &sides) else { return Ok(None) };
+        let Some(means) = means_of_sides(piece, &sides, monitor)? else { return Ok(None) };
         let next = cheapest_sides(network, piece, &means, monitor)?;
         let settled = next == sides;
         sides = next;
@@ -71,16 +74,19 @@ fn cut(
         }
     }
     let parted = sides.iter().any(|s| *s != sides[0]);
-    Ok(parted.then(|| piece.parts(&sides)))
+    parted.then(|| piece.parts(&sides, monitor)).transpose()
 }
 
 /// The sides of least fit and boundary when both sides keep these means; true for the second.
 fn cheapest_sides(network: &mut MaxFlow, piece: &Piece, means: &Means, monitor: &Monitor) -> Result<Vec<bool>> {
+    let mut looks = Looks::at(monitor);
     network.reset(piece.len());
     for (node, preference) in preferences(piece, means).enumerate() {
+        looks.step()?;
         network.add_terminals(node, preference.max(0.0), (-preference).max(0.0))?;
     }
     for (&[a, b], &cost) in piece.edges.iter().zip(&piece.costs) {
+        looks.step()?;
         network.add_edge(a as usize, b as usize, cost, cost)?;
     }
     network.solve_watched(monitor)?;

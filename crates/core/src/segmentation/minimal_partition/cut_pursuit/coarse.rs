@@ -8,7 +8,7 @@ use super::super::Signal;
 use super::super::links::{EdgeLinks, contract};
 use super::super::merge::{merge_further, merge_nodes};
 use super::super::refine::move_boundary_nodes;
-use super::super::regions::{Regions, energy};
+use super::super::regions::{Regions, energy, renumber};
 use super::iterate::Pursuit;
 use super::smooth::smoothed;
 use super::{CutPursuit, CutPursuitParams};
@@ -45,8 +45,8 @@ pub(super) fn in_cycles(
     monitor: &Monitor,
 ) -> Result<CutPursuit> {
     let problem = Problem { signal, graph, params, monitor };
-    let partition = connected_partition(graph, |_, _| true)?;
-    let start = energy(signal, graph, params.strength, &partition);
+    let partition = connected_partition(graph, |_, _| true, monitor)?;
+    let start = energy(signal, (graph, params.strength), &partition, monitor)?;
     let (centroids, trace) = (Vec::new(), vec![start]);
     let mut best = CutPursuit { partition, centroids, energy: start, iterations: 0, converged: false, trace };
     for cycle in 0..params.cycles {
@@ -74,11 +74,11 @@ pub(super) fn in_cycles(
 impl Problem<'_> {
     /// Cut pursuit on the coarse graph; the energy is that of the full one.
     fn coarse_cycle(&self, partition: &Partition, params: &CutPursuitParams) -> Result<CutPursuit> {
-        let Self { signal, graph, .. } = *self;
+        let Self { signal, graph, monitor, .. } = *self;
         let mut found = self.coarse_pursuit(partition, params)?;
         found.partition = self.moved(std::mem::take(&mut found.partition))?;
-        found.energy = energy(signal, graph, params.strength, &found.partition);
-        found.trace = vec![energy(signal, graph, params.strength, partition), found.energy];
+        found.energy = energy(signal, (graph, params.strength), &found.partition, monitor)?;
+        found.trace = vec![energy(signal, (graph, params.strength), partition, monitor)?, found.energy];
         Ok(found)
     }
 
@@ -86,20 +86,19 @@ impl Problem<'_> {
     fn coarse_pursuit(&self, partition: &Partition, params: &CutPursuitParams) -> Result<CutPursuit> {
         let Self { signal, graph, monitor, .. } = *self;
         let merged = self.merged(partition)?;
-        let regions = Regions::of_segments(signal, &merged);
+        let regions = Regions::of_segments(signal, &merged, monitor)?;
         let weights: Vec<f32> = (0..merged.len() as u32).map(|region| regions.weight(region) as f32).collect();
         let means: Vec<f32> = regions.into_means().into_iter().map(|x| x as f32).collect();
         let coarse = {
-            let links = contract(&EdgeLinks::weighted(graph, 1.0), merged.segments());
+            let links = contract(&EdgeLinks::weighted(graph, 1.0), merged.segments(), monitor)?;
             let (ends, costs): (Vec<_>, Vec<_>) = links.into_iter().map(|l| (l.ends, l.boundary as f32)).unzip();
-            Graph::new(merged.len(), &ends, &costs)?
+            Graph::new_watched(merged.len(), &ends, &costs, monitor)?
         };
         let coarse_signal = Signal::new(&means, signal.width())?.with_weights(&weights)?;
         let whose: Vec<u32> = merged.iter().map(|nodes| partition.segments()[nodes[0] as usize]).collect();
         let start = Partition::from_labels(&whose)?;
         let mut found = Pursuit::new((&coarse_signal, &coarse), start, params, monitor)?.run()?;
-        let labels: Vec<u32> = merged.segments().iter().map(|&s| found.partition.segments()[s as usize]).collect();
-        found.partition = Partition::from_labels(&labels)?;
+        found.partition = merged.coarser(&found.partition, monitor)?;
         Ok(found)
     }
 
@@ -108,13 +107,13 @@ impl Problem<'_> {
             return Ok(partition);
         }
         let at = (&partition, self.params.strength);
-        move_boundary_nodes(self.signal, (self.graph, &self.graph.incidence()), at, self.monitor)
+        move_boundary_nodes(self.signal, (self.graph, &self.graph.incidence(self.monitor)?), at, self.monitor)
     }
 
     /// The nodes of the coarse graph: nodes of one segment that merge when their values are smoothed.
     fn merged(&self, partition: &Partition) -> Result<Partition> {
-        let values = smoothed(self.signal, self.graph, partition);
-        let regions = Regions::of_nodes(&self.signal.with_values(&values));
+        let values = smoothed(self.signal, self.graph, partition, self.monitor)?;
+        let regions = Regions::of_nodes(&self.signal.with_values(&values), self.monitor)?;
         drop(values);
         let nodes = self.graph.len();
         let enough = (nodes / NODES_TO_ONE).max(NODES_A_SEGMENT * partition.len());
@@ -125,11 +124,11 @@ impl Problem<'_> {
         loop {
             share *= 2.0;
             if share > LAST_SHARE || merger.regions.len() <= enough {
-                return Partition::from_labels(&labels);
+                return Partition::from_labels_watched(&labels, self.monitor);
             }
             merger.links.iter_mut().for_each(|link| link.boundary *= 2.0);
             merger = merge_further(merger.regions, merger.links, 0, self.monitor)?;
-            labels.iter_mut().for_each(|label| *label = merger.became[*label as usize]);
+            renumber(&mut labels, &merger.became, self.monitor)?;
         }
     }
 }

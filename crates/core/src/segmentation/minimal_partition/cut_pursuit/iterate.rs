@@ -10,7 +10,7 @@ use super::piece::Source;
 use super::{CutPursuit, CutPursuitParams};
 use crate::error::Result;
 use crate::graph::Graph;
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::{Looks, Monitor, map_ordered_with};
 use crate::random::stream;
 use crate::segmentation::Partition;
 
@@ -32,8 +32,7 @@ impl<'a> Pursuit<'a> {
         params: &'a CutPursuitParams,
         monitor: &'a Monitor,
     ) -> Result<Self> {
-        monitor.check()?;
-        let energy = energy(signal, graph, params.strength, &partition);
+        let energy = energy(signal, (graph, params.strength), &partition, monitor)?;
         let found = CutPursuit {
             partition: partition.clone(),
             centroids: Vec::new(),
@@ -43,7 +42,7 @@ impl<'a> Pursuit<'a> {
             trace: vec![energy],
         };
         let saturated = vec![false; partition.len()];
-        let source = Source { signal, graph, incidence: graph.incidence(), strength: params.strength };
+        let source = Source { signal, graph, incidence: graph.incidence(monitor)?, strength: params.strength };
         Ok(Self { source, params, monitor, partition, saturated, found })
     }
 
@@ -73,7 +72,7 @@ impl<'a> Pursuit<'a> {
             self.move_nodes()?;
         }
         let Source { signal, graph, strength, .. } = self.source;
-        let energy = energy(signal, graph, strength, &self.partition);
+        let energy = energy(signal, (graph, strength), &self.partition, self.monitor)?;
         let before = self.found.trace.last().copied().unwrap_or(energy);
         self.found.trace.push(energy);
         self.found.iterations += 1;
@@ -89,14 +88,16 @@ impl<'a> Pursuit<'a> {
     /// The parts of each open segment, in parallel.
     fn split_open_segments(&self) -> Result<Vec<(usize, Option<Vec<u32>>)>> {
         let mut place = vec![0u32; self.partition.nodes()];
+        let mut looks = Looks::at(self.monitor);
         for members in self.partition.iter() {
+            looks.steps(members.len())?;
             (0u32..).zip(members).for_each(|(at, &node)| place[node as usize] = at);
         }
         let open: Vec<usize> = (0..self.partition.len()).filter(|&s| !self.saturated[s]).collect();
         let round = (self.found.iterations as u64) << 32;
         map_ordered_with(0..open.len(), self.monitor, Scratch::default, |scratch, i| {
             let segment = open[i];
-            scratch.piece.gather(&self.source, &self.partition, (segment, &place));
+            scratch.piece.gather(&self.source, &self.partition, (segment, &place), self.monitor)?;
             let smallest = self.partition.members(segment).first().copied().unwrap_or_default();
             let mut random = stream(self.params.seed, round | u64::from(smallest));
             Ok((segment, scratch.split(self.params, &mut random, self.monitor)?))
@@ -106,7 +107,9 @@ impl<'a> Pursuit<'a> {
     /// Makes the parts segments; what stayed whole is saturated.
     fn divide(&mut self, splits: &[(usize, Option<Vec<u32>>)]) -> Result<()> {
         let mut smallest = vec![0u32; self.partition.nodes()];
+        let mut looks = Looks::at(self.monitor);
         for members in self.partition.iter() {
+            looks.steps(members.len())?;
             members.iter().for_each(|&node| smallest[node as usize] = members[0]);
         }
         let mut closed = vec![false; self.partition.nodes()];
@@ -115,6 +118,7 @@ impl<'a> Pursuit<'a> {
         }
         for (segment, parts) in splits {
             let members = self.partition.members(*segment);
+            looks.steps(members.len())?;
             match parts {
                 None => closed[members[0] as usize] = true,
                 Some(parts) => {
@@ -124,7 +128,7 @@ impl<'a> Pursuit<'a> {
                 }
             }
         }
-        self.partition = Partition::from_labels(&smallest)?;
+        self.partition = Partition::from_labels_watched(&smallest, self.monitor)?;
         self.saturated = self.partition.iter().map(|members| closed[members[0] as usize]).collect();
         Ok(())
     }
@@ -132,13 +136,12 @@ impl<'a> Pursuit<'a> {
     /// Merges segments while that gains; what merged is open again.
     fn merge(&mut self) -> Result<()> {
         let Source { signal, graph, strength, .. } = self.source;
-        let links = contract(&EdgeLinks::weighted(graph, strength), self.partition.segments());
-        let regions = Regions::of_segments(signal, &self.partition);
+        let links = contract(&EdgeLinks::weighted(graph, strength), self.partition.segments(), self.monitor)?;
+        let regions = Regions::of_segments(signal, &self.partition, self.monitor)?;
         let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
-        let joined = Partition::from_labels(&became)?;
+        let joined = Partition::from_labels_watched(&became, self.monitor)?;
         self.saturated = joined.iter().map(|parts| parts.len() == 1 && self.saturated[parts[0] as usize]).collect();
-        let labels: Vec<u32> = self.partition.segments().iter().map(|&s| joined.segments()[s as usize]).collect();
-        self.partition = Partition::from_labels(&labels)?;
+        self.partition = self.partition.coarser(&joined, self.monitor)?;
         Ok(())
     }
 

@@ -1,7 +1,9 @@
 //! One segment taken out of the cloud: its rows and inner edges lie together in memory, nodes are numbered from 0.
 
 use super::super::Signal;
+use crate::error::Result;
 use crate::graph::{Graph, Incidence};
+use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::Sets;
 
@@ -26,7 +28,17 @@ pub(super) struct Source<'a> {
 
 impl Piece {
     /// Fills the buffers; `place` tells the position of each node among the members of its segment.
-    pub(super) fn gather(&mut self, source: &Source, partition: &Partition, (segment, place): (usize, &[u32])) {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn gather(
+        &mut self,
+        source: &Source,
+        partition: &Partition,
+        (segment, place): (usize, &[u32]),
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let mut looks = Looks::at(monitor);
         let Self { width, values, weights, edges, costs } = self;
         *width = source.signal.width();
         values.clear();
@@ -34,6 +46,7 @@ impl Piece {
         edges.clear();
         costs.clear();
         for (here, &node) in (0u32..).zip(partition.members(segment)) {
+            looks.step()?;
             values.extend_from_slice(source.signal.row(node as usize));
             weights.push(source.signal.weight(node as usize));
             for (other, edge) in source.incidence.larger(node as usize) {
@@ -43,6 +56,7 @@ impl Piece {
                 }
             }
         }
+        Ok(())
     }
 
     pub(super) fn len(&self) -> usize {
@@ -55,22 +69,32 @@ impl Piece {
     }
 
     /// Root of the connected part of equal side that each node is in: its smallest node.
-    pub(super) fn parts(&self, sides: &[bool]) -> Vec<u32> {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn parts(&self, sides: &[bool], monitor: &Monitor) -> Result<Vec<u32>> {
         let mut sets = Sets::new(self.len());
-        for &[a, b] in &self.edges {
-            if sides[a as usize] == sides[b as usize] {
-                sets.unite(a, b);
+        for piece in watched(self.edges.len(), monitor) {
+            for &[a, b] in &self.edges[piece?] {
+                if sides[a as usize] == sides[b as usize] {
+                    sets.unite(a, b);
+                }
             }
         }
-        sets.roots()
+        sets.roots(monitor)
     }
 
     /// Q of this piece alone under a numbering of its nodes (any labels below the number of nodes).
-    pub(super) fn energy(&self, labels: &[u32]) -> f64 {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn energy(&self, labels: &[u32], monitor: &Monitor) -> Result<f64> {
+        let mut looks = Looks::at(monitor);
         let mut weights = vec![0.0; self.len()];
         let mut sums = vec![0.0; self.len() * self.width];
         let mut squares = 0.0;
         for ((row, weight), &label) in self.rows().zip(labels) {
+            looks.step()?;
             weights[label as usize] += weight;
             let sum = &mut sums[label as usize * self.width..][..self.width];
             for (s, &f) in sum.iter_mut().zip(row) {
@@ -80,8 +104,13 @@ impl Piece {
         }
         let means = sums.chunks_exact(self.width).zip(&weights).filter(|(_, w)| **w > 0.0);
         let explained: f64 = means.map(|(sum, weight)| sum.iter().map(|s| s * s).sum::<f64>() / weight).sum();
-        let cut = self.edges.iter().zip(&self.costs);
-        let boundary: f64 = cut.filter(|(e, _)| labels[e[0] as usize] != labels[e[1] as usize]).map(|(_, c)| c).sum();
-        squares - explained + boundary
+        let mut boundary = 0.0;
+        for (&[a, b], cost) in self.edges.iter().zip(&self.costs) {
+            looks.step()?;
+            if labels[a as usize] != labels[b as usize] {
+                boundary += cost;
+            }
+        }
+        Ok(squares - explained + boundary)
     }
 }

@@ -1,7 +1,9 @@
 //! Values averaged over the graph, to tell which nodes belong together in spite of noise.
 
 use super::super::Signal;
+use crate::error::Result;
 use crate::graph::Graph;
+use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
 use rayon::prelude::*;
 
@@ -14,16 +16,23 @@ const MOST_SHARES: usize = 8;
 
 /// Means over each node and its neighbours in the same segment (over edges of positive weight), twice.
 /// O(m · width); 8 bytes a value.
-pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition) -> Vec<f32> {
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition, monitor: &Monitor) -> Result<Vec<f32>> {
     let width = signal.width();
     let segments = partition.segments();
     let inside = |[a, b]: [u32; 2]| segments[a as usize] == segments[b as usize];
-    let mut values: Vec<f32> = (0..signal.len()).flat_map(|node| signal.row(node)).copied().collect();
+    let mut values: Vec<f32> = Vec::with_capacity(signal.len() * width);
+    for piece in watched(signal.len(), monitor) {
+        values.extend(piece?.flat_map(|node| signal.row(node)));
+    }
     // Every thread looks at all edges and adds to its own nodes.
     let own = signal.len().div_ceil(rayon::current_num_threads().min(MOST_SHARES)).max(1);
     for _ in 0..PASSES {
         let mut means = vec![0.0f32; values.len()];
-        means.par_chunks_mut(own * width).enumerate().for_each(|(share, means)| {
+        means.par_chunks_mut(own * width).enumerate().try_for_each(|(share, means)| {
+            let mut looks = Looks::at(monitor);
             let first = share * own;
             let mut totals = vec![0.0f32; means.len() / width];
             let mut add = |to: usize, from: usize| {
@@ -33,9 +42,13 @@ pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition) ->
                 let mean = &mut means[(to - first) * width..][..width];
                 add_row(mean, &values[from * width..][..width], weight);
             };
-            (first..first + own).for_each(|node| add(node, node));
+            for node in first..(first + own).min(signal.len()) {
+                looks.step()?;
+                add(node, node);
+            }
             // Edges ascend, so that every node adds its neighbours in ascending order.
             for (&ends, &weight) in graph.edges().iter().zip(graph.weights()) {
+                looks.step()?;
                 if weight > 0.0 && inside(ends) {
                     let [a, b] = ends.map(|end| end as usize);
                     add(a, b);
@@ -44,10 +57,11 @@ pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition) ->
             }
             let rows = means.chunks_exact_mut(width).zip(&totals);
             rows.for_each(|(row, total)| row.iter_mut().for_each(|m| *m /= total));
-        });
+            Ok(())
+        })?;
         values = means;
     }
-    values
+    Ok(values)
 }
 
 /// mean += weight · row; of a known length if these are four descriptors.
@@ -68,9 +82,9 @@ mod tests {
         let signal = Signal::new(&[0.0, 3.0, 9.0, 5.0], 1).unwrap();
         let graph = Graph::new(4, &[[0, 1], [1, 2], [2, 3]], &[1.0, 1.0, 0.0]).unwrap();
         let partition = Partition::from_labels(&[0, 0, 1, 1]).unwrap();
-        assert_eq!(smoothed(&signal, &graph, &partition), [1.5, 1.5, 9.0, 5.0]);
+        assert_eq!(smoothed(&signal, &graph, &partition, &Monitor::default()).unwrap(), [1.5, 1.5, 9.0, 5.0]);
         let whole = Partition::from_labels(&[0; 4]).unwrap();
         // First 1.5, 4, 6, 5; then:
-        assert_eq!(smoothed(&signal, &graph, &whole)[..3], [2.75, 11.5 / 3.0, 5.0]);
+        assert_eq!(smoothed(&signal, &graph, &whole, &Monitor::default()).unwrap()[..3], [2.75, 11.5 / 3.0, 5.0]);
     }
 }

@@ -2,6 +2,8 @@
 
 use super::super::links::Links;
 use super::super::regions::Regions;
+use crate::error::Result;
+use crate::parallel::{Looks, Monitor, sort_watched_by};
 use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
@@ -12,13 +14,22 @@ const MOST_SHARES: usize = 8;
 ///
 /// A region may take part several times: the gain is then recomputed with the current means and the boundary at the
 /// beginning of the round, which can only have grown since. So every merger lowers the energy. O(m log m).
-pub(super) fn merge_best_pairs(regions: &mut Regions, links: &(impl Links + ?Sized)) -> Option<Sets> {
-    let chosen = best_links(regions, links);
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn merge_best_pairs(
+    regions: &mut Regions,
+    links: &(impl Links + ?Sized),
+    monitor: &Monitor,
+) -> Result<Option<Sets>> {
+    let chosen = best_links(regions, links, monitor)?;
     if chosen.is_empty() {
-        return None;
+        return Ok(None);
     }
+    let mut looks = Looks::at(monitor);
     let mut sets = Sets::new(regions.len());
     for (_, link) in chosen {
+        looks.step()?;
         let link = links.get(link);
         let ends = link.ends.map(|end| sets.root(end));
         if ends[0] != ends[1]
@@ -28,17 +39,19 @@ pub(super) fn merge_best_pairs(regions: &mut Regions, links: &(impl Links + ?Siz
             regions.absorb(kept, gone);
         }
     }
-    Some(sets)
+    Ok(Some(sets))
 }
 
 /// Links of positive gain that are the best one of an end, by falling gain; ties by index.
-fn best_links(regions: &Regions, links: &(impl Links + ?Sized)) -> Vec<(f64, u32)> {
+fn best_links(regions: &Regions, links: &(impl Links + ?Sized), monitor: &Monitor) -> Result<Vec<(f64, u32)>> {
     let mut best = vec![(0.0, u32::MAX); regions.len()];
     // Every thread looks at all links and keeps those of its own regions.
     let own = regions.len().div_ceil(rayon::current_num_threads().min(MOST_SHARES)).max(1);
-    best.par_chunks_mut(own).enumerate().for_each(|(share, best)| {
+    best.par_chunks_mut(own).enumerate().try_for_each(|(share, best)| {
         let first = (share * own) as u32;
+        let mut looks = Looks::at(monitor);
         for (index, link) in links.numbered() {
+            looks.step()?;
             let mut slots = link.ends.map(|end| end.wrapping_sub(first) as usize);
             slots.sort_unstable();
             if slots[0] >= best.len() {
@@ -52,9 +65,10 @@ fn best_links(regions: &Regions, links: &(impl Links + ?Sized)) -> Vec<(f64, u32
                 }
             }
         }
-    });
+        Ok(())
+    })?;
     best.retain(|&(_, link)| link != u32::MAX);
-    best.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    sort_watched_by(&mut best, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)), monitor)?;
     best.dedup_by_key(|&mut (_, link)| link);
-    best
+    Ok(best)
 }

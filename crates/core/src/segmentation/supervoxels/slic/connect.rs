@@ -40,9 +40,10 @@ pub(super) fn connect(scene: &Sorted, params: &SlicParams, labels: &mut [u32], m
         pairs.extend(touching(a).filter(alike).map(|b| [a as u32, b as u32]));
     }
     monitor.check()?;
-    let pieces = connected_components(&Graph::new(nodes.len(), &pairs, &vec![1.0; pairs.len()])?);
+    let pieces =
+        connected_components(&Graph::new_watched(nodes.len(), &pairs, &vec![1.0; pairs.len()], monitor)?, monitor)?;
     let names = names(&nodes, &pieces, params.min_points);
-    let members = Csr::group_by(&pieces.of, pieces.count)?;
+    let members = Csr::group_by(&pieces.of, pieces.count, monitor)?;
     let label_of = |piece: usize| match names[piece] {
         NO_SUPERVOXEL => adopt(members.group(piece), touching, |n| (names[pieces.of[n] as usize], nodes[n].points)),
         name => name,
@@ -141,7 +142,7 @@ mod tests {
     fn parts_that_do_not_touch_are_parted_and_large_ones_stay() {
         let (sorted, mut labels) = strips();
         connect(&sorted, &SlicParams::default(), &mut labels, &Monitor::default()).unwrap();
-        let labels = sorted.in_order_of_points(&labels);
+        let labels = sorted.in_order_of_points(&labels, &Monitor::default()).unwrap();
         assert!(labels[..20].iter().all(|&l| l == 0) && labels[30..].iter().all(|&l| l == 7));
         assert!(labels[20..30].iter().all(|&l| l == 8));
     }
@@ -154,7 +155,7 @@ mod tests {
         labels.iter_mut().zip(&sorted.cells.items).for_each(|(l, &i)| *l = given[i as usize]);
         let params = SlicParams { min_points: 5, ..SlicParams::default() };
         connect(&sorted, &params, &mut labels, &Monitor::default()).unwrap();
-        let labels = sorted.in_order_of_points(&labels);
+        let labels = sorted.in_order_of_points(&labels, &Monitor::default()).unwrap();
         assert!(labels[..20].iter().all(|&l| l == 0) && labels[20..30].iter().all(|&l| l == 1));
         assert!(labels[30..].iter().all(|&l| l == 0), "the part that touched the first strip joined it");
     }

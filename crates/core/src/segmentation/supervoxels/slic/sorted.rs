@@ -4,8 +4,7 @@ use super::super::PointAttributes;
 use super::super::cells::{Cells, Grid};
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::parallel::Monitor;
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_watched, watched};
 
 /// Points in the order of their cells of edge S.
 pub(super) struct Sorted {
@@ -25,18 +24,18 @@ impl Sorted {
     pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
         let grid = Grid::new(points.places(), size, "size")?;
         let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
-        let pick = |axis: &[f32]| cells.items.par_iter().map(|&i| axis[i as usize]).collect::<Vec<f32>>();
+        let items = &cells.items;
+        let pick = |axis: &[f32]| map_watched(items.len(), monitor, |i| axis[items[i] as usize]);
         let rows = |rows: Option<&[[f32; 3]]>| {
             let rows = rows.unwrap_or_default();
             let column = |a: usize| match rows.len() {
-                0 => Vec::new(),
-                _ => cells.items.par_iter().map(|&i| rows[i as usize][a]).collect(),
+                0 => Ok(Vec::new()),
+                _ => map_watched(items.len(), monitor, |i| rows[items[i] as usize][a]),
             };
-            [0, 1, 2].map(column)
+            Ok([column(0)?, column(1)?, column(2)?])
         };
-        let (x, y, z) = (pick(&points.x), pick(&points.y), pick(&points.z));
-        monitor.check()?;
-        let (normals, colours) = (rows(attributes.normals), rows(attributes.colours));
+        let (x, y, z) = (pick(&points.x)?, pick(&points.y)?, pick(&points.z)?);
+        let (normals, colours) = (rows(attributes.normals)?, rows(attributes.colours)?);
         Ok(Self { grid, cells, x, y, z, normals, colours })
     }
 
@@ -57,9 +56,14 @@ impl Sorted {
     }
 
     /// Values of the sorted points in the order the points were given in.
-    pub(super) fn in_order_of_points(&self, values: &[u32]) -> Vec<u32> {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn in_order_of_points(&self, values: &[u32], monitor: &Monitor) -> Result<Vec<u32>> {
         let mut out = vec![0; values.len()];
-        self.cells.items.iter().zip(values).for_each(|(&i, &v)| out[i as usize] = v);
-        out
+        for piece in watched(values.len(), monitor) {
+            piece?.for_each(|at| out[self.cells.items[at] as usize] = values[at]);
+        }
+        Ok(out)
     }
 }

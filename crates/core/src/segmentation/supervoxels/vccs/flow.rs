@@ -4,7 +4,7 @@ use super::super::describe::dot;
 use super::super::{NO_SUPERVOXEL, PointAttributes, VccsParams};
 use super::voxels::{Sum, Voxel, Voxels};
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, watched};
+use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
@@ -171,7 +171,7 @@ impl<'a> Flow<'a> {
                 alike.for_each(|&u| _ = sets.unite(v as u32, u));
             }
         }
-        Ok(sets.roots())
+        sets.roots(monitor)
     }
 
     /// Parts that were cut off from the largest part of their supervoxel (the first of equal ones) join supervoxels that
@@ -180,17 +180,21 @@ impl<'a> Flow<'a> {
         let pieces = self.pieces(monitor)?;
         // Sizes stand at the first voxel of a piece, by which pieces are named.
         let mut sizes = vec![0u32; pieces.len()];
-        pieces.iter().for_each(|&p| sizes[p as usize] += 1);
+        for piece in watched(pieces.len(), monitor) {
+            pieces[piece?].iter().for_each(|&p| sizes[p as usize] += 1);
+        }
+        let mut looks = Looks::at(monitor);
         let mut largest = vec![NO_SUPERVOXEL; self.centres.len()];
         for (&piece, &owner) in pieces.iter().zip(&self.owners) {
+            looks.step()?;
             if let Some(best) = largest.get_mut(owner as usize)
                 && (*best == NO_SUPERVOXEL || sizes[piece as usize] > sizes[*best as usize])
             {
                 *best = piece;
             }
         }
-        monitor.check()?;
         for (owner, piece) in self.owners.iter_mut().zip(pieces) {
+            looks.step()?;
             if largest.get(*owner as usize).is_some_and(|&best| best != piece) {
                 *owner = NO_SUPERVOXEL;
             }
