@@ -1,4 +1,4 @@
-"""Clouds that several rooms test with."""
+"""Clouds that several test files use."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""FAULTS 29: arrays of every kind, Ctrl-C, fork; the right result or a named error, never a hang."""
+"""Arrays of every kind, Ctrl-C, fork: the right result or a clear error, never a hang."""
 
 import os
 import pickle

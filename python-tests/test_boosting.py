@@ -1,4 +1,4 @@
-"""Room `classification`: boosted and bagged trees against scikit-learn's checks and its own classifiers."""
+"""Module `classification`: boosted and bagged trees against scikit-learn's checks and its own classifiers."""
 
 import pickle
 

@@ -1,4 +1,4 @@
-"""Room `recipes`: from labelled clouds to a named cloud."""
+"""Module `recipes`: training on labelled clouds, and classification."""
 
 import pickle
 import subprocess

@@ -1,4 +1,4 @@
-"""Room `evaluation`: scikit-learn's metrics agree."""
+"""Module `evaluation`: agreement with scikit-learn's metrics."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Room `features`: the definitions against numpy, and against two peers under their own conventions."""
+"""Module `features`: the definitions against numpy, and against jakteristics and pgeof with their conventions."""
 
 import numpy as np
 import pytest

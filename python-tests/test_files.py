@@ -1,4 +1,4 @@
-"""Room `io`: every version and point format of LAS with laspy, the other formats with their own libraries, and the commands
+"""Module `io`: every version and point format of LAS with laspy, the other formats with their own libraries, and the commands
 on files."""
 
 import laspy

@@ -1,4 +1,4 @@
-"""Room `classification`: scikit-learn's own checks, its accuracy, and the same bytes for any number of threads."""
+"""Module `classification`: scikit-learn's own checks, its accuracy, and the same bytes for any number of threads."""
 
 import pickle
 

@@ -1,4 +1,4 @@
-"""Rooms `graph` and `neighbours`: against scipy and by brute force."""
+"""Modules `graph` and `neighbours`: against scipy and brute force."""
 
 import numpy as np
 import pytest

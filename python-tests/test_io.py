@@ -1,4 +1,4 @@
-"""Room `io`: laspy and plyfile read what we write, field by field, and we read what they write."""
+"""Module `io`: laspy and plyfile read what we write, field by field, and we read what they write."""
 
 import errno
 import os

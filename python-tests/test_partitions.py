@@ -1,4 +1,4 @@
-"""Supervoxels, regions, objects and the ground: against numpy, by definition, and through the front door."""
+"""Supervoxels, regions, objects and the ground: against numpy, by definition, and through the public functions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Rooms `regularisation` and `segmentation`: against all labellings of small problems, and on a noisy picture."""
+"""Modules `regularisation` and `segmentation`: against all labellings of small problems, and on a noisy picture."""
 
 import itertools
 

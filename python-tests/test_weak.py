@@ -1,4 +1,4 @@
-"""Few labels, segments, and neighbours that agree."""
+"""Weakly supervised classification, segments and regularisation."""
 
 import numpy as np
 import pytest

@@ -2,8 +2,8 @@
 
     python scripts/accuracy.py DATA        # needs: pip install . scikit-learn jakteristics
 
-Three rows a scene isolate the parts: our features with our forest, our features with scikit-learn's forest, and
-jakteristics' features with our forest. All see the same training points.
+Three rows per scene: our features with our forest, our features with scikit-learn's forest, and jakteristics' features
+with our forest. All are trained on the same points.
 """
 
 import pathlib
@@ -100,24 +100,24 @@ def row(name, results, codes):
 
 
 def worst(results):
-    """The two largest confusions: true class, named class, share of the true class."""
+    """The two largest confusions: true class, predicted class, share of the true class."""
     matrix = np.sum([np.array(r["confusion_matrix"], float) for r in results if len(r["labels"]) == len(results[0]["labels"])], axis=0)
     codes = [l["code"] for l in results[0]["labels"]]
     share = matrix / np.maximum(matrix.sum(1, keepdims=True), 1)
     np.fill_diagonal(share, 0)
     order = np.argsort(-share, axis=None)[:2]
-    return "; ".join(f"{NAMES[codes[i // len(codes)]]} named {NAMES[codes[i % len(codes)]]} {100 * share.flat[i]:.1f} %" for i in order)
+    return "; ".join(f"{NAMES[codes[i // len(codes)]]} classified as {NAMES[codes[i % len(codes)]]} {100 * share.flat[i]:.1f} %" for i in order)
 
 
 def main():
     data = pathlib.Path(sys.argv[1])
     lines = [
         "# Accuracy on real clouds", "",
-        "Written by `python scripts/accuracy.py DATA`. Train and test are spatially disjoint and features are computed on each side",
+        "Written by `python scripts/accuracy.py DATA`. Training and test points are spatially disjoint and features are computed on each side",
         f"alone; {PER_CLASS} training points a class at most, 50 trees of depth 30, mean and standard deviation of {len(SEEDS)} seeds,",
-        "every labelled test point counted. Per class: IoU / F1, percent. The clouds are described in the data folder's README.", "",
-        "Rows: *all ours*; *scikit-learn forest* on our features (isolates the forest); *jakteristics features* at radii",
-        f"{', '.join(str(r) for r in RADII)} m with our forest (isolates the features); on Oakland, which is denser, at 0.4 times these.", "",
+        "every labelled test point counted. Cells of classes: IoU / F1, percent.", "",
+        "Rows: *Scansion*: features and forest; *scikit-learn forest* on the same features (compares the forests); *jakteristics features* at radii",
+        f"{', '.join(str(r) for r in RADII)} m with the same forest (compares the features); on Oakland, which is denser, at 0.4 times these radii.", "",
     ]
     wanted = sys.argv[2] if len(sys.argv) > 2 else ""  # a part of a scene's title: only that scene, on the terminal alone
     for title, train, test, first_scale in scenes(data):
@@ -130,8 +130,8 @@ def main():
         head = ["features and forest", "OA", "mean F1", "mean IoU"] + [NAMES[c] for c in codes]
         lines += [f"## {title}", "", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
         results = run(*own, "scansion")
-        lines += [row("all ours", results, codes), row("scikit-learn forest", run(*own, "scikit-learn"), codes)]
-        lines += [row("jakteristics features", run(*other, "scansion"), codes), "", f"Worst confusions (all ours): {worst(results)}.", ""]
+        lines += [row("Scansion", results, codes), row("scikit-learn forest", run(*own, "scikit-learn"), codes)]
+        lines += [row("jakteristics features", run(*other, "scansion"), codes), "", f"Largest confusions (Scansion): {worst(results)}.", ""]
         print(title, f"{time.time() - start:.0f} s", flush=True)
         print("\n".join(lines[-8:]), flush=True)
     if not wanted:

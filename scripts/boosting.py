@@ -1,4 +1,4 @@
-"""Boosting beside LightGBM with the same settings, on feature tables of five real scans; prints the table of docs/boosting.md.
+"""Boosting compared with LightGBM with the same settings, on feature tables of five real scans; prints the table of docs/boosting.md.
 
     python scripts/boosting.py DATA [SPLITS]    # needs: pip install '.[las]' lightgbm
 
@@ -54,7 +54,7 @@ def theirs(X, y, penalty):
 
 
 def judged(fit, X, y, held, penalty):
-    """Loss, accuracy, seconds of learning."""
+    """Loss, accuracy, seconds of training."""
     start = time.time()
     predict = fit(X[~held], y[~held], penalty)
     seconds = time.time() - start

@@ -1,4 +1,4 @@
-"""Accuracy of the built-in model on scenes that it has not seen, at several densities; writes docs/default-model.md.
+"""Accuracy of the built-in model on scenes not used for training, at several densities; writes docs/default-model.md.
 
     python scripts/default_model_accuracy.py DATA        # needs: pip install .
 """
@@ -11,31 +11,36 @@ import scansion
 
 HEAD = """# The built-in model
 
-`scansion classify` without `--model` uses it. It names three classes in airborne scans, in ASPRS codes: **2 ground, 5
-vegetation (low, medium and high), 6 building**. Cars, street furniture, wires, bridges and water are not classes of it: they
-get the class they look like, usually vegetation (rough) or building (smooth); use `Confidence`, or train your own model.
+`scansion classify` without `--model` uses it. It has three classes for airborne scans, with ASPRS codes: **2 ground, 5
+vegetation (low, medium and high), 6 building**. Cars, street furniture, wires, bridges and water are not among them: they
+are assigned to the most similar class, usually vegetation (rough) or building (smooth); use `Confidence`, or train your
+own model.
 
-**Training.** `scripts/default-model DATA` trains it again, byte for byte: document 004's features on 8 scales from 0.25 to 32 m
-(no colour, intensity or returns, so that every cloud will do), 50 trees of depth 18, samples from three open clouds and from
-copies of them thinned to 12, 5, 2 and 1 points per square metre (`crates/core/assets/default.toml`):
+## Training
+
+`scripts/default-model DATA` trains it again, byte for byte: the [pyramid](pyramid.md) features on 8 scales from 0.25 to 32 m
+(without colour, intensity or returns, so that every cloud is suitable), 50 trees of depth 18, samples from three open
+clouds and from copies of them thinned to 12, 5, 2 and 1 points per square metre (`crates/core/assets/default.toml`):
 
 | cloud | licence | labels |
 |---|---|---|
 | IGN LiDAR HD, housing estate, 28 points/m² | MIT (IGNF/ctview) | checked; the square of `scansion demo` left out |
 | IGN LiDAR HD, 1 km² thinned to 1.2 points/m² | MIT (IGNF/ign-pdal-tools) | checked |
-| AHN3 Delft, 16 points/m² | Dutch open data (Actueel Hoogtebestand Nederland, via tudelft3d/3dfier) | checked; its class 1 (vegetation, some cars) learned as vegetation |
+| AHN3 Delft, 16 points/m² | Dutch open data (Actueel Hoogtebestand Nederland, via tudelft3d/3dfier) | checked; its class 1 (vegetation, some cars) used as vegetation |
 
-**Accuracy on scenes that it has not seen**, written by `python scripts/default_model_accuracy.py DATA`; every point labelled 2 to 6
-counts, vegetation merged; percent. Thinned rows keep points by chance.
+## Accuracy on scenes not used for training
+
+Written by `python scripts/default_model_accuracy.py DATA`; every point labelled 2 to 6 counts, with the vegetation classes
+merged; percent. Thinned rows keep random points.
 
 | scene | points/m² | OA | mean IoU | ground IoU | vegetation IoU | building IoU |
 |---|---|---|---|---|---|---|
 """
 
 TAIL = """
-What the maps show: walls and roof edges are the weak spot. They are rough and vertical, as trees are, and most missing building points
-stand there; the second confusion is vegetation on steep or terraced ground (or low walls) named ground. Small crops lose
-the view of their surroundings at the coarse scales, so real tiles do better at their middle than these crops.
+Walls and roof edges are the main weakness: they are rough and vertical, like trees, and most missing building points are
+there. The second confusion is vegetation on steep or terraced ground (or low walls) classified as ground. Small crops
+lack the surroundings at the coarse scales, so that the interior of real tiles has a higher accuracy than these crops.
 """
 
 

@@ -24,7 +24,7 @@ METHODS = ("slic", "vccs", "local-graph", "riemannian", "region-growing", "octre
 
 
 def interrupted(work, after):
-    """Seconds from SIGINT to KeyboardInterrupt; None if the work was over before."""
+    """Seconds from SIGINT to KeyboardInterrupt; None if the work had finished before."""
     sent = []
 
     def send():

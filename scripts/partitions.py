@@ -1,10 +1,11 @@
-"""Every way to part a cloud at equal numbers of segments, on four sensors; writes docs/partitions.md.
+"""All segmentation methods at equal numbers of segments, on four sensors; writes docs/partitions.md.
 
     python scripts/partitions.py DATA    # needs: pip install .
 
-Each method has one number that decides how many segments there are; it is searched until there are about as many as
-asked for. Where that number alone does not reach them, rules on the fewest points are eased one after another. Oracle: points that are right if every segment gets its commonest class. Boundary recall and precision: share
-of edges between classes that a boundary of segments lies at (or one edge away), and the other way round.
+The number of segments of each method is reached by searching one of its parameters; if that does not suffice, limits on
+the number of points are relaxed one after the other. Oracle: share of the points that are right if every segment gets
+its most frequent class. Boundary recall and precision: share of the edges between classes that coincide with a segment
+boundary (or are one edge away from it), and the reverse.
 """
 
 import pathlib
@@ -118,12 +119,14 @@ def search(cloud, method, wanted, scale):
     return best
 
 
-HEAD = """# Ways to part a cloud, side by side
+HEAD = """# Segmentation methods compared
 
-Written by `python scripts/partitions.py DATA` ({minutes:.0f} minutes). At about equal numbers of segments, found by one number of each
-method; octree-based region growing also by the size of its voxels and the fewest points in them. Oracle is the share of points that are
-right if every segment gets its commonest class; recall and precision are those of the boundaries between classes, to one edge of the graph
-of 10 neighbours. All else are defaults, lengths scaled to the scene. Seconds are of the whole call on {cores} cores, busy or not.
+Written by `python scripts/partitions.py DATA` ({minutes:.0f} minutes). All methods have about the same number of segments, which is
+reached by searching one parameter of each method (for octree-based region growing also the size of its voxels and the
+least number of points in them). Oracle is the share of the points that are right if every segment gets its most frequent
+class; recall and precision are those of the class boundaries, with a tolerance of one edge of the graph of 10
+neighbours. Everything else has its default, with lengths scaled to the scene. Seconds are wall time of the whole call on
+{cores} cores, which were not always idle.
 
 """
 

@@ -1,11 +1,11 @@
-"""Partitions of an S3DIS room beside published superpoints; prints the table of docs/cut-pursuit.md.
+"""Partitions of an S3DIS room compared with published superpoints; prints the table of docs/cut-pursuit.md.
 
     python scripts/superpoints.py DATA    # needs: pip install . h5py
 
 The file DATA/partition/s3dis_superpoints_reference.h5 holds voxels with colour, shape features and elevation, and three
-levels of superpoints. For each level the strength is searched that gives as many segments. Oracle: voxels that are right if
-every segment gets its commonest class. Boundary recall and precision as in docs/partitions.md: share of edges between
-classes that a boundary of segments lies at (or one edge away), and the other way round.
+levels of superpoints. For each level the strength is searched that gives the same number of segments. Oracle: share
+of the voxels that are right if every segment gets its most frequent class. Boundary recall and precision as in
+docs/partitions.md.
 """
 
 import pathlib

@@ -2,8 +2,8 @@
 
     python scripts/weak.py DATA [SEEDS]    # needs: pip install .
 
-Labels of 15 random points a class (25 on the airborne scene) name the whole cloud, by four methods. The printed figures
-and those of peer libraries stand beside ours.
+A model trained on the labels of 15 random points a class (25 on the airborne scene) classifies the whole cloud, by four
+methods. The figures of the paper and of other libraries are printed for comparison.
 """
 
 import pathlib
@@ -44,7 +44,7 @@ def pick(code, per_class, seed):
 
 
 def run(xyz, code, per_class, seed, way):
-    """Overall accuracy and mean F1 of each method in percent: over all named points, and over those that nobody labelled."""
+    """Overall accuracy and mean F1 of each method in percent: over all classified points, and over the unlabelled ones."""
     recipe = PAPER if way == "paper" else None
     labels = pick(code, per_class, seed)
     model = scansion.WeakClassifier(recipe, random_state=seed).fit(xyz, labels)
@@ -67,13 +67,14 @@ def line(name, points, runs, first=0):
     return f"| {name} | {points} | {cells} |"
 
 
-HEAD = """# Accuracy of the weak recipe
+HEAD = """# Accuracy of the weakly supervised classification
 
-Written by `python scripts/weak.py DATA` ({seeds} seeds, {minutes:.0f} minutes on {cores} cores). Labels of random points of each class
-name the whole cloud; overall accuracy / mean F1 in percent over all points of the named classes, mean and standard deviation over the
-seeds. Method: [weak.md](weak.md), all defaults; "as the paper" is `descriptors = "paper"`, `shares.power = 0` and
-`labels.hold = false`. Labelled points are among all points; the row without them counts only what nobody told (the eight points of a
-class of part_10 are all labelled: there the class is not counted).
+Written by `python scripts/weak.py DATA` ({seeds} seeds, {minutes:.0f} minutes on {cores} cores). A model trained on the labels of random
+points of each class classifies the whole cloud. Cells are overall accuracy / mean F1 in percent over all points of these
+classes, mean and standard deviation over the seeds. Method: [weak.md](weak.md), all defaults; "as the paper" is
+`descriptors = "paper"`, `shares.power = 0` and `labels.hold = false`. All points include the labelled ones; the row
+without them counts only unlabelled points (all eight points of a class of part_10 are labelled, so that this class is
+not counted there).
 
 """
 TABLE = "| cloud | points | " + " | ".join(METHODS.values()) + " |\n|---|---|" + "---|" * len(METHODS)
@@ -81,7 +82,7 @@ PRINTED = """
 | for comparison: OA / mean F1 | point by point | field on points | segments, no field | field on segments |
 |---|---|---|---|---|
 | printed in the paper (Oakland, 655,297 points) | 85.2 / 53.1 | 94.8 / 75.2 | - | 97.3 / 77.1 |
-| peer libraries on part_14 (scikit-learn, pycut-pursuit, alpha-expansion) | 92.4 / 70.7 | 97.3 / 85.1 | 97.3 / 84.3 | 97.9 / 87.0 |
+| other libraries on part_14 (scikit-learn, pycut-pursuit, alpha-expansion) | 92.4 / 70.7 | 97.3 / 85.1 | 97.3 / 84.3 | 97.9 / 87.0 |
 """
 
 

@@ -1,4 +1,4 @@
-//! The command line as a user meets it: exit codes, streams and files.
+//! Command line tests: exit codes, streams and files.
 
 use scansion_tests::{demo_scan, street};
 use std::path::Path;
@@ -149,7 +149,7 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     let page = std::fs::read_to_string(f.join("l.html")).unwrap();
     assert_eq!(page.matches("data:image/png;base64,").count(), 16);
     assert!(!page.contains("http"), "the page must not need the internet");
-    // The truth fills in the table.
+    // Fills in the table with the true classes.
     let list = std::fs::read_to_string(f.join("l.csv")).unwrap();
     let truth = &scene.column("Classification").unwrap().values;
     let mut filled = String::new();

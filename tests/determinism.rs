@@ -77,7 +77,7 @@ fn the_order_of_the_points_does_not_change_their_names() {
     let named = classify(&scene, &model, &ClassifyParams::default(), &monitor).unwrap();
     let turned = classify(&scene.select(&reversed), &model, &ClassifyParams::default(), &monitor).unwrap();
     let same = named.codes.iter().zip(turned.codes.iter().rev()).filter(|(a, b)| a == b).count();
-    // Sums of equal numbers in another order may differ in the last bit and turn a tie.
+    // Equal sums added in a different order may differ in the last bit and change a tie.
     assert!(same as f64 >= 0.999 * scene.len() as f64, "{same} of {}", scene.len());
 }
 

@@ -1,4 +1,4 @@
-//! `diff`, `convert`, `merge` and `--salvage` as a user meets them: exit codes, streams and files.
+//! Command line tests of `diff`, `convert`, `merge` and `--salvage`: exit codes, streams and files.
 
 use scansion_tests::{demo_scan, street};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Files that other programs wrote, and what other readers see in them.
+//! Files that other programs wrote, compared with what other readers read from them.
 
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, ReadOptions};
@@ -169,7 +169,7 @@ fn text_of_scanners_is_read_and_meshes_are_refused() {
     }
 }
 
-/// Every odd file gives a cloud or an error, soon; blocks give what reading gives.
+/// Every unusual file gives a cloud or an error within the time limit; reading in blocks gives the same.
 #[test]
 fn every_odd_file_is_read_or_refused_soon() {
     let Some(hostile) = folder("hostile") else { return };

@@ -1,5 +1,5 @@
-//! 25: whatever ends the program at whatever moment, the output's name is absent, old or complete; a signal that can be
-//! caught leaves nothing behind and ends the program at once. `SCANSION_KILLS=200` sets the number of kills.
+//! However and whenever the program is ended, the output is absent, old or complete; a signal that can be caught leaves
+//! nothing behind and ends the program at once. `SCANSION_KILLS=200` sets the number of kills.
 
 use rustix::process::{Pid, Signal, kill_process};
 use scansion_core::random::stream;
@@ -81,19 +81,19 @@ const VERBS: [Verb; 11] = [
     (&["render", "in.laz", "-o", "o.png", "--width", "600"], &["o.png", "o.pgw"]),
 ];
 
-/// A folder with an input and a model, and what stands under the names of outputs before a run.
+/// A folder with an input and a model, and the content of each output before a run.
 fn prepared() -> (tempfile::TempDir, impl Fn(&str) -> Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();
     scansion_core::io::write(&f.join("in.laz"), &street(25.0, 1), &Default::default()).unwrap();
     let train = ["train", "in.laz", "-o", "in.model", "--set", "forest.trees=2", "--set", "features.pyramid.levels=3"];
     assert!(start(f, &train).wait().unwrap().success());
-    // A model replaces models only.
+    // A model may only replace a model.
     let model = std::fs::read(f.join("in.model")).unwrap();
     (folder, move |name: &str| if name.ends_with("model") { model.clone() } else { b"what stood here before".to_vec() })
 }
 
-/// What each command writes when nothing disturbs it, and how long that takes.
+/// The output of each command without interruption, and how long it takes.
 fn undisturbed(folder: &Path, (arguments, outputs): Verb) -> (Vec<Vec<u8>>, Duration) {
     let begin = Instant::now();
     assert!(start(folder, arguments).wait().unwrap().success(), "{arguments:?}");
@@ -137,7 +137,7 @@ fn every_command_that_is_killed_leaves_old_outputs_or_whole_ones() {
     assert!(disturbed > 0, "every run was over before it was killed");
 }
 
-/// Runs a command that can write files of so many blocks only: what is beyond fails as on a full disk.
+/// Runs a command that may write only this many blocks to files: writing more fails as on a full disk.
 fn with_room(folder: &Path, arguments: &[&str], blocks: usize) -> std::process::Output {
     Command::new("sh")
         .args(["-c", &format!("trap '' 25; ulimit -f {blocks}; exec \"$0\" \"$@\"")])
@@ -181,7 +181,7 @@ fn signalled(mut child: Child, signal: Signal, ready: impl Fn() -> bool) -> (Opt
         std::thread::sleep(Duration::from_millis(1));
     }
     let sent = Instant::now();
-    // It may be over already.
+    // The process may have ended already.
     let _ = kill_process(Pid::from_child(&child), signal);
     (child.wait().unwrap().code(), sent.elapsed())
 }
@@ -222,6 +222,6 @@ fn a_signal_ends_the_program_at_once_and_nothing_is_left() {
     }
     eprintln!("{interrupted} of 12 runs interrupted, the slowest ended after {slowest:?}");
     assert!(interrupted >= 4, "only {interrupted} runs were caught at work");
-    // One second is what we promise; a busy machine gets more.
+    // One second is promised; a busy machine is given more.
     assert!(slowest < Duration::from_secs(3), "{slowest:?}");
 }

@@ -1,4 +1,4 @@
-//! What labels mean in files of several schemes, which classes a model learns, and how two sets of codes are compared.
+//! Meaning of labels in files of different schemes, classes that a model learns, and comparison of different codes.
 
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::io;
@@ -100,13 +100,13 @@ fn what_is_unlabelled_depends_on_the_format() {
         "{message}"
     );
     assert!(!f.join("scan.model").exists());
-    // What is asked for goes before the default, in all formats.
+    // An explicit request overrides the default, in all formats.
     assert_eq!(learned(f, &["scan.laz", "--unlabelled", "none"]), (vec![0, 1, 2], 0));
     assert_eq!(learned(f, &["scan.laz", "--unlabelled", "1"]), (vec![0, 2], ones));
     assert_eq!(learned(f, &["rooms.ply", "--unlabelled", "0"]), (vec![1, 2], zeros));
     assert_eq!(learned(f, &["scan.laz", "--classes", "1,2"]), (vec![1, 2], zeros));
     assert!(fails(f, &["train", "scan.laz", "-o", "t.model", "--unlabelled", "nothing"]).contains("nothing"));
-    // It is said.
+    // The program reports it.
     let train = |input| done(f, &[&["train", input, "-o", "t.model", "--unlabelled", "auto"], &QUICK[..]].concat());
     let (table, said) = train("semantic.txt");
     assert!(said.contains("code 0 counts as unlabelled") && said.contains("--unlabelled none"), "{said}");
@@ -128,7 +128,7 @@ fn negative_values_are_unlabelled_in_every_format() {
     let mut other = coded(14.0, 2, [2, 5, 6]);
     other.set_column(Column::new("mine", scene.column("Classification").unwrap().values.clone())).unwrap();
     write(&f.join("a.laz"), other);
-    // A dimension that is not Classification has codes of its own, in LAS too.
+    // A dimension other than Classification has codes of its own, in LAS too.
     assert_eq!(learned(f, &["a.laz", "--label-dimension", "mine"]), (vec![0, 2], open));
 }
 
@@ -188,7 +188,7 @@ fn truth_and_prediction_have_maps_of_their_own() {
     // Merged on both sides: the ten errors are between ground and building.
     let both = accuracy(&["--map-truth", "0=1,2=1,1=5", "--map-predicted", "2=1,6=1"]);
     assert!((both - (n - 5.0) / n).abs() < 1e-9, "{both}");
-    // The old flag is refused where it is not clear what is meant.
+    // The old flag is refused where its meaning is unclear.
     let message = fails(f, &["evaluate", "truth.ply", "named.ply", "--map", MAP]);
     assert!(
         message.contains("--map-truth") && message.contains("--map-predicted") && message.contains("code 2"),
@@ -237,7 +237,7 @@ fn a_class_that_is_asked_for_and_absent_is_named() {
     assert!(said.contains("warning") && said.contains("17"), "{said}");
 }
 
-/// A scene with so many points of class 7 in one place above it.
+/// A scene with this many points of class 7 at one position above it.
 fn with_strays(size: f64, seed: u64, strays: usize) -> Cloud {
     let scene = street(size, seed);
     let mut codes: Vec<u8> = scene.column("Classification").unwrap().values.to_f64().iter().map(|&c| c as u8).collect();

@@ -1,4 +1,4 @@
-//! A room of core uses only rooms above it in the list of `crates/core/src/lib.rs`.
+//! A module of core uses only modules above it in the list of `crates/core/src/lib.rs`.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -8,7 +8,7 @@ fn core() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/core/src")
 }
 
-/// The rooms in the order of `lib.rs`.
+/// The modules in the order of `lib.rs`.
 fn rooms() -> Vec<String> {
     let lib = fs::read_to_string(core().join("lib.rs")).unwrap();
     lib.lines().filter_map(|l| Some(l.trim().strip_prefix("pub mod ")?.strip_suffix(';')?.to_string())).collect()

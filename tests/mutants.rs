@@ -1,8 +1,8 @@
-//! 1-4, 7, 12-15: files with random damage are read or refused: no panic, no abort, no hang, no memory beyond the limit.
+//! Randomly damaged files are read or refused: no panic, no abort, no hang, no memory beyond the limit.
 //!
-//! A child process with an address-space limit reads the mutants and says which one it is at; the parent restarts it behind
-//! one that ends or stops it, and fails at the end. `SCANSION_MUTANTS=1000000` sets the number for each format,
-//! `SCANSION_MUTANT_FORMAT=laz` hunts in one format, `SCANSION_MUTANT=laz:1234` looks at one mutant and keeps it as a file.
+//! A child process with an address-space limit reads the mutants and prints which one it is at; the parent restarts it
+//! after one that ends or stops it, and fails at the end. `SCANSION_MUTANTS=1000000` sets the number for each format,
+//! `SCANSION_MUTANT_FORMAT=laz` selects one format, `SCANSION_MUTANT=laz:1234` runs one mutant and keeps it as a file.
 
 use rayon::prelude::*;
 use scansion_core::evaluation::Confusion;
@@ -20,11 +20,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// Longest time for one file of this size, and the memory that it may take besides the program's own.
+/// Time limit for one file of this size, and the memory that it may take besides the program's own.
 const MOST_TIME: Duration = Duration::from_secs(2);
 const MOST_MEMORY: u64 = 256 << 20;
 
-/// Mutant `i` of a format: 1 to 4 changes, mostly where sizes and counts stand.
+/// Mutant `i` of a format: 1 to 4 changes, mostly to sizes and counts.
 fn mutant(seeds: &[Sample], i: u64) -> Sample {
     let mut random = stream(11, i);
     let (name, bytes) = &seeds[random.below(seeds.len())];
@@ -35,7 +35,7 @@ fn mutant(seeds: &[Sample], i: u64) -> Sample {
         }
         change(&mut bytes, &mut random);
     }
-    // Else hardly one would come past the checksums.
+    // Otherwise hardly any mutant would pass the checksums.
     if name.ends_with("e57") && !i.is_multiple_of(8) {
         seal(&mut bytes);
     }
@@ -66,7 +66,7 @@ fn change(bytes: &mut Vec<u8>, random: &mut Stream) {
     }
 }
 
-/// Everything that reads; now and then in parts too, and the mutant is converted, so written.
+/// Calls everything that reads; for some mutants also reading in parts, and conversion, which writes.
 fn look(path: &Path, i: u64) {
     let _ = io::read(path);
     let _ = io::inspect(path);
@@ -113,12 +113,12 @@ fn parts(path: &Path) {
     }
 }
 
-/// In memory where that is possible: mutants are many and short-lived.
+/// In memory if possible: mutants are many and short-lived.
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
 }
 
-/// The work of the child; does nothing in an ordinary run.
+/// The work of the child process; does nothing in an ordinary run.
 #[test]
 fn child() {
     let Ok(job) = std::env::var("SCANSION_MUTANT_JOB") else { return };
@@ -142,7 +142,7 @@ fn child() {
             (panicked, start.elapsed())
         };
         let (panicked, time) = timed();
-        // Once more, for the machine may have been busy.
+        // Measured again, because the machine may have been busy.
         if panicked || time > MOST_TIME && timed().1 > MOST_TIME {
             writeln!(out, "\nbad {i} {}", if panicked { "panic" } else { "slow" }).unwrap();
         }
@@ -150,14 +150,14 @@ fn child() {
     writeln!(out, "\ndone").unwrap();
 }
 
-/// A sound file is read first, so that threads and tables are there before memory is limited.
+/// Reads an intact file first, so that threads and tables exist before memory is limited.
 fn demo(seeds: &[Sample], folder: &Path) -> PathBuf {
     let path = folder.join(&seeds[0].0);
     std::fs::write(&path, &seeds[0].1).unwrap();
     path
 }
 
-/// Address space of this process: what it has, and no more than the limit besides.
+/// Limits the address space of this process to its current size plus the allowance.
 fn limit() {
     let pages: u64 = std::fs::read_to_string("/proc/self/statm").unwrap().split(' ').next().unwrap().parse().unwrap();
     let most = Some(pages * 4096 + MOST_MEMORY);
@@ -165,7 +165,7 @@ fn limit() {
     rustix::process::setrlimit(rustix::process::Resource::As, limit).unwrap();
 }
 
-/// Runs children over `0..count`; returns the mutants that ended, stopped or panicked one, with how.
+/// Runs child processes over `0..count`; returns the mutants that ended, stopped or panicked one, and how.
 fn hunt(format: &str, count: u64) -> Vec<String> {
     let mut finds = Vec::new();
     let mut next = 0;
@@ -238,7 +238,7 @@ fn mutants_of_every_format_are_read_or_refused() {
     assert!(finds.is_empty(), "{finds:#?}");
 }
 
-/// Writes the samples as seeds of the fuzz targets, if it is asked to.
+/// Writes the samples as seeds of the fuzz targets, if requested.
 #[test]
 fn corpus_of_the_fuzz_targets_is_written_on_demand() {
     let Some(corpus) = std::env::var_os("SCANSION_CORPUS").map(PathBuf::from) else { return };
@@ -270,8 +270,8 @@ fn corpus_of_the_fuzz_targets_is_written_on_demand() {
     }
 }
 
-/// 4: a file cut at any byte, so at every boundary of its structure and beside it, is refused; cut text and meshes behind
-/// the points may be read, but never bring the program down.
+/// A file truncated at any byte is refused; truncated text, and meshes truncated after the points, may be read, but the
+/// program never crashes.
 #[test]
 fn a_file_cut_at_any_byte_is_refused() {
     let folder = folder();
@@ -291,7 +291,7 @@ fn a_file_cut_at_any_byte_is_refused() {
     }
 }
 
-/// Every file of the hostile corpus through the reading commands, in little memory and time.
+/// Every file of the hostile corpus through the commands that read, with limited memory and time.
 #[test]
 fn the_hostile_corpus_passes_every_reading_command() {
     let Some(hostile) = data().map(|d| d.join("hostile")).filter(|d| d.is_dir()) else {
@@ -302,11 +302,11 @@ fn the_hostile_corpus_passes_every_reading_command() {
     paths.retain(|path| path.metadata().unwrap().len() <= 1 << 20);
     let slowest = paths.par_iter().map(|path| commands(path.to_str().unwrap())).max().unwrap();
     eprintln!("{} files, slowest: {slowest:?}", paths.len());
-    // Two seconds is the goal; a busy machine gets more.
+    // The goal is two seconds; a busy machine is given more.
     assert!(slowest.0 < Duration::from_secs(6), "{slowest:?}");
 }
 
-/// Runs the commands that read; returns the longest time and whose it was.
+/// Runs the commands that read; returns the longest time and the command that took it.
 fn commands(file: &str) -> (Duration, String) {
     let folder = tempfile::tempdir().unwrap();
     let program = env!("CARGO_BIN_EXE_scansion-under-test");

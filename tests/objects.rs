@@ -1,4 +1,4 @@
-//! Document 002 from end to end, and every way to part a cloud.
+//! The recipe of Hasanpour Zaryabi et al. 2022 end to end, and all segmentation methods.
 
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::evaluation::Confusion;
@@ -57,7 +57,7 @@ fn a_village_is_named_by_the_segments_of_others() {
     let (other, truth) = village(2);
     for classifier in ["rf", "gbt", "bagging"] {
         let kind = format!("classifier={classifier}");
-        // Each has one large segment of ground: a single village would not tell what varies.
+        // Each village has one large ground segment, so that a single village would not show the variation.
         let others = [1, 6, 7, 8, 9].map(village);
         let settings = [SIZE, &kind, "training.share=1.0", "boosting.min_samples_leaf=3"];
         let (model, report) = train_objects(&others, &objects(&settings), &monitor).unwrap();

@@ -1,5 +1,5 @@
-//! What is read and what is written: no input is written over, no output is found unwritable after the work, nothing is taken
-//! for a file that is none.
+//! Inputs and outputs: no input is overwritten, an output that cannot be written is reported before the work, and files
+//! are not mistaken for what they are not.
 
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::io::run::{Replace, Rules, run};
@@ -50,7 +50,7 @@ fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     list
 }
 
-/// Settings that make `train` quick.
+/// Settings that make `train` fast.
 const QUICK: [&str; 4] = ["--set", "forest.trees=2", "--set", "features.pyramid.levels=2"];
 
 fn train(rest: &[&'static str]) -> Vec<&'static str> {
@@ -65,7 +65,7 @@ fn no_command_writes_over_one_of_its_inputs() {
     for name in ["a.laz", "b.laz", "a.csv", "b.csv", "a.ply"] {
         io::write(&f.join(name), &cloud, &WriteOptions::default()).unwrap();
     }
-    // What a file is, its content tells.
+    // The content decides what a file is.
     std::fs::copy(f.join("a.ply"), f.join("a.png")).unwrap();
     std::fs::write(f.join("r.toml"), "seed = 3\n").unwrap();
     std::fs::write(f.join("l.csv"), "x,y,z,class\n1,1,0,2\n5,5,7,6\n").unwrap();
@@ -116,14 +116,14 @@ fn no_command_writes_over_one_of_its_inputs() {
         assert!(fails(f, &arguments, 2).contains("an output twice"));
         assert!(contents(f) == before, "{arguments:?} changed something");
     }
-    // Two tiles, of which the second one's result would be the first.
+    // Two tiles; the output of the second would be the first.
     std::fs::create_dir(f.join("out")).unwrap();
     std::fs::copy(f.join("a.laz"), f.join("out/b.laz")).unwrap();
     let message = fails(f, &["classify", "out/b.laz", "b.csv", "a.laz", "-o", "out"], 3);
     assert!(message.contains("out/b.laz is input and output"), "{message}");
     assert!(f.join("out/a.laz").exists() && f.join("out/b.csv").exists());
     assert_eq!(std::fs::read(f.join("out/b.laz")).unwrap(), std::fs::read(f.join("a.laz")).unwrap());
-    // Where it makes sense it can be asked for.
+    // Where it makes sense it can be requested.
     done(f, &["convert", "a.csv", "soft.csv", "--overwrite"]);
     assert!(f.join("soft.csv").is_symlink());
     done(f, &["classify", "a.laz", "-o", "a.laz", "--overwrite"]);
@@ -152,7 +152,7 @@ fn a_model_is_written_over_models_and_empty_files_only() {
     model.save(&f.join("my.model")).unwrap();
 }
 
-/// A cloud of text that is malformed at its end: whoever reads its points says so.
+/// A text cloud that is malformed at its end: a command that reads its points reports it.
 fn bad_at_its_end(path: &Path) {
     let rows: String = (0..2000).map(|i| format!("{} {} 0.5\n", i % 50, i / 50)).collect();
     std::fs::write(path, format!("{rows}1 2 three\n")).unwrap();
@@ -225,7 +225,7 @@ fn a_dimension_of_another_type_is_found_before_points_are_read() {
         cloud.set_column(Column::new(name, Values::U16(vec![7; cloud.len()]))).unwrap();
     }
     io::write(&f.join("a.laz"), &cloud, &WriteOptions::default()).unwrap();
-    // The points cannot be decoded, so whoever reads them says so.
+    // The points cannot be decoded: a command that reads them reports it.
     let mut bytes = std::fs::read(f.join("a.laz")).unwrap();
     let middle = bytes.len() / 2;
     bytes[middle..middle + 4000].fill(0xff);
@@ -241,7 +241,7 @@ fn a_dimension_of_another_type_is_found_before_points_are_read() {
     assert!(fails(f, &["classify", "a.laz", "-o", "o.laz", "--no-extra"], 4).contains("chunk"));
 }
 
-/// Waits for the end of a program, at most so long.
+/// Waits for the end of a program, up to a time limit.
 fn ends_within(mut child: Child, limit: Duration) -> Output {
     let begin = Instant::now();
     while child.try_wait().unwrap().is_none() {
@@ -417,7 +417,7 @@ fn a_file_that_is_replaced_between_reading_and_writing_is_an_error() {
         assert!(error.contains(name) && error.contains("changed while it was read"), "{error}");
         assert!(!output.exists(), "{name}");
     }
-    // Without a run around them two calls know nothing of each other.
+    // Without an enclosing run two calls are independent.
     io::write(&path("a.las"), &cloud, &options).unwrap();
     io::rewrite(&path("a.las"), &path("a.las"), &edits, &options).unwrap();
     let refused = Rules { replace: Replace::Refused("no"), ..Rules::default() };
@@ -452,7 +452,7 @@ fn what_files_say_cannot_act_on_the_terminal() {
     assert_eq!(list[0]["dimensions"][0], "a\u{1b}[31mb\u{9b}2J", "JSON says the same with escapes");
 }
 
-/// LAS 1.5 as ASPRS describes it: 18 more bytes of header (range of GPS times, offset of time), everything else as in 1.4.
+/// LAS 1.5 as specified by ASPRS: 18 more header bytes (range of GPS times, time offset), everything else as in 1.4.
 fn las_1_5(path: &Path, cloud: &Cloud, offset: Option<u16>) {
     io::write(path, cloud, &WriteOptions::default()).unwrap();
     let mut bytes = std::fs::read(path).unwrap();
@@ -544,7 +544,7 @@ fn an_output_through_a_link_to_nothing_makes_its_target() {
     symlink("real.laz", f.join("link.laz")).unwrap();
     done(f, &["convert", "a.laz", "link.laz"]);
     assert!(f.join("link.laz").is_symlink() && f.join("real.laz").is_file());
-    // COPC names among several inputs become plain ones.
+    // With several inputs COPC names become plain ones.
     std::fs::copy(f.join("a.laz"), f.join("b.copc.laz")).unwrap();
     done(f, &["classify", "a.laz", "b.copc.laz", "-o", "out"]);
     assert!(f.join("out/b.laz").is_file());

@@ -1,5 +1,5 @@
-//! Rewriting changes what it is asked to change and nothing else: versions 1.0-1.4 x formats 0-10 x LAS and LAZ, with the
-//! `las` crate as the peer that writes the inputs and reads the outputs.
+//! Rewriting changes only what was requested: versions 1.0-1.4 x formats 0-10 x LAS and LAZ. The `las` crate writes the
+//! inputs and reads the outputs.
 
 use las::{Builder, Color, Point, Reader, Version, Vlr, Writer, point::Format};
 use scansion_core::cloud::{Column, Values};

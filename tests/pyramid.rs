@@ -1,5 +1,5 @@
-//! The features of the pyramid against a plain `f64` twin that shares no code with the kernels but the eigen-solver of
-//! `linalg`, and the symmetries and edge cases that they must obey.
+//! The features of the pyramid against a simple `f64` reference that shares only the eigen-solver of `linalg` with the
+//! kernels, and their symmetries and edge cases.
 
 use scansion_core::Cloud;
 use scansion_core::features::{
@@ -17,7 +17,7 @@ fn exact(v: f64) -> f64 {
     ((v * 32768.0).floor() + 0.5) / 32768.0
 }
 
-/// A floor, a wall, a pole and a crown in a box of 32 m x 32 m x 8 m whose corners are taken.
+/// A floor, a wall, a pole and a tree crown in a box of 32 m x 32 m x 8 m with points in its corners.
 fn scene(n: usize) -> Vec<Point> {
     let mut s = stream(21, n as u64);
     let mut rows = vec![[0.1, 0.1, 0.1], [31.9, 31.9, 7.9]];
@@ -53,7 +53,7 @@ fn minus(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Whether the least of the values leads by so much that rounding cannot change which it is.
+/// Whether the least value is less than the others by more than rounding errors.
 fn clear_least(values: &[f64], margin: f64) -> bool {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -64,7 +64,7 @@ struct Twin<'a> {
     params: &'a PyramidParams,
     size: f64,
     level: Vec<Point>,
-    /// Normal and surface variation of each level point; none where the normal hangs on rounding.
+    /// Normal and surface variation of each level point; none if the normal depends on rounding.
     surfaces: Vec<Option<(Point, f64)>>,
 }
 
@@ -83,7 +83,7 @@ impl<'a> Twin<'a> {
         twin
     }
 
-    /// Indices and positions, relative to p, of the k nearest; none if a tie leaves them open.
+    /// Indices and positions, relative to p, of the k nearest; none if a tie makes them ambiguous.
     fn nearest(&self, p: Point, k: usize) -> Option<(Vec<usize>, Vec<Point>)> {
         let mut order: Vec<(f64, usize)> =
             self.level.iter().enumerate().map(|(i, &q)| (dot(minus(q, p), minus(q, p)), i)).collect();
@@ -112,7 +112,7 @@ impl<'a> Twin<'a> {
         (b - c > 0.01 * a).then(|| (vectors[2], c / (a + b + c)))
     }
 
-    /// The 16 features of a point, each with the error that `f32` may make; none where a choice hangs on rounding.
+    /// The 16 features of a point, each with the error that `f32` may cause; none if a choice depends on rounding.
     fn features(&self, p: Point) -> [Option<(f64, f64)>; 16] {
         let mut out = [None; 16];
         self.heights(p, &mut out);
@@ -136,7 +136,7 @@ impl<'a> Twin<'a> {
         let [u, v, w] = eigen.values.map(|x| if self.params.normalise { x / sum } else { x });
         let product = u * v * w;
         out[0] = Some((sum, 1e-5 * sum));
-        // The error of the smallest eigenvalue is one of the largest's rounding.
+        // The error of the smallest eigenvalue is of the size of the largest's rounding.
         out[1] = Some((product.cbrt(), (product + 1e-5 * u * u * v).cbrt() - product.cbrt() + 1e-6 * u));
         let entropy: f64 = -[u, v, w].iter().map(|&x| if x > 0.0 { x * x.ln() } else { 0.0 }).sum::<f64>();
         out[2] = Some((entropy, 1e-4 * u * (1.0 + u.ln().abs())));
@@ -296,11 +296,11 @@ fn a_quarter_turn_about_z_changes_nothing_but_rounding() {
     let set = set(PyramidParams::default());
     let (a, b) = (features(&rows, &set), features(&turned, &set));
     for f in (0..16).filter(|&f| f != 11) {
-        // The side of the point itself, and so R, hangs on the sign of e2, which is fixed by the axes: R is left out.
+        // The side of the point itself, and so R, depends on the sign of e2, which is fixed by the axes: R is left out.
         let pairs: Vec<(f32, f32)> =
             (0..rows.len() * 4).map(|i| (a.values[i * 16 + f], b.values[i * 16 + f])).collect();
         let equal = pairs.iter().filter(|(x, y)| (x - y).abs() <= 2e-3 * x.abs().max(y.abs()).max(0.05)).count();
-        // e2 itself hangs on rounding where two eigenvalues are equal, and so do contour features of a few points.
+        // If two eigenvalues are equal, e2 itself depends on rounding, and with it contour features of a few points.
         let needed = if (9..13).contains(&f) { 0.97 } else { 0.999 };
         let share = equal as f64 / pairs.len() as f64;
         assert!(share >= needed, "{}: {share}", a.names[f]);

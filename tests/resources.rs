@@ -1,5 +1,5 @@
-//! What a file or an argument may cost: time linear in names and columns, memory checked before it is taken, and too little
-//! memory is an error with exit code 1 that leaves nothing behind.
+//! Resource limits: time linear in names and columns, memory checked before it is allocated; too little memory is an
+//! error with exit code 1 that leaves nothing behind.
 
 use scansion_core::io;
 use scansion_tests::{demo_scan, street};
@@ -7,10 +7,10 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-/// Two seconds is the goal; a busy machine and a build for tests get more.
+/// The goal is two seconds; busy machines and debug builds are given more.
 const SOON: Duration = Duration::from_secs(15);
 
-/// Runs the program with so many kilobytes of address space: code, stacks and memory together.
+/// Runs the program with this many kilobytes of address space (code, stacks and heap).
 fn limited(kilobytes: u64, folder: &Path, arguments: &[&str]) -> Output {
     let limit = format!("ulimit -v {kilobytes}; exec \"$0\" --progress never -j 1 \"$@\"");
     Command::new("sh")
@@ -27,7 +27,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Runs the program in 384 MB; it must end soon with that code and without a panic.
+/// Runs the program in 384 MB; it must end within the time limit, with that exit code and without a panic.
 fn soon(folder: &Path, arguments: &[&str], code: i32) -> String {
     let begin = Instant::now();
     let output = limited(393_216, folder, arguments);
@@ -45,7 +45,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// A LAS 1.4 file of 10 points with `count` dimensions of one byte and one name.
+/// A LAS 1.4 file of 10 points with `count` one-byte dimensions of the same name.
 fn equal_names(count: usize) -> Vec<u8> {
     let mut vlrs = Vec::new();
     for first in (0..count).step_by(341) {
@@ -109,7 +109,7 @@ fn small_files_that_unpack_to_much_are_refused_before_memory_is_taken() {
     std::fs::copy(scans, f.join("a.e57")).unwrap();
     let text = soon(f, &["convert", "a.e57", "b.ply"], 4);
     assert!(text.contains("recordCount at scan 1 (found 1000000, allowed at most 0"), "{text}");
-    // Lines without numbers take no room, however many columns there are.
+    // Lines without numbers take no memory, however many columns there are.
     let text = vec!["1"; 1000].join(" ") + &"\n".repeat(3 << 20);
     std::fs::write(f.join("a.xyz"), text).unwrap();
     soon(f, &["info", "--stats", "a.xyz"], 0);
@@ -148,7 +148,7 @@ fn deep_settings_and_places_far_away_are_refused() {
     assert_eq!(names(f), ["a.laz", "l.csv", "r.toml"]);
 }
 
-/// Every limit from one that hardly lets the program start to one that is enough.
+/// Address-space limits from one that hardly lets the program start to one that is enough.
 #[test]
 fn too_little_memory_is_an_error_that_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
@@ -194,7 +194,7 @@ fn features_are_written_as_they_are_computed() {
     let f = folder.path();
     let cloud = street(100.0, 5);
     io::write(&f.join("a.laz"), &cloud, &Default::default()).unwrap();
-    // 120,000 points of 144 features are 69 MB, which stood in memory twice.
+    // 120,000 points with 144 features are 69 MB, which were once in memory twice.
     let output = limited(190_000, f, &["features", "a.laz", "-o", "a.npy"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let bytes = std::fs::read(f.join("a.npy")).unwrap();
@@ -203,7 +203,8 @@ fn features_are_written_as_they_are_computed() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let output = limited(400_000, f, &["features", "a.laz", "-o", "b.csv", "--only", "Planarity"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    // One feature stands in the table of all, in the dimension, and in the text, in the file's order.
+    // The column of one feature must be equal in the full table, in the dimension, and in the text, in the order of the
+    // file.
     let written = io::read(&f.join("b.laz")).unwrap();
     let column = written.columns().iter().find(|c| c.name.starts_with("Planarity_r")).unwrap().clone();
     let text = std::fs::read_to_string(f.join("b.csv")).unwrap();

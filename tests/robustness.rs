@@ -1,4 +1,4 @@
-//! Bad input gives a defined result or a clear error (numbers are those of the table of faults).
+//! Bad input gives a defined result or a clear error.
 
 use scansion_core::cloud::{Cloud, CodeScheme, Column, Values};
 use scansion_core::features::{self, FeatureSet};
@@ -16,7 +16,7 @@ fn set() -> FeatureSet {
     set
 }
 
-/// 17, 21, 23: degenerate clouds give defined numbers.
+/// Degenerate clouds give defined numbers.
 #[test]
 fn features_of_degenerate_clouds_are_finite() {
     let line = |n: i32| (0..n).map(|i| [f64::from(i) * 0.3, f64::from(i) * 0.3, 0.0]).collect::<Vec<_>>();
@@ -33,7 +33,7 @@ fn features_of_degenerate_clouds_are_finite() {
     }
 }
 
-/// 17: points that are not finite are counted, left out of the neighbourhoods and stay unclassified.
+/// Points that are not finite are counted, left out of the neighbourhoods and stay unclassified.
 #[test]
 fn points_that_are_not_finite_change_nothing_for_the_others() {
     let scene = street(15.0, 1);
@@ -50,7 +50,7 @@ fn points_that_are_not_finite_change_nothing_for_the_others() {
     assert!(others == clean.codes);
 }
 
-/// 18: many points in one place or with one coordinate cost no more than others.
+/// Many coincident points, or points with one equal coordinate, cost no more than others.
 #[test]
 fn a_million_identical_points_take_no_longer_than_random_ones() {
     let n = 200_000;
@@ -71,7 +71,7 @@ fn a_million_identical_points_take_no_longer_than_random_ones() {
     assert!(identical < most && lattice < most, "{random:?} {identical:?} {lattice:?}");
 }
 
-/// 22: a tiny voxel in a huge extent is refused before anything is allocated.
+/// A tiny voxel in a huge extent is refused before anything is allocated.
 #[test]
 fn a_huge_extent_with_a_tiny_voxel_is_an_error() {
     let cloud = Cloud::from_rows(&[[0.0; 3], [1e8, 0.0, 0.0]]).unwrap();
@@ -79,7 +79,7 @@ fn a_huge_extent_with_a_tiny_voxel_is_an_error() {
     assert!(matches!(&error, Error::InvalidParameter { name: "first_scale", .. }), "{error}");
 }
 
-/// 23: no label at all, one class only.
+/// No label at all, or one class only.
 #[test]
 fn training_needs_a_label_and_works_with_one_class() {
     let mut scene = street(15.0, 1);
@@ -117,7 +117,7 @@ fn a_model_that_does_not_fit_is_refused_with_the_name_of_what_is_missing() {
     assert!(matches!(error, Error::ModelMismatch(_)), "{error}");
 }
 
-/// 26: an output that cannot be written is an error and leaves nothing.
+/// An output that cannot be written is an error and leaves nothing behind.
 #[test]
 fn an_output_that_cannot_be_written_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -130,7 +130,7 @@ fn an_output_that_cannot_be_written_leaves_nothing() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
-/// A cancelled work ends soon and leaves nothing.
+/// A cancelled run ends soon and leaves nothing behind.
 #[test]
 fn cancelled_work_ends_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();

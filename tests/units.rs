@@ -1,4 +1,4 @@
-//! Units, steps, damage and stray points as a user meets them: exit codes, streams and files.
+//! Command line tests of units, scales, damaged files and stray points: exit codes, streams and files.
 
 use scansion_core::Cloud;
 use scansion_core::cloud::{Coordinates, Values, names};
@@ -27,7 +27,7 @@ fn ends(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
     (out, err)
 }
 
-/// A street with classes, far east and north, in whole millimetres, with these rows behind it.
+/// A street with classes, far east and north, in whole millimetres, followed by these rows.
 fn town(strays: &[[f64; 3]]) -> Cloud {
     let street = street(22.0, 5);
     let place = |i: usize| [0, 1, 2].map(|a| ((street.xyz(i)[a] * 1e3).round() + [5e8, 5.2e9, 4e5][a]) / 1e3);
@@ -251,7 +251,7 @@ fn a_stray_point_changes_nothing_for_the_others() {
             assert_eq!(err.contains("far from all others"), name == "one", "{recipe:?}: {err}");
             std::fs::read(f.join(output)).unwrap()
         });
-        // The drawn examples of the weak recipe may be others: there is one labelled point more.
+        // The weak recipe may draw other examples: there is one labelled point more.
         assert!(models[0] == models[1] || recipe[0] == "--weak", "{recipe:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Document 000 from end to end: a few labels, segments, a field.
+//! The recipe of Guinard & Landrieu 2017 end to end: few labels, segments, random field.
 
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::evaluation::Confusion;
@@ -37,7 +37,8 @@ fn scores(cloud: &Cloud, labels: &Labels, settings: &[&str], seed: u64) -> Vec<(
         .collect()
 }
 
-/// The paper's table on one street: peers reach 92.4/97.3/97.3/97.9 % and 70.7/85.1/84.3/87.0 % on it.
+/// The experiment of the paper on one street: reference implementations reach 92.4/97.3/97.3/97.9 % and
+/// 70.7/85.1/84.3/87.0 %.
 #[test]
 fn fifteen_labels_a_class_name_an_oakland_street() {
     let Some(folder) = data() else {

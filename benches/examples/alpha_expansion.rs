@@ -2,8 +2,8 @@
 //!
 //! `SCANSION_COSTS` (raw little-endian f32, nodes x labels) and `SCANSION_EDGES` (raw little-endian u32 pairs) name the
 //! problem, `SCANSION_LABELS` the number of labels (8), `SCANSION_STRENGTH` the weight of every edge (0.3),
-//! `SCANSION_STARTS` the starts (2), `SCANSION_ROUNDS` the most rounds, parted by commas (1,100). `SCANSION_OUT` names a
-//! file for the labels (raw u16).
+//! `SCANSION_STARTS` the number of initial labellings (2), `SCANSION_ROUNDS` the largest number of rounds, separated by
+//! commas (1,100). `SCANSION_OUT` names a file for the labels (raw u16).
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 

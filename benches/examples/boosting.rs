@@ -1,8 +1,9 @@
-//! Times boosting on a table of features and judges it on held-out rows, for the comparison with other toolkits.
+//! Times boosting on a table of features and evaluates it on held-out rows, for comparison with other libraries.
 //!
 //! `SCANSION_FEATURES` (raw little-endian f32, row-major) and `SCANSION_LABELS` (one byte a row) name the table,
-//! `SCANSION_WIDTH` its features a row, `SCANSION_ROUNDS` the number of rounds, `SCANSION_LAMBDA` the penalty (0). The rows `5 i` are held out if
-//! `SCANSION_ROWS` is `most`; else all rows are learned from and judged on. `SCANSION_OUT` takes the probabilities.
+//! `SCANSION_WIDTH` its number of features, `SCANSION_ROUNDS` the number of rounds, `SCANSION_LAMBDA` the penalty (0).
+//! If `SCANSION_ROWS` is `most`, the rows `5 i` are held out; otherwise all rows are used for training and evaluation.
+//! `SCANSION_OUT` names a file for the probabilities.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 

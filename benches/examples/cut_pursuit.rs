@@ -1,7 +1,7 @@
 //! Times merging and cut pursuit on a graph with values, for the comparison with other libraries.
 //!
 //! `SCANSION_VALUES` (raw little-endian f32, row-major) and `SCANSION_EDGES` (raw little-endian u32 pairs) name the
-//! problem, `SCANSION_WIDTH` the values a node (4), `SCANSION_STRENGTH` the strengths, parted by commas;
+//! problem, `SCANSION_WIDTH` the values a node (4), `SCANSION_STRENGTH` the strengths, separated by commas;
 //! `SCANSION_PUBLISHED` asks for the method of the paper too.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]

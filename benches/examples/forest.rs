@@ -1,8 +1,8 @@
-//! Times learning and prediction on a table of features, for the comparison with other toolkits.
+//! Times training and prediction on a table of features, for comparison with other libraries.
 //!
 //! `SCANSION_FEATURES` (raw little-endian f32, row-major) and `SCANSION_LABELS` (one byte a row) name the table,
-//! `SCANSION_WIDTH` its features a row, `SCANSION_TREES` the number of trees. `SCANSION_ROWS` (`all`, `most`, `fifth`) the rows to
-//! learn from; the accuracy is that on the rows `5 i` (`5 i + 1` with `fifth`).
+//! `SCANSION_WIDTH` its number of features, `SCANSION_TREES` the number of trees, `SCANSION_ROWS` (`all`, `most`,
+//! `fifth`) the rows for training; the accuracy is that on the rows `5 i` (`5 i + 1` with `fifth`).
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 

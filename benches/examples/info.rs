@@ -1,9 +1,9 @@
 //! Times what `scansion info` does on a LAZ file of 1 GB:
 //! `cargo run --profile quick -p scansion-benches --example info -- FILE.laz [program]`.
 //!
-//! The file is a sparse copy of the one given (without EVLRs): a hole stands between its points and its chunk table, so that
-//! the first, the middle and the last bytes of a large file are asked for, and hardly any room is taken. With the path of
-//! the program, its whole run is timed too.
+//! The file is a sparse copy of the given one (without EVLRs), with a hole between its points and its chunk table, so
+//! that the first, the middle and the last bytes of a large file are read while it takes little disk space. With the
+//! path of the program, a whole run of it is timed too.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 

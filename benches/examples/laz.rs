@@ -1,9 +1,9 @@
-//! LAZ beside its peer, the crate `laz` (which is Python's `lazrs`), in alternating runs on one thread:
+//! LAZ compared with the crate `laz` (which is Python's `lazrs`), in alternating runs on one thread:
 //! `RAYON_NUM_THREADS=1 cargo run --profile quick -p scansion-benches --example laz -- FILE.laz`.
 //!
-//! The peer decodes into raw records in memory and encodes from them into memory. We decode into columns; and we read the
-//! records from a file, encode, write, sync and check a file. Seconds are those of the processor (Linux); the median of the
-//! ratios is what counts.
+//! The crate decodes into raw records in memory and encodes from them into memory. Scansion decodes into columns; and
+//! it reads the records from a file, encodes, writes, syncs and verifies a file. Seconds are processor time (Linux);
+//! the median of the ratios is reported.
 
 use laz::{LasZipCompressor, LasZipDecompressor, LazVlr};
 use scansion_core::io::{self, Columns, ReadOptions, WriteOptions};

@@ -1,11 +1,11 @@
-//! Prints the tables of `docs/supervoxels.md` and `docs/objects.md`.
+//! Prints the tables of `docs/supervoxels.md` and `docs/objects-results.md`.
 //!
 //! `objects CLOUD TABLE [POINTS]` where TABLE is `speed` (supervoxels alone), `modes` (both kinds by size), `sweep`
 //! (parameters of the local graphs), `neighbours` (segmentation error by N), `chain` (all stages, classified by three
 //! classifiers), `segments` (writes `supervoxels.laz` and `segments.laz` with a column `ClusterID`), or `dump` (writes
 //! `points.f32`: x y z, normal, colour of each point, for other programs). POINTS cuts the cloud to that many around its
 //! middle. `SCANSION_METRES` is the metres of a unit where the file does not say, `SCANSION_SIZE` S (1.2), `SCANSION_VOXEL` R_voxel (S/4), `SCANSION_CELL` that of the error (0.3),
-//! `SCANSION_IGNORE` classes that count as unlabelled, parted by commas, `SCANSION_MAP` classes that count as others
+//! `SCANSION_IGNORE` classes that count as unlabelled, separated by commas, `SCANSION_MAP` classes that count as others
 //! (`3=5,4=5`), `SCANSION_MODE` the supervoxels of the tables that use them: slic, connected, vccs.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]

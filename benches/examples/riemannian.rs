@@ -1,5 +1,5 @@
-//! Tables of supervoxels, segments and seconds by least depth of the octree, as tables 1 and 2 of document 001, and
-//! both ways of region growing; with the best accuracy that labelling whole segments can reach, if there are classes.
+//! Tables of supervoxels, segments and seconds by least depth of the octree, as in Li 2018, tables 1 and 2, and both
+//! kinds of region growing; with the oracle accuracy of the segments, if there are classes.
 //!
 //! Arguments: clouds. `SCANSION_SIGMA` (0.03) is the scatter at which cells are flat, in metres; `SCANSION_RULE=paper`
 //! takes the rule of the paper, octree-based growing always takes the scatter; `SCANSION_DEPTHS` (4-7) the least depths; `SCANSION_STRENGTH` (0.1); `SCANSION_OPTIONS` some of
@@ -127,7 +127,7 @@ fn report(
     write(cloud, points, &found.labels, &format!("{name}_{kind}"))
 }
 
-/// Best accuracy of labels of whole segments, in percent.
+/// Oracle accuracy of the segments, in percent.
 fn oracle(cloud: &Cloud, points: &Points, partition: &Partition) -> Fallible<String> {
     let Some(column) = cloud.column("Classification").or_else(|| cloud.column("label")) else {
         return Ok("no classes".into());
@@ -136,7 +136,7 @@ fn oracle(cloud: &Cloud, points: &Points, partition: &Partition) -> Fallible<Str
     Ok(oracle_accuracy(partition, &labels)?.map_or("no labels".into(), |a| format!("{:.1} %", 100.0 * a)))
 }
 
-/// Writes the cloud with its segments, if a folder is named.
+/// Writes the cloud with its segments, if a folder is given.
 fn write(cloud: &mut Cloud, points: &Points, segments: &[u32], name: &str) -> Fallible<()> {
     let Ok(folder) = std::env::var("SCANSION_OUT") else { return Ok(()) };
     let mut column = vec![0u32; cloud.len()];

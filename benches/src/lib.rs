@@ -1,4 +1,4 @@
-//! Shared by the benches: their settings and tables, which the environment names.
+//! Shared by the benches: settings and tables given by environment variables.
 
 /// What a bench may fail with.
 pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;

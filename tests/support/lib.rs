@@ -1,4 +1,4 @@
-//! Support for the tests that cross rooms: synthetic scenes with known truth, and the shared real data.
+//! Support for the integration tests: synthetic scenes with known labels, and the shared real data.
 
 pub mod samples;
 

@@ -1,4 +1,4 @@
-//! The program as the tests start it: the same one line as the binary `scansion`, built beside them.
+//! The program for the tests: the same one line as the binary `scansion`, built beside them.
 
 fn main() -> std::process::ExitCode {
     scansion_cli::run(std::env::args_os()).into()

@@ -1,4 +1,4 @@
-//! Small sound files of every format, to be damaged by tests.
+//! Small valid files of every format, to be damaged by tests.
 
 use crate::data;
 use scansion_core::Cloud;
@@ -29,7 +29,7 @@ pub fn cloud(points: usize) -> Cloud {
     cloud
 }
 
-/// Samples of a format, our own first; real ones too where the shared data are.
+/// Samples of a format, our own first; also real ones if the shared data are available.
 ///
 /// # Panics
 /// If the folder cannot be written.
@@ -78,7 +78,7 @@ fn big_ply() -> Vec<u8> {
     [head, &[63; 12], &[1, 0, 9], &[63; 12], &[0]].concat()
 }
 
-/// Real files that can be read, by the end of their names.
+/// Readable real files, by the end of their names.
 fn shared(part: &str, most: u64) -> Vec<Sample> {
     let Some(Ok(entries)) = data().map(|d| d.join("hostile").read_dir()) else { return Vec::new() };
     let mut paths: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
@@ -88,7 +88,7 @@ fn shared(part: &str, most: u64) -> Vec<Sample> {
     sound.filter_map(|p| Some((format!("real{part}"), std::fs::read(p).ok()?))).collect()
 }
 
-/// A file of an old point format, whose LAZ chunks have no layers, written by the peer.
+/// A file of an old point format, whose LAZ chunks have no layers, written by the `las` crate.
 fn peer(folder: &Path, extension: &str) -> Sample {
     let path = folder.join(format!("peer.{extension}"));
     let mut builder = las::Builder::from((1, 3));
@@ -185,7 +185,7 @@ fn e57(path: &Path) -> Vec<u8> {
     std::fs::read(path).expect("what was written")
 }
 
-/// Gives the pages of an E57 file their checksums (CRC-32C, most significant byte first).
+/// Sets the checksums of the pages of an E57 file (CRC-32C, most significant byte first).
 pub fn seal(bytes: &mut [u8]) {
     let step = |crc: u32, _| if crc & 1 == 1 { crc >> 1 ^ 0x82f6_3b78 } else { crc >> 1 };
     for page in bytes.chunks_exact_mut(1024) {

@@ -1,4 +1,4 @@
-//! How a run ended.
+//! Exit codes and failures of a run.
 
 use scansion_core::Error;
 
@@ -6,13 +6,13 @@ use scansion_core::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ExitCode {
-    /// Everything was done.
+    /// Success.
     Done = 0,
-    /// Something failed that is neither usage nor input: writing, memory, a difference found.
+    /// A failure other than usage or input: writing, memory, or differing files.
     Failed = 1,
-    /// The command line was not understood.
+    /// The command line is invalid.
     Usage = 2,
-    /// Some of several inputs failed, the others are done.
+    /// Some of several inputs failed, the others succeeded.
     Partly = 3,
     /// An input is malformed, unsupported or does not fit the model.
     BadInput = 4,
@@ -30,16 +30,16 @@ impl From<ExitCode> for std::process::ExitCode {
     }
 }
 
-/// Why a command did not finish.
+/// The reason why a command failed.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// The arguments do not make sense together.
+    /// The arguments contradict each other.
     Usage(String),
-    /// The core refused.
+    /// An error of the core.
     Core(Error),
-    /// The system refuses threads.
+    /// The system cannot create threads.
     Resource(String),
-    /// Two files differ; what differs was shown.
+    /// Two files differ; the differences were printed.
     Different,
     /// This many of several inputs failed; each was reported when it happened.
     Partly {
@@ -51,7 +51,7 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    /// The exit code that tells of this failure.
+    /// The exit code of this failure.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Usage(_) | Self::Core(Error::InvalidParameter { .. }) => ExitCode::Usage,

@@ -1,7 +1,7 @@
-//! Ctrl-C, SIGTERM and SIGHUP: the work is cancelled, temporary files are removed, the exit code tells which signal it was.
+//! Ctrl-C, SIGTERM and SIGHUP: cancel the work, remove temporary files, and set the exit code of the signal.
 //!
-//! SIGABRT is what the standard library ends a process with whose memory does not suffice, after a line with the amount.
-//! No code of ours runs in that thread any more; another one removes the temporary files and ends the process.
+//! When memory runs out, the standard library prints the amount and ends the process with SIGABRT. No code of ours can
+//! run in that thread any more; another thread removes the temporary files and ends the process.
 
 use crate::exit_code::ExitCode;
 use scansion_core::io::abandon_outputs;
@@ -11,9 +11,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, Once};
 use std::time::{Duration, Instant};
 
-/// How often signals are looked for.
+/// Interval at which signals are checked.
 const POLL: Duration = Duration::from_millis(20);
-/// Time that the work has to end by itself. Freeing some gigabytes may take longer; the system does that faster.
+/// Time given to the work to end by itself. Freeing some gigabytes may take longer; the system does that faster.
 const GRACE: Duration = Duration::from_millis(400);
 
 static SIGNAL: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
@@ -23,11 +23,11 @@ static PIPE: Mutex<Option<(std::io::PipeReader, std::io::PipeWriter)>> = Mutex::
 static CURRENT: Mutex<Option<Monitor>> = Mutex::new(None);
 static WATCHER: Once = Once::new();
 
-/// A command that signals can end, from its beginning until this is dropped.
+/// A command that signals can end, until this is dropped.
 pub(crate) struct Interruptible(Monitor);
 
 impl Interruptible {
-    /// Begins a command. The handlers are installed once in a process.
+    /// Starts a command. The handlers are installed once per process.
     pub(crate) fn begin() -> Self {
         let monitor = Monitor::default();
         SIGNAL.store(0, Ordering::Relaxed);
@@ -36,18 +36,18 @@ impl Interruptible {
         }
         WATCHER.call_once(|| {
             for signal in [SIGINT, SIGTERM, SIGHUP] {
-                // Where a handler cannot be installed the system's default ends the process.
+                // If a handler cannot be installed, the system's default ends the process.
                 let _ = signal_hook::flag::register_usize(signal, Arc::clone(&SIGNAL), signal as usize);
             }
             if std::thread::Builder::new().name("signals".into()).spawn(watch).is_ok() {
-                // Where this fails an abort ends the process as the system does it.
+                // If this fails, an abort ends the process in the usual way.
                 let _ = hold_aborts();
             }
         });
         Self(monitor)
     }
 
-    /// What signals cancel.
+    /// The monitor that signals cancel.
     pub(crate) fn monitor(&self) -> Monitor {
         self.0.clone()
     }
@@ -82,7 +82,7 @@ fn watch() {
     }
 }
 
-/// Makes a thread that aborts wait for [`aborted`]: its handler sets the flag, then writes to a pipe that is full.
+/// Makes a thread that aborts wait for [`aborted`]: its handler sets the flag and then blocks on a full pipe.
 #[cfg(unix)]
 fn hold_aborts() -> std::io::Result<()> {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
@@ -91,10 +91,10 @@ fn hold_aborts() -> std::io::Result<()> {
     let (reader, mut writer) = std::io::pipe()?;
     let held = writer.try_clone()?;
     signal_hook::low_level::pipe::register(SIGABRT, held)?;
-    // Registering has made it a pipe that does not wait, so that this ends when it is full.
+    // Registering has made the pipe non-blocking, so that this loop ends when it is full.
     while writer.write(&[0; 4096]).is_ok() {}
     fcntl_setfl(&writer, fcntl_getfl(&writer)? - OFlags::NONBLOCK)?;
-    // Open until the process ends.
+    // Keeps the pipe open until the process ends.
     if let Ok(mut pipe) = PIPE.lock() {
         *pipe = Some((reader, writer));
     }
@@ -106,7 +106,7 @@ fn hold_aborts() -> std::io::Result<()> {
     Ok(())
 }
 
-/// Removes what was written and ends the process; asks for no memory and no lock that another thread may hold.
+/// Removes temporary files and ends the process, without allocating memory or waiting for locks of other threads.
 fn aborted() -> ! {
     abandon_outputs();
     let text =

@@ -15,7 +15,7 @@ pub use exit_code::ExitCode;
 use clap::Parser;
 use std::ffi::OsString;
 
-/// Runs the program with these arguments (the first is the program's name) and tells how it ended.
+/// Runs the program with these arguments (the first is the program's name) and returns the exit code.
 ///
 /// Never panics on bad input: every failure is one message on stderr and an exit code.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
@@ -27,7 +27,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| commands::dispatch(&args, &printer)));
     match outcome {
         Ok(Ok(())) => ExitCode::Done,
-        // Not an error: it is the answer, and stands on stdout.
+        // Not an error: the answer, already printed on stdout.
         Ok(Err(exit_code::Failure::Different)) => ExitCode::Failed,
         Ok(Err(failure)) => {
             printer.error(&failure.to_string());
@@ -40,7 +40,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-/// `--help` and `--version` are answers, not failures.
+/// `--help` and `--version` are not failures.
 fn usage(error: &clap::Error) -> ExitCode {
     let shown = error.print();
     if shown.is_err() || error.use_stderr() { ExitCode::Usage } else { ExitCode::Done }

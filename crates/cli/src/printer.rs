@@ -1,4 +1,4 @@
-//! The one place that writes to the terminal. What acts on terminals is escaped: names and texts come from files.
+//! All terminal output. Control characters are escaped, because names and texts come from files.
 
 use crate::args::{Format, Global};
 use crate::exit_code::Failure;
@@ -12,7 +12,7 @@ use std::path::Path;
 pub(crate) struct Printer {
     quiet: bool,
     colour: bool,
-    /// Form of the data on stdout.
+    /// Format of the data on stdout.
     pub(crate) format: Format,
 }
 
@@ -22,7 +22,7 @@ impl Printer {
         Self { quiet: global.quiet, colour: !plain && std::io::stderr().is_terminal(), format: global.format }
     }
 
-    /// Data for the next program or the reader's eyes. A closed pipe is not an error.
+    /// Data for the user or the next program. A closed pipe is not an error.
     pub(crate) fn data(&self, text: &str) -> Result<(), Failure> {
         let text = escaped(text);
         let mut out = std::io::stdout().lock();
@@ -33,14 +33,14 @@ impl Printer {
         }
     }
 
-    /// What is being done; silent with `--quiet`.
+    /// A message about the current step; silent with `--quiet`.
     pub(crate) fn note(&self, text: &str) {
         if !self.quiet {
             self.line("", text);
         }
     }
 
-    /// Something the user should know; shown unless `--quiet`.
+    /// A warning; shown unless `--quiet`.
     pub(crate) fn warning(&self, text: &str) {
         if !self.quiet {
             self.line(if self.colour { "\x1b[33mwarning:\x1b[0m " } else { "warning: " }, text);

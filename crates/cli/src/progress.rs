@@ -7,7 +7,7 @@ use std::io::{IsTerminal, Write};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// Watches a monitor from a thread of its own until dropped.
+/// Displays the progress of a monitor from a separate thread until dropped.
 #[derive(Debug)]
 pub(crate) struct Progress {
     stop: Option<mpsc::Sender<()>>,
@@ -15,7 +15,7 @@ pub(crate) struct Progress {
 }
 
 impl Progress {
-    /// Starts watching, in the way that the flags and the terminal ask for.
+    /// Starts the display, according to the flags and the terminal.
     pub(crate) fn watch(monitor: &Monitor, global: &Global) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let show: fn(&Monitor, &mpsc::Receiver<()>) = match global.progress {

@@ -1,8 +1,8 @@
-//! How many threads: flag, then environment, then what the machine (and its cgroup quota) gives.
+//! Number of threads: from the flag, then the environment, then the machine (and its cgroup quota).
 
 use crate::exit_code::Failure;
 
-/// Runs `work` in a pool of the asked size.
+/// Runs `work` in a pool of the requested size.
 pub(crate) fn with_pool<T: Send>(asked: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(count(asked))
@@ -11,7 +11,7 @@ pub(crate) fn with_pool<T: Send>(asked: Option<usize>, work: impl FnOnce() -> T 
     Ok(pool.install(work))
 }
 
-/// The number of threads in force.
+/// The number of threads in effect.
 pub(crate) fn count(asked: Option<usize>) -> usize {
     let environment = ["RAYON_NUM_THREADS", "SLURM_CPUS_PER_TASK"];
     let named = environment.iter().find_map(|name| std::env::var(name).ok()?.parse::<usize>().ok().filter(|&n| n > 0));

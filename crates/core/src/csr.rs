@@ -1,4 +1,4 @@
-//! Groups of indices in compressed form: serves neighbours, graphs and partitions.
+//! Groups of indices in compressed form (CSR), used for neighbours, graphs and partitions.
 
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
@@ -14,6 +14,9 @@ pub struct Csr {
 
 impl Csr {
     /// Builds from parts, checking the invariants and that every item is below `bound`.
+    ///
+    /// # Errors
+    /// If an invariant is violated or an item is not below `bound`.
     pub fn new(offsets: Vec<u32>, items: Vec<u32>, bound: usize) -> Result<Self> {
         let csr = Self { offsets, items };
         csr.check(bound)?;
@@ -86,7 +89,10 @@ impl Csr {
         &self.items
     }
 
-    /// Verifies the invariants. O(n).
+    /// Checks the invariants. O(n).
+    ///
+    /// # Errors
+    /// If an invariant is violated or an item is not below `bound`.
     pub fn check(&self, bound: usize) -> Result<()> {
         let fine = match (self.offsets.first(), self.offsets.last()) {
             (None, None) => self.items.is_empty(),

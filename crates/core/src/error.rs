@@ -1,4 +1,4 @@
-//! The one error type of the core, cut by what the user can do about it.
+//! The error type of the core; its variants are distinguished by what the user can do.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// Result of every fallible function of the core.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Everything that can go wrong, said with the value found and what is allowed.
+/// All errors, each with the value found and what is allowed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -17,10 +17,10 @@ pub enum Error {
         name: &'static str,
         /// The value that was given.
         value: String,
-        /// What would be accepted.
+        /// Allowed values.
         expected: String,
     },
-    /// Data handed over in memory do not fit together or are not usable.
+    /// Data passed in memory are inconsistent or not usable.
     #[error("{0}")]
     InvalidInput(String),
     /// A file's content is malformed. `place` is a byte offset, a record, a chunk, or `line:column`.
@@ -32,11 +32,11 @@ pub enum Error {
         format: &'static str,
         /// The field that is wrong.
         field: String,
-        /// Where it stands: `byte 247`, `line 3:7`, `chunk 12`.
+        /// Location of the error: `byte 247`, `line 3:7`, `chunk 12`.
         place: String,
-        /// What stands there.
+        /// Value found.
         found: String,
-        /// What may stand there.
+        /// Values allowed.
         allowed: String,
     },
     /// The file's format or a variant of it is not supported.
@@ -44,7 +44,7 @@ pub enum Error {
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What is not supported, and what is.
+        /// What is not supported, and the alternatives.
         reason: String,
     },
     /// The operating system refused to read or write.
@@ -58,26 +58,26 @@ pub enum Error {
     /// A model does not fit the data: missing features, other classes, newer version.
     #[error("model does not fit: {0}")]
     ModelMismatch(String),
-    /// Two files that must not be the same are.
+    /// Two files that must differ are the same.
     #[error("{}; {advice}", same_file(first, second, what))]
     SameFile {
-        /// One of them, as it was given.
+        /// One of them, as the user gave it.
         first: PathBuf,
         /// The other.
         second: PathBuf,
-        /// What they are: `input and output`, `an output twice`.
+        /// Their roles: `input and output`, `an output twice`.
         what: &'static str,
         /// What to do instead.
         advice: &'static str,
     },
-    /// There is less memory than the work needs.
+    /// The work needs more memory than is free.
     #[error("{}", short_of(what, *needed, *free))]
     Memory {
-        /// What it was for.
+        /// Purpose of the memory.
         what: String,
-        /// Bytes that it needs, about.
+        /// Bytes needed, approximately.
         needed: u64,
-        /// Bytes that were free, where the system tells.
+        /// Bytes free, if the system tells.
         free: Option<u64>,
     },
     /// The work was cancelled by the user.
@@ -85,9 +85,10 @@ pub enum Error {
     Interrupted,
 }
 
-/// The text with control characters, and those that turn the direction of writing, as `\u001b`; line ends and tabs stay.
+/// The text with control characters, and characters that change the direction of writing, escaped as `\u001b`; line
+/// ends and tabs stay.
 ///
-/// For text that comes from files and goes to a terminal: it could move the cursor, or say what is not so.
+/// For text from files that is shown on a terminal: it could otherwise move the cursor or display something misleading.
 pub fn escaped(text: &str) -> Cow<'_, str> {
     let acts = |c: char| {
         let turns = matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
@@ -113,7 +114,7 @@ fn same_file(first: &Path, second: &Path, what: &str) -> String {
     }
 }
 
-/// The sentence about missing memory.
+/// The message about missing memory.
 fn short_of(what: &str, needed: u64, free: Option<u64>) -> String {
     let size = |bytes: u64| match bytes {
         0..0x4000_0000 => format!("{:.1} MiB", bytes as f64 / 1_048_576.0),
@@ -137,7 +138,7 @@ impl Error {
         Self::InvalidInput(message.into())
     }
 
-    /// Wraps an error of the operating system with the path it speaks of.
+    /// Wraps an error of the operating system together with the path.
     pub fn io(path: &Path, source: std::io::Error) -> Self {
         let early = source.kind() == std::io::ErrorKind::UnexpectedEof;
         let source = match early {

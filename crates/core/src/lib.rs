@@ -1,6 +1,6 @@
-//! Scansion divides a LiDAR scan into its parts and names every point.
+//! Scansion classifies LiDAR point clouds: it divides a scan into segments and assigns a class to every point.
 //!
-//! The rooms stand in the order of the data's way; a room uses only rooms above it in this list.
+//! The modules follow the flow of the data; each uses only modules that come before it in this list.
 //!
 //! `Cloud -> Neighbours -> FeatureTable -> Probabilities -> Labelling -> Scores`
 //!

@@ -1,10 +1,10 @@
-//! Small linear algebra on neighbourhoods: the symmetric 3 x 3 matrix and its eigen-system in `f64`.
+//! Linear algebra for neighbourhoods: symmetric 3 x 3 matrices and their eigenvalues and eigenvectors in `f64`.
 //!
-//! The lane kernels of `features` have their own `f32` solver; this is the reference that they are tested against.
+//! The SIMD kernels of `features` have their own `f32` solver; this is the reference in their tests.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-/// A symmetric 3 x 3 matrix by its upper triangle.
+/// A symmetric 3 x 3 matrix, stored as its upper triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sym3 {
     /// xx, yy, zz.
@@ -13,12 +13,12 @@ pub struct Sym3 {
     pub off: [f64; 3],
 }
 
-/// Eigenvalues λ1 ≥ λ2 ≥ λ3 (negative rounding clamped to 0) and their unit eigenvectors.
+/// Eigenvalues λ1 ≥ λ2 ≥ λ3 (negative rounding errors clamped to 0) and unit eigenvectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eigen3 {
     /// λ1 ≥ λ2 ≥ λ3 ≥ 0.
     pub values: [f64; 3],
-    /// e1, e2, e3: orthonormal; signs are free.
+    /// e1, e2, e3: orthonormal, of arbitrary sign.
     pub vectors: [[f64; 3]; 3],
 }
 
@@ -37,7 +37,7 @@ impl Sym3 {
         sum
     }
 
-    /// The eigen-system of a matrix that is positive semi-definite but for rounding.
+    /// Eigenvalues and eigenvectors of a matrix that is positive semi-definite up to rounding.
     pub fn eigen(&self) -> Eigen3 {
         let [xx, yy, zz] = self.diagonal;
         let [xy, xz, yz] = self.off;
@@ -60,7 +60,7 @@ pub fn mean(points: &[[f64; 3]]) -> [f64; 3] {
     [0, 1, 2].map(|a| points.iter().map(|p| p[a]).sum::<f64>() / n)
 }
 
-/// Position of the point with the least sum of distances to all (ties: the first); 0 if there are none.
+/// Index of the point with the least sum of distances to all (ties: the first); 0 if there are none.
 pub fn medoid(points: &[[f64; 3]]) -> usize {
     let total = |p: &[f64; 3]| -> f64 {
         points.iter().map(|q| (0..3).map(|a| (p[a] - q[a]).powi(2)).sum::<f64>().sqrt()).sum()

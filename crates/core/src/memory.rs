@@ -1,23 +1,23 @@
-//! Memory: how much is free, and room that is asked for before it is taken, so that too little of it is an error and
-//! not the end of the process.
+//! Memory: how much is free, and checked allocations, so that a lack of memory is an error and does not kill the
+//! process.
 
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Less than this is never looked up: the question costs more than the memory.
+/// Smaller requests are not checked: the check costs more than the allocation.
 const SMALL: u64 = 64 << 20;
 
-/// Makes room for exactly `more` values.
+/// Reserves room for exactly `more` values.
 ///
 /// # Errors
-/// The system has not got it: the message says for what, and how much.
+/// If the system has too little memory; the message says for what, and how much is needed.
 pub fn reserve<T>(values: &mut Vec<T>, more: usize, what: &str) -> Result<()> {
     let needed = (more as u64).saturating_mul(size_of::<T>() as u64);
     require(needed, what)?;
     values.try_reserve_exact(more).map_err(|_| short(needed, what))
 }
 
-/// `count` times the same value.
+/// A vector of `count` copies of a value.
 ///
 /// # Errors
 /// As [`reserve`].
@@ -31,7 +31,7 @@ pub fn filled<T: Clone>(value: T, count: usize, what: &str) -> Result<Vec<T>> {
 /// Fails if `needed` bytes are more than what is free by any of the limits that [`free`] knows.
 ///
 /// # Errors
-/// The message says for what, how much, and how much is free.
+/// The message says for what, how much is needed, and how much is free.
 pub fn require(needed: u64, what: &str) -> Result<()> {
     let missing = needed >= SMALL && free().is_some_and(|free| needed > free);
     if missing { Err(short(needed, what)) } else { Ok(()) }
@@ -41,8 +41,8 @@ fn short(needed: u64, what: &str) -> Error {
     Error::Memory { what: what.to_string(), needed, free: free() }
 }
 
-/// Bytes that this process may still take: the least of what its address space (`ulimit -v`), its control groups
-/// (containers, job schedulers) and the machine have left. `None` where the system does not tell.
+/// Bytes that this process may still allocate: the minimum of what its address space (`ulimit -v`), its control groups
+/// (containers, job schedulers) and the machine have left. `None` if the system does not tell.
 pub fn free() -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(path).ok();
     let space = text("/proc/self/limits").zip(text("/proc/self/status")).and_then(|(l, s)| address_space(&l, &s));
@@ -51,7 +51,7 @@ pub fn free() -> Option<u64> {
     [space, groups, machine].into_iter().flatten().min()
 }
 
-/// What `ulimit -v` leaves; `None` without a limit.
+/// Bytes left under `ulimit -v`; `None` without a limit.
 fn address_space(limits: &str, status: &str) -> Option<u64> {
     let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
     let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
@@ -68,7 +68,7 @@ fn kilobytes(text: &str, key: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What the control group (version 2) and those above it leave; pages of files count as free.
+/// Bytes left in the control group (version 2) and its parents; cached pages of files count as free.
 fn group(groups: &str, root: &Path) -> Option<u64> {
     let own = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
     let folders: Vec<PathBuf> =

@@ -1,6 +1,6 @@
-//! The only file that speaks of chunks and threads: ordered map, cancel flag, progress, warnings.
+//! The only module with threads: ordered parallel map and fold, cancellation, progress, warnings.
 //!
-//! Core uses rayon's current pool; only the command line and the Python package create one. Results are always
+//! Core uses rayon's current thread pool; only the command line and the Python package create one. Results are
 //! collected in the order of the items, so that they are the same bytes for any number of threads.
 
 use crate::error::{Error, Result};
@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Shared by a long work and its caller: the caller may cancel and may watch how far it is.
+/// Connects a long computation with its caller, who can cancel it and follow its progress.
 ///
-/// Cloning shares the same state. `Monitor::default()` is never cancelled and watched by nobody.
+/// Clones share one state. `Monitor::default()` is never cancelled.
 #[derive(Clone, Debug, Default)]
 pub struct Monitor(Arc<State>);
 
@@ -24,22 +24,22 @@ struct State {
 }
 
 impl Monitor {
-    /// Asks the work to stop; it returns [`Error::Interrupted`] soon after.
+    /// Requests cancellation; the computation returns [`Error::Interrupted`] soon after.
     pub fn cancel(&self) {
         self.0.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Fails once the work was cancelled. Call it at least every few milliseconds of work.
+    /// Fails if the work was cancelled. To be called at least every few milliseconds.
     pub fn check(&self) -> Result<()> {
         if self.is_cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
-    /// Whether the work was cancelled: for places that cannot return an error.
+    /// Whether the work was cancelled, for code that cannot return an error.
     pub fn is_cancelled(&self) -> bool {
         self.0.cancelled.load(Ordering::Relaxed)
     }
 
-    /// Begins a stage of `total` items (points, trees).
+    /// Starts a stage of `total` items (points, trees).
     pub fn stage(&self, name: &'static str, total: u64) {
         if let Ok(mut stage) = self.0.stage.lock() {
             *stage = name;
@@ -48,7 +48,7 @@ impl Monitor {
         self.0.total.store(total, Ordering::Relaxed);
     }
 
-    /// Keeps something the user should know, once; the caller shows it.
+    /// Stores a warning for the user (each text once); the caller shows it.
     pub fn warn(&self, text: impl Into<String>) {
         let text = text.into();
         if let Ok(mut warnings) = self.0.warnings.lock()
@@ -58,48 +58,48 @@ impl Monitor {
         }
     }
 
-    /// What was warned of since the last call, in order.
+    /// The warnings since the last call, in order.
     pub fn take_warnings(&self) -> Vec<String> {
         self.0.warnings.lock().map(|mut warnings| std::mem::take(&mut *warnings)).unwrap_or_default()
     }
 
-    /// Tells that `items` more are done.
+    /// Reports that `items` more are done.
     pub fn advance(&self, items: u64) {
         self.0.done.fetch_add(items, Ordering::Relaxed);
     }
 
-    /// Name of the current stage, items done, items in all.
+    /// Name of the current stage, number of items done, and total number.
     pub fn progress(&self) -> (&'static str, u64, u64) {
         let stage = self.0.stage.lock().map(|s| *s).unwrap_or_default();
         (stage, self.0.done.load(Ordering::Relaxed), self.0.total.load(Ordering::Relaxed))
     }
 }
 
-/// Items of light work (nanoseconds each) between two looks at a monitor.
+/// Number of items of light work (nanoseconds each) between two checks for cancellation.
 const PIECE: usize = 65_536;
 
-/// The pieces of `0..len` in order, with a look at the monitor before each: what gives an error is the last.
+/// The pieces of `0..len` in order, with a check for cancellation before each; the first error is the last item.
 ///
-/// For serial loops over many items, each of some nanoseconds.
+/// For serial loops over many items of some nanoseconds each.
 pub fn watched(len: usize, monitor: &Monitor) -> impl Iterator<Item = Result<std::ops::Range<usize>>> + '_ {
     (0..len).step_by(PIECE).map(move |at| monitor.check().map(|()| at..at.saturating_add(PIECE).min(len)))
 }
 
-/// Looks at a monitor every so many steps of a serial loop that does not go over `0..len` ([`watched`]).
+/// Checks for cancellation at intervals in serial loops that do not run over `0..len` (for those see [`watched`]).
 #[derive(Debug)]
 pub struct Looks<'a> {
     monitor: &'a Monitor,
-    /// Steps until the next look.
+    /// Steps until the next check.
     left: usize,
 }
 
 impl<'a> Looks<'a> {
-    /// Looks at this monitor.
+    /// Checks this monitor, the first time at the first step.
     pub fn at(monitor: &'a Monitor) -> Self {
         Self { monitor, left: 0 }
     }
 
-    /// One step of light work (nanoseconds).
+    /// Counts one step of some nanoseconds.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -108,7 +108,7 @@ impl<'a> Looks<'a> {
         self.steps(1)
     }
 
-    /// So many steps of light work.
+    /// Counts `count` steps of some nanoseconds each.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -123,15 +123,15 @@ impl<'a> Looks<'a> {
     }
 }
 
-/// Sorts in parallel, unstably. Once the work is cancelled all items compare as equal, so that the sort ends at once.
+/// Sorts in parallel, unstably. After cancellation all items compare as equal, so that the sort ends at once.
 ///
 /// # Errors
-/// If the work was cancelled: the order of the items is then of no use.
+/// If the work was cancelled; the items are then in no useful order.
 pub fn sort_watched<T: Ord + Send>(items: &mut [T], monitor: &Monitor) -> Result<()> {
     sort_watched_by(items, T::cmp, monitor)
 }
 
-/// As [`sort_watched`], by an order of its own.
+/// Like [`sort_watched`], by the order that is given.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -144,7 +144,7 @@ pub fn sort_watched_by<T: Send>(
     monitor.check()
 }
 
-/// As [`sort_watched_by`], stably: items that compare as equal stay in their order.
+/// Like [`sort_watched_by`], but stable: items that compare as equal keep their order.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -157,7 +157,8 @@ pub fn sort_stable_watched<T: Send>(
     monitor.check()
 }
 
-/// Maps `0..count` in parallel, in order, by a kernel of some nanoseconds. Once the work is cancelled it is not called any more.
+/// Maps `0..count` in parallel, in order, by a kernel of some nanoseconds an item. After cancellation the remaining
+/// items are skipped.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -171,7 +172,7 @@ pub fn map_watched<T: Default + Send>(
     monitor.check().map(|()| all)
 }
 
-/// The items of all parts, in order; each part is freed as soon as its items stand in the result.
+/// Concatenates all parts in order; each part is freed once its items are copied.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -184,7 +185,10 @@ pub fn concat_watched<T>(parts: Vec<Vec<T>>, monitor: &Monitor) -> Result<Vec<T>
     Ok(all)
 }
 
-/// Maps `0..count` in parallel; results in order; stops early when cancelled or at the first error in order.
+/// Maps `0..count` in parallel and returns the results in order. After cancellation the remaining items are skipped.
+///
+/// # Errors
+/// If the work was cancelled, or the first error of `kernel` in the order of the items.
 pub fn map_ordered<T: Send>(
     count: usize,
     monitor: &Monitor,
@@ -196,6 +200,9 @@ pub fn map_ordered<T: Send>(
 }
 
 /// Like [`map_ordered`], with a scratch value that a thread reuses from item to item; results must not depend on it.
+///
+/// # Errors
+/// As [`map_ordered`].
 pub fn map_ordered_with<S, T: Send>(
     items: std::ops::Range<usize>,
     monitor: &Monitor,
@@ -210,7 +217,7 @@ pub fn map_ordered_with<S, T: Send>(
     results.into_iter().collect()
 }
 
-/// Maps fixed chunks of `0..len` in parallel and folds their results in order, whatever the number of threads.
+/// Maps fixed chunks of `0..len` in parallel and folds their results in order; independent of the number of threads.
 pub fn fold_ordered<T: Send>(
     len: usize,
     chunk: usize,
@@ -274,7 +281,7 @@ mod tests {
         sort_watched(&mut items, &Monitor::default()).unwrap();
         expected.sort_unstable();
         assert_eq!(items, expected);
-        // Cancelled from within, at many moments of the sort.
+        // Cancelled during the sort, at different moments.
         for moment in [1, 1000, 100_000, 1_000_000] {
             let monitor = Monitor::default();
             let compared = AtomicU64::new(0);

@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// A random stream with the few draws that the algorithms need.
+/// A random stream with the few distributions that the algorithms need.
 #[derive(Clone, Debug)]
 pub struct Stream(ChaCha8Rng);
 

@@ -1,6 +1,7 @@
-//! Long calls of the core: without the GIL, on a pool of their own, ended by Ctrl-C.
+//! Long calls of the core: without the GIL, in a thread pool of their own, interruptible by Ctrl-C.
 //!
-//! The pool lives as long as the call, so that a process that forks afterwards never waits for threads it has not got.
+//! The pool exists only during the call, so that a process that forks afterwards never waits for threads that it does
+//! not have.
 
 use crate::error::raise;
 use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
@@ -14,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Signals are looked for this often.
+/// Interval at which signals are checked.
 const POLL: Duration = Duration::from_millis(30);
 
 /// Runs `work` on `n_jobs` threads while this thread watches for signals.
@@ -26,7 +27,7 @@ pub(crate) fn call<T: Send>(
     call_with(py, n_jobs, &Monitor::default(), work)
 }
 
-/// The same with a monitor that lives longer than the call; a signal cancels it for good.
+/// The same with a monitor that outlives the call; a signal cancels it permanently.
 pub(crate) fn call_with<T: Send>(
     py: Python<'_>,
     n_jobs: Option<i64>,
@@ -81,7 +82,7 @@ pub(crate) fn in_pieces(py: Python<'_>, len: usize, mut work: impl FnMut(Range<u
     Ok(())
 }
 
-/// Threads for scikit-learn's `n_jobs`: `None` and -1 take all, -2 all but one. 0 stands for all to rayon.
+/// Number of threads for scikit-learn's `n_jobs`: `None` and -1 use all, -2 all but one. rayon takes 0 as all.
 fn threads(n_jobs: Option<i64>) -> PyResult<usize> {
     let all = || thread::available_parallelism().map_or(1, std::num::NonZero::get) as i64;
     match n_jobs {

@@ -1,4 +1,4 @@
-//! Room `classification`: forests, boosted trees and bagging for tables.
+//! Module `classification`: forests, boosted trees and bagging for tables.
 
 use crate::call::call;
 use crate::convert::{matrix, to_matrix, vector};
@@ -13,7 +13,7 @@ use scansion_core::classification::{
 };
 use scansion_core::parallel::Monitor;
 
-/// Rows between two looks at whether the user has cancelled.
+/// Number of rows between two checks for cancellation.
 const BLOCK: usize = 1 << 16;
 
 /// A fitted forest.
@@ -28,7 +28,7 @@ pub(crate) struct Boosting {
     inner: CoreBoosting,
 }
 
-/// Fits a forest; returns it and, if asked for, its out-of-bag accuracy.
+/// Trains a forest; returns it and, if requested, its out-of-bag accuracy.
 #[pyfunction]
 #[pyo3(signature = (table, labels, weights, classes, params, oob_score = false, n_jobs = None))]
 #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
@@ -46,7 +46,7 @@ pub(crate) fn fit_forest(
     fit_trees(py, &samples(&table, &labels, &weights, classes)?, &params, (oob_score, n_jobs))
 }
 
-/// Fits bagged trees, which are a forest; returns it and, if asked for, its out-of-bag accuracy.
+/// Trains bagged trees, stored as a forest; returns it and, if requested, its out-of-bag accuracy.
 #[pyfunction]
 #[pyo3(signature = (table, labels, weights, classes, params, oob_score = false, n_jobs = None))]
 #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
@@ -64,10 +64,10 @@ pub(crate) fn fit_bagging(
     fit_trees(py, &samples(&table, &labels, &weights, classes)?, &params.forest(), (oob_score, n_jobs))
 }
 
-/// A fit's trees, its losses in training and validation, and the rounds kept.
+/// Trained trees, losses in training and validation, and number of rounds kept.
 type Boosted<'py> = (Boosting, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, usize);
 
-/// Fits boosted trees.
+/// Trains boosted trees.
 #[pyfunction]
 #[pyo3(signature = (table, labels, weights, classes, params, n_jobs = None))]
 pub(crate) fn fit_boosting<'py>(
@@ -143,7 +143,7 @@ macro_rules! trees {
                 predict(py, &table, (shape, n_jobs), |rows, out| self.inner.predict_proba(rows, out))
             }
 
-            /// Positions of the most probable classes; quicker than the probabilities.
+            /// Positions of the most probable classes; faster than the probabilities.
             #[pyo3(signature = (table, n_jobs = None))]
             fn predict<'py>(
                 &self,

@@ -1,4 +1,4 @@
-//! Room `cloud`: the handle that Python's `PointCloud` holds.
+//! Module `cloud`: the native object inside Python's `PointCloud`.
 
 use crate::call::in_pieces;
 use crate::convert::{axes, to_matrix, to_vector, values};
@@ -17,7 +17,7 @@ pub(crate) struct Cloud {
     pub(crate) inner: Arc<CoreCloud>,
 }
 
-/// `(ticks, scale, offset)` of a cloud that came from LAS.
+/// `(integers, scale, offset)` of a cloud that was read from LAS.
 type Ticks<'py> = (Bound<'py, PyArray2<i32>>, [f64; 3], [f64; 3]);
 
 #[pymethods]

@@ -1,4 +1,4 @@
-//! numpy arrays to slices and back. The Python side brings arrays to native C order; here that is only checked.
+//! numpy arrays to slices and back. The Python side converts arrays to native C order; this is only checked here.
 
 use crate::call::in_pieces;
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -18,7 +18,7 @@ pub(crate) fn vector<'a, T: Element>(array: &'a PyReadonlyArray1<'_, T>, name: &
     array.as_slice().map_err(order)
 }
 
-/// Rows of three numbers as one vector an axis.
+/// Rows of three numbers as one vector per axis.
 pub(crate) fn axes<T: Element + Copy + Send + Sync>(
     py: Python<'_>,
     array: &PyReadonlyArray2<'_, T>,

@@ -1,4 +1,4 @@
-//! The one place where errors of the core become Python exceptions.
+//! Conversion of the core's errors to Python exceptions.
 
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyOSError, PyValueError};
 use pyo3::{PyErr, create_exception};
@@ -12,7 +12,7 @@ create_exception!(
     "A file is malformed, or is of a format or variant that is not supported; the message names the place."
 );
 
-/// The exception that tells of an error of the core.
+/// The exception for an error of the core.
 pub(crate) fn raise(error: Error) -> PyErr {
     match error {
         Error::Io { path, source } => os_error(&path, &source),
@@ -23,7 +23,7 @@ pub(crate) fn raise(error: Error) -> PyErr {
     }
 }
 
-/// The message; what it quotes of a file cannot act on a terminal.
+/// The message, with control characters from files escaped.
 fn text(error: &Error) -> String {
     escaped(&error.to_string()).into_owned()
 }
@@ -37,7 +37,7 @@ fn os_error(path: &std::path::Path, source: &std::io::Error) -> PyErr {
     }
 }
 
-/// Error numbers (the same on all systems) of kinds that the core may raise by itself.
+/// Error numbers (the same on all systems) of error kinds that the core raises itself.
 fn errno(kind: std::io::ErrorKind) -> Option<i32> {
     match kind {
         std::io::ErrorKind::NotFound => Some(2),

@@ -1,4 +1,4 @@
-//! Room `evaluation`: how good labels are.
+//! Module `evaluation`: scores of labels.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -13,7 +13,7 @@ use scansion_core::parallel::{Monitor, map_watched};
 use scansion_core::segmentation::Partition;
 use std::sync::Arc;
 
-/// Compares codes (negative: no label, or left open); `names` are the classes' by code, if the labels were text.
+/// Compares codes (negative: no label, or not predicted); `names` are the class names by code, if the labels were text.
 fn confusion(
     py: Python<'_>,
     truth: &PyReadonlyArray1<'_, i16>,
@@ -61,7 +61,7 @@ pub(crate) fn scores(
     texts::to_json(&confusion(py, &truth, &predicted, names)?).map_err(raise)
 }
 
-/// The scores as a table for people.
+/// The scores as a text table.
 #[pyfunction]
 pub(crate) fn report(
     py: Python<'_>,
@@ -72,7 +72,7 @@ pub(crate) fn report(
     confusion(py, &truth, &predicted, names).map(|confusion| texts::to_table(&confusion))
 }
 
-/// How well segments keep the edges of the classes, as JSON; negative codes are unlabelled.
+/// Agreement of segments with the boundaries of the classes, as JSON; negative codes are unlabelled.
 #[pyfunction]
 pub(crate) fn segmentation_error(
     py: Python<'_>,

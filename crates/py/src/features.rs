@@ -1,4 +1,4 @@
-//! Room `features`: the multi-scale features of a cloud.
+//! Module `features`: the multi-scale features of a cloud.
 
 use crate::call::call;
 use crate::cloud::Cloud;

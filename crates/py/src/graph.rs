@@ -1,4 +1,4 @@
-//! Room `graph`: edges between points, components, spanning trees.
+//! Module `graph`: edges between points, components, spanning trees.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Edges `(m, 2)` and their weights.
 type Edges<'py> = (Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<f32>>);
 
-/// A graph from rows of two nodes; without weights every edge has 1.
+/// A graph from pairs of nodes; without weights every edge has weight 1.
 pub(crate) fn graph_of(nodes: usize, edges: &[u32], weights: Option<&[f32]>, monitor: &Monitor) -> Result<Graph> {
     let (pairs, rest) = edges.as_chunks::<2>();
     if !rest.is_empty() {
@@ -42,7 +42,7 @@ fn give(py: Python<'_>, graph: Graph) -> PyResult<Edges<'_>> {
     Ok((to_matrix(py, edges.into_flattened(), 2)?, PyArray1::from_vec(py, weights)))
 }
 
-/// Edges between each point and its nearest, with weights.
+/// Edges between each point and its nearest neighbours, with weights.
 #[pyfunction]
 #[pyo3(signature = (cloud, k, settings, metres_per_unit = None, n_jobs = None))]
 pub(crate) fn knn_graph<'py>(
@@ -62,7 +62,7 @@ pub(crate) fn knn_graph<'py>(
     give(py, graph)
 }
 
-/// Component of each node, and how many there are.
+/// Component of each node, and the number of components.
 #[pyfunction]
 pub(crate) fn connected_components<'py>(
     py: Python<'py>,
@@ -95,7 +95,7 @@ pub(crate) fn minimum_spanning_tree<'py>(
     give(py, tree)
 }
 
-/// Component of each node, and how many there are, by Felzenszwalb and Huttenlocher.
+/// Component of each node, and the number of components, by the method of Felzenszwalb and Huttenlocher.
 #[pyfunction]
 #[pyo3(signature = (nodes, edges, weights, settings))]
 pub(crate) fn felzenszwalb<'py>(

@@ -1,4 +1,4 @@
-//! Room `images`: pictures of clouds.
+//! Module `images`: pictures of clouds.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -17,7 +17,7 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What Python asks for.
+/// Settings from Python.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Settings {
@@ -33,10 +33,10 @@ struct Settings {
     classes: Vec<u8>,
 }
 
-/// Column that the truth stands in while it is drawn.
+/// Temporary column with the true classes.
 const TRUTH: &str = "Truth";
 
-/// Draws a cloud; writes it as PNG too if a path is given. With a truth, where the classes differ from it.
+/// Draws a cloud, and writes it as PNG if a path is given. With true classes, shows where the classes differ.
 #[pyfunction]
 #[pyo3(signature = (cloud, settings, path = None, truth = None, n_jobs = None))]
 pub(crate) fn render<'py>(
@@ -62,7 +62,7 @@ pub(crate) fn render<'py>(
     PyArray1::from_vec(py, image.rgb).reshape(shape)
 }
 
-/// Fails before anything is drawn if the picture could not be written.
+/// Fails before drawing if the picture could not be written.
 fn check(path: &Path, view: &View) -> scansion_core::Result<()> {
     if path.extension().and_then(|e| e.to_str()) != Some("png") {
         let reason = "pictures are written as .png".to_string();

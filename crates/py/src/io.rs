@@ -1,4 +1,4 @@
-//! Room `io`: files in and out.
+//! Module `io`: input and output files.
 
 use crate::call::{call, call_with};
 use crate::cloud::Cloud;
@@ -12,7 +12,7 @@ use scansion_core::recipes::planar_density;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-/// Columns to keep beside the coordinates, box, and resolution.
+/// Columns to keep besides the coordinates, box, and resolution.
 type Part = (Option<Vec<String>>, Option<Bounds>, Option<f64>);
 
 fn part((columns, bounds, resolution): Part, monitor: &Monitor) -> ReadOptions {
@@ -27,10 +27,10 @@ pub(crate) fn read(py: Python<'_>, path: PathBuf, part: Part, n_jobs: Option<i64
     call(py, n_jobs, |monitor| io::read_with(&path, &self::part(part, monitor))).map(Cloud::of)
 }
 
-/// A file as clouds of at most so many points each.
+/// A file as clouds of at most a given number of points.
 #[pyclass(module = "scansion._core")]
 pub(crate) struct Blocks {
-    /// `None` behind the last block and while one is read.
+    /// `None` after the last block, and while one is being read.
     inner: Mutex<Option<io::Blocks>>,
     monitor: Monitor,
     n_jobs: Option<i64>,
@@ -62,7 +62,7 @@ impl Blocks {
     }
 }
 
-/// What a file's header and its points say, as JSON: information, and counts over the points.
+/// Information from a file's header and statistics of its points, as JSON.
 #[pyfunction]
 #[pyo3(signature = (path, n_jobs = None))]
 pub(crate) fn statistics(py: Python<'_>, path: PathBuf, n_jobs: Option<i64>) -> PyResult<String> {
@@ -89,7 +89,7 @@ pub(crate) fn write(
     call(py, n_jobs, |monitor| io::write(&path, &cloud, &options(scale, monitor)))
 }
 
-/// Copies a file with other classes or more dimensions; returns notes on what could not stay as it was.
+/// Copies a file with other classes or more dimensions; returns notes on what had to change.
 #[pyfunction]
 #[pyo3(signature = (input, output, classification = None, dimensions = Vec::new(), scale = None, n_jobs = None))]
 pub(crate) fn rewrite(
@@ -118,13 +118,13 @@ pub(crate) fn settings_text(py: Python<'_>, path: PathBuf) -> PyResult<String> {
     call(py, Some(1), |_| io::open::text(&path, io::open::MOST_SETTINGS))
 }
 
-/// What a file's header says, as JSON.
+/// Information from a file's header, as JSON.
 #[pyfunction]
 pub(crate) fn inspect(py: Python<'_>, path: PathBuf) -> PyResult<String> {
     call(py, Some(1), |_| crate::json::text(&io::inspect(&path)?))
 }
 
-/// What differs between two files, as JSON.
+/// The differences between two files, as JSON.
 #[pyfunction]
 #[pyo3(signature = (a, b, n_jobs = None))]
 pub(crate) fn diff(py: Python<'_>, a: PathBuf, b: PathBuf, n_jobs: Option<i64>) -> PyResult<String> {
@@ -134,7 +134,7 @@ pub(crate) fn diff(py: Python<'_>, a: PathBuf, b: PathBuf, n_jobs: Option<i64>) 
     })
 }
 
-/// Copies a file into another format; returns what the target could not hold.
+/// Copies a file into another format; returns what the target could not store.
 #[pyfunction]
 #[pyo3(signature = (input, output, point_format = None, part = (None, None), scale = None, n_jobs = None))]
 pub(crate) fn convert(
@@ -151,7 +151,7 @@ pub(crate) fn convert(
         .map(|report| report.notes)
 }
 
-/// Joins files; returns notes on what could not stay as it was.
+/// Merges files; returns notes on what had to change.
 #[pyfunction]
 #[pyo3(signature = (inputs, output, scale = None, n_jobs = None))]
 pub(crate) fn merge(
@@ -170,7 +170,7 @@ fn options(scale: Option<[f64; 3]>, monitor: &Monitor) -> WriteOptions {
     options
 }
 
-/// What of a damaged file can be read, as JSON; with an output, what is there is written to it.
+/// The losses of a damaged file, as JSON; with an output, its intact part is written there.
 #[pyfunction]
 #[pyo3(signature = (input, output = None, n_jobs = None))]
 pub(crate) fn salvage(

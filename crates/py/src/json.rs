@@ -1,4 +1,4 @@
-//! Settings and reports travel as JSON: the core's serde names are the one list of them.
+//! Settings and reports are passed as JSON, so that their names are defined only once, by the core's serde attributes.
 
 use pyo3::PyResult;
 use pyo3::exceptions::PyValueError;
@@ -11,7 +11,7 @@ pub(crate) fn text(report: &impl Serialize) -> scansion_core::Result<String> {
     serde_json::to_string(report).map_err(|e| Error::input(format!("report: {e}")))
 }
 
-/// Settings from JSON text; unknown keys are refused by name.
+/// Settings from JSON text; unknown keys are an error.
 pub(crate) fn settings<T: DeserializeOwned>(text: &str) -> PyResult<T> {
     serde_json::from_str(text).map_err(|e| PyValueError::new_err(e.to_string()))
 }

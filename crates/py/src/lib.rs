@@ -1,4 +1,4 @@
-//! The Python package's native module `scansion._core`: registration only; one file for each room of the core.
+//! The Python package's native module `scansion._core`: registration only; one file for each module of the core.
 
 mod call;
 mod classification;

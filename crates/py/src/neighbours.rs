@@ -1,4 +1,4 @@
-//! Room `neighbours`: the nearest points, and how many of them describe a place best.
+//! Module `neighbours`: nearest neighbours and optimal neighbourhoods.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -13,7 +13,7 @@ use scansion_core::parallel::{Monitor, watched};
 use scansion_core::{Cloud as CoreCloud, Error, Result};
 use std::sync::Arc;
 
-/// The points of a cloud in metres; all of them, so that indices fit.
+/// All points of a cloud in metres, including stray ones, so that indices are those of the cloud.
 pub(crate) fn points(cloud: &CoreCloud, metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Points> {
     let points = Points::with_strays(cloud, cloud.metres(metres_per_unit)?, monitor)?;
     match cloud.len() - points.len() {
@@ -54,7 +54,7 @@ pub(crate) fn knn<'py>(
     Ok((to_matrix(py, indices, k)?, to_matrix(py, distances, k)?))
 }
 
-/// Neighbours of each point's optimal neighbourhood, and the four descriptors of it.
+/// Size of each point's optimal neighbourhood, and its four descriptors.
 #[pyfunction]
 #[pyo3(signature = (cloud, settings, metres_per_unit = None, n_jobs = None))]
 #[expect(clippy::type_complexity, reason = "two arrays")]

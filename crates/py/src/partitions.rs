@@ -1,4 +1,4 @@
-//! Room `segmentation`: supervoxels, regions and objects of a cloud.
+//! Module `segmentation`: supervoxels, regions and objects of a cloud.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -66,7 +66,7 @@ pub(crate) fn supervoxels<'py>(
     Ok(PyArray1::from_slice(py, found.labels()))
 }
 
-/// Supervoxel and segment of each point, and what is worth knowing as JSON.
+/// Supervoxel and segment of each point, and a report as JSON.
 #[pyfunction]
 #[pyo3(signature = (cloud, settings, n_jobs = None))]
 pub(crate) fn riemannian<'py>(

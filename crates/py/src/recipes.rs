@@ -1,4 +1,4 @@
-//! Room `recipes`: from labelled clouds to a model, and from a model to a named cloud.
+//! Module `recipes`: training of a model on labelled clouds, and classification with it.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -17,7 +17,7 @@ use scansion_core::recipes::{self, AnyRecipe, ClassifyParams, LabelParams, Regul
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A trained model: recipe, classes and forest.
+/// A trained model: recipe, classes and classifier.
 #[pyclass(module = "scansion._core", frozen)]
 pub(crate) struct Model {
     inner: CoreModel,
@@ -32,13 +32,13 @@ type Answer<'py> = (
     Vec<String>,
 );
 
-/// Columns of a cloud that a recipe needs (beside its labels).
+/// Columns of a cloud that a recipe needs (besides its labels).
 #[pyfunction]
 pub(crate) fn recipe_columns(recipe: &str, settings: Vec<String>) -> PyResult<Vec<String>> {
     Ok(resolve(recipe, &settings).map_err(raise)?.columns())
 }
 
-/// What each code 0..255 becomes by a map like `3-4=5`.
+/// The mapping of codes 0..255 described by text like `3-4=5`.
 #[pyfunction]
 pub(crate) fn mapped_codes(py: Python<'_>, map: &str) -> PyResult<Py<PyBytes>> {
     let map: LabelMap = map.parse().map_err(raise)?;
@@ -46,7 +46,7 @@ pub(crate) fn mapped_codes(py: Python<'_>, map: &str) -> PyResult<Py<PyBytes>> {
     Ok(PyBytes::new(py, &codes).unbind())
 }
 
-/// The recipe of a TOML text, or of a name, with settings on top.
+/// The recipe from TOML text or a name, with changed settings.
 fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<AnyRecipe> {
     let base = match AnyRecipe::NAMES.contains(&recipe) {
         true => AnyRecipe::named(recipe)?,
@@ -55,7 +55,7 @@ fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<AnyRecipe
     base.with_settings(settings.iter().map(String::as_str))
 }
 
-/// How labels are made to agree, by its name.
+/// The method of regularisation with that name.
 fn method(name: Option<&str>) -> PyResult<Option<Regularise>> {
     let found = name.map(|name| serde_json::from_value(serde_json::Value::from(name)));
     found.transpose().map_err(|_| {

@@ -1,4 +1,4 @@
-//! Room `regularisation`: labellings of least energy, smoothed probabilities.
+//! Module `regularisation`: labellings of least energy, smoothed probabilities.
 
 use crate::call::call;
 use crate::convert::{matrix, to_matrix, vector};
@@ -11,7 +11,7 @@ use scansion_core::parallel::Monitor;
 use scansion_core::regularisation::{self, Energy, ExpansionParams, IcmParams, Labelling, SwapParams};
 use scansion_core::{Error, Result};
 
-/// Labels, energy, whether the search came to an end.
+/// Labels, energy, whether the search converged.
 type Found<'py> = (Bound<'py, PyArray1<u16>>, f64, bool);
 
 /// Arrays of a labelling problem.
@@ -91,7 +91,7 @@ pub(crate) fn energy(
     Ok(found.1)
 }
 
-/// Mean of the probabilities around each node.
+/// Weighted mean of the probabilities of each node and its neighbours.
 #[pyfunction]
 #[pyo3(signature = (problem, n_jobs = None))]
 pub(crate) fn local_smoothing<'py>(

@@ -1,4 +1,4 @@
-//! Room `segmentation`: segments on which values are nearly constant.
+//! Module `segmentation`: segments on which values are nearly constant.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -14,7 +14,7 @@ use scansion_core::segmentation::{self, CutPursuitParams, MergeParams, Partition
 use scansion_core::{Error, Result};
 use std::sync::Arc;
 
-/// Segment of each node, strength, what was tried as JSON.
+/// Segment of each node, strength, and the trials as JSON.
 type Aimed<'py> = (Bound<'py, PyArray1<u32>>, f64, String);
 
 /// Segment of each node, mean of each segment, energy.
@@ -29,7 +29,7 @@ pub(crate) struct Valued<'py>(
     Option<PyReadonlyArray1<'py, f32>>,
 );
 
-/// What `search` finds on the signal and the graph.
+/// Runs `search` on the signal and the graph.
 fn solve<'py, T: Send>(
     py: Python<'py>,
     valued: &Valued<'py>,
@@ -87,7 +87,7 @@ pub(crate) fn merge_regions<'py>(py: Python<'py>, valued: Valued<'py>, settings:
     segments(py, found, valued.0.shape()[1])
 }
 
-/// Parts a graph by an intent; labels are codes, negative where there is none.
+/// Partitions a graph by an intent; labels are codes, negative for none.
 #[pyfunction]
 #[pyo3(signature = (valued, settings, cloud = None, labels = None, n_jobs = None))]
 pub(crate) fn partition<'py>(

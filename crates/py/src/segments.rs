@@ -1,4 +1,4 @@
-//! Rooms `segmentation` and `recipes`: segments of a cloud, and which of them to label next.
+//! Modules `segmentation` and `recipes`: segments of a cloud, and which of them to label next.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Segment of each point, from 1 (0: not finite), and the report as JSON.
 type Parted<'py> = (Bound<'py, PyArray1<u32>>, String);
 
-/// The same, with the segments of each level between them.
+/// The same, with the segments of each level in between.
 type Levels<'py> = (Bound<'py, PyArray1<u32>>, Vec<Bound<'py, PyArray1<u32>>>, String);
 
 /// Settings from TOML text, single settings, and JSON of an aim and a size.
@@ -29,13 +29,13 @@ fn params(text: &str, settings: &[String], (aim, size): (&str, Option<f64>)) -> 
     size.map_or(Ok(params.clone()), |size| params.with_size(size)).map_err(raise)
 }
 
-/// Columns of a cloud that a method needs (beside labels).
+/// Columns of a cloud that a method needs (besides labels).
 #[pyfunction]
 pub(crate) fn segment_columns(recipe: &str, settings: Vec<String>) -> PyResult<Vec<String>> {
     Ok(params(recipe, &settings, ("null", None))?.columns())
 }
 
-/// Parts a cloud into segments.
+/// Divides a cloud into segments.
 #[pyfunction]
 #[pyo3(signature = (cloud, recipe, settings, aim, size = None, n_jobs = None))]
 pub(crate) fn segment<'py>(
@@ -57,7 +57,7 @@ pub(crate) fn segment<'py>(
     Ok((PyArray1::from_vec(py, clusters), levels, report))
 }
 
-/// Parts a cloud and names the segments whose labels would help most.
+/// Divides a cloud into segments and suggests those whose labels would help most.
 #[pyfunction]
 #[pyo3(signature = (cloud, recipe, settings, aim, wishes, size = None, uncertainty = None, labelled = false, n_jobs = None))]
 #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
@@ -88,7 +88,7 @@ pub(crate) fn suggest<'py>(
     Ok((PyArray1::from_vec(py, clusters), found))
 }
 
-/// The labels of a cloud that has some: codes 0 and 1 and negative ones say nothing.
+/// The labels of a cloud, if it has any; codes 0, 1 and negative ones are unlabelled.
 fn labels(cloud: &CoreCloud) -> scansion_core::Result<Option<Labels>> {
     match cloud.column(names::CLASSIFICATION) {
         Some(_) => Ok(Some(read_labels(cloud, &LabelParams::default())?).filter(|l| l.unlabelled < cloud.len() as u64)),

@@ -1,4 +1,4 @@
-//! Room `terrain`: the ground and the height above it.
+//! Module `terrain`: ground points and heights above ground.
 
 use crate::call::call;
 use crate::cloud::Cloud;
@@ -28,7 +28,7 @@ pub(crate) fn ground_points<'py>(
     Ok(PyArray1::from_vec(py, found))
 }
 
-/// Height of each point above the ground that some of them are.
+/// Height of each point above the ground, given the ground points.
 #[pyfunction]
 #[pyo3(signature = (cloud, ground, settings, metres_per_unit = None, n_jobs = None))]
 pub(crate) fn heights<'py>(

@@ -1,23 +1,23 @@
-//! Examples at the end of each verb's manual page.
+//! Examples at the end of each command's help.
 
 pub(super) const DEMO: &str = "Example:
   scansion demo -o tour                                      scan, named scan, pictures and scores in the folder tour";
 
 pub(super) const INFO: &str = "Examples:
   scansion info my.laz                                       what the header says
-  scansion info *.laz --stats --json                         classes, density, oddities of many files, for programs";
+  scansion info *.laz --stats --json                         classes, density, warnings of many files, for programs";
 
 pub(super) const CONVERT: &str = "Examples:
   scansion convert scan.e57 scan.laz                         another format
   scansion convert all.copc.laz part.laz --bounds 652000,6861000,652200,6861200
-  scansion convert all.copc.laz thin.laz --resolution 0.5    a point every half unit or so
-  scansion convert --salvage broken.laz saved.laz            what a damaged file still holds";
+  scansion convert all.copc.laz thin.laz --resolution 0.5    about one point every half unit
+  scansion convert --salvage broken.laz saved.laz            the intact part of a damaged file";
 
 pub(super) const MERGE: &str = "Example:
   scansion merge tile_*.laz all.laz";
 
 pub(super) const DIFF: &str = "Example:
-  scansion diff my.laz named.laz                             proof of what changed, and where";
+  scansion diff my.laz named.laz                             what changed, and where";
 
 pub(super) const FEATURES: &str = "Examples:
   scansion features --list
@@ -27,8 +27,8 @@ pub(super) const FEATURES: &str = "Examples:
 pub(super) const TRAIN: &str = "Examples:
   scansion train a.laz b.laz -o my.model --set features.pyramid.first_scale=0.25      airborne scans
   scansion train a.laz -o my.model --map 3-4=5 --classes 2,5,6 --cross-validate 5
-  scansion train street.laz --weak --weak-labels picked.csv -o street.model           a few labels a class
-  scansion train a.laz --recipe objects -o objects.model                              segments as a whole
+  scansion train street.laz --weak --weak-labels picked.csv -o street.model           a few labels per class
+  scansion train a.laz --recipe objects -o objects.model                              classifies segments
 
 scansion model show my.model --recipe prints all settings that --set and --recipe know.";
 
@@ -45,13 +45,13 @@ pub(super) const SEGMENT: &str = "Examples:
   scansion render segments.laz -o segments.png --by ClusterID";
 
 pub(super) const SUGGEST: &str = "Examples:
-  scansion suggest my.laz -n 30 -o page.html -o segments.laz     a page to label on, and the segments it speaks of
+  scansion suggest my.laz -n 30 -o page.html -o segments.laz     a page to label on, and its segments
   scansion train segments.laz --weak --weak-labels labels.csv -o my.model";
 
 pub(super) const EVALUATE: &str = "Examples:
   scansion evaluate truth.laz named.laz                      same points in the same order
   scansion evaluate truth.laz named.laz -o scores.json -o confusion.png
-  scansion evaluate truth.laz --model my.model --map-truth 3-4=5   name the truth's own points, then compare
+  scansion evaluate truth.laz --model my.model --map-truth 3-4=5   classify the first cloud, then compare
   scansion evaluate rooms.ply named.ply --map-truth 0=2,1=5,2=6    where truth and prediction have other codes";
 
 pub(super) const RENDER: &str = "Examples:
@@ -62,4 +62,4 @@ pub(super) const RENDER: &str = "Examples:
 
 pub(super) const MODEL: &str = "Examples:
   scansion model show                                        the built-in model
-  scansion model show my.model --recipe > my.toml            all settings, to change and to train by again";
+  scansion model show my.model --recipe > my.toml            all settings, to change and to train with again";

@@ -8,16 +8,16 @@ use std::path::PathBuf;
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::INFO)]
 pub(crate) struct Info {
-    /// Files to look at (`*`, `?` and `[...]` are understood)
+    /// Files to inspect (`*`, `?` and `[...]` are expanded)
     #[arg(required = true)]
     pub(crate) inputs: Vec<PathBuf>,
     /// Read the points too: classes, density, spacing, duplicates, points that are not finite or out of bounds
     #[arg(long)]
     pub(crate) stats: bool,
-    /// Tell how much of a damaged LAS or LAZ file can be read
+    /// Report how much of a damaged LAS or LAZ file can be read
     #[arg(long, conflicts_with = "stats")]
     pub(crate) salvage: bool,
-    /// The same as --format json
+    /// Same as --format json
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -28,23 +28,24 @@ pub(crate) struct Info {
 pub(crate) struct Convert {
     /// File to copy
     pub(crate) input: PathBuf,
-    /// Result; its extension tells the format
+    /// Output file; its extension determines the format
     pub(crate) output: PathBuf,
     /// Point format of LAS and LAZ, 0 to 10; it must have all fields of the input's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
     pub(crate) point_format: Option<u8>,
-    /// Only points in this box: 4 numbers (x and y) or 6, lowest first; COPC files are read where the box is
+    /// Only points in this box: 4 numbers (x and y) or 6, lowest first; of COPC files only the parts in the box are
+    /// read
     #[arg(long, value_name = "X,Y[,Z],X,Y[,Z]", value_delimiter = ',', allow_hyphen_values = true)]
     pub(crate) bounds: Vec<f64>,
-    /// A thinner cloud: points about so far apart, from the levels of a COPC file
+    /// Thin to points about this far apart, by the levels of a COPC file
     #[arg(long, value_name = "DISTANCE")]
     pub(crate) resolution: Option<f64>,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
+    /// Read the intact part of a damaged LAS or LAZ file, and report what is lost
     #[arg(long, conflicts_with_all = ["point_format", "bounds", "resolution", "scale"])]
     pub(crate) salvage: bool,
-    /// Replace the input itself if it is also the output
+    /// Allow the output to replace the input
     #[arg(long)]
     pub(crate) overwrite: bool,
 }
@@ -53,12 +54,12 @@ pub(crate) struct Convert {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::MERGE)]
 pub(crate) struct Merge {
-    /// Files to join, in this order (`*`, `?` and `[...]` are understood), and the result last
+    /// Files to merge, in this order (`*`, `?` and `[...]` are expanded), and the output last
     #[arg(required = true, num_args = 2.., value_names = ["IN...", "OUT"])]
     pub(crate) files: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Replace an input if it is also the output
+    /// Allow the output to replace an input
     #[arg(long)]
     pub(crate) overwrite: bool,
 }

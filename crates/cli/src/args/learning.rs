@@ -1,4 +1,4 @@
-//! Arguments of the commands that describe, learn, name and compare.
+//! Arguments of the commands that compute features, train, classify and evaluate.
 
 use super::{LabelArgs, RecipeArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, Subcommand, ValueEnum};
@@ -10,13 +10,13 @@ use std::path::PathBuf;
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::FEATURES)]
 pub(crate) struct Features {
-    /// Cloud to describe
+    /// Cloud whose features are computed
     #[arg(required_unless_present = "list")]
     pub(crate) input: Option<PathBuf>,
-    /// Result: .npy (matrix) or .csv, or .las, .laz, .ply with one dimension a feature
+    /// Output: .npy (matrix) or .csv, or .las, .laz, .ply with one dimension per feature
     #[arg(short, long, required_unless_present = "list")]
     pub(crate) output: Option<PathBuf>,
-    /// List the features with formula and range, and stop
+    /// List the features with formula and range, and exit
     #[arg(long)]
     pub(crate) list: bool,
     /// Only these features, by name (see --list), e.g. Planarity or Planarity_r0p4
@@ -28,7 +28,7 @@ pub(crate) struct Features {
     pub(crate) unit: UnitArgs,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Replace the input itself if it is also the output
+    /// Allow the output to replace the input
     #[arg(long)]
     pub(crate) overwrite: bool,
 }
@@ -61,7 +61,7 @@ pub(crate) struct Train {
     /// Labelled clouds
     #[arg(required = true)]
     pub(crate) inputs: Vec<PathBuf>,
-    /// Model to write
+    /// Model file to write
     #[arg(short, long, value_name = "MODEL")]
     pub(crate) output: PathBuf,
     #[command(flatten)]
@@ -70,26 +70,26 @@ pub(crate) struct Train {
     pub(crate) recipe: RecipeArgs,
     #[command(flatten)]
     pub(crate) unit: UnitArgs,
-    /// What is learned: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
+    /// Classifier: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
     #[arg(long, value_enum)]
     pub(crate) classifier: Option<ClassifierName>,
-    /// Learn from a few labels a class: the same as --recipe weak
+    /// Train on a few labels per class: the same as --recipe weak
     #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
     pub(crate) weak: bool,
-    /// Labels picked by hand: a table x,y,z,class or cluster_id,class, or a cloud whose classes count; those of the input
-    /// are then left aside
+    /// Labels picked by hand: a table x,y,z,class or cluster_id,class, or a cloud whose classes are used; the labels of
+    /// the inputs are then ignored
     #[arg(long, value_name = "FILE")]
     pub(crate) weak_labels: Option<PathBuf>,
-    /// Learn from at most this many points of each class, drawn by the seed (weak recipe)
+    /// Use at most this many random labels of each class (weak recipe)
     #[arg(long, value_name = "N")]
     pub(crate) per_class: Option<u32>,
-    /// Try these strengths of the field on labels that are held out, and keep the best (weak recipe)
+    /// Try these strengths of the random field on held-out labels, and keep the best (weak recipe)
     #[arg(long, value_name = "STRENGTHS", value_delimiter = ',')]
     pub(crate) grid_strength: Vec<f64>,
-    /// Also score the recipe by k-fold cross-validation on spatial blocks
+    /// Also evaluate the recipe by k-fold cross-validation on spatial blocks
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=20))]
     pub(crate) cross_validate: Option<u8>,
-    /// Try these depths by cross-validation and keep the best (Hackel 2018: 30,33,...,60)
+    /// Try these depths by cross-validation, and keep the best (Hackel 2018: 30,33,...,60)
     #[arg(long, value_name = "DEPTHS", value_delimiter = ',')]
     pub(crate) grid_depth: Vec<usize>,
 }
@@ -101,28 +101,28 @@ pub(crate) struct Classify {
     /// Clouds to classify
     #[arg(required = true)]
     pub(crate) inputs: Vec<PathBuf>,
-    /// Result, or a folder for several inputs
+    /// Output file, or a folder for several inputs
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     /// Model to use [default: the built-in one for airborne scans]
     #[arg(short, long)]
     pub(crate) model: Option<PathBuf>,
-    /// Make neighbours agree [default: the model's own way]
+    /// Regularise the labels with this method [default: the model's own]
     #[arg(long, visible_alias = "regularise", value_enum)]
     pub(crate) regularize: Option<RegularizeArg>,
     /// Change one setting of the model's recipe, e.g. regularise.strength=2; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// Write the probability of every class too, as dimensions P_<class>
+    /// Also write the probability of every class, as dimensions P_<class>
     #[arg(long)]
     pub(crate) probabilities: bool,
-    /// Change nothing but the classification: no Confidence and Entropy
+    /// Write only the classification: no Confidence and Entropy
     #[arg(long)]
     pub(crate) no_extra: bool,
-    /// Only name points that are unclassified (codes 0 and 1; Semantic3D: 0)
+    /// Only classify points that are unclassified (codes 0 and 1; Semantic3D: 0)
     #[arg(short = 'u', long)]
     pub(crate) only_unclassified: bool,
-    /// Leave points with these codes as they are
+    /// Keep the class of points with these codes
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     pub(crate) skip: Vec<u8>,
     /// Change the model's codes in the output, e.g. 5=4
@@ -132,26 +132,26 @@ pub(crate) struct Classify {
     pub(crate) unit: UnitArgs,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Take what can be read of a damaged LAS or LAZ file, and say what is lost
+    /// Read the intact part of a damaged LAS or LAZ file, and report what is lost
     #[arg(long)]
     pub(crate) salvage: bool,
-    /// Replace the input itself if it is also the output
+    /// Allow the output to replace the input
     #[arg(long)]
     pub(crate) overwrite: bool,
 }
 
-/// How neighbours are made to agree.
+/// Method of regularisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RegularizeArg {
-    /// Every point for itself
+    /// No regularisation
     None,
     /// Mean of the neighbours' probabilities
     Local,
-    /// Random field on the points
+    /// Conditional random field on the points
     PointCrf,
-    /// One label a segment, by the mean of its probabilities
+    /// The most probable class of each segment, by its mean probabilities
     Consensus,
-    /// Random field on the segments (Guinard and Landrieu 2017)
+    /// Conditional random field on the segments (Guinard and Landrieu 2017)
     SegmentCrf,
 }
 
@@ -173,21 +173,21 @@ impl From<RegularizeArg> for Regularise {
 pub(crate) struct Evaluate {
     /// Cloud with the true labels
     pub(crate) truth: PathBuf,
-    /// Cloud with the predicted labels, point by point the same; absent: both stand in one file
+    /// Cloud with the predicted labels, same points in the same order; without it, both are in the first file
     pub(crate) prediction: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) labels: LabelArgs,
-    /// Change the codes of the truth before they are compared. --map does so too, but is refused where it would change codes
-    /// of the prediction as well
+    /// Change the codes of the truth before the comparison. --map does so too, but is refused if it would also change
+    /// codes of the prediction
     #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
     pub(crate) map_truth: Option<String>,
-    /// Change the codes of the prediction before they are compared
+    /// Change the codes of the prediction before the comparison
     #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
     pub(crate) map_predicted: Option<String>,
-    /// Dimension that holds the prediction [default: Classification of a second file, else PredictedClassification]
+    /// Dimension with the prediction [default: Classification of a second file, else PredictedClassification]
     #[arg(long, value_name = "NAME")]
     pub(crate) prediction_dimension: Option<String>,
-    /// Classify the truth's cloud with this model and compare
+    /// Classify the first cloud with this model and compare
     #[arg(short, long, conflicts_with = "prediction")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
@@ -200,7 +200,7 @@ pub(crate) struct Evaluate {
 /// scansion model ...
 #[derive(Debug, Subcommand)]
 pub(crate) enum Model {
-    /// Show classes, features by importance, recipe and fingerprint
+    /// Show classes, features by importance, recipe and a summary of the training data
     Show {
         /// Model file [default: the built-in one]
         model: Option<PathBuf>,

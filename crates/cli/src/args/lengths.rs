@@ -1,27 +1,27 @@
-//! Arguments of the commands that measure, or write whole numbers of a step.
+//! Arguments about units and LAS scales.
 
 use super::Command;
 use clap::Args as ClapArgs;
 
-/// What the coordinates are.
+/// The unit of the coordinates.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct UnitArgs {
-    /// Metres in one unit of the coordinates, e.g. 0.3048 for feet [default: from the file, else 1]
+    /// Metres per unit of the coordinates, e.g. 0.3048 for feet [default: from the file, else 1]
     #[arg(long, value_name = "METRES")]
     pub(crate) unit: Option<f64>,
 }
 
-/// How LAS stores coordinates that come from another format.
+/// The LAS scale of coordinates that come from another format.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct ScaleArgs {
-    /// Step of the whole numbers that LAS and LAZ store coordinates in, one or one each for x, y and z [default: 0.001, 1e-7 for
-    /// degrees, or as fine as a thousandth of the points' spacing needs]; not from LAS to LAS
+    /// LAS scale: step of the integers in which LAS and LAZ store coordinates, one or one each for x, y and z [default:
+    /// 0.001, 1e-7 for degrees, or as fine as a thousandth of the point spacing requires]; not from LAS to LAS
     #[arg(long, value_name = "STEP[,STEP,STEP]", value_delimiter = ',')]
     pub(crate) scale: Vec<f64>,
 }
 
 impl Command {
-    /// The unit that was given.
+    /// The given unit.
     pub(crate) fn unit(&self) -> Option<f64> {
         match self {
             Self::Features(args) => args.unit.unit,
@@ -34,10 +34,10 @@ impl Command {
         }
     }
 
-    /// The step that was given, one number an axis.
+    /// The given scale, one number per axis.
     ///
     /// # Errors
-    /// Two numbers, or more than three.
+    /// If there are two numbers, or more than three.
     pub(crate) fn scale(&self) -> Result<Option<[f64; 3]>, String> {
         let numbers = match self {
             Self::Convert(args) => &args.scale.scale,

@@ -1,4 +1,4 @@
-//! What the user types.
+//! The command line arguments.
 
 mod examples;
 mod files;
@@ -19,7 +19,7 @@ use scansion_core::recipes::{AnyRecipe, SegmentParams};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Divides a LiDAR scan into its parts and names every point.
+/// Classifies LiDAR point clouds: divides a scan into segments and assigns a class to every point.
 #[derive(Debug, Parser)]
 #[command(
     name = "scansion",
@@ -29,8 +29,8 @@ use std::str::FromStr;
 Exit codes: 0 done, 1 failed, 2 usage, 3 some inputs failed, 4 bad input, 130 interrupted, 143 terminated.
 
 First steps:
-  scansion demo                                  the whole way on a small scan that is built in
-  scansion classify my.laz -o named.laz          name every point with the built-in model
+  scansion demo                                  all steps on a small scan that is built in
+  scansion classify my.laz -o named.laz          classify every point with the built-in model
   scansion render named.laz -o named.png         look at it"
 )]
 pub(crate) struct Args {
@@ -40,25 +40,25 @@ pub(crate) struct Args {
     pub(crate) command: Command,
 }
 
-/// Flags of every command.
+/// Options of every command.
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Common options")]
 pub(crate) struct Global {
-    /// Threads [default: RAYON_NUM_THREADS, SLURM_CPUS_PER_TASK, or all cores given to the process]
+    /// Number of threads [default: RAYON_NUM_THREADS, SLURM_CPUS_PER_TASK, or all cores given to the process]
     #[arg(short = 'j', long, global = true, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1024))]
     pub(crate) threads: Option<usize>,
-    /// Form of the data on stdout
+    /// Format of the data on stdout
     #[arg(long, global = true, value_enum, default_value_t = Format::Table)]
     pub(crate) format: Format,
     /// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere
     #[arg(long, global = true, value_enum, default_value_t = ProgressMode::Auto)]
     pub(crate) progress: ProgressMode,
-    /// Say nothing but errors
+    /// Print errors only
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
 }
 
-/// Form of the data on stdout.
+/// Format of the data on stdout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
     Table,
@@ -66,7 +66,7 @@ pub(crate) enum Format {
     Csv,
 }
 
-/// How progress is shown.
+/// Display of progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProgressMode {
     Auto,
@@ -76,33 +76,33 @@ pub(crate) enum ProgressMode {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Show the whole way on a small real scan that is built in
+    /// Run all steps on a small real scan that is built in
     Demo(Demo),
-    /// Tell what a file holds
+    /// Show what a file contains
     Info(Info),
-    /// Copy a file into another format; what the target cannot hold is said
+    /// Convert a file to another format, and report what the target cannot store
     Convert(Convert),
-    /// Join several files into one
+    /// Merge several files into one
     Merge(Merge),
-    /// Compare two files field by field; exit code 0 if they are the same, 1 if not
+    /// Compare two files field by field; exit code 0 if they are equal, 1 if not
     Diff(Diff),
     /// Compute multi-scale features, or list them
     Features(Features),
-    /// Learn a model from labelled clouds
+    /// Train a model on labelled clouds
     Train(Train),
-    /// Name every point
+    /// Classify every point
     #[command(visible_alias = "predict")]
     Classify(Classify),
-    /// Part a cloud into segments
+    /// Divide a cloud into segments
     Segment(Segment),
-    /// Name the segments whose labels would help most
+    /// Suggest the segments whose labels would help most
     Suggest(Suggest),
     /// Compare a classification with the truth
     #[command(visible_alias = "eval")]
     Evaluate(Evaluate),
     /// Draw a map or an oblique view
     Render(Render),
-    /// Look into a model
+    /// Inspect a model
     #[command(subcommand, after_help = examples::MODEL)]
     Model(Model),
 }
@@ -125,7 +125,7 @@ impl Command {
         }
     }
 
-    /// The files that are read, as far as the arguments name them.
+    /// The files that will be read, as far as the arguments name them.
     pub(crate) fn inputs(&self) -> Vec<&Path> {
         let (many, others): (&[PathBuf], Vec<&Option<PathBuf>>) = match self {
             Self::Demo(_) => (&[], vec![]),
@@ -142,7 +142,7 @@ impl Command {
             Self::Render(args) => (std::slice::from_ref(&args.input), vec![&args.truth]),
             Self::Model(Model::Show { model, .. }) => (&[], vec![model]),
         };
-        // A recipe may be a name.
+        // A recipe may be given by name.
         let named = |path: &&Path| {
             !path.to_str().is_some_and(|n| AnyRecipe::NAMES.contains(&n) || SegmentParams::named(n).is_some())
         };
@@ -153,28 +153,29 @@ impl Command {
     }
 }
 
-/// Where labels come from and what they mean.
+/// Source and meaning of the labels.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct LabelArgs {
     /// Change codes before use, e.g. 3=5,4=5 or 3-4=5
     #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
     pub(crate) map: String,
-    /// Change the codes of one input in another way than --map says, e.g. old_scan.laz:1=5; may be repeated, once an input
+    /// Change the codes of one input differently from --map, e.g. old_scan.laz:1=5; may be repeated, once per input
     #[arg(long, value_name = "FILE:OLD=NEW,...")]
     pub(crate) map_of: Vec<String>,
-    /// Use only these codes (after --map), 0 and 1 too if they are named
+    /// Use only these codes (after --map), including 0 and 1 if listed
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     pub(crate) classes: Vec<u8>,
-    /// Codes (after --map) that mean "unlabelled", or none; they are skipped and counted. auto: 0 and 1 in the Classification of
-    /// LAS and LAZ, 0 in the .labels of Semantic3D, none in other formats and dimensions. Negative values and NaN always do
+    /// Codes (after --map) that mean "unlabelled", or none; these points are skipped and counted. auto: 0 and 1 in the
+    /// Classification of LAS and LAZ, 0 in the .labels of Semantic3D, none in other formats and dimensions. Negative
+    /// values and NaN are always unlabelled
     #[arg(long, value_name = "auto|none|CODES", default_value = "auto")]
     pub(crate) unlabelled: Unlabelled,
-    /// Dimension that holds the labels
+    /// Dimension with the labels
     #[arg(long, value_name = "NAME", default_value = "Classification")]
     pub(crate) label_dimension: String,
 }
 
-/// Which codes mean that a point has no label.
+/// The codes that mean "unlabelled".
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Unlabelled {
     /// Those of the format.
@@ -200,7 +201,7 @@ impl FromStr for Unlabelled {
 }
 
 impl Unlabelled {
-    /// As the core wants it.
+    /// In the form that the core expects.
     pub(crate) fn codes(&self) -> Option<Vec<u8>> {
         match self {
             Self::Auto => None,
@@ -209,17 +210,17 @@ impl Unlabelled {
     }
 }
 
-/// The recipe and changes to it.
+/// The recipe, and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe to follow: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), or a
+    /// Recipe: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), or a
     /// TOML file [default: pyramid]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// Seed of everything that is drawn by chance
+    /// Seed of all random draws
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
 }
@@ -228,7 +229,7 @@ pub(crate) struct RecipeArgs {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::DEMO)]
 pub(crate) struct Demo {
-    /// Folder for the results; made if absent
+    /// Folder for the results; created if absent
     #[arg(short, long, default_value = "scansion-demo")]
     pub(crate) output: PathBuf,
 }

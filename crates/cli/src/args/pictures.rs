@@ -13,41 +13,41 @@ pub(crate) struct Render {
     /// Picture to write (.png); a map gets a world file (.pgw) beside it
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// What the colours show: class, height, rgb, or the name of a dimension [default: class if there is one]
+    /// Quantity shown by colour: class, height, rgb, or the name of a dimension [default: class if there is one]
     #[arg(long)]
     pub(crate) by: Option<String>,
-    /// Show where the classes differ from those of this cloud, point by point the same
+    /// Show where the classes differ from those of this cloud, same points in the same order
     #[arg(long, value_name = "FILE", conflicts_with = "by")]
     pub(crate) truth: Option<PathBuf>,
-    /// Compare only points whose class in the truth is one of these
+    /// Compare only points whose true class is one of these
     #[arg(long, value_name = "CODES", value_delimiter = ',', requires = "truth")]
     pub(crate) classes: Vec<u8>,
-    /// Codes of the truth that mean "unlabelled", or none: such points are not compared. auto: 0 and 1 in LAS and LAZ, 0 in
-    /// Semantic3D, none in other formats
+    /// Codes of the truth that mean "unlabelled", or none: such points are not compared. auto: 0 and 1 in LAS and LAZ,
+    /// 0 in Semantic3D, none in other formats
     #[arg(long, value_name = "auto|none|CODES", default_value = "auto", requires = "truth")]
     pub(crate) unlabelled: Unlabelled,
     /// From above, or from the side
     #[arg(long, value_enum, default_value_t = ViewArg::Map)]
     pub(crate) view: ViewArg,
-    /// Direction the viewer looks to, degrees from north over east
+    /// Viewing direction, degrees clockwise from north
     #[arg(long, default_value_t = 30.0)]
     pub(crate) azimuth: f64,
-    /// Height of the viewer above the horizon, degrees
+    /// Elevation of the viewpoint above the horizon, degrees
     #[arg(long, default_value_t = 35.0)]
     pub(crate) elevation: f64,
     /// Width in pixels
     #[arg(long, default_value_t = 1600)]
     pub(crate) width: u32,
-    /// Height in pixels [default: from the cloud's shape]
+    /// Height in pixels [default: from the shape of the cloud]
     #[arg(long)]
     pub(crate) height: Option<u32>,
     /// Range of the colours, low,high [default: from the data]
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true)]
     pub(crate) range: Option<String>,
-    /// Line above the picture
+    /// Title above the picture
     #[arg(long)]
     pub(crate) title: Option<String>,
-    /// No shading of the relief
+    /// No hillshading
     #[arg(long)]
     pub(crate) no_shading: bool,
     /// No legend, scale bar and title

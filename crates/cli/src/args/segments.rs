@@ -1,40 +1,40 @@
-//! Arguments of the commands that part a cloud.
+//! Arguments of the commands that divide a cloud into segments.
 
 use super::{LabelArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, ValueEnum};
 use scansion_core::recipes::SegmentMethod;
 use std::path::PathBuf;
 
-/// How segments are found, and how large they are to be.
+/// The segmentation method, and the size of its segments.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct SegmentArgs {
-    /// How segments are found [default: cut-pursuit]
+    /// Segmentation method [default: cut-pursuit]
     #[arg(long, value_enum)]
     pub(crate) method: Option<MethodArg>,
     /// Cost of a boundary edge (cut-pursuit, merge, riemannian): larger gives fewer, larger segments [default: 0.03;
     /// riemannian: 0.1]
     #[arg(long, value_name = "RHO", group = "intent")]
     pub(crate) strength: Option<f64>,
-    /// Aim at so many segments on a hectare of covered ground (cut-pursuit, merge)
+    /// Aim at this many segments per hectare of covered ground (cut-pursuit, merge)
     #[arg(long, value_name = "N", group = "intent")]
     pub(crate) segments_per_hectare: Option<f64>,
-    /// Aim at the smallest object that is to be a segment of its own, metres (cut-pursuit, merge)
+    /// Aim at the smallest object that should be a segment of its own, metres (cut-pursuit, merge)
     #[arg(long, value_name = "METRES", group = "intent")]
     pub(crate) smallest_object: Option<f64>,
-    /// Aim at the fewest segments that could be named with at most so much loss of accuracy on the cloud's labels, 0..1
+    /// Aim at the fewest segments whose oracle accuracy on the cloud's labels is lower by at most this, 0..1
     /// (cut-pursuit, merge)
     #[arg(long, value_name = "LOSS", group = "intent")]
     pub(crate) oracle_loss: Option<f64>,
     /// Size of the supervoxels (local-graph, slic, vccs) or of the largest voxels (octree-region-growing) [default: 1.2; 2]
     #[arg(long, value_name = "METRES", group = "intent")]
     pub(crate) size: Option<f64>,
-    /// Segments of fewer points join their best neighbour (cut-pursuit, merge) [default: 0]
+    /// Merge segments of fewer points into their best neighbour (cut-pursuit, merge) [default: 0]
     #[arg(long, value_name = "POINTS")]
     pub(crate) cutoff: Option<f64>,
-    /// Smallest neighbourhood that describes a point (20 or more on scans that consist of lines) [default: 10]
+    /// Smallest neighbourhood of a point (20 or more on scans that consist of lines) [default: 10]
     #[arg(long, value_name = "K")]
     pub(crate) k_min: Option<usize>,
-    /// Settings of all methods as TOML, or the name of a method, e.g. riemannian; flags win
+    /// Settings of all methods as TOML, or the name of a method, e.g. riemannian; flags take precedence
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting, e.g. objects.vccs.voxel=0.4; may be repeated
@@ -42,12 +42,12 @@ pub(crate) struct SegmentArgs {
     pub(crate) set: Vec<String>,
     #[command(flatten)]
     pub(crate) unit: UnitArgs,
-    /// Seed of everything that is drawn by chance [default: 0]
+    /// Seed of all random draws [default: 0]
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
 }
 
-/// How segments are found.
+/// Segmentation method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MethodArg {
     /// l0 cut pursuit on the points (Guinard and Landrieu 2017): lower energy
@@ -58,13 +58,13 @@ pub(crate) enum MethodArg {
     Riemannian,
     /// Local graphs of supervoxels (Hasanpour Zaryabi et al. 2022)
     LocalGraph,
-    /// Supervoxels on points
+    /// SLIC supervoxels on points
     Slic,
-    /// Supervoxels on voxels that touch
+    /// VCCS supervoxels on adjacent voxels
     Vccs,
-    /// Smooth regions of points
+    /// Region growing on points
     RegionGrowing,
-    /// Flat voxels of an octree, grown and refined
+    /// Octree-based region growing
     OctreeRegionGrowing,
 }
 
@@ -87,21 +87,22 @@ impl From<MethodArg> for SegmentMethod {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::SEGMENT)]
 pub(crate) struct Segment {
-    /// Cloud to part
+    /// Cloud to divide
     pub(crate) input: PathBuf,
-    /// Result: the input with the dimension ClusterID (from 1; 0 = none)
+    /// Output: the input with the dimension ClusterID (from 1; 0 = none)
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) segments: SegmentArgs,
-    /// Part the cloud at each of these least depths of the octree too (riemannian), as dimensions ClusterID_L1, ClusterID_L2, ...
+    /// Also divide the cloud at each of these least depths of the octree (riemannian), as dimensions ClusterID_L1,
+    /// ClusterID_L2, ...
     #[arg(long, value_name = "DEPTHS", value_delimiter = ',')]
     pub(crate) levels: Vec<u32>,
     #[command(flatten)]
     pub(crate) labels: LabelArgs,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Replace the input itself if it is also the output
+    /// Allow the output to replace the input
     #[arg(long)]
     pub(crate) overwrite: bool,
 }
@@ -110,21 +111,21 @@ pub(crate) struct Segment {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::SUGGEST)]
 pub(crate) struct Suggest {
-    /// Cloud to look at
+    /// Cloud to examine
     pub(crate) input: PathBuf,
-    /// Where the answer goes: .csv to be filled in, .las, .laz or .ply with ClusterID, .html with two pictures of each
-    /// segment; may be repeated
+    /// Output: .csv to be filled in, .las, .laz or .ply with ClusterID, .html with two pictures of each segment; may be
+    /// repeated
     #[arg(short, long, required = true)]
     pub(crate) output: Vec<PathBuf>,
-    /// Segments to name
+    /// Number of segments to suggest
     #[arg(short = 'n', long, value_name = "N", default_value_t = 50)]
     pub(crate) count: usize,
-    /// Model that is to get better: its uncertainty counts
+    /// Model to improve: its uncertainty is taken into account
     #[arg(short, long)]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Leave out segments that hold a label
+    /// Leave out segments that contain a label
     #[arg(long)]
     pub(crate) labelled: bool,
     #[command(flatten)]

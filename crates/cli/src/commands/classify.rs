@@ -1,4 +1,4 @@
-//! `scansion classify`: name every point, keep everything else of the file.
+//! `scansion classify`: classifies every point and keeps everything else in the file.
 
 use super::{Context, sources};
 use crate::args::Classify;
@@ -91,7 +91,7 @@ fn one(
     Ok(())
 }
 
-/// The codes to write: the model's, but what was there where the user wants it kept.
+/// The codes to write: the model's, except where the user wants the old ones kept.
 fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Vec<u8> {
     let old = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
     let open: &[u8] = if cloud.scheme == CodeScheme::Semantic3d { &[0] } else { &[0, 1] };
@@ -105,7 +105,7 @@ fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) ->
         .collect()
 }
 
-/// The dimensions that will be written, without values.
+/// The dimensions that will be written, still empty.
 fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
     let mut list: Vec<String> = Vec::new();
     if !args.no_extra {
@@ -117,7 +117,7 @@ fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
     list.into_iter().map(|name| Column::new(name, Values::F32(Vec::new()))).collect()
 }
 
-/// Name of the dimension that holds a class's probability.
+/// Name of the dimension with a class's probability.
 fn probability_of(class: &str) -> String {
     let name = format!("P_{}", class.replace(|ch: char| !ch.is_ascii_alphanumeric(), "_"));
     name.chars().take(31).collect()

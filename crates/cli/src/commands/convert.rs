@@ -1,4 +1,4 @@
-//! `scansion convert`: the same points in another format.
+//! `scansion convert`: converts a file to another format.
 
 use super::Context;
 use crate::args::Convert;

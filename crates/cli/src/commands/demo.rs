@@ -1,4 +1,4 @@
-//! `scansion demo`: the whole way on a small real scan that is built in.
+//! `scansion demo`: all steps on a small real scan that is built in.
 
 use super::{Context, sources};
 use crate::args::Demo;
@@ -11,7 +11,7 @@ use scansion_core::images::{self, ColourBy, RenderParams, View};
 use scansion_core::io::{self, Edit, atomic};
 use scansion_core::recipes::{self, ClassifyParams, LabelParams, read_labels};
 
-/// A crop of IGN's LiDAR HD (MIT licence, see `assets/README.md`) that the built-in model has not learned from.
+/// A crop of IGN's LiDAR HD (MIT licence, see `assets/README.md`) that the built-in model was not trained on.
 const SCAN: &[u8] = include_bytes!("../../assets/demo.laz");
 
 pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
@@ -52,7 +52,7 @@ fn next(folder: &std::path::Path) -> String {
         "\nIn {f}: scan.laz (as scanned), named.laz (named, with Confidence and Entropy), map.png, oblique.png, scores.json
 
 What to do next:
-  scansion classify my.laz -o named.laz               name every point of your own scan
+  scansion classify my.laz -o named.laz               classify every point of your own scan
   scansion train labelled.laz -o my.model             learn from your own labels
   scansion classify my.laz -o named.laz -m my.model   and use what was learned
   scansion render named.laz -o named.png --view oblique"

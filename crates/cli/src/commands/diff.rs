@@ -1,4 +1,4 @@
-//! `scansion diff`: what two files have in common and where they differ.
+//! `scansion diff`: the differences between two files.
 
 use super::Context;
 use crate::args::{Diff, Format};
@@ -66,7 +66,7 @@ fn changed(text: &mut String, title: &str, c: &Changed) {
     let _ = writeln!(text, "{title} {}: {} -> {}", c.name, short(&c.a), short(&c.b));
 }
 
-/// The pairs of classes that changed, most points first, and the number that stayed.
+/// The pairs of class codes that changed, most points first, and the number of unchanged points.
 fn classes(text: &mut String, found: &Difference) {
     if found.classes.is_empty() {
         return;
@@ -82,7 +82,7 @@ fn classes(text: &mut String, found: &Difference) {
     let _ = writeln!(text, "{:<65} {stayed:>14}", "the same class");
 }
 
-/// One line a difference: kind, name, points, first, largest, and the two forms.
+/// One line per difference: kind, name, points, first, largest, and the two values.
 fn csv(found: &Difference) -> String {
     let quoted = |s: &str| format!("\"{}\"", s.replace('"', "\"\""));
     let mut text = "kind,name,points,first,largest,a,b\n".to_string();

@@ -1,4 +1,4 @@
-//! `scansion evaluate`: compare a classification with the truth.
+//! `scansion evaluate`: compares a classification with the truth.
 
 use super::labels::LabelSource;
 use super::{Context, sources};
@@ -38,15 +38,15 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
     })
 }
 
-/// What the codes of both sides become.
+/// The mappings of the codes on both sides.
 struct Maps {
     truth: LabelMap,
-    /// `None`: only `--map` may be meant.
+    /// `None`: only `--map` applies.
     predicted: Option<LabelMap>,
 }
 
 impl Maps {
-    /// `--map-of` for the one file, `--map-truth` and `--map-predicted`, or `--map`.
+    /// From `--map-of` for a single file, `--map-truth` and `--map-predicted`, or `--map`.
     fn new(args: &Evaluate, source: &LabelSource<'_>) -> Result<Self, Error> {
         let own = |input: &Path, flag: &Option<String>, name: &'static str| match (source.own_map(input), flag) {
             (Some(_), Some(text)) => Err(Error::parameter(name, text, "one map a file; --map-of gives it another")),
@@ -60,13 +60,13 @@ impl Maps {
             None => args.map_predicted.as_ref().map(|text| text.parse()).transpose()?,
         };
         let asked = truth.is_some() || predicted.is_some();
-        // Where one side has a map of its own it is clear what the other side has: --map, or nothing.
+        // If one side has its own map, the other side uses --map, or none.
         let map: LabelMap = args.labels.map.parse()?;
         let predicted = predicted.or_else(|| asked.then(|| map.clone()));
         Ok(Self { truth: truth.unwrap_or(map), predicted })
     }
 
-    /// The prediction's codes. A map for both sides must leave them as they are: else it is not clear what was meant.
+    /// The prediction's codes. A map for both sides must not change them, because the intention would be unclear.
     fn predicted(&self, codes: &[Option<u8>], map: &str) -> Result<Vec<Option<u8>>, Error> {
         if let Some(own) = &self.predicted {
             return Ok(codes.iter().map(|code| code.map(|c| own.apply(c))).collect());
@@ -87,7 +87,7 @@ impl Maps {
     }
 }
 
-/// Codes of the prediction, none skipped; `None` where it leaves a point open: an error of the prediction.
+/// Codes of the prediction, none skipped; `None` where it has no class, which counts as an error of the prediction.
 fn predicted(args: &Evaluate, cloud: &Cloud, context: &Context<'_>) -> Result<Vec<Option<u8>>, Failure> {
     if args.model.is_some() {
         let model = sources::model(args.model.as_deref())?;
@@ -105,7 +105,7 @@ fn predicted(args: &Evaluate, cloud: &Cloud, context: &Context<'_>) -> Result<Ve
     Ok(read_labels(other, &params)?.codes)
 }
 
-/// Two files of equal length whose points stand elsewhere are not the same scan.
+/// Two files of equal length with points at different positions are not the same scan.
 fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
     let step = (a.len() / 1000).max(1);
     let apart = |i: &usize| {
@@ -122,7 +122,7 @@ fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
     }
 }
 
-/// What an output is, by its extension.
+/// The kind of an output, by its extension.
 enum Kind {
     Json,
     Csv,

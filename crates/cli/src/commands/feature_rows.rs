@@ -1,4 +1,4 @@
-//! Where rows of features go that are computed in another order than that of the file.
+//! Destinations of feature rows, which are computed in a different order from that of the file.
 
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::features::Rows;
@@ -10,28 +10,28 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom, Write as _};
 use std::path::Path;
 
-/// Bytes of text that are written at once.
+/// Bytes of text written at once.
 const PIECE: usize = 1 << 20;
 
-/// A file of rows of `f32`, each written at its own place.
+/// A file of rows of `f32`, each written at its own offset.
 pub(crate) struct RowFile {
     file: AtomicFile,
     /// Bytes before the first row.
     head: u64,
-    /// Numbers in a row.
+    /// Number of values in a row.
     width: usize,
     bytes: Vec<u8>,
 }
 
 impl RowFile {
-    /// A file that begins with `head`.
+    /// Creates a file that starts with `head`.
     pub(crate) fn create(path: &Path, head: &[u8], width: usize) -> Result<Self> {
         let mut file = AtomicFile::create(path)?;
         file.write_all(head)?;
         Ok(Self { file, head: head.len() as u64, width, bytes: Vec::new() })
     }
 
-    /// Writes rows; those of points that follow each other go together.
+    /// Writes rows; those of consecutive points are written together.
     pub(crate) fn put(&mut self, rows: &Rows) -> Result<()> {
         let mut order: Vec<usize> = (0..rows.points.len()).collect();
         order.sort_unstable_by_key(|&row| rows.points[row]);
@@ -50,12 +50,12 @@ impl RowFile {
         Ok(())
     }
 
-    /// Gives the file its name.
+    /// Gives the file its final name.
     pub(crate) fn finish(self) -> Result<()> {
         self.file.finish()
     }
 
-    /// Writes the rows as text, with the coordinates before them; the file of numbers itself goes.
+    /// Writes the rows as text, preceded by the coordinates; the binary file is removed.
     pub(crate) fn write_csv(
         mut self,
         path: &Path,
@@ -88,11 +88,11 @@ impl RowFile {
     }
 }
 
-/// The same in memory, column by column.
+/// Feature rows in memory, column by column.
 pub(crate) struct RowColumns(Vec<Vec<f32>>);
 
 impl RowColumns {
-    /// Room for so many points and columns.
+    /// Allocates this many points and columns.
     pub(crate) fn new(points: usize, columns: usize) -> Result<Self> {
         let column = |_| scansion_core::memory::filled(f32::NAN, points, "a column of features");
         (0..columns).map(column).collect::<Result<_>>().map(Self)

@@ -1,4 +1,4 @@
-//! `scansion features`: compute multi-scale features, or list them.
+//! `scansion features`: computes or lists multi-scale features.
 
 use super::feature_rows::{RowColumns, RowFile};
 use super::{Context, sources};
@@ -20,7 +20,7 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     }
     let set = sources::recipe(&args.recipe)?.features;
     let asked = Wanted::Asked(&args.only);
-    // Names follow from the first scale; where the cloud decides on it they are not known yet.
+    // Names contain the first scale; if the cloud determines it, they are not known yet.
     if let (Some(scale), false) = (set.pyramid.first_scale, table) {
         let columns =
             asked.names(&set.names(scale))?.into_iter().map(|name| Column::new(name, Values::F32(Vec::new())));
@@ -60,7 +60,7 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     Ok(())
 }
 
-/// The start of NumPy's array file, version 1.0: little-endian f4, C order.
+/// The header of a NumPy array file, version 1.0: little-endian f4, C order.
 fn npy_header(points: usize, width: usize) -> Vec<u8> {
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({points}, {width}), }}");
     while (header.len() + 11) % 64 != 0 {
@@ -73,7 +73,7 @@ fn npy_header(points: usize, width: usize) -> Vec<u8> {
     bytes
 }
 
-/// The table of definitions, in the asked form.
+/// The table of definitions, in the requested format.
 fn list(format: Format) -> String {
     match format {
         Format::Json => serde_json::to_string_pretty(definition::ALL).unwrap_or_default(),

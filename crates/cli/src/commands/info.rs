@@ -1,4 +1,4 @@
-//! `scansion info`: what a file holds, and what is odd about it.
+//! `scansion info`: contents of a file, and warnings about it.
 
 use super::{Context, sources};
 use crate::args::{Format, Info};
@@ -13,7 +13,7 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// What only the points can tell.
+/// Results that need the points.
 #[derive(Debug, Serialize)]
 struct Stats {
     points_per_square_metre: f64,
@@ -34,7 +34,7 @@ struct Described {
     stats: Option<Stats>,
 }
 
-/// What can be read of a damaged file.
+/// The readable part of a damaged file.
 #[derive(Debug, Serialize)]
 struct Salvaged {
     path: PathBuf,
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Info, context: &Context<'_>) -> Result<(), Failure> {
     partly(failed, inputs.len())
 }
 
-/// What `work` says of each file, and how many failed; a single one that fails ends the run.
+/// The result of `work` for each file, and how many failed; if a single file fails, the run ends.
 fn each<T>(
     inputs: &[PathBuf],
     context: &Context<'_>,
@@ -108,7 +108,7 @@ fn salvaged(inputs: &[PathBuf], format: Format, context: &Context<'_>) -> Result
 fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stats, Failure> {
     let (found, cloud) = statistics::statistics(path, &context.read_options())?;
     info.warnings.extend(found.warnings);
-    // Headers of other formats than LAS do not tell the bounds.
+    // Headers of formats other than LAS have no bounds.
     info.bounds = info.bounds.or_else(|| cloud.bounds());
     let density = planar_density(&cloud, info.metres_per_unit.unwrap_or(1.0), &context.monitor)?;
     Ok(Stats {
@@ -122,7 +122,7 @@ fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stat
     })
 }
 
-/// Decimal places that hold every multiple of a scale like 0.01 or 0.00025.
+/// Number of decimal places that represents every multiple of a scale like 0.01 or 0.00025.
 fn places(scale: f64) -> usize {
     let whole = |steps: f64| (steps - steps.round()).abs() < 1e-6 * steps;
     (0..12).find(|&p| whole(scale * 10f64.powi(p))).unwrap_or(12) as usize
@@ -132,7 +132,7 @@ fn table(described: &Described) -> String {
     let info = &described.info;
     let mut text = format!("{}\n", info.path.display());
     let mut line = |name: &str, value: String| {
-        // A line end in a name would look like another line of ours.
+        // A line end in a name would look like a line of our output.
         let value = value.replace('\n', "\\u000a");
         let _ = writeln!(text, "  {name:<14} {value}");
     };
@@ -175,7 +175,7 @@ fn table(described: &Described) -> String {
     text
 }
 
-/// What the coordinates are.
+/// The unit of the coordinates.
 fn unit(info: &FileInfo) -> String {
     match (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
         (Some(metres), _) if (metres - 1.0).abs() < 1e-12 => "metre".into(),
@@ -185,12 +185,12 @@ fn unit(info: &FileInfo) -> String {
     }
 }
 
-/// The name of a length that has one.
+/// The name of a well-known unit of length.
 fn foot(metres: f64) -> &'static str {
     let is = |other: f64| (metres / other - 1.0).abs() < 1e-9;
     match metres {
         _ if is(0.3048) => " (foot)",
-        // WKT often has no more than ten digits of it.
+        // WKT often has only ten digits of it.
         _ if (metres / (1200.0 / 3937.0) - 1.0).abs() < 1e-7 => " (US survey foot)",
         _ => "",
     }

@@ -1,4 +1,4 @@
-//! Labels of the inputs as the arguments say, with a word on what counts as unlabelled.
+//! Labels of the inputs according to the arguments, with a message about what counts as unlabelled.
 
 use super::Context;
 use crate::args::LabelArgs;
@@ -9,18 +9,18 @@ use scansion_core::recipes::{LabelParams, Labels, read_labels};
 use scansion_core::{Error, Result};
 use std::path::Path;
 
-/// Label settings of all inputs of a run: `--map-of` must name them.
+/// Label settings of all inputs of a run; each `--map-of` must name one of them.
 pub(crate) struct LabelSource<'a> {
     args: &'a LabelArgs,
-    /// An input and the map that is its own.
+    /// An input and its own map.
     own: Vec<(&'a Path, LabelMap)>,
 }
 
 impl<'a> LabelSource<'a> {
-    /// Finds the input of every `--map-of`.
+    /// Finds the input of each `--map-of`.
     ///
     /// # Errors
-    /// No map, no input or several of that name, two maps for one input.
+    /// If a map is invalid, no input or several have that name, or an input gets two maps.
     pub(crate) fn new(args: &'a LabelArgs, inputs: &[&'a Path]) -> Result<Self> {
         let all = || inputs.iter().map(|i| i.display().to_string()).collect::<Vec<_>>().join(", ");
         let mut own: Vec<(&Path, LabelMap)> = Vec::new();
@@ -41,12 +41,12 @@ impl<'a> LabelSource<'a> {
         Ok(Self { args, own })
     }
 
-    /// The map that `--map-of` gives an input.
+    /// The map from `--map-of` for an input.
     pub(crate) fn own_map(&self, input: &Path) -> Option<&LabelMap> {
         self.own.iter().find(|(known, _)| *known == input).map(|(_, map)| map)
     }
 
-    /// Label settings of an input as the core wants them.
+    /// Label settings of an input, in the form that the core expects.
     pub(crate) fn params(&self, input: &Path) -> Result<LabelParams> {
         Ok(LabelParams {
             dimension: self.args.label_dimension.clone(),
@@ -56,7 +56,7 @@ impl<'a> LabelSource<'a> {
         })
     }
 
-    /// The labels of an input; says which points count as unlabelled.
+    /// The labels of an input; prints which points count as unlabelled.
     pub(crate) fn read(&self, input: &Path, cloud: &Cloud, context: &Context<'_>) -> Result<Labels> {
         self.read_as((input, cloud), &self.params(input)?, context)
     }
@@ -73,7 +73,7 @@ impl<'a> LabelSource<'a> {
 
     fn read_as(&self, (input, cloud): (&Path, &Cloud), params: &LabelParams, context: &Context<'_>) -> Result<Labels> {
         if cloud.column(&params.dimension).is_none() {
-            // Only some columns were read: the file knows the others.
+            // Only some columns were read; the file has the complete list.
             let known = io::inspect(input).map(|info| info.dimensions.join(", ")).unwrap_or_default();
             let (path, wanted) = (input.display(), &params.dimension);
             return Err(Error::input(format!(
@@ -87,7 +87,7 @@ impl<'a> LabelSource<'a> {
         Ok(labels)
     }
 
-    /// Classes that `--classes` asks for and no input has.
+    /// Classes in `--classes` that no input has.
     pub(crate) fn absent<'l>(&self, labels: impl Iterator<Item = &'l Labels>) -> Option<String> {
         let mut points = [0u64; 256];
         labels.for_each(|l| points.iter_mut().zip(l.counts()).for_each(|(sum, n)| *sum += n));
@@ -100,7 +100,7 @@ impl<'a> LabelSource<'a> {
     }
 }
 
-/// In words, which codes count as unlabelled and how many points carry none that counts.
+/// A message: the codes that count as unlabelled, and the number of unlabelled points.
 fn note(cloud: &Cloud, params: &LabelParams, labels: &Labels) -> Option<String> {
     let (scheme, skipped) = (params.scheme(cloud), params.unlabelled_in(cloud));
     let list = skipped.iter().map(u8::to_string).collect::<Vec<_>>().join(" and ");

@@ -1,4 +1,4 @@
-//! `scansion merge`: several files as one.
+//! `scansion merge`: merges several files into one.
 
 use super::{Context, sources};
 use crate::args::Merge;

@@ -1,4 +1,4 @@
-//! One file a verb: read, one call of the core, write.
+//! One file per command: read, one call of the core, write.
 
 mod classify;
 mod convert;
@@ -32,45 +32,45 @@ use scansion_core::io::{ReadOptions, RewriteReport, WriteOptions};
 use scansion_core::parallel::Monitor;
 use std::path::Path;
 
-/// What every command gets.
+/// The context of every command.
 pub(crate) struct Context<'a> {
     pub(crate) printer: &'a Printer,
     pub(crate) monitor: Monitor,
-    /// Metres in one unit of all inputs, if the user said so.
+    /// Metres per unit of all inputs, if given by the user.
     pub(crate) unit: Option<f64>,
-    /// Step of LAS outputs, if the user said so.
+    /// Scale of LAS outputs, if given by the user.
     pub(crate) scale: Option<[f64; 3]>,
 }
 
 impl Context<'_> {
-    /// Settings for writing, with this run's step, progress and cancellation.
+    /// Options for writing, with this run's scale, progress and cancellation.
     pub(crate) fn write_options(&self) -> WriteOptions {
         let mut options = WriteOptions { scale: self.scale, ..WriteOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
 
-    /// Settings for reading all columns, with this run's unit, progress and cancellation.
+    /// Options for reading all columns, with this run's unit, progress and cancellation.
     pub(crate) fn read_options(&self) -> ReadOptions {
         let mut options = ReadOptions { metres_per_unit: self.unit, ..ReadOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
 
-    /// Warns of what a damaged file has lost.
+    /// Warns about losses of a damaged file.
     pub(crate) fn losses(&self, input: &Path, losses: &Losses) {
         losses.notes.iter().for_each(|n| self.printer.warning(&format!("{}: {n}", input.display())));
         self.printer.note(&format!("{}: {}", input.display(), losses.summary()));
     }
 
-    /// Tells what was written and what could not stay as it was.
+    /// Prints what was written and what had to change.
     pub(crate) fn report(&self, output: &Path, report: &RewriteReport) {
         report.notes.iter().for_each(|n| self.printer.note(&format!("{}: {n}", output.display())));
         self.printer.note(&format!("{}: {} points", output.display(), report.points));
     }
 }
 
-/// Runs the command in a pool of the asked size, with progress and Ctrl-C.
+/// Runs the command in a pool of the requested size, with progress and Ctrl-C.
 pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
     let (unit, scale) = (args.command.unit(), args.command.scale().map_err(Failure::Usage)?);
     let running = Interruptible::begin();

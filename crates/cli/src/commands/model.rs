@@ -1,4 +1,4 @@
-//! `scansion model show`: look into a model.
+//! `scansion model show`: shows the contents of a model.
 
 use super::{Context, sources};
 use crate::args::{Format, Model};
@@ -20,7 +20,7 @@ pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
     })
 }
 
-/// Features by falling importance.
+/// Features by decreasing importance.
 fn ranked(model: &ModelFile) -> Vec<(&str, f64)> {
     let mut ranked: Vec<(&str, f64)> =
         model.feature_names.iter().map(String::as_str).zip(model.classifier.importance().iter().copied()).collect();

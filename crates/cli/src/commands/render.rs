@@ -1,4 +1,4 @@
-//! `scansion render`: a map or an oblique view as PNG.
+//! `scansion render`: draws a map or an oblique view as PNG.
 
 use super::Context;
 use crate::args::{Render, ViewArg};
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Puts the truth beside the cloud's classes.
+/// Adds the true classes to the cloud as a column.
 fn differences(cloud: &mut Cloud, (truth, args): (&Path, &Render), context: &Context<'_>) -> Result<ColourBy, Failure> {
     let path = truth.display();
     let truth = io::read_with(truth, &context.read_options())?;

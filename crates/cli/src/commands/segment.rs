@@ -1,4 +1,4 @@
-//! `scansion segment`: part a cloud into segments.
+//! `scansion segment`: divides a cloud into segments.
 
 use super::labels::LabelSource;
 use super::{Context, sources};
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> 
     })
 }
 
-/// Reads a cloud, with its labels if it has any, and parts it.
+/// Reads a cloud, with its labels if it has any, and divides it into segments.
 pub(crate) fn parted(
     input: &Path,
     (args, levels): (&SegmentArgs, &[u32]),
@@ -57,7 +57,7 @@ pub(crate) fn parted(
     Ok((cloud, labels, found))
 }
 
-/// Flags before `--set` before the file before the defaults.
+/// Flags take precedence over `--set`, then the file, then the defaults.
 fn settings(args: &SegmentArgs) -> Result<SegmentParams, Failure> {
     let base = match args.recipe.as_deref() {
         None => SegmentParams::default(),
@@ -78,7 +78,7 @@ fn settings(args: &SegmentArgs) -> Result<SegmentParams, Failure> {
     Ok(aimed(args, params)?)
 }
 
-/// How large segments are to be, in the terms of the method.
+/// The aim of the segmentation, in the terms of the method.
 fn aimed(args: &SegmentArgs, mut params: SegmentParams) -> scansion_core::Result<SegmentParams> {
     let aims = [
         args.strength.map(Intent::Strength),

@@ -1,4 +1,4 @@
-//! Inputs, outputs, recipes and models as the arguments name them.
+//! Inputs, outputs, recipes and models named by the arguments.
 
 use crate::args::RecipeArgs;
 use crate::exit_code::Failure;
@@ -8,7 +8,7 @@ use scansion_core::{Error, Result, io};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// The recipe that name or file, settings and seed give together (flag before recipe before default).
+/// The recipe from name or file, settings and seed (flags before recipe before defaults).
 pub(crate) fn any_recipe(args: &RecipeArgs) -> Result<AnyRecipe> {
     let base = match &args.recipe {
         None => AnyRecipe::named("pyramid")?,
@@ -26,7 +26,7 @@ pub(crate) fn any_recipe(args: &RecipeArgs) -> Result<AnyRecipe> {
     Ok(recipe)
 }
 
-/// The pyramid recipe that the arguments give.
+/// The pyramid recipe from the arguments.
 pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
     match any_recipe(args)? {
         AnyRecipe::Pyramid(recipe) => Ok(*recipe),
@@ -39,12 +39,12 @@ pub(crate) fn text(path: &Path) -> Result<String> {
     io::open::text(path, io::open::MOST_SETTINGS)
 }
 
-/// The model of that file, or the built-in one.
+/// The model in that file, or the built-in one.
 pub(crate) fn model(path: Option<&Path>) -> Result<Model> {
     path.map_or_else(default_model, Model::load)
 }
 
-/// Pairs each input with its output: a file for one input, a folder for several (or if it is one already).
+/// Pairs each input with its output: a file for one input, a folder for several (or if it is a folder already).
 pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<Vec<(PathBuf, PathBuf)>, Failure> {
     if let ([input], false) = (inputs, output.is_dir()) {
         return Ok(vec![(input.clone(), output.to_path_buf())]);
@@ -66,8 +66,8 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
     Ok(pairs)
 }
 
-/// Inputs with `*`, `?` and `[...]` in file names replaced by the files that match, in the order of their names: for shells
-/// that hand patterns on. A name of a file that exists is taken as it is.
+/// Replaces inputs with `*`, `?` and `[...]` in file names by the matching files, sorted by name, for shells that do
+/// not expand patterns. The name of an existing file is used as it is.
 pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, Failure> {
     let mut all = Vec::new();
     for input in inputs {
@@ -89,12 +89,12 @@ pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, 
     Ok(all)
 }
 
-/// Whether a file name matches a pattern; hidden names only match patterns that begin with a dot.
+/// Whether a file name matches a pattern; hidden names only match patterns that start with a dot.
 fn matches(pattern: &[u8], name: &[u8]) -> bool {
     if name.first() == Some(&b'.') && pattern.first() != Some(&b'.') {
         return false;
     }
-    // Where the last star stood and what it was tried with: enough, since only the last one needs to give back.
+    // Position of the last star and of its trial match: only the last one needs to be retried.
     let (mut p, mut n, mut star) = (0, 0, None);
     while n < name.len() {
         if pattern.get(p) == Some(&b'*') {
@@ -112,7 +112,7 @@ fn matches(pattern: &[u8], name: &[u8]) -> bool {
     pattern[p..].iter().all(|&c| c == b'*')
 }
 
-/// The place in the pattern behind what matches this byte, if it does.
+/// The position in the pattern after the element that matches this byte, if it does.
 fn one(pattern: &[u8], p: usize, byte: u8) -> Option<usize> {
     match pattern.get(p)? {
         b'?' => Some(p + 1),

@@ -1,4 +1,4 @@
-//! `scansion suggest`: which segments to label next.
+//! `scansion suggest`: suggests the segments to label next.
 
 use super::segment::{CLUSTER, parted};
 use super::suggest_page::page;
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> 
     })
 }
 
-/// What an output is, by its extension.
+/// The kind of an output, by its extension.
 enum Kind {
     Table,
     Page,
@@ -62,7 +62,7 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
     }
 }
 
-/// Entropy of each point over its greatest value, by a model that decides for every point alone.
+/// Normalised entropy of each point, by a model without regularisation.
 fn uncertainty(input: &Path, model: &Path, context: &Context<'_>) -> Result<Vec<f32>, Failure> {
     let model = sources::model(Some(model))?;
     let cloud = io::read_with(input, &context.read_options())?;
@@ -72,7 +72,7 @@ fn uncertainty(input: &Path, model: &Path, context: &Context<'_>) -> Result<Vec<
     Ok(found.entropy.iter().map(|e| (e / most).clamp(0.0, 1.0)).collect())
 }
 
-/// The table that `scansion train --weak-labels` takes when its last column is filled in.
+/// The table that `scansion train --weak-labels` accepts when its last column is filled in.
 fn csv(found: &[Suggestion], cloud: &Cloud) -> String {
     let mut text = String::from("cluster_id,x,y,z,points,uncertainty,score,class\n");
     for s in found {
@@ -82,7 +82,7 @@ fn csv(found: &[Suggestion], cloud: &Cloud) -> String {
     text
 }
 
-/// A coordinate with at most seven decimals (a centimetre where the unit is a degree).
+/// A coordinate with at most seven decimals (a centimetre if the unit is degrees).
 fn short(value: f64) -> String {
     let text = format!("{value:.7}");
     text.trim_end_matches('0').trim_end_matches('.').to_string()

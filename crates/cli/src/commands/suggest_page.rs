@@ -1,4 +1,4 @@
-//! One page, without the internet, to label segments on: two pictures of each and a table to save.
+//! An offline page for labelling segments: two pictures of each, and a table to save.
 
 use super::Context;
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -10,12 +10,12 @@ use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{Segmented, Suggestion};
 use std::fmt::Write;
 
-/// Most points of a picture.
+/// Largest number of points in a picture.
 const MOST: usize = 60_000;
-/// Colour of the segment, and of what stands around it.
+/// Colour of the segment, and of its surroundings.
 const OWN: [u8; 3] = [214, 39, 100];
 const OTHER: [u8; 3] = [196, 199, 203];
-/// Codes that the page offers.
+/// Class codes offered by the page.
 const CODES: [u8; 14] = [2, 3, 4, 5, 6, 7, 9, 10, 11, 13, 14, 15, 17, 64];
 
 /// The page as text.
@@ -63,7 +63,7 @@ fn figure(suggestion: &Suggestion, cloud: &Cloud, segmented: &Segmented, monitor
     Ok(text)
 }
 
-/// The segment in colour and what stands around it in grey, thinned if they are many.
+/// The segment in colour and its surroundings in grey, thinned if there are many points.
 fn around(suggestion: &Suggestion, cloud: &Cloud, segmented: &Segmented) -> Result<Cloud> {
     let own = |i: &u32| segmented.clusters[*i as usize] == suggestion.cluster_id;
     let finite = segmented.points.index.iter().copied();

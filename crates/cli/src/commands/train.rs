@@ -1,4 +1,4 @@
-//! `scansion train`: learn a model from labelled clouds.
+//! `scansion train`: trains a model on labelled clouds.
 
 use super::labels::LabelSource;
 use super::{Context, sources, train_objects, train_weak};
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     }
 }
 
-/// `--weak` is `--recipe weak`.
+/// `--weak` is the same as `--recipe weak`.
 fn named(args: &Train) -> RecipeArgs {
     let mut recipe = args.recipe.clone();
     if args.weak {
@@ -67,7 +67,7 @@ fn named(args: &Train) -> RecipeArgs {
     recipe
 }
 
-/// Refuses what only the weak recipe knows.
+/// Refuses options that only the weak recipe has.
 fn without_weak(args: &Train) -> Result<(), Failure> {
     match args.weak_labels.is_some() || args.per_class.is_some() || !args.grid_strength.is_empty() {
         true => Err(Failure::Usage("--weak-labels, --per-class and --grid-strength need --weak".into())),
@@ -75,7 +75,7 @@ fn without_weak(args: &Train) -> Result<(), Failure> {
     }
 }
 
-/// All inputs with these columns, and their labels.
+/// Reads all inputs with these columns, and their labels.
 pub(super) fn read_all(
     args: &Train,
     columns: &[String],
@@ -97,7 +97,7 @@ pub(super) fn read_all(
     Ok(clouds)
 }
 
-/// Refuses to learn without a class that was asked for.
+/// Fails if a requested class has no labels.
 pub(super) fn all_there(source: &LabelSource<'_>, clouds: &[(Cloud, Labels)]) -> Result<(), Failure> {
     match source.absent(clouds.iter().map(|(_, labels)| labels)) {
         Some(text) => Err(Error::input(text).into()),
@@ -105,7 +105,7 @@ pub(super) fn all_there(source: &LabelSource<'_>, clouds: &[(Cloud, Labels)]) ->
     }
 }
 
-/// Rows of the classes: points and samples, whatever a sample is.
+/// Table rows of the classes: points and samples; `samples` is the heading of the latter.
 pub(super) fn class_rows(classes: &[ClassCount], samples: &str) -> String {
     let width = classes.iter().map(|c| c.name.len()).max().unwrap_or(0).max(20);
     let mut text = format!("{:>5}  {:<width$} {:>12} {samples:>12}\n", "code", "class", "points");
@@ -120,7 +120,7 @@ pub(super) fn class_rows(classes: &[ClassCount], samples: &str) -> String {
     text
 }
 
-/// A line a class, for programs.
+/// One CSV line per class.
 pub(super) fn class_csv(classes: &[ClassCount], samples: &str) -> String {
     let line = |c: &ClassCount| format!("{},{},{},{},{}\n", c.code, c.points, c.samples, c.weight, c.name);
     std::iter::once(format!("code,points,{samples},weight,class\n")).chain(classes.iter().map(line)).collect()

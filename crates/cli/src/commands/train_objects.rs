@@ -1,4 +1,4 @@
-//! `scansion train --recipe objects`: learn to name segments.
+//! `scansion train --recipe objects`: trains the classification of segments.
 
 use super::{Context, train};
 use crate::args::{Format, Train};
@@ -43,7 +43,7 @@ fn table(report: &ObjectsReport, output: &Path) -> String {
     text
 }
 
-/// Scores of what was not learned from.
+/// Scores of the segments that were not used for training.
 fn held_out(scores: &Scores, (classes, what): (&[ClassCount], &str)) -> String {
     let mut text = format!(
         "\nthe other {} {what}: accuracy {:.2} %, mean F1 {:.2} %\n{:>5}  {:<20} {:>10} {:>10} {:>10} {:>10}\n",

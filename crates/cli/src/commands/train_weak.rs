@@ -1,4 +1,4 @@
-//! `scansion train --weak`: learn from a few labels.
+//! `scansion train --weak`: trains on a few labels.
 
 use super::labels::LabelSource;
 use super::{Context, train};
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &Train, mut recipe: WeakRecipe, context: &Context<'_>) -
     })
 }
 
-/// A table of labels, or a cloud that has some.
+/// A label table, or the labels of a cloud.
 fn picked(path: &Path, source: &LabelSource<'_>, context: &Context<'_>) -> Result<LabelFile> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if ["csv", "txt", "tsv"].contains(&extension.as_str()) {

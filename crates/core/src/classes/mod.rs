@@ -1,4 +1,4 @@
-//! Classes: code, name, colour.
+//! Classes: code, name and colour.
 
 use crate::cloud::CodeScheme;
 use crate::error::{Error, Result};
@@ -23,7 +23,7 @@ pub struct ClassTable {
 }
 
 impl ClassTable {
-    /// A table of classes; sorted by code. Fails if a code stands twice.
+    /// A table of classes, sorted by code. Fails if a code occurs twice.
     pub fn new(mut classes: Vec<Class>) -> Result<Self> {
         classes.sort_by_key(|c| c.code);
         match classes.windows(2).find(|w| w[0].code == w[1].code) {
@@ -34,12 +34,12 @@ impl ClassTable {
         }
     }
 
-    /// A table of these codes, named and coloured by the ASPRS list where it knows them.
+    /// A table of these codes, with names and colours of the ASPRS list where it has the code.
     pub fn from_codes(codes: &[u8]) -> Self {
         Self::of_scheme(codes, CodeScheme::Asprs)
     }
 
-    /// A table of these codes, named by the list that they are of.
+    /// A table of these codes, with names from the list they belong to.
     pub fn of_scheme(codes: &[u8], scheme: CodeScheme) -> Self {
         let mut codes = codes.to_vec();
         codes.sort_unstable();
@@ -62,7 +62,7 @@ impl ClassTable {
         self.classes.is_empty()
     }
 
-    /// A code that is none of the classes, for points that get no class: 1 (unclassified), else 0, else the highest.
+    /// A code that is not in the table, for points without a class: 1 (unclassified), else 0, else the highest.
     pub fn free_code(&self) -> u8 {
         let all = [1, 0].into_iter().chain((2..=255).rev());
         all.into_iter().find(|&code| self.position(code).is_none()).unwrap_or(1)

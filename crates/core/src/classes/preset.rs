@@ -1,4 +1,4 @@
-//! Class tables that people know: ASPRS, Semantic3D, Oakland.
+//! Well-known class tables: ASPRS, Semantic3D, Oakland.
 
 use super::{Class, ClassTable};
 use crate::cloud::CodeScheme;
@@ -25,7 +25,7 @@ const ASPRS: [(u8, &str, [u8; 3]); 19] = [
     (64, "vehicle", [141, 80, 200]),
 ];
 
-/// The ASPRS class of that code (LAS 1.4 R15, table 17); codes outside the list are named `class N`.
+/// The ASPRS class with that code (LAS 1.4 R15, table 17); codes outside the list are named `class N`.
 pub fn asprs(code: u8) -> Class {
     match ASPRS.iter().find(|(c, _, _)| *c == code) {
         Some(&(code, name, colour)) => Class { code, name: name.into(), colour },
@@ -33,7 +33,7 @@ pub fn asprs(code: u8) -> Class {
     }
 }
 
-/// The class of that code in a list; where the list is not known, or does not have the code, its name is `class N`.
+/// The class with that code in a list; named `class N` if the list is unknown or does not have the code.
 pub fn class(code: u8, scheme: CodeScheme) -> Class {
     let unnamed = || Class { name: format!("class {code}"), ..asprs(code) };
     match scheme {

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use std::str::FromStr;
 
-/// A total map of codes to codes; identity where nothing was said.
+/// A mapping of all codes; codes without an entry map to themselves.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LabelMap([u8; 256]);
 
@@ -14,12 +14,12 @@ impl Default for LabelMap {
 }
 
 impl LabelMap {
-    /// The code that `code` becomes.
+    /// The code that `code` is mapped to.
     pub fn apply(&self, code: u8) -> u8 {
         self.0[usize::from(code)]
     }
 
-    /// Lets `from` become `to`.
+    /// Maps `from` to `to`.
     pub fn set(&mut self, from: u8, to: u8) {
         self.0[usize::from(from)] = to;
     }

@@ -1,9 +1,9 @@
-//! The samples of one tree.
+//! Bootstrap sampling of one tree.
 
 use super::params::Bootstrap;
 use crate::random::Stream;
 
-/// How often each of `count` samples stands in the bag.
+/// Number of times each of `count` samples was drawn.
 pub(super) fn bag(bootstrap: Bootstrap, count: usize, random: &mut Stream) -> Vec<u32> {
     let mut times = vec![0u32; count];
     match bootstrap {

@@ -1,31 +1,32 @@
-//! Bagging: the mean of unpruned trees on bootstrap samples, every feature tried at every node.
+//! Bagging: the mean of unpruned trees on bootstrap samples, with all features tried at every node.
 //!
-//! Breiman, *Bagging predictors*, Machine Learning 24, 1996. A random forest that does not draw features.
+//! L. Breiman, *Bagging predictors*, Machine Learning 24, 1996, doi:10.1007/BF00058655. Equal to a random forest
+//! without random choice of features.
 
 use super::params::{Bootstrap, ClassWeight, ForestParams, MaxFeatures, zero_is_none};
 use crate::error::Result;
 use serde::{Deserialize, Serialize};
 
-/// Settings of bagging: 100 trees grown until their leaves are pure.
+/// Parameters of bagging: 100 trees grown until their leaves are pure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BaggingParams {
     /// Number of trees, 1..=10000.
     pub trees: usize,
-    /// Splits on the longest way from root to leaf, 1..=4096; `None` (written as 0) stands for 4096.
+    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (written as 0) stands for 4096.
     #[serde(with = "zero_is_none")]
     pub max_depth: Option<usize>,
-    /// Nodes with fewer different samples are not split, 2 or more.
+    /// Nodes with fewer distinct samples are not split, 2 or more.
     pub min_samples_split: usize,
-    /// No child gets fewer different samples, 1 or more.
+    /// Least number of distinct samples in a child, 1 or more.
     pub min_samples_leaf: usize,
-    /// No child gets a smaller share of the tree's weight, 0..=0.5.
+    /// Least share of the tree's weight in a child, 0..=0.5.
     pub min_weight_leaf: f64,
-    /// Weight of the classes.
+    /// Class weights.
     pub class_weight: ClassWeight,
-    /// Bins a feature, 2..=255.
+    /// Largest number of bins a feature, 2..=255.
     pub max_bins: usize,
-    /// Seed of everything drawn by chance.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
@@ -45,7 +46,7 @@ impl Default for BaggingParams {
 }
 
 impl BaggingParams {
-    /// The forest that is the same: all features at every node, as many samples as there are drawn with replacement.
+    /// The equivalent forest: all features at every node, and a bootstrap sample as large as the training set.
     pub fn forest(&self) -> ForestParams {
         ForestParams {
             trees: self.trees,

@@ -1,7 +1,8 @@
-//! Quantisation of features: ascending cut points a feature, and the code of a value among them.
+//! Quantisation of features: ascending cut points for each feature, and the code of a value among them.
 //!
-//! The code of `x` is the number of cuts `t` with `x > t`. NaN exceeds nothing, so that it has code 0: missing values go
-//! left at every node. Where the samples hold NaN, the first cut is the lowest finite number and code 0 is NaN's alone.
+//! The code of `x` is the number of cuts `t` with `x > t`. NaN is greater than nothing and gets the code 0: missing
+//! values go left at every node. If the samples contain NaN, the first cut is the lowest finite number, so that code 0
+//! stands for NaN only.
 
 use super::descend::Codes;
 use super::quantise::{Rows, TILE, Table, Tiles};
@@ -10,15 +11,15 @@ use crate::error::{Error, Result};
 use crate::random::stream;
 use rayon::prelude::*;
 
-/// Settings of [`Binning::fit`].
+/// Parameters of [`Binning::fit`].
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BinningParams {
-    /// Most bins a feature, 2..=255 (NaN's bin comes on top).
+    /// Largest number of bins a feature, 2..=255 (not counting the bin of NaN).
     pub max_bins: usize,
-    /// Rows that the quantiles are taken from, 2 or more.
+    /// Number of rows from which the quantiles are estimated, 2 or more.
     pub sample: usize,
-    /// Seed of their choice.
+    /// Seed of the choice of these rows.
     pub seed: u64,
 }
 
@@ -30,6 +31,9 @@ impl Default for BinningParams {
 
 impl BinningParams {
     /// Checks the ranges.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
         if !(2..=255).contains(&self.max_bins) {
             return Err(Error::parameter("max_bins", self.max_bins, "2 to 255"));
@@ -46,15 +50,16 @@ impl BinningParams {
 pub struct Binning {
     offsets: Vec<u32>,
     cuts: Vec<f32>,
-    /// The cuts padded to 255 with infinity, which nothing exceeds; empty if a feature has more than 255.
+    /// The cuts of each feature padded to 255 with infinity; empty if a feature has more than 255 cuts.
     tables: Vec<Table>,
 }
 
 impl Binning {
-    /// Quantile cuts of the rows of positive weight; every distinct value gets its own bin while there are enough bins.
+    /// Cuts at the quantiles of the rows of positive weight; each distinct value gets a bin of its own if there are
+    /// enough bins.
     ///
     /// # Errors
-    /// Samples that do not fit together; a parameter out of range.
+    /// If samples are inconsistent or a parameter is out of range.
     pub fn fit(samples: &Samples<'_>, params: &BinningParams) -> Result<Self> {
         params.validate()?;
         samples.check()?;
@@ -71,10 +76,10 @@ impl Binning {
         Self::new(cuts)
     }
 
-    /// Takes the cut points of every feature.
+    /// A quantisation with given cut points of every feature.
     ///
     /// # Errors
-    /// Cuts that are not finite or not strictly ascending, more than 65535 of them for one feature.
+    /// If cuts are not finite or not strictly ascending, or a feature has more than 65535 of them.
     pub fn new(cuts: Vec<Vec<f32>>) -> Result<Self> {
         let mut offsets = vec![0u32];
         for (f, cuts) in cuts.iter().enumerate() {
@@ -115,7 +120,7 @@ impl Binning {
     /// Codes of row-major values, in the same layout.
     ///
     /// # Errors
-    /// Lengths that do not fit; a binning with more than 255 cuts a feature.
+    /// If lengths do not fit, or a feature has more than 255 cuts.
     pub fn bin_block(&self, values: &[f32], codes: &mut [u8]) -> Result<()> {
         if !self.fits_u8()
             || self.width() == 0
@@ -133,7 +138,7 @@ impl Binning {
         Ok(())
     }
 
-    /// Codes of row-major values, row by row, with [`compact::WIDTH`](super::compact::WIDTH) zeros behind them.
+    /// Codes of row-major values, row by row, followed by [`compact::WIDTH`](super::compact::WIDTH) zeros as padding.
     pub(super) fn bin_rows(&self, values: &[f32], codes: &mut Codes<u8>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
         codes.by_row.resize(values.len() + super::compact::WIDTH, 0);
@@ -148,7 +153,7 @@ impl Binning {
         self.bin_wide(values, &mut codes.by_row);
     }
 
-    /// Codes of row-major values in whole tiles of [`TILE`] rows, each a column a feature.
+    /// Codes of row-major values in whole tiles of [`TILE`] rows, column-major within a tile.
     pub(super) fn bin_tiles(&self, values: &[f32], codes: &mut Codes<u8>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
         codes.by_tile.resize(codes.rows.next_multiple_of(TILE) * codes.width, 0);
@@ -185,7 +190,7 @@ fn quantile_cuts(mut values: Vec<f32>, max_bins: usize) -> Vec<f32> {
     let all = values.len();
     values.retain(|v| !v.is_nan());
     let missing = values.len() < all;
-    // Infinities take part as the outermost finite numbers.
+    // Infinities count as the outermost finite numbers.
     values.iter_mut().for_each(|v| *v = v.clamp(f32::MIN, f32::MAX));
     values.sort_unstable_by(f32::total_cmp);
     let gaps: Vec<usize> = (1..values.len()).filter(|&i| values[i - 1] < values[i]).collect();

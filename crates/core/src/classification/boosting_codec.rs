@@ -1,4 +1,4 @@
-//! Boosted trees as named arrays, and the check of every index when they are read.
+//! Boosted trees as named arrays; every index is checked when they are read.
 
 use super::boosting::Boosting;
 use super::codec::{Array, Reader, Trees, array, cut_arrays, node_arrays};

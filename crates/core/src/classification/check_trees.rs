@@ -1,4 +1,4 @@
-//! The check of every index of trees that are read.
+//! Validation of all indices of trees that are read from a file.
 
 use super::binning::Binning;
 use super::codec::Reader;
@@ -6,12 +6,12 @@ use super::forest::{LEAF_CUT, Node};
 use super::params::MAX_DEPTH;
 use crate::error::Result;
 
-/// Trees of any classifier.
+/// The trees of any classifier.
 pub(super) struct Trees<'a> {
     pub(super) nodes: &'a [Node],
     pub(super) roots: &'a [u32],
     pub(super) binning: &'a Binning,
-    /// True if the leaf at this place may point there.
+    /// True if the leaf at this index may hold this value.
     pub(super) leaf: &'a dyn Fn(usize, usize) -> bool,
 }
 
@@ -30,7 +30,8 @@ impl Reader<'_> {
         roots.iter().zip(ends).try_for_each(|(&root, end)| self.check_tree(trees, root as usize..end))
     }
 
-    /// Children stand behind their parent inside the tree and have one parent each: no cycle, no stray node.
+    /// Checks that children come after their parent, inside the tree, and have one parent each: no cycles, no
+    /// unreachable nodes.
     fn check_tree(&self, trees: &Trees<'_>, range: std::ops::Range<usize>) -> Result<()> {
         let mut depth = vec![0usize; range.len()];
         for i in range.clone() {

@@ -1,4 +1,4 @@
-//! Whichever classifier: what a model holds and what a recipe chooses.
+//! The classifiers behind one type: what a model file holds and a recipe selects.
 
 use super::bagging::BaggingParams;
 use super::boosting::{Boosting, BoostingParams};
@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
-/// The kinds of classifiers, by their short names.
+/// The kinds of classifiers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ClassifierKind {
     /// Random forest.
@@ -38,7 +38,7 @@ impl ClassifierKind {
         }
     }
 
-    /// Of one section of settings for each kind, that of this kind.
+    /// Of the given parameters those of this kind.
     pub fn choose(self, forest: &ForestParams, boosting: &BoostingParams, bagging: &BaggingParams) -> ClassifierParams {
         match self {
             Self::Forest => ClassifierParams::Forest(forest.clone()),
@@ -48,7 +48,7 @@ impl ClassifierKind {
     }
 }
 
-/// Settings of one kind of classifier.
+/// Parameters of one kind of classifier.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClassifierParams {
     /// Random forest.
@@ -60,7 +60,7 @@ pub enum ClassifierParams {
 }
 
 impl ClassifierParams {
-    /// The same with this added to its seed.
+    /// The same parameters with this added to the seed.
     #[must_use]
     pub fn with_seed(mut self, seed: u64) -> Self {
         let own = match &mut self {
@@ -72,7 +72,7 @@ impl ClassifierParams {
         self
     }
 
-    /// The limit of its trees' depth.
+    /// Limit of the depth of its trees.
     pub fn max_depth(&mut self) -> &mut Option<usize> {
         match self {
             Self::Forest(params) => &mut params.max_depth,
@@ -91,18 +91,18 @@ impl ClassifierParams {
     }
 }
 
-/// A learned classifier: class probabilities of rows of features.
+/// A trained classifier: class probabilities for rows of features.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Classifier {
     /// Random forest.
     Forest(Forest),
     /// Gradient-boosted trees.
     Boosting(Boosting),
-    /// Bagging: its trees stand in a forest.
+    /// Bagging, stored as a forest.
     Bagging(Forest),
 }
 
-/// Asks the trees, whichever they are.
+/// Calls the same method of whichever trees the classifier has.
 macro_rules! ask {
     ($self:expr, $trees:ident => $answer:expr) => {
         match $self {
@@ -113,10 +113,10 @@ macro_rules! ask {
 }
 
 impl Classifier {
-    /// Learns. The result is the same bytes for any number of threads.
+    /// Trains a classifier. The result is the same bytes for any number of threads.
     ///
     /// # Errors
-    /// Samples that do not fit together, a parameter out of range, cancellation.
+    /// If samples are inconsistent, a parameter is out of range, or the work was cancelled.
     pub fn fit(samples: &Samples<'_>, params: &ClassifierParams, monitor: &Monitor) -> Result<Self> {
         Ok(match params {
             ClassifierParams::Forest(params) => Self::Forest(Forest::fit(samples, params, monitor)?),
@@ -125,7 +125,7 @@ impl Classifier {
         })
     }
 
-    /// As [`Classifier::fit`], with the out-of-bag accuracy where trees left samples out.
+    /// As [`Classifier::fit`]; also returns the out-of-bag accuracy if trees left out samples.
     ///
     /// # Errors
     /// As [`Classifier::fit`].
@@ -158,7 +158,7 @@ impl Classifier {
         ask!(self, trees => trees.classes())
     }
 
-    /// Number of features a row.
+    /// Number of features of a row.
     pub fn width(&self) -> usize {
         ask!(self, trees => trees.width())
     }
@@ -173,12 +173,12 @@ impl Classifier {
         ask!(self, trees => trees.nodes())
     }
 
-    /// Share that each feature has in what the splits gained; sums to 1, or all 0 if no tree has a split.
+    /// Share of each feature in the improvement by all splits; sums to 1, or all 0 if no tree has a split.
     pub fn importance(&self) -> &[f64] {
         ask!(self, trees => trees.importance())
     }
 
-    /// Without the features that no node asks for, and the features kept; the answers are the same.
+    /// Removes the features that occur in no split; also returns the features kept. Predictions do not change.
     pub fn retain_used(self) -> (Self, Vec<usize>) {
         match self {
             Self::Forest(trees) => {
@@ -196,10 +196,10 @@ impl Classifier {
         }
     }
 
-    /// Class probabilities of `rows` (row-major), written row-major to `out`. Serial.
+    /// Class probabilities of `rows` (row-major), written row-major to `out`. Runs on the calling thread.
     ///
     /// # Errors
-    /// Lengths that do not fit.
+    /// If a length does not fit.
     pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
         ask!(self, trees => trees.predict_block(rows, scratch, out))
     }
@@ -207,15 +207,15 @@ impl Classifier {
     /// As [`Classifier::predict_block`], in parallel over blocks.
     ///
     /// # Errors
-    /// Lengths that do not fit.
+    /// If a length does not fit.
     pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
         ask!(self, trees => trees.predict_proba(rows, out))
     }
 
-    /// The most probable class of every row; the smaller class where two are equal.
+    /// The most probable class of every row; the smaller class in a tie.
     ///
     /// # Errors
-    /// A length that does not fit.
+    /// If the length does not fit.
     pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
         if let Self::Forest(trees) | Self::Bagging(trees) = self {
             return trees.predict(rows);

@@ -1,4 +1,4 @@
-//! Forest and fingerprint as named arrays, and the check of every index when they are read.
+//! Forest and fingerprint as named arrays; every index is checked when they are read.
 
 use super::binning::Binning;
 pub(super) use super::check_trees::Trees;
@@ -82,13 +82,13 @@ pub(super) fn print_arrays(print: &Fingerprint) -> Vec<Array> {
     ]
 }
 
-/// Arrays being read, and the file they come from.
+/// Arrays that are being read, and their file.
 pub(super) struct Reader<'a> {
     pub(super) path: &'a Path,
     pub(super) tensors: SafeTensors<'a>,
 }
 
-/// Says what is wrong in a model file.
+/// The error for a malformed model file.
 pub(super) fn malformed(path: &Path, field: &str, found: impl ToString, allowed: impl Into<String>) -> Error {
     let (field, place) = field.split_once(" at ").unwrap_or((field, "header"));
     Error::Malformed {

@@ -1,32 +1,33 @@
-//! Trees in half the memory, and the way of a block of rows through them.
+//! Trees in half the memory, and prediction of blocks of rows with them.
 //!
-//! A node takes 4 bytes and says how far ahead its children stand, so that every place in a piece of a tree fits 16 bits and every
-//! place in a row of codes 8: nothing has to be compared with a length on the way down.
+//! A node takes 4 bytes and stores the offset to its children. Every index within a piece of a tree fits into 16 bits,
+//! and every index within a row of codes into 8, so that no bounds check is needed during the descent.
 
 use super::descend::Codes;
 use super::forest::{LEAF_CUT, Node};
 use std::ops::Range;
 
-/// Most nodes of a piece.
+/// Largest number of nodes of a piece.
 pub(super) const WINDOW: usize = 1 << 16;
 
-/// Marks, instead of a row of probabilities, the number of the piece where the way goes on.
+/// Flag: the number is not a row of probabilities but the piece in which the descent continues.
 const ONWARD: u32 = 1 << 31;
 
-/// Most features of a row.
+/// Largest number of features of a row.
 pub(super) const WIDTH: usize = 256;
 
-/// Levels that a row goes down before the next row is looked at: the processor works on several rows at once.
+/// Levels that a row descends before the next row is processed, so that the processor works on several rows at once.
 const LEVELS: usize = 3;
 
-/// Rows that are taken down a tree together: their codes stay in the nearest cache.
+/// Rows that descend a tree together; their codes stay in the first-level cache.
 const TOGETHER: usize = 256;
 
-/// Nodes in a line of the cache.
+/// Nodes in a cache line.
 const LINE: usize = 16;
 
-/// Samples with code > `cut` go to `offset + 1` places ahead, others to `offset`. A leaf has offset 0 and cut 255, which no
-/// code exceeds: rows stay there. Its `feature` is its row of probabilities, 255 if that is in [`Compact::rows`].
+/// Samples with a code above `cut` move `offset + 1` nodes ahead, others `offset`. A leaf has offset 0 and cut 255,
+/// which no code exceeds: rows stay there. Its `feature` is its row of probabilities; 255 if that is stored in
+/// [`Compact::rows`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Step {
     offset: u16,
@@ -37,31 +38,32 @@ struct Step {
 /// All trees of a forest, each in pieces of at most [`WINDOW`] nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Compact {
-    /// The pieces behind one another, and a window of padding.
+    /// The pieces, one after the other, and a window of padding.
     steps: Vec<Step>,
-    /// Row of probabilities of every leaf whose number exceeds 254, [`ONWARD`] and a number where a piece ends; 0 elsewhere.
+    /// Row of probabilities of every leaf whose number exceeds 254; [`ONWARD`] and the number of a piece where the
+    /// descent continues in another piece; 0 elsewhere.
     rows: Vec<u32>,
     trees: Vec<Pieces>,
 }
 
-/// The places of a tree's pieces: the top, and those that hang below it.
+/// The ranges of a tree's pieces: the top, and those below it.
 #[derive(Clone, Debug, PartialEq)]
 struct Pieces {
     top: Range<usize>,
     lower: Vec<Range<usize>>,
 }
 
-/// Where the rows of a block stand in a tree; reused from tree to tree.
+/// Current node of each row of a block; reused from tree to tree.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     at: Vec<u16>,
     /// Rows that have not reached a leaf.
     moving: Vec<u16>,
-    /// Rows that go on in each of the lower pieces.
+    /// Rows that continue in each of the lower pieces.
     onward: Vec<Vec<u16>>,
 }
 
-/// A tree and the nodes below each node, itself included.
+/// A tree, and the number of nodes below each node, itself included.
 struct Sized<'a> {
     nodes: &'a [Node],
     root: u32,
@@ -84,8 +86,8 @@ impl<'a> Sized<'a> {
 }
 
 impl Compact {
-    /// Trees of more than `most` nodes (up to [`WINDOW`]) are cut into pieces. `None` if a row has too many features or codes
-    /// beyond 8 bits, or a tree too many pieces. Nodes stand behind their parents.
+    /// Cuts trees of more than `most` nodes (up to [`WINDOW`]) into pieces. `None` if a row has too many features,
+    /// codes need more than 8 bits, or a tree has too many pieces. Children come after their parents.
     pub(super) fn new(nodes: &[Node], roots: &[u32], (width, narrow): (usize, bool), most: usize) -> Option<Self> {
         if width > WIDTH || !narrow {
             return None;
@@ -109,8 +111,8 @@ impl Compact {
         Some(compact)
     }
 
-    /// Lays out the nodes from `start` down; subtrees of at most `cut` nodes are left out and appended to `below`. Children of
-    /// a node stand together; the larger subtree, where more rows go, follows at once.
+    /// Lays out the nodes from `start` down; subtrees of at most `cut` nodes are left out and appended to `below`. The
+    /// children of a node are adjacent; the larger subtree, which more rows reach, follows immediately.
     fn piece(&mut self, tree: &Sized<'_>, (start, cut): (usize, usize), below: &mut Vec<usize>) -> Range<usize> {
         let first = self.steps.len();
         self.steps.push(Step::default());
@@ -145,8 +147,8 @@ impl Compact {
         self.trees.len()
     }
 
-    /// Writes the row of probabilities that every row of codes reaches in a tree. `codes.by_row` has [`WIDTH`] codes to
-    /// spare at its end.
+    /// Writes for every row of codes the row of probabilities that it reaches in a tree. `codes.by_row` ends with
+    /// [`WIDTH`] spare codes.
     pub(super) fn walk(&self, tree: usize, codes: &Codes<u8>, places: &mut Places, leaves: &mut Vec<u32>) {
         let Some(Pieces { top, lower }) = self.trees.get(tree) else { return };
         let Some((steps, rows)) = self.open(top) else { return };
@@ -163,7 +165,7 @@ impl Compact {
         }
     }
 
-    /// Takes the rows that have come to the end of the top on through the lower pieces.
+    /// Continues the descent in the lower pieces, for the rows that have reached the end of the top.
     fn go_on(&self, lower: &[Range<usize>], codes: &Codes<u8>, places: &mut Places, leaves: &mut [u32]) {
         let mut onward = std::mem::take(&mut places.onward);
         onward.resize_with(lower.len().max(onward.len()), Vec::new);
@@ -183,7 +185,7 @@ impl Compact {
         places.onward = onward;
     }
 
-    /// A piece's nodes with what stands behind them, read ahead, and its rows of probabilities.
+    /// The nodes of a piece, including those beyond its end that may be read ahead, and its rows of probabilities.
     fn open(&self, piece: &Range<usize>) -> Option<(&[Step; WINDOW], &[u32])> {
         let steps = self.steps.get(piece.start..)?.first_chunk()?;
         warm(steps.get(..piece.len())?);
@@ -191,7 +193,7 @@ impl Compact {
     }
 }
 
-/// The row of probabilities of a leaf, or where the way goes on.
+/// The row of probabilities of a leaf, or the piece in which the descent continues.
 #[inline(always)]
 fn leaf(steps: &[Step; WINDOW], rows: &[u32], at: u16) -> u32 {
     match steps[usize::from(at)].feature {
@@ -200,14 +202,14 @@ fn leaf(steps: &[Step; WINDOW], rows: &[u32], at: u16) -> u32 {
     }
 }
 
-/// Reads a tree from end to end: it comes from memory much faster than node by node.
+/// Reads a tree sequentially, which loads it from memory much faster than node by node.
 fn warm(steps: &[Step]) {
     let sum = steps.iter().step_by(LINE).fold(0u16, |sum, step| sum.wrapping_add(step.offset));
     std::hint::black_box(sum);
 }
 
 impl Places {
-    /// Some rows from the root.
+    /// Starts some rows at the root.
     fn start(&mut self, steps: &[Step; WINDOW], codes: &Codes<u8>, rows: Range<usize>) {
         self.moving.resize(rows.len(), 0);
         let mut kept = 0usize;
@@ -222,7 +224,7 @@ impl Places {
         self.moving.truncate(kept);
     }
 
-    /// The rows that move, until none does.
+    /// Moves the rows until all have reached a leaf.
     fn finish(&mut self, steps: &[Step; WINDOW], codes: &Codes<u8>) {
         while !self.moving.is_empty() {
             let mut kept = 0usize;

@@ -1,4 +1,4 @@
-//! Cross-validation: learning on all folds but one, judging on that one.
+//! Cross-validation: trains on all folds but one and evaluates on that one.
 
 use super::classifier::{Classifier, ClassifierParams};
 use super::samples::Samples;
@@ -6,12 +6,12 @@ use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::random::stream;
 
-/// How well a held-out fold was named.
+/// Scores of one held-out fold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FoldScore {
     /// The fold.
     pub fold: u32,
-    /// Share of samples named right, 0..=1.
+    /// Share of correctly classified samples, 0..=1.
     pub accuracy: f64,
     /// Mean F1 over the classes that occur in the fold's labels or in its predictions, 0..=1.
     pub mean_f1: f64,
@@ -19,10 +19,10 @@ pub struct FoldScore {
     pub confusion: Vec<u64>,
 }
 
-/// Mean scores of one setting over the folds.
+/// Mean scores of one parameter set over the folds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridScore {
-    /// Position of the setting in the grid.
+    /// Position of the parameter set in the grid.
     pub index: usize,
     /// Mean accuracy of the folds.
     pub accuracy: f64,
@@ -32,10 +32,10 @@ pub struct GridScore {
     pub folds: Vec<FoldScore>,
 }
 
-/// Assigns every sample a fold `0..folds` by chance so that each class is spread evenly.
+/// Assigns every sample a random fold `0..folds` so that each class is spread evenly. O(n log n).
 ///
 /// # Errors
-/// Fewer than 2 folds.
+/// If there are fewer than 2 folds.
 pub fn stratified_folds(labels: &[u16], folds: usize, seed: u64) -> Result<Vec<u32>> {
     if !(2..=65_535).contains(&folds) {
         return Err(Error::parameter("folds", folds, "2 to 65535"));
@@ -48,11 +48,11 @@ pub fn stratified_folds(labels: &[u16], folds: usize, seed: u64) -> Result<Vec<u
     Ok(fold)
 }
 
-/// Assigns whole groups (spatial blocks, scans) to folds `0..folds`: large groups first, each to the smallest fold, so that
-/// no group is learned from and judged on.
+/// Assigns whole groups (spatial blocks, scans) to folds `0..folds`: large groups first, each to the smallest fold, so
+/// that no group is in both training and evaluation. O(n log g + g · folds) for g groups.
 ///
 /// # Errors
-/// Fewer than 2 folds, or fewer groups than folds.
+/// If there are fewer than 2 folds, or fewer groups than folds.
 pub fn grouped_folds(groups: &[u32], folds: usize) -> Result<Vec<u32>> {
     let mut sizes = std::collections::BTreeMap::<u32, usize>::new();
     groups.iter().for_each(|&g| *sizes.entry(g).or_default() += 1);
@@ -71,11 +71,11 @@ pub fn grouped_folds(groups: &[u32], folds: usize) -> Result<Vec<u32>> {
     Ok(groups.iter().map(|g| fold_of[g]).collect())
 }
 
-/// Scores of every fold: `folds[i]` is the fold of sample `i` (any numbers, at least two different ones). Samples of weight
-/// 0 take no part.
+/// Scores of every fold: `folds[i]` is the fold of sample `i` (any numbers, at least two different ones). Samples of
+/// weight 0 are ignored. Trains once per fold.
 ///
 /// # Errors
-/// Lengths that do not fit, fewer than two folds, and all errors of [`Classifier::fit`].
+/// If lengths do not fit or there are fewer than two folds, and as [`Classifier::fit`].
 pub fn cross_validate(
     samples: &Samples<'_>,
     params: &ClassifierParams,
@@ -94,7 +94,8 @@ pub fn cross_validate(
     present.into_iter().map(|fold| hold_out(samples, params, (folds, fold), monitor)).collect()
 }
 
-/// Cross-validates every setting of a grid on the same folds; scores in the order of the grid.
+/// Cross-validates every parameter set of a grid on the same folds; returns scores in the order of the grid.
+/// Trains once per fold and parameter set.
 ///
 /// # Errors
 /// As [`cross_validate`].
@@ -112,7 +113,7 @@ pub fn grid_search(
     grid.iter().enumerate().map(score).collect()
 }
 
-/// Learns without one fold (its weights are 0) and judges on it.
+/// Trains without one fold (its weights are 0) and evaluates on it.
 fn hold_out(
     samples: &Samples<'_>,
     params: &ClassifierParams,

@@ -1,12 +1,12 @@
-//! Taking a block of rows down a tree of any size.
+//! Descent of a block of rows through a tree of any size.
 
 use super::forest::{LEAF_CUT, Node};
 
-/// Levels that a row goes down before the next row is looked at: the processor works on several rows at once.
+/// Levels that a row descends before the next row is processed, so that the processor works on several rows at once.
 const LEVELS: usize = 4;
 
-/// The codes of a block of at most 65,536 rows: by row, or in tiles of [`TILE`](super::quantise::TILE) rows, each a column a
-/// feature.
+/// The codes of a block of at most 65,536 rows: by row, or in tiles of [`TILE`](super::quantise::TILE) rows,
+/// column-major within a tile.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Codes<C> {
     pub(super) by_tile: Vec<C>,
@@ -15,7 +15,7 @@ pub(super) struct Codes<C> {
     pub(super) width: usize,
 }
 
-/// Where the rows of a block stand in a tree; reused from tree to tree.
+/// Current node of each row of a block; reused from tree to tree.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Walk {
     /// Node of every row.
@@ -25,8 +25,8 @@ pub(super) struct Walk {
 }
 
 impl Walk {
-    /// Takes all rows of `codes.by_row` from `root` to their leaves, which `at` holds afterwards. A leaf has its own place
-    /// in `left`.
+    /// Moves all rows of `codes.by_row` from `root` to their leaves, which `at` holds afterwards. A leaf has its own
+    /// index in `left`.
     pub(super) fn tree<C: Copy + Default + Into<u16>>(&mut self, nodes: &[Node], root: u32, codes: &Codes<C>) {
         self.at.clear();
         self.at.resize(codes.rows, root);

@@ -1,4 +1,4 @@
-//! Columns of ranks among the distinct raw values: the slow reference for the histogram splitter.
+//! Ranks among the distinct raw values: the slow reference for the histogram splitter.
 
 use super::binning::middle;
 use super::grow::Columns;
@@ -65,7 +65,7 @@ impl Columns for Ranks {
     }
 }
 
-/// Sorts the samples by rank and feeds the groups of equal ranks to the search.
+/// Sorts the samples by rank and passes the groups of equal ranks to the search.
 pub(super) struct Sorter<W> {
     order: Vec<(u32, u32)>,
     weights: Vec<W>,

@@ -1,4 +1,4 @@
-//! What the training data looked like, so that a user can see whether a model fits other data.
+//! Summary of the training data, by which a user can see whether a model fits other data.
 
 use super::samples::Samples;
 use rayon::prelude::*;
@@ -6,14 +6,14 @@ use rayon::prelude::*;
 /// Summary of the training samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fingerprint {
-    /// For every feature the values at [`Fingerprint::LEVELS`] of its finite values, row-major `features x 5`; NaN where a
-    /// feature had none.
+    /// For every feature the quantiles at [`Fingerprint::LEVELS`] of its finite values, row-major `features x 5`; NaN
+    /// if a feature has none.
     pub quantiles: Vec<f32>,
-    /// Mean of the finite values of every feature, NaN where it had none.
+    /// Mean of the finite values of every feature, NaN if it has none.
     pub means: Vec<f64>,
-    /// Points a square metre.
+    /// Point density, points per square metre.
     pub density: f64,
-    /// Samples of every class.
+    /// Number of samples of every class.
     pub class_counts: Vec<u64>,
 }
 
@@ -21,7 +21,7 @@ impl Fingerprint {
     /// Levels of the quantiles (nearest rank).
     pub const LEVELS: [f64; 5] = [0.0, 0.05, 0.5, 0.95, 1.0];
 
-    /// Summarises the samples; `density` in points a square metre.
+    /// Summarises the samples; `density` in points per square metre.
     pub fn of(samples: &Samples<'_>, density: f64) -> Self {
         let mut class_counts = vec![0; samples.classes];
         for &label in samples.labels {
@@ -37,7 +37,7 @@ impl Fingerprint {
         Self { quantiles, means, density, class_counts }
     }
 
-    /// The summary of these features only, as they remain in a model (see [`super::Forest::retain_used`]).
+    /// The summary of these features only, for a model without the others (see [`super::Forest::retain_used`]).
     #[must_use]
     pub fn select(&self, features: &[usize]) -> Self {
         let levels = Self::LEVELS.len();

@@ -5,8 +5,8 @@ use super::compact::{Compact, WINDOW};
 use super::grow::{LEAF, Tree};
 use crate::error::{Error, Result};
 
-/// One node in 8 bytes. Samples with code > `cut` go to `left + 1`, others to `left`; a leaf has `cut` 65535 and in `left`
-/// its row of probabilities.
+/// One node in 8 bytes. Samples with a code above `cut` go to `left + 1`, others to `left`; a leaf has `cut` 65535, and
+/// `left` is its row of probabilities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Node {
     pub(super) left: u32,
@@ -17,11 +17,11 @@ pub(super) struct Node {
 /// Cut of a leaf.
 pub(super) const LEAF_CUT: u16 = u16::MAX;
 
-/// Trees as [`Forest::predict_block`] walks them.
+/// The trees in the layout that [`Forest::predict_block`] uses.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Descent {
     Compact(Compact),
-    /// The nodes, with a leaf's own place in `left`.
+    /// The nodes, where a leaf has its own index in `left`.
     Large(Vec<Node>),
 }
 
@@ -33,15 +33,16 @@ impl Default for Descent {
 
 /// A random forest on quantised features.
 ///
-/// Breiman, *Random forests*, Machine Learning 45, 2001. The probabilities of a sample are the mean over the trees of the
-/// class shares in the leaves it falls into. A sample goes right at a node if its value exceeds the threshold.
+/// L. Breiman, *Random forests*, Machine Learning 45, 2001, doi:10.1023/A:1010933404324. The probabilities of a sample
+/// are the mean over the trees of the class shares in the leaves it reaches. A sample goes right at a node if its value
+/// exceeds the threshold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forest {
     pub(super) classes: usize,
     pub(super) binning: Binning,
-    /// All trees behind one another; children stand behind their parents.
+    /// All trees, one after the other; children come after their parents.
     pub(super) nodes: Vec<Node>,
-    /// The same trees for walking down.
+    /// The same trees in the layout for prediction.
     pub(super) descent: Descent,
     /// First node of every tree.
     pub(super) roots: Vec<u32>,
@@ -56,7 +57,7 @@ impl Forest {
         self.classes
     }
 
-    /// Number of features a row.
+    /// Number of features of a row.
     pub fn width(&self) -> usize {
         self.binning.width()
     }
@@ -76,18 +77,18 @@ impl Forest {
         &self.binning
     }
 
-    /// Share of the impurity removed by every feature (mean decrease in impurity, Breiman 2001): sums to 1, or all 0 if no
-    /// tree has a split.
+    /// Share of each feature in the total decrease of impurity (mean decrease in impurity, Breiman 2001): sums to 1, or
+    /// all 0 if no tree has a split.
     pub fn importance(&self) -> &[f64] {
         &self.importance
     }
 
-    /// Features that some node asks for, ascending.
+    /// Features that occur in at least one split, ascending.
     pub fn used_features(&self) -> Vec<usize> {
         (0..self.width()).filter(|&f| !self.binning.cuts(f).is_empty()).collect()
     }
 
-    /// The forest without the features that no node asks for, and the features kept. Its answers are the same.
+    /// Removes the features that occur in no split; also returns the features kept. Predictions do not change.
     ///
     /// One feature is kept if no tree has a split.
     pub fn retain_used(mut self) -> (Self, Vec<usize>) {
@@ -106,7 +107,7 @@ impl Forest {
         (self, used)
     }
 
-    /// Puts learned trees together: the thresholds in use become the quantisation.
+    /// Assembles trained trees: the thresholds that occur become the quantisation.
     pub(super) fn assemble(trees: &[Tree], width: usize, classes: usize) -> Result<Self> {
         let binning = thresholds(trees, width)?;
         let total: usize = trees.iter().map(|t| t.nodes.len()).sum();
@@ -127,7 +128,7 @@ impl Forest {
         Ok(forest)
     }
 
-    /// Lays the trees out for walking down; to be called when nodes or features have changed.
+    /// Builds the layout for prediction; to be called when nodes or features have changed.
     pub(super) fn prepare(&mut self) {
         let shape = (self.width(), self.binning.fits_u8());
         let own = |(i, node): (usize, &Node)| match node.cut {

@@ -1,4 +1,4 @@
-//! A classifier alone as bytes, without recipe and names: for copies between processes (Python's pickle).
+//! Serialises a classifier alone, without recipe and names: for copies between processes (Python's pickle).
 
 use super::boosting::Boosting;
 use super::boosting_codec;
@@ -17,7 +17,7 @@ impl Forest {
     /// The forest as safetensors; the same forest gives the same bytes. Use [`Model`](super::Model) for files to keep.
     ///
     /// # Errors
-    /// None that is known; failures of the encoder are passed on.
+    /// If the encoder fails, which no valid forest is known to cause.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         write(&forest_arrays(self), FOREST, (self.width(), self.classes()))
     }
@@ -36,7 +36,7 @@ impl Boosting {
     /// The trees as safetensors; the same trees give the same bytes. Use [`Model`](super::Model) for files to keep.
     ///
     /// # Errors
-    /// None that is known; failures of the encoder are passed on.
+    /// If the encoder fails, which no valid model is known to cause.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         write(&boosting_codec::encode(self), BOOSTING, (self.width(), self.classes()))
     }

@@ -1,4 +1,4 @@
-//! Growing one tree: nodes are split depth-first, their samples partitioned stably in place.
+//! Grows one tree: nodes are split depth-first, and their samples are partitioned stably in place.
 
 use super::exact::Sorter;
 use super::histogram::{Histogram, draw};
@@ -8,10 +8,10 @@ use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::random::Stream;
 
-/// Nodes of at most this many samples are copied into a small table that stays in the cache.
+/// Nodes of at most this many samples are copied into a small table that fits into the cache.
 const LOCAL: usize = 4096;
 
-/// Feature of a leaf.
+/// Feature number that marks a leaf.
 pub(super) const LEAF: u16 = u16::MAX;
 
 /// The samples' codes, feature-major: `columns()[f * samples + i]`.
@@ -21,11 +21,12 @@ pub(super) trait Columns: Sync {
     fn columns(&self) -> &[Self::Code];
     /// Codes of one sample, if they are kept by row too.
     fn row(&self, row: usize) -> Option<&[Self::Code]>;
-    /// The code and the value above which samples go right, somewhere in the gap.
+    /// The code and the value above which samples go right, between the two codes of `gap`; `draw` is the position in
+    /// the gap.
     fn threshold(&self, feature: usize, gap: (Self::Code, Self::Code), draw: Option<f64>) -> (Self::Code, f32);
 }
 
-/// Feeds the groups of equal codes of one column to the search, in ascending order.
+/// Passes the groups of equal codes of one column to the search, in ascending order.
 pub(super) trait Scan<C, W> {
     fn scan(&mut self, column: &[C], entries: &[Entry<W>], search: &mut Search<C>);
 }
@@ -50,12 +51,12 @@ pub(super) struct Grown {
     pub(super) left: u32,
 }
 
-/// One learned tree. Leaf rows `0..classes` stand for pure leaves; `leaves` holds the rows from `classes` up.
+/// One trained tree. Leaf rows `0..classes` stand for pure leaves; `leaves` holds the rows from `classes` on.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
     pub(super) nodes: Vec<Grown>,
     pub(super) leaves: Vec<f32>,
-    /// Impurity x weight removed by every feature.
+    /// Decrease of impurity x weight by every feature.
     pub(super) importance: Vec<f64>,
 }
 
@@ -68,7 +69,7 @@ struct Task {
     depth: usize,
 }
 
-/// Codes of the samples at hand, feature-major.
+/// Codes of the current samples, feature-major.
 #[derive(Clone, Copy)]
 struct Table<'a, C> {
     codes: &'a [C],
@@ -82,7 +83,7 @@ impl<'a, C> Table<'a, C> {
     }
 }
 
-/// What growing a tree needs.
+/// Everything that growing a tree needs.
 pub(super) struct Grower<'a, D: Columns, S, W> {
     columns: &'a D,
     params: &'a ForestParams,
@@ -115,7 +116,7 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
         }
     }
 
-    /// Grows the tree of these samples (at least one; `row` counts rows of the columns).
+    /// Grows the tree on these samples (at least one; `row` is an index into the columns).
     pub(super) fn grow(mut self, mut entries: Vec<Entry<W>>) -> Result<Tree> {
         let codes = self.columns.columns();
         let table = Table { codes, stride: codes.len() / self.columns.width(), local: false };
@@ -158,7 +159,7 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
             || self.search.only_class().is_some()
     }
 
-    /// Grows the subtree of few samples on a table of their own.
+    /// Grows the subtree of a small node on a table of its own.
     fn copied(&mut self, entries: &mut [Entry<W>], task: Task) -> Result<()> {
         let (count, width) = (entries.len(), self.columns.width());
         let mut codes = vec![D::Code::default(); count * width];
@@ -171,7 +172,7 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
         self.subtree(table, entries, Task { begin: 0, end: count, ..task })
     }
 
-    /// Tries features in random order: `max_features` of them, and on until one is not constant.
+    /// Tries features in random order: `max_features` of them, and more until one is not constant.
     fn best(&mut self, table: Table<'_, D::Code>, entries: &[Entry<W>]) -> Result<Option<Best<D::Code>>> {
         let width = self.order.len();
         let wanted = self.params.max_features.resolve(width);
@@ -190,7 +191,7 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
         Ok(self.search.best)
     }
 
-    /// Writes the node, appends its children and partitions the samples; returns how many go left.
+    /// Writes the node, appends its children and partitions the samples; returns the number that go left.
     fn split(
         &mut self,
         table: Table<'_, D::Code>,
@@ -219,7 +220,8 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
     }
 }
 
-/// Moves samples with codes above `cut` behind the others, keeping the order on both sides; returns the number in front.
+/// Moves samples with codes above `cut` behind the others, keeping the order on both sides; returns the number in
+/// front.
 fn partition<C: Copy + Ord, W: Weight>(
     column: &[C],
     cut: C,

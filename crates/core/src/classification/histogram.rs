@@ -8,10 +8,10 @@ use super::samples::Samples;
 use crate::error::Result;
 use rayon::prelude::*;
 
-/// Rows transposed at a time.
+/// Number of rows transposed at a time.
 const BLOCK: usize = 4096;
 
-/// The samples' codes twice: by feature for large nodes, by row to copy small ones.
+/// The samples' codes twice: by feature for large nodes, by row for copies of small ones.
 pub(super) struct Codes {
     binning: Binning,
     rows: Vec<u8>,
@@ -58,7 +58,7 @@ impl Columns for Codes {
     }
 }
 
-/// Weights by code and class, kept at zero between features; occupied codes in a bit set.
+/// Weights by code and class, all zero between features, and the occupied codes as a bit set.
 pub(super) struct Histogram<W> {
     classes: usize,
     weights: Vec<W>,
@@ -71,7 +71,7 @@ impl<W: Weight> Histogram<W> {
         Self { classes, weights: vec![W::default(); 256 * classes], rows: [0; 256], occupied: [0; 4] }
     }
 
-    /// Feeds the groups of equal codes to the search.
+    /// Passes the groups of equal codes to the search.
     pub(super) fn scan(&mut self, column: &[u8], entries: &[Entry<W>], search: &mut Search<u8>) {
         for entry in entries {
             let code = usize::from(column[entry.row as usize]);
@@ -93,7 +93,7 @@ impl<W: Weight> Histogram<W> {
     }
 }
 
-/// A number in [0, 1) where thresholds are drawn.
+/// A random number in [0, 1) if the trainer draws thresholds at random.
 pub(super) fn draw(trainer: Trainer, random: &mut crate::random::Stream) -> Option<f64> {
     match trainer {
         Trainer::Breiman => None,

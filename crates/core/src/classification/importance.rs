@@ -1,4 +1,4 @@
-//! Permutation importance: how much accuracy is lost when one feature is shuffled (Breiman 2001, section 10).
+//! Permutation importance: loss of accuracy when one feature is shuffled (Breiman 2001, section 10).
 
 use super::forest::Forest;
 use super::samples::Samples;
@@ -9,19 +9,19 @@ use crate::random::stream;
 /// Loss of accuracy caused by shuffling one feature, over the repeats.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Importance {
-    /// Mean loss; negative where shuffling happened to help.
+    /// Mean loss; negative if shuffling improved the accuracy by chance.
     pub mean: f64,
     /// Standard deviation over the repeats (divided by their number).
     pub deviation: f64,
 }
 
-/// Importance of every feature on these samples (held-out ones tell more than those learned from).
+/// Permutation importance of every feature on these samples, which are best held out from training.
 ///
-/// The weights of the samples weigh the accuracy. O(features x repeats) predictions; features that no node asks for cost
+/// Sample weights count in the accuracy. O(features x repeats) predictions; features that occur in no split cost
 /// nothing and get 0.
 ///
 /// # Errors
-/// Samples that do not fit together or to the forest; 0 repeats; cancellation.
+/// If samples are inconsistent or do not fit the forest, `repeats` is 0, or the work was cancelled.
 pub fn permutation_importance(
     forest: &Forest,
     samples: &Samples<'_>,

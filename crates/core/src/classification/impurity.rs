@@ -1,11 +1,11 @@
-//! The best split of a node: candidates arrive feature by feature, group by group of equal codes.
+//! Search for the best split of a node: candidates come feature by feature, as groups of equal codes.
 //!
-//! With class weights `c` and their sum `n`, Gini scores a set by `sum c^2 / n`, entropy by `sum c ln c - n ln n`; both are
-//! `-n x impurity` up to a constant of the node, so that the largest sum over the two children is the best split.
+//! For class weights `c` and their sum `n`, Gini scores a set by `sum c^2 / n`, entropy by `sum c ln c - n ln n`; both
+//! are `-n x impurity` up to a constant of the node, so that the best split has the largest sum over its two children.
 
 use super::params::Criterion;
 
-/// Weight of samples: counts where possible, for speed.
+/// Weight of samples: integer counts if possible, for speed.
 pub(super) trait Weight: Copy + Default + std::ops::AddAssign + Send + Sync {
     fn get(self) -> f64;
 }
@@ -24,7 +24,7 @@ impl Weight for f64 {
     }
 }
 
-/// One sample of a tree: where its codes stand, its class and its weight.
+/// One sample of a tree: its row of codes, its class and its weight.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Entry<W> {
     pub(super) row: u32,
@@ -45,7 +45,7 @@ pub(super) struct Best<C> {
 pub(super) struct Search<C> {
     criterion: Criterion,
     min_leaf: usize,
-    /// No child gets less weight.
+    /// Least weight of a child.
     pub(super) min_weight: f64,
     totals: Vec<f64>,
     total: f64,
@@ -78,7 +78,7 @@ impl<C: Copy> Search<C> {
         }
     }
 
-    /// Begins a node.
+    /// Starts a node.
     pub(super) fn open<W: Weight>(&mut self, entries: &[Entry<W>]) {
         self.totals.fill(0.0);
         entries.iter().for_each(|e| self.totals[e.class as usize] += e.weight.get());
@@ -103,7 +103,7 @@ impl<C: Copy> Search<C> {
         score(self.criterion, self.totals.iter().copied(), self.total)
     }
 
-    /// Begins a feature.
+    /// Starts a feature.
     pub(super) fn begin(&mut self, feature: usize) {
         self.left.fill(0.0);
         (self.left_total, self.left_rows) = (0.0, 0);
@@ -117,7 +117,7 @@ impl<C: Copy> Search<C> {
         self.varies
     }
 
-    /// The next group of equal codes, in ascending order: weight of every class in it, and its rows.
+    /// Adds the next group of equal codes, in ascending order: weight of every class in it, and its number of rows.
     #[inline]
     pub(super) fn group<W: Weight>(&mut self, code: C, weights: &[W], rows: usize) {
         if let Some(low) = self.previous {

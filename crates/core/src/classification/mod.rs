@@ -1,7 +1,7 @@
-//! Classification: learning names from examples, and naming.
+//! Classification: classifiers that are trained on labelled samples and predict class probabilities.
 //!
-//! `Samples -> Classifier -> probabilities`. A [`Classifier`] (a [`Forest`], [`Boosting`] or bagging) is learned on quantised
-//! features ([`Binning`]) and travels in a [`Model`] file together with the recipe that computes its features.
+//! `Samples -> Classifier -> probabilities`. A [`Classifier`] (a [`Forest`], [`Boosting`] or bagging) is trained on
+//! quantised features ([`Binning`]) and stored in a [`Model`] file together with the recipe that computes its features.
 
 mod bag;
 mod bagging;

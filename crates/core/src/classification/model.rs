@@ -1,6 +1,7 @@
-//! The model file: classifier, recipe, classes, names of the features and what the training data looked like.
+//! The model file: classifier, recipe, classes, feature names and a summary of the training data.
 //!
-//! Safetensors with one metadata entry, a JSON object. Its SHA-256 is that of the whole file with 64 zeros in its place.
+//! Safetensors with one metadata entry, a JSON object. It contains the SHA-256 of the whole file, computed with 64
+//! zeros in the place of the checksum.
 
 use super::boosting_codec;
 use super::classifier::{Classifier, ClassifierKind};
@@ -16,21 +17,22 @@ use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Newest version of the file format that this version reads. Forests are written as version 1, others as version 2.
+/// Newest version of the file format that can be read. Forests are written as version 1, other classifiers as version
+/// 2.
 const VERSION: u64 = 2;
 const FORMAT: &str = "scansion model";
 const KEY: &str = "scansion";
-/// Bytes at the start of a file that tell whether it is a model: its metadata come first.
+/// Number of bytes at the start of a file that show whether it is a model: its metadata come first.
 const START: u64 = 1 << 16;
 
-/// Everything needed to name the points of a cloud.
+/// Everything needed to classify the points of a cloud.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// The recipe that computes the features, as TOML.
     pub recipe_toml: String,
     /// The classes, in the order of the probabilities.
     pub classes: ClassTable,
-    /// Names of the features in the order of the classifier's columns; each once.
+    /// Feature names in the order of the classifier's columns; each once.
     pub feature_names: Vec<String>,
     /// Seed of the training.
     pub seed: u64,
@@ -58,9 +60,9 @@ fn is_forest(kind: &ClassifierKind) -> bool {
     *kind == ClassifierKind::Forest
 }
 
-/// Fails if a file stands there that is no model: a cloud, say. An empty file is nobody's loss.
+/// Fails if the file exists and is not a model, for instance a cloud. An empty file may be replaced.
 fn check_replaced(path: &Path) -> Result<()> {
-    // What is not there, cannot be read or is no file the writer judges.
+    // A file that does not exist or cannot be read is left to the writer.
     let Ok(start) = open::start(path, START) else { return Ok(()) };
     let model = start.get(8..).is_some_and(|json| json.starts_with(b"{") && find(json, FORMAT.as_bytes()).is_some());
     match start.is_empty() || model {
@@ -76,7 +78,7 @@ impl Model {
     /// The bytes of the model file; the same model gives the same bytes.
     ///
     /// # Errors
-    /// Classes, names, fingerprint and classifier that do not fit together.
+    /// If classes, names, fingerprint and classifier do not fit together.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         self.check_shape()?;
         let header = Header {
@@ -153,7 +155,7 @@ impl Model {
     /// Writes the model file.
     ///
     /// # Errors
-    /// As [`Model::to_bytes`]; [`Error::Io`] if the file cannot be written; it exists and is no model.
+    /// As [`Model::to_bytes`]; [`Error::Io`] if the file cannot be written; or if it exists and is not a model.
     pub fn save(&self, path: &Path) -> Result<()> {
         let bytes = self.to_bytes()?;
         check_replaced(path)?;
@@ -163,7 +165,7 @@ impl Model {
     /// Fails now if [`Model::save`] could not write this file later.
     ///
     /// # Errors
-    /// As [`atomic::check_output`]; the file exists and is no model.
+    /// As [`atomic::check_output`]; or if the file exists and is not a model.
     pub fn check_output(path: &Path) -> Result<()> {
         atomic::check_output(path)?;
         check_replaced(path)
@@ -228,7 +230,7 @@ fn find(bytes: &[u8], part: &[u8]) -> Option<usize> {
     if part.is_empty() { None } else { bytes.windows(part.len()).position(|w| w == part) }
 }
 
-/// SHA-256 in hexadecimal of the bytes with 64 zeros at `place`.
+/// SHA-256 in hexadecimal of the bytes, with 64 zeros at `place`.
 fn checksum(bytes: &[u8], place: usize) -> String {
     let mut sum = Sha256::new();
     sum.update(&bytes[..place]);
@@ -265,7 +267,7 @@ mod tests {
         Model::from_bytes(bytes, Path::new("test.model"))
     }
 
-    /// A file with a right checksum around a forest that was tampered with.
+    /// The error for a file with a correct checksum whose forest was altered.
     fn tampered(change: impl FnOnce(&mut Forest)) -> Error {
         let mut model = small();
         if let Classifier::Forest(forest) = &mut model.classifier {

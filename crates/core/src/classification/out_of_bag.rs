@@ -1,4 +1,5 @@
-//! The out-of-bag score: every sample judged by the trees that did not see it (Breiman 2001, section 3.1).
+//! The out-of-bag score: every sample is predicted by the trees that were not trained on it (Breiman 2001, section
+//! 3.1).
 
 use super::forest::Forest;
 use super::predict::largest;

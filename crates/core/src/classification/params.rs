@@ -1,29 +1,29 @@
-//! Settings of the forest.
+//! Parameters of the forest.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Where the threshold stands in the gap between two neighbouring values.
+/// Position of the threshold between two neighbouring values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Trainer {
-    /// In the middle of the gap (Breiman 2001; CART).
+    /// In the middle (CART; Breiman 2001).
     Breiman,
-    /// Uniformly drawn inside the gap (template library of ETH Zurich, used by Hackel 2018).
+    /// Uniformly random in between (template library of ETH Zurich, used by Hackel 2018).
     Ethz,
 }
 
-/// Impurity that splits reduce.
+/// Impurity measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Criterion {
     /// Gini: sum of p (1 - p).
     Gini,
-    /// Entropy: -sum of p ln p (Hackel 2018, eq. 3.6 with its sign put right).
+    /// Entropy: -sum of p ln p (Hackel 2018, eq. 3.6 with its sign corrected).
     Entropy,
 }
 
-/// Number of features tried at a node. Drawing goes on until one of them is not constant.
+/// Number of features tried at a node. More are drawn until one of them is not constant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MaxFeatures {
@@ -33,7 +33,7 @@ pub enum MaxFeatures {
     Log2,
     /// Every feature.
     All,
-    /// This many, 1 or more; capped at all.
+    /// This many, 1 or more, but at most all.
     Count(usize),
     /// This share of them, in (0, 1], rounded down, at least 1.
     Fraction(f64),
@@ -53,7 +53,7 @@ impl MaxFeatures {
     }
 }
 
-/// Which samples a tree sees.
+/// The samples that each tree is trained on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bootstrap {
@@ -65,13 +65,13 @@ pub enum Bootstrap {
     None,
 }
 
-/// Weight of the classes.
+/// Class weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClassWeight {
-    /// Every sample counts as it is.
+    /// All samples have the same weight.
     None,
-    /// Inversely to the class's number of samples: n / (present classes x n of the class).
+    /// Inversely proportional to the class's number of samples: n / (number of classes present x n of the class).
     Balanced,
     /// One positive weight a class.
     PerClass(Vec<f32>),
@@ -90,46 +90,46 @@ impl ClassWeight {
     }
 }
 
-/// How thresholds are searched.
+/// Search for thresholds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Splitter {
-    /// On values quantised to at most `max_bins` bins: the fast way.
+    /// On values quantised to at most `max_bins` bins: the fast variant.
     Histogram,
     /// On the sorted raw values: the slow reference. At most 65535 different thresholds a feature in a forest.
     Exact,
 }
 
-/// Settings of [`Forest::fit`](super::Forest::fit). The default is [`ForestParams::ethz`].
+/// Parameters of [`Forest::fit`](super::Forest::fit). The default is [`ForestParams::ethz`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ForestParams {
     /// Number of trees, 1..=10000.
     pub trees: usize,
-    /// Splits on the longest way from root to leaf, 1..=4096; `None` (written as 0) stands for 4096.
+    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (written as 0) stands for 4096.
     #[serde(with = "zero_is_none")]
     pub max_depth: Option<usize>,
-    /// Where thresholds stand in their gap.
+    /// Position of thresholds between values.
     pub trainer: Trainer,
-    /// Impurity.
+    /// Impurity measure.
     pub criterion: Criterion,
-    /// Features tried at a node.
+    /// Number of features tried at a node.
     pub max_features: MaxFeatures,
-    /// Nodes with fewer different samples are not split, 2 or more.
+    /// Nodes with fewer distinct samples are not split, 2 or more.
     pub min_samples_split: usize,
-    /// No child gets fewer different samples, 1 or more.
+    /// Least number of distinct samples in a child, 1 or more.
     pub min_samples_leaf: usize,
-    /// No child gets a smaller share of the tree's weight, 0..=0.5.
+    /// Least share of the tree's weight in a child, 0..=0.5.
     pub min_weight_leaf: f64,
-    /// The samples of a tree.
+    /// The samples that each tree is trained on.
     pub bootstrap: Bootstrap,
-    /// Weight of the classes.
+    /// Class weights.
     pub class_weight: ClassWeight,
     /// Search for thresholds.
     pub splitter: Splitter,
-    /// Bins a feature with [`Splitter::Histogram`], 2..=255.
+    /// Largest number of bins a feature with [`Splitter::Histogram`], 2..=255.
     pub max_bins: usize,
-    /// Seed of everything drawn by chance.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
@@ -140,7 +140,7 @@ impl Default for ForestParams {
 }
 
 impl ForestParams {
-    /// Breiman, *Random forests*, 2001, with the common 100 trees grown to purity.
+    /// L. Breiman, *Random forests*, 2001, with the common 100 trees grown until their leaves are pure.
     pub fn breiman() -> Self {
         Self {
             trees: 100,
@@ -152,7 +152,8 @@ impl ForestParams {
         }
     }
 
-    /// The forest of Hackel, thesis 2018, chapter 4.4.3: 50 trees of depth 30, ETH template library's defaults else.
+    /// The forest of Hackel 2018, chapter 4.4.3: 50 trees of depth 30, otherwise the defaults of ETH's template
+    /// library.
     pub fn ethz() -> Self {
         Self {
             trees: 50,
@@ -202,7 +203,7 @@ impl ForestParams {
     }
 }
 
-/// Depth of the deepest tree that is learned or read.
+/// Largest depth of a tree that is trained or read.
 pub(super) const MAX_DEPTH: usize = 4096;
 
 pub(super) fn within(name: &'static str, value: usize, low: usize, high: usize) -> Result<()> {
@@ -214,7 +215,7 @@ fn share_in_range(name: &'static str, share: f64) -> Result<()> {
     if share > 0.0 && share <= 1.0 { Ok(()) } else { Err(Error::parameter(name, share, "a share above 0, at most 1")) }
 }
 
-/// TOML has no null: no limit is written as 0.
+/// TOML has no null: "no limit" is written as 0.
 pub(super) mod zero_is_none {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

@@ -1,4 +1,4 @@
-//! Prediction: a block of rows is quantised once, then every tree takes the whole block down.
+//! Prediction: a block of rows is quantised once, then descends each tree.
 
 use super::compact::{Compact, Places};
 use super::descend::{Codes, Walk};
@@ -6,10 +6,10 @@ use super::forest::{Descent, Forest, LEAF_CUT, Node};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
-/// Rows of a block: enough that a tree is worth loading, few enough that codes and tree stay in the cache.
+/// Rows of a block: enough to make up for loading a tree, few enough that codes and tree stay in the cache.
 const BLOCK: usize = 4096;
 
-/// Working memory of [`Forest::predict_block`], to be used again for the next block.
+/// Scratch memory of [`Forest::predict_block`], to be reused for the next block.
 #[derive(Clone, Debug, Default)]
 pub struct PredictScratch {
     pub(super) narrow: Codes<u8>,
@@ -17,17 +17,17 @@ pub struct PredictScratch {
     pub(super) walk: Walk,
     pub(super) places: Places,
     pub(super) leaves: Vec<u32>,
-    /// Rows with additional columns, and scores, of boosted trees.
+    /// Rows with twin columns, and scores, of boosted trees.
     pub(super) extended: Vec<f32>,
     pub(super) scores: Vec<f32>,
 }
 
 impl Forest {
     /// Class probabilities of `rows` (row-major, [`Forest::width`] values a row), written row-major to `out`
-    /// ([`Forest::classes`] values a row). Serial; for callers that are parallel by block.
+    /// ([`Forest::classes`] values a row). Runs on the calling thread; for callers that parallelise over blocks.
     ///
     /// # Errors
-    /// Lengths that do not fit.
+    /// If a length does not fit.
     pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
         self.check_lengths(rows, out)?;
         out.fill(0.0);
@@ -57,11 +57,11 @@ impl Forest {
             .try_for_each_init(PredictScratch::default, |scratch, (rows, out)| self.predict_block(rows, scratch, out))
     }
 
-    /// The most probable class of every row; the smaller class where two are equal. Quicker than [`Forest::predict_proba`]:
-    /// a row needs no more trees once the others could not change its class.
+    /// The most probable class of every row; the smaller class in a tie. Faster than [`Forest::predict_proba`]: a row
+    /// skips the remaining trees once they cannot change its class.
     ///
     /// # Errors
-    /// A length that does not fit.
+    /// If the length does not fit.
     pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
         if self.width() == 0 || !rows.len().is_multiple_of(self.width()) {
             return Err(Error::ModelMismatch(format!(
@@ -126,7 +126,7 @@ impl Forest {
         }
     }
 
-    /// Adds the shares of the leaf of every row; compiled for every small number of classes.
+    /// Adds the class shares of each row's leaf; compiled for every small number of classes.
     pub(super) fn add_leaves(&self, leaves: &[u32], out: &mut [f32]) {
         match self.classes {
             2 => self.add::<2>(leaves, out),
@@ -159,7 +159,7 @@ impl Forest {
         self.nodes[at as usize]
     }
 
-    /// The leaf row that one row of codes falls into.
+    /// The leaf row that one row of codes reaches.
     pub(super) fn leaf_of(&self, root: u32, code: impl Fn(usize) -> u16) -> &[f32] {
         let mut node = self.node(root);
         while node.cut != LEAF_CUT {
@@ -170,7 +170,7 @@ impl Forest {
     }
 }
 
-/// Index of the largest value, the first of equals.
+/// Index of the largest value, the first of equal ones.
 pub(super) fn largest(row: &[f32]) -> usize {
     (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best })
 }

@@ -1,18 +1,19 @@
-//! From values to codes: counts among 16 cuts instead of a search, compiled for each instruction set.
+//! Quantisation of values: counts comparisons with 16 cuts instead of a binary search; compiled for each instruction
+//! set.
 
 use pulp::{Simd, bytemuck};
 
-/// Rows of a tile: two registers of codes, so that one is worked on while the other waits.
+/// Rows of a tile: two vector registers of codes, so that the processor can work on one while the other waits.
 pub(super) const TILE: usize = 128;
 
-/// Rows whose values stay in the nearest cache while it goes from feature to feature.
+/// Rows whose values stay in the first-level cache while all features are quantised.
 const PART: usize = 64;
 
-/// Values in a line of the cache.
+/// Values in a cache line.
 const LINE: usize = 16;
 
-/// 255 cuts and infinity, and every 16th of them once more: a code is found by two counts among 16 numbers, which the
-/// processor does at once; by one or a few where the cuts are few.
+/// 255 cuts and infinity, and every 16th of them again: a code is found by two comparisons with 16 numbers at once; by
+/// one or a few if there are few cuts.
 #[derive(Clone, Debug, PartialEq)]
 #[repr(align(64))]
 pub(super) struct Table {
@@ -29,7 +30,7 @@ impl Table {
         Self { cuts: cuts.len(), coarse: std::array::from_fn(|block| cut(16 * block + 15)), fine }
     }
 
-    /// Codes of the values of one feature.
+    /// Codes of values of one feature.
     #[inline(always)]
     fn column<'a, S: Simd>(&self, simd: S, values: impl Iterator<Item = &'a f32>, codes: &mut [u8; PART]) {
         let pairs = codes.iter_mut().zip(values);
@@ -41,7 +42,7 @@ impl Table {
         }
     }
 
-    /// The code where all cuts are in the first blocks.
+    /// The code if all cuts are in the first blocks.
     #[inline(always)]
     fn flat<const BLOCKS: usize, S: Simd>(&self, simd: S, x: f32) -> u8 {
         let x = simd.splat_f32s(x);
@@ -63,7 +64,7 @@ impl Table {
 fn count_below<S: Simd>(simd: S, cuts: &[f32; 16], x: S::f32s) -> u32 {
     let (lanes, _) = S::as_simd_f32s(cuts);
     if const { size_of::<S::m32s>() == size_of::<u16>() } {
-        // A bit a lane.
+        // One bit per lane.
         let mut count = 0u32;
         for &cuts in lanes {
             let below: u16 = bytemuck::cast(simd.less_than_f32s(cuts, x));
@@ -100,7 +101,7 @@ impl pulp::WithSimd for Rows<'_> {
     }
 }
 
-/// Codes of rows in tiles, each of which has [`TILE`] codes of every feature; compiled for each instruction set.
+/// Codes of rows in tiles, which hold [`TILE`] codes of one feature after the other; compiled for each instruction set.
 pub(super) struct Tiles<'a> {
     pub(super) tables: &'a [Table],
     pub(super) values: &'a [f32],
@@ -127,7 +128,7 @@ impl pulp::WithSimd for Tiles<'_> {
     }
 }
 
-/// Reads values from end to end: they come from memory much faster than feature by feature.
+/// Reads values sequentially, which loads them from memory much faster than feature by feature.
 #[inline(always)]
 fn read_ahead(values: &[f32]) {
     std::hint::black_box(values.iter().step_by(LINE).fold(0u32, |bits, x| bits ^ x.to_bits()));

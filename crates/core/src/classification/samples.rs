@@ -1,17 +1,17 @@
-//! What is learned from: features, class and weight of every sample.
+//! Training samples: features, class and weight.
 
 use crate::error::{Error, Result};
 
 /// Labelled samples, borrowed. Row `i` is `features[i * width..(i + 1) * width]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples<'a> {
-    /// Row-major feature values; NaN means missing and always goes left in a tree.
+    /// Row-major feature values; NaN means missing and always goes left in a forest.
     pub features: &'a [f32],
-    /// Features a row, 1..=65534.
+    /// Number of features, 1..=65534.
     pub width: usize,
     /// Class of every row, `0..classes`.
     pub labels: &'a [u16],
-    /// Weight of every row, finite and not negative; a row of weight 0 counts as absent.
+    /// Weight of every row, finite and not negative; rows of weight 0 are ignored.
     pub weights: Option<&'a [f32]>,
     /// Number of classes, 1..=65535; a class without any row is allowed and gets probability 0.
     pub classes: usize,
@@ -46,8 +46,8 @@ impl Samples<'_> {
     /// Checks that the parts fit together.
     ///
     /// # Errors
-    /// Lengths that do not fit, a label that is not below `classes`, a weight that is negative or not finite, no row of
-    /// positive weight, more than 2^31 rows.
+    /// If lengths do not fit, a label is not below `classes`, a weight is negative or not finite, no row has positive
+    /// weight, or there are more than 2^31 rows.
     pub fn check(&self) -> Result<()> {
         self.check_shape()?;
         if let Some(label) = self.labels.iter().find(|&&l| usize::from(l) >= self.classes) {

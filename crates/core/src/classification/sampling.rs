@@ -1,36 +1,38 @@
-//! Choosing samples so that no class drowns the others.
+//! Class balancing: draws training samples so that no class dominates the others.
 
 use crate::error::{Error, Result};
 use crate::random::stream;
 use serde::{Deserialize, Serialize};
 
-/// A class is rare only beside one that has this many times its samples: where all classes have few, none is rare.
+/// A class counts as rare only if another has at least this many times its samples; if all classes are small, none is
+/// rare.
 const RARE_BESIDE: usize = 100;
 
-/// What becomes of a class that is too rare to be learned.
+/// Treatment of classes that are too rare to be learned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rare {
-    /// It is no class of the model.
+    /// The class is not part of the model.
     #[default]
     LeaveOut,
-    /// It is learned from the few samples that there are.
+    /// The class is learned from its few samples.
     Keep,
 }
 
-/// Settings of [`balance`].
+/// Parameters of [`balance`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BalanceParams {
-    /// No class keeps more than this many times the samples of the smallest class that is learned, 1 or more.
+    /// No class keeps more than this multiple of the samples of the smallest class that is learned, 1 or more.
     pub max_ratio: f64,
-    /// `max_ratio` cuts no class below this many samples.
+    /// `max_ratio` reduces no class below this many samples.
     pub keep_samples: usize,
-    /// A class of fewer samples than this, and than a hundredth of the largest class, is rare; 0: none is.
+    /// A class is rare if it has fewer samples than this and than a hundredth of the largest class; 0: no class is
+    /// rare.
     pub rare_below: usize,
-    /// What becomes of rare classes.
+    /// Treatment of rare classes.
     pub rare: Rare,
-    /// Most samples in all, 1 or more; above it all classes are thinned by the same factor.
+    /// Largest total number of samples, 1 or more; above it all classes are reduced by the same factor.
     pub max_samples: usize,
     /// Seed of the draw.
     pub seed: u64,
@@ -51,6 +53,9 @@ impl Default for BalanceParams {
 
 impl BalanceParams {
     /// Checks the ranges.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
         if !(self.max_ratio.is_finite() && self.max_ratio >= 1.0) {
             return Err(Error::parameter("max_ratio", self.max_ratio, "a number from 1 up"));
@@ -62,28 +67,28 @@ impl BalanceParams {
     }
 }
 
-/// What [`balance`] chose.
+/// The samples that [`balance`] has drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Balance {
-    /// Indices of the samples to learn from, ascending.
+    /// Indices of the drawn samples, ascending.
     pub chosen: Vec<u32>,
-    /// Weight of a sample of each class: 1, or more where the class has fewer samples than `max_ratio` asks for; 0 where it
+    /// Weight of a sample of each class: 1, or more if the class has fewer samples than `max_ratio` asks for; 0 if it
     /// has none.
     pub weights: Vec<f32>,
-    /// Classes that are rare, ascending, whether they were left out or not.
+    /// Rare classes, ascending, whether they are left out or not.
     pub rare: Vec<u16>,
 }
 
-/// Chooses the samples to learn from (Hackel 2018, chapter 4.6.1, made robust against rare classes):
+/// Draws the samples to train on (Hackel 2018, chapter 4.6.1, extended for rare classes), in O(n):
 ///
-/// 1. classes that are too rare are left out (or kept, if so asked);
+/// 1. classes that are too rare are left out, or kept, as [`Rare`] says;
 /// 2. every other class keeps at most `max_ratio` times the samples of the smallest of them, but never fewer than
-///    `keep_samples`, drawn without replacement; so a rare class does not throttle the others;
-/// 3. all classes are thinned by one factor to `max_samples`, each to one sample at least;
-/// 4. where a class still has fewer samples than the largest one over `max_ratio`, its samples weigh as much as so many would.
+///    `keep_samples`, drawn without replacement, so that a small class does not shrink the others too far;
+/// 3. all classes are reduced by one factor to `max_samples` in total, each to one sample at least;
+/// 4. if a class still has fewer samples than the largest one divided by `max_ratio`, its weights make up for it.
 ///
 /// # Errors
-/// A parameter out of range; more than 2^32 labels.
+/// If a parameter is out of range or there are more than 2^32 labels.
 pub fn balance(labels: &[u16], params: &BalanceParams) -> Result<Balance> {
     params.validate()?;
     if u32::try_from(labels.len()).is_err() {
@@ -99,21 +104,21 @@ pub fn balance(labels: &[u16], params: &BalanceParams) -> Result<Balance> {
     Ok(Balance { chosen: draw(&members, &sizes, params), weights: weights(&sizes, params.max_ratio), rare })
 }
 
-/// Classes with too few samples beside the largest.
+/// Classes with too few samples compared with the largest.
 fn rare(members: &[Vec<u32>], below: usize) -> Vec<u16> {
     let largest = members.iter().map(Vec::len).max().unwrap_or(0);
     let few = |n: usize| n > 0 && n < below && n < largest / RARE_BESIDE;
     (0..members.len()).filter(|&class| few(members[class].len())).map(|class| class as u16).collect()
 }
 
-/// Samples of each class that `max_ratio` and `keep_samples` leave.
+/// Number of samples of each class after `max_ratio` and `keep_samples`.
 fn capped(members: &[Vec<u32>], params: &BalanceParams) -> Vec<usize> {
     let smallest = members.iter().map(Vec::len).filter(|&n| n > 0).min().unwrap_or(0);
     let cap = ((params.max_ratio * smallest as f64) as usize).max(params.keep_samples);
     members.iter().map(|m| m.len().min(cap)).collect()
 }
 
-/// Draws so many of each class, thinned to `max_samples`.
+/// Draws this many samples of each class, reduced to `max_samples`.
 fn draw(members: &[Vec<u32>], sizes: &[usize], params: &BalanceParams) -> Vec<u32> {
     let total: usize = sizes.iter().sum();
     let factor = (params.max_samples as f64 / total.max(1) as f64).min(1.0);
@@ -127,7 +132,7 @@ fn draw(members: &[Vec<u32>], sizes: &[usize], params: &BalanceParams) -> Vec<u3
     chosen
 }
 
-/// Weights by which no class counts more than `max_ratio` times another.
+/// Weights with which no class counts more than `max_ratio` times another.
 fn weights(sizes: &[usize], max_ratio: f64) -> Vec<f32> {
     let largest = sizes.iter().copied().max().unwrap_or(0) as f64;
     let weight = |&n: &usize| if n == 0 { 0.0 } else { (largest / (max_ratio * n as f64)).max(1.0) as f32 };
@@ -138,7 +143,7 @@ fn weights(sizes: &[usize], max_ratio: f64) -> Vec<f32> {
 mod tests {
     use super::*;
 
-    /// Settings without a floor and without rare classes.
+    /// Parameters without a minimum and without rare classes.
     fn plain() -> BalanceParams {
         BalanceParams { keep_samples: 0, rare_below: 0, ..BalanceParams::default() }
     }
@@ -171,14 +176,14 @@ mod tests {
 
     #[test]
     fn a_rare_class_does_not_throttle_the_others() {
-        // 12 of class 2 beside 100,000 and 30,000.
+        // 12 samples of class 2 beside 100,000 and 30,000.
         let labels: Vec<u16> = (0..130_012).map(|i| u16::from(i >= 100_000) + u16::from(i >= 130_000)).collect();
         let params = BalanceParams { keep_samples: 6000, rare_below: 50, ..BalanceParams::default() };
         assert_eq!(counts(&labels, &params), [100_000, 30_000, 0]);
         assert_eq!(found(&labels, &params).rare, [2]);
         let kept = BalanceParams { rare: Rare::Keep, ..params.clone() };
         assert_eq!(counts(&labels, &kept), [6000, 6000, 12]);
-        // 6000 / (4 * 12): as much as 1500 samples, a quarter of the largest class.
+        // 6000 / (4 * 12): the weight of 1500 samples, a quarter of the largest class.
         assert_eq!(found(&labels, &kept).weights, [1.0, 1.0, 125.0]);
         assert_eq!(counts(&labels, &BalanceParams { rare_below: 0, ..params }), [6000, 6000, 12]);
     }

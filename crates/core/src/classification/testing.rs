@@ -23,7 +23,7 @@ impl Owned {
     }
 }
 
-/// Gaussian blobs, one a class, of which half of the features tell nothing; values are multiples of `step` (0: any).
+/// Gaussian clusters, one a class; half of the features are noise. Values are multiples of `step` (0: any).
 pub(super) fn blobs(count: usize, width: usize, classes: usize, step: f32) -> Owned {
     let mut random = stream(11, 0);
     let mut owned = Owned { features: Vec::new(), labels: Vec::new(), width, classes };

@@ -1,4 +1,4 @@
-//! Learning: trees in parallel, each from its own random stream.
+//! Training: trees in parallel, each with its own random stream.
 
 use super::bag::bag;
 use super::binning::{Binning, BinningParams};
@@ -14,27 +14,28 @@ use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
 use crate::random::stream;
 
-/// What learning tells about itself.
+/// Out-of-bag results of the training.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitReport {
-    /// Share of samples named right by the trees that did not see them; `None` without bootstrap or where no sample was
-    /// left out.
+    /// Share of samples classified correctly by the trees that were not trained on them; `None` without bootstrap or if
+    /// no sample was left out.
     pub oob_score: Option<f64>,
-    /// Row-major `samples x classes`: mean of the trees that did not see the sample, NaN where every tree saw it. Empty
+    /// Row-major `samples x classes`: mean over the trees that were not trained on the sample, NaN if all were. Empty
     /// without bootstrap.
     pub oob_probabilities: Vec<f32>,
 }
 
 impl Forest {
-    /// Learns a forest. The result is the same bytes for any number of threads.
+    /// Trains a forest. The result is the same bytes for any number of threads. O(trees · features tried · samples ·
+    /// depth).
     ///
     /// # Errors
-    /// Samples that do not fit together, a parameter out of range, cancellation.
+    /// If samples are inconsistent, a parameter is out of range, or the work was cancelled.
     pub fn fit(samples: &Samples<'_>, params: &ForestParams, monitor: &Monitor) -> Result<Self> {
         learn(samples, params, monitor).map(|(forest, _)| forest)
     }
 
-    /// As [`Forest::fit`], with the out-of-bag score.
+    /// As [`Forest::fit`]; also returns the out-of-bag score.
     pub fn fit_with_report(
         samples: &Samples<'_>,
         params: &ForestParams,
@@ -49,7 +50,7 @@ impl Forest {
     }
 }
 
-/// The active samples and their weights, before any bag.
+/// The active samples and their weights, before bootstrap sampling.
 struct Lesson<'a> {
     samples: &'a Samples<'a>,
     params: &'a ForestParams,
@@ -110,7 +111,7 @@ impl Lesson<'_> {
     }
 }
 
-/// Weight of every active sample: its own times its class's.
+/// Weight of every active sample: its own times that of its class.
 pub(super) fn weights(samples: &Samples<'_>, active: &[u32], class_weight: &ClassWeight) -> Result<Option<Vec<f64>>> {
     let own = |i: u32| samples.weight(i as usize);
     let label = |i: u32| usize::from(samples.labels[i as usize]);

@@ -1,22 +1,23 @@
-//! The most probable class of each row without asking all trees: a row leaves once the others could no longer change it.
+//! The most probable class of each row without evaluating all trees: a row is finished once the others cannot change
+//! it.
 
 use super::compact::Compact;
 use super::forest::Forest;
 use super::predict::{PredictScratch, largest};
 
-/// By how much a lead must exceed what the remaining trees can give: more than sums of shares round.
+/// A lead must exceed what the remaining trees can add by this much: more than the rounding of the sums.
 const SLACK: f32 = 1e-3;
 
-/// Rows of a block that are not settled yet, and the sums of their shares.
+/// Unfinished rows of a block, and their sums of class shares.
 struct Open {
     rows: Vec<u32>,
     sums: Vec<f32>,
 }
 
 impl Forest {
-    /// The classes of a block of rows; the same as those of the largest probabilities.
+    /// The classes of a block of rows, equal to those of the largest probabilities.
     ///
-    /// A tree adds at most 1 to a class, so a lead of more than the number of trees that are left stays a lead.
+    /// A tree adds at most 1 to a class, so that a lead larger than the number of remaining trees cannot be lost.
     pub(super) fn label_block(&self, rows: &[f32], trees: &Compact, scratch: &mut PredictScratch, out: &mut [u16]) {
         self.binning.bin_rows(rows, &mut scratch.narrow);
         let mut open = Open { rows: (0..out.len() as u32).collect(), sums: vec![0.0; out.len() * self.classes] };
@@ -45,7 +46,7 @@ impl Forest {
         self.add_leaves(leaves, sums);
     }
 
-    /// Writes the classes of rows whose lead exceeds `most`; the others move together.
+    /// Writes the classes of rows whose lead exceeds `most`; the others are moved together.
     fn settle(&self, most: f32, open: &mut Open, scratch: &mut PredictScratch, out: &mut [u16]) {
         let (codes, classes) = (&mut scratch.narrow, self.classes);
         let mut kept = 0;

@@ -1,6 +1,6 @@
-//! A named column: one value a point, in the type the file has.
+//! Named columns: one value a point, in the data type of the file.
 
-/// One value a point, in the file's own type.
+/// The values of a column, in the data type of the file.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(missing_docs, reason = "each variant is the type it names")]
 pub enum Values {
@@ -16,7 +16,7 @@ pub enum Values {
     F64(Vec<f64>),
 }
 
-/// Runs the same expression on the vector inside, whatever its type.
+/// Applies the same expression to the contained vector, whatever its type.
 macro_rules! each_values {
     ($values:expr, $v:ident => $body:expr) => {
         match $values {
@@ -46,7 +46,7 @@ impl Values {
         self.len() == 0
     }
 
-    /// Value `i` as a number (64-bit integers above 2^53 are rounded).
+    /// Value `i` as a floating-point number (64-bit integers above 2^53 are rounded).
     #[expect(clippy::unnecessary_cast, reason = "one expression for all types")]
     pub fn get(&self, i: usize) -> f64 {
         each_values!(self, v => v[i] as f64)
@@ -64,7 +64,7 @@ impl Values {
         each_values!(self, v => v.iter().map(|&x| x as f64).collect())
     }
 
-    /// Name of the type as numpy spells it: `u1`, `i2`, `f4`, ...
+    /// Type name as in numpy: `u1`, `i2`, `f4`, ...
     pub fn type_name(&self) -> &'static str {
         match self {
             Self::U8(_) => "u1",
@@ -93,14 +93,14 @@ impl Values {
 /// A named column of a cloud.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    /// PDAL's dimension name where one exists.
+    /// Name; PDAL's dimension name if there is one.
     pub name: String,
     /// One value a point.
     pub values: Values,
 }
 
 impl Column {
-    /// A column of that name.
+    /// A column with that name.
     pub fn new(name: impl Into<String>, values: Values) -> Self {
         Self { name: name.into(), values }
     }

@@ -1,23 +1,23 @@
-//! What the text of a coordinate reference system says of its units.
+//! Units of coordinate reference systems, read from their text.
 //!
-//! A system is written as WKT (OGC 01-009, ISO 19162) or as a code of the EPSG registry (`EPSG:2229`). The WKT of EPSG's codes
-//! is kept in `epsg.bin`, made by `scripts/epsg-table`.
+//! A system is given as WKT (OGC 01-009, ISO 19162) or as a code of the EPSG registry (`EPSG:2229`). `epsg.bin`
+//! contains the WKT of EPSG's codes; `scripts/epsg-table` generates it.
 
 use std::io::Read;
 
-/// Systems of EPSG as WKT, deflated; the layout is that of `scripts/epsg-table`.
+/// EPSG's systems as WKT, deflated; `scripts/epsg-table` describes the layout.
 const EPSG: &[u8] = include_bytes!("epsg.bin");
 
-/// Bytes of an entry of the table's index.
+/// Bytes per entry of the table's index.
 const ENTRY: usize = 6;
 
-/// Deeper brackets are no reference system.
+/// Largest nesting of brackets that is accepted.
 const DEEPEST: usize = 32;
 
-/// What the numbers of horizontal coordinates are.
+/// The unit of horizontal coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unit {
-    /// Lengths: metres in one of them.
+    /// A length, in metres.
     Length(f64),
     /// Angles on the ellipsoid.
     Degrees,
@@ -31,7 +31,7 @@ pub fn unit_of(crs: &str) -> Option<Unit> {
     }
 }
 
-/// Metres in one unit of the heights, if the system has a vertical part that says so.
+/// Metres per unit of height, if the system has a vertical part that states it.
 pub fn vertical_unit_of(crs: &str) -> Option<f64> {
     match epsg_code(crs) {
         Some(code) => Node::parse(&wkt_of(code)?)?.vertical(),
@@ -39,7 +39,7 @@ pub fn vertical_unit_of(crs: &str) -> Option<f64> {
     }
 }
 
-/// Whether two texts name one system: the same text, or the same code of EPSG.
+/// Whether two texts denote the same system: equal texts, or the same EPSG code.
 pub fn same(a: &str, b: &str) -> bool {
     let code = |crs| epsg_code(crs).or_else(|| Node::parse(crs)?.code());
     a == b || code(a).is_some_and(|found| Some(found) == code(b))
@@ -58,7 +58,7 @@ pub fn epsg_code(crs: &str) -> Option<u16> {
     rest.split('+').next()?.trim().parse().ok()
 }
 
-/// The WKT of a code of EPSG, if it is in the table.
+/// The WKT of an EPSG code, if it is in the table.
 pub fn wkt_of(code: u16) -> Option<String> {
     let number = |at: usize, bytes: usize| -> Option<usize> {
         Some(EPSG.get(at..at + bytes)?.iter().rev().fold(0, |sum, &byte| sum << 8 | usize::from(byte)))
@@ -84,7 +84,7 @@ struct Node {
 }
 
 impl Node {
-    /// The tree of a text; `None` if its brackets do not match.
+    /// Parses a text; `None` if its brackets do not match.
     fn parse(text: &str) -> Option<Self> {
         let mut open: Vec<Self> = Vec::new();
         let (mut word, mut quoted) = (String::new(), false);
@@ -124,7 +124,7 @@ impl Node {
         self.children.iter().find(|child| keywords.contains(&&child.keyword[..]))
     }
 
-    /// The system that a bound one is bound to, and of a compound one the first part with that property.
+    /// The base of a bound system, and of a compound one the first part with that property.
     fn part<T>(&self, of: impl Fn(&Self) -> Option<T> + Copy) -> Option<T> {
         match &self.keyword[..] {
             "COMPD_CS" | "COMPOUNDCRS" => self.children.iter().find_map(|part| part.part(of)),
@@ -139,14 +139,14 @@ impl Node {
             "PROJCS" | "PROJCRS" | "PROJECTEDCRS" | "LOCAL_CS" | "ENGCRS" | "GEOCCS" => {
                 system.length().or_else(|| system.known().and_then(|known| known.length())).map(Unit::Length)
             }
-            // WKT 2 calls geocentric systems geodetic ones with Cartesian axes.
+            // WKT 2 treats geocentric systems as geodetic ones with Cartesian axes.
             "GEODCRS" | "GEODETICCRS" if system.is_cartesian() => system.length().map(Unit::Length),
             "GEOGCS" | "GEOGCRS" | "GEOGRAPHICCRS" | "GEODCRS" | "GEODETICCRS" => Some(Unit::Degrees),
             _ => None,
         })
     }
 
-    /// Metres in one unit of the heights.
+    /// Metres per unit of height.
     fn vertical(&self) -> Option<f64> {
         self.part(|system| match &system.keyword[..] {
             "VERT_CS" | "VERTCRS" | "VERTICALCRS" => {
@@ -160,7 +160,7 @@ impl Node {
         self.child(&["CS"]).is_some_and(|cs| cs.values.iter().any(|v| v.eq_ignore_ascii_case("Cartesian")))
     }
 
-    /// Metres in the unit of the system itself: that of its first axis, in WKT 2, or of all its axes.
+    /// Metres per unit of the system itself: of its first axis (WKT 2), or of all its axes.
     fn length(&self) -> Option<f64> {
         let units = ["UNIT", "LENGTHUNIT"];
         let of_axis = || self.child(&["AXIS"])?.child(&units);
@@ -168,7 +168,7 @@ impl Node {
         (factor.is_finite() && factor > 0.0).then_some(factor)
     }
 
-    /// The code of EPSG that stands in this node, not in one inside it.
+    /// The EPSG code of this node itself, not of a node inside it.
     fn code(&self) -> Option<u16> {
         let id = self.child(&["AUTHORITY", "ID"])?;
         match &id.values[..] {
@@ -177,7 +177,7 @@ impl Node {
         }
     }
 
-    /// The system of the table with this one's code.
+    /// The system in the table with this one's code.
     fn known(&self) -> Option<Self> {
         Self::parse(&wkt_of(self.code()?)?)
     }
@@ -222,7 +222,7 @@ mod tests {
         assert!(found.len() > 800, "{}", found.len());
         for code in found {
             let node = Node::parse(&wkt_of(code).unwrap()).unwrap();
-            // A few withdrawn codes stand for those that replaced them.
+            // A few withdrawn codes are represented by those that replaced them.
             assert!(node.code().is_none_or(|own| own == code || wkt_of(own).is_some()), "{code}");
         }
     }
@@ -233,7 +233,7 @@ mod tests {
         assert_eq!((unit_of(compound), vertical_unit_of(compound)), (Some(Unit::Length(0.3048006)), Some(1.0)));
         let two = r#"PROJCRS["y",BASEGEOGCRS["z",DATUM["d",ELLIPSOID["e",6378137,298.2,LENGTHUNIT["metre",1]]],ID["EPSG",4269]],CONVERSION["c",PARAMETER["False easting",0,LENGTHUNIT["metre",1]]],CS[Cartesian,2],AXIS["e",east,ORDER[1],LENGTHUNIT["foot",0.3048]],AXIS["n",north,LENGTHUNIT["foot",0.3048]],ID["EPSG",2222]]"#;
         assert_eq!(unit_of(two), Some(Unit::Length(0.3048)));
-        // Nothing but a code of its own, at the right place; the code of the geographic part does not count.
+        // Only a code of its own, at the right place; the code of the geographic part does not count.
         let bare = r#"PROJCS["y",GEOGCS["z",AUTHORITY["EPSG","4269"]],AUTHORITY["EPSG","2229"]]"#;
         assert_eq!(unit_of(bare), Some(Unit::Length(1200.0 / 3937.0)));
         assert_eq!(unit_of(r#"PROJCS["y",GEOGCS["z",AUTHORITY["EPSG","4269"]]]"#), None);

@@ -1,4 +1,4 @@
-//! The cloud: coordinates as the file has them, and named columns beside them.
+//! The point cloud: coordinates as stored in the file, and named columns.
 
 mod column;
 pub mod crs;
@@ -18,21 +18,21 @@ use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
 use std::collections::HashMap;
 
-/// Columns of one cloud; the records of LAS have no room for more.
+/// Largest number of columns of a cloud; LAS records have no room for more.
 pub(crate) const MOST_COLUMNS: usize = 65_536;
 
-/// Points whose bounds are taken at once.
+/// Points of a piece when bounds are computed in parallel.
 const PIECE: usize = 65_536;
 
-/// Names of the columns that have a meaning of their own (PDAL's dimension names).
+/// Names of the columns with a defined meaning (PDAL's dimension names).
 pub mod names {
     /// Class code, u8.
     pub const CLASSIFICATION: &str = "Classification";
-    /// Return strength, u16 in LAS.
+    /// Intensity of the return, u16 in LAS.
     pub const INTENSITY: &str = "Intensity";
     /// Number of this return in its pulse, from 1.
     pub const RETURN_NUMBER: &str = "ReturnNumber";
-    /// Returns of the pulse.
+    /// Number of returns of the pulse.
     pub const NUMBER_OF_RETURNS: &str = "NumberOfReturns";
     /// Red, green and blue.
     pub const COLOUR: [&str; 3] = ["Red", "Green", "Blue"];
@@ -42,10 +42,10 @@ pub mod names {
     pub const ENTROPY: &str = "Entropy";
 }
 
-/// Coordinates in one of the two forms that files have.
+/// Coordinates in one of the two forms used by files.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Coordinates {
-    /// `tick * scale + offset` per axis: the exact integers of LAS.
+    /// `tick * scale + offset` per axis: the exact integers of LAS files.
     Scaled {
         /// Integers per axis.
         ticks: [Vec<i32>; 3],
@@ -54,7 +54,7 @@ pub enum Coordinates {
         /// Added after scaling, finite.
         offset: [f64; 3],
     },
-    /// Plain numbers per axis (PLY, text, numpy).
+    /// Floating-point numbers per axis (PLY, text, numpy).
     Float([Vec<f64>; 3]),
 }
 
@@ -63,13 +63,13 @@ pub enum Coordinates {
 pub struct Cloud {
     coordinates: Coordinates,
     columns: Vec<Column>,
-    /// Where the column of each name stands.
+    /// Position of the column of each name.
     places: HashMap<String, usize>,
     /// Coordinate reference system as the file states it (WKT, or `EPSG:n`).
     pub crs: Option<String>,
-    /// Metres in one unit of the coordinates, if the file says so (0.3048 for feet).
+    /// Metres per unit of the coordinates, if the file states it (0.3048 for feet).
     pub metres_per_unit: Option<f64>,
-    /// Which list the codes of the column `Classification` are of.
+    /// The class list that the codes in the column `Classification` belong to.
     pub scheme: CodeScheme,
 }
 
@@ -103,6 +103,9 @@ impl Cloud {
     }
 
     /// A cloud from rows of x, y, z.
+    ///
+    /// # Errors
+    /// If there are 2^32 points or more.
     pub fn from_rows(rows: &[[f64; 3]]) -> Result<Self> {
         Self::new(Coordinates::Float([0, 1, 2].map(|a| rows.iter().map(|r| r[a]).collect())))
     }
@@ -161,7 +164,7 @@ impl Cloud {
         self.bounds_of(0..self.len())
     }
 
-    /// As [`Cloud::bounds`], in parallel.
+    /// Like [`Cloud::bounds`], with cancellation, in parallel.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -191,18 +194,18 @@ impl Cloud {
         (low[0] <= high[0]).then_some((low, high))
     }
 
-    /// All columns in the file's order.
+    /// All columns, in the order of the file.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// The column of that name.
+    /// The column with that name.
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.places.get(name).map(|&at| &self.columns[at])
     }
 
-    /// Adds a column or replaces the one of the same name. Fails if its length is not the number of points, or if there
-    /// are 65,536 columns already.
+    /// Adds a column or replaces the one with the same name. Fails if its length is not the number of points, or if
+    /// there are 65,536 columns already.
     pub fn set_column(&mut self, column: Column) -> Result<()> {
         if column.values.len() != self.len() {
             return Err(Error::input(format!(
@@ -224,21 +227,21 @@ impl Cloud {
         Ok(())
     }
 
-    /// The reference system as WKT; `None` without one, or if a code of EPSG is not in the table.
+    /// The reference system as WKT; `None` if there is none, or if its EPSG code is not in the table.
     pub fn wkt(&self) -> Option<String> {
         let text = self.crs.as_deref()?;
         crs::epsg_code(text).map_or_else(|| Some(text.to_string()), crs::wkt_of)
     }
 
-    /// Whether x and y are degrees: the reference system says so, and nobody has given a length.
+    /// Whether x and y are degrees: the reference system says so, and no length unit is given.
     pub fn is_in_degrees(&self) -> bool {
         self.metres_per_unit.is_none() && self.crs.as_deref().and_then(crs::unit_of) == Some(crs::Unit::Degrees)
     }
 
-    /// Metres in one unit of the coordinates: what was asked for, else what the cloud says, else 1.
+    /// Metres per unit of the coordinates: the requested value, else that of the cloud, else 1.
     ///
     /// # Errors
-    /// The number is not finite and above 0, or the coordinates are degrees.
+    /// If the number is not finite and above 0, or the coordinates are degrees.
     pub fn metres(&self, asked: Option<f64>) -> Result<f64> {
         match asked {
             Some(metres) if metres.is_finite() && metres > 0.0 => Ok(metres),
@@ -252,7 +255,7 @@ impl Cloud {
         }
     }
 
-    /// Takes the unit from the reference system where nothing else tells it.
+    /// Sets the unit from the reference system if it is not known otherwise.
     pub fn take_unit_from_crs(&mut self) {
         if let (None, Some(crs::Unit::Length(metres))) =
             (self.metres_per_unit, self.crs.as_deref().and_then(crs::unit_of))

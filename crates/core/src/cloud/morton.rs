@@ -1,6 +1,6 @@
-//! Morton order: the bits of three cell indices interleaved, so that cells near in space are near in the order.
+//! Morton order: interleaving the bits of three cell indices, so that cells near in space are mostly near in the order.
 //!
-//! A code shifted right by 3 is the code of the cell of twice the size that holds the cell.
+//! A code shifted right by 3 is the code of the enclosing cell of twice the size.
 
 /// Cell indices per axis are below this.
 pub const LIMIT: u32 = 1 << 21;

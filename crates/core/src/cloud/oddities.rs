@@ -1,15 +1,15 @@
-//! What a user should know of a cloud before its points are worked with.
+//! Warnings about a cloud before it is processed.
 
 use super::{Cloud, StrayParams, Strays};
 use crate::error::Result;
 use crate::parallel::Monitor;
 
-/// A cloud lower than this many times its width may well be in one unit; higher, x and y are hardly lengths like z.
+/// A cloud that is higher than this multiple of its width probably has x and y in other units than z.
 const TALL: f64 = 20.0;
 
 impl Cloud {
-    /// Oddities that change results: stray points, which are set aside, and coordinates that look like degrees though nothing says
-    /// so. One sentence each.
+    /// Properties that may change results, as one sentence each: stray points, which are ignored, and coordinates that
+    /// look like degrees although no reference system says so.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -27,7 +27,7 @@ impl Cloud {
     }
 }
 
-/// A narrow box within the degrees of the Earth that is far higher than wide.
+/// Whether the bounding box lies within the range of degrees and is far higher than wide.
 fn looks_like_degrees((low, high): &([f64; 3], [f64; 3])) -> bool {
     let [x, y, z] = [0, 1, 2].map(|a| high[a] - low[a]);
     let plan = x.max(y);

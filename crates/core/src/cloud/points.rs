@@ -1,16 +1,16 @@
-//! Local coordinates in metres: what kernels see.
+//! Local coordinates in metres, as the algorithms use them.
 
 use super::{Cloud, StrayParams, Strays};
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 
-/// Metres from the origin; three squares of it are still an `f32`.
+/// Largest distance from the origin in metres: three squares of it still fit into `f32`.
 const FARTHEST: f64 = 1e18;
 
 /// `f32` coordinates relative to an origin, axis by axis.
 ///
-/// Only the finite points of a cloud that are not stray ([`Strays`]) are here (and none farther than 10^15 km from the origin,
-/// where squares of `f32` end); `index[i]` is the position in the cloud of local point `i`.
+/// Contains only the finite points of a cloud that are not stray ([`Strays`]) and at most 10^15 km from the origin,
+/// beyond which squares overflow `f32`; `index[i]` is the index in the cloud of local point `i`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     /// Metres east of the origin.
@@ -19,21 +19,21 @@ pub struct Points {
     pub y: Vec<f32>,
     /// Metres above the origin.
     pub z: Vec<f32>,
-    /// Position in the cloud of each point, ascending.
+    /// Index in the cloud of each point, ascending.
     pub index: Vec<u32>,
-    /// What was subtracted, in metres.
+    /// The subtracted origin, in metres.
     pub origin: [f64; 3],
 }
 
 impl Points {
-    /// Local points of a cloud: those that are finite and not stray, in metres, the smallest corner (rounded down to whole
-    /// metres) subtracted in `f64` before rounding to `f32`.
+    /// Local points of a cloud: those that are finite and not stray, in metres, relative to the smallest corner rounded
+    /// down to whole metres. The corner is subtracted in `f64` before rounding to `f32`.
     pub fn from_cloud(cloud: &Cloud, metres_per_unit: f64) -> Self {
-        // Nobody can cancel a new monitor.
+        // A new monitor cannot have been cancelled.
         Self::from_cloud_watched(cloud, metres_per_unit, &Monitor::default()).unwrap_or_default()
     }
 
-    /// As [`Points::from_cloud`], for many points.
+    /// Like [`Points::from_cloud`], and can be cancelled.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -42,7 +42,8 @@ impl Points {
         Self::new(cloud, metres_per_unit, (&strays, &strays.index), monitor)
     }
 
-    /// All finite points of a cloud, the stray ones too; the corner is still that of the others, so that they stay exact.
+    /// All finite points of a cloud, including stray ones; the corner is that of the others, so that they keep their
+    /// precision.
     ///
     /// # Errors
     /// If the work was cancelled.

@@ -1,25 +1,25 @@
-//! Which list the class codes of a cloud are of, as far as its source tells.
+//! The list that the class codes of a cloud belong to, as far as its source tells.
 
 use serde::Serialize;
 
-/// The list that the codes of the column `Classification` are of. The reader of a file sets it.
+/// The list that the codes in the column `Classification` belong to. Set by the reader of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CodeScheme {
-    /// Not known: every code is a class (PLY, PCD, E57, npz, text, clouds made in memory).
+    /// Unknown: every code is a class (PLY, PCD, E57, npz, text, clouds made in memory).
     #[default]
     Own,
-    /// The list of ASPRS (LAS, LAZ): 0 is never classified, 1 unclassified.
+    /// The ASPRS list (LAS, LAZ): 0 means never classified, 1 unclassified.
     Asprs,
-    /// The classes of Semantic3D (text with `.labels` beside it): 0 is unlabelled.
+    /// The Semantic3D list (text with a `.labels` file): 0 means unlabelled.
     Semantic3d,
 }
 
 impl CodeScheme {
-    /// All of them.
+    /// All lists.
     pub const ALL: [Self; 3] = [Self::Own, Self::Asprs, Self::Semantic3d];
 
-    /// Its name in programs.
+    /// Name of the list in programs.
     pub fn name(self) -> &'static str {
         match self {
             Self::Own => "own",

@@ -1,37 +1,37 @@
-//! Stray points: a few that lie so far from all others that they cannot belong to the scene.
+//! Stray points: a few points so far from all others that they cannot belong to the scene.
 //!
-//! A record of zeros in a cloud with national coordinates, or an echo kilometres away, would stretch every grid over the extent
-//! and cost all other points their precision in `f32`. Such points are set aside like those that are not finite.
+//! A record of zeros in a cloud with national coordinates, or an echo kilometres away, would extend every grid and cost
+//! all other points their precision in `f32`. Such points are ignored, like points that are not finite.
 
 use super::Cloud;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
 
-/// Points whose coordinates tell where the scene is.
+/// Number of sampled points from which the core of the scene is found.
 const SAMPLES: usize = 4096;
 
-/// Share of these that is left out at each end of an axis.
+/// Share of the sample that is left out at each end of an axis.
 const TAIL: f64 = 0.05;
 
-/// More strays than this share of a cloud are none: then the cloud is made of scattered places.
+/// If more than this share of the points are far away, the cloud consists of scattered sites and none are stray.
 const MOST: f64 = 0.01;
 
-/// Points that are looked at in one go.
+/// Number of points tested at a time.
 const PIECE: usize = 1 << 16;
 
-/// A cloud of fewer points is too small to tell.
+/// Smallest number of points for which stray points are searched.
 const FEWEST: usize = 100;
 
-/// Cells of groups lie within this many cells of the middle.
+/// Groups are found only for points within this many cells of the core.
 const FARTHEST: f64 = 1e12;
 
-/// Which points are stray. The defaults are wide: what they find is in no scene.
+/// Parameters of the search for stray points. The defaults are wide enough that no part of a scene is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrayParams {
-    /// A point is stray only if it lies further from the box of all others than so many times that box's diagonal; above 0.
-    /// Infinity finds none.
+    /// A point is stray only if its distance from the bounding box of all others exceeds this multiple of the box's
+    /// diagonal; above 0. Infinity disables the search.
     pub distance: f64,
-    /// ... and if it and the points around it are at most this share of the cloud (or three points); 0..=0.01.
+    /// ... and if its group has at most this share of the cloud's points (or three points); 0..=0.01.
     pub share: f64,
 }
 
@@ -57,35 +57,36 @@ impl StrayParams {
     }
 }
 
-/// The points of a cloud that lie far from all others.
+/// The stray points of a cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Strays {
-    /// Their positions in the cloud, ascending.
+    /// Their indices in the cloud, ascending.
     pub index: Vec<u32>,
     /// Smallest and largest coordinates of all other finite points; `None` if there is none.
     pub bounds: Option<Bounds>,
 }
 
-/// Smallest and largest coordinate an axis.
+/// Smallest and largest coordinate per axis.
 type Bounds = ([f64; 3], [f64; 3]);
 
 impl Strays {
-    /// Finds them.
+    /// Finds the stray points of a cloud.
     ///
-    /// The middle nine tenths of a sample, axis by axis, are the core of the scene. Points further from its box than
-    /// `distance` diagonals are looked at: they fall into cells as wide as that diagonal, and cells that touch make a group.
-    /// Small groups that also lie so many diagonals away from the box of all that is left are stray. Two sites far apart are
-    /// two large groups, so none of them is. One pass over the bounds for a cloud without far points, two more otherwise.
+    /// The middle nine tenths of a sample on each axis are the core of the scene. Points farther from its box than
+    /// `distance` diagonals are candidates. They are sorted into cells as wide as that diagonal, and adjacent cells
+    /// form a group. Small groups that are also that far from the bounding box of all remaining points are stray. Two
+    /// sites far apart are two large groups, so that neither is stray. One pass over the points for a cloud without far
+    /// points, two more otherwise.
     ///
     /// # Errors
-    /// A parameter out of range, or the work was cancelled.
+    /// If a parameter is out of range, or the work was cancelled.
     pub fn find(cloud: &Cloud, params: &StrayParams, monitor: &Monitor) -> Result<Self> {
         params.validate()?;
         let Some(bounds) = cloud.bounds_watched(monitor)? else { return Ok(Self::default()) };
         let none = Self { index: Vec::new(), bounds: Some(bounds) };
         let Some(core) = core(cloud) else { return Ok(none) };
         let reach = params.distance * diagonal(&core);
-        // Not true of NaN either: no core, or none that has a size.
+        // NaN fails too: no core, or a core without extent.
         if !(reach > 0.0 && reach.is_finite() && corner_away(&bounds, &core) > reach) {
             return Ok(none);
         }
@@ -108,7 +109,7 @@ impl Strays {
         Ok(Self { index, bounds })
     }
 
-    /// One sentence for the user; `None` if there are none.
+    /// A warning for the user; `None` if there are none.
     pub fn warning(&self, cloud: &Cloud) -> Option<String> {
         let first = *self.index.first()?;
         let [x, y, z] = cloud.xyz(first as usize);
@@ -124,7 +125,7 @@ fn finite(at: [f64; 3]) -> Option<[f64; 3]> {
     at.iter().all(|v| v.is_finite()).then_some(at)
 }
 
-/// The box of the middle of a sample; `None` for a small cloud.
+/// The bounding box of the middle of a sample; `None` for a small cloud.
 fn core(cloud: &Cloud) -> Option<Bounds> {
     let step = cloud.len().div_ceil(SAMPLES).max(1);
     let sample: Vec<[f64; 3]> = (0..cloud.len()).step_by(step).filter_map(|i| finite(cloud.xyz(i))).collect();
@@ -144,17 +145,17 @@ fn diagonal((low, high): &Bounds) -> f64 {
     (0..3).map(|a| (high[a] - low[a]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Distance of a place from a box.
+/// Distance of a position from a box.
 fn away(at: [f64; 3], (low, high): &Bounds) -> f64 {
     (0..3).map(|a| (low[a] - at[a]).max(at[a] - high[a]).max(0.0).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The largest distance that a corner of `outer` has from `inner`.
+/// The largest distance of a corner of `outer` from `inner`.
 fn corner_away(outer: &Bounds, inner: &Bounds) -> f64 {
     (0..3).map(|a| (inner.0[a] - outer.0[a]).max(outer.1[a] - inner.1[a]).max(0.0).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Those of the points, ascending, whose group has no more than `few` points.
+/// The points, ascending, whose group has at most `few` points.
 fn small_groups(cloud: &Cloud, far: &[u32], (core, few): (&Bounds, usize)) -> Vec<u32> {
     let size = diagonal(core);
     let cell = |i: u32| {
@@ -187,7 +188,7 @@ fn small_groups(cloud: &Cloud, far: &[u32], (core, few): (&Bounds, usize)) -> Ve
     small
 }
 
-/// The bounds of all finite points but these, which ascend.
+/// The bounds of all finite points except these (ascending).
 fn bounds_without(cloud: &Cloud, without: &[u32]) -> Option<Bounds> {
     let mut starts: Vec<usize> = without.iter().map(|&i| i as usize + 1).collect();
     starts.insert(0, 0);
@@ -201,7 +202,7 @@ mod tests {
     use super::*;
     use crate::random::stream;
 
-    /// A block of a town: 200 m wide, in national coordinates.
+    /// A town block, 200 m wide, in national coordinates.
     fn town(points: usize) -> Vec<[f64; 3]> {
         let mut s = stream(7, 7);
         let mut place =
@@ -216,7 +217,7 @@ mod tests {
     #[test]
     fn a_clean_cloud_has_none() {
         assert!(found(&town(3000)).is_empty());
-        // A bird, a pit, a chimney and one point without a number.
+        // A bird, a pit, a chimney and one point that is not finite.
         let mut rows = town(3000);
         rows.extend([
             [500_100.0, 5_200_050.0, 900.0],
@@ -255,7 +256,7 @@ mod tests {
         let mut rows = town(3000);
         rows.extend(town(1000).iter().map(|p| [p[0] + 50_000.0, p[1], p[2]]));
         assert!(found(&rows).is_empty());
-        // A site of a hundredth of the points.
+        // A site with a hundredth of the points.
         rows.extend(town(40).iter().map(|p| [p[0] - 90_000.0, p[1], p[2]]));
         assert!(found(&rows).is_empty());
         rows.push([0.0; 3]);

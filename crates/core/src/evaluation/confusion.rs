@@ -1,4 +1,4 @@
-//! The confusion matrix: how often which class was called what.
+//! The confusion matrix: counts by true and predicted class.
 
 use crate::classes::{Class, ClassTable};
 use crate::cloud::CodeScheme;
@@ -19,11 +19,11 @@ impl Confusion {
         Self { classes, counts: vec![0; n * n], skipped: 0 }
     }
 
-    /// Compares codes point by point. Points whose truth is `None` are skipped and counted. The classes are all codes that
-    /// occur in the truth or, where there is a truth, in the prediction.
+    /// Compares codes point by point. Points without a true label (`None`) are skipped and counted as such. The classes
+    /// are all codes that occur in the truth, or in the prediction of a point with a true label.
     ///
     /// # Errors
-    /// Truth and prediction differ in length.
+    /// If truth and prediction differ in length.
     pub fn from_options(truth: &[Option<u8>], predicted: &[u8]) -> Result<Self> {
         if truth.len() != predicted.len() {
             return Err(Error::input(format!("{} true labels for {} predicted ones", truth.len(), predicted.len())));
@@ -44,16 +44,19 @@ impl Confusion {
     }
 
     /// Like [`Confusion::from_options`], with the codes that mean "no label" given.
+    ///
+    /// # Errors
+    /// As [`Confusion::from_options`].
     pub fn from_labels(truth: &[u8], predicted: &[u8], unlabelled: &[u8]) -> Result<Self> {
         let truth: Vec<Option<u8>> = truth.iter().map(|t| Some(*t).filter(|t| !unlabelled.contains(t))).collect();
         Self::from_options(&truth, predicted)
     }
 
-    /// Like [`Confusion::from_options`], for predictions that leave points open: such a point counts as wrong, under a code
-    /// that neither side has (0 if that is free).
+    /// Like [`Confusion::from_options`], for predictions that may be missing: such a point counts as wrong, under a
+    /// code that occurs on neither side (0 if it is unused).
     ///
     /// # Errors
-    /// Truth and prediction differ in length, or have all 256 codes between them.
+    /// If truth and prediction differ in length, or use all 256 codes.
     pub fn from_partial(truth: &[Option<u8>], predicted: &[Option<u8>]) -> Result<Self> {
         let mut seen = [false; 256];
         truth.iter().chain(predicted).flatten().for_each(|&code| seen[usize::from(code)] = true);
@@ -70,14 +73,14 @@ impl Confusion {
         })
     }
 
-    /// The same with the classes called as in a list of codes.
+    /// The same matrix with the class names of a code scheme.
     #[must_use]
     pub fn named(self, scheme: CodeScheme) -> Self {
         let codes: Vec<u8> = self.classes.classes().iter().map(|c| c.code).collect();
         Self { classes: ClassTable::of_scheme(&codes, scheme), ..self }
     }
 
-    /// The same with other names of the classes.
+    /// The same matrix with other class names.
     #[must_use]
     pub fn called(self, name: impl Fn(Class) -> String) -> Self {
         let called = self.classes.classes().iter().map(|c| Class { name: name(c.clone()), ..c.clone() });
@@ -88,7 +91,7 @@ impl Confusion {
     /// Counts one point.
     ///
     /// # Errors
-    /// A code is not in the table of classes.
+    /// If a code is not in the table of classes.
     pub fn add(&mut self, truth: u8, predicted: u8) -> Result<()> {
         let place = |code| {
             self.classes.position(code).ok_or_else(|| Error::input(format!("class code {code} is not in the table")))
@@ -103,27 +106,27 @@ impl Confusion {
         &self.classes
     }
 
-    /// Points of class `truth` that were called `predicted` (positions in the table).
+    /// Number of points of class `truth` that were predicted as `predicted` (positions in the table).
     pub fn count(&self, truth: usize, predicted: usize) -> u64 {
         self.counts[truth * self.classes.len() + predicted]
     }
 
-    /// Points of true class `truth`.
+    /// Number of points of true class `truth`.
     pub fn support(&self, truth: usize) -> u64 {
         (0..self.classes.len()).map(|p| self.count(truth, p)).sum()
     }
 
-    /// Points that were called `predicted`.
+    /// Number of points predicted as `predicted`.
     pub fn predicted(&self, predicted: usize) -> u64 {
         (0..self.classes.len()).map(|t| self.count(t, predicted)).sum()
     }
 
-    /// Points compared.
+    /// Number of points compared.
     pub fn points(&self) -> u64 {
         self.counts.iter().sum()
     }
 
-    /// Points skipped because they have no true label.
+    /// Number of points skipped because they have no true label.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }

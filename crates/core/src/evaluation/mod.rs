@@ -1,4 +1,4 @@
-//! Comparing a result with the truth.
+//! Evaluation: comparison of a result with reference labels.
 
 mod confusion;
 mod one_vs_rest;

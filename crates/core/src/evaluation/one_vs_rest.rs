@@ -1,9 +1,9 @@
-//! Each class against all others: the measures of document 002.
+//! Scores of each class against all others (Hasanpour Zaryabi et al. 2022).
 
 use super::Confusion;
 use serde::Serialize;
 
-/// Measures of one class against all others; a quotient without a denominator is 0.
+/// Scores of one class against all others; a quotient with denominator 0 is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct OneVsRest {
     /// The class.
@@ -19,7 +19,7 @@ pub struct OneVsRest {
 }
 
 impl Confusion {
-    /// The measures of document 002 (Hasanpour Zaryabi et al. 2022, section 4.2) for each class. O(classes).
+    /// The scores of Hasanpour Zaryabi et al. 2022, section 4.2, one entry a class. O(classes).
     pub fn one_vs_rest(&self) -> Vec<OneVsRest> {
         let share = |part: u64, whole: u64| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
         let all = self.points();
@@ -48,7 +48,7 @@ mod tests {
         let predicted = [0, 0, 1, 2, 1, 1, 0, 2, 2, 1];
         let rows = Confusion::from_labels(&truth, &predicted, &[]).unwrap().one_vs_rest();
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
-        // Class 1: two right, two wrongly called so, one missed, five others right.
+        // Class 1: two correct, two false positives, one false negative, five true negatives.
         near(rows[1].precision, 0.5);
         near(rows[1].sensitivity, 2.0 / 3.0);
         near(rows[1].specificity, 5.0 / 7.0);

@@ -1,5 +1,5 @@
-//! How good a partition is before anything is classified: what labelling whole segments could reach, and how well
-//! boundaries are met.
+//! Quality of a partition before classification: the accuracy that labelling whole segments can reach, and agreement of
+//! boundaries.
 
 use crate::error::{Error, Result};
 use crate::graph::Graph;
@@ -8,7 +8,8 @@ use serde::Serialize;
 
 pub use crate::segmentation::oracle_accuracy;
 
-/// Share of each segment's labelled nodes that have its commonest label, 0..=1; nothing for a segment without labels.
+/// Share of each segment's labelled nodes that have its most frequent label, 0..=1; `None` for a segment without
+/// labels. O(n).
 ///
 /// # Errors
 /// If there is not one label (or `None`) for each node.
@@ -17,22 +18,22 @@ pub fn purities(partition: &Partition, labels: &[Option<u8>]) -> Result<Vec<Opti
     Ok(majorities(partition, labels)?.iter().map(|m| purity(m.labelled, m.votes)).collect())
 }
 
-/// How the edges between segments and those between labels meet.
+/// Agreement between the boundaries of segments and those of labels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BoundaryScores {
     /// Edges whose ends have different labels.
     pub true_edges: u64,
     /// Edges between labelled nodes of different segments.
     pub found_edges: u64,
-    /// Share of the true edges that are met; 0 if there is none.
+    /// Boundary recall: share of the true edges that are found; 0 if there are none.
     pub recall: f64,
-    /// Share of the found edges that are true; 0 if there is none.
+    /// Boundary precision: share of the found edges that are true; 0 if there are none.
     pub precision: f64,
 }
 
-/// Compares the boundaries of a partition with those between labels. With a tolerance of 0 hops an edge is met by
-/// itself alone, with r > 0 also by an edge of which one end is at most r − 1 hops away from one of its own. Edges with
-/// an end without a label count on neither side. O(n + m) a hop.
+/// Compares the boundaries of a partition with those between labels. With a tolerance of 0 hops an edge matches only
+/// itself, with r > 0 also any edge that has an end at most r − 1 hops away from one of its own. Edges with an
+/// unlabelled end are ignored. O(n + m) a hop.
 ///
 /// # Errors
 /// If the partition, the labels and the graph differ in the number of nodes.
@@ -64,7 +65,7 @@ fn count(marks: &[bool]) -> u64 {
     marks.iter().filter(|m| **m).count() as u64
 }
 
-/// Share of the wanted edges that are met by others.
+/// Share of the wanted edges that match one of the others.
 fn met(graph: &Graph, (wanted, others): (&[bool], &[bool]), hops: usize) -> f64 {
     let near = (hops > 0).then(|| nodes_near(graph, others, hops - 1));
     let is_met = |edge: usize| {
@@ -93,18 +94,18 @@ fn nodes_near(graph: &Graph, marked: &[bool], hops: usize) -> Vec<bool> {
     near
 }
 
-/// Segments of similar size.
+/// One bin of the histogram of segment sizes.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, Serialize)]
 pub struct SizeBin {
-    /// Fewest nodes of a segment in this bin: a power of two; the next bin begins at twice as many.
+    /// Least number of nodes of a segment in this bin, a power of two; the next bin begins at twice as many.
     pub from: u64,
-    /// Segments of this size.
+    /// Number of segments of this size.
     pub segments: u64,
-    /// Nodes in them.
+    /// Number of nodes in them.
     pub nodes: u64,
 }
 
-/// How many segments have 1, 2-3, 4-7, 8-15, ... nodes, up to the largest. O(segments).
+/// Histogram of segment sizes: 1, 2-3, 4-7, 8-15, ... nodes, up to the largest. O(segments).
 pub fn size_histogram(partition: &Partition) -> Vec<SizeBin> {
     let mut bins: Vec<SizeBin> = Vec::new();
     for members in partition.iter() {

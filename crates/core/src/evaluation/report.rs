@@ -55,12 +55,15 @@ fn matrix(confusion: &Confusion, width: usize) -> String {
 }
 
 /// All scores as JSON.
+///
+/// # Errors
+/// If the encoder fails, which no scores are known to cause.
 pub fn to_json(confusion: &Confusion) -> Result<String> {
     serde_json::to_string_pretty(&confusion.scores())
         .map_err(|e| Error::input(format!("scores cannot be written as JSON: {e}")))
 }
 
-/// One line a class, then the means.
+/// CSV: one line a class, then the means.
 pub fn to_csv(confusion: &Confusion) -> String {
     let s = confusion.scores();
     let mut text = "code,class,precision,recall,f1_score,intersection_over_union,support\n".to_string();

@@ -1,4 +1,4 @@
-//! Scores derived from a confusion matrix. Where a quotient is undefined it is 0.
+//! Scores derived from a confusion matrix. An undefined quotient is 0.
 
 use super::Confusion;
 use serde::Serialize;
@@ -10,28 +10,28 @@ pub struct ClassScores {
     pub code: u8,
     /// Class name.
     pub name: String,
-    /// Correct share of what was called this class.
+    /// Share of the points predicted as this class that are correct.
     pub precision: f64,
-    /// Found share of what is this class.
+    /// Share of the points of this class that are predicted correctly.
     pub recall: f64,
     /// Harmonic mean of precision and recall.
     pub f1_score: f64,
-    /// Correct / (true or called so).
+    /// Correct points / points that belong to the class or are predicted as it.
     pub intersection_over_union: f64,
-    /// Points of this true class.
+    /// Number of points of this true class.
     pub support: u64,
-    /// Points called this class.
+    /// Number of points predicted as this class.
     pub predicted: u64,
 }
 
-/// Scores of a classification; the keys are those that other software writes.
+/// Scores of a classification; the JSON keys are those that other software uses.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Scores {
-    /// Points compared.
+    /// Number of points compared.
     pub points: u64,
-    /// Points without a true label.
+    /// Number of points without a true label.
     pub skipped: u64,
-    /// Correct share of all points.
+    /// Share of all points that are correct.
     pub overall_accuracy: f64,
     /// Mean recall of the classes that occur in the truth.
     pub balanced_accuracy: f64,

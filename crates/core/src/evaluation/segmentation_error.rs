@@ -1,4 +1,4 @@
-//! How many edges of the true objects a segmentation misses, seen from above.
+//! Segmentation error: share of the object boundaries that a segmentation misses, in plan.
 
 use crate::cloud::Points;
 use crate::error::{Error, Result};
@@ -6,17 +6,17 @@ use crate::parallel::{Looks, Monitor, map_watched};
 use crate::segmentation::{Partition, majorities};
 use serde::{Deserialize, Serialize};
 
-/// Most cells of a class image.
+/// Largest number of cells of a class image.
 const LIMIT: f64 = 268_435_456.0;
 
-/// What cells without a labelled point are.
+/// Treatment of cells without a labelled point.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EmptyCells {
-    /// Nothing: no edge runs along them.
+    /// Ignored: they have no boundaries.
     #[default]
     Ignored,
-    /// Background that belongs to no class, as in a plain image: holes in the scan have edges, in both images.
+    /// Background of no class, as in an ordinary image: holes in the scan have boundaries in both images.
     Background,
 }
 
@@ -24,9 +24,9 @@ pub enum EmptyCells {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SegmentationErrorParams {
-    /// Edge of a cell of the raster, metres, above 0: the spacing of the points.
+    /// Edge of a raster cell, metres, above 0: about the point spacing.
     pub cell: f64,
-    /// What cells without a labelled point are.
+    /// Treatment of cells without a labelled point.
     pub empty: EmptyCells,
 }
 
@@ -36,49 +36,49 @@ impl Default for SegmentationErrorParams {
     }
 }
 
-/// Edge cells of one class.
+/// Boundary cells of one class.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ClassEdges {
     /// The class.
     pub code: u8,
-    /// Edge cells of the truth.
+    /// Number of boundary cells of the truth.
     pub reference: u64,
-    /// Edge cells of the result.
+    /// Number of boundary cells of the result.
     pub found: u64,
-    /// Edge cells of both.
+    /// Number of boundary cells of both.
     pub common: u64,
-    /// Share of the true edge cells that the result does not have, 0..=1 (Eq. 10): 1 − recall.
+    /// Share of the true boundary cells that the result does not have, 0..=1 (Eq. 10): 1 − recall.
     pub error: f64,
-    /// Share of the result's edge cells that are true, 0..=1; 0 if there are none.
+    /// Share of the result's boundary cells that are true, 0..=1; 0 if there are none.
     pub precision: f64,
 }
 
-/// The segmentation error of document 002.
+/// The segmentation error of Hasanpour Zaryabi et al. 2022.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SegmentationError {
-    /// Classes that have edges in the truth, ascending.
+    /// Classes that have boundaries in the truth, ascending.
     pub classes: Vec<ClassEdges>,
-    /// Mean error of these (Eq. 11), 0 if there are none.
+    /// Mean error of these classes (Eq. 11), 0 if there are none.
     pub error: f64,
-    /// Mean precision of these, 0 if there are none.
+    /// Mean precision of these classes, 0 if there are none.
     pub precision: f64,
 }
 
-/// A raster of classes; row after row.
+/// A raster of classes, row after row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClassImage {
-    /// Cells of a row.
+    /// Number of columns.
     pub width: usize,
-    /// The class of each cell, or none.
+    /// The class of each cell, if any.
     pub codes: Vec<Option<u8>>,
 }
 
-/// Share of the edges of the true classes that a partition does not keep.
+/// Share of the boundaries of the true classes that a partition does not have.
 ///
-/// Document 002 (Hasanpour Zaryabi et al. 2022, Eq. 10 and 11): truth and result are seen from above, in each cell the
-/// highest labelled point; the result's class is the majority of the truth in its segment. Edges of a class B in either
-/// image are (dilate(B) − B) ∪ (B − erode(B)) with the 3 x 3 square. Errors are 1 − recall, so that more segments never
-/// count as worse: read the precision too. O(points + cells).
+/// Hasanpour Zaryabi et al. 2022, Eq. 10 and 11. Truth and result are seen from above: each cell has the class of its
+/// highest labelled point; the result's class is the most frequent true class of the segment. The boundary of a class B
+/// in either image is (dilate(B) − B) ∪ (B − erode(B)) with the 3 x 3 square. The error is 1 − recall, so that more
+/// segments never count as worse: read the precision too. O(points + cells).
 ///
 /// # Errors
 /// If there is not one segment and one label (or `None`) a point, the cell is not above 0, or the raster would have more
@@ -106,7 +106,7 @@ pub fn segmentation_error(
 
 const NOTHING: u32 = u32::MAX;
 
-/// Cells of a row, and the highest labelled point in each cell, the first of equally high ones.
+/// Number of columns, and the highest labelled point in each cell, the first of equally high ones.
 fn top_points((points, truth): (&Points, &[Option<u8>]), cell: f64, monitor: &Monitor) -> Result<(usize, Vec<u32>)> {
     let mut looks = Looks::at(monitor);
     let bad = |found: String| Error::parameter("cell", found, "metres, above 0, at most 2^28 cells in all");
@@ -117,7 +117,7 @@ fn top_points((points, truth): (&Points, &[Option<u8>]), cell: f64, monitor: &Mo
     let [(west, east), (south, north)] = [span(&points.x), span(&points.y)];
     let cells = |low: f32, high: f32| ((f64::from(high) - f64::from(low)) / cell).floor().max(0.0) + 1.0;
     let (width, height) = (cells(west, east), cells(south, north));
-    // Also false where a coordinate is not a number.
+    // False if a coordinate is NaN, too.
     let fits = width * height <= LIMIT;
     if !fits {
         return Err(bad(format!("{cell}: {width} x {height} cells")));
@@ -138,7 +138,7 @@ fn top_points((points, truth): (&Points, &[Option<u8>]), cell: f64, monitor: &Mo
 /// A set of classes.
 type Codes = [u64; 4];
 
-/// Compares the edges of two class images of one size, class by class.
+/// Compares the boundaries of two class images of equal size, class by class. O(cells).
 ///
 /// # Errors
 /// If the images differ in size, or the work was cancelled.
@@ -156,7 +156,7 @@ pub fn compare_edges(
     }
     let mut counts = [[0u64; 3]; 256];
     for cell in 0..cells {
-        // A cell costs what its nine neighbours do.
+        // Nine steps: the cell and its eight neighbours are read.
         looks.steps(9)?;
         let sets = [reference, found].map(|image| edges_at(image, cell, empty));
         for word in 0..4 {
@@ -184,7 +184,7 @@ pub fn compare_edges(
     Ok(SegmentationError { error: mean(|c| c.error), precision: mean(|c| c.precision), classes })
 }
 
-/// The classes of which a cell is an edge. Nothing lies beyond the rim of the image.
+/// The classes of whose boundary a cell is a part. Cells beyond the border of the image do not count.
 fn edges_at(image: &ClassImage, cell: usize, empty: EmptyCells) -> Codes {
     let mut set = [0; 4];
     let own = image.codes[cell];
@@ -198,7 +198,7 @@ fn edges_at(image: &ClassImage, cell: usize, empty: EmptyCells) -> Codes {
         for column in x.saturating_sub(1)..(x + 2).min(image.width) {
             let other = image.codes[row * image.width + column];
             if other != own && counts(other) {
-                // Outer edge of the neighbour's class, inner edge of the own one.
+                // Outer boundary of the neighbour's class, inner boundary of the cell's own one.
                 [own, other].into_iter().flatten().for_each(|c| set[usize::from(c / 64)] |= 1 << (c % 64));
             }
         }

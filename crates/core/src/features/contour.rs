@@ -1,5 +1,5 @@
-//! The contour features of document 004: moments along e2 (eq. 4.1), how normals differ across e1 (R, eq. 4.2) and how
-//! curvature differs near to and far from it (Q, eq. 4.3). 16 neighbourhoods at once, no branches.
+//! The contour features of Hackel 2018: moments along e2 (eq. 4.1), difference of the normals on both sides of e2 (R,
+//! eq. 4.2), and of the curvature near to and far from e1 (Q, eq. 4.3). 16 neighbourhoods at once, without branches.
 
 #![expect(
     clippy::needless_range_loop,
@@ -9,11 +9,11 @@
 use super::tensor::{Batch, LANES, Lane, MOST};
 use pulp::Simd;
 
-/// Surface variations below this are rounding of a plane in `f32`: they count as 0 in Q.
+/// Surface variations below this are rounding errors of a plane in `f32` and count as 0 in Q.
 const FLAT: f32 = 2e-6;
-/// Q where only the far half is flat.
+/// Q if only the far half is flat.
 const MOST_Q: f32 = 1000.0;
-/// A spread along e2 below this share of the whole extent is rounding: both moments are 0.
+/// If the spread along e2 is below this share of the total, it is a rounding error and both moments are 0.
 const THIN: f32 = 1e-10;
 
 /// Normals and surface variations of the neighbours.
@@ -30,7 +30,7 @@ impl Default for Surfaces {
     }
 }
 
-/// O, m2, R and Q of the first `count` rows; `second` is e2, `near` the size of the near set.
+/// O, m2, R and Q from the first `count` rows; `second` is e2, `near` the size of the near set.
 #[inline(always)]
 pub(super) fn contour_features<S: Simd>(
     simd: S,
@@ -73,7 +73,7 @@ fn moments(batch: &Batch, along: &[Lane; MOST], count: usize) -> [Lane; 2] {
     out
 }
 
-/// |n⁻ · n⁺| of the medoids of the normals on both sides under 1 − |n · n'|; 1 if a side is empty.
+/// |n⁻ · n⁺| of the medoids of the normals on both sides under the distance 1 − |n · n'|; 1 if a side is empty.
 #[inline(always)]
 fn orientation<S: Simd>(simd: S, along: &[Lane; MOST], surfaces: &Surfaces, count: usize) -> Lane {
     let [x, y, z] = &surfaces.normal;
@@ -112,8 +112,8 @@ fn orientation<S: Simd>(simd: S, along: &[Lane; MOST], surfaces: &Surfaces, coun
     out
 }
 
-/// Replaces the least and its normal in the lanes where the total is smaller. (Explicit lanes: left to itself the compiler
-/// makes branches of these selections.)
+/// Replaces the minimum and its normal in the lanes where the total is smaller. (Written as an explicit loop over
+/// lanes, which the compiler would otherwise turn into branches.)
 #[inline(always)]
 fn keep_better<S: Simd>(simd: S, total: &Lane, normal: [&Lane; 3], least: &mut Lane, kept: &mut [Lane; 3]) {
     let (total, least) = (S::as_simd_f32s(total).0, S::as_mut_simd_f32s(least).0);
@@ -126,7 +126,8 @@ fn keep_better<S: Simd>(simd: S, total: &Lane, normal: [&Lane; 3], least: &mut L
     least.iter_mut().zip(total).for_each(|(least, &total)| *least = simd.min_f32s(*least, total));
 }
 
-/// Mean variation of the `near` rows nearest to e1 over the mean of the others; ties go to the earlier row.
+/// Mean variation of the `near` rows nearest to the line along e1, divided by that of the others; ties go to the
+/// earlier row.
 #[inline(always)]
 fn line(along: &[Lane; MOST], surfaces: &Surfaces, count: usize, near: usize) -> Lane {
     let mut rank = [[0u32; LANES]; MOST];
@@ -201,7 +202,7 @@ mod tests {
             let y = [-0.3, -0.2, -0.1, 0.1, 0.2, 0.3];
             for (j, v) in y.iter().enumerate() {
                 let angle = if *v < 0.0 { 0.0 } else { degrees.to_radians() };
-                // Normals have no orientation: every second one points the other way.
+                // Normals are unoriented: every second one is flipped.
                 let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
                 surfaces.normal[1][j] = [sign * angle.sin(); LANES];
                 surfaces.normal[2][j] = [sign * angle.cos(); LANES];

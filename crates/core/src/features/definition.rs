@@ -1,22 +1,22 @@
-//! The one table of features: name, group, formula, range. Command line, Python and docs are derived from it.
+//! The table of features: name, group, formula, range. Command line, Python and docs are generated from it.
 
 use serde::Serialize;
 
-/// What a feature is computed from; the groups of a level are left out together if nobody asks for them.
+/// Source of a feature; a group of a level is not computed if none of its features is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Group {
     /// Eigenvalues and eigenvectors of the structure tensor.
     Covariance,
-    /// Moments along e2, and how normals and curvature differ across and along it.
+    /// Moments along e2, and differences of normals and curvature across and along the edge.
     Contour,
     /// The vertical column around the point.
     Height,
     /// The point's own colour.
     Colour,
-    /// The point's own return strength.
+    /// The point's own intensity.
     Intensity,
-    /// The point's place among the returns of its pulse.
+    /// The point's return number and number of returns.
     Returns,
 }
 
@@ -37,13 +37,13 @@ impl Group {
 /// One feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Definition {
-    /// Name; features of a level get the scale appended, as in `Planarity_r0p4`.
+    /// Name; features of a level have the scale appended, as in `Planarity_r0p4`.
     pub name: &'static str,
-    /// What it is computed from.
+    /// Source of the feature.
     pub group: Group,
     /// Formula in the symbols of `docs/pyramid.md`.
     pub formula: &'static str,
-    /// Values that occur.
+    /// Range of values.
     pub range: &'static str,
 }
 
@@ -54,7 +54,7 @@ const fn row(name: &'static str, group: Group, formula: &'static str, range: &'s
 /// Features of one level of the pyramid.
 pub const PER_LEVEL: usize = 16;
 
-/// All features: first the 16 of a level (Table 4.1 of document 004), then those of the point itself.
+/// All features: first the 16 of a level (Hackel 2018, Table 4.1), then those of the point itself.
 pub const ALL: &[Definition] = &[
     row("Sum", Group::Covariance, "l1 + l2 + l3", ">= 0, square metres"),
     row("Omnivariance", Group::Covariance, "(l1 l2 l3)^(1/3)", ">= 0, square metres"),
@@ -81,7 +81,7 @@ pub const ALL: &[Definition] = &[
     row("ReturnRatio", Group::Returns, "return number / number of returns", "0..1"),
 ];
 
-/// Name of a level's feature: the scale in metres with `p` for the point, as in `Planarity_r0p4`.
+/// Name of a feature at a scale: the scale in metres with `p` for the decimal point, as in `Planarity_r0p4`.
 pub fn scaled_name(feature: &Definition, scale: f64) -> String {
     let mut scale = format!("{scale:.4}");
     scale.truncate(scale.trim_end_matches('0').trim_end_matches('.').len());

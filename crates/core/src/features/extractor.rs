@@ -1,4 +1,4 @@
-//! The extractor: a cloud's pyramid, ready to give the features of its points block by block.
+//! Feature extraction: the pyramid of a cloud, from which features of points are computed block by block.
 
 use super::definition::PER_LEVEL;
 use super::extras::{Source, sources};
@@ -14,23 +14,23 @@ use std::sync::Arc;
 
 pub use super::pyramid::Scratch;
 
-/// Which features are computed.
+/// Selection of features.
 #[derive(Clone, Copy, Debug)]
 pub enum Wanted<'a> {
-    /// All of the set, in its order.
+    /// All features of the set, in its order.
     All,
-    /// These, in this order; the others and what only they need are not computed.
+    /// These, in this order; others, and intermediate results that only others need, are not computed.
     Names(&'a [String]),
-    /// In the order of the set those that are named here, with or without their scale (`Planarity` takes `Planarity_r0p4`);
-    /// all if nothing is named.
+    /// Those named here, with or without scale (`Planarity` selects `Planarity_r0p4` too), in the order of the set; all
+    /// if the list is empty.
     Asked(&'a [String]),
 }
 
 impl Wanted<'_> {
-    /// The names of the wanted features, of all that there are.
+    /// The selected names, from the names of all features.
     ///
     /// # Errors
-    /// Nothing bears a name that was asked for.
+    /// If a name matches no feature.
     pub fn names(&self, all: &[String]) -> Result<Vec<String>> {
         match self {
             Self::All => Ok(all.to_vec()),
@@ -40,7 +40,7 @@ impl Wanted<'_> {
     }
 }
 
-/// What is computed: settings, names, and where each feature goes.
+/// Plan of the computation: parameters, names, and the column of each feature.
 #[derive(Clone)]
 pub(super) struct Plan<'a> {
     pub(super) set: FeatureSet,
@@ -55,7 +55,7 @@ impl<'a> Plan<'a> {
         &self.names
     }
 
-    /// The plan, and the cloud's points that are finite and not stray, in the order of the grid.
+    /// Makes the plan, and sorts the cloud's finite and non-stray points into the order of the grid.
     pub(super) fn new(
         cloud: &'a Cloud,
         set: &FeatureSet,
@@ -83,7 +83,7 @@ impl<'a> Plan<'a> {
         Ok((Self { set: set.clone(), first_scale, names, slots, own }, grid, points))
     }
 
-    /// Makes levels, from number `first` on and whole in `region` (or everywhere), ready.
+    /// Prepares levels, from number `first` on, complete within `region` (or everywhere).
     pub(super) fn stages(
         &self,
         first: usize,
@@ -102,9 +102,9 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// A cloud's pyramid and what else the wanted features need.
+/// The pyramid of a cloud and everything else that the selected features need.
 ///
-/// Points stand in Morton order, so that the points of a block lie close together.
+/// Points are in Morton order, so that the points of a block are close together.
 pub struct Extractor<'a> {
     plan: Plan<'a>,
     stages: Vec<Arc<Stage>>,
@@ -112,17 +112,17 @@ pub struct Extractor<'a> {
 }
 
 impl<'a> Extractor<'a> {
-    /// Points of a block but the last: their rows stay in the second-level cache while 144 features are computed and used.
+    /// Points of a block (the last may be smaller): the rows of 144 features stay in the second-level cache.
     pub const BLOCK: usize = 1024;
 
-    /// Builds the pyramid of all finite points; the features will be those of all of them, or of the points `at`
+    /// Builds the pyramid of all finite points. Features are then available for all of them, or for the points `at`
     /// (indices into the cloud, each once).
     ///
-    /// O(n log n) time; up to 150 bytes a point while it lives. [`Tiles`](super::Tiles) need less.
+    /// O(n log n) time; up to 150 bytes a point while it exists. [`Tiles`](super::Tiles) need less.
     ///
     /// # Errors
-    /// A parameter out of range, an unknown feature name, a column that a feature needs is absent, voxels too small for
-    /// the extent.
+    /// If a parameter is out of range, a feature name is unknown, the cloud lacks a required column, or voxels are too
+    /// small for the extent.
     pub fn prepare(
         cloud: &'a Cloud,
         set: &FeatureSet,
@@ -152,7 +152,7 @@ impl<'a> Extractor<'a> {
         &self.plan.names
     }
 
-    /// Points whose features can be asked for.
+    /// Number of points with features.
     pub fn len(&self) -> usize {
         self.queries.len()
     }
@@ -167,7 +167,7 @@ impl<'a> Extractor<'a> {
         self.queries.len().div_ceil(Self::BLOCK)
     }
 
-    /// Computes the features of a block into `rows` (row-major, replaced) and returns the cloud index of each row.
+    /// Computes the features of a block into `rows` (row-major, replaced); returns the cloud index of each row.
     ///
     /// May be called from many threads, each with its own scratch.
     pub fn block(&self, block: usize, scratch: &mut Scratch, rows: &mut Vec<f32>) -> &[u32] {
@@ -190,7 +190,7 @@ impl<'a> Extractor<'a> {
     }
 }
 
-/// The names that are asked for, with or without their scale.
+/// The selected names, with or without scale.
 fn matching(all: &[String], asked: &[String]) -> Result<Vec<String>> {
     let matches =
         |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
@@ -201,7 +201,7 @@ fn matching(all: &[String], asked: &[String]) -> Result<Vec<String>> {
     Ok(all.iter().filter(named).cloned().collect())
 }
 
-/// For each feature of the set its column among the wanted names.
+/// For each feature of the set its column among the selected names.
 fn slots(all: &[String], names: &[String]) -> Result<Vec<usize>> {
     let mut slots = vec![NOWHERE; all.len()];
     for (column, name) in names.iter().enumerate() {
@@ -214,7 +214,7 @@ fn slots(all: &[String], names: &[String]) -> Result<Vec<usize>> {
     Ok(slots)
 }
 
-/// The points with these cloud indices, in the order that they have.
+/// The points with these cloud indices, in their existing order.
 fn subset(points: Points, at: &[u32], cloud: usize, monitor: &Monitor) -> Result<Points> {
     let mut wanted = vec![false; cloud];
     for &index in at {

@@ -5,7 +5,7 @@ use super::params::FeatureSet;
 use crate::cloud::{Cloud, Values, names};
 use crate::error::{Error, Result};
 
-/// One feature of the points themselves, ready to be read.
+/// One feature of the points themselves, ready for reading.
 #[derive(Clone, Debug)]
 pub(super) struct Own<'a> {
     values: &'a Values,
@@ -31,7 +31,7 @@ impl Own<'_> {
     }
 }
 
-/// A feature of the points themselves, by definition.
+/// The source of a feature of the points themselves.
 #[derive(Clone)]
 pub(super) enum Source<'a> {
     /// One column, transformed.
@@ -53,10 +53,10 @@ impl Source<'_> {
     }
 }
 
-/// The sources of all wanted features of the points themselves.
+/// The sources of all selected features of the points themselves.
 ///
 /// # Errors
-/// The cloud lacks a column; the message names it and lists those that are there.
+/// If the cloud lacks a column; the message names it and lists the existing ones.
 pub(super) fn sources<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<Source<'a>>> {
     set.own().map(|definition| source(cloud, definition)).collect()
 }
@@ -95,10 +95,11 @@ fn colour(cloud: &Cloud, channel: usize) -> Result<Source<'_>> {
     Ok(Source::One(Own { values: column(cloud, names::COLOUR[channel])?, form: Form::Times(1.0 / full) }))
 }
 
-/// Red, green and blue, 0..=1, of the points `at` of a cloud, scaled as the features of the same names.
+/// Red, green and blue, 0..=1, of the points `at` of a cloud, scaled like the features of these names.
+/// O(n) for n points of the cloud.
 ///
 /// # Errors
-/// The cloud lacks a colour; the message names it and lists the columns that are there.
+/// If the cloud lacks a colour; the message names it and lists the existing columns.
 pub fn colours(cloud: &Cloud, at: &[u32]) -> Result<Vec<[f32; 3]>> {
     let channels = [colour(cloud, 0)?, colour(cloud, 1)?, colour(cloud, 2)?];
     Ok(at.iter().map(|&point| [0, 1, 2].map(|c: usize| channels[c].get(point))).collect())

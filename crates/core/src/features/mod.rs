@@ -1,4 +1,4 @@
-//! Features: what a point's surroundings look like, as numbers.
+//! Features of points: numbers that describe the geometry around a point, and its own colour, intensity and returns.
 
 mod contour;
 pub mod definition;

@@ -1,4 +1,4 @@
-//! Normals and surface variation of points by their nearest neighbours.
+//! Normals and surface variation of points from their nearest neighbours.
 
 use super::params::{Centre, Divisor};
 use super::tensor::{Batch, Convention, LANES, MOST, Tensor, tensor};
@@ -8,23 +8,25 @@ use crate::neighbours::Neighbours;
 use crate::parallel::{Monitor, map_ordered_with};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Points of a block of work.
+/// Points of a block.
 const BLOCK: usize = 4096;
 const CONVENTION: Convention = Convention { centre: Centre::Mean, divisor: Divisor::N };
 
-/// How a surface lies at each point.
+/// Normal and surface variation of each point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Normals {
-    /// Unit vectors of least variance. Their sign says nothing: they point up (if level, to the side of the first
-    /// coordinate that is not 0), see [`crate::graph::orient`]. Straight up where there are fewer than three points.
+    /// Unit normals (directions of least variance). Their sign carries no information: they point up, or, if
+    /// horizontal, to the side where the first nonzero coordinate is positive; see [`crate::graph::orient`] for
+    /// oriented normals. (0, 0, 1) if there are fewer than three points.
     pub directions: Vec<[f32; 3]>,
     /// λ3 / (λ1 + λ2 + λ3), 0..1/3: 0 on a plane.
     pub variation: Vec<f32>,
 }
 
-/// The normal of each point by principal components of the point and its neighbours, divided by their number.
+/// The normal of each point by principal component analysis of the point and its neighbours (divisor: their number).
 ///
-/// Document 001, section 3.1, and document 002, section 3.2. O(n k).
+/// As in Li 2018, section 3.1, and Hasanpour Zaryabi et al. 2022, section 3.2. Returns one unit normal and one surface
+/// variation a point. O(n k).
 ///
 /// # Errors
 /// If there are more than 32 neighbours a point, rows of neighbours and points differ in number, or the work was cancelled.
@@ -69,7 +71,7 @@ pub fn normals(points: &Points, neighbours: &Neighbours, monitor: &Monitor) -> R
     Ok(found)
 }
 
-/// The work on a block of points, compiled for each instruction set.
+/// Computes the normals of a block, compiled for each instruction set.
 struct Describe<'a> {
     points: &'a Points,
     neighbours: &'a Neighbours,
@@ -118,7 +120,7 @@ fn push(found: &Tensor, lanes: usize, out: &mut Normals) {
     }
 }
 
-/// The one of ±v that points up; if level, to the side of its first coordinate that is not 0.
+/// Whichever of ±v points up; if horizontal, the one whose first nonzero coordinate is positive.
 #[inline(always)]
 fn upward(v: [f32; 3]) -> [f32; 3] {
     let lead = if v[2] != 0.0 {

@@ -1,4 +1,4 @@
-//! The four local descriptors of a point in its optimal neighbourhood (document 000, section 2.1).
+//! The four local descriptors of a point in its optimal neighbourhood (Guinard & Landrieu 2017, section 2.1).
 
 use super::definition::{Definition, Group};
 use super::table::FeatureTable;
@@ -25,14 +25,17 @@ const fn row(name: &'static str, formula: &'static str, range: &'static str) -> 
 pub struct OptimalFeatures {
     /// One row a point, columns as in [`OPTIMAL`].
     pub table: FeatureTable,
-    /// Neighbours of the optimal neighbourhood, the point itself not counted.
+    /// Size of the optimal neighbourhood, not counting the point itself.
     pub k: Vec<u32>,
 }
 
 /// Linearity, planarity, scattering and verticality of every point in its optimal neighbourhood, in the order of the points.
 ///
-/// Guinard and Landrieu 2017, section 2.1: see [`optimal`] for the neighbourhood and [`local_descriptors`] for the formulas. The
-/// neighbours of a block of points only are held at a time: about 50 bytes a point in all. O(n (log n + k_max)) expected time.
+/// S. Guinard, L. Landrieu, *Weakly supervised segmentation-aided classification of urban scenes from 3D LiDAR point
+/// clouds*, ISPRS Archives XLII-1/W1, 2017, doi:10.5194/isprs-archives-XLII-1-W1-151-2017, section 2.1: see [`optimal`]
+/// for the neighbourhood and [`local_descriptors`] for the formulas. Returns a table with one row a point and the size
+/// of each neighbourhood. Only the neighbours of a block of points are held at a time: about 50 bytes a point in all.
+/// O(n (log n + k_max)) expected time.
 ///
 /// # Errors
 /// If a parameter is out of range, a coordinate is not finite, or the work was cancelled.
@@ -52,7 +55,7 @@ pub fn optimal_features(points: &Points, params: &OptimalParams, monitor: &Monit
     Ok(collect(map_optimal(points, params, monitor, |found| (local_descriptors(&found.eigen, params), found.k))?))
 }
 
-/// [`optimal_features`] by given neighbours.
+/// [`optimal_features`] from given neighbours.
 ///
 /// # Errors
 /// As [`optimal`].
@@ -74,10 +77,10 @@ fn collect(rows: Vec<([f32; 4], u32)>) -> OptimalFeatures {
     OptimalFeatures { table: FeatureTable { names, values }, k }
 }
 
-/// Linearity, planarity, scattering and verticality of an eigen-system; all 0 if λ1 is 0.
+/// Linearity, planarity, scattering and verticality from eigenvalues and eigenvectors; all 0 if λ1 is 0.
 ///
-/// Verticality: v_m = Σ λ_j |(e_j)_m| for m = x, y, z; v_z / ‖v‖. Its closed forms: horizontal plane or line 0, vertical line
-/// 1, vertical plane with λ1 = λ2 exactly 1/√2. It always takes λ, whatever enters the others.
+/// Verticality: v_m = Σ λ_j |(e_j)_m| for m = x, y, z; v_z / ‖v‖. Known values: horizontal plane or line 0, vertical
+/// line 1, vertical plane with λ1 = λ2 exactly 1/√2. It always uses λ, whatever the others use.
 pub fn local_descriptors(eigen: &Eigen3, params: &OptimalParams) -> [f32; 4] {
     let Eigen3 { values, vectors } = eigen;
     if values[0] <= 0.0 {
@@ -109,7 +112,7 @@ mod tests {
         (f64::from(found) - expected).abs() < 1e-6
     }
 
-    /// A disc whose two eigenvalues are equal, spanned by u and v.
+    /// A disc spanned by u and v, whose two eigenvalues are equal.
     fn disc(u: [f64; 3], v: [f64; 3]) -> Vec<[f64; 3]> {
         let turn = |i: i32| std::f64::consts::TAU * f64::from(i) / 12.0;
         (0..12).map(|i| [0, 1, 2].map(|a| 5.0 + turn(i).cos() * u[a] + turn(i).sin() * v[a])).collect()
@@ -128,7 +131,7 @@ mod tests {
         let pole: Vec<[f64; 3]> = (0..9).map(|i| [3.0, 4.0, f64::from(i)]).collect();
         assert!(near(of(&pole)[3], 1.0));
         for tilt in [0.2f64, 0.7, 1.2] {
-            // Eigenvectors along slope and strike, almost equal eigenvalues.
+            // Eigenvectors along slope and strike, with nearly equal eigenvalues.
             let slope = [1.000_001 * tilt.cos(), 0.0, 1.000_001 * tilt.sin()];
             let found = f64::from(of(&disc(slope, y))[3]);
             assert!((found - tilt.sin() / 2.0f64.sqrt()).abs() < 1e-5, "{tilt}: {found}");

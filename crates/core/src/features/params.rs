@@ -1,29 +1,29 @@
-//! Which features are wanted and by which conventions; the defaults are document 004's.
+//! Selection and conventions of features; the defaults are those of Hackel 2018.
 
 use super::definition::{self, ALL, Definition, Group, PER_LEVEL};
 use crate::cloud::{Cloud, names};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// The point that differences are taken from in the structure tensor.
+/// The centre of the structure tensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Centre {
-    /// The member with the least sum of distances to the others (document 004).
+    /// The medoid: the point with the least sum of distances to the others (Hackel 2018).
     #[default]
     Medoid,
     /// The arithmetic mean (most other software).
     Mean,
 }
 
-/// What the structure tensor is divided by.
+/// The divisor of the structure tensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Divisor {
-    /// The number of points (document 004).
+    /// The number of points (Hackel 2018).
     #[default]
     #[serde(rename = "n")]
     N,
-    /// One less (the unbiased estimate; jakteristics).
+    /// The number of points minus 1 (the unbiased estimate; jakteristics).
     #[serde(rename = "n-1")]
     NMinusOne,
 }
@@ -32,25 +32,25 @@ pub enum Divisor {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Column {
-    /// Points within the radius horizontally (document 004: "cylindrical").
+    /// A cylinder: points within the horizontal radius (Hackel 2018: "cylindrical").
     #[default]
     Cylinder,
-    /// Points in the same cell of a horizontal grid (faster, steps at the cells' edges).
+    /// A cell of a horizontal grid (faster, but with steps at the borders of cells).
     Cell,
 }
 
-/// Settings of the multi-scale pyramid.
+/// Parameters of the multi-scale pyramid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PyramidParams {
-    /// Edge of the finest voxel in metres; `None` (0 in a recipe) takes it from the cloud's own spacing.
+    /// Edge of the finest voxel in metres; `None` (0 in a recipe) derives it from the cloud's point spacing.
     #[serde(with = "zero_is_none")]
     pub first_scale: Option<f64>,
-    /// Levels, each of twice the voxel; 1..=16.
+    /// Number of levels, each with voxels of twice the edge; 1..=16.
     pub levels: usize,
-    /// Points of a neighbourhood; 3..=32.
+    /// Number of points in a neighbourhood; 3..=32.
     pub k: usize,
-    /// Whether the point itself is one of the k (else k points of the level).
+    /// Whether the point itself is one of the k (otherwise k points of the level).
     pub include_query: bool,
     /// Centre of the structure tensor.
     pub centre: Centre,
@@ -62,7 +62,7 @@ pub struct PyramidParams {
     pub column: Column,
     /// Radius (cylinder) or edge (cell) of the column in voxels; 0.25..=8.
     pub column_radius: f64,
-    /// Share of the neighbourhood that counts as near in the line feature (α of eq. 4.3); above 0, below 1.
+    /// Share of the neighbourhood that forms the near set of the line feature (α of eq. 4.3); above 0, below 1.
     pub near_share: f64,
 }
 
@@ -84,10 +84,13 @@ impl Default for PyramidParams {
 }
 
 impl PyramidParams {
-    /// Names of the presets of conventions.
+    /// Names of the presets.
     pub const PRESETS: [&'static str; 3] = ["hackel", "jakteristics", "pgeof"];
 
-    /// Conventions by name: `hackel` (document 004), `jakteristics` (mean, n − 1), `pgeof` (mean, n, normalised).
+    /// Presets by name: `hackel` (Hackel 2018), `jakteristics` (mean, n − 1), `pgeof` (mean, n, normalised).
+    ///
+    /// # Errors
+    /// If the name is not in [`PyramidParams::PRESETS`].
     pub fn preset(name: &str) -> Result<Self> {
         let base = Self::default();
         match name {
@@ -101,6 +104,9 @@ impl PyramidParams {
     }
 
     /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
         let range = |fine: bool, name, value: &dyn std::fmt::Display, expected: &str| match fine {
             true => Ok(()),
@@ -120,7 +126,7 @@ impl PyramidParams {
     }
 }
 
-/// TOML has no "none": 0 stands for it.
+/// TOML has no "none": it is written as 0.
 mod zero_is_none {
     use serde::{Deserialize, Deserializer, Serializer};
 
@@ -142,9 +148,9 @@ pub struct FeatureSet {
     pub colour: bool,
     /// Use the point's intensity.
     pub intensity: bool,
-    /// Use the point's place among the returns of its pulse.
+    /// Use the point's return number and number of returns.
     pub returns: bool,
-    /// Metres in one unit of the coordinates; if absent what the cloud says, else 1.
+    /// Metres per unit of the coordinates; if absent, what the cloud says, else 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metres_per_unit: Option<f64>,
     /// The pyramid.
@@ -153,6 +159,9 @@ pub struct FeatureSet {
 
 impl FeatureSet {
     /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
         match self.metres_per_unit {
             Some(m) if !(m.is_finite() && m > 0.0) => Err(Error::parameter("metres_per_unit", m, "metres, above 0")),
@@ -160,7 +169,7 @@ impl FeatureSet {
         }
     }
 
-    /// Metres in one unit of this cloud's coordinates.
+    /// Metres per unit of this cloud's coordinates.
     pub fn metres(&self, cloud: &Cloud) -> f64 {
         self.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0)
     }
@@ -187,7 +196,7 @@ impl FeatureSet {
         columns
     }
 
-    /// The wanted features of the point itself.
+    /// The selected features of the point itself.
     pub(super) fn own(&self) -> impl Iterator<Item = &'static Definition> {
         let wanted = [(Group::Colour, self.colour), (Group::Intensity, self.intensity), (Group::Returns, self.returns)];
         ALL[PER_LEVEL..].iter().filter(move |d| wanted.contains(&(d.group, true)))

@@ -1,4 +1,4 @@
-//! One level of the pyramid made ready for queries, and the 16 features of query points on it.
+//! One level of the pyramid prepared for queries, and the 16 features of query points on it.
 
 use super::contour::{Surfaces, contour_features};
 use super::definition::PER_LEVEL;
@@ -13,21 +13,22 @@ use crate::parallel::Monitor;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Where the features of a level go: the column of each of the 16, or [`NOWHERE`].
+/// The output column of each of a level's 16 features, or [`NOWHERE`].
 pub(super) type Slots = [usize; PER_LEVEL];
-/// This feature is not wanted.
+/// Marks a feature that is not selected.
 pub(super) const NOWHERE: usize = usize::MAX;
 
-/// A level with what the wanted features need.
+/// A level, with everything that the selected features need.
 #[derive(Clone, Debug)]
 pub(super) struct Stage {
     level: Level,
     surfaces: Vec<Packed>,
     columns: Option<Columns>,
     slots: Slots,
-    /// Where the level is whole, if not everywhere.
+    /// The region in which the level is complete; `None` for everywhere.
     region: Option<Region>,
-    /// Level points whose surface may not be the whole level's; empty if the level is whole.
+    /// Whether the normal of each level point may differ from that on the complete level; empty if the level is
+    /// complete.
     open: Vec<bool>,
 }
 
@@ -43,18 +44,17 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// Rows of the block that was computed last whose neighbours may lie beyond the part of the cloud that is held;
-    /// ascending.
+    /// Rows of the last block whose neighbours may lie outside the loaded part of the cloud; ascending.
     pub fn loose(&self) -> &[u32] {
         &self.loose
     }
 
-    /// Before the stages of a block.
+    /// To be called before the levels of a block.
     pub(super) fn begin(&mut self) {
         self.loose.clear();
     }
 
-    /// After the stages of a block.
+    /// To be called after the levels of a block.
     pub(super) fn finish(&mut self) {
         self.loose.sort_unstable();
         self.loose.dedup();
@@ -74,7 +74,7 @@ impl Default for Scratch {
     }
 }
 
-/// Query points and where their features go: row `r` of `out` is that of point `range.start + r`.
+/// Query points and the output: row `r` of `out` belongs to point `range.start + r`.
 pub(super) struct Job<'a> {
     pub(super) points: &'a Points,
     pub(super) range: Range<usize>,
@@ -83,7 +83,8 @@ pub(super) struct Job<'a> {
 }
 
 impl Stage {
-    /// Prepares a level that is whole in `region`, or everywhere; surfaces and columns only if some wanted feature needs them.
+    /// Prepares a level that is complete in `region`, or everywhere; normals and columns only if a selected feature
+    /// needs them.
     pub(super) fn new(
         (level, region): (Level, Option<Region>),
         slots: Slots,
@@ -100,7 +101,7 @@ impl Stage {
         Ok(Self { level, surfaces, columns, slots, region, open })
     }
 
-    /// Computes the wanted features of the queries.
+    /// Computes the selected features of the queries.
     pub(super) fn describe(&self, job: &mut Job<'_>, params: &PyramidParams, scratch: &mut Scratch) {
         if self.slots.iter().all(|&s| s == NOWHERE) {
             return;
@@ -141,7 +142,7 @@ impl Stage {
         (params, scratch): (&PyramidParams, &mut Scratch),
     ) {
         let convention = Convention { centre: params.centre, divisor: params.divisor };
-        // The common size is a constant of its own, so that its loops unroll.
+        // The usual size is a compile-time constant, so that its loops are unrolled.
         let tensor = if count == 10 {
             tensor(&scratch.batch, 10, convention)
         } else {
@@ -164,7 +165,7 @@ impl Stage {
         store(&contour, &self.slots[9..13], lanes, job, row);
     }
 
-    /// Notes the queries of the filled batch that may have nearer neighbours beyond the region, or neighbours that may.
+    /// Records the queries of the batch that may have nearer neighbours outside the region, or neighbours that do.
     #[inline(never)]
     fn note_loose(
         &self,
@@ -210,7 +211,7 @@ impl Stage {
     }
 }
 
-/// The work on a block, compiled for each instruction set. (A closure would be called, not inlined, and stay scalar.)
+/// Computes a block, compiled for each instruction set. (A closure would not be inlined and would remain scalar.)
 struct Describe<'a, 'b> {
     stage: &'a Stage,
     job: &'a mut Job<'b>,
@@ -227,7 +228,7 @@ impl WithSimd for Describe<'_, '_> {
     }
 }
 
-/// Writes the lanes of each wanted feature into its column.
+/// Writes the lanes of each selected feature into its column.
 #[inline(always)]
 fn store(features: &[[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job<'_>, row: usize) {
     for (feature, &slot) in features.iter().zip(slots) {
@@ -238,14 +239,14 @@ fn store(features: &[[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job
     }
 }
 
-/// The point itself has the normal and the variation of its own tensor.
+/// The query point itself gets the normal and variation of its own tensor.
 #[inline(always)]
 fn own_surface(tensor: &Tensor, variation: &[f32; LANES], row: usize, surfaces: &mut Surfaces) {
     (0..3).for_each(|a| surfaces.normal[a][row] = tensor.normal[a]);
     surfaces.variation[row] = *variation;
 }
 
-/// Finds the neighbours of up to 16 points, lays them out by lanes, and returns the size of a neighbourhood.
+/// Finds the neighbours of up to 16 points, stores them by lanes, and returns the size of a neighbourhood.
 #[inline(always)]
 pub(super) fn fill<S: Simd>(
     simd: S,
@@ -274,7 +275,7 @@ pub(super) fn fill<S: Simd>(
     count
 }
 
-/// Lanes that hold no query have the indices of an earlier one, or 0: their values are never stored.
+/// Unused lanes hold the indices of an earlier query, or 0; their values are never stored.
 #[inline(always)]
 fn lay_out(level: &Level, at: &[[f32; LANES]; 3], found: &[[u32; LANES]], batch: &mut Batch) {
     let n = level.x.len();

@@ -1,22 +1,23 @@
-//! The part of a cloud that is held: whole columns of voxels.
+//! The loaded part of a cloud: whole vertical columns of voxels.
 
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::Grid;
 use crate::parallel::{Looks, Monitor, watched};
 
-/// A box of voxels of some level, without end upwards and downwards; where it reaches the end of the cloud, it has no end.
+/// A box of voxels of some level, unlimited in height; where it reaches the border of the cloud, it is unlimited too.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Region {
     low: [f64; 3],
     high: [f64; 3],
-    /// Largest error of a coordinate that is rounded to `f32`.
+    /// Largest rounding error of a coordinate in `f32`.
     rounding: f64,
 }
 
 impl Region {
-    /// The voxels of level `level` around the points at `positions`, `margin` more on each side and all heights, and the positions of all
-    /// points in them. `None` instead of the box if these are all points. O(points).
+    /// The voxels of level `level` around the points at `positions`, extended by `margin` voxels on each side and to
+    /// all heights, and the positions of all points in them. `None` instead of the box if it holds all points.
+    /// O(points).
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -36,7 +37,7 @@ impl Region {
         };
         let (first, last) = bounds(&mut (0..points.len()))?;
         let (low, high) = bounds(&mut positions.iter().map(|&i| i as usize))?;
-        // All heights, for the columns.
+        // All heights, for the column features.
         let low = [low[0].saturating_sub(margin), low[1].saturating_sub(margin), 0];
         let high = [high[0].saturating_add(margin), high[1].saturating_add(margin), u32::MAX];
         let inside = |i: &u32| {
@@ -59,8 +60,8 @@ impl Region {
         Ok((Some(region), held))
     }
 
-    /// True if nothing beyond the box can be as near to `at` as this squared distance. With `all` false, neighbours are
-    /// missing and nothing is certain.
+    /// True if nothing outside the box can be as near to `at` as this squared distance. With `all` false, neighbours
+    /// are missing and the result is false.
     #[inline(always)]
     pub(super) fn holds(&self, at: [f32; 3], squared: f32, all: bool) -> bool {
         let mut reach = f64::INFINITY;

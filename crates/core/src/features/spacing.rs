@@ -1,16 +1,16 @@
-//! The spacing of a cloud: the first scale where nobody gave one.
+//! The point spacing of a cloud: gives the first scale if the user gives none.
 
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::{Grid, Search, build_levels, sorted};
 use crate::parallel::Monitor;
 
-/// Points whose neighbours are looked at.
+/// Number of points whose neighbours are examined.
 const SAMPLES: usize = 10_000;
-/// On a plane of even density this neighbour is about one spacing away: π r² ρ = 4.
+/// Index of the neighbour: on a plane of even density it is about one spacing away, π r² ρ = 4.
 const NEIGHBOUR: usize = 4;
 
-/// Median distance, in metres, to the fourth nearest other place; 0 if all points stand in fewer than five places.
+/// Median distance, in metres, to the fourth nearest distinct position; 0 if there are fewer than five.
 ///
 /// O(n log n).
 ///

@@ -1,4 +1,4 @@
-//! Features of all points, handed out as they are computed: nobody needs the whole table in memory.
+//! Features of all points, passed on as they are computed, without a complete table in memory.
 
 use super::extractor::{Extractor, Scratch, Wanted};
 use super::params::FeatureSet;
@@ -8,24 +8,24 @@ use crate::error::Result;
 use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with};
 
-/// Blocks a thread that are held until their rows have been taken.
+/// Blocks per thread that are held until their rows have been passed on.
 const AT_ONCE: usize = 16;
 
-/// Points without features that are handed out together.
+/// Number of points without features that are passed on together.
 const MISSING: usize = 4096;
 
 /// Features of some points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rows {
-    /// Position of each point in the cloud.
+    /// Index of each point in the cloud.
     pub points: Vec<u32>,
     /// Row-major: the values of the first point, then those of the second.
     pub values: Vec<f32>,
 }
 
-/// The features of a cloud's points, part by part.
+/// The features of a cloud's points, computed part by part.
 ///
-/// About 40 bytes a point beside the cloud, and those of a part of a million points.
+/// Takes about 40 bytes a point beside the cloud, and the features of a part of a million points.
 pub struct FeatureStream<'a> {
     tiles: Tiles<'a>,
     points: usize,
@@ -47,12 +47,12 @@ impl<'a> FeatureStream<'a> {
         self.tiles.names()
     }
 
-    /// Hands each point's row out once, not in the cloud's order; rows of points that are not finite are NaN.
+    /// Passes on each point's row once, not in the cloud's order; rows of points that are not finite are NaN.
     ///
-    /// The rows, and the order in which they come, are the same for any number of threads but for where they are cut.
+    /// The rows and their order are the same for any number of threads; only the division into [`Rows`] differs.
     ///
     /// # Errors
-    /// What `take` returns; the work was cancelled.
+    /// If `take` fails or the work was cancelled.
     pub fn for_each(&self, monitor: &Monitor, mut take: impl FnMut(&Rows) -> Result<()>) -> Result<()> {
         monitor.stage("features", self.tiles.len() as u64);
         for part in 0..self.tiles.parts() {
@@ -80,7 +80,7 @@ impl<'a> FeatureStream<'a> {
     }
 }
 
-/// Hands out the rows of an extractor; returns those that it cannot be sure of.
+/// Passes on the rows of an extractor; returns those that need a wider margin.
 fn blocks(
     extractor: &Extractor<'_>,
     monitor: &Monitor,
@@ -100,7 +100,7 @@ fn blocks(
     Ok(loose)
 }
 
-/// The rows of a block, and the numbers of those that the extractor cannot be sure of.
+/// The rows of a block, and the numbers of those that need a wider margin.
 fn block(extractor: &Extractor<'_>, block: usize, scratch: &mut Scratch) -> (Rows, Vec<usize>) {
     let mut values = Vec::new();
     let points = extractor.block(block, scratch, &mut values);
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
     use crate::random::stream;
 
-    /// The table that is computed at once is another way through the same kernels.
+    /// A table computed as a whole is a different path through the same kernels.
     #[test]
     fn rows_are_those_of_the_table_each_once() {
         let mut s = stream(15, 0);

@@ -11,14 +11,14 @@ use crate::parallel::{Monitor, map_ordered};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Level points whose surfaces are computed by one task.
+/// Level points that one task processes.
 const CHUNK: usize = 4096;
 
-/// Normal (three numbers in -32767..=32767) and surface variation (0..=1/3 as 0..=65535) of a level point.
+/// Normal (three integers in -32767..=32767) and surface variation (0..=1/3 scaled to 0..=65535) of a level point.
 pub(super) type Packed = [u16; 4];
 
-/// First pass: normal and surface variation of every point of the level, from its k nearest on the level (itself one), and
-/// which of them may be different on the whole level.
+/// First pass: normal and surface variation of every point of the level from its k nearest on the level (itself
+/// included), and which of them may differ on the complete level.
 pub(super) fn surfaces(
     level: &Level,
     region: Option<&Region>,
@@ -50,13 +50,13 @@ pub(super) fn surfaces(
     Ok((packed, open))
 }
 
-/// The first pass on a chunk of a level, compiled for each instruction set.
+/// The first pass over a chunk of a level, compiled for each instruction set.
 struct Pack<'a> {
     level: &'a Level,
     points: &'a Points,
     params: &'a PyramidParams,
     packed: &'a mut [Packed],
-    /// Where the level is whole, and the points whose neighbours may lie elsewhere.
+    /// The region in which the level is complete, and a flag for points whose neighbours may lie outside.
     open: Option<(&'a Region, &'a mut [bool])>,
 }
 
@@ -93,7 +93,7 @@ fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
     }
 }
 
-/// Notes the level points of the filled batch that may have nearer neighbours beyond the region.
+/// Flags the level points of the batch that may have nearer neighbours outside the region.
 #[inline(never)]
 fn note_open(
     region: &Region,
@@ -108,7 +108,7 @@ fn note_open(
     }
 }
 
-/// Squared distance of the last of the first `found` neighbours of a lane, which stand in ascending order.
+/// Squared distance of the last of the first `found` neighbours of a lane, which are sorted.
 #[inline(always)]
 pub(super) fn farthest(batch: &Batch, found: usize, lane: usize) -> f32 {
     match found.checked_sub(1) {

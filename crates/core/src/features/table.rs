@@ -1,4 +1,4 @@
-//! Features of many points at once, as a table.
+//! Features of many points as a table.
 
 use super::extractor::{Extractor, Scratch, Wanted};
 use super::params::FeatureSet;
@@ -35,15 +35,21 @@ impl FeatureTable {
 
 /// Features of all points in the cloud's order; rows of points that are not finite, or stray, are NaN.
 ///
-/// 4 bytes a point and feature: classification never asks for it.
+/// Takes 4 bytes a point and feature; classification does not use it.
+///
+/// # Errors
+/// As [`Extractor::prepare`], or if the table does not fit into memory.
 pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<FeatureTable> {
     let extractor = Extractor::prepare(cloud, set, (Wanted::All, None), monitor)?;
     cloud.oddities(monitor)?.into_iter().for_each(|text| monitor.warn(text));
     collect(&extractor, cloud.len(), |point| point as usize, monitor)
 }
 
-/// Features of the points `at` (indices into the cloud, each once) in that order, and the first scale.
-/// The pyramid is that of the whole cloud.
+/// Features of the points `at` (indices into the cloud, each once) in that order, and the first scale. The pyramid is
+/// built from the whole cloud.
+///
+/// # Errors
+/// As [`table`], or if an index is not that of a point.
 pub fn table_at(cloud: &Cloud, set: &FeatureSet, at: &[u32], monitor: &Monitor) -> Result<(FeatureTable, f64)> {
     let extractor = Extractor::prepare(cloud, set, (Wanted::All, Some(at)), monitor)?;
     let mut row = vec![0u32; cloud.len()];
@@ -52,7 +58,7 @@ pub fn table_at(cloud: &Cloud, set: &FeatureSet, at: &[u32], monitor: &Monitor) 
     Ok((table, extractor.first_scale()))
 }
 
-/// Blocks a thread that are held until their rows have found their places.
+/// Blocks per thread that are held until their rows have been stored.
 const AT_ONCE: usize = 16;
 
 fn collect(

@@ -1,7 +1,7 @@
-//! Structure tensors of 16 neighbourhoods at once: one lane each, no branches.
+//! Structure tensors of 16 neighbourhoods at once: one SIMD lane each, no branches.
 //!
-//! Every loop over lanes is written so that the compiler turns it into vector instructions; operations and their order are
-//! the same on every machine.
+//! Every loop over lanes is written so that the compiler vectorises it; operations and their order are the same on
+//! every machine.
 
 #![expect(
     clippy::needless_range_loop,
@@ -10,12 +10,12 @@
 
 use super::params::{Centre, Divisor};
 
-/// Neighbourhoods that are computed together.
+/// Number of neighbourhoods computed together.
 pub(super) const LANES: usize = crate::neighbours::LANES;
-/// Most points of a neighbourhood.
+/// Largest number of points in a neighbourhood.
 pub(super) const MOST: usize = 33;
 
-/// One number a lane.
+/// One number per lane.
 pub(super) type Lane = [f32; LANES];
 
 /// Neighbours of 16 points, relative to the point; only the first `count` rows are valid.
@@ -33,7 +33,7 @@ impl Default for Batch {
     }
 }
 
-/// Eigenvalues λ1 ≥ λ2 ≥ λ3 ≥ 0 and e2, e3; a neighbourhood without extent has zeros and axes of the coordinate system.
+/// Eigenvalues λ1 ≥ λ2 ≥ λ3 ≥ 0 and e2, e3; coincident points have eigenvalues 0 and the coordinate axes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tensor {
     pub(super) values: [Lane; 3],
@@ -41,14 +41,14 @@ pub(super) struct Tensor {
     pub(super) normal: [Lane; 3],
 }
 
-/// How the tensor is formed.
+/// Conventions of the tensor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Convention {
     pub(super) centre: Centre,
     pub(super) divisor: Divisor,
 }
 
-/// The structure tensor's eigen-system of the first `count` rows.
+/// Eigenvalues and eigenvectors of the structure tensor of the first `count` rows.
 #[inline(always)]
 pub(super) fn tensor(batch: &Batch, count: usize, convention: Convention) -> Tensor {
     let mut matrix = covariance(batch, count);
@@ -98,7 +98,7 @@ fn mean(batch: &Batch, count: usize) -> [Lane; 3] {
     sums
 }
 
-// A loop and not `map`, whose closure would be compiled without the vector instructions.
+// A loop instead of `map`, whose closure would be compiled without vector instructions.
 #[inline(always)]
 fn scale(lanes: &mut [Lane], factor: f32) {
     for lane in lanes {
@@ -145,7 +145,7 @@ fn add_medoid(batch: &Batch, count: usize, matrix: &mut [Lane; 6]) {
     }
 }
 
-/// Jacobi's method: four sweeps bring every off-diagonal entry below the rounding of `f32`.
+/// Jacobi's method: four sweeps reduce every off-diagonal entry to below the rounding of `f32`.
 #[inline(always)]
 fn eigen(matrix: [Lane; 6]) -> Tensor {
     let [xx, yy, zz, xy, xz, yz] = matrix;
@@ -163,7 +163,7 @@ fn eigen(matrix: [Lane; 6]) -> Tensor {
     sorted(diagonal, vectors)
 }
 
-/// Makes the entry that couples axes p and q zero; r is the third axis.
+/// Jacobi rotation that makes the entry of axes p and q zero; r is the third axis.
 #[inline(always)]
 fn rotate(
     diagonal: &mut [Lane; 3],
@@ -219,7 +219,7 @@ fn sorted(mut values: [Lane; 3], mut vectors: [[Lane; 3]; 3]) -> Tensor {
     Tensor { values, second: with_fixed_sign(vectors[1]), normal: vectors[2] }
 }
 
-/// The largest component becomes positive (ties: the first of them).
+/// Flips the vector so that its largest component is positive (ties: the first of them).
 #[inline(always)]
 fn with_fixed_sign(mut v: [Lane; 3]) -> [Lane; 3] {
     for l in 0..LANES {
@@ -259,7 +259,7 @@ pub(super) fn covariance_features(tensor: &Tensor, normalise: bool) -> [Lane; 9]
     out
 }
 
-/// Natural logarithm of a number that is not negative, relative error below 3e-7; 0 for 0 and denormal numbers.
+/// Natural logarithm of a non-negative number, relative error below 3e-7; 0 for 0 and denormal numbers.
 #[inline(always)]
 pub(super) fn ln(x: f32) -> f32 {
     let bits = x.to_bits();
@@ -275,7 +275,7 @@ pub(super) fn ln(x: f32) -> f32 {
     if x >= f32::MIN_POSITIVE { value } else { 0.0 }
 }
 
-/// Cube root of a number that is not negative, relative error below 3e-7.
+/// Cube root of a non-negative number, relative error below 3e-7.
 #[inline(always)]
 pub(super) fn cbrt(x: f32) -> f32 {
     let mut y = f32::from_bits((x.to_bits() / 3).wrapping_add(0x2a51_4067));

@@ -1,8 +1,9 @@
-//! A cloud's pyramid in parts: the fine levels are held for one part at a time, the coarse ones for all.
+//! A cloud's pyramid in parts: the fine levels are held for one part at a time, the coarse ones for the whole cloud.
 //!
-//! A part is a cube of voxels with a margin around it and all heights. Voxels of all levels nest, so that a part's levels are the whole
-//! levels' there; a point whose neighbours, or their neighbours, might lie beyond the margin is reported and asked for
-//! again with a wider one. So the features are the same bytes as those of [`Extractor::prepare`].
+//! A part is a cube of voxels with a margin around it, extended to all heights. Voxels of all levels nest, so that
+//! inside a part its levels equal those of the whole cloud. A point whose neighbours, or their neighbours, might lie
+//! outside the margin is reported and computed again with a wider one. The features are therefore the same bytes as
+//! those of [`Extractor::prepare`].
 
 use super::extractor::{Extractor, Plan, Wanted};
 use super::params::FeatureSet;
@@ -14,13 +15,13 @@ use crate::parallel::{Monitor, map_watched};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Points of a part, at most.
+/// Largest number of points of a part.
 const PART: usize = 1 << 20;
 
-/// Levels with more than this share of the points are held in parts.
+/// Levels with more than one in this many of the points are held in parts.
 const COARSE_SHARE: usize = 8;
 
-/// Voxels of the coarsest fine level around a part, unless columns need more.
+/// Width of the margin in voxels of the coarsest fine level, unless columns need more.
 const MARGIN: u32 = 32;
 
 /// A cloud's sorted points and coarse levels.
@@ -36,7 +37,7 @@ pub struct Tiles<'a> {
 impl<'a> Tiles<'a> {
     /// Sorts the points and builds the coarse levels.
     ///
-    /// O(n log n) time; about 20 bytes a point while it lives, twice that while it is built.
+    /// O(n log n) time; about 20 bytes a point while it exists, twice that during the construction.
     ///
     /// # Errors
     /// As [`Extractor::prepare`].
@@ -59,7 +60,7 @@ impl<'a> Tiles<'a> {
         Ok(Self { plan, grid, points, fine, coarse, parts })
     }
 
-    /// Number of points in all parts.
+    /// Total number of points.
     pub fn len(&self) -> usize {
         self.points.len()
     }
@@ -74,7 +75,7 @@ impl<'a> Tiles<'a> {
         self.plan.names()
     }
 
-    /// Position in the cloud of each point, in no order of the cloud's.
+    /// Index in the cloud of each sorted point.
     pub(super) fn indices(&self) -> &[u32] {
         &self.points.index
     }
@@ -84,16 +85,16 @@ impl<'a> Tiles<'a> {
         self.parts.len()
     }
 
-    /// The places, in the order of the sorted points, of a part's points.
+    /// The positions of a part's points in the sorted order.
     pub fn places(&self, part: usize) -> Vec<u32> {
         self.parts[part].clone().map(|i| i as u32).collect()
     }
 
-    /// Prepares the fine levels around the points at these places (ascending); row r of its blocks is that of `places[r]`.
-    /// The `attempt`-th try, from 0, has a margin 4^attempt times as wide.
+    /// Prepares the fine levels around the points at these positions (ascending); row r of its blocks belongs to
+    /// `places[r]`. Attempt number `attempt`, from 0, has a margin 4^attempt times as wide.
     ///
     /// # Errors
-    /// Cancellation.
+    /// If the work was cancelled.
     pub fn extractor(&self, places: &[u32], attempt: u32, monitor: &Monitor) -> Result<Extractor<'_>> {
         let mut stages = Vec::new();
         if self.fine > 0 {
@@ -119,7 +120,7 @@ fn pick(points: &Points, places: &[u32], monitor: &Monitor) -> Result<Points> {
     })
 }
 
-/// Cuts a range of sorted points where the codes differ in the three bits below `bits`, until no part has too many points.
+/// Splits a range of sorted points by the three bits below `bits` of their codes, until no part has too many points.
 fn divide(
     points: &Points,
     grid: &Grid,
@@ -159,7 +160,7 @@ mod tests {
         let mut rows: Vec<[f64; 3]> =
             (0..30_000).map(|_| [s.uniform() * 90.0, s.uniform() * 70.0, s.uniform() * 0.4]).collect();
         rows.extend((0..3000).map(|_| [20.0 + s.uniform() * 5.0, 30.0 + s.uniform() * 5.0, s.uniform() * 9.0]));
-        // Far from all others.
+        // Far away from all others.
         rows.extend([[45.0, 20.0, 60.0], [200.0, 10.0, 0.0], [201.0, 10.0, 0.0]]);
         let cloud = Cloud::from_rows(&rows).unwrap();
         let mut set = FeatureSet::default();

@@ -1,4 +1,4 @@
-//! The graph of the nearest neighbours.
+//! The graph of nearest neighbours.
 
 use super::{EdgeWeight, Graph};
 use crate::error::{Error, Result};
@@ -9,20 +9,21 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
 use std::ops::Range;
 
-/// Nodes whose edges are made in one go.
+/// Nodes whose edges one task builds.
 const BLOCK: usize = 8192;
 
-/// Blocks a thread that are held until their edges have found their places.
+/// Blocks per thread that are held until their edges have been stored.
 const AT_ONCE: usize = 4;
 
-/// What becomes of two points that are neighbours of each other.
+/// Treatment of two points that are neighbours of each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Multiplicity {
-    /// One edge like any other.
+    /// One edge, like any other.
     #[default]
     Once,
-    /// One edge of twice the weight, which also counts twice in the mean length (superpoint graphs, Landrieu 2018).
+    /// One edge of twice the weight, which also counts twice in the mean length, as in superpoint graphs (Landrieu &
+    /// Simonovsky 2018).
     Count,
 }
 
@@ -32,9 +33,10 @@ pub enum Multiplicity {
 pub struct KnnGraphParams {
     /// Weights of the edges.
     pub weight: EdgeWeight,
-    /// What becomes of two points that are neighbours of each other.
+    /// Treatment of two points that are neighbours of each other.
     pub multiplicity: Multiplicity,
-    /// Edges longer than this many mean lengths are left out; above 0. The mean is taken before.
+    /// Edges longer than this multiple of the mean length are removed; above 0. The mean is taken before. `None`
+    /// removes none.
     pub prune: Option<f64>,
 }
 
@@ -51,13 +53,13 @@ impl KnnGraphParams {
     }
 }
 
-/// A pair before it has a weight: larger node and squared length.
+/// One end of a pair: the larger node and the squared length.
 type Half = (u32, f32);
 
-/// An edge before it has a weight: 12 bytes, because there are many.
+/// An edge before weights are computed: 12 bytes, because there are many.
 struct Edge {
     ends: [u32; 2],
-    /// Negative (-0 too) if both points are neighbours of each other and that counts.
+    /// Squared length; negative (-0 too) if both points are neighbours of each other and that counts.
     squared: f32,
 }
 
@@ -70,11 +72,11 @@ fn times(squared: f32) -> f64 {
     if squared.is_sign_negative() { 2.0 } else { 1.0 }
 }
 
-/// The undirected graph of the nearest neighbours: i and j touch if one is among the nearest of the other.
+/// The undirected graph of nearest neighbours: i and j are connected if one is among the nearest of the other.
 ///
-/// `nodes` is the number of points. Lengths are in metres, as the neighbours' distances. O(n k²), of which k² is a look at
-/// few cache lines; about 20 bytes an edge while it is made. Neighbours that are handed over, not lent, are freed before the
-/// graph is put together.
+/// `nodes` is the number of points. Lengths are in metres, like the neighbours' distances. O(n k²), where the factor k²
+/// is a scan of few cache lines; about 20 bytes an edge during the construction. Pass `near` by value to have it freed
+/// before the graph is assembled.
 ///
 /// ```
 /// use scansion_core::graph::{KnnGraphParams, knn_graph};
@@ -126,7 +128,7 @@ fn mean_length(squared: &[f32], monitor: &Monitor) -> Result<f64> {
     Ok(if total > 0.0 { sum / total } else { 0.0 })
 }
 
-/// The edges, ascending, and their squared lengths, negative if both ends name the other and that counts.
+/// The edges, ascending, and their squared lengths, negative if each end is a neighbour of the other and that counts.
 fn all_edges(near: &Neighbours, multiplicity: Multiplicity, monitor: &Monitor) -> Result<(Vec<[u32; 2]>, Vec<f32>)> {
     let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(near.len());
     let blocks = near.len().div_ceil(BLOCK);
@@ -152,7 +154,7 @@ fn all_edges(near: &Neighbours, multiplicity: Multiplicity, monitor: &Monitor) -
     Ok((edges, squared))
 }
 
-/// Pairs of which only the larger end knows the other one: smaller end, larger end, squared distance.
+/// Pairs in which only the larger end has the other as a neighbour: smaller end, larger end, squared distance.
 fn one_sided(nodes: Range<usize>, near: &Neighbours) -> Vec<(u32, u32, f32)> {
     let mut found = Vec::new();
     for node in nodes {
@@ -164,8 +166,8 @@ fn one_sided(nodes: Range<usize>, near: &Neighbours) -> Vec<(u32, u32, f32)> {
     found
 }
 
-/// The edges of some nodes to larger ones; of a pair that is there more than once, one. `one_sided` begins with those of the
-/// first node or of a later one.
+/// The edges of some nodes to larger ones, each pair once. `one_sided` begins with the pairs of the first node or of a
+/// later one.
 fn unite(
     nodes: Range<usize>,
     near: &Neighbours,
@@ -179,7 +181,7 @@ fn unite(
         row.clear();
         row.extend(own.filter(|half| half.0 as usize > node));
         for at in 0..row.len() {
-            // What the other end says of the same pair; once, if the row has it twice.
+            // The same pair seen from the other end; counted once even if the row has it twice.
             let other = row[at].0;
             let seen = row[..at].iter().any(|half| half.0 == other);
             let back = near.of(other as usize).iter().zip(near.squared_distances(other as usize));

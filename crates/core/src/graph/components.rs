@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use crate::random::stream;
 
-    /// Lowers the name of both ends of every edge until nothing changes.
+    /// Replaces the label of both ends of every edge by the smaller one until nothing changes.
     fn slow(graph: &Graph) -> Vec<u32> {
         let mut smallest: Vec<u32> = (0..graph.len() as u32).collect();
         for _ in 0..graph.len() {

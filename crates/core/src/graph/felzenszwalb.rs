@@ -1,4 +1,4 @@
-//! Merging by internal difference.
+//! Graph-based segmentation of Felzenszwalb and Huttenlocher.
 
 use super::{Components, Graph};
 use crate::error::{Error, Result};
@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::ops::Range;
 
-/// What the weight of an edge says.
+/// The meaning of an edge weight.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EdgeMeaning {
-    /// How different its ends are: 0 means alike. The original form.
+    /// Dissimilarity of its ends, 0 for alike, as in the paper.
     #[default]
     Dissimilarity,
-    /// How alike its ends are, 0..=1: 1 means alike. The same as the dissimilarity 1 − w.
+    /// Similarity of its ends, 0..=1, 1 for alike. The same as the dissimilarity 1 − w.
     Similarity,
 }
 
@@ -22,9 +22,9 @@ pub enum EdgeMeaning {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FelzenszwalbParams {
-    /// k: the larger, the larger the components; in units of the weights, ≥ 0. Infinite gives the connected components.
+    /// k: larger values give larger components; in units of the weights, ≥ 0. Infinite gives the connected components.
     pub k: f64,
-    /// What the weights say.
+    /// The meaning of the edge weights.
     pub meaning: EdgeMeaning,
 }
 
@@ -44,14 +44,16 @@ impl FelzenszwalbParams {
     }
 }
 
-/// Graph-based segmentation: components that differ more from each other than within.
+/// Graph-based segmentation: two components stay apart if the difference between them is larger than the differences
+/// within them.
 ///
-/// Felzenszwalb and Huttenlocher, *Efficient graph-based image segmentation*, IJCV 59(2), 2004. Edges are taken from the
-/// most alike to the least, ties in the graph's order. Int of a component is the dissimilarity of the edge that closed it
-/// last, 0 at the start; two components are joined by an edge δ if δ ≤ min(Int1 + k/|C1|, Int2 + k/|C2|). For
-/// similarities w = 1 − δ that is w ≥ max(Int1 − k/|C1|, Int2 − k/|C2|), with Int = 1 at the start.
+/// P. F. Felzenszwalb, D. P. Huttenlocher, *Efficient graph-based image segmentation*, IJCV 59(2), 2004,
+/// doi:10.1023/B:VISI.0000022288.19776.77. Edges are processed by ascending dissimilarity δ, ties in the graph's order.
+/// Int of a component is its internal difference: the largest dissimilarity in its minimum spanning tree, 0 for a
+/// single node. An edge δ merges two components if δ ≤ min(Int1 + k/|C1|, Int2 + k/|C2|). For similarities w = 1 − δ
+/// that is w ≥ max(Int1 − k/|C1|, Int2 − k/|C2|), with Int = 1 for a single node.
 ///
-/// O(m log m).
+/// Returns the component of each node. O(m log m).
 ///
 /// ```
 /// use scansion_core::graph::{FelzenszwalbParams, Graph, felzenszwalb};
@@ -82,7 +84,7 @@ pub fn felzenszwalb(graph: &Graph, params: &FelzenszwalbParams, monitor: &Monito
 }
 
 impl FelzenszwalbParams {
-    /// From the most alike ends to the least.
+    /// The order in which edges are processed: ascending dissimilarity.
     fn order(&self) -> fn(&Edge, &Edge) -> Ordering {
         match self.meaning {
             EdgeMeaning::Similarity => |a, b| b.1.total_cmp(&a.1),
@@ -91,10 +93,10 @@ impl FelzenszwalbParams {
     }
 }
 
-/// Ends and weight.
+/// Nodes and weight of an edge.
 type Edge = ([u32; 2], f64);
 
-/// The working memory of many small segmentations.
+/// Scratch memory for many small segmentations.
 #[derive(Clone, Debug, Default)]
 pub struct FelzenszwalbMerger {
     edges: Vec<Edge>,
@@ -104,17 +106,17 @@ pub struct FelzenszwalbMerger {
 }
 
 impl FelzenszwalbMerger {
-    /// Segments nodes `0..nodes` by edges between them. As [`felzenszwalb`], without checks of the parameters.
+    /// Segments nodes `0..nodes` by the edges between them, like [`felzenszwalb`] but without checks of the parameters.
     pub fn merge(&mut self, nodes: usize, edges: impl Iterator<Item = ([u32; 2], f64)>, params: &FelzenszwalbParams) {
         self.edges.clear();
         self.edges.extend(edges);
-        // A stable sort: ties stay in the order of the edges.
+        // Stable sort: ties keep the order of the edges.
         self.edges.sort_by(params.order());
         self.begin(nodes, params);
         self.join(0..self.edges.len(), params);
     }
 
-    /// Every node a component of its own.
+    /// Starts with every node as a component.
     fn begin(&mut self, nodes: usize, params: &FelzenszwalbParams) {
         let similar = params.meaning == EdgeMeaning::Similarity;
         self.parent.clear();
@@ -125,7 +127,7 @@ impl FelzenszwalbMerger {
         self.internal.resize(nodes, if similar { 1.0 } else { 0.0 });
     }
 
-    /// Takes the next edges, which are sorted.
+    /// Processes the next edges, which are sorted.
     fn join(&mut self, edges: Range<usize>, params: &FelzenszwalbParams) {
         let similar = params.meaning == EdgeMeaning::Similarity;
         for at in edges {
@@ -147,7 +149,7 @@ impl FelzenszwalbMerger {
         }
     }
 
-    /// The node that stands for the component of a node after [`FelzenszwalbMerger::merge`].
+    /// The representative of a node's component after [`FelzenszwalbMerger::merge`].
     pub fn component(&mut self, mut node: u32) -> u32 {
         while self.parent[node as usize] != node {
             let above = self.parent[self.parent[node as usize] as usize];
@@ -180,7 +182,7 @@ mod tests {
         felzenszwalb(graph, &FelzenszwalbParams { k, meaning }, &Monitor::default()).unwrap()
     }
 
-    /// By the letter of the paper: components as lists, Int as the largest edge of their spanning tree.
+    /// The method as the paper words it: components as lists, Int as the largest edge of their spanning tree.
     fn by_the_letter(graph: &Graph, k: f64) -> Vec<u32> {
         let mut order: Vec<usize> = (0..graph.edges().len()).collect();
         order.sort_by(|&a, &b| graph.weights()[a].total_cmp(&graph.weights()[b]).then(a.cmp(&b)));

@@ -4,14 +4,14 @@ use super::Graph;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 
-/// The edges at each node. Those to larger nodes stand together in the graph, so that only the others need a list.
-/// 4 bytes an edge and 8 a node.
+/// The edges at each node. Edges to larger nodes are consecutive in the graph, so that only the others need a list. 4
+/// bytes an edge and 8 a node.
 #[derive(Clone, Debug)]
 pub struct Incidence<'a> {
     graph: &'a Graph,
-    /// Where the edges to larger nodes begin.
+    /// Index of the first edge to a larger node, for each node.
     larger: Vec<u32>,
-    /// Where the edges to smaller nodes begin in `edges`.
+    /// Index in `edges` of the first edge to a smaller node, for each node.
     smaller: Vec<u32>,
     edges: Vec<u32>,
 }

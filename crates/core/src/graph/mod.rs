@@ -1,4 +1,4 @@
-//! Who touches whom: undirected weighted graphs on points and on segments, and what is computed on them.
+//! Undirected weighted graphs on points and on segments, and algorithms on them.
 
 mod build;
 mod components;
@@ -54,7 +54,7 @@ impl Graph {
         Self::new_watched(nodes, pairs, weights, &Monitor::default())
     }
 
-    /// As [`Graph::new`], for many edges.
+    /// Like [`Graph::new`], and can be cancelled.
     ///
     /// # Errors
     /// As [`Graph::new`], and if the work was cancelled.
@@ -62,7 +62,7 @@ impl Graph {
         if nodes > u32::MAX as usize {
             return Err(Error::input(format!("{nodes} nodes in one graph; at most {} are possible", u32::MAX)));
         }
-        // What components, trees and merging hold of each node.
+        // Components, trees and merging need this much per node.
         memory::require(24 * nodes as u64, &format!("a graph of {nodes} nodes"))?;
         if pairs.len() != weights.len() {
             return Err(Error::input(format!("{} edges but {} weights", pairs.len(), weights.len())));
@@ -73,7 +73,7 @@ impl Graph {
                 rows.push(row(nodes, pairs[e], weights[e])?);
             }
         }
-        // Edges of the same ends stay in their order, in which their weights are summed.
+        // Stable sort: the weights of parallel edges are summed in the order of the edges.
         sort_stable_watched(&mut rows, |a, b| a.0.cmp(&b.0), monitor)?;
         let mut graph = Self { nodes, ..Self::default() };
         for piece in watched(rows.len(), monitor) {
@@ -110,7 +110,7 @@ impl Graph {
         &self.weights
     }
 
-    /// The edges and their weights, for who needs nothing else of the graph.
+    /// The edges and their weights without copying them.
     pub fn into_edges(self) -> (Vec<[u32; 2]>, Vec<f32>) {
         (self.edges, self.weights)
     }
@@ -130,7 +130,7 @@ impl Graph {
         Ok(Self { weights, ..self })
     }
 
-    /// Forgets the edges that are not `kept`, and gives their memory back. O(m).
+    /// Removes the edges that are not `kept` and frees their memory. O(m).
     pub fn retain(&mut self, kept: impl Fn([u32; 2]) -> bool) {
         let mut left = 0;
         for edge in 0..self.edges.len() {
@@ -146,8 +146,8 @@ impl Graph {
         self.weights.shrink_to_fit();
     }
 
-    /// The graph of some nodes, ascending, of which `nodes[i]` becomes node i, with the edges between them that are `kept`.
-    /// O(n + m); nothing but the result and 4 bytes a node is held.
+    /// The induced subgraph of some nodes, given in ascending order: `nodes[i]` becomes node i; only edges that are `kept`
+    /// remain. O(n + m) time, 4 bytes a node beside the result.
     ///
     /// # Errors
     /// If a node does not exist or they do not ascend, or the work was cancelled.
@@ -186,11 +186,11 @@ impl Graph {
 
     /// The edges at each node. O(nodes + edges).
     pub fn adjacency(&self) -> Adjacency {
-        // Nobody can cancel a new monitor.
+        // A new monitor cannot have been cancelled.
         self.adjacency_watched(&Monitor::default()).unwrap_or_default()
     }
 
-    /// As [`Graph::adjacency`], for many edges.
+    /// Like [`Graph::adjacency`], and can be cancelled.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -199,10 +199,10 @@ impl Graph {
     }
 }
 
-/// An edge of a graph in the making: `[smaller node, larger node]` and its weight.
+/// An edge while a graph is built: `[smaller node, larger node]` and its weight.
 type Row = ([u32; 2], f32);
 
-/// The edge of a pair, checked.
+/// Checks a pair and its weight and puts the smaller node first.
 fn row(nodes: usize, [a, b]: [u32; 2], weight: f32) -> Result<Row> {
     if a == b || a as usize >= nodes || b as usize >= nodes {
         return Err(Error::input(format!("edge {a}-{b} does not join two of the {nodes} nodes")));

@@ -1,4 +1,4 @@
-//! Normals that point to the same side of a surface.
+//! Consistent orientation of normals.
 
 use super::union_find::UnionFind;
 use super::{Adjacency, KnnGraphParams, knn_graph, minimum_spanning_tree};
@@ -8,10 +8,10 @@ use crate::neighbours::Neighbours;
 use crate::parallel::{Monitor, map_watched, watched};
 use serde::{Deserialize, Serialize};
 
-/// Points between two looks at the monitor on the way through the tree.
+/// Number of points between two checks for cancellation.
 const LOOK: u64 = 16_384;
 
-/// Which of the two sides of a surface its normals point to.
+/// The side of a surface that its normals point to.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Orientation {
@@ -19,17 +19,17 @@ pub enum Orientation {
     Up,
     /// Towards the sensor, in metres of the cloud's own coordinates.
     Sensor([f64; 3]),
-    /// Propagated from the highest point over a spanning tree that crosses as few edges as possible.
+    /// Propagated from the highest point along a minimum spanning tree of the graph of nearest neighbours.
     #[default]
     SpanningTree,
 }
 
-/// Turns normals so that they point to one side; no direction changes but in sign.
+/// Flips normals so that they point to one side; only signs change.
 ///
-/// `SpanningTree`: Hoppe et al. 1992, *Surface reconstruction from unorganized points*, section 3.3: minimum spanning
-/// tree of the graph of nearest neighbours with weights 1 − |n_i · n_j|, the normal of the highest point up, every
-/// other one by that of its parent. Pieces that the neighbours do not join each have a highest point of their own.
-/// O(n k log n); memory about 30 bytes a neighbour.
+/// `SpanningTree`: H. Hoppe et al., *Surface reconstruction from unorganized points*, SIGGRAPH 1992, section 3.3: the
+/// minimum spanning tree of the graph of nearest neighbours with weights 1 − |n_i · n_j|; the normal of the highest
+/// point is turned up, every other one to the side of its parent in the tree. Each connected component has a highest
+/// point of its own. O(n k log n); memory about 30 bytes a neighbour.
 ///
 /// # Errors
 /// If the numbers of points, neighbours and normals differ, the sensor is not finite, or the work was cancelled.
@@ -88,7 +88,7 @@ fn propagate(points: &Points, neighbours: &Neighbours, directions: &mut [[f32; 3
     spread(&Adjacency::new(points.len(), &pairs, monitor)?, &roots, directions, monitor)
 }
 
-/// The highest point of each piece of a forest, of equal ones the first.
+/// The highest point of each component of a forest, the first of equal ones.
 fn highest(forest: &[[u32; 2]], points: &Points, monitor: &Monitor) -> Result<Vec<u32>> {
     const NONE: u32 = u32::MAX;
     let mut pieces = UnionFind::new(points.len());
@@ -108,7 +108,7 @@ fn highest(forest: &[[u32; 2]], points: &Points, monitor: &Monitor) -> Result<Ve
     Ok(top)
 }
 
-/// Depth first from the roots.
+/// Propagates the signs from the roots, depth first.
 fn spread(tree: &Adjacency, roots: &[u32], directions: &mut [[f32; 3]], monitor: &Monitor) -> Result<()> {
     let mut seen = vec![false; directions.len()];
     let (mut stack, mut done) = (Vec::new(), 0);
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn pieces_that_do_not_touch_each_have_a_highest_point() {
-        // Two squares side by side, the second lying on its face; 1 and 5 are the highest.
+        // Two squares side by side, the second upside down; 1 and 5 are the highest.
         let rows =
             [[0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [1.0, 1.0, 1.0], [9.0, 0.0, 3.0], [9.0, 1.0, 3.0], [9.5, 0.0, 5.0]];
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);

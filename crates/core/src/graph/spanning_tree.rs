@@ -1,16 +1,17 @@
-//! Minimum spanning tree, or forest where the graph falls into components.
+//! Minimum spanning tree, or forest if the graph is not connected.
 
 use super::Graph;
 use super::union_find::UnionFind;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 
-/// Ranges of weights that are sorted one after the other, at most.
+/// Largest number of weight ranges that are sorted one after the other.
 const RANGES: u32 = 1 << 16;
 
-/// The edges of the minimum spanning forest, ascending; of equal weights the edge with the smaller index is taken.
+/// The edges of the minimum spanning forest, ascending; of equal weights the edge of smaller index is taken.
 ///
-/// Indices into [`Graph::edges`], as many as there are nodes less components. Kruskal 1956. O(m log m); 8 bytes an edge.
+/// Returns indices into [`Graph::edges`], as many as there are nodes less components. J. B. Kruskal 1956. O(m log m); 8
+/// bytes an edge.
 ///
 /// ```
 /// use scansion_core::graph::{Graph, minimum_spanning_tree};
@@ -43,10 +44,10 @@ pub fn minimum_spanning_tree(graph: &Graph, monitor: &Monitor) -> Result<Vec<u32
     Ok((0..).zip(chosen).filter(|(_, chosen)| *chosen).map(|(edge, _)| edge).collect())
 }
 
-/// Bits of the weight and number of each edge, ascending: edges are put into narrow ranges of weights, then each range is
-/// sorted.
+/// (bits of the weight, index) of each edge, ascending: edges are first distributed to narrow ranges of weights, then
+/// each range is sorted.
 fn ascending(weights: &[f32], monitor: &Monitor) -> Result<Vec<u64>> {
-    // Weights are not negative: their bits are ordered as they are (adding 0 turns -0 into 0).
+    // Weights are not negative, so that their bit patterns sort like the values (adding 0 turns -0 into 0).
     let bits = |edge: usize| (weights[edge] + 0.0).to_bits();
     let (mut least, mut most) = (u32::MAX, 0);
     for piece in watched(weights.len(), monitor) {

@@ -1,6 +1,6 @@
-//! Sets of nodes that grow together: union by size with path halving.
+//! Disjoint sets of nodes: union by size with path halving.
 //!
-//! Tarjan and van Leeuwen, *Worst-case analysis of set union algorithms*, Journal of the ACM 31(2), 1984.
+//! R. E. Tarjan, J. van Leeuwen, *Worst-case analysis of set union algorithms*, Journal of the ACM 31(2), 1984.
 
 /// Disjoint sets of `0..len`; almost constant time an operation.
 #[derive(Clone, Debug, Default)]
@@ -15,7 +15,7 @@ impl UnionFind {
         Self { parent: (0..len as u32).collect(), size: vec![1; len] }
     }
 
-    /// The node that stands for the set of `node`.
+    /// The representative of the set of `node`.
     pub(super) fn find(&mut self, mut node: u32) -> u32 {
         while self.parent[node as usize] != node {
             let above = self.parent[self.parent[node as usize] as usize];
@@ -25,7 +25,7 @@ impl UnionFind {
         node
     }
 
-    /// Joins two sets; false if they were one already.
+    /// Merges two sets; false if they are one set already.
     pub(super) fn join(&mut self, a: u32, b: u32) -> bool {
         let (a, b) = (self.find(a), self.find(b));
         if a == b {

@@ -1,4 +1,4 @@
-//! How strongly two points hold together, from the length of the edge between them.
+//! Weight of an edge from its length.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -7,17 +7,17 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum EdgeWeight {
-    /// 1, whatever the length.
+    /// 1 for every length.
     #[default]
     Constant,
     /// 1 / (offset + d/d̄), with an offset above 0; superpoint graphs (Landrieu and Simonovsky 2018) have 1.
     Inverse {
-        /// What keeps the weight of short edges finite.
+        /// Limits the weight of short edges.
         offset: f64,
     },
     /// exp(-d / (scale · d̄)), with a scale above 0.
     Exponential {
-        /// Mean lengths after which the weight has fallen to 1/e.
+        /// Multiple of the mean length at which the weight has fallen to 1/e.
         scale: f64,
     },
 }
@@ -39,7 +39,8 @@ impl EdgeWeight {
         }
     }
 
-    /// Weight of an edge of length `length` where `mean` is the mean length, both in metres; a mean of 0 makes all alike.
+    /// Weight of an edge of length `length` where `mean` is the mean length, both in metres; if the mean is 0, all
+    /// edges weigh the same.
     pub fn of(&self, length: f64, mean: f64) -> f64 {
         let relative = if mean > 0.0 { length / mean } else { 0.0 };
         match *self {

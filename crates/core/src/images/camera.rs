@@ -1,4 +1,5 @@
-//! From the cloud's coordinates to a picture plane: u to the right, v downwards, and the distance from the viewer.
+//! Projection from the cloud's coordinates to the picture plane: u to the right, v downwards, and the distance from the
+//! viewer.
 
 use super::View;
 
@@ -9,7 +10,7 @@ pub(super) struct Camera {
     right: [f64; 3],
     down: [f64; 3],
     away: [f64; 3],
-    /// Extent of the cloud's box on the picture plane.
+    /// Extent of the cloud's bounding box on the picture plane.
     pub(super) low: [f64; 2],
     pub(super) high: [f64; 2],
 }
@@ -43,13 +44,13 @@ impl Camera {
         camera
     }
 
-    /// Place on the picture plane and distance.
+    /// Position on the picture plane, and distance.
     pub(super) fn project(&self, p: [f64; 3]) -> (f64, f64, f64) {
         let d = [0, 1, 2].map(|a| p[a] - self.centre[a]);
         (dot(d, self.right), dot(d, self.down), dot(d, self.away))
     }
 
-    /// Coordinates of a place of the map's picture plane.
+    /// Coordinates of a position on a map's picture plane.
     pub(super) fn map_place(&self, u: f64, v: f64) -> (f64, f64) {
         (self.centre[0] + u, self.centre[1] - v)
     }

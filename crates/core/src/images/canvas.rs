@@ -1,4 +1,4 @@
-//! The picture: pixels, and where the cloud, the legend and the title stand on it.
+//! The picture: pixels, and the layout of cloud, legend and title.
 
 use super::RenderParams;
 use super::camera::Camera;
@@ -11,9 +11,9 @@ pub(super) const MARGIN: u32 = 24;
 pub(super) const LEGEND: u32 = 290;
 const TITLE: u32 = 36;
 const FOOTER: u32 = 44;
-/// Bytes of pixels that are compressed between two looks at the monitor.
+/// Bytes of pixels that are compressed between two checks for cancellation.
 const PIXELS: usize = 256 << 10;
-/// Points are drawn on a grid this much finer than the pixels.
+/// Supersampling: points are drawn on a grid this many times finer than the pixels.
 pub(super) const FINER: usize = 2;
 pub(super) const PAPER: [f32; 3] = [250.0, 250.0, 248.0];
 pub(super) const INK: [u8; 3] = [38, 42, 46];
@@ -21,24 +21,24 @@ pub(super) const INK: [u8; 3] = [38, 42, 46];
 /// A picture in sRGB.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
-    /// Pixels across.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: u32,
-    /// Row by row from the top, red, green, blue.
+    /// Row by row from the top; red, green, blue.
     pub rgb: Vec<u8>,
-    /// Numbers of the world file of a map: coordinates of pixel centres are x = a u + c, y = e v + f, in `[a, 0, 0, e, c, f]`.
+    /// World file of a map: coordinates of pixel centres are x = a u + c, y = e v + f, in `[a, 0, 0, e, c, f]`.
     pub world: Option<[f64; 6]>,
 }
 
 impl Image {
-    /// Paper without anything on it.
+    /// An empty picture.
     pub(super) fn blank(width: u32, height: u32) -> Self {
         let rgb = PAPER.map(|c| c as u8).repeat((width * height) as usize);
         Self { width, height, rgb, world: None }
     }
 
-    /// Mixes a colour into a pixel; places outside are ignored.
+    /// Blends a colour into a pixel; positions outside are ignored.
     pub(super) fn mix(&mut self, (x, y): (i64, i64), colour: [u8; 3], share: f32) {
         if x < 0 || y < 0 || x >= i64::from(self.width) || y >= i64::from(self.height) {
             return;
@@ -77,26 +77,26 @@ impl Image {
         Ok(bytes)
     }
 
-    /// Text of the world file that lets a GIS place a map; `None` for other pictures.
+    /// Text of the world file by which a GIS georeferences a map; `None` for other pictures.
     pub fn world_file(&self) -> Option<String> {
         let [a, d, b, e, c, f] = self.world?;
         Some([a, d, b, e, c, f].map(|v| format!("{v:.10}\n")).concat())
     }
 }
 
-/// Where things stand.
+/// The layout of the picture.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Left upper corner and size of the cloud's part, in pixels.
+    /// Upper left corner and size of the cloud's part, in pixels.
     pub(super) x: u32,
     pub(super) y: u32,
     pub(super) w: u32,
     pub(super) h: u32,
-    /// Units of the coordinates in one pixel.
+    /// Units of the coordinates per pixel.
     pub(super) unit: f64,
-    /// Picture plane at the left upper corner.
+    /// Position of the upper left corner on the picture plane.
     pub(super) corner: [f64; 2],
 }
 
@@ -126,7 +126,7 @@ impl Frame {
     }
 }
 
-/// Averages the finer grid into the pixels of the cloud's part.
+/// Averages the fine grid into the pixels of the cloud's part.
 pub(super) fn fill(
     image: &mut Image,
     (frame, raster): (&Frame, &Raster),

@@ -1,4 +1,4 @@
-//! A confusion matrix as a picture: rows are the truth, cells show percent of the row.
+//! A confusion matrix as a picture: rows are true classes, cells show percent of the row.
 
 use super::canvas::{INK, Image};
 use super::text;
@@ -8,7 +8,7 @@ const CELL: i64 = 86;
 const LEFT: i64 = 250;
 const TOP: i64 = 130;
 
-/// Draws the matrix; the darker a cell, the larger its share of the true class.
+/// Draws the matrix; a darker cell has a larger share of the true class.
 pub fn confusion_picture(confusion: &Confusion) -> Image {
     let classes = confusion.classes().classes();
     let n = classes.len() as i64;

@@ -9,7 +9,7 @@ use crate::cloud::Cloud;
 const FAINT: [u8; 3] = [105, 110, 116];
 const SIZE: f32 = 19.0;
 
-/// Draws what explains the picture.
+/// Draws legend, colour bar and scale bar.
 pub(super) fn draw(image: &mut Image, frame: &Frame, paint: &Paint<'_>, cloud: &Cloud) {
     let x = i64::from(frame.x + frame.w + MARGIN);
     let y = i64::from(frame.y);
@@ -53,7 +53,7 @@ fn colour_bar(image: &mut Image, (x, y): (i64, i64), height: i64, (name, low, hi
     }
 }
 
-/// A bar of a round length, at most a quarter of the picture.
+/// A scale bar of a round length, at most a quarter of the picture's width.
 fn scale_bar(image: &mut Image, frame: &Frame, cloud: &Cloud) {
     let metres = cloud.metres_per_unit.unwrap_or(1.0);
     let most = 0.25 * f64::from(frame.w) * frame.unit * metres;
@@ -67,7 +67,7 @@ fn scale_bar(image: &mut Image, frame: &Frame, cloud: &Cloud) {
     text::draw(image, ((x + pixels) as f32 + 10.0, y as f32 + 8.0), 17.0, INK, &text);
 }
 
-/// Digits in groups of three.
+/// A number with its digits in groups of three.
 fn grouped(n: usize) -> String {
     let digits = n.to_string();
     let mut out = String::new();

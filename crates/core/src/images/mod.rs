@@ -22,7 +22,7 @@ use canvas::Frame;
 use raster::Raster;
 use values::Paint;
 
-/// Where the cloud is seen from.
+/// The viewpoint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum View {
     /// From above, north up.
@@ -30,14 +30,14 @@ pub enum View {
     Map,
     /// From the side, in parallel projection.
     Oblique {
-        /// Direction that the viewer looks to, degrees from north over east.
+        /// Viewing direction, degrees clockwise from north.
         azimuth_deg: f64,
-        /// Height of the viewer above the horizon, degrees, 0..=90.
+        /// Elevation of the viewpoint above the horizon, degrees, 0..=90.
         elevation_deg: f64,
     },
 }
 
-/// What the colours show.
+/// The quantity shown by colour.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ColourBy {
     /// The class.
@@ -47,39 +47,39 @@ pub enum ColourBy {
     Height,
     /// The points' own colour.
     Colour,
-    /// A column of numbers.
+    /// A numeric column.
     Dimension(String),
     /// A column of segment numbers: every segment has a colour of its own, 0 (no segment) is grey.
     Segments(String),
-    /// Where a predicted class (second column) is the true one (first column), and where not.
+    /// Agreement of a predicted class (second column) with the true one (first column).
     Agreement {
         /// Column with the true class.
         truth: String,
         /// Column with the predicted class.
         prediction: String,
-        /// True classes that are compared; all if there is none.
+        /// True classes to compare; empty for all.
         classes: Vec<u8>,
     },
 }
 
-/// Settings of [`render`].
+/// Parameters of [`render`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderParams {
-    /// Where the cloud is seen from.
+    /// The viewpoint.
     pub view: View,
-    /// What the colours show.
+    /// The quantity shown by colour.
     pub by: ColourBy,
     /// Width in pixels, 200..=8000.
     pub width: u32,
-    /// Height in pixels; from the cloud's shape if absent.
+    /// Height in pixels; if absent, from the shape of the cloud.
     pub height: Option<u32>,
     /// Shade the relief.
     pub shading: bool,
     /// Draw legend and scale bar.
     pub legend: bool,
-    /// Line above the picture.
+    /// Title above the picture.
     pub title: Option<String>,
-    /// Values at the ends of the colour ramp; 2nd and 98th percentile if absent.
+    /// Values at the ends of the colour ramp; if absent, the 2nd and 98th percentile.
     pub range: Option<(f64, f64)>,
 }
 
@@ -116,12 +116,12 @@ impl RenderParams {
     }
 }
 
-/// Draws a cloud. The point nearest to the viewer wins each pixel; points that are not finite are left out.
+/// Draws a cloud. Each pixel shows the point nearest to the viewer; points that are not finite are left out.
 ///
 /// O(points + pixels) time; the bytes do not depend on the number of threads.
 ///
 /// # Errors
-/// A parameter out of range, a column that is absent, or the work was cancelled.
+/// If a parameter is out of range, a column is absent, or the work was cancelled.
 pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monitor: &Monitor) -> Result<Image> {
     params.validate()?;
     let paint = Paint::new(cloud, classes, params, monitor)?;
@@ -176,7 +176,7 @@ mod tests {
     fn only_points_of_the_asked_true_classes_are_compared() {
         let mut cloud = scene();
         let truth = cloud.column("Classification").unwrap().values.to_f64();
-        // The box is not named in the truth; a tenth of the plane is another class.
+        // The box has no label in the truth; a tenth of the plane has another class.
         let other = |(i, code): (usize, &f64)| {
             if *code == 6.0 {
                 1

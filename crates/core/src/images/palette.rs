@@ -1,6 +1,6 @@
-//! Colours for numbers: a perceptually even ramp that colour-blind people can read.
+//! Colours for numbers: a perceptually uniform ramp that is readable for colour-blind people.
 
-/// Anchors of the viridis ramp, from low to high.
+/// Control points of the viridis ramp, from low to high.
 const RAMP: [[u8; 3]; 10] = [
     [68, 1, 84],
     [72, 40, 120],
@@ -14,7 +14,7 @@ const RAMP: [[u8; 3]; 10] = [
     [253, 231, 37],
 ];
 
-/// Colour of a share 0..=1; values outside take the ends, NaN is grey.
+/// Colour of a share 0..=1; values outside are clamped, NaN is grey.
 pub(super) fn ramp(share: f64) -> [f32; 3] {
     if share.is_nan() {
         return [150.0; 3];
@@ -25,7 +25,7 @@ pub(super) fn ramp(share: f64) -> [f32; 3] {
     [0, 1, 2].map(|a| f32::from(RAMP[low][a]) * (1.0 - part) + f32::from(RAMP[low + 1][a]) * part)
 }
 
-/// Colour of a segment by its number: hues of following numbers lie a golden section apart; 0 is grey.
+/// Colour of a segment by its number: hues of consecutive numbers differ by the golden ratio; 0 is grey.
 pub(super) fn segment_colour(segment: u32) -> [u8; 3] {
     if segment == 0 {
         return [190; 3];
@@ -39,7 +39,7 @@ pub(super) fn segment_colour(segment: u32) -> [u8; 3] {
     [level(0.0), level(4.0), level(2.0)]
 }
 
-/// Round numbers between two ends: about `count` of them.
+/// About `count` round numbers between two values.
 pub(super) fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     let span = high - low;
     if !(span > 0.0 && span.is_finite()) {
@@ -56,7 +56,7 @@ pub(super) fn round_step(least: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= least * 0.999_999).unwrap_or(power * 10.0)
 }
 
-/// A number without needless digits.
+/// A number without unnecessary digits.
 pub(super) fn label(value: f64) -> String {
     let text = format!("{value:.3}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };

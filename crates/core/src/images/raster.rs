@@ -1,4 +1,4 @@
-//! Which point is seen at each place of the fine grid: a depth buffer with square splats.
+//! Visibility: the point seen at each cell of the fine grid, by a depth buffer with square splats.
 
 use super::camera::Camera;
 use super::canvas::{FINER, Frame};
@@ -6,15 +6,16 @@ use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 
-/// No point is seen here.
+/// Marks a cell where no point is seen.
 pub(super) const NOTHING: u32 = u32::MAX;
-/// Half edge of the largest splat, in places.
+/// Largest half edge of a splat, in cells.
 const MOST: f64 = 9.0;
 
-/// Points between two looks at the monitor: a large splat takes a microsecond.
+/// Number of points between two checks for cancellation: a large splat takes a microsecond.
 const LOOK: usize = 4096;
 
-/// The same value everywhere; memory is taken bit by bit, because the largest pictures need gigabytes.
+/// A vector of equal values, allocated and filled in pieces with checks for cancellation, because the largest pictures
+/// need gigabytes.
 pub(super) fn filled<T: Copy>(len: usize, value: T, monitor: &Monitor) -> Result<Vec<T>> {
     let mut grid = Vec::with_capacity(len);
     for piece in watched(len, monitor) {
@@ -28,11 +29,11 @@ pub(super) fn filled<T: Copy>(len: usize, value: T, monitor: &Monitor) -> Result
 pub(super) struct Raster {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// The point seen at each place.
+    /// The point seen at each cell.
     pub(super) points: Vec<u32>,
     /// Its distance from the viewer, in units of the coordinates.
     pub(super) depth: Vec<f32>,
-    /// Units of the coordinates in one place.
+    /// Units of the coordinates per cell.
     pub(super) unit: f32,
 }
 
@@ -67,7 +68,7 @@ impl Raster {
         Ok(raster)
     }
 
-    /// Half edge of a splat that closes the gaps between points: from the number of coarse places that hold any.
+    /// Half edge of the splats that closes the gaps between points, estimated from the number of occupied coarse cells.
     fn splat(&self, cloud: &Cloud, camera: &Camera, (frame, monitor): (&Frame, &Monitor)) -> Result<i64> {
         let block = 16.0 * f64::from(self.unit);
         let (columns, rows) = (self.width / 16 + 1, self.height / 16 + 1);
@@ -92,7 +93,7 @@ impl Raster {
         let (u, v) = (u.floor() as i64, v.floor() as i64);
         for y in (v - half).max(0)..=(v + half).min(self.height as i64 - 1) {
             for x in (u - half).max(0)..=(u + half).min(self.width as i64 - 1) {
-                // A splat is a shallow cone, so that the nearer of two points side by side wins.
+                // A splat is a shallow cone, so that of two adjacent points the nearer one is seen.
                 let apart = ((x - u) * (x - u) + (y - v) * (y - v)) as f32;
                 let at = y as usize * self.width + x as usize;
                 let depth = depth + 0.3 * self.unit * apart.sqrt();

@@ -1,4 +1,4 @@
-//! Light that shows the relief: a lamp in the north-west for maps, and darker places where something stands in front.
+//! Shading: hillshading with light from the north-west for maps, and ambient occlusion.
 
 use super::View;
 use super::raster::{NOTHING, Raster, filled};
@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 
-/// Directions and distances, in places, at which the surroundings are looked at.
+/// Offsets, in cells, at which the surroundings are sampled.
 const AROUND: [(i64, i64); 16] = [
     (2, 0),
     (-2, 0),
@@ -26,7 +26,7 @@ const AROUND: [(i64, i64); 16] = [
     (-5, -5), // far
 ];
 
-/// Factor of the colour at every place of the grid.
+/// Brightness factor of every cell.
 pub(super) fn light(raster: &Raster, view: View, monitor: &Monitor) -> Result<Vec<f32>> {
     let lamp = view == View::Map;
     let mut light = filled(raster.points.len(), 1.0, monitor)?;
@@ -50,7 +50,7 @@ fn depth(raster: &Raster, x: i64, y: i64) -> Option<f32> {
     (raster.points[at] != NOTHING).then(|| raster.depth[at])
 }
 
-/// Share of the surroundings that stand nearer to the viewer, weighted by how much: 0..1.
+/// Ambient occlusion, 0..1: share of the surroundings that are nearer to the viewer, weighted by how much.
 fn hidden(raster: &Raster, (x, y): (i64, i64), here: f32) -> f32 {
     let sum: f32 = AROUND
         .iter()
@@ -62,19 +62,19 @@ fn hidden(raster: &Raster, (x, y): (i64, i64), here: f32) -> f32 {
     (sum / 8.0).min(1.0)
 }
 
-/// Lambert's law with the lamp 45° high in the north-west, softened: about 0.7..1.15.
+/// Lambert's law with light from the north-west at 45°, softened: about 0.7..1.15.
 fn hillshade(raster: &Raster, x: i64, y: i64) -> f32 {
     let slope = |dx: i64, dy: i64| {
         let (a, b) = (depth(raster, x + dx, y + dy), depth(raster, x - dx, y - dy));
         match (a, b) {
-            // Depth grows downwards, height is its negative.
+            // Depth increases downwards, so that height is its negative.
             (Some(a), Some(b)) => ((b - a) / (2.0 * 3.0 * raster.unit)).clamp(-2.5, 2.5),
             _ => 0.0,
         }
     };
     let (east, south) = (slope(3, 0), slope(0, 3));
     let length = (1.0 + east * east + south * south).sqrt();
-    // Towards the lamp: west, north, up.
+    // Towards the light: west, north, up.
     let cosine = (0.5 * east + 0.5 * south + std::f32::consts::FRAC_1_SQRT_2) / length;
     0.62 + 0.58 * cosine.max(0.0) / std::f32::consts::FRAC_1_SQRT_2 * 0.72
 }

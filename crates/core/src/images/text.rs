@@ -1,4 +1,4 @@
-//! Smooth text in Ubuntu Light, the font that ships with `epaint_default_fonts`.
+//! Antialiased text in Ubuntu Light, the font that ships with `epaint_default_fonts`.
 
 use super::canvas::Image;
 use ab_glyph::{Font, FontRef, Glyph, ScaleFont, point};
@@ -7,7 +7,7 @@ fn font() -> Option<FontRef<'static>> {
     FontRef::try_from_slice(epaint_default_fonts::UBUNTU_LIGHT).ok()
 }
 
-/// Glyphs of a line from x = 0 on the baseline y = 0, and its width.
+/// Glyphs of a line that starts at x = 0 on the baseline y = 0, and its width.
 fn layout(font: &FontRef<'static>, size: f32, text: &str) -> (Vec<Glyph>, f32) {
     let scaled = font.as_scaled(size);
     let (mut glyphs, mut x, mut last) = (Vec::new(), 0.0, None);
@@ -28,7 +28,7 @@ pub(super) fn width(size: f32, text: &str) -> f32 {
     font().map_or(0.0, |font| layout(&font, size, text).1)
 }
 
-/// Draws a line whose baseline begins at a place.
+/// Draws a line whose baseline starts at a position.
 pub(super) fn draw(image: &mut Image, (x, y): (f32, f32), size: f32, colour: [u8; 3], text: &str) {
     let Some(font) = font() else { return };
     for glyph in layout(&font, size, text).0 {
@@ -36,7 +36,7 @@ pub(super) fn draw(image: &mut Image, (x, y): (f32, f32), size: f32, colour: [u8
         let bounds = outline.px_bounds();
         outline.draw(|u, v, coverage| {
             let place = ((x + bounds.min.x) as i64 + i64::from(u), (y + bounds.min.y) as i64 + i64::from(v));
-            // A light face on light paper reads better a little darker.
+            // A light typeface on a light background is easier to read slightly darker.
             image.mix(place, colour, (coverage * 1.25).min(1.0));
         });
     }

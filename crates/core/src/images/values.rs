@@ -1,4 +1,4 @@
-//! The colour of a point, by what the picture shows.
+//! The colour of each point.
 
 use super::palette::{ramp, segment_colour};
 use super::{ColourBy, RenderParams};
@@ -7,35 +7,35 @@ use crate::cloud::{Cloud, CodeScheme, Values, names};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
 
-/// Points whose values decide the ends of the ramp.
+/// Number of sampled points that determine the ends of the ramp.
 const SAMPLES: usize = 200_000;
 const RIGHT: [u8; 3] = [205, 208, 210];
 const WRONG: [u8; 3] = [200, 30, 45];
 const APART: [u8; 3] = [232, 230, 222];
 
-/// What the colours show, with everything that is needed to find them.
+/// The quantity shown by colour, with everything needed to evaluate it.
 #[derive(Clone, Debug)]
 pub(super) enum Paint<'a> {
-    /// Classes by code, and how many points each has.
+    /// Classes by code, and the number of points of each.
     Classes { values: Option<&'a Values>, table: Vec<Class>, counts: Vec<u64> },
-    /// Numbers on a ramp.
+    /// Numbers on a colour ramp.
     Ramp { name: String, values: Option<&'a Values>, low: f64, high: f64 },
     /// Segments, each with a colour of its own.
     Segments { values: &'a Values, count: usize },
-    /// Own colours, with the factor to 0..=255.
+    /// The points' own colours, with the factor to 0..=255.
     Own { channels: [&'a Values; 3], factor: f64 },
-    /// Right or wrong.
+    /// Correct or wrong.
     Agreement(Agreement<'a>),
 }
 
-/// Two columns of classes that are compared.
+/// Two class columns that are compared.
 #[derive(Clone, Debug)]
 pub(super) struct Agreement<'a> {
     truth: &'a Values,
     prediction: &'a Values,
-    /// True classes that are compared, by code.
+    /// The true classes that are compared, by code.
     compared: Vec<bool>,
-    /// Points that are right, wrong, and not compared.
+    /// Number of points that are correct, wrong, and not compared.
     counts: [u64; 3],
 }
 
@@ -49,10 +49,10 @@ impl<'a> Agreement<'a> {
         Ok(found)
     }
 
-    /// 0 right, 1 wrong, 2 not compared.
+    /// 0 correct, 1 wrong, 2 not compared.
     fn kind(&self, point: usize) -> usize {
         let (truth, named) = (self.truth.get(point), self.prediction.get(point));
-        // A truth that is negative or NaN is no label.
+        // Negative or NaN means no label.
         match truth >= 0.0 && self.compared[usize::from(truth as u8)] {
             true => usize::from((truth - named).abs() > 0.0 || named.is_nan()),
             false => 2,

@@ -1,4 +1,4 @@
-//! Files in blocks of points, so that nothing needs the whole file in memory.
+//! Reading files in blocks of points, so that the whole file never needs to be in memory.
 
 use super::format::{Format, format_of};
 use super::{ReadOptions, check_resolution, e57, inside, las, npz, pcd, ply, ptx, text};
@@ -6,16 +6,17 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// Reads a file in blocks of `size` points, the last one shorter, in the file's order: together they are what
-/// [`read_with`](super::read_with) reads, but for the types of text.
+/// Reads a file in blocks of `size` points (the last may be shorter), in the order of the file: together they are what
+/// [`read_with`](super::read_with) reads, except for column types of text.
 ///
-/// LAS, LAZ, COPC, PLY, text, PTS and binary or ascii PCD take the memory of about one block. Compressed PCD, binary PLY
-/// with lists among its vertices, E57, npz and PTX are read whole first and handed out in blocks. Numbers of text are
-/// `f64` in every block, for a type that fits one block may not fit the next. With `bounds` blocks of LAS are as long as
-/// ever, those of other formats hold what of `size` points is in the box; empty ones are left out.
+/// LAS, LAZ, COPC, PLY, text, PTS and binary or ascii PCD need the memory of about one block. Compressed PCD, binary
+/// PLY with lists in its vertices, E57, npz and PTX are read as a whole first and then divided into blocks. Numbers in
+/// text are `f64` in every block, because a type that fits one block may not fit the next. With `bounds`, blocks of LAS
+/// keep their size; those of other formats hold the points of a full block that lie in the box, and empty ones are
+/// skipped.
 ///
 /// # Errors
-/// As [`read_with`](super::read_with); `size` is 0. After an error in the middle the iterator ends.
+/// As [`read_with`](super::read_with), and if `size` is 0. After an error the iterator ends.
 pub fn blocks(path: &Path, size: usize, options: &ReadOptions) -> Result<Blocks> {
     options.validate()?;
     if size == 0 {
@@ -26,23 +27,23 @@ pub fn blocks(path: &Path, size: usize, options: &ReadOptions) -> Result<Blocks>
     Ok(Blocks { source: Some(Source::open(format, path, options)?), size, options: options.clone() })
 }
 
-/// The iterator that [`blocks`] makes.
+/// The iterator returned by [`blocks`].
 #[derive(Debug)]
 pub struct Blocks {
-    /// `None` behind the last block.
+    /// `None` after the last block.
     source: Option<Source>,
     size: usize,
     options: ReadOptions,
 }
 
-/// A file of which blocks are taken.
+/// A file that is read in blocks.
 #[derive(Debug)]
 pub(super) enum Source {
     Las(Box<las::Reader>),
     Ply(Box<ply::Reader>),
     Pcd(Box<pcd::Reader>),
     Text(Box<text::Reader>),
-    /// A cloud and the first point that was not handed out yet.
+    /// A cloud, and the index of the first point that was not returned yet.
     Whole(Box<Cloud>, usize),
 }
 
@@ -63,7 +64,7 @@ impl Source {
         })
     }
 
-    /// The next points and whether they must still be compared with the box; an empty cloud at the end.
+    /// The next points, and whether they must still be filtered by the box; an empty cloud at the end.
     pub(super) fn take(&mut self, size: usize) -> Result<(Cloud, bool)> {
         match self {
             Self::Las(reader) => Ok((reader.take(size)?, false)),

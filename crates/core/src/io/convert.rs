@@ -1,4 +1,4 @@
-//! From one format to another: everything that the target can hold is kept, and what it cannot is said.
+//! Conversion between formats: keeps everything that the target format can store and reports the rest.
 
 use super::atomic::check_place;
 use super::diff::compare;
@@ -10,21 +10,21 @@ use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What [`convert`] is asked to change.
+/// Parameters of [`convert`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ConvertParams {
-    /// Point format of a LAS or LAZ output made from LAS or LAZ, 0..=10; `None`: the input's. It must have all fields of the
-    /// input's format. From 6 on the file becomes LAS 1.4.
+    /// Point format of a LAS or LAZ output made from LAS or LAZ, 0..=10; `None`: that of the input. It must have all
+    /// fields of the input's format. From 6 on the output is LAS 1.4.
     pub point_format: Option<u8>,
-    /// Only points in this box, in the file's unit; `None`: all.
+    /// Only points in this box, in the unit of the file; `None`: all.
     pub bounds: Option<Bounds>,
-    /// Points about so far apart, in the file's unit, above 0; `None`: all. COPC inputs only.
+    /// Thin to points about this far apart, in the unit of the file, above 0; `None`: all. For COPC inputs only.
     pub resolution: Option<f64>,
 }
 
 impl ConvertParams {
-    /// Fails if the point format does not exist, the box is not in order or the resolution not above 0.
+    /// Fails if the point format does not exist, the box is not ordered, or the resolution is not above 0.
     pub fn validate(&self) -> Result<()> {
         self.part(&WriteOptions::default()).validate()?;
         match (self.point_format, self.bounds.is_some() || self.resolution.is_some()) {
@@ -36,7 +36,7 @@ impl ConvertParams {
         }
     }
 
-    /// What is read of the input.
+    /// The options for reading the input.
     fn part(&self, options: &WriteOptions) -> ReadOptions {
         let (bounds, resolution) = (self.bounds, self.resolution);
         ReadOptions { bounds, resolution, monitor: options.monitor.clone(), ..ReadOptions::default() }
@@ -45,11 +45,11 @@ impl ConvertParams {
 
 /// Copies a file into the format of the output's extension, atomically. `output` may be `input`.
 ///
-/// Between LAS and LAZ the records stream through and every byte is kept. Otherwise the cloud is read and written, read back
-/// and compared, and the report's notes say what the target could not hold. Time linear in the points.
+/// Between LAS and LAZ the records are streamed and every byte is kept. Otherwise the cloud is read, written, read back
+/// and compared, and the notes of the report say what the target could not store. Time linear in the points.
 ///
 /// # Errors
-/// The input cannot be read, the output not written, or the point format cannot hold the input's fields.
+/// If the input cannot be read, the output cannot be written, or the point format lacks fields of the input.
 pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &WriteOptions) -> Result<RewriteReport> {
     params.validate()?;
     check_target(output)?;
@@ -78,7 +78,7 @@ fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
     options.monitor.stage("check", cloud.len() as u64);
     let back = read_with(output, &ReadOptions { bounds: None, resolution: None, ..part });
     let mut notes = match back.and_then(|back| losses(&cloud, &back, options)) {
-        // The output is whole; only the comparison needs the cloud twice.
+        // The output is complete; only the comparison needs the cloud in memory twice.
         Err(e @ Error::Memory { .. }) => vec![format!("not compared with the input: {e}")],
         found => found?,
     };
@@ -88,7 +88,7 @@ fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
     Ok(RewriteReport { points: cloud.len() as u64, notes })
 }
 
-/// Variable length records of a LAS file that say more than columns and reference system do.
+/// Variable length records of a LAS file with information beyond columns and reference system.
 fn lost_records(input: &Path) -> Result<Vec<String>> {
     let carried = ["laszip encoded", "LASF_Projection", "LASF_Spec 4", "copc"];
     let records = inspect(input)?.vlrs.into_iter();
@@ -98,7 +98,7 @@ fn lost_records(input: &Path) -> Result<Vec<String>> {
         .collect())
 }
 
-/// What differs between the cloud and what was written of it.
+/// Differences between the cloud and what was written.
 fn losses(cloud: &crate::Cloud, back: &crate::Cloud, options: &WriteOptions) -> Result<Vec<String>> {
     let found = compare(cloud, back, &options.monitor)?;
     let mut notes = Vec::new();
@@ -181,7 +181,7 @@ mod tests {
             let (source, target) = (file(folder.path(), from), folder.path().join(to));
             let report = convert(&source, &target, &params, &WriteOptions::default()).unwrap();
             let part = io::read_with(&source, &ReadOptions { bounds, ..Default::default() }).unwrap();
-            // 80 points have x in the box, 5 of 7 of them y.
+            // 80 points have x in the box, and 5 of 7 of these y as well.
             assert_eq!((report.points, part.len()), (57, 57), "{from} {to}");
             let (back, info) = (io::read(&target).unwrap(), inspect(&target).unwrap());
             assert_eq!((back.len(), info.points, back.bounds()), (57, 57, part.bounds()));

@@ -1,17 +1,18 @@
-//! Decimal numbers from bytes: the result of `str::parse::<f64>`, bit for bit, without its cost for short numbers.
+//! Decimal numbers from bytes: the same result as `str::parse::<f64>`, bit for bit, but faster for short numbers.
 //!
-//! Clinger, How to read floating point numbers accurately, PLDI 1990, section 3: a mantissa of at most 53 bits times or
-//! divided by a power of ten of at most 22 is one correctly rounded operation. All else goes to the standard library.
+//! W. D. Clinger, *How to read floating point numbers accurately*, PLDI 1990, section 3: a mantissa of at most 53 bits
+//! times or divided by a power of ten of at most 22 is a single correctly rounded operation. Everything else is left to
+//! the standard library.
 
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
-/// So many digits fit a `u64` whatever they are.
+/// Number of decimal digits that always fit into a `u64`.
 const DIGITS: usize = 19;
 const EXACT: u64 = 1 << 53;
 
-/// The number that `word` is as a whole.
+/// The number that the complete word denotes.
 pub(super) fn parse(word: &[u8]) -> Option<f64> {
     match leading(word) {
         Some((value, length)) if length == word.len() => Some(value),
@@ -19,7 +20,7 @@ pub(super) fn parse(word: &[u8]) -> Option<f64> {
     }
 }
 
-/// The plain number that `text` begins with and its length; `None` if it is not plain enough for the quick way.
+/// The number at the start of `text` and its length; `None` if it needs the slow path.
 #[inline]
 pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     let negative = text.first() == Some(&b'-');
@@ -45,7 +46,8 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     Some((if negative { -value } else { value }, at))
 }
 
-/// Appends leading digits to a number; how many there were. More than 19 wrap, which the caller sees by the count.
+/// Appends leading digits to a number; returns how many there were. More than 19 overflow, which the caller sees from
+/// the count.
 #[inline]
 fn digits(text: &[u8], mut number: u64) -> (u64, usize) {
     let mut count = 0;

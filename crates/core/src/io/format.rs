@@ -1,11 +1,11 @@
-//! What a file is: told by its first bytes, then by its name.
+//! Detection of the file format, by the first bytes and then by the name.
 
 use crate::error::{Error, Result};
 use crate::io::open;
 use std::io::Read;
 use std::path::Path;
 
-/// The formats that are read.
+/// The formats that can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
     Las,
@@ -17,17 +17,17 @@ pub(super) enum Format {
     Text,
 }
 
-/// For messages.
+/// List of these formats for messages.
 const READABLE: &str = "LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX or text";
 
-/// Extensions of clouds that are written.
+/// Extensions of the cloud formats that can be written.
 const WRITTEN: [&str; 10] = ["las", "laz", "ply", "pcd", "npz", "txt", "xyz", "csv", "asc", "labels"];
 
 pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-/// Fails if no cloud can be written under such a name.
+/// Fails if the extension is not that of a cloud format that can be written.
 pub(super) fn check_target(path: &Path) -> Result<()> {
     let refused = |reason: String| Err(Error::Unsupported { path: path.to_path_buf(), reason });
     let name = path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
@@ -46,7 +46,7 @@ pub(super) fn check_target(path: &Path) -> Result<()> {
     }
 }
 
-/// By the first bytes; what begins with no known magic is text if its name or its bytes say so.
+/// The format by the first bytes; a file without a known magic number is text if its name or its content says so.
 pub(super) fn format_of(path: &Path) -> Result<Format> {
     open::refuse_partial(path)?;
     let mut start = Vec::new();
@@ -80,7 +80,7 @@ pub(super) fn format_of(path: &Path) -> Result<Format> {
     }
 }
 
-/// The comment of PCD's writers, or the first keyword after comments.
+/// Whether the file starts with the usual PCD comment, or with PCD's first keyword after comments.
 fn pcd(start: &[u8]) -> bool {
     let mut lines = start.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
     start.starts_with(b"# .PCD")

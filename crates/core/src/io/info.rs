@@ -1,10 +1,10 @@
-//! What a file says of itself.
+//! Information about a file from its header.
 
 use super::options::Bounds;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// What a file says of itself.
+/// Information about a file from its header.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FileInfo {
     /// The file.
@@ -13,19 +13,19 @@ pub struct FileInfo {
     pub format: String,
     /// Version of the format.
     pub version: Option<String>,
-    /// Point format of LAS.
+    /// Point format of LAS, 0..=10.
     pub point_format: Option<u8>,
     /// Number of points.
     pub points: u64,
-    /// Smallest and largest coordinates, where the header has them.
+    /// Smallest and largest coordinates, if the header has them.
     pub bounds: Option<Bounds>,
-    /// Size of a tick of the stored integers.
+    /// Scale of the stored integers.
     pub scale: Option<[f64; 3]>,
     /// Offset of the stored integers.
     pub offset: Option<[f64; 3]>,
-    /// WKT or `EPSG:n`.
+    /// Coordinate reference system: WKT or `EPSG:n`.
     pub crs: Option<String>,
-    /// Metres in one unit of the coordinates, if the file says so.
+    /// Metres per unit of the coordinates, if the file states it.
     pub metres_per_unit: Option<f64>,
     /// Names of the columns besides the coordinates.
     pub dimensions: Vec<String>,
@@ -34,23 +34,23 @@ pub struct FileInfo {
     /// The levels of a COPC file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub octree: Option<Octree>,
-    /// What is odd about the file.
+    /// Warnings about the file.
     pub warnings: Vec<String>,
 }
 
 /// The levels of a COPC file; all levels together are the cloud.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Octree {
-    /// Distance of the points of level 0 in the file's unit; each level halves it.
+    /// Point spacing of level 0, in the unit of the file; each level halves it.
     pub spacing: f64,
-    /// Nodes with points.
+    /// Number of nodes with points.
     pub nodes: u64,
-    /// Points of level 0, 1, ...
+    /// Number of points on level 0, 1, ...
     pub points_per_level: Vec<u64>,
 }
 
 impl FileInfo {
-    /// Of a file that says no more than its format and number of points.
+    /// For a file of which only the format and the number of points are known.
     pub(super) fn new(path: &Path, format: &str, points: u64) -> Self {
         Self {
             path: path.to_path_buf(),

@@ -1,8 +1,8 @@
-//! The names that other programs give to columns, as PDAL's names.
+//! Column names of other programs, translated to PDAL's names.
 
 use crate::cloud::names;
 
-/// What programs write, in lower case and without `_`, beside what it is here.
+/// Names used by other programs, in lower case and without `_`, with PDAL's name.
 const KNOWN: [(&str, &str); 33] = [
     ("intensity", names::INTENSITY),
     ("i", names::INTENSITY),
@@ -39,7 +39,7 @@ const KNOWN: [(&str, &str); 33] = [
     ("entropy", names::ENTROPY),
 ];
 
-/// PDAL's name of a column, or the name itself. Case and underscores do not matter.
+/// PDAL's name of a column, or the name itself. Case and underscores are ignored.
 pub(super) fn name(given: &str) -> String {
     let plain: String = given.chars().filter(|c| *c != '_').flat_map(char::to_lowercase).collect();
     KNOWN.iter().find(|(name, _)| *name == plain).map_or_else(|| given.to_string(), |(_, known)| (*known).to_string())

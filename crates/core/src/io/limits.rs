@@ -1,19 +1,19 @@
-//! What a file may cost: bounds on what it unpacks to, and names that are told apart in linear time.
+//! Limits on what a file may unpack to, and unique names in linear time.
 
 use crate::error::{Error, Result};
 use crate::memory;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// What a file unpacks to may be this many bytes and [`RATIO`] times its own length: real scans in the formats that pack
-/// come nowhere near, and a file of 1 MiB stays below 128 MiB (twice that while an array is taken apart).
+/// A file may unpack to this many bytes plus [`RATIO`] times its own length: real scans in compressed formats stay far
+/// below, and a file of 1 MiB stays below 128 MiB (temporarily twice that while an array is split into columns).
 const FREE: u64 = 64 << 20;
 const RATIO: u64 = 64;
 
-/// Checks the bytes that all points of a file take in memory, before any of it is asked for.
+/// Checks the memory for all points of a file before any of it is allocated.
 ///
 /// # Errors
-/// More than the file's length makes plausible, or more than memory has room for.
+/// If it is implausible for the length of the file, or exceeds the free memory.
 pub(super) fn unpacked(path: &Path, format: &'static str, (length, bytes): (u64, u64)) -> Result<()> {
     let most = FREE.saturating_add(RATIO.saturating_mul(length));
     if bytes > most {
@@ -29,16 +29,16 @@ pub(super) fn unpacked(path: &Path, format: &'static str, (length, bytes): (u64,
     memory::require(bytes, &format!("the points of {}", path.display()))
 }
 
-/// Names of which one that is taken gets a number.
+/// Makes names unique by appending numbers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Names {
     taken: HashSet<String>,
-    /// The number that a name gets the next time.
+    /// The next number for each name.
     next: HashMap<String, usize>,
 }
 
 impl Names {
-    /// The name itself, or with the first number from 2 on that makes it new.
+    /// The name itself, or with the smallest number from 2 on that makes it unique.
     pub(super) fn free(&mut self, name: &str) -> String {
         if self.taken.insert(name.to_string()) {
             return name.to_string();

@@ -1,4 +1,4 @@
-//! Text files in pieces of whole lines, so that a file of any size takes a few megabytes.
+//! Text files in pieces of whole lines, so that a file of any size needs only a few megabytes.
 
 use crate::error::{Error, Result};
 use crate::io::open;
@@ -6,18 +6,18 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Bytes of a piece, about.
+/// Approximate bytes of a piece.
 const PIECE: usize = 4 << 20;
-/// A longer line is none.
+/// Longest line that is accepted, in bytes.
 const LONGEST: usize = 1 << 20;
 
-/// Reads a file from some byte on, piece by piece.
+/// Reads a file from an offset, piece by piece.
 #[derive(Debug)]
 pub(super) struct Pieces {
     path: PathBuf,
     format: &'static str,
     file: File,
-    /// Start of the next piece: what stood behind the last line end.
+    /// Start of the next piece: the bytes after the last line end.
     rest: Vec<u8>,
     done: bool,
 }
@@ -29,7 +29,7 @@ impl Pieces {
         Ok(Self { path: path.to_path_buf(), format, file, rest: Vec::new(), done: false })
     }
 
-    /// The next whole lines, the last line of the file with or without its end; `None` behind the last.
+    /// The next whole lines (the last line of the file may lack its end); `None` at the end.
     pub(super) fn next(&mut self) -> Result<Option<Vec<u8>>> {
         if self.done {
             return Ok(None);
@@ -58,7 +58,7 @@ impl Pieces {
     }
 }
 
-/// One line after the other.
+/// Reads a file line by line.
 #[derive(Debug)]
 pub(super) struct Lines {
     pieces: Pieces,
@@ -68,12 +68,12 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// The lines from byte `from` on, with `before` lines above them.
+    /// The lines from byte `from` on, preceded by `before` lines.
     pub(super) fn open((path, format): (&Path, &'static str), from: u64, before: usize) -> Result<Self> {
         Ok(Self { pieces: Pieces::open(path, format, from)?, piece: Vec::new(), at: 0, number: before })
     }
 
-    /// The next line that holds something, without blanks around it, and its number from 1.
+    /// The next non-blank line, trimmed, and its number from 1.
     pub(super) fn next(&mut self) -> Result<Option<(usize, &[u8])>> {
         let (start, end) = loop {
             if self.at >= self.piece.len() {
@@ -110,7 +110,7 @@ pub(super) fn count(bytes: &[u8]) -> usize {
     memchr::memchr_iter(b'\n', bytes).count()
 }
 
-/// Cuts a piece at line ends into at most `parts` parts of about the same size.
+/// Splits a piece at line ends into at most `parts` parts of similar size.
 pub(super) fn cut(piece: &[u8], parts: usize) -> Vec<&[u8]> {
     let step = piece.len() / parts.max(1) + 1;
     let (mut list, mut rest) = (Vec::new(), piece);

@@ -1,4 +1,4 @@
-//! Several files as one.
+//! Merges several files into one.
 
 use super::atomic::check_place;
 use super::{ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, run, write};
@@ -7,15 +7,16 @@ use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Writes the points of all inputs, in the order given, as one file, atomically. The output may be one of the inputs.
+/// Writes the points of all inputs, in the given order, into one file, atomically. The output may be one of the inputs.
 ///
-/// LAS and LAZ stream through: point source ids and all other fields stay, coordinates are put on one grid exactly, the
-/// point format is one that has all fields. Header, and records that only differ in content, are the first input's. Other
-/// formats are read and written. A dimension that some inputs lack is 0 there, and a note says so. Time linear in the points.
+/// LAS and LAZ are streamed: point source ids and all other fields are kept, coordinates are converted exactly to a
+/// common grid, and the point format has all fields of the inputs. The header, and records that differ only in content,
+/// are those of the first input. Other formats are read and written. A dimension that some inputs lack is 0 there,
+/// which a note reports. Time linear in the points.
 ///
 /// # Errors
-/// Fewer than one input; two different reference systems or kinds of GPS time; grids that no finer grid holds exactly;
-/// dimensions of one name and two types.
+/// If there are no inputs, reference systems or kinds of GPS time differ, no common grid represents all coordinates
+/// exactly, or dimensions with the same name have different types.
 pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Result<RewriteReport> {
     if inputs.is_empty() {
         return Err(Error::input("nothing to merge: no input"));
@@ -49,7 +50,7 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
     Ok(RewriteReport { points: cloud.len() as u64, notes })
 }
 
-/// Fails if two files say that they lie in different reference systems; notes if only one says anything.
+/// Fails if two files state different reference systems; adds a note if only one states any.
 pub(super) fn check_crs(
     (first, a): (&Path, Option<&str>),
     (path, b): (&Path, Option<&str>),
@@ -102,7 +103,7 @@ fn append(before: Cloud, cloud: &Cloud, (path, notes): (&Path, &mut Vec<String>)
 
 macro_rules! typed {
     ($($variant:ident),*) => {
-        /// One column after the other; numbers of two types become `f64`.
+        /// Concatenates two columns; numbers of different types become `f64`.
         fn joined(a: &Values, b: &Values) -> Values {
             match (a, b) {
                 $((Values::$variant(a), Values::$variant(b)) => Values::$variant([&a[..], &b[..]].concat()),)*

@@ -1,4 +1,4 @@
-//! Reading and writing files: LAS, LAZ, PLY, PCD, E57, npz, text. What a file is is told by its content, then by its name.
+//! Reading and writing files: LAS, LAZ, PLY, PCD, E57, npz, text. The format is detected by content, then by name.
 
 pub mod atomic;
 mod blocks;
@@ -47,36 +47,39 @@ use crate::error::{Error, Result};
 use format::{Format, check_target, extension, format_of};
 use std::path::Path;
 
-/// One change that [`rewrite`] makes; values in the order of the file.
+/// One change made by [`rewrite`]; values in the order of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Edit {
     /// New class codes.
     Classification(Vec<u8>),
     /// A dimension, added or replaced.
     Dimension(Column),
-    /// Names of class codes, kept in the Classification Lookup record of LAS; names that a file has already stay.
+    /// Names of class codes, stored in the Classification Lookup record of LAS; existing names are kept.
     ClassNames(Vec<(u8, String)>),
 }
 
-/// What [`rewrite`] did.
+/// Report of [`rewrite`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RewriteReport {
     /// Points written.
     pub points: u64,
-    /// What changed besides the edits, for the user.
+    /// Changes besides the edits, for the user.
     pub notes: Vec<String>,
 }
 
 /// Reads a cloud with all its columns.
+///
+/// # Errors
+/// As [`read_with`].
 pub fn read(path: &Path) -> Result<Cloud> {
     read_with(path, &ReadOptions::default())
 }
 
-/// Reads a cloud with the wanted columns.
+/// Reads a cloud with the selected columns.
 ///
 /// # Errors
-/// The file cannot be opened, is malformed (the message names field, place, what was found and what is allowed), or is of
-/// a kind that is not supported.
+/// If the file cannot be opened, is malformed (the message gives field, position, what was found and what is allowed),
+/// or its kind is not supported.
 pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     options.validate()?;
     run::joined(&options.monitor, || {
@@ -114,7 +117,7 @@ fn check_resolution(format: Format, options: &ReadOptions) -> Result<()> {
     }
 }
 
-/// The points of a cloud in a box.
+/// The points of a cloud inside a box.
 fn inside(cloud: &Cloud, (low, high): &Bounds) -> Cloud {
     let within = |i: &u32| {
         let p = cloud.xyz(*i as usize);
@@ -125,6 +128,10 @@ fn inside(cloud: &Cloud, (low, high): &Bounds) -> Cloud {
 
 /// Writes a cloud in the format of the path's extension: `.las`, `.laz`, `.ply`, `.pcd`, `.npz`, `.txt`, `.xyz`, `.csv`,
 /// `.labels`.
+///
+/// # Errors
+/// If the extension is not that of a format that can be written, the format cannot store the cloud, or the file cannot
+/// be written.
 pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     check_target(path)?;
     match extension(path).as_str() {
@@ -136,16 +143,18 @@ pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     }
 }
 
-/// Fails now if a cloud could not be written to this path later: [`check_output`], and the extension.
+/// Fails if a cloud could not be written to this path later: [`check_output`], and the extension. To be called before
+/// long work.
 pub fn check_cloud_output(path: &Path) -> Result<()> {
     check_target(path)?;
     check_output(path)
 }
 
-/// Fails now if [`rewrite`] could not add these dimensions later; their values do not matter, their names and types do.
+/// Fails if [`rewrite`] could not add these dimensions later, judged by their names and types. To be called before long
+/// work.
 ///
 /// # Errors
-/// The input has a dimension of such a name and another type, or records would become too long.
+/// If the input has a dimension of the same name and another type, or records would become too long.
 pub fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result<()> {
     let las = ["las", "laz"].contains(&extension(output).as_str());
     match las && format_of(input)? == Format::Las {
@@ -154,10 +163,10 @@ pub fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result
     }
 }
 
-/// Fails if a cloud from `input` could not be written to `output` for the step of its coordinates: to be asked before long work.
+/// Fails if no LAS scale fits a cloud that is to be written from `input` to `output`. To be called before long work.
 ///
 /// # Errors
-/// As [`write`](fn@write) of LAS and LAZ; a step that is asked for from LAS to LAS.
+/// As [`write`](fn@write) of LAS and LAZ, and if a scale is requested from LAS to LAS.
 pub fn check_steps(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     match (["las", "laz"].contains(&extension(output).as_str()), las::is_las(input)?) {
         (true, true) => options.keeps_steps(),
@@ -166,9 +175,12 @@ pub fn check_steps(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOp
     }
 }
 
-/// Copies a file with the edits applied; everything else of a LAS or LAZ file stays as it is, byte for byte.
+/// Copies a file with the edits applied; everything else in a LAS or LAZ file is kept, byte for byte.
 ///
-/// From other formats, or into them, the cloud is read and written. `output` may be `input`.
+/// Between other formats the cloud is read and written. `output` may be `input`.
+///
+/// # Errors
+/// If the input cannot be read, lengths of the edits do not fit, or the output cannot be written.
 pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
     check_target(output)?;
     run::joined(&options.monitor, || rewrite_any(input, output, edits, options))
@@ -186,7 +198,7 @@ fn rewrite_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptio
     Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
 }
 
-/// Puts the edits into a cloud.
+/// Applies the edits to a cloud.
 fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
     for edit in edits {
         cloud.set_column(match edit {
@@ -200,7 +212,10 @@ fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
     Ok(())
 }
 
-/// What a file says of itself: its header, and for text the number of its lines.
+/// Information from the header of a file; for text also its number of lines.
+///
+/// # Errors
+/// If the file cannot be opened, its header is malformed, or its kind is not supported.
 pub fn inspect(path: &Path) -> Result<FileInfo> {
     let mut info = match format_of(path)? {
         Format::Las => las::inspect(path),

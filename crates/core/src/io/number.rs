@@ -1,4 +1,4 @@
-//! Numbers of fixed width in the records of binary files.
+//! Numbers of fixed width in binary records.
 
 use crate::cloud::{Values, each_values};
 
@@ -28,7 +28,7 @@ impl Kind {
         }
     }
 
-    /// No values of this type.
+    /// An empty column of this type.
     pub(super) fn values(self) -> Values {
         match self {
             Self::U8 => Values::U8(Vec::new()),
@@ -66,18 +66,18 @@ pub(super) fn put(values: &Values, i: usize, bytes: &mut Vec<u8>) {
     each_values!(values, v => bytes.extend(v[i].to_le_bytes()));
 }
 
-/// A number of every record of `width` bytes.
+/// One number in every record of `width` bytes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slot {
     pub(super) kind: Kind,
-    /// First byte in the record; the number ends within the record.
+    /// Offset of its first byte; the number ends within the record.
     pub(super) at: usize,
     /// Bytes of a record, above 0.
     pub(super) width: usize,
     pub(super) big: bool,
 }
 
-/// N bytes at a place; zeros beyond the end.
+/// N bytes at an offset; zeros beyond the end.
 pub(super) fn array<const N: usize>(record: &[u8], at: usize) -> [u8; N] {
     record.get(at..at + N).and_then(|bytes| bytes.try_into().ok()).unwrap_or([0; N])
 }

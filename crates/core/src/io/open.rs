@@ -1,8 +1,8 @@
-//! The one door through which files are read.
+//! Opening of input files; all input files are opened here.
 //!
-//! Clouds are read more than once and out of order, so they must be regular files: a pipe, a device or a folder is refused
-//! before anything is read of it, and opening never waits. Settings, models and tables of labels are read once from the
-//! beginning to the end ([`bytes`], [`text`]), so they may come from a pipe.
+//! Clouds are read more than once and not sequentially, so that they must be regular files: a pipe, a device or a
+//! folder is refused before anything is read, and opening never blocks. Settings, models and label tables are read once
+//! and sequentially ([`bytes`], [`text`]), so that they may come from a pipe.
 
 use super::run;
 use crate::error::{Error, Result};
@@ -11,17 +11,17 @@ use std::fs::{File, FileType, OpenOptions};
 use std::io::Read;
 use std::path::Path;
 
-/// Bytes of a recipe, or of other settings, at most.
+/// Largest size of a recipe or other settings, in bytes.
 pub const MOST_SETTINGS: u64 = 4 << 20;
-/// Bytes of a table of labels at most.
+/// Largest size of a label table, in bytes.
 pub const MOST_TABLE: u64 = 1 << 30;
-/// Bytes of a model at most.
+/// Largest size of a model, in bytes.
 pub const MOST_MODEL: u64 = 8 << 30;
 
 /// Opens a regular file.
 ///
 /// # Errors
-/// There is none of this name, it cannot be read, or it is a folder, a pipe or a device.
+/// If it does not exist, cannot be read, or is a folder, a pipe or a device.
 pub fn file(path: &Path) -> Result<File> {
     let file = at_once(path)?;
     let kind = file.metadata().map_err(|e| Error::io(path, e))?.file_type();
@@ -31,7 +31,7 @@ pub fn file(path: &Path) -> Result<File> {
     }
 }
 
-/// Refuses what a killed run has left: it is not whole.
+/// Refuses the temporary file of a killed run, which is incomplete.
 pub(super) fn refuse_partial(path: &Path) -> Result<()> {
     match path.file_name().is_some_and(|name| is_partial(&name.to_string_lossy())) {
         true => {
@@ -42,12 +42,12 @@ pub(super) fn refuse_partial(path: &Path) -> Result<()> {
     }
 }
 
-/// Whether outputs have such a name while they are written.
+/// Whether the name is that of a temporary file of an output.
 pub(super) fn is_partial(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".partial")
 }
 
-/// The first bytes of a regular file that is not an input: of what stands where an output will go.
+/// The first bytes of a regular file that is not an input: of a file that an output would replace.
 pub(crate) fn start(path: &Path, most: u64) -> Result<Vec<u8>> {
     let file = at_once(path)?;
     let kind = file.metadata().map_err(|e| Error::io(path, e))?.file_type();
@@ -69,10 +69,10 @@ pub(super) fn whole(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// All bytes of a file or a pipe, at most so many.
+/// All bytes of a file or a pipe, at most `most`.
 ///
 /// # Errors
-/// As [`file()`], but for pipes; there are more bytes.
+/// As [`file()`], except that pipes are allowed; and if there are more bytes.
 pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
     refuse_partial(path)?;
     let file = at_once(path)?;
@@ -95,7 +95,7 @@ pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
     }
 }
 
-/// Fills `bytes` from byte `at` of a file on.
+/// Fills `bytes` from offset `at` of a file.
 pub(super) fn fill((path, file): (&Path, &mut File), at: u64, bytes: &mut [u8]) -> Result<()> {
     match file.read_exact(bytes) {
         Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(Error::Malformed {
@@ -114,10 +114,10 @@ pub(super) fn fill((path, file): (&Path, &mut File), at: u64, bytes: &mut [u8]) 
     }
 }
 
-/// The text of a file or a pipe, at most so many bytes.
+/// The text of a file or a pipe, at most `most` bytes.
 ///
 /// # Errors
-/// As [`bytes`]; the text is not UTF-8.
+/// As [`bytes`], and if the text is not UTF-8.
 pub fn text(path: &Path, most: u64) -> Result<String> {
     String::from_utf8(bytes(path, most)?).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
@@ -132,7 +132,7 @@ pub fn text(path: &Path, most: u64) -> Result<String> {
     })
 }
 
-/// Bytes of a pipe to its end, or one more than so many. Waits for the other program until the run is cancelled.
+/// All bytes of a pipe, but at most one more than the limit. Waits for the other program until the run is cancelled.
 #[cfg(unix)]
 fn from_pipe(path: &Path, mut pipe: File, most: u64) -> Result<Vec<u8>> {
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -161,7 +161,7 @@ fn from_pipe(path: &Path, mut pipe: File, most: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Opens whatever it is without waiting for another program.
+/// Opens any kind of file without waiting for another program.
 pub(super) fn at_once(path: &Path) -> Result<File> {
     let mut options = OpenOptions::new();
     options.read(true);
@@ -185,7 +185,7 @@ fn refused(path: &Path, kind: FileType) -> Error {
     Error::Unsupported { path: path.to_path_buf(), reason }
 }
 
-/// What stands there if it is no regular file.
+/// Name of the kind of file, if it is not a regular file.
 fn name(kind: FileType) -> &'static str {
     if kind.is_dir() {
         return "a folder";

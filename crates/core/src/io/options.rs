@@ -1,31 +1,32 @@
-//! What readers and writers are told.
+//! Options of reading and writing.
 
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 
-/// Which columns are read besides the coordinates.
+/// The columns to read besides the coordinates.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Columns {
     /// All.
     #[default]
     All,
-    /// Those of these names, where the file has them.
+    /// Those with these names, if the file has them.
     Only(Vec<String>),
 }
 
-/// Smallest and largest coordinates, both included, in the file's unit.
+/// Smallest and largest coordinates, both included, in the unit of the file.
 pub type Bounds = ([f64; 3], [f64; 3]);
 
-/// Settings of [`read_with`](super::read_with) and [`blocks`](super::blocks()).
+/// Options of [`read_with`](super::read_with) and [`blocks`](super::blocks()).
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
-    /// Which columns are read besides the coordinates.
+    /// The columns to read besides the coordinates.
     pub columns: Columns,
-    /// Only points in this box; `None`: all. COPC files are read where the box is, others whole and then cut.
+    /// Only points in this box; `None`: all. Of COPC files only the parts in the box are read, other files are read and
+    /// filtered.
     pub bounds: Option<Bounds>,
-    /// A thinner cloud whose points are about so far apart, in the file's unit, above 0; `None`: all points. COPC only.
+    /// Thin to points about this far apart, in the unit of the file, above 0; `None`: all points. COPC only.
     pub resolution: Option<f64>,
-    /// Metres in one unit of the coordinates, whatever the file says, above 0; `None`: as the file says.
+    /// Metres per unit of the coordinates, overriding the file, above 0; `None`: as the file states.
     pub metres_per_unit: Option<f64>,
     /// Progress, cancellation and warnings.
     pub monitor: Monitor,
@@ -39,7 +40,7 @@ impl ReadOptions {
         }
     }
 
-    /// Fails if the box is not in order, or the resolution or the unit not above 0.
+    /// Fails if the box is not ordered, or the resolution or the unit is not above 0.
     pub fn validate(&self) -> Result<()> {
         if let Some(metres) = self.metres_per_unit.filter(|m| !(m.is_finite() && *m > 0.0)) {
             return Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite"));
@@ -56,21 +57,22 @@ impl ReadOptions {
     }
 }
 
-/// Settings of [`write`](fn@super::write) and [`rewrite`](super::rewrite).
+/// Options of [`write`](fn@super::write) and [`rewrite`](super::rewrite).
 #[derive(Clone, Debug, Default)]
 pub struct WriteOptions {
-    /// Compress where the format lets one choose: PCD (`binary_compressed`) and npz (deflate). LAS and LAZ go by their
-    /// extension.
+    /// Compress, for formats with a choice: PCD (`binary_compressed`) and npz (deflate). For LAS and LAZ the extension
+    /// decides.
     pub compressed: bool,
-    /// Step of the whole numbers that LAS and LAZ store x, y and z in, in the cloud's unit, finite and above 0; `None`: that of
-    /// the input, or one that moves no point by more than a thousandth of the spacing. Not for LAS to LAS.
+    /// Scale (step of the stored integers) of LAS and LAZ for x, y and z, in the cloud's unit, finite and above 0;
+    /// `None`: that of the input, or one that moves no point by more than a thousandth of the point spacing. Not for
+    /// LAS to LAS.
     pub scale: Option<[f64; 3]>,
     /// Progress, cancellation and warnings.
     pub monitor: Monitor,
 }
 
 impl WriteOptions {
-    /// Fails if a step is not a number above 0.
+    /// Fails if a scale is not finite and above 0.
     pub fn validate(&self) -> Result<()> {
         match self.scale {
             Some(scale) if scale.iter().any(|s| !(s.is_finite() && *s > 0.0)) => {
@@ -80,7 +82,7 @@ impl WriteOptions {
         }
     }
 
-    /// Fails if a step is asked for where the records of a LAS file keep theirs.
+    /// Fails if a scale is requested for a copy from LAS to LAS, which keeps its own.
     pub(super) fn keeps_steps(&self) -> Result<()> {
         match self.scale {
             Some(scale) => Err(Error::parameter("scale", format!("{scale:?}"), "none from LAS to LAS: steps are kept")),

@@ -1,4 +1,4 @@
-//! Records of one width, one after the other in a file: binary PLY and binary PCD.
+//! Binary records of fixed width, one after the other: binary PLY and binary PCD.
 
 use super::number::Slot;
 use super::table::Table;
@@ -10,10 +10,10 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Bytes decoded at once: they stay in the cache while one column after the other takes its numbers.
+/// Bytes decoded at once, few enough to stay in the cache while the columns are extracted one by one.
 const SLAB: usize = 256 << 10;
 
-/// Where a number goes.
+/// The destination of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// Axis 0, 1 or 2.
@@ -22,7 +22,7 @@ pub(super) enum Target {
     Column(usize),
 }
 
-/// What is read of each record.
+/// The numbers to read from each record.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
     pub(super) table: Table,
@@ -30,7 +30,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Takes the numbers of some records.
+    /// Extracts the numbers of some records.
     pub(super) fn append(&mut self, records: &[u8]) {
         for (target, slot) in &self.slots {
             match *target {
@@ -41,7 +41,7 @@ impl Layout {
     }
 }
 
-/// The records that are left in a file.
+/// The remaining records of a file.
 #[derive(Debug)]
 pub(super) struct Packed {
     path: PathBuf,
@@ -53,7 +53,7 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// `count` records of `width` bytes from byte `at` on; the caller has compared them with the file's size.
+    /// `count` records of `width` bytes from offset `at`; the caller has checked them against the size of the file.
     pub(super) fn open(
         (path, monitor): (&Path, &Monitor),
         at: u64,
@@ -65,7 +65,7 @@ impl Packed {
         Ok(Self { path: path.to_path_buf(), file, width, left: count, layout, monitor: monitor.clone() })
     }
 
-    /// The next points, at most so many; an empty cloud at the end.
+    /// The next points, at most this many; an empty cloud at the end.
     pub(super) fn take(&mut self, points: usize) -> Result<Cloud> {
         let mut wanted = points.min(usize::try_from(self.left).unwrap_or(usize::MAX));
         self.layout.table.reserve(wanted)?;

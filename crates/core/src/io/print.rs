@@ -1,9 +1,9 @@
-//! Numbers as text: the bytes of `Display`, without its cost.
+//! Numbers as text: the same bytes as `Display`, but faster.
 
 use crate::cloud::Values;
 use std::io::Write;
 
-/// Magnitudes that zmij spells without an exponent, in both precisions.
+/// Magnitudes that zmij writes without an exponent, in both precisions.
 const PLAIN: std::ops::Range<f64> = 1e-5..1e12;
 
 /// Appends value `i`.
@@ -26,7 +26,7 @@ fn whole(value: impl itoa::Integer, text: &mut Vec<u8>) {
     text.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
 }
 
-/// Appends the shortest digits that are read as `value`, without an exponent.
+/// Appends the shortest decimal that is parsed as `value`, without an exponent.
 pub(super) fn double(value: f64, text: &mut Vec<u8>) {
     let mut buffer = zmij::Buffer::new();
     let bits = value.to_bits();
@@ -49,10 +49,11 @@ fn single(value: f32, text: &mut Vec<u8>) {
     spell(digits, value, text);
 }
 
-/// The digits as `Display` writes them; `lowest` is the power of two of the last bit.
+/// The digits as `Display` writes them; `lowest` is the exponent (base 2) of the last bit.
 ///
-/// `None` if the number lies in the middle between two shortest decimals: zmij takes the even one, `Display` the larger.
-/// A number with n binary places has n decimal places, the last a 5; so it is in the middle if all but one are written.
+/// `None` if the number is exactly halfway between two shortest decimals: zmij takes the even one, `Display` the
+/// larger. A number with n binary places has n decimal places, the last of which is 5; so it is halfway if all but one
+/// are written.
 fn shortest(digits: &[u8], lowest: i32) -> Option<&[u8]> {
     let point = digits.iter().rposition(|&c| c == b'.')?;
     let places = digits.len() - point - 1;
@@ -65,12 +66,12 @@ fn shortest(digits: &[u8], lowest: i32) -> Option<&[u8]> {
 fn spell(digits: Option<&[u8]>, value: impl std::fmt::Display, text: &mut Vec<u8>) {
     match digits {
         Some(digits) => text.extend_from_slice(digits),
-        // A vector takes all that is written.
+        // Writing to a vector cannot fail.
         None => _ = write!(text, "{value}"),
     }
 }
 
-/// Numbers rounded to so many decimal places, at most 15.
+/// Numbers rounded to a number of decimal places, at most 15.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rounded {
     places: u32,
@@ -83,9 +84,9 @@ impl Rounded {
         Self { places, steps: 10u64.pow(places) as f64 }
     }
 
-    /// Appends the number, rounded half away from zero if it is below 10^(15 - places); without trailing zeros.
+    /// Appends the number without trailing zeros, rounded half away from zero if it is below 10^(15 - places).
     ///
-    /// Of at most 15 digits no others are read as the same number, so they are the shortest.
+    /// Different decimals of at most 15 digits are never parsed as the same number, so that these are the shortest.
     pub(super) fn append(self, value: f64, text: &mut Vec<u8>) {
         let scaled = value * self.steps;
         if scaled.abs() >= 1e15 || scaled.is_nan() {
@@ -99,7 +100,7 @@ impl Rounded {
         let unit = 10u64.pow(self.places);
         whole(number / unit, text);
         if !number.is_multiple_of(unit) {
-            // The unit in front keeps the zeros behind the point.
+            // Adding the unit keeps the zeros after the decimal point.
             let mut buffer = itoa::Buffer::new();
             let digits = buffer.format(unit + number % unit).as_bytes();
             let length = digits.iter().rposition(|&c| c != b'0').unwrap_or(0);

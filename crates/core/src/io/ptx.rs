@@ -1,8 +1,8 @@
-//! PTX, the exchange format of Leica Cyclone: scans one after the other, each with its grid and its pose.
+//! PTX, the exchange format of Leica Cyclone: scans one after the other, each with its grid and pose.
 //!
-//! A scan begins with columns and rows of its grid, the scanner's place and axes, and a matrix of 4 rows that turns and
-//! moves its points: p' = (x y z 1) M. Then come `x y z i` or `x y z i r g b`, `0 0 0` where nothing was hit; those are
-//! left out. Column `ScanIndex` tells the scan, from 0, if there are several.
+//! A scan starts with the columns and rows of its grid, the scanner's position and axes, and a 4 x 4 matrix that
+//! transforms its points: p' = (x y z 1) M. Then follow `x y z i` or `x y z i r g b`, and `0 0 0` for missing returns,
+//! which are skipped. If there are several scans, the column `ScanIndex` has the index of each point's scan, from 0.
 
 use super::lines::Lines;
 use super::words::Words;
@@ -32,14 +32,14 @@ struct Scan {
     matrix: [f64; 16],
 }
 
-/// The numbers of the next line; `None` behind the last.
+/// The numbers of the next line; `None` at the end.
 fn numbers(path: &Path, lines: &mut Lines) -> Result<Option<(usize, Vec<f64>)>> {
     let Some((number, line)) = lines.next()? else { return Ok(None) };
     let words = Words::new(line).map(|w| w.value.ok_or_else(|| bad(path, "value", number, (w.string(), "a number"))));
     words.collect::<Result<_>>().map(|numbers| Some((number, numbers)))
 }
 
-/// The head of the next scan; `None` behind the last.
+/// The header of the next scan; `None` at the end.
 fn head(path: &Path, lines: &mut Lines) -> Result<Option<Scan>> {
     let mut all = Vec::new();
     for (i, count) in HEAD.into_iter().enumerate() {
@@ -110,7 +110,7 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     table.cloud()
 }
 
-/// Points and scans as their heads say; the lines between them are passed over.
+/// Points and scans according to the headers; the lines between them are skipped.
 pub(super) fn inspect(path: &Path) -> Result<FileInfo> {
     let mut lines = Lines::open((path, "PTX"), 0, 0)?;
     let mut info = FileInfo::new(path, "PTX", 0);

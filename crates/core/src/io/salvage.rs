@@ -1,4 +1,4 @@
-//! Damaged files: what can be read is read, what is lost is counted and said.
+//! Damaged files: reads what is intact, counts and reports what is lost.
 
 use super::{
     Edit, ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, rewrite, run, write,
@@ -9,24 +9,24 @@ use crate::parallel::Monitor;
 use serde::Serialize;
 use std::path::Path;
 
-/// What a damaged file has lost.
+/// Losses of a damaged file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Losses {
-    /// Points that the header declares.
+    /// Number of points declared in the header.
     pub declared: u64,
-    /// Points that can be read.
+    /// Number of points that can be read.
     pub read: u64,
-    /// What is wrong, one sentence each; empty for a sound file.
+    /// The defects, one sentence each; empty for an intact file.
     pub notes: Vec<String>,
 }
 
 impl Losses {
-    /// Points that are lost.
+    /// Number of lost points.
     pub fn lost(&self) -> u64 {
         self.declared.saturating_sub(self.read)
     }
 
-    /// One sentence for the user.
+    /// A sentence for the user.
     pub fn summary(&self) -> String {
         match (self.notes.is_empty(), self.lost()) {
             (true, _) => format!("nothing is lost: {} points", self.read),
@@ -35,10 +35,11 @@ impl Losses {
     }
 }
 
-/// Tells what of a LAS or LAZ file can be read. All points are read once; other formats are read and have no losses.
+/// Determines what can be read of a LAS or LAZ file. Reads all points once; other formats are read normally and have no
+/// losses.
 ///
 /// # Errors
-/// There is no header to begin with; the file is of another format and malformed.
+/// If there is no header, or the file is of another format and malformed.
 pub fn examine(path: &Path, monitor: &Monitor) -> Result<Losses> {
     if las::is_las(path)? {
         return Ok(las::Records::salvage(path, monitor)?.1);
@@ -46,11 +47,11 @@ pub fn examine(path: &Path, monitor: &Monitor) -> Result<Losses> {
     Ok(read(path, &ReadOptions { monitor: monitor.clone(), ..ReadOptions::default() })?.1)
 }
 
-/// Like [`read_with`], but takes what is there of a damaged LAS or LAZ file: points up to the end of the
-/// file, chunks that can be decoded (found one after the other if their table is lost), records that fit.
+/// Like [`read_with`], but reads the intact part of a damaged LAS or LAZ file: points up to the end of the file, chunks
+/// that can be decoded (searched one after the other if their table is lost), records that fit.
 ///
 /// # Errors
-/// Those of [`examine`].
+/// As [`examine`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<(Cloud, Losses)> {
     if las::is_las(path)? {
         let (records, losses) = las::Records::salvage(path, &options.monitor)?;
@@ -61,11 +62,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(Cloud, Losses)> {
     Ok((cloud, Losses { declared: points, read: points, notes: Vec::new() }))
 }
 
-/// Like [`rewrite`](super::rewrite()) of what is there of a damaged LAS or LAZ file; the output is a sound file. Edits have one
-/// value for each point that [`read`] gives.
+/// Like [`rewrite`](super::rewrite()), for the intact part of a damaged LAS or LAZ file; the output is an intact file.
+/// Edits have one value for each point that [`read`] returns.
 ///
 /// # Errors
-/// Those of [`examine`] and of writing.
+/// As [`examine`], and those of writing.
 pub fn copy(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<(RewriteReport, Losses)> {
     check_target(output)?;
     run::joined(&options.monitor, || copy_any(input, output, edits, options))
@@ -108,7 +109,7 @@ mod tests {
         cloud
     }
 
-    /// A file of that name; `old` ones are LAZ of point format 1, whose chunks do not tell their size.
+    /// A file with that name; `old` ones are LAZ of point format 1, whose chunks do not store their size.
     fn file(folder: &Path, name: &str, old: bool) -> PathBuf {
         let path = folder.join(name);
         if !old {
@@ -161,7 +162,7 @@ mod tests {
             assert!(io::read(&path).is_err());
             let (cloud, losses) = salvaged(&path);
             is_beginning_of(&cloud, &whole);
-            // Layered chunks (a.laz) are lost whole, others up to the cut.
+            // Layered chunks (a.laz) are lost completely, others from the cut on.
             let least = if name == "a.laz" { 50_000 } else { POINTS * 6 / 10 };
             assert!((least..POINTS * 8 / 10).contains(&cloud.len()), "{name}: {losses:?}");
             assert_eq!((losses.lost(), losses.read), ((POINTS - cloud.len()) as u64, cloud.len() as u64));
@@ -196,7 +197,7 @@ mod tests {
         let whole = io::read(&path).unwrap();
         let second = Records::open(&path).unwrap().chunks.unwrap().list[1];
         let mut bytes = std::fs::read(&path).unwrap();
-        // The sizes of the layers, so that the decoder cannot go on.
+        // Overwrites the sizes of the layers, so that the decoder cannot continue.
         bytes[second.at as usize + 34..second.at as usize + 50].fill(255);
         std::fs::write(&path, &bytes).unwrap();
         let message = io::read(&path).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! What only the points of a file can tell: what is odd about them, and how many of which class there are.
+//! Statistics that need all points of a file: anomalies, and the number of points of each class.
 
 use super::{Bounds, FileInfo, ReadOptions, inspect, read_with};
 use crate::cloud::crs::{Unit, unit_of};
@@ -8,7 +8,7 @@ use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
 use serde::Serialize;
 use std::path::Path;
 
-/// Points that are counted in one go.
+/// Number of points counted at a time.
 const PIECE: usize = 1 << 16;
 
 /// Counts over all points of a file.
@@ -16,20 +16,20 @@ const PIECE: usize = 1 << 16;
 pub struct Statistics {
     /// Points with a coordinate that is not finite.
     pub not_finite: u64,
-    /// Points that lie exactly where an earlier one lies.
+    /// Points at exactly the position of an earlier one.
     pub duplicates: u64,
-    /// Points outside the bounds that the header tells, by more than a tick.
+    /// Points more than one tick outside the bounds in the header.
     pub outside_bounds: u64,
-    /// Columns with values that are NaN or infinite, and how many.
+    /// Columns with NaN or infinite values, and their number.
     pub nan_values: Vec<(String, u64)>,
-    /// Points of each class code, ascending; empty without a class.
+    /// Number of points of each class code, ascending; empty without classes.
     pub classes: Vec<(u8, u64)>,
-    /// What is odd, one sentence each, those of [`inspect`](super::inspect()) not repeated.
+    /// Warnings, one sentence each, except those of [`inspect`](super::inspect()).
     pub warnings: Vec<String>,
 }
 
-/// Reads all points of a file and counts; returns the cloud for further questions. Time n log n (duplicates are found by
-/// sorting); memory the cloud and 24 bytes a point.
+/// Reads and counts all points of a file; also returns the cloud. Time O(n log n) (duplicates are found by sorting);
+/// memory: the cloud and 24 bytes a point.
 ///
 /// # Errors
 /// Those of [`read_with`](super::read_with()).
@@ -41,7 +41,7 @@ pub fn statistics(path: &Path, options: &ReadOptions) -> Result<(Statistics, Clo
     })
 }
 
-/// The counts of a cloud that was read from the file that `info` describes.
+/// The statistics of a cloud that was read from the file described by `info`.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -59,7 +59,7 @@ pub fn of_cloud(cloud: &Cloud, info: &FileInfo, monitor: &Monitor) -> Result<Sta
     Ok(statistics)
 }
 
-/// How many of `0..len` are so.
+/// Number of indices below `len` for which `is_so` is true.
 fn count(len: usize, is_so: impl Fn(usize) -> bool + Sync, monitor: &Monitor) -> Result<u64> {
     let parts = map_ordered(len.div_ceil(PIECE), monitor, |piece| {
         let items = piece * PIECE..((piece + 1) * PIECE).min(len);
@@ -71,7 +71,7 @@ fn count(len: usize, is_so: impl Fn(usize) -> bool + Sync, monitor: &Monitor) ->
 fn duplicates(cloud: &Cloud, monitor: &Monitor) -> Result<u64> {
     match cloud.coordinates() {
         Coordinates::Scaled { ticks: [x, y, z], .. } => repeated(x.len(), |i| Some([x[i], y[i], z[i]]), monitor),
-        // Adding zero makes one of the two zeros; NaN lies nowhere.
+        // Adding zero unifies the two zeros; NaN counts as nowhere.
         Coordinates::Float(axes) => {
             let place = |i: usize| [0, 1, 2].map(|a| axes[a][i] + 0.0);
             let finite = |p: &[f64; 3]| p.iter().all(|v| v.is_finite());
@@ -80,7 +80,7 @@ fn duplicates(cloud: &Cloud, monitor: &Monitor) -> Result<u64> {
     }
 }
 
-/// How many of `0..len` lie where another one lies.
+/// Number of points at the position of an earlier one; points whose `place` is `None` are not counted.
 fn repeated<T: Ord + Send + Sync>(
     len: usize,
     place: impl Fn(usize) -> Option<[T; 3]>,
@@ -144,7 +144,7 @@ fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo, monitor: &M
     Ok(warnings)
 }
 
-/// Coordinates that do not look like the unit they are taken for.
+/// A warning if the coordinates do not look like their unit.
 fn unit_warning(info: &FileInfo, (low, high): Bounds) -> Option<String> {
     let size = [0, 1, 2].map(|a| high[a] - low[a]);
     let plan = size[0].max(size[1]);

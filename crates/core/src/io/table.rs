@@ -1,4 +1,4 @@
-//! Columns that grow while a file is read, and are handed out as clouds.
+//! Columns that grow while a file is read, and are returned as clouds.
 
 use super::limits::Names;
 use super::number::Kind;
@@ -6,7 +6,7 @@ use crate::cloud::{Cloud, Column, Coordinates, Values, each_values};
 use crate::error::{Error, Result};
 use crate::memory;
 
-/// Rows read but not handed out yet; all columns are of one length between two calls.
+/// Rows that were read but not returned yet; between two calls all columns have the same length.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Table {
     pub(super) axes: [Vec<f64>; 3],
@@ -22,7 +22,7 @@ macro_rules! split {
     };
 }
 
-/// Takes the first `n` values away.
+/// Removes and returns the first `n` values.
 pub(super) fn split(values: &mut Values, n: usize) -> Values {
     split!(values, n, U8, I8, U16, I16, U32, I32, U64, I64, F32, F64)
 }
@@ -37,7 +37,7 @@ pub(super) fn pad(values: &mut Values, n: usize) {
     each_values!(values, v => v.resize(v.len() + n, Default::default()));
 }
 
-/// The error about `n` points of `width` bytes and these columns that memory has no room for.
+/// The error if there is no memory for `n` points of `width` bytes and these columns.
 pub(super) fn missing<'a>((n, width): (usize, usize), columns: impl Iterator<Item = &'a Values>) -> Error {
     let width = columns.fold(width, |sum, values| sum + Kind::of(values).size());
     let what = format!("{n} points of {width} bytes");
@@ -50,7 +50,7 @@ impl Table {
         self.axes[0].len()
     }
 
-    /// Asks for room for `n` more rows; memory is only taken as rows come.
+    /// Reserves room for `n` more rows; memory is committed only as rows arrive.
     pub(super) fn reserve(&mut self, n: usize) -> Result<()> {
         let axes = self.axes.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
         match axes && self.columns.iter_mut().all(|column| reserve(&mut column.values, n)) {
@@ -59,7 +59,7 @@ impl Table {
         }
     }
 
-    /// The first `n` rows (or all there are) as a cloud; they leave the table.
+    /// Removes the first `n` rows (or all there are) and returns them as a cloud.
     pub(super) fn take(&mut self, n: usize) -> Result<Cloud> {
         if n >= self.len() {
             let columns = self.columns.iter().map(|c| Column::new(&c.name, Kind::of(&c.values).values())).collect();
@@ -74,7 +74,7 @@ impl Table {
         Self { axes, columns: self.columns.iter_mut().map(head).collect() }.cloud()
     }
 
-    /// All rows as a cloud. Of two columns with one name the second gets a number.
+    /// All rows as a cloud. The second of two columns with the same name gets a number.
     pub(super) fn cloud(self) -> Result<Cloud> {
         let mut cloud = Cloud::new(Coordinates::Float(self.axes))?;
         let mut names = Names::default();

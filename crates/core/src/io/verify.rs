@@ -1,4 +1,4 @@
-//! What was written is read again before it gets its name.
+//! Reads a written file back before it gets its final name.
 
 use super::atomic::AtomicFile;
 use super::blocks::Source;
@@ -8,12 +8,12 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// Points of a block that is read again.
+/// Number of points in a block.
 const BLOCK: usize = 65_536;
 
-/// Gives a file its name if reading it gives as many points as the cloud has, in the same bounds.
+/// Gives a file its final name if reading it returns as many points as the cloud has, with the same bounds.
 ///
-/// Time linear in the points; memory a block (npz: the coordinates).
+/// Time linear in the points; memory for a block (npz: the coordinates).
 pub(super) fn finish(mut file: AtomicFile, format: Format, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     file.flush()?;
     let found = again(file.partial(), format, options).map_err(|e| match e {
@@ -54,7 +54,7 @@ fn joined(a: Bounds, b: Bounds) -> Bounds {
     ([0, 1, 2].map(|i| a.0[i].min(b.0[i])), [0, 1, 2].map(|i| a.1[i].max(b.1[i])))
 }
 
-/// Text rounds the noise of scaled coordinates away.
+/// Equal up to the rounding of text output.
 fn alike(a: Option<Bounds>, b: Option<Bounds>) -> bool {
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-7 + 1e-12 * b.abs();
     match (a, b) {

@@ -1,19 +1,19 @@
-//! The words of a line of text, each with the number that it is.
+//! The words of a line of text, and the numbers they denote.
 
 use super::decimal;
 use crate::cloud::Values;
 
-/// A word and where it stands.
+/// A word and its position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Word<'a> {
     /// Column of the first byte, from 1.
     pub(super) at: usize,
     pub(super) text: &'a [u8],
-    /// The number, if it is one; `nan` and `inf` are, what overflows is not.
+    /// The number, if the word denotes one; `nan` and `inf` do, numbers that overflow do not.
     pub(super) value: Option<f64>,
 }
 
-/// The words of a line; blanks, tabs, commas and semicolons stand between them.
+/// The words of a line, separated by blanks, tabs, commas and semicolons.
 #[derive(Clone, Debug)]
 pub(super) struct Words<'a> {
     line: &'a [u8],
@@ -63,12 +63,12 @@ macro_rules! whole {
 }
 
 impl Word<'_> {
-    /// The word for people.
+    /// The word as text for messages.
     pub(super) fn string(&self) -> String {
         String::from_utf8_lossy(self.text).into_owned()
     }
 
-    /// Appends the number to values of its type; false if it is none or does not fit.
+    /// Appends the number to values of its type; false if there is none or it does not fit.
     #[expect(clippy::float_cmp, reason = "whether a number is whole is an exact question")]
     pub(super) fn push(&self, values: &mut Values) -> bool {
         let Some(value) = self.value else { return false };

@@ -1,26 +1,26 @@
-//! The k nearest points of a level for 16 queries at once: one lane a query, all against the same candidates.
+//! The k nearest points of a level for 16 queries at once: one SIMD lane a query, all with the same candidates.
 //!
-//! Queries that follow each other in Morton order lie in a few cells. The points of these cells and of the ring around them
-//! are the candidates; each is put in its place among the nearest of every lane, without a branch.
+//! Consecutive queries in Morton order lie in a few cells. The points of these cells and of the ring of cells around
+//! them are the candidates; each is inserted into the sorted list of every lane, without a branch.
 
 use super::blocks::Blocks;
 use super::level::Level;
 use super::search::{Search, rim};
 use pulp::Simd;
 
-/// Queries that are searched together.
+/// Number of queries that are searched together.
 pub const LANES: usize = 16;
-/// Queries of a batch lie at most this many cells apart on an axis.
+/// Largest distance of the queries of a batch, in cells on an axis.
 const SPAN: u32 = 4;
-/// Cells that are gathered at most for a batch.
+/// Largest number of cells gathered for a batch.
 const CELLS: u32 = 216;
-/// Fewer queries than this are searched one by one.
+/// Batches of fewer queries are searched one by one.
 const FEW: usize = 2;
 
-/// One number a query.
+/// One number per query.
 type Lane<T> = [T; LANES];
 
-/// The candidates of a batch and the cells that they stand in.
+/// The candidates of a batch, and their cells.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Candidates {
     cells: Option<[[u32; 3]; 2]>,
@@ -36,7 +36,7 @@ impl Candidates {
         self.cells = None;
     }
 
-    /// Takes the points of the cells `low..=high` and of the ring around them, in ascending order.
+    /// Gathers the points of the cells `low..=high` and of the ring around them, in ascending order.
     #[inline(never)]
     fn gather(&mut self, level: &Level, [low, high]: [[u32; 3]; 2]) {
         if self.cells == Some([low, high]) {
@@ -98,7 +98,7 @@ impl Search {
         self.found = found;
     }
 
-    /// The search of a query whose nearest may lie beyond the ring of its batch, written into its lane.
+    /// The search of a query whose nearest points may lie beyond the ring of its batch, written into its lane.
     #[inline(never)]
     fn widen_lane(&mut self, level: &Level, at: &[Lane<f32>; 3], l: usize, out: &mut [Lane<u32>]) {
         let at = [at[0][l], at[1][l], at[2][l]];
@@ -145,7 +145,7 @@ impl Search {
     }
 }
 
-/// A single search, for calls out of the loop over lanes.
+/// The search of a single query, compiled for each instruction set; called from the loop over lanes.
 struct Single<'a> {
     search: &'a mut Search,
     level: &'a Level,
@@ -162,7 +162,7 @@ impl pulp::WithSimd for Single<'_> {
     }
 }
 
-/// The queries from `first` on that lie so close together that they share their candidates, and the cells that hold them.
+/// The number of queries, starting with `first`, that are near enough to share their candidates, and their cells.
 #[inline(always)]
 fn run(level: &Level, at: &[Lane<f32>; 3], first: usize, lanes: usize) -> ([[u32; 3]; 2], usize) {
     let cell = |l: usize| level.cell([at[0][l], at[1][l], at[2][l]]);
@@ -179,8 +179,8 @@ fn run(level: &Level, at: &[Lane<f32>; 3], first: usize, lanes: usize) -> ([[u32
     ([low, high], lanes)
 }
 
-/// The K nearest candidates of every lane, ascending by (distance, index): candidates come in ascending order and only a
-/// smaller distance overtakes.
+/// The K nearest candidates of every lane, ascending by (distance, index): candidates come in ascending order of the
+/// index, and only a smaller distance is inserted before another.
 #[inline(always)]
 fn nearest_lanes<S: Simd, const K: usize>(
     simd: S,
@@ -197,7 +197,7 @@ fn nearest_lanes<S: Simd, const K: usize>(
         });
         let d = simd.add_f32s(simd.add_f32s(x, y), z);
         let mut here = simd.less_than_f32s(d, best[K - 1]);
-        // Masks of one bit a lane are quick to test; wide ones are not.
+        // Testing masks of one bit per lane is fast; testing wide masks is not.
         if const { size_of::<S::m32s>() < size_of::<S::u32s>() } && simd.first_true_m32s(here) == S::F32_LANES {
             continue;
         }
@@ -215,7 +215,7 @@ fn nearest_lanes<S: Simd, const K: usize>(
 }
 
 impl Blocks {
-    /// Blocks with indices `low..=high` per axis that hold points, ascending.
+    /// Occupied blocks with indices `low..=high` on each axis, ascending.
     fn find_all(&self, low: [u32; 3], high: [u32; 3], found: &mut Vec<u32>) {
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {

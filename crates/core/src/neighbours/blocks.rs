@@ -1,18 +1,18 @@
-//! Which cells of a sparse grid are occupied, and where their points stand.
+//! Occupied cells of a sparse grid, and the points in them.
 //!
-//! Cells come in blocks of 4 x 4 x 4: one bit a cell in a 64-bit word, in Morton order, and the number of occupied cells
-//! before the block. A block is found by an open-addressing table.
+//! Cells are stored in blocks of 4 x 4 x 4: one bit a cell in a 64-bit word, in Morton order, and the number of
+//! occupied cells before the block. Blocks are found by a hash table with open addressing.
 
 use crate::cloud::morton;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 
-/// Occupied cells of a grid over points that stand in Morton order.
+/// Occupied cells of a grid over points in Morton order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Blocks {
     keys: Vec<u64>,
     masks: Vec<u64>,
-    /// Occupied cells before each block.
+    /// Number of occupied cells before each block.
     first: Vec<u32>,
     /// First point of each occupied cell; one more entry than cells.
     starts: Vec<u32>,
@@ -20,7 +20,7 @@ pub(super) struct Blocks {
 }
 
 const NONE: u32 = u32::MAX;
-/// The cells of a block whose index on that axis is 0.
+/// Mask of the cells of a block whose index on that axis is 0.
 const SLAB: [u64; 3] = [0x0055_0055_0055_0055, 0x0000_3333_0000_3333, 0x0f0f_0f0f];
 
 impl Blocks {
@@ -69,7 +69,7 @@ impl Blocks {
         Ok(())
     }
 
-    /// Groups of 8 x 8 x 8 blocks: Morton key of the group and its blocks.
+    /// Groups of 8 x 8 x 8 blocks: Morton key of the group and range of its blocks.
     pub(super) fn groups(&self) -> impl Iterator<Item = (u64, std::ops::Range<usize>)> {
         let mut first = 0;
         self.keys.chunk_by(|a, b| a >> 9 == b >> 9).map(move |keys| {
@@ -90,7 +90,7 @@ impl Blocks {
         self.starts[self.first[block] as usize] as usize..self.starts[end] as usize
     }
 
-    /// The block of that key.
+    /// The block with that key.
     pub(super) fn find(&self, key: u64) -> Option<u32> {
         let mask = self.table.len() - 1;
         let mut slot = hash(key) & mask;
@@ -147,7 +147,7 @@ fn hash(key: u64) -> usize {
     (key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize
 }
 
-/// The 27 blocks around a block, looked up once and used for all its queries.
+/// The 27 blocks around a block, looked up once for all its queries.
 #[derive(Clone, Debug)]
 pub(super) struct Around {
     centre: [u32; 3],
@@ -177,7 +177,8 @@ impl Around {
         }
     }
 
-    /// The points of a cell at most 4 cells away from the block moved to. Indices outside the grid wrap and find nothing.
+    /// The points of a cell at most 4 cells away from the current block. Indices outside the grid wrap around and find
+    /// nothing.
     #[inline(always)]
     pub(super) fn cell(&self, blocks: &Blocks, cell: [u32; 3]) -> std::ops::Range<usize> {
         let offset = [0, 1, 2].map(|a| (cell[a] >> 2).wrapping_add(1).wrapping_sub(self.centre[a]));

@@ -1,4 +1,4 @@
-//! The lowest and highest point of a level in a vertical column.
+//! The lowest and highest point of a level within a vertical column.
 
 use super::blocks::{Around, Blocks};
 use super::level::Level;
@@ -7,17 +7,17 @@ use crate::cloud::{Points, morton};
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, sort_watched};
 
-/// A level's points by the cell of a horizontal grid whose cells are as wide as the column's radius.
+/// A level's points sorted by the cells of a horizontal grid with edge equal to the radius of the column.
 #[derive(Clone, Debug)]
 pub struct Columns {
     radius: f64,
     blocks: Blocks,
-    /// Points in the order of the cells.
+    /// Points sorted by cell.
     order: Vec<u32>,
 }
 
 impl Columns {
-    /// Columns of that radius in metres (also the edge of the grid's cells). O(n log n).
+    /// Prepares columns of that radius in metres (also the edge of the grid cells). O(n log n).
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -32,14 +32,14 @@ impl Columns {
         Ok(Self { radius, blocks: Blocks::new(&codes, 0, monitor)?, order })
     }
 
-    /// Whether the indices of all cells fit.
+    /// Whether the indices of all cells fit into a key.
     pub fn fits(points: &Points, radius: f64) -> bool {
         let far = points.x.iter().chain(&points.y).fold(0.0f32, |m, &v| m.max(v));
         f64::from(far) / radius < f64::from(morton::LIMIT - 64)
     }
 }
 
-/// Reusable state of the column searches of one thread.
+/// Scratch memory for the column searches of one thread.
 #[derive(Clone, Debug, Default)]
 pub struct ColumnSearch {
     around: Around,
@@ -47,12 +47,12 @@ pub struct ColumnSearch {
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
-    /// Range of z in the cell of the query alone.
+    /// Range of z in the query's own cell.
     own: (f32, f32),
 }
 
 impl ColumnSearch {
-    /// Forgets the gathered cells; call it before another level is searched.
+    /// Discards the gathered cells; to be called before another level is searched.
     pub fn reset(&mut self) {
         self.cell = None;
         self.around = Around::default();
@@ -117,7 +117,7 @@ impl ColumnSearch {
                 }
             }
         }
-        // Padding that no column contains, so that the loop runs over whole lanes.
+        // Padding outside every column, so that the loop runs over whole vectors.
         let full = self.x.len().next_multiple_of(8);
         self.x.resize(full, f32::INFINITY);
         self.y.resize(full, f32::INFINITY);

@@ -1,4 +1,4 @@
-//! The k nearest neighbours of all points, and of other places.
+//! The k nearest neighbours of all points, and of other positions.
 
 use super::knn_rank::Rows;
 use super::knn_search::Seeker;
@@ -10,21 +10,22 @@ use crate::parallel::{Monitor, map_ordered_with, watched};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Leaves that are searched in one go.
+/// Leaves that one task searches.
 const LEAVES: usize = 64;
-/// Metres between two origins at most: squares of `f32` end there.
+/// Largest distance of two origins in metres: beyond it squares overflow `f32`.
 const FARTHEST: f64 = 1e18;
-/// Places that are searched in one go.
+/// Queries that one task searches.
 const QUERIES: usize = 512;
 
 /// The `k` nearest other points of every point, exactly, ascending by (squared distance, index).
 ///
-/// Distances are `(dx² + dy²) + dz²` in `f32`, each operation rounded once: brute force in that order gives the same bits.
-/// `k` is cut to one less than the number of points. A balanced k-d tree is built and all points of a leaf are searched
-/// together. O(n log n) expected time for any distribution of the points; memory 8 (k + 4) bytes a point.
+/// Returns a row of `k` indices and squared distances (m²) for each point. Distances are `(dx² + dy²) + dz²` in `f32`,
+/// each operation rounded once: brute force in that order gives the same bits. `k` is reduced to at most one less than
+/// the number of points. A balanced k-d tree is built, and all points of a leaf are searched together. O(n log n)
+/// expected time for any distribution of the points; memory 8 (k + 4) bytes a point.
 ///
 /// # Errors
-/// If a coordinate is not finite, the answer does not fit into memory, or the work was cancelled.
+/// If a coordinate is not finite, the result does not fit into memory, or the work was cancelled.
 ///
 /// ```
 /// use scansion_core::{Cloud, cloud::Points, neighbours::knn, parallel::Monitor};
@@ -66,13 +67,15 @@ pub fn knn(points: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
     Ok(Neighbours::trusted(k, index, squared_distance))
 }
 
-/// The `k` nearest of `points` to every one of `queries`, ascending by (squared distance, index): row i is that of query i.
+/// The `k` nearest of `points` to each of `queries`, ascending by (squared distance, index): row i belongs to query i.
 ///
-/// A query that stands in the place of a point has that point among its nearest. The clouds may have different origins:
-/// queries are brought to that of the points in `f64`. `k` is cut to the number of points. O((n + q) log n) expected time.
+/// A point at the position of a query is among its nearest points. The clouds may have different origins: queries are
+/// moved to the origin of the points in `f64`. `k` is reduced to at most the number of points. O((n + q) log n)
+/// expected time.
 ///
 /// # Errors
-/// If a coordinate is not finite, the origins are too far apart for `f32`, the answer does not fit into memory, or the work was cancelled.
+/// If a coordinate is not finite, the origins are too far apart for `f32`, the result does not fit into memory, or the
+/// work was cancelled.
 pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
     let k = k.min(points.len());
     let tree = Tree::new(points, k, monitor)?;
@@ -102,7 +105,7 @@ pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor
     Ok(Neighbours::trusted(k, index, squared_distance))
 }
 
-/// Neighbours of points that stand together: `rows` holds `k` for each of `points` (positions in the tree's order).
+/// Neighbours of consecutive points: `rows` holds `k` for each of `points` (positions in the tree's order).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Block {
     pub(super) points: Range<usize>,
@@ -135,7 +138,7 @@ pub(super) fn blocks<T: Send>(
     Ok(())
 }
 
-/// A search of leaves, compiled for each instruction set.
+/// A search of all points of some leaves, compiled for each instruction set.
 struct Leaves<'a> {
     seeker: &'a mut Seeker,
     tree: &'a Tree,
@@ -153,7 +156,7 @@ impl WithSimd for Leaves<'_> {
     }
 }
 
-/// A search of places, compiled for each instruction set.
+/// A search of arbitrary positions, compiled for each instruction set.
 struct Places<'a> {
     seeker: &'a mut Seeker,
     tree: &'a Tree,
@@ -171,7 +174,7 @@ impl WithSimd for Places<'_> {
     }
 }
 
-/// Memory for a table, asked for before it is needed.
+/// Allocates a table, after a check that enough memory is free.
 fn room<T>(rows: usize, k: usize) -> Result<Vec<T>> {
     let mut table = Vec::new();
     let fits = rows.checked_mul(k).is_some_and(|n| table.try_reserve_exact(n).is_ok());

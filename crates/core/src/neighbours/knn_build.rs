@@ -1,16 +1,16 @@
-//! The points of a k-d tree in the order of its leaves, and its nodes.
+//! Construction of a k-d tree: the points in the order of its leaves, and its nodes.
 //!
-//! Bentley, *Multidimensional binary search trees used for associative searching*, CACM 18, 1975. Nodes are split in the
-//! middle of their points along the longest edge of their box, by (coordinate, index): equal coordinates do no harm. Of many
-//! points in one place only the first few are kept: no other can be among the k nearest of anything.
+//! J. L. Bentley, *Multidimensional binary search trees used for associative searching*, CACM 18, 1975. Nodes are split
+//! at the median along the longest edge of their bounding box, by (coordinate, index), so that equal coordinates are no
+//! problem. Of many coincident points only the first few are kept: no other can be among the k nearest of any point.
 
 use super::knn_lanes::LANES;
 use crate::parallel::Monitor;
 
-/// Below this many points a subtree is built by one thread.
+/// Subtrees of fewer points are built by a single thread.
 const ALONE: usize = 20_000;
 
-/// A point while the tree is built.
+/// A point during the construction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Item {
     pub(super) place: [f32; 3],
@@ -18,7 +18,7 @@ pub(super) struct Item {
 }
 
 impl Item {
-    /// Ascends by (coordinate, index).
+    /// Order by (coordinate, index).
     #[inline(always)]
     fn key(&self, axis: usize) -> u64 {
         let bits = self.place[axis].to_bits();
@@ -60,14 +60,14 @@ impl Bounds {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     pub(super) bounds: Bounds,
-    /// Points of a leaf that can be neighbours, at most [`LANES`]; 0 at an inner node.
+    /// Number of points of a leaf that can be neighbours, at most [`LANES`]; 0 for an inner node.
     pub(super) count: u32,
-    /// Second child of an inner node, counted from this node; for a leaf all of its points.
+    /// Offset to the second child of an inner node; for a leaf the number of all of its points.
     pub(super) skip: u32,
 }
 
-/// Orders the items leaf by leaf and returns the nodes in depth-first order. Of items in one place `kept` can be neighbours.
-/// Once the work is cancelled the nodes are of no use.
+/// Sorts the items leaf by leaf and returns the nodes in depth-first order. Of coincident items only `kept` can be
+/// neighbours. After cancellation the nodes must not be used.
 pub(super) fn build(items: &mut [Item], kept: usize, monitor: &Monitor) -> Vec<Node> {
     let mut nodes = Vec::new();
     if monitor.is_cancelled() {
@@ -110,7 +110,7 @@ fn build_alone(items: &mut [Item], kept: usize, nodes: &mut Vec<Node>) {
     build_alone(right, kept, nodes);
 }
 
-/// The subtree of points in one place; those that are not kept belong to its last leaf.
+/// The subtree of coincident points; those that are not kept belong to its last leaf.
 fn build_place(items: &mut [Item], (bounds, kept): (Bounds, usize), nodes: &mut Vec<Node>) {
     items.sort_unstable_by_key(|i| i.index);
     divide_place((items.len(), kept.min(items.len())), bounds, nodes);
@@ -129,7 +129,7 @@ fn divide_place((all, kept): (usize, usize), bounds: Bounds, nodes: &mut Vec<Nod
     divide_place((all - middle, kept - middle), bounds, nodes);
 }
 
-/// Parts the items in the middle along the longest edge of the box; the first part fills whole leaves.
+/// Splits the items at the median along the longest edge of the box; the first half fills whole leaves.
 fn halve<'a>(items: &'a mut [Item], bounds: &Bounds) -> (&'a mut [Item], &'a mut [Item]) {
     let axis = bounds.longest();
     let middle = items.len().div_ceil(LANES).div_ceil(2) * LANES;

@@ -1,12 +1,12 @@
-//! 16 values at a time: what belongs to those that are small enough is moved to the front.
+//! Selection of small values among 16 at a time, by compaction.
 
 use pulp::{Simd, bytemuck};
 
-/// Values that are looked at together.
+/// Number of values that are compared together.
 pub(super) const LANES: usize = 16;
 
-/// Appends the places of `column` whose value is at most `limit` to a table whose first `len` places are in use; returns
-/// how many there are. What is not a number is never taken. The table grows by whole lanes.
+/// Appends the indices of the values in `column` that are at most `limit` to a table whose first `len` entries are in
+/// use; returns the new length. NaN is never selected. The table grows by whole vectors.
 #[inline(always)]
 pub(super) fn append<S: Simd>(
     simd: S,
@@ -28,7 +28,7 @@ pub(super) fn append<S: Simd>(
     one_by_one((value, limit), column, out)
 }
 
-/// Without a branch, whatever the machine.
+/// The same without branches, for any machine.
 #[inline(always)]
 fn one_by_one((value, limit): (&[f32; LANES], f32), column: &[u32; LANES], out: &mut [u32; LANES]) -> usize {
     let mut taken = 0usize;
@@ -39,13 +39,13 @@ fn one_by_one((value, limit): (&[f32; LANES], f32), column: &[u32; LANES], out: 
     taken
 }
 
-/// The bits of 16 numbers.
+/// Bit patterns of 16 numbers.
 #[inline(always)]
 pub(super) fn bits(values: &[f32; LANES]) -> &[u32; LANES] {
     bytemuck::cast_ref(values)
 }
 
-/// The larger of two; the first if it is not a number.
+/// The larger of two; the first if the comparison is with NaN.
 #[inline(always)]
 pub(super) fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }

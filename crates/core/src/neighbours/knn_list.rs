@@ -1,22 +1,22 @@
-//! The leaves of a k-d tree that can matter to the queries of one leaf.
+//! The leaves of a k-d tree that may hold neighbours of the queries of one leaf.
 
 use super::knn_build::Bounds;
 use super::knn_lanes::{LANES, append, bits};
 use super::knn_tree::{Tree, Wide, gaps};
 use pulp::{Simd, bytemuck};
 
-/// Leaves that matter to a leaf's queries, and their boxes axis by axis.
+/// Leaves that may hold neighbours of a leaf's queries, and their bounding boxes axis by axis.
 #[derive(Clone, Debug, Default)]
 pub(super) struct List {
     leaf: Vec<u32>,
-    /// Bits of the lowest coordinates of the boxes, then of the highest.
+    /// Bit patterns of the lowest coordinates of the boxes, then of the highest.
     corners: [Vec<u32>; 6],
     len: usize,
     stack: Vec<u32>,
 }
 
 impl List {
-    /// Lists the leaves whose squared distance from a box is at most `limit`; false if they are more than `most`.
+    /// Lists the leaves whose squared distance from a box is at most `limit`; false if there are more than `most`.
     #[inline(always)]
     pub(super) fn fill<S: Simd>(&mut self, simd: S, tree: &Tree, bounds: &Bounds, (limit, most): (f32, usize)) -> bool {
         self.len = 0;
@@ -49,7 +49,7 @@ impl List {
         self.len += append(simd, taken, &node.child, (&mut self.leaf, self.len));
     }
 
-    /// Fills up to whole lanes with boxes that are none.
+    /// Pads the list to whole vectors with boxes of NaN.
     #[inline(always)]
     fn pad(&mut self) {
         for table in &mut self.corners {
@@ -61,7 +61,7 @@ impl List {
         self.leaf.resize(self.leaf.len().max(self.len + LANES), 0);
     }
 
-    /// Writes which of the leaves lie within the limit of a place; returns how many they are.
+    /// Writes which of the leaves lie within the limit of a position; returns their number.
     #[inline(always)]
     pub(super) fn within<S: Simd>(&self, simd: S, at: [f32; 3], limit: f32, found: &mut Vec<u32>) -> usize {
         let place = Bounds { low: at, high: at };
@@ -79,7 +79,7 @@ impl List {
     }
 }
 
-/// Coordinates by their bits, 16 at a time.
+/// Bit patterns of coordinates, 16 at a time.
 #[inline(always)]
 fn groups(table: &[u32]) -> &[[f32; LANES]] {
     bytemuck::cast_slice::<u32, f32>(table).as_chunks::<LANES>().0

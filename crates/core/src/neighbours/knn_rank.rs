@@ -1,21 +1,21 @@
-//! The k smallest of a few distances in their order, by counting for each how many are smaller.
+//! Sorts the k smallest of a few distances by counting, for each, how many are smaller.
 
 use super::knn_lanes::LANES;
 use pulp::Simd;
 
-/// Up to this many are ranked by counting, more are sorted.
+/// Up to this many candidates are ranked by counting, more are sorted.
 const RANKED: usize = 256;
-/// Lanes that are counted for together.
+/// Number of vectors that are ranked together.
 const TOGETHER: usize = 4;
 
-/// Squared distance (upper half, its bits) and index: ascending by (distance, index).
+/// Squared distance (upper half, its bit pattern) and index: ascending by (distance, index).
 type Key = u64;
 
-/// Neighbours of points, row after row.
+/// Neighbour rows of points, one after the other.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rows {
     pub(super) index: Vec<u32>,
-    /// Bits of the squared distances.
+    /// Bit patterns of the squared distances.
     pub(super) squared: Vec<u32>,
 }
 
@@ -25,10 +25,10 @@ impl Rows {
     }
 }
 
-/// Points that may be among the nearest, in any order, and what ranks them.
+/// Candidates for the nearest points, in any order, with buffers for ranking.
 #[derive(Clone, Debug)]
 pub(super) struct Ranking {
-    /// Bits of the squared distances; the first `len` are in use.
+    /// Bit patterns of the squared distances; the first `len` are in use.
     pub(super) squared: Vec<u32>,
     pub(super) index: Vec<u32>,
     pub(super) len: usize,
@@ -63,7 +63,7 @@ impl Ranking {
         }
     }
 
-    /// Drops all but the `k` nearest; returns the largest distance that is left. There are more than `k`.
+    /// Removes all but the `k` nearest; returns the largest remaining distance. There are more than `k`.
     #[inline(never)]
     pub(super) fn shrink(&mut self, k: usize) -> f32 {
         self.take_keys();
@@ -90,7 +90,7 @@ impl Ranking {
         self.keys[..k].sort_unstable();
     }
 
-    /// For each how many are nearer; with `TIES` those as near with a smaller index count too.
+    /// Counts for each candidate how many are nearer; with `TIES` also those of equal distance and smaller index.
     #[inline(always)]
     fn count<S: Simd, const TIES: bool>(&mut self, simd: S) {
         let full = self.len.next_multiple_of(LANES);
@@ -109,7 +109,8 @@ impl Ranking {
         }
     }
 
-    /// Puts each in the place of its rank. False if a tie left one of the first `k` places, or the next one, empty.
+    /// Writes each candidate to the position of its rank. False if a tie left one of the first `k` positions, or the
+    /// next one, empty.
     #[inline(always)]
     fn place(&mut self, k: usize) -> bool {
         let last = k.min(self.len - 1);
@@ -123,7 +124,8 @@ impl Ranking {
     }
 }
 
-/// For each of a few lanes how many of all are nearer. Distances are not negative: their bits are ordered as they are.
+/// For each lane of a few vectors the number of candidates that are nearer. Distances are not negative, so that their
+/// bit patterns sort like the values.
 #[inline(always)]
 fn nearer<S: Simd, const N: usize, const TIES: bool>(
     simd: S,
@@ -162,7 +164,7 @@ mod tests {
         }
     }
 
-    /// Few, some and many points of few or many different distances, against a sort.
+    /// Few, some and many points with few or many distinct distances, compared with a sort.
     #[test]
     fn rows_are_those_of_a_sort_with_and_without_ties() {
         let mut random = stream(5, 9);

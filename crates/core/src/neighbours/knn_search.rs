@@ -1,7 +1,8 @@
-//! The k nearest points in a k-d tree: one query at a time, and all points of a leaf together.
+//! The k nearest points in a k-d tree: for one query, and for all points of a leaf together.
 //!
-//! Queries of a leaf share the list of leaves that can matter to them. How far a query must look follows from a neighbour
-//! whose answer is known: the k nearest of p and p itself lie within r(p) + |pq| of q (triangle inequality).
+//! The queries of a leaf share the list of leaves that may hold their neighbours. The search radius of a query q
+//! follows from the last solved query p: the k nearest of p and p itself lie within r(p) + |pq| of q (triangle
+//! inequality).
 
 use super::knn_build::Bounds;
 use super::knn_lanes::{LANES, append, bits, least};
@@ -10,15 +11,15 @@ use super::knn_rank::{Ranking, Rows};
 use super::knn_tree::{Chunk, Leaf, Tree};
 use pulp::Simd;
 
-/// More leaves than this are not listed: every query then walks the tree on its own.
+/// With more leaves than this no list is made: every query walks the tree by itself.
 const LISTED: usize = 512;
-/// How much farther than the last query the next one looks first: its disc is larger by this share over √k, the spread of
-/// the number of points in a disc of constant density.
+/// Factor in the first guess of the search radius: the disc of the last query is enlarged by this share over √k, which
+/// is the spread of the number of points in a disc of constant density.
 const SPREAD: f32 = 1.2;
-/// Marks a leaf among the nodes that are still to be visited.
+/// Flag of a leaf among the nodes that are still to be visited.
 const IS_LEAF: u32 = 1 << 31;
 
-/// Reusable state of the searches of one thread. Results do not depend on what was searched before.
+/// Scratch memory for the searches of one thread. Results do not depend on previous searches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seeker {
     ranking: Ranking,
@@ -27,7 +28,7 @@ pub(super) struct Seeker {
     visit: Vec<u32>,
 }
 
-/// A point whose k-th distance is known.
+/// A solved query: its position and the distance of its k-th neighbour.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     place: [f32; 3],
@@ -40,7 +41,7 @@ fn squared(a: [f32; 3], b: [f32; 3]) -> f32 {
     x * x + y * y + z * z
 }
 
-/// The square of a radius, a little larger than any rounding of it.
+/// The square of a radius, rounded up.
 #[inline(always)]
 fn limit(radius: f32) -> f32 {
     let wide = radius * (1.0 + 1e-5) + 1e-18;
@@ -48,8 +49,8 @@ fn limit(radius: f32) -> f32 {
 }
 
 impl Seeker {
-    /// Appends to `out` the `k` nearest of every point of the leaves, in the order of the tree, the point itself left out.
-    /// The tree holds more than `k` points.
+    /// Appends to `out` the `k` nearest of every point of the leaves, in the order of the tree, excluding the point
+    /// itself. The tree holds more than `k` points.
     #[inline(always)]
     pub(super) fn leaves<S: Simd>(
         &mut self,
@@ -62,7 +63,7 @@ impl Seeker {
         for id in leaves {
             let leaf = &tree.leaves[id];
             last = Some(self.batch(simd, tree, (leaf, &tree.chunks[id]), (k, last), out));
-            // Points beyond the kept ones stand where the others do: their nearest are the first of that place.
+            // Points that are not kept coincide with kept ones and have the first of these as nearest points.
             let beyond = tree.points_of(id..id + 1).len() - leaf.count as usize;
             if beyond > 0 {
                 self.walk(simd, tree, leaf.bounds.low, (k, f32::INFINITY, None));
@@ -75,19 +76,19 @@ impl Seeker {
         }
     }
 
-    /// Appends to `out` the `k` nearest of every place. The tree holds at least `k` points.
+    /// Appends to `out` the `k` nearest of every position. The tree holds at least `k` points.
     #[inline(always)]
     pub(super) fn places<S: Simd>(&mut self, simd: S, tree: &Tree, places: &[[f32; 3]], (k, out): (usize, &mut Rows)) {
         let mut last = Known { place: [0.0; 3], radius: f32::INFINITY };
         for &at in places {
-            // The k nearest of the last place lie within reach of this one.
+            // The triangle inequality with the last query bounds the search radius.
             self.walk(simd, tree, at, (k, limit(last.radius + squared(at, last.place).sqrt()), None));
             self.ranking.write(simd, k, out);
             last = Known { place: at, radius: radius(out) };
         }
     }
 
-    /// The points of a leaf. Returns the last of them as known.
+    /// Solves the queries of a leaf. Returns the last one.
     #[inline(always)]
     fn batch<S: Simd>(
         &mut self,
@@ -114,7 +115,8 @@ impl Seeker {
             };
             let certain = limit(radius_at);
             if listed {
-                // Mostly the answer lies about as far as the last one did; if it does not, all is looked at again.
+                // The distance is mostly about that of the last query; if it is larger, the search is repeated with the
+                // certain bound.
                 let likely = limit(likely * guess);
                 self.visit_listed(simd, tree, (at, own), certain.min(likely));
                 if self.ranking.len < k && likely < certain {
@@ -136,7 +138,7 @@ impl Seeker {
         last
     }
 
-    /// Keeps every point of the listed leaves that is at most that far, but for the query itself.
+    /// Collects every point of the listed leaves within the limit, excluding the query itself.
     #[inline(always)]
     fn visit_listed<S: Simd>(&mut self, simd: S, tree: &Tree, (at, own): ([f32; 3], u32), limit: f32) {
         let count = self.list.within(simd, at, limit, &mut self.visit);
@@ -146,8 +148,8 @@ impl Seeker {
         }
     }
 
-    /// Finds the `k` nearest of a place, and perhaps more, by walking the tree, the nearest child first; `limit` is a bound
-    /// known before. Leaves out one point.
+    /// Collects the `k` nearest of a position, and perhaps more, by walking the tree, the nearest child first. `limit`
+    /// is a known bound of the squared distance. One point can be excluded.
     #[inline(always)]
     fn walk<S: Simd>(&mut self, simd: S, tree: &Tree, at: [f32; 3], (k, mut limit, but): (usize, f32, Option<u32>)) {
         let place = Bounds { low: at, high: at };
@@ -176,7 +178,7 @@ impl Seeker {
     }
 }
 
-/// Keeps the points of a leaf that are at most that far, but for one.
+/// Collects the points of a leaf within the limit, excluding one.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "chains of iterators are not turned into vectors")]
 fn scan<S: Simd>(simd: S, (chunk, but): (&Chunk, u32), (at, limit): ([f32; 3], f32), kept: &mut Ranking) {
@@ -196,7 +198,7 @@ fn radius(rows: &Rows) -> f32 {
     rows.squared.last().map_or(f32::INFINITY, |&d| f32::from_bits(d).sqrt())
 }
 
-/// Smallest radius around a place that is certain to hold the k nearest, by what is known.
+/// A radius around a position that certainly contains its k nearest, by the triangle inequality.
 #[inline(always)]
 fn nearest_known(known: &[[f32; LANES]; 4], at: [f32; 3]) -> f32 {
     let mut radius = [f32::INFINITY; LANES];
@@ -207,7 +209,7 @@ fn nearest_known(known: &[[f32; LANES]; 4], at: [f32; 3]) -> f32 {
     least(radius)
 }
 
-/// How far the queries of a leaf look at most if one point is known, squared.
+/// The squared search radius for all queries of a leaf, from one solved query.
 #[inline(always)]
 fn far(bounds: &Bounds, known: Known) -> f32 {
     let far = [0, 1, 2].map(|a| (bounds.high[a] - known.place[a]).abs().max((known.place[a] - bounds.low[a]).abs()));

@@ -1,7 +1,7 @@
-//! A k-d tree for vectors: leaves of 16 points, nodes of up to 16 boxes.
+//! A k-d tree for SIMD: leaves of 16 points, nodes of up to 16 boxes.
 //!
-//! The two children of [`super::knn_build`] are joined over several levels until a node has 16 (Wald, Benthin, Boulos,
-//! *Getting rid of packets*, IEEE Symposium on Interactive Ray Tracing 2008, do this for rays).
+//! The binary nodes of [`super::knn_build`] are collapsed over several levels until a node has 16 children, as I. Wald,
+//! C. Benthin and S. Boulos do for rays (*Getting rid of packets*, IEEE Symposium on Interactive Ray Tracing 2008).
 
 use super::knn_build::{Bounds, Item, Node, build};
 use super::knn_lanes::{LANES, larger};
@@ -9,41 +9,41 @@ use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
 
-/// The points of a leaf that can be neighbours, axis by axis; behind them places that are not numbers.
+/// The points of a leaf that can be neighbours, axis by axis, padded with NaN.
 #[derive(Clone, Debug)]
 pub(super) struct Chunk {
     pub(super) x: [f32; LANES],
     pub(super) y: [f32; LANES],
     pub(super) z: [f32; LANES],
-    /// Position of each in the points that the tree was built from.
+    /// Index of each point in the input.
     pub(super) index: [u32; LANES],
 }
 
-/// Where the points of a leaf stand.
+/// The range of a leaf's points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leaf {
     pub(super) bounds: Bounds,
-    /// First of its points in the order of the tree.
+    /// Index of its first point in the order of the tree.
     first: u32,
-    /// Points that can be neighbours.
+    /// Number of points that can be neighbours.
     pub(super) count: u32,
 }
 
-/// Up to 16 boxes; behind them boxes that are not numbers.
+/// Up to 16 boxes, padded with NaN.
 #[derive(Clone, Debug)]
 pub(super) struct Wide {
     pub(super) low: [[f32; LANES]; 3],
     pub(super) high: [[f32; LANES]; 3],
-    /// What the boxes hold: leaves, or nodes.
+    /// Child of each box: a leaf or a node.
     pub(super) child: [u32; LANES],
     pub(super) count: usize,
     pub(super) holds_leaves: bool,
 }
 
-/// The points in the order of the leaves, and the nodes; the first is the root.
+/// The points in the order of the leaves, and the nodes; the first node is the root.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
-    /// Position of every point in the points that the tree was built from.
+    /// Index of every point in the input.
     pub(super) index: Vec<u32>,
     pub(super) chunks: Vec<Chunk>,
     pub(super) leaves: Vec<Leaf>,
@@ -51,7 +51,7 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// A tree that finds up to `k` neighbours of its points. O(n log n).
+    /// Builds a tree that finds up to `k` neighbours of its points. O(n log n).
     ///
     /// # Errors
     /// If a coordinate is not finite, or the work was cancelled.
@@ -77,7 +77,7 @@ impl Tree {
         Ok(tree)
     }
 
-    /// The positions, in the order of the tree, of all points of the leaves.
+    /// The range, in the order of the tree, of all points of the leaves.
     pub(super) fn points_of(&self, leaves: std::ops::Range<usize>) -> std::ops::Range<usize> {
         let first = |leaf: usize| self.leaves.get(leaf).map_or(self.index.len(), |leaf| leaf.first as usize);
         first(leaves.start)..first(leaves.end)
@@ -102,15 +102,15 @@ impl Chunk {
 }
 
 impl Wide {
-    /// Squared distance of each box to a box. Rounding is monotone: a bound above the computed distance of a point of the
-    /// box cannot occur.
+    /// Squared distance of each box to a box. Rounding is monotone, so that it is never above the computed distance of
+    /// a point in the box.
     #[inline(always)]
     pub(super) fn gaps(&self, other: &Bounds) -> [f32; LANES] {
         gaps([&self.low[0], &self.low[1], &self.low[2]], [&self.high[0], &self.high[1], &self.high[2]], other)
     }
 }
 
-/// Squared distance of 16 boxes to a box; not a number where a box is none.
+/// Squared distance of 16 boxes to a box; NaN for padding.
 #[inline(always)]
 pub(super) fn gaps(low: [&[f32; LANES]; 3], high: [&[f32; LANES]; 3], other: &Bounds) -> [f32; LANES] {
     let mut sum = [0.0; LANES];
@@ -123,7 +123,7 @@ pub(super) fn gaps(low: [&[f32; LANES]; 3], high: [&[f32; LANES]; 3], other: &Bo
     sum
 }
 
-/// How many leaves each node has below it.
+/// Number of leaves below each node.
 fn leaves_below(nodes: &[Node]) -> Vec<u32> {
     let mut leaves = vec![1; nodes.len()];
     for (n, node) in nodes.iter().enumerate().rev().filter(|(_, node)| node.count == 0) {
@@ -132,7 +132,7 @@ fn leaves_below(nodes: &[Node]) -> Vec<u32> {
     leaves
 }
 
-/// Nodes of two children on their way to nodes of 16.
+/// Conversion of binary nodes to nodes of 16 children.
 struct Joining<'a> {
     nodes: &'a [Node],
     leaves: &'a [u32],
@@ -140,10 +140,10 @@ struct Joining<'a> {
 }
 
 impl Joining<'_> {
-    /// The node of what is below `node`, whose first leaf is given.
+    /// Converts what is below `node`, whose first leaf is given; returns the new node.
     fn join(&mut self, node: usize, first: u32) -> u32 {
         let holds_leaves = self.leaves[node] <= LANES as u32;
-        // All nodes but the upper ones become full.
+        // All nodes but the upper ones are filled.
         let mut most = 1;
         while !holds_leaves && most * (LANES as u32) < self.leaves[node] {
             most *= LANES as u32;
@@ -164,7 +164,7 @@ impl Joining<'_> {
         id as u32
     }
 
-    /// Up to 16 nodes below one, of at most so many leaves each if that is possible, and the first leaf of each.
+    /// Up to 16 nodes below one, of at most `most` leaves each if possible, and the first leaf of each.
     fn divide(&self, root: (usize, u32), most: u32) -> Vec<(usize, u32)> {
         let mut parts = vec![root];
         while parts.len() < LANES {
@@ -182,7 +182,7 @@ impl Joining<'_> {
     }
 }
 
-/// Whether there are as many coordinates on each axis and all are finite.
+/// Checks that all axes have the same length and all coordinates are finite.
 pub(super) fn check(points: &Points) -> Result<()> {
     let lengths = [points.y.len(), points.z.len()];
     if lengths != [points.x.len(); 2] || points.len() > (u32::MAX / 2) as usize {

@@ -1,7 +1,7 @@
-//! Levels of the voxel pyramid: the means of the points in voxels of size s, 2s, 4s, ...
+//! Levels of the voxel pyramid: the means of the points in voxels of edge s, 2s, 4s, ...
 //!
-//! Because all grids share one origin they nest, and the count-weighted mean of the finer level's means is the mean of the
-//! original points (document 004, chapter 4.4.1; METHODS 0.2).
+//! All grids share one origin, so that they nest, and the count-weighted mean of the finer level's means is the mean of
+//! the original points (Hackel 2018, chapter 4.4.1).
 
 use super::blocks::Blocks;
 use super::order::Grid;
@@ -9,26 +9,27 @@ use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 
-/// Occupied cells of the search grid hold at least this many points on average: fewer, and many queries need a wider search.
+/// Least mean number of points in occupied cells of the search grid; with fewer, many queries would need a wider
+/// search.
 const POINTS_PER_CELL: usize = 5;
 
-/// One level: its points in Morton order, and the grid that finds them.
+/// One level: its points in Morton order, and the search grid.
 #[derive(Clone, Debug)]
 pub struct Level {
     /// Edge of a voxel, metres.
     pub size: f64,
-    /// Means of the voxels.
+    /// x of the voxel means, metres.
     pub x: Vec<f32>,
-    /// Means of the voxels.
+    /// y of the voxel means, metres.
     pub y: Vec<f32>,
-    /// Means of the voxels.
+    /// z of the voxel means, metres.
     pub z: Vec<f32>,
-    /// Edge of a cell of the search grid: a power of two times the voxel.
+    /// Edge of a cell of the search grid: a power of two times the edge of a voxel.
     pub(super) cell_size: f64,
     pub(super) blocks: Blocks,
-    /// Groups of blocks: key and blocks, for far searches.
+    /// Groups of blocks (key and range of blocks), for queries far from all points.
     pub(super) groups: Vec<(u64, std::ops::Range<usize>)>,
-    /// Largest error of a coordinate that is rounded to `f32`.
+    /// Largest rounding error of a coordinate in `f32`.
     pub(super) rounding: f32,
 }
 
@@ -50,10 +51,10 @@ impl Level {
     }
 }
 
-/// Points between two looks at the monitor.
+/// Number of points between two checks for cancellation.
 const LOOK: usize = 65_536;
 
-/// Codes and counts of a level's voxels, while the pyramid is built.
+/// Codes and counts of a level's voxels, during the construction.
 #[derive(Default)]
 struct Voxels {
     codes: Vec<u64>,
@@ -61,7 +62,7 @@ struct Voxels {
 }
 
 impl Voxels {
-    /// Unites neighbours in the order that have one code; returns the voxels and their means.
+    /// Averages consecutive points with the same code; returns the voxels and their means.
     fn unite(points: impl Iterator<Item = (u64, [f32; 3], u32)>, monitor: &Monitor) -> Result<(Self, [Vec<f32>; 3])> {
         let (mut voxels, mut means) = (Self::default(), [Vec::new(), Vec::new(), Vec::new()]);
         let mut sum = [0.0f64; 3];
@@ -83,7 +84,7 @@ impl Voxels {
         Ok((voxels, means))
     }
 
-    /// Writes the mean of the last voxel.
+    /// Appends the mean of the last voxel.
     fn close(&self, sum: &mut [f64; 3], means: &mut [Vec<f32>; 3]) {
         if let Some(&n) = self.counts.last() {
             (0..3).for_each(|a| means[a].push((sum[a] / f64::from(n)) as f32));
@@ -91,7 +92,8 @@ impl Voxels {
         *sum = [0.0; 3];
     }
 
-    /// How often to double the voxel so that occupied cells hold [`POINTS_PER_CELL`] on average.
+    /// Number of times the edge of a voxel is doubled so that occupied cells hold [`POINTS_PER_CELL`] points on
+    /// average.
     fn doublings(&self, monitor: &Monitor) -> Result<u32> {
         for doublings in 1..20 {
             let mut cells = usize::from(!self.codes.is_empty());
@@ -127,7 +129,7 @@ impl Voxels {
     }
 }
 
-/// Levels 0..count of points that stand in the grid's Morton order. O(n) time a level.
+/// Levels 0..count of points in the grid's Morton order. O(n) time a level.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -135,7 +137,7 @@ pub fn build_levels(points: &Points, grid: &Grid, count: usize, monitor: &Monito
     Ok(coarse_levels(points, grid, (count, usize::MAX), monitor)?.1)
 }
 
-/// As [`build_levels`], without the finest levels while they have more than `most` points; also returns how many these are.
+/// As [`build_levels`], but skips the finest levels while they have more than `most` points; also returns their number.
 ///
 /// # Errors
 /// If the work was cancelled.

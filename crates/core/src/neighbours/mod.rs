@@ -1,4 +1,4 @@
-//! Who is near whom: a voxel pyramid with an exact search for the k nearest points of each level.
+//! Nearest neighbours: of points by a k-d tree, and on each level of a voxel pyramid by a grid; both exact.
 
 mod batch;
 mod blocks;

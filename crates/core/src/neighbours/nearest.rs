@@ -1,4 +1,4 @@
-//! The noun of the room: the k nearest neighbours of every point.
+//! The k nearest neighbours of every point, the type that the searches of this module return.
 
 use crate::error::{Error, Result};
 
@@ -12,7 +12,7 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// From rows of `k` indices and squared distances (m²), point after point.
+    /// From rows of `k` indices and squared distances (m²), one row a point.
     ///
     /// # Errors
     /// If lengths do not fit `k` or an index is not that of another point.
@@ -36,12 +36,12 @@ impl Neighbours {
         Ok(Self { k, index, squared_distance })
     }
 
-    /// From rows that a search of this room has made.
+    /// From rows of this module's own searches, without checks.
     pub(super) fn trusted(k: usize, index: Vec<u32>, squared_distance: Vec<f32>) -> Self {
         Self { k, index, squared_distance }
     }
 
-    /// Neighbours of each point.
+    /// Number of neighbours of each point.
     pub fn k(&self) -> usize {
         self.k
     }

@@ -1,4 +1,4 @@
-//! The optimal neighbourhood of a point: as many neighbours as make its eigenentropy least.
+//! The optimal neighbourhood of a point: the number of neighbours with the lowest eigenentropy.
 
 use super::knn::{Block, blocks};
 use super::knn_tree::Tree;
@@ -11,15 +11,16 @@ use crate::linalg::Eigen3;
 use crate::parallel::{Monitor, map_ordered_with};
 use pulp::{Arch, Simd, WithSimd};
 
-/// Points of a block where neighbours are given.
+/// Points of a block, if neighbours are given.
 const BLOCK: usize = 2048;
 
 /// The optimal neighbourhood of one point.
 ///
-/// Without extent (fewer than three points, or all in one place) entropy and eigenvalues are 0 and the eigenvectors the axes.
+/// Without extent (fewer than three points, or all coincident) entropy and eigenvalues are 0 and the eigenvectors are
+/// the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Optimal {
-    /// Neighbours, the point itself not counted.
+    /// Number of neighbours, not counting the point itself.
     pub k: u32,
     /// Eigenentropy −Σ x ln x, x = λ / Σλ, of the neighbourhood; 0..=ln 3.
     pub entropy: f64,
@@ -28,18 +29,18 @@ pub struct Optimal {
     pub eigen: Eigen3,
 }
 
-/// The optimal neighbourhood of every point, by given neighbours.
+/// The optimal neighbourhood of every point, from given neighbours.
 ///
-/// Weinmann, Jutzi, Hinz, Mallet, *Semantic point cloud interpretation based on optimal neighborhoods, relevant features and
-/// efficient classifiers*, ISPRS Journal 105, 2015, eq. 3; Guinard and Landrieu, *Weakly supervised segmentation-aided
-/// classification of urban scenes*, ISPRS Archives XLII-1/W1, 2017, section 2.1. For every wanted k the covariance of the
-/// point and its k nearest follows from that of the k − 1 nearest by running sums in `f64`; the k of the least eigenentropy is
-/// taken, the smallest of those that differ by less than 1e-6. Neighbourhoods without extent are taken only if there is no
-/// other. O(n k_max) time; the result has 112 bytes a point.
+/// M. Weinmann, B. Jutzi, S. Hinz, C. Mallet, *Semantic point cloud interpretation based on optimal neighborhoods,
+/// relevant features and efficient classifiers*, ISPRS Journal 105, 2015, doi:10.1016/j.isprsjprs.2015.01.016, eq. 3;
+/// Guinard & Landrieu 2017, section 2.1. For increasing k the covariance of the point and its k nearest is updated by
+/// running sums in `f64`; the k of lowest eigenentropy is taken, and of those that differ by less than 1e-6 the
+/// smallest. Neighbourhoods without extent are taken only if there is no other. O(n k_max) time; the result takes 112
+/// bytes a point.
 ///
 /// # Errors
-/// If a parameter is out of range, the neighbours are not those of these points or fewer than `k_max` although there are more
-/// points, or the work was cancelled.
+/// If a parameter is out of range, the neighbours do not belong to these points, there are fewer than `k_max` of them
+/// although there are more points, or the work was cancelled.
 pub fn optimal(
     points: &Points,
     neighbours: &Neighbours,
@@ -75,10 +76,10 @@ pub fn optimal(
     Ok(parts.concat())
 }
 
-/// What `describe` says of the optimal neighbourhood of every point, in the order of the points.
+/// Applies `describe` to the optimal neighbourhood of every point; results in the order of the points.
 ///
-/// As [`optimal`] of [`super::knn`], bit for bit, but the neighbours of a block of points only are held at a time:
-/// about 25 bytes a point and what `describe` returns.
+/// Bit-identical to [`optimal`] with [`super::knn`], but only the neighbours of a block of points are held at a time:
+/// about 25 bytes a point and the results of `describe`.
 ///
 /// # Errors
 /// If a parameter is out of range, a coordinate is not finite, or the work was cancelled.
@@ -113,7 +114,8 @@ pub fn map_optimal<T: Copy + Default + Send>(
     Ok(all)
 }
 
-/// The choice for a block of points, compiled for each instruction set. `row` gives a point and its neighbours.
+/// Finds the optimal neighbourhoods of a block, compiled for each instruction set. `row` gives a point and its
+/// neighbours.
 struct Choose<'a, F> {
     points: &'a Points,
     row: F,
@@ -132,7 +134,7 @@ impl<'r, F: Fn(usize) -> (usize, &'r [u32])> WithSimd for Choose<'_, F> {
         for first in (0..self.count).step_by(LANES) {
             let lanes = LANES.min(self.count - first);
             for l in 0..LANES {
-                // Lanes without a point repeat the last one.
+                // Unused lanes repeat the last point.
                 let (i, near) = (self.row)(first + l.min(lanes - 1));
                 let at = [x[i], y[i], z[i]].map(f64::from);
                 self.rows.resize(near.len(), [[0.0; LANES]; 3]);
@@ -184,7 +186,7 @@ mod tests {
         found
     }
 
-    /// Two passes in f64 over the point and its `k` nearest.
+    /// Reference: two passes in f64 over the point and its `k` nearest.
     fn twin(points: &Points, i: usize, row: &[u32]) -> (f64, Eigen3) {
         let at = |j: usize| [points.x[j], points.y[j], points.z[j]].map(f64::from);
         let members: Vec<[f64; 3]> = [i].into_iter().chain(row.iter().map(|&j| j as usize)).map(at).collect();
@@ -236,7 +238,7 @@ mod tests {
         let rows: Vec<[f64; 3]> = (0..1681).map(|i| [f64::from(i % 41), f64::from(i / 41), 3.0]).collect();
         let params = OptimalParams { k_min: 8, k_max: 8, ..OptimalParams::default() };
         let found = find(&points(&rows), &params);
-        // Away from the border 8 neighbours are the square around the point.
+        // Away from the border the 8 nearest form a square around the point.
         assert!((found[20 * 41 + 20].entropy - std::f64::consts::LN_2).abs() < 1e-12);
         assert_eq!(found[20 * 41 + 20].eigen.values[2], 0.0);
     }

@@ -1,37 +1,37 @@
-//! Covariances of growing neighbourhoods, their eigenentropy and their eigen-systems, 8 points at once in `f64`.
+//! Covariances of growing neighbourhoods, their eigenentropy and eigenvalues, for 8 points at once in `f64`.
 //!
-//! Every loop over lanes is written so that the compiler turns it into vector instructions; operations and their order are
-//! the same on every machine, without fused multiply-adds.
+//! Every loop over lanes is written so that the compiler vectorises it; operations and their order are the same on
+//! every machine, without fused multiply-adds.
 
 #![expect(
     clippy::needless_range_loop,
     reason = "loops over lanes index several arrays at once; iterators hide that from the vectoriser"
 )]
 
-/// Points that are computed together.
+/// Number of points computed together.
 pub(super) const LANES: usize = 8;
-/// One number a lane.
+/// One number per lane.
 pub(super) type Lane = [f64; LANES];
 /// xx, yy, zz, xy, xz, yz.
 pub(super) type Matrix = [Lane; 6];
 
-/// Entropies nearer to each other than this are equal: their rounding must not choose the neighbourhood.
+/// Entropies closer than this are treated as equal, so that rounding does not choose the neighbourhood.
 const TIE: f64 = 1e-6;
 
 /// The chosen neighbourhood of each lane.
 #[derive(Clone, Debug)]
 pub(super) struct Chosen {
-    /// Neighbours, as a number of rows.
+    /// Number of neighbours.
     pub(super) rows: Lane,
     /// Infinite if no neighbourhood has an extent.
     pub(super) entropy: Lane,
     pub(super) matrix: Matrix,
 }
 
-/// The neighbourhood of the least eigenentropy; ties to the smallest.
+/// The neighbourhood of lowest eigenentropy; ties go to the smallest.
 ///
-/// `rows[j]` is the offset of the (j + 1)-th nearest from the point; neighbourhoods of as many rows as `wanted` (ascending)
-/// are compared, each with the point itself.
+/// `rows[j]` is the offset of the (j + 1)-th nearest neighbour from the point; neighbourhoods with the numbers of rows
+/// in `wanted` (ascending) are compared, each including the point itself.
 #[inline(always)]
 pub(super) fn choose(rows: &[[Lane; 3]], wanted: &[u32]) -> Chosen {
     let mut sums = [[0.0; LANES]; 9];
@@ -98,15 +98,15 @@ fn lane(matrix: &Matrix, l: usize) -> [f64; 6] {
 
 /// −Σ x ln x, x = λ / Σλ, from the closed form of the eigenvalues; infinite for the zero matrix.
 ///
-/// λ = q + p t with t³ − 3 t = 2 r (Smith, *Eigenvalues of a symmetric 3 × 3 matrix*, CACM 4, 1961). Where two eigenvalues
-/// are close each is exact to the root of the rounding only, but their errors cancel in the entropy: it is off by less than
-/// 1e-9, and by less than [`TIE`] on lines a hundred times longer than wide or more.
+/// λ = q + p t with t³ − 3 t = 2 r (O. K. Smith, *Eigenvalues of a symmetric 3 × 3 matrix*, CACM 4, 1961). If two
+/// eigenvalues are close, each is accurate only to the square root of the rounding, but the errors cancel in the
+/// entropy: its error is below 1e-9, and below [`TIE`] for lines at least a hundred times longer than wide.
 #[inline(always)]
 fn eigenentropy([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> f64 {
     let trace = xx + yy + zz;
     let positive = trace > 0.0;
     let scale = 1.0 / if positive { trace } else { 1.0 };
-    // Shares of the trace: their mean is 1/3.
+    // Scaled to trace 1: the mean of the eigenvalues is 1/3.
     let (a, b, c) = (xx * scale - THIRD, yy * scale - THIRD, zz * scale - THIRD);
     let (d, e, f) = (xy * scale, xz * scale, yz * scale);
     let square = (a * a + b * b + c * c + 2.0 * (d * d + e * e + f * f)) * (1.0 / 6.0);
@@ -126,7 +126,7 @@ fn eigenentropy([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> f64 {
 
 const THIRD: f64 = 1.0 / 3.0;
 
-/// The largest root of t³ − 3 t = 2 r for r in 0..=1, 2 cos(acos(r) / 3): a polynomial and one step of Newton's.
+/// The largest root of t³ − 3 t = 2 r for r in 0..=1, 2 cos(acos(r) / 3): a polynomial and one Newton step.
 #[inline(always)]
 fn outer_root(r: f64) -> f64 {
     const SERIES: [f64; 8] = [
@@ -151,12 +151,13 @@ fn outer_root(r: f64) -> f64 {
     (2.0 * t * square + 2.0 * r) / (3.0 * square - 3.0)
 }
 
-/// x ln x for x in 0..=1; 0 for what is not above 1e-300. ln by exponent and 2 artanh((m − 1) / (m + 1)), m in √½..√2.
+/// x ln x for x in 0..=1; 0 if x is not above 1e-300. ln from the exponent and 2 artanh((m − 1) / (m + 1)), m in
+/// √½..√2.
 #[inline(always)]
 fn x_ln_x(x: f64) -> f64 {
     let fine = x > 1e-300;
     let bits = (if fine { x } else { 1.0 }).to_bits();
-    // The exponent counted from √½: m comes to lie in √½..√2.
+    // The exponent is counted from √½, so that m lies in √½..√2.
     let shifted = bits.wrapping_sub(ROOT_HALF);
     let exponent = f64::from_bits((shifted.wrapping_add(1 << 62) >> 52) | TWO_52) - TWO_52_AND_BIAS;
     let m = f64::from_bits((shifted & 0x000f_ffff_ffff_ffff).wrapping_add(ROOT_HALF));
@@ -174,21 +175,21 @@ fn x_ln_x(x: f64) -> f64 {
     if fine { x * ln } else { 0.0 }
 }
 
-/// Bits of √½.
+/// Bit pattern of √½.
 const ROOT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
-/// Bits of 2^52: a small whole number in the lower bits adds to it.
+/// Bit pattern of 2^52: a small integer can be added to the lower bits.
 const TWO_52: u64 = 0x4330_0000_0000_0000;
-/// 2^52 and what was added before the shift.
+/// 2^52 and the bias added before the shift.
 const TWO_52_AND_BIAS: f64 = 4_503_599_627_370_496.0 + 1024.0;
 
-/// Eigenvalues λ1 ≥ λ2 ≥ λ3 ≥ 0 and their unit eigenvectors, one a lane.
+/// Eigenvalues λ1 ≥ λ2 ≥ λ3 ≥ 0 and their unit eigenvectors, one matrix per lane.
 #[derive(Clone, Debug)]
 pub(super) struct Eigen {
     pub(super) values: [Lane; 3],
     pub(super) vectors: [[Lane; 3]; 3],
 }
 
-/// Jacobi's method: six sweeps bring every off-diagonal entry below the rounding of `f64`.
+/// Jacobi's method: six sweeps reduce every off-diagonal entry to below the rounding of `f64`.
 #[inline(always)]
 pub(super) fn eigen(matrix: &Matrix) -> Eigen {
     let [xx, yy, zz, xy, xz, yz] = *matrix;
@@ -213,7 +214,7 @@ pub(super) fn eigen(matrix: &Matrix) -> Eigen {
     Eigen { values, vectors }
 }
 
-/// Makes the entry that couples axes p and q zero; r is the third axis.
+/// Jacobi rotation that makes the entry of axes p and q zero; r is the third axis.
 #[inline(always)]
 fn rotate(values: &mut [Lane; 3], off: &mut [Lane; 3], vectors: &mut [[Lane; 3]; 3], (p, q, r): (usize, usize, usize)) {
     for l in 0..LANES {
@@ -240,7 +241,7 @@ fn rotate(values: &mut [Lane; 3], off: &mut [Lane; 3], vectors: &mut [[Lane; 3];
     }
 }
 
-/// Exchanges the eigenpairs i and j where the first is smaller.
+/// Swaps the eigenpairs i and j if the first is smaller.
 #[inline(always)]
 fn order(values: &mut [Lane; 3], vectors: &mut [[Lane; 3]; 3], (i, j): (usize, usize)) {
     for l in 0..LANES {

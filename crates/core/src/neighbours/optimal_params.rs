@@ -1,37 +1,38 @@
-//! Which neighbourhoods are compared to find the optimal one, and by which conventions they are described.
+//! Parameters of the optimal neighbourhood and of its descriptors.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// What enters linearity, planarity and scattering.
+/// The quantities in linearity, planarity and scattering.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Eigenvalues {
-    /// The eigenvalues λ (document 000).
+    /// The eigenvalues λ (Guinard & Landrieu 2017).
     #[default]
     Raw,
-    /// Their roots √λ, which are lengths (superpoint graphs, pgeof).
+    /// Their square roots √λ, which are lengths (superpoint graphs, pgeof).
     Sqrt,
 }
 
-/// Which neighbourhoods are compared, and by which conventions they are described.
+/// The neighbourhood sizes that are compared, and the conventions of the descriptors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OptimalParams {
-    /// Fewest neighbours, the point itself not counted; 2..=k_max. On clouds of line scanners 10 describe one scan line.
+    /// Smallest number of neighbours, not counting the point itself; 2..=k_max. With line scanners 10 neighbours may
+    /// all lie on one scan line.
     pub k_min: usize,
-    /// Most neighbours; k_min..=1000.
+    /// Largest number of neighbours; k_min..=1000.
     pub k_max: usize,
     /// Neighbourhoods of k_min, k_min + k_step, ... and of k_max neighbours are compared; at least 1.
     pub k_step: usize,
-    /// What enters linearity, planarity and scattering.
+    /// The quantities in linearity, planarity and scattering.
     pub eigenvalues: Eigenvalues,
-    /// Verticality is multiplied by this; above 0.
+    /// Factor of verticality; above 0.
     pub verticality_factor: f64,
 }
 
 impl Default for OptimalParams {
-    /// Guinard and Landrieu 2017; the range of k of Weinmann et al. 2015.
+    /// Guinard & Landrieu 2017; the range of k of Weinmann et al. 2015.
     fn default() -> Self {
         Self { k_min: 10, k_max: 100, k_step: 1, eigenvalues: Eigenvalues::Raw, verticality_factor: 1.0 }
     }
@@ -41,11 +42,12 @@ impl OptimalParams {
     /// Names of the presets.
     pub const PRESETS: [&'static str; 2] = ["guinard2017", "spg"];
 
-    /// Conventions by name: `guinard2017` (the default), `spg` (superpoint graphs: 45 neighbours everywhere, √λ,
+    /// Presets: `guinard2017` (the default), `spg` (superpoint graphs: 45 neighbours everywhere, √λ, verticality
+    /// doubled).
     /// verticality doubled).
     ///
     /// # Errors
-    /// If the name is none of [`OptimalParams::PRESETS`].
+    /// If the name is not in [`OptimalParams::PRESETS`].
     pub fn preset(name: &str) -> Result<Self> {
         match name {
             "guinard2017" => Ok(Self::default()),
@@ -76,14 +78,14 @@ impl OptimalParams {
         Ok(())
     }
 
-    /// The numbers of neighbours that are compared where `available` are there, ascending.
+    /// The numbers of neighbours that are compared if `available` neighbours exist, ascending.
     pub(super) fn wanted(&self, available: usize) -> Vec<u32> {
         let (low, high) = (self.k_min.min(available), self.k_max.min(available));
         let mut wanted: Vec<u32> = (low..=high).step_by(self.k_step).map(|k| k as u32).collect();
         if wanted.last().is_some_and(|&k| (k as usize) < high) {
             wanted.push(high as u32);
         }
-        // A point and one neighbour always make a line: that says nothing.
+        // A point and one neighbour always form a line, which carries no information.
         wanted.retain(|&k| k > 1);
         wanted
     }

@@ -1,4 +1,4 @@
-//! Points in Morton order of the finest voxels.
+//! Points in the Morton order of the finest voxels.
 
 use crate::cloud::{Points, morton};
 use crate::error::{Error, Result};
@@ -12,10 +12,10 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid whose indices fit for these points (their coordinates are not negative).
+    /// A grid for these points (coordinates not negative), checked to have enough indices.
     ///
     /// # Errors
-    /// The extent divided by the voxel size reaches 2^21: nothing has been allocated then.
+    /// If the extent divided by the voxel size reaches 2^21; nothing has been allocated then.
     pub fn new(points: &Points, size: f64) -> Result<Self> {
         if !(size.is_finite() && size > 0.0) {
             return Err(Error::parameter("first_scale", size, "a voxel size in metres, above 0"));
@@ -47,7 +47,7 @@ impl Grid {
     }
 }
 
-/// The point that reaches farthest along an axis, for a message.
+/// The point with the largest coordinate on an axis, for a message.
 fn farthest(points: &Points) -> String {
     let reach = |i: usize| points.x[i].max(points.y[i]).max(points.z[i]);
     let Some(i) = (0..points.len()).max_by(|&a, &b| reach(a).total_cmp(&reach(b))) else { return "it".into() };
@@ -56,7 +56,7 @@ fn farthest(points: &Points) -> String {
     format!("point {} at {x:.1}, {y:.1}, {z:.1} m, {:.0} m from the other end of the cloud,", points.index[i], reach(i))
 }
 
-/// The points in ascending order of (Morton code, index). O(n log n) time, 16 bytes a point for a while.
+/// Sorts the points by (Morton code, index). O(n log n) time, 16 temporary bytes a point.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -65,7 +65,7 @@ pub fn sorted(points: Points, grid: &Grid, monitor: &Monitor) -> Result<Points> 
     let mut order: Vec<(u64, u32)> = map_watched(points.len(), monitor, key)?;
     sort_watched(&mut order, monitor)?;
     let Points { x, y, z, index, origin } = points;
-    // Each old axis goes as soon as the new one stands.
+    // Each old axis is freed as soon as its sorted copy is complete.
     let pick = |axis: Vec<f32>| map_watched(order.len(), monitor, |i| axis[order[i].1 as usize]);
     let (x, y, z) = (pick(x)?, pick(y)?, pick(z)?);
     let index = map_watched(order.len(), monitor, |i| index[order[i].1 as usize])?;

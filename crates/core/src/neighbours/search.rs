@@ -1,7 +1,8 @@
 //! The k nearest points of a level, exactly; ties go to the smaller index.
 //!
-//! Queries in Morton order share what is gathered for their cell: the points of the 27 cells around it. Whatever lies
-//! nearer than the rim of these cells is certain; only if fewer than k points do is the search widened.
+//! Consecutive queries in Morton order share the points gathered for their cell: those of the 27 cells around it.
+//! Points nearer than the border of these cells are certain to be among the nearest; only if there are fewer than k of
+//! them the search is widened.
 
 use super::batch::Candidates;
 use super::blocks::Around;
@@ -9,14 +10,14 @@ use super::level::Level;
 use crate::cloud::morton;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Squared distance and index of a level's point.
+/// Squared distance and index of a point of the level.
 pub type Neighbour = (f32, u32);
 
 /// Up to this many certain candidates are ranked by counting, more are sorted.
 const RANKED: usize = 64;
 const LANES: usize = 16;
 
-/// Reusable state of the searches of one thread. Results do not depend on what was searched before.
+/// Scratch memory for the searches of one thread. Results do not depend on previous searches.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
     around: Around,
@@ -33,7 +34,7 @@ pub struct Search {
 }
 
 impl Search {
-    /// Forgets the gathered cell; call it before another level is searched.
+    /// Discards the gathered cell; to be called before another level is searched.
     pub fn reset(&mut self) {
         self.cell = None;
         self.around = Around::default();
@@ -41,14 +42,14 @@ impl Search {
     }
 
     /// Writes the indices of the `out.len()` points of `level` nearest to `at`, ascending by (distance, index), and
-    /// returns how many there are: fewer only if the level has fewer. Coordinates are not negative.
+    /// returns their number: fewer only if the level has fewer. Coordinates must not be negative.
     ///
-    /// Expected O(1) on data whose density varies little, O(blocks) for far outliers.
+    /// Expected O(1) if the density varies little, O(blocks) for queries far from all points.
     pub fn nearest(&mut self, level: &Level, at: [f32; 3], out: &mut [u32]) -> usize {
         Arch::new().dispatch(Nearest { search: self, level, at, out })
     }
 
-    /// [`Search::nearest`] for callers that have dispatched to an instruction set already.
+    /// [`Search::nearest`] for callers that have already dispatched to an instruction set.
     #[inline(always)]
     pub fn nearest_with<S: Simd>(&mut self, simd: S, level: &Level, at: [f32; 3], out: &mut [u32]) -> usize {
         let cell = level.cell(at);
@@ -102,7 +103,7 @@ impl Search {
         }
     }
 
-    /// Positions of the candidates that are at most that far, without a branch.
+    /// Indices of the candidates within a distance, without a branch.
     #[inline(always)]
     fn keep_certain(&mut self, limit: f32) {
         self.certain.resize(self.distance.len() + 1, 0);
@@ -114,7 +115,7 @@ impl Search {
         self.certain.truncate(kept);
     }
 
-    /// Orders by counting, for each candidate, those that are nearer. False if a tie makes the order ambiguous.
+    /// Sorts by counting, for each candidate, those that are nearer. False if a tie makes the order ambiguous.
     #[inline(always)]
     fn rank<S: Simd>(&self, simd: S, wanted: usize, out: &mut [u32]) -> bool {
         let mut distance = [f32::INFINITY; RANKED];
@@ -142,13 +143,13 @@ impl Search {
         self.write_best(out);
     }
 
-    /// Writes the best in their order.
+    /// Writes the nearest candidates in order.
     pub(super) fn write_best(&mut self, out: &mut [u32]) {
         self.best.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         out.iter_mut().zip(&self.best).for_each(|(slot, &(_, index))| *slot = index);
     }
 
-    /// Searches two rings, then every block that may hold something nearer.
+    /// Searches two rings of cells, then every block that may hold a nearer point.
     #[inline(never)]
     pub(super) fn widen(&mut self, level: &Level, cell: [u32; 3], at: [f32; 3], wanted: usize) {
         self.gather(level, cell, 2);
@@ -177,7 +178,7 @@ impl Search {
         }
     }
 
-    /// Takes a block's points into the best; returns the distance beyond which nothing is wanted any more.
+    /// Adds the points of a block to the candidates; returns the distance beyond which no point is needed any more.
     fn visit(&mut self, level: &Level, block: usize, at: [f32; 3], (wanted, limit): (usize, f32)) -> f32 {
         for i in level.blocks.points(block) {
             let d = squared(level.x[i] - at[0], level.y[i] - at[1], level.z[i] - at[2]);
@@ -193,7 +194,7 @@ impl Search {
     }
 }
 
-/// For each of the distances how many of the first `n` are smaller.
+/// For each of the distances the number of the first `n` that are smaller.
 #[inline(always)]
 fn count_nearer<S: Simd>(simd: S, distance: &[f32; RANKED], n: usize) -> [u32; RANKED] {
     let mut nearer = [0u32; RANKED];
@@ -212,7 +213,7 @@ fn count_nearer<S: Simd>(simd: S, distance: &[f32; RANKED], n: usize) -> [u32; R
     nearer
 }
 
-/// A single search, compiled for each instruction set.
+/// The search of a single query, compiled for each instruction set.
 struct Nearest<'a> {
     search: &'a mut Search,
     level: &'a Level,
@@ -242,8 +243,8 @@ fn shrink(best: &mut Vec<Neighbour>, wanted: usize) {
     }
 }
 
-/// How far everything is certain where the cells `low..=high` around `at` were gathered and a ring around them: the distance
-/// to the rim.
+/// Radius of certainty around `at` when the cells `low..=high` and a ring around them are gathered: the distance to
+/// their border.
 #[inline(always)]
 pub(super) fn rim(level: &Level, [low, high]: [[u32; 3]; 2], at: [f32; 3]) -> f32 {
     let mut distance = f64::INFINITY;
@@ -255,7 +256,7 @@ pub(super) fn rim(level: &Level, [low, high]: [[u32; 3]; 2], at: [f32; 3]) -> f3
     (distance as f32) * (1.0 - 1e-5) - 4.0 * level.rounding
 }
 
-/// Cubes (Morton key, edge in cells, what they hold) with a lower bound of their squared distance, nearest first.
+/// Cubes (Morton key, edge in cells, content) with a lower bound of their squared distance, nearest first.
 fn near<T>(level: &Level, at: [f32; 3], cubes: impl Iterator<Item = (u64, f64, T)>) -> Vec<(f32, T)> {
     let bound = |(key, cells, content): (u64, f64, T)| {
         let edge = cells * level.cell_size;

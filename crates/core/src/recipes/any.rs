@@ -1,4 +1,4 @@
-//! A recipe of whichever system: what a model file or a TOML file holds.
+//! Any recipe: what a model file or a TOML file contains.
 
 use super::objects::ObjectsRecipe;
 use super::recipe::{Recipe, explained, set_key};
@@ -6,15 +6,15 @@ use super::regularise::RegulariseParams;
 use super::weak::WeakRecipe;
 use crate::error::{Error, Result};
 
-/// The settings of one of the published systems. The key `recipe` at the top of its TOML tells which; without it, the
-/// pyramid's.
+/// The parameters of one of the published methods. The key `recipe` at the top of its TOML says which; without it, the
+/// pyramid recipe.
 #[derive(Clone, Debug, PartialEq)]
 pub enum AnyRecipe {
-    /// Document 004, chapter 4.4: multi-scale features and a random forest.
+    /// Hackel 2018, chapter 4.4: multi-scale features and a random forest.
     Pyramid(Box<Recipe>),
-    /// Document 000: a few labels, segments and a field.
+    /// Guinard & Landrieu 2017: few labels, segments and a conditional random field.
     Weak(Box<WeakRecipe>),
-    /// Document 002: segments are named, not points.
+    /// Hasanpour Zaryabi et al. 2022: classifies segments instead of points.
     Objects(Box<ObjectsRecipe>),
 }
 
@@ -31,10 +31,10 @@ impl AnyRecipe {
         }
     }
 
-    /// The recipe of that name with all defaults.
+    /// The recipe with that name, with all defaults.
     ///
     /// # Errors
-    /// If the name is none of [`AnyRecipe::NAMES`].
+    /// If the name is not in [`AnyRecipe::NAMES`].
     pub fn named(name: &str) -> Result<Self> {
         match name {
             "pyramid" => Ok(Self::Pyramid(Box::default())),
@@ -44,10 +44,10 @@ impl AnyRecipe {
         }
     }
 
-    /// Reads TOML; a wrong key is named with its line and the nearest valid key.
+    /// Reads TOML; the message about a wrong key gives its line and the nearest valid key.
     ///
     /// # Errors
-    /// Not TOML, an unknown recipe, key or value.
+    /// If the text is not TOML, or a recipe, key or value is unknown.
     pub fn from_toml(text: &str) -> Result<Self> {
         let table: toml::Table = explained(text)?;
         match table.get("recipe").map(|kind| kind.as_str().unwrap_or_default()) {
@@ -58,7 +58,7 @@ impl AnyRecipe {
         }
     }
 
-    /// The recipe as TOML, all values resolved.
+    /// The recipe as TOML, with all values written out.
     ///
     /// # Errors
     /// Never for values that pass [`AnyRecipe::validate`].
@@ -71,7 +71,7 @@ impl AnyRecipe {
         text.map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
     }
 
-    /// Checks every part.
+    /// Checks all parts.
     ///
     /// # Errors
     /// Names the field, its value and what is allowed.
@@ -95,7 +95,7 @@ impl AnyRecipe {
         Self::from_toml(&table.to_string())
     }
 
-    /// The same with another seed.
+    /// The same recipe with another seed.
     pub fn with_seed(mut self, seed: u64) -> Self {
         match &mut self {
             Self::Pyramid(recipe) => recipe.seed = seed,
@@ -105,7 +105,7 @@ impl AnyRecipe {
         self
     }
 
-    /// How labels are made to agree.
+    /// The regularisation of the labels.
     pub fn regularise(&self) -> &RegulariseParams {
         match self {
             Self::Pyramid(recipe) => &recipe.regularise,
@@ -114,7 +114,7 @@ impl AnyRecipe {
         }
     }
 
-    /// Columns of a cloud that the recipe reads, beside labels.
+    /// Columns of a cloud that the recipe reads, besides labels.
     pub fn columns(&self) -> Vec<String> {
         match self {
             Self::Pyramid(recipe) => recipe.features.columns().into_iter().map(String::from).collect(),

@@ -1,4 +1,4 @@
-//! Naming every point of a cloud with a model, block by block.
+//! Classifies every point of a cloud with a model, block by block.
 
 use super::any::AnyRecipe;
 use super::objects::classify_objects;
@@ -13,50 +13,52 @@ use crate::features::{Extractor, FeatureSet, Scratch, Tiles, Wanted};
 use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with, watched};
 
-/// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
+/// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
 const TOGETHER: usize = 8;
 
-/// Groups of blocks whose probabilities are held at a time.
+/// Number of groups of blocks whose probabilities are held at a time.
 const GROUPS_AT_ONCE: usize = 32;
 
-/// A cloud so many times denser or thinner than the training is worth a warning.
+/// Factor between the densities of cloud and training data that causes a warning.
 const OTHER: f64 = 8.0;
 
-/// Settings of [`classify`].
+/// Parameters of [`classify`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClassifyParams {
-    /// Return the probability of every class too (4 bytes a point and class).
+    /// Also return the probability of every class (4 bytes a point and class).
     pub probabilities: bool,
-    /// Metres in one unit of the coordinates; `None` takes the cloud's own, else 1.
+    /// Metres per unit of the coordinates; `None` uses the cloud's own unit, else 1.
     pub metres_per_unit: Option<f64>,
-    /// How labels are made to agree; `None` takes the model's own way. Its settings are always those of the model's recipe.
+    /// Regularisation of the labels; `None` uses that of the model. Its parameters are always those of the model's
+    /// recipe.
     pub regularise: Option<Regularise>,
 }
 
-/// One answer a point, in the cloud's order. Points that are not finite get code 1 (where that is a class of the model
-/// [`ClassTable::free_code`](crate::classes::ClassTable::free_code)), confidence 0 and entropy ln(classes); so do stray ones
-/// ([`Strays`]), but by a model of ASPRS codes they get code 7 (noise).
+/// The classification, one entry a point in the cloud's order. Points that are not finite get code 1 (or
+/// [`ClassTable::free_code`](crate::classes::ClassTable::free_code) if 1 is a class of the model), confidence 0 and
+/// entropy ln(classes). So do stray points ([`Strays`]), except that a model with ASPRS codes gives them code 7
+/// (noise).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Classified {
     /// Most probable class.
     pub codes: Vec<u8>,
-    /// Its probability, 0..1.
+    /// Probability of that class, 0..1.
     pub confidence: Vec<f32>,
     /// Entropy of the probabilities in nats, 0..ln(classes).
     pub entropy: Vec<f32>,
-    /// Row-major `points x classes`, if asked for.
+    /// Row-major `points x classes`, if requested.
     pub probabilities: Option<Vec<f32>>,
-    /// What the user should know: density outside the training's, points that are not finite.
+    /// Warnings for the user: another density than in training, points that are not finite.
     pub warnings: Vec<String>,
 }
 
-/// Names every point of a cloud with a model of any recipe.
+/// Classifies every point of a cloud with a model of any recipe.
 ///
-/// Without regularisation, features of the pyramid are computed and forgotten block by block; with it, the probabilities
-/// and a graph of all points are held (about 300 bytes a point).
+/// Without regularisation, the features of the pyramid are computed and discarded block by block; with it, the
+/// probabilities and a graph of all points are held (about 300 bytes a point).
 ///
 /// # Errors
-/// The model asks for a feature that this version or this cloud cannot give.
+/// If the model needs a feature that this version or this cloud does not have.
 pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<Classified> {
     let recipe = AnyRecipe::from_toml(&model.recipe_toml)?;
     forecast(cloud.len(), &recipe, params)?;
@@ -79,26 +81,26 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
     Ok(result)
 }
 
-/// ASPRS code of low points and other noise.
+/// ASPRS code for low points and other noise.
 const NOISE: u8 = 7;
 
-/// The code of points that belong to no scene. ASPRS knows noise (7), and has no class of code 0 or 1.
+/// The code for stray points: noise (7) if the model has ASPRS codes, in which 0 and 1 are not classes.
 fn stray_code(model: &Model) -> u8 {
     let has = |code| model.classes.position(code).is_some();
     if has(2) && !has(0) && !has(1) { NOISE } else { model.classes.free_code() }
 }
 
-/// Fails before any work if there is less memory than naming so many points takes at least.
+/// Fails before any work if there is less memory than the classification of so many points needs at least.
 fn forecast(points: usize, recipe: &AnyRecipe, params: &ClassifyParams) -> Result<()> {
     let method = params.regularise.unwrap_or(recipe.regularise().method);
     let alone = matches!(recipe, AnyRecipe::Pyramid(_)) && method == Regularise::None;
     let each = if alone { 45 } else { 200 };
-    // The fine levels are held for a part of the points.
+    // The fine levels are held for only a part of the points.
     let needed = each * points as u64 + 150 * points.min(1 << 20) as u64;
     memory::require(needed, &format!("naming {points} points"))
 }
 
-/// The answers of a recipe that decides on all points together.
+/// The result of a recipe that decides about all points together.
 fn adopted(
     cloud: &Cloud,
     (model, params): (&Model, &ClassifyParams),
@@ -138,7 +140,7 @@ fn classify_pyramid(
     Ok(result)
 }
 
-/// The rows of some points.
+/// The probabilities of the points with these indices, one row a point.
 fn rows_of(all: &[f32], classes: usize, index: &[u32], monitor: &Monitor) -> Result<Vec<f32>> {
     let mut rows = Vec::with_capacity(index.len() * classes);
     for piece in watched(index.len(), monitor) {
@@ -169,7 +171,7 @@ fn point_by_point(
     Ok(result)
 }
 
-/// Names the points of an extractor; returns the rows that it cannot be sure of.
+/// Classifies the points of an extractor; returns the rows that need a wider margin.
 fn all_blocks(
     extractor: &Extractor<'_>,
     model: &Model,
@@ -190,7 +192,7 @@ fn all_blocks(
     Ok(loose)
 }
 
-/// The pyramid with just the features that the model's trees use.
+/// The pyramid with only the features that the model's trees use.
 fn prepare<'a>(cloud: &'a Cloud, set: &FeatureSet, model: &Model, monitor: &Monitor) -> Result<Tiles<'a>> {
     let known = set.names(set.pyramid.first_scale.unwrap_or_default());
     if let Some(name) = model.feature_names.iter().find(|name| !known.contains(name)) {
@@ -214,7 +216,7 @@ struct Workspace {
 struct Part {
     points: Vec<u32>,
     probabilities: Vec<f32>,
-    /// Rows of the extractor that it cannot be sure of.
+    /// Rows of the extractor that need a wider margin.
     loose: Vec<usize>,
 }
 
@@ -253,7 +255,7 @@ impl Classified {
         }
     }
 
-    /// Takes over the labels that were agreed on; row i belongs to point `index[i]`.
+    /// Replaces the labels by the regularised ones; row i belongs to point `index[i]`.
     fn adopt(&mut self, index: &[u32], found: &Regularised, model: &Model, monitor: &Monitor) -> Result<()> {
         let classes = model.classes.len();
         for piece in watched(index.len(), monitor) {
@@ -275,12 +277,12 @@ impl Classified {
     }
 }
 
-/// Entropy in nats of probabilities that sum to 1; 0 ln 0 = 0.
+/// Entropy in nats of probabilities that sum to 1, with 0 ln 0 = 0.
 fn entropy(row: &[f32]) -> f32 {
     row.iter().filter(|&&p| p > 0.0).map(|&p| -p * p.ln()).sum::<f32>().max(0.0)
 }
 
-/// "Does this model fit this cloud?": what differs from the training.
+/// Warnings about differences between this cloud and the training data.
 fn warnings(cloud: &Cloud, model: &Model, metres: f64, monitor: &Monitor) -> Result<Vec<String>> {
     let mut warnings = Vec::new();
     let mut finite = 0;
@@ -309,7 +311,7 @@ fn warnings(cloud: &Cloud, model: &Model, metres: f64, monitor: &Monitor) -> Res
     Ok(warnings)
 }
 
-/// The lowest density of the thinned copies that a model has learned from.
+/// The lowest density of the thinned copies that a model was trained on.
 fn thinnest(model: &Model) -> f64 {
     match AnyRecipe::from_toml(&model.recipe_toml) {
         Ok(AnyRecipe::Pyramid(recipe)) => recipe.training.densities.iter().copied().fold(f64::INFINITY, f64::min),

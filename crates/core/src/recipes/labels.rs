@@ -1,15 +1,15 @@
-//! Labels of a cloud as codes, with the unlabelled points counted.
+//! Labels of a cloud as class codes; unlabelled points are counted.
 
 use crate::classes::{ClassTable, LabelMap};
 use crate::cloud::{Cloud, CodeScheme, names};
 use crate::error::{Error, Result};
 
-/// How labels are taken from a cloud.
+/// Parameters of reading labels from a cloud.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelParams {
-    /// Column that holds the codes.
+    /// Column with the codes.
     pub dimension: String,
-    /// Applied to the codes before anything else.
+    /// Mapping of codes, applied first.
     pub map: LabelMap,
     /// Codes (after mapping) that mean "unlabelled". `None`: in the column `Classification` those of the cloud's
     /// [`CodeScheme`] (LAS: 0 and 1; Semantic3D: 0; others: none), in other columns none.
@@ -30,12 +30,12 @@ impl Default for LabelParams {
 }
 
 impl LabelParams {
-    /// Which list the codes of that column of a cloud are of.
+    /// The list that the codes in that column belong to.
     pub fn scheme(&self, cloud: &Cloud) -> CodeScheme {
         if self.dimension == names::CLASSIFICATION { cloud.scheme } else { CodeScheme::Own }
     }
 
-    /// The codes (after mapping) that mean "unlabelled" in a cloud. What `classes` names is a class.
+    /// The codes (after mapping) that mean "unlabelled" in a cloud. A code in `classes` is always a class.
     pub fn unlabelled_in(&self, cloud: &Cloud) -> Vec<u8> {
         match &self.unlabelled {
             Some(codes) => codes.clone(),
@@ -57,14 +57,14 @@ impl LabelParams {
     }
 }
 
-/// One label a point.
+/// One label for each point.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Labels {
-    /// Code of each point; `None` where it is unlabelled.
+    /// Code of each point; `None` if it is unlabelled.
     pub codes: Vec<Option<u8>>,
-    /// Points without a label.
+    /// Number of points without a label.
     pub unlabelled: u64,
-    /// Which list the codes are of: what the classes are called.
+    /// The list that the codes belong to, which gives the names of the classes.
     pub scheme: CodeScheme,
 }
 
@@ -75,13 +75,13 @@ impl Labels {
         Self::new(codes, self.scheme)
     }
 
-    /// Labels whose unlabelled points are counted.
+    /// Labels from codes; counts the unlabelled points.
     pub fn new(codes: Vec<Option<u8>>, scheme: CodeScheme) -> Self {
         let unlabelled = codes.iter().filter(|c| c.is_none()).count() as u64;
         Self { codes, unlabelled, scheme }
     }
 
-    /// Points that carry each code.
+    /// Number of points with each code.
     pub fn counts(&self) -> [u64; 256] {
         let mut counts = [0; 256];
         self.codes.iter().flatten().for_each(|&c| counts[usize::from(c)] += 1);
@@ -92,8 +92,8 @@ impl Labels {
 /// Reads the labels of a cloud. Negative values and NaN always count as unlabelled.
 ///
 /// # Errors
-/// The column is absent (the message lists the columns), a value is not a whole number in 0..=255, or a code is asked for as
-/// a class and as unlabelled.
+/// If the column is absent (the message lists the columns), a value is not a whole number in 0..=255, or a code is
+/// given both as a class and as unlabelled.
 pub fn read_labels(cloud: &Cloud, params: &LabelParams) -> Result<Labels> {
     params.validate()?;
     let column = cloud.column(&params.dimension).ok_or_else(|| {
@@ -110,7 +110,7 @@ pub fn read_labels(cloud: &Cloud, params: &LabelParams) -> Result<Labels> {
     Ok(Labels::new(codes, params.scheme(cloud)))
 }
 
-/// Points that carry each code, in all clouds together.
+/// Number of points with each code, over all clouds.
 pub(super) fn counts_of(clouds: &[(Cloud, Labels)]) -> [u64; 256] {
     let mut points = [0u64; 256];
     for (_, labels) in clouds {
@@ -119,7 +119,7 @@ pub(super) fn counts_of(clouds: &[(Cloud, Labels)]) -> [u64; 256] {
     points
 }
 
-/// The classes with these codes, called as in the one known list that labels are of.
+/// The classes with these codes, with the names of the only known list among the labels.
 pub(super) fn class_table(codes: &[u8], clouds: &[(Cloud, Labels)]) -> ClassTable {
     let mut known = clouds.iter().map(|(_, labels)| labels.scheme).filter(|&s| s != CodeScheme::Own);
     let first = known.next().unwrap_or_default();
@@ -127,14 +127,14 @@ pub(super) fn class_table(codes: &[u8], clouds: &[(Cloud, Labels)]) -> ClassTabl
     ClassTable::of_scheme(codes, scheme)
 }
 
-/// Refuses clouds whose labels are of one class, or none, before anything is computed.
+/// Fails if the labels of the clouds have fewer than two classes, before anything is computed.
 pub(super) fn check_labels(clouds: &[(Cloud, Labels)]) -> Result<()> {
     let points = counts_of(clouds);
     let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
     check_classes(&class_table(&codes, clouds))
 }
 
-/// Refuses to learn from no class or from one.
+/// Fails if there are fewer than two classes.
 pub(super) fn check_classes(classes: &ClassTable) -> Result<()> {
     let advice = "check the label dimension, and which codes are mapped, asked for and count as unlabelled";
     match classes.classes() {

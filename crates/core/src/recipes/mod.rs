@@ -1,4 +1,5 @@
-//! One file per published system: each reads like the paper's method section and is saved as TOML.
+//! Recipes: the published methods from cloud to labels. Each file reads like the method section of its paper; the
+//! parameters are saved as TOML.
 
 mod any;
 mod builtin;

@@ -1,13 +1,14 @@
-//! The points of a cloud as recipes see them.
+//! The points of a cloud, as recipes use them.
 
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 
-/// Local coordinates of a cloud's points that are finite and not stray, metres; `metres` in one unit if somebody said so, else what the cloud says.
+/// Local coordinates in metres of a cloud's points that are finite and not stray; `metres` per unit if given, else what
+/// the cloud says.
 ///
 /// # Errors
-/// If no point has finite coordinates, they are degrees, or the work was cancelled.
+/// If no point has finite coordinates, the coordinates are degrees, or the work was cancelled.
 pub(super) fn points_of(cloud: &Cloud, metres: Option<f64>, monitor: &Monitor) -> Result<Points> {
     let points = Points::from_cloud_watched(cloud, cloud.metres(metres)?, monitor)?;
     match points.is_empty() {
@@ -16,7 +17,7 @@ pub(super) fn points_of(cloud: &Cloud, metres: Option<f64>, monitor: &Monitor) -
     }
 }
 
-/// Keeps what is odd about clouds that are learned from, for the user.
+/// Records warnings about the clouds used for training.
 ///
 /// # Errors
 /// If the work was cancelled.

@@ -1,4 +1,4 @@
-//! A recipe: everything that decides a result, saved as TOML.
+//! The pyramid recipe: all parameters that determine a result, saved as TOML.
 
 use super::TrainingParams;
 use super::regularise::RegulariseParams;
@@ -11,24 +11,24 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PyramidKind {
-    /// Document 004, chapter 4.4.
+    /// Hackel 2018, chapter 4.4.
     #[default]
     Pyramid,
 }
 
-/// The settings of the pyramid recipe (document 004, chapter 4.4); every default is the paper's.
+/// The parameters of the pyramid recipe (Hackel 2018, chapter 4.4); the defaults are the paper's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Recipe {
     /// Always `pyramid`.
     pub recipe: PyramidKind,
-    /// Seed of everything that is drawn by chance.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// What is learned: `rf` (the paper's), `gbt` or `bagging`; each has its own section of settings.
+    /// The classifier: `rf` (the paper's), `gbt` or `bagging`; each has its own section of parameters.
     pub classifier: ClassifierKind,
-    /// Which features, on which scales.
+    /// Features and their scales.
     pub features: FeatureSet,
-    /// Which points are learned from.
+    /// Selection of the training points.
     pub training: TrainingParams,
     /// The forest (`rf`).
     pub forest: ForestParams,
@@ -36,22 +36,31 @@ pub struct Recipe {
     pub boosting: BoostingParams,
     /// Bagging.
     pub bagging: BaggingParams,
-    /// How labels are made to agree; document 004 names every point for itself.
+    /// Regularisation of the labels; Hackel 2018 has none.
     pub regularise: RegulariseParams,
 }
 
 impl Recipe {
-    /// Reads TOML; a wrong key is named with its line and the nearest valid key.
+    /// Reads TOML; the message about a wrong key gives its line and the nearest valid key.
+    ///
+    /// # Errors
+    /// If the text is not TOML, or a key or value is unknown.
     pub fn from_toml(text: &str) -> Result<Self> {
         explained(text)
     }
 
-    /// The recipe as TOML, all values resolved.
+    /// The recipe as TOML, with all values written out.
+    ///
+    /// # Errors
+    /// Never for values that pass [`Recipe::validate`].
     pub fn to_toml(&self) -> Result<String> {
         toml::to_string(self).map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
     }
 
-    /// Checks every part.
+    /// Checks all parts.
+    ///
+    /// # Errors
+    /// Names the field, its value and what is allowed.
     pub fn validate(&self) -> Result<()> {
         self.features.validate()?;
         self.training.validate()?;
@@ -61,12 +70,12 @@ impl Recipe {
         self.regularise.validate()
     }
 
-    /// Settings of the classifier chosen.
+    /// Parameters of the selected classifier.
     pub fn classifier(&self) -> ClassifierParams {
         self.classifier.choose(&self.forest, &self.boosting, &self.bagging)
     }
 
-    /// Limits the depth of the chosen classifier's trees.
+    /// Limits the depth of the selected classifier's trees.
     pub fn set_max_depth(&mut self, depth: Option<usize>) {
         match self.classifier {
             ClassifierKind::Forest => self.forest.max_depth = depth,
@@ -76,6 +85,9 @@ impl Recipe {
     }
 
     /// Applies `section.key=value` settings, each value read as TOML (a bare word counts as text).
+    ///
+    /// # Errors
+    /// As [`Recipe::from_toml`].
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
         let mut table: toml::Table = self.to_toml()?.parse().map_err(|e| Error::input(format!("recipe: {e}")))?;
         for setting in settings {
@@ -85,10 +97,13 @@ impl Recipe {
     }
 }
 
-/// Parts of the longest key; those of recipes have four.
+/// Largest number of parts of a key; those of recipes have up to four.
 const DEEPEST: usize = 16;
 
 /// Sets one `a.b.c=value` in a TOML table.
+///
+/// # Errors
+/// If the setting has no `=`, an empty key, or a key of too many parts.
 pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
     let bad = || Error::parameter("set", setting, "key=value, e.g. forest.trees=100");
     let (key, value) = setting.split_once('=').ok_or_else(bad)?;
@@ -103,7 +118,7 @@ pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
     for part in parts {
         let next = here.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
         if !next.is_table() {
-            // A choice that was a word becomes one with a value, e.g. forest.max_features.count=5.
+            // A choice given as a word becomes one with a value, e.g. forest.max_features.count=5.
             *next = toml::Value::Table(toml::Table::new());
         }
         here = next.as_table_mut().ok_or_else(bad)?;
@@ -120,7 +135,7 @@ fn parse_value(text: &str) -> toml::Value {
         .unwrap_or_else(|| toml::Value::String(text.to_string()))
 }
 
-/// Reads TOML; errors say what is wrong where, and what was meant.
+/// Reads TOML; error messages give the place and suggest the intended key.
 pub(super) fn explained<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
     toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
 }
@@ -137,7 +152,7 @@ fn explain(message: &str) -> String {
     }
 }
 
-/// Levenshtein's distance in characters.
+/// Levenshtein distance in characters.
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

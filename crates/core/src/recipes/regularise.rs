@@ -1,7 +1,9 @@
-//! From probabilities of single points to a labelling in which neighbours agree: works with any trained model.
+//! Regularisation: from class probabilities of single points to labels that are consistent among neighbours. Works with
+//! any trained model.
 //!
-//! S. Guinard, L. Landrieu, *Weakly supervised segmentation-aided classification of urban scenes from 3d LiDAR point
-//! clouds*, ISPRS Archives XLII-1/W1, 2017, sections 3 and 4 (document 000). `docs/weak.md` has the equations.
+//! S. Guinard, L. Landrieu, *Weakly supervised segmentation-aided classification of urban scenes from 3D LiDAR point
+//! clouds*, ISPRS Archives XLII-1/W1, 2017, doi:10.5194/isprs-archives-XLII-1-W1-151-2017, sections 3 and 4.
+//! `docs/weak.md` has the equations.
 
 use super::segments::Segments;
 use crate::cloud::Points;
@@ -14,53 +16,54 @@ use crate::regularisation::{ExpansionParams, Labelling, alpha_expansion, local_s
 use crate::segmentation::{Intent, Partition, PartitionParams, Scene as Parts, Search, Signal, partition_by_intent};
 use serde::{Deserialize, Serialize};
 
-/// How neighbours are made to agree.
+/// The method of regularisation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Regularise {
-    /// Every point for itself.
+    /// None: each point has its most probable class.
     #[default]
     None,
-    /// The mean of the neighbours' probabilities.
+    /// Local smoothing: the mean of the neighbours' probabilities.
     Local,
-    /// A conditional random field on the points: each edge between different labels costs the strength.
+    /// A conditional random field on the points: each edge between different labels costs `strength`.
     PointCrf,
-    /// Each segment takes the label of its mean probability.
+    /// Each segment takes the most probable class of its mean probabilities.
     Consensus,
     /// A conditional random field on the segments: the paper's method.
     SegmentCrf,
 }
 
-/// How the probabilities of a segment's points become one cost.
+/// How the probabilities of a segment's points are combined into one cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Posterior {
-    /// The logarithm of the mean, as the paper has it: one sure point cannot outvote the others.
+    /// The logarithm of the mean, as in the paper: a single confident point cannot outvote the others.
     #[default]
     LogOfMean,
-    /// The mean of the logarithms: exactly the point field's energy of labellings that are constant on segments.
+    /// The mean of the logarithms: the energy of the point field, restricted to labellings that are constant on
+    /// segments.
     MeanOfLogs,
 }
 
-/// Settings of [`regularise`].
+/// Parameters of [`regularise`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RegulariseParams {
-    /// How neighbours are made to agree.
+    /// The method of regularisation.
     pub method: Regularise,
     /// α: p = (1 − α) p + α / classes keeps every class possible. 0 < α ≤ 1.
     pub smoothing: f64,
     /// σ: cost of an edge of weight 1 between different labels, ≥ 0; infinite gives one label to all that is connected.
     pub strength: f64,
-    /// How segments vote.
+    /// How the probabilities of a segment's points are combined.
     pub posterior: Posterior,
-    /// Nearest neighbours that each point is joined with, at least 1.
+    /// Number of nearest neighbours that each point is connected to, at least 1.
     pub neighbours: usize,
     /// Weights of these edges.
     pub adjacency: KnnGraphParams,
-    /// Neighbourhoods of the descriptors that segments are found by, where the model has no such descriptors.
+    /// Neighbourhoods for the descriptors on which the segments are based, if the model has none.
     pub neighbourhood: OptimalParams,
-    /// The segments. The strength is 0.03 here, which suits streets and airborne scans; document 000's recipe has 0.1.
+    /// The segments. The strength is 0.03, which suits streets and airborne scans; Guinard & Landrieu 2017 use 0.1.
     pub partition: PartitionParams,
 }
 
@@ -109,26 +112,27 @@ pub struct Probabilities<'a> {
     pub classes: usize,
 }
 
-/// What [`regularise`] decided.
+/// Result of [`regularise`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Regularised {
     /// Position of the class of each point.
     pub labels: Vec<u16>,
-    /// Row-major `points x classes`: what the decision was made on (of the point, its surroundings, or its segment).
+    /// Row-major `points x classes`: the probabilities that the decision is based on (of the point, its neighbourhood,
+    /// or its segment).
     pub probabilities: Vec<f32>,
-    /// The segments, if there are any.
+    /// The segments, if the method uses any.
     pub partition: Option<Partition>,
-    /// Energy of the labels, if one was minimised.
+    /// Energy of the labels, if the method minimises one.
     pub energy: Option<f64>,
 }
 
-/// Labels that neighbours agree on.
+/// Regularised labels from class probabilities of points.
 ///
 /// `descriptors` are linearity, planarity, scattering and verticality of each point ([`optimal_features`]); they are
-/// computed if absent and needed. Same bytes for any number of threads.
+/// computed if they are needed but not given. The result is the same bytes for any number of threads.
 ///
 /// # Errors
-/// A parameter out of range, probabilities that are not one row a point, cancellation.
+/// If a parameter is out of range, there is not one row of probabilities a point, or the work was cancelled.
 pub fn regularise(
     points: &Points,
     given: Probabilities<'_>,
@@ -140,7 +144,7 @@ pub fn regularise(
     scene.decide(given, params, monitor)
 }
 
-/// Adjacency and segments: what does not depend on the probabilities.
+/// Graph of the points and segments: everything that does not depend on the probabilities.
 #[derive(Debug)]
 pub(super) struct Scene {
     points: usize,
@@ -157,13 +161,13 @@ impl Scene {
     ) -> Result<Self> {
         let mut scene = Self::to_be_recut(points, descriptors, params, monitor)?;
         if scene.segments.is_some() {
-            // Segments have a graph of their own; that of the points is large and no longer needed.
+            // Segments have a graph of their own; the large graph of the points is no longer needed.
             scene.graph = Graph::default();
         }
         Ok(scene)
     }
 
-    /// The same with the graph of the points, for [`Scene::recut`].
+    /// The same, keeping the graph of the points for [`Scene::recut`].
     pub(super) fn to_be_recut(
         points: &Points,
         descriptors: Option<&FeatureTable>,
@@ -190,7 +194,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Forgets what is not needed to cut segments that hold one of these points: edges inside the others.
+    /// Frees what is only needed to cut segments without any of these points: the edges inside them.
     pub(super) fn only_recut_at(&mut self, points: impl Iterator<Item = u32>) {
         let Some(segments) = &self.segments else { return };
         let of = segments.of_points();
@@ -202,7 +206,7 @@ impl Scene {
         });
     }
 
-    /// Cuts some segments anew, with a `finer` part (0..1) of the strength that they all were cut with.
+    /// Segments some segments again, more finely, with the `finer` share (0..1) of their strength.
     pub(super) fn recut(
         &mut self,
         descriptors: &FeatureTable,
@@ -217,7 +221,7 @@ impl Scene {
         segments.recut(&scene, (chosen, finer), &params.partition, monitor)
     }
 
-    /// Best accuracy that naming whole segments could reach, if there are segments and labels.
+    /// Oracle accuracy, if there are segments and labels.
     pub(super) fn oracle_accuracy(&self, labels: &[Option<u8>]) -> Result<Option<f64>> {
         self.segments.as_ref().map_or(Ok(None), |segments| segments.oracle_accuracy(labels))
     }
@@ -263,7 +267,7 @@ impl Scene {
     }
 }
 
-/// The labelling of least energy that alpha-expansion finds.
+/// The labelling of lowest energy found by α-expansion.
 pub(super) fn field(
     (costs, classes): (&[f32], usize),
     graph: &Graph,
@@ -306,7 +310,7 @@ fn smoothed(given: Probabilities<'_>, alpha: f64) -> Vec<f32> {
     given.values.iter().map(|&p| ((1.0 - alpha) * f64::from(p) + floor) as f32).collect()
 }
 
-/// Every row for itself; ties go to the first class.
+/// The most probable class of every row; ties go to the first class.
 pub(super) fn by_largest(probabilities: Vec<f32>, classes: usize) -> Regularised {
     let labels = probabilities.chunks_exact(classes).map(largest).collect();
     Regularised { labels, probabilities, ..Regularised::default() }
@@ -323,7 +327,7 @@ mod tests {
     use crate::cloud::Cloud;
     use crate::random::stream;
 
-    /// Two planes that meet, and probabilities with noise: class 0 on the floor, 1 on the wall, 2 nowhere.
+    /// Two planes that meet, and noisy probabilities: class 0 on the floor, 1 on the wall, 2 nowhere.
     fn scene() -> (Points, Vec<f32>, Vec<u16>) {
         let mut random = stream(3, 1);
         let (mut rows, mut values, mut truth) = (Vec::new(), Vec::new(), Vec::new());
@@ -404,7 +408,7 @@ mod tests {
         let unary: f64 =
             found.labels.iter().zip(smooth.chunks_exact(3)).map(|(l, p)| -f64::from(p[usize::from(*l)]).ln()).sum();
         let cut = graph.edges().iter().filter(|[a, b]| found.labels[*a as usize] != found.labels[*b as usize]).count();
-        // The segments' costs are counted from their cheapest label.
+        // The segments' costs are relative to that of their cheapest label.
         let partition = found.partition.unwrap();
         let shift: f64 = (0..partition.len())
             .map(|s| {

@@ -1,4 +1,5 @@
-//! Segments that vote and agree (document 000, section 4).
+//! Classification of segments by their mean probabilities and a conditional random field (Guinard & Landrieu 2017,
+//! section 4).
 
 use super::regularise::{Posterior, Regularise, RegulariseParams, Regularised, by_largest, field};
 use crate::error::Result;
@@ -8,13 +9,13 @@ use crate::segmentation::{
     Intent, Interface, Partition, PartitionParams, Scene as Parts, Search, oracle_accuracy, recut, segment_graph,
 };
 
-/// A partition and who touches whom in it.
+/// A partition and its segment graph.
 #[derive(Debug)]
 pub(super) struct Segments {
     partition: Partition,
-    /// w_st: weight of the point edges between two segments.
+    /// w_st: total weight of the point edges between two segments.
     graph: Graph,
-    /// ρ that they were first cut with.
+    /// ρ of the first segmentation.
     strength: f64,
 }
 
@@ -34,7 +35,7 @@ impl Segments {
         self.partition.segments()
     }
 
-    /// Cuts some of them anew, with a `finer` part of the strength.
+    /// Segments some of them again, more finely, with the `finer` share of the strength.
     pub(super) fn recut(
         &mut self,
         scene: &Parts<'_>,
@@ -48,12 +49,12 @@ impl Segments {
         Ok(())
     }
 
-    /// Best accuracy of labels by segment, if there are any.
+    /// Oracle accuracy of the segments, if there are labels.
     pub(super) fn oracle_accuracy(&self, labels: &[Option<u8>]) -> Result<Option<f64>> {
         oracle_accuracy(&self.partition, labels)
     }
 
-    /// One label a segment, handed to its points.
+    /// One label for each segment, transferred to its points.
     pub(super) fn decide(
         &self,
         (smooth, classes): (&[f32], usize),
@@ -105,7 +106,7 @@ impl Segments {
         means
     }
 
-    /// |s| times the costs of a point, less those of the cheapest label: only differences decide, and they keep their digits.
+    /// |s| times the costs of a point, minus that of the cheapest label: only differences matter, and this keeps their precision.
     fn costs(&self, means: impl Iterator<Item = f64>, classes: usize) -> Vec<f32> {
         let means: Vec<f64> = means.collect();
         let rows = means.chunks_exact(classes).enumerate();

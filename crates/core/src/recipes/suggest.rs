@@ -1,4 +1,5 @@
-//! Which segments to label next: those that are uncertain, large, and unlike the ones that are labelled already.
+//! Active learning: suggests the segments to label next, those that are uncertain, large, and different from the
+//! labelled ones.
 
 use super::Labels;
 use super::segment::Segmented;
@@ -6,15 +7,15 @@ use crate::error::{Error, Result};
 use crate::segmentation::{majorities, segment_means, segment_shapes};
 use serde::{Deserialize, Serialize};
 
-/// Settings of [`suggest`].
+/// Parameters of [`suggest`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SuggestParams {
-    /// Segments to name, at least 1.
+    /// Number of segments to suggest, at least 1.
     pub count: usize,
-    /// Power of the number of points in the score, 0..=1: 1 lets the largest segments win, 0 ignores sizes.
+    /// Exponent of the number of points in the score, 0..=1: 1 favours the largest segments, 0 ignores sizes.
     pub size_power: f64,
-    /// Segments of fewer points are never named.
+    /// Segments of fewer points are never suggested.
     pub fewest_points: usize,
 }
 
@@ -40,31 +41,32 @@ impl SuggestParams {
     }
 }
 
-/// A segment that is worth a label.
+/// A suggested segment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Suggestion {
-    /// Its number (`ClusterID`).
+    /// Number of the segment (`ClusterID`).
     pub cluster_id: u32,
-    /// One of its points, the nearest to its mean: place in the cloud.
+    /// Index in the cloud of the point nearest to the segment's mean.
     pub point: u32,
-    /// Points in it.
+    /// Number of points.
     pub points: usize,
-    /// Entropy of its mean probabilities over its greatest value, 0..1; 1 without a model.
+    /// Entropy of its mean probabilities divided by the largest possible one, 0..1; 1 without a model.
     pub uncertainty: f64,
-    /// Distance in descriptors to the nearest segment that is labelled or was named before, in standard deviations.
+    /// Distance, in standard deviations of the descriptors, to the nearest segment that is labelled or was suggested
+    /// before.
     pub diversity: f64,
-    /// uncertainty · points^power · diversity when it was chosen.
+    /// uncertainty · points^power · diversity at the time of the choice.
     pub score: f64,
 }
 
-/// The segments whose labels would help most, best first.
+/// The segments whose labels are expected to help most, best first.
 ///
-/// Greedy: the segment of the largest uncertainty x size^power x diversity is named, then diversities fall by the distance
-/// to it. `uncertainty` has one value in 0..=1 for each point of the cloud (the entropy of its class over ln(classes)), if a
-/// model is there. O(count · segments).
+/// Greedy: chooses the segment of the largest uncertainty x size^power x diversity, then updates all diversities by the
+/// distance to it. `uncertainty`, if a model is given, has one value in 0..=1 for each point of the cloud (the entropy
+/// of its class probabilities over ln(classes)). O(count · segments).
 ///
 /// # Errors
-/// A parameter out of range; lengths that differ.
+/// If a parameter is out of range or lengths differ.
 pub fn suggest(
     segmented: &Segmented,
     uncertainty: Option<&[f32]>,
@@ -84,7 +86,7 @@ pub fn suggest(
         (0..partition.len()).map(|s| !labelled[s] && partition.members(s).len() >= params.fewest_points).collect();
     let mut chosen = Vec::new();
     while chosen.len() < params.count {
-        // Before anything is labelled all are equally new.
+        // As long as nothing is labelled, all segments are equally new.
         let new = |s: usize| if diversity[s].is_finite() { diversity[s] } else { 1.0 };
         let score = |s: usize| unsure[s] * (partition.members(s).len() as f64).powf(params.size_power) * new(s);
         let Some(best) =
@@ -106,7 +108,8 @@ pub fn suggest(
     Ok(chosen)
 }
 
-/// Segments as places: mean descriptors, sides of the oriented box, height; each in standard deviations over the points.
+/// Feature vectors of segments: mean descriptors, sides of the oriented box, height; each in standard deviations over
+/// the points.
 fn embed(segmented: &Segmented) -> Result<Vec<[f64; 8]>> {
     let partition = &segmented.partition;
     let means = segment_means(partition, &segmented.descriptors.values, segmented.descriptors.width())?;
@@ -139,7 +142,7 @@ fn unsure(segmented: &Segmented, uncertainty: Option<&[f32]>) -> Result<Vec<f64>
     Ok((0..segmented.partition.len()).map(|s| mean(segmented.partition.members(s)).clamp(0.0, 1.0)).collect())
 }
 
-/// Which segments hold a label.
+/// Whether each segment contains a label.
 fn labelled(segmented: &Segmented, labels: Option<&Labels>) -> Result<Vec<bool>> {
     let Some(labels) = labels else { return Ok(vec![false; segmented.partition.len()]) };
     let of = |&i: &u32| labels.codes.get(i as usize).copied().flatten();
@@ -147,7 +150,7 @@ fn labelled(segmented: &Segmented, labels: Option<&Labels>) -> Result<Vec<bool>>
     Ok(majorities(&segmented.partition, &known)?.iter().map(|m| m.labelled > 0).collect())
 }
 
-/// Diversities fall to the distance from segment `to`.
+/// Reduces diversities to the distance from segment `to`.
 fn approach(diversity: &mut [f64], places: &[[f64; 8]], to: usize) {
     for (diversity, place) in diversity.iter_mut().zip(places) {
         let squared: f64 = place.iter().zip(&places[to]).map(|(a, b)| (a - b).powi(2)).sum();
@@ -155,7 +158,7 @@ fn approach(diversity: &mut [f64], places: &[[f64; 8]], to: usize) {
     }
 }
 
-/// The point of a segment that is nearest to its mean: place in the cloud.
+/// Index in the cloud of the point of a segment that is nearest to its mean.
 fn middle(segmented: &Segmented, s: usize) -> u32 {
     let (points, members) = (&segmented.points, segmented.partition.members(s));
     let at = |i: usize| [f64::from(points.x[i]), f64::from(points.y[i]), f64::from(points.z[i])];
@@ -173,7 +176,7 @@ mod tests {
     use crate::parallel::Monitor;
     use crate::recipes::segment::{SegmentParams, segment};
 
-    /// A floor, two walls that stand apart, and a far-off line.
+    /// A floor, two separate walls, and a distant line.
     fn scene() -> Cloud {
         let mut rows = Vec::new();
         for i in 0..60 {
@@ -197,7 +200,7 @@ mod tests {
         let params = SuggestParams { count: 100, ..SuggestParams::default() };
         let all = suggest(&segmented, None, None, &params).unwrap();
         assert!(all.len() >= 4 && all.iter().all(|s| s.points >= 10));
-        // Label one wall: the other is the least new of the large ones.
+        // With one wall labelled, the other is the least new of the large segments.
         let wall = |s: &Suggestion| cloud.xyz(s.point as usize)[1];
         let codes = (0..cloud.len()).map(|i| (cloud.xyz(i)[1] == 30.0).then_some(6)).collect();
         let labels = Labels { codes, ..Labels::default() };

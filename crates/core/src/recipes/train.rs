@@ -1,8 +1,7 @@
-//! Learning the pyramid recipe: multi-scale features of labelled points and a random forest
-//! (or another classifier).
+//! Training of the pyramid recipe: multi-scale features of labelled points and a random forest (or another classifier).
 //!
-//! Reference: T. Hackel, *Large-scale machine learning for point cloud processing*, thesis, ETH Zurich 2018, chapter
-//! 4.4. The steps of the chapter are the functions of this file, in order.
+//! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, doctoral thesis, ETH Zurich 2018,
+//! doi:10.3929/ethz-b-000264691, chapter 4.4. The functions of this file follow the steps of the chapter.
 
 use super::labels::{Labels, check_classes, class_table, counts_of};
 use super::points::note_oddities;
@@ -18,7 +17,7 @@ use crate::features;
 use crate::parallel::Monitor;
 use serde::Serialize;
 
-/// Edge of the squares that cross-validation holds out, metres.
+/// Edge of the squares that cross-validation holds out together, metres.
 const BLOCK: f64 = 50.0;
 
 /// Samples of one cloud or thinned copy.
@@ -29,12 +28,13 @@ struct Source {
     candidates: Vec<Candidate>,
 }
 
-/// Learns a model from labelled clouds.
+/// Trains a model on labelled clouds.
 ///
-/// The first scale, if the recipe leaves it open, comes from the spacing of the first cloud and is fixed in the model.
+/// If the recipe does not set the first scale, it is derived from the point spacing of the first cloud and stored in
+/// the model.
 ///
 /// # Errors
-/// A parameter out of range; fewer than two classes to learn; a column that the features need is absent.
+/// If a parameter is out of range, fewer than two classes can be learned, or a column needed by the features is absent.
 pub fn train(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<(Model, TrainingReport)> {
     let Prepared { described, recipe, classes, warnings } = prepare(clouds, recipe, monitor)?;
     let params = recipe.classifier().with_seed(recipe.seed);
@@ -58,7 +58,7 @@ pub fn train(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> 
 /// Scores of one maximum depth, each the mean over the folds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DepthScore {
-    /// The depth; `None` is unlimited.
+    /// The largest depth; `None` is unlimited.
     pub max_depth: Option<usize>,
     /// Mean accuracy, 0..1.
     pub accuracy: f64,
@@ -66,11 +66,11 @@ pub struct DepthScore {
     pub mean_f1: f64,
 }
 
-/// k-fold cross-validation of the recipe for each depth (of the recipe's own depth if there are none), on spatially
-/// disjoint folds: whole squares of 50 m are held out.
+/// k-fold cross-validation of the recipe for each depth (of the recipe's own depth if none is given), on spatially
+/// disjoint folds of whole squares of 50 m.
 ///
 /// # Errors
-/// As [`train`]; fewer squares than folds.
+/// As [`train`], and if there are fewer squares than folds.
 pub fn cross_validate(
     clouds: &[(Cloud, Labels)],
     recipe: &Recipe,
@@ -93,7 +93,7 @@ fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
     params
 }
 
-/// What is learned from, with the first scale fixed in the recipe.
+/// The training samples, and the recipe with the first scale set.
 struct Prepared {
     described: Described,
     recipe: Recipe,
@@ -122,7 +122,7 @@ fn prepare(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Re
     Ok(Prepared { described, recipe, classes: counts, warnings })
 }
 
-/// The error of too few classes, with what became of the others.
+/// The error about too few classes, with the reasons why others were dropped.
 fn with_reasons(error: Error, reasons: &[String]) -> Error {
     match reasons.is_empty() {
         true => error,
@@ -130,7 +130,7 @@ fn with_reasons(error: Error, reasons: &[String]) -> Error {
     }
 }
 
-/// Step 1: what could be learned from, for every cloud and its thinned copies.
+/// Step 1: the candidate samples of every cloud and its thinned copies.
 fn gather(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<Vec<Source>> {
     let mut sources = Vec::new();
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
@@ -147,14 +147,14 @@ fn gather(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Res
     Ok(sources)
 }
 
-/// Samples by code.
+/// Number of samples by code.
 fn tally(sources: &[Source]) -> [u64; 256] {
     let mut samples = [0; 256];
     sources.iter().flat_map(|s| &s.candidates).for_each(|c| samples[usize::from(c.code)] += 1);
     samples
 }
 
-/// Step 2: the class balance of chapter 4.6.1 over all sources together; returns the weight of each code's samples.
+/// Step 2: the class balance of chapter 4.6.1 over all sources together; returns the sample weight of each code.
 fn choose(sources: &mut [Source], recipe: &Recipe) -> Result<Vec<f32>> {
     let present = tally(sources);
     let codes: Vec<u8> = (0..=255u8).filter(|&code| present[usize::from(code)] > 0).collect();
@@ -174,12 +174,12 @@ fn choose(sources: &mut [Source], recipe: &Recipe) -> Result<Vec<f32>> {
     Ok(weights)
 }
 
-/// Feature vectors of the chosen points, the position of their class, and the block that they stand in.
+/// Feature vectors of the chosen points, the position of their class, and their 50 m square.
 #[derive(Default)]
 pub(super) struct Described {
     pub(super) values: Vec<f32>,
     pub(super) labels: Vec<u16>,
-    /// Weight of each; empty: all the same.
+    /// Weight of each sample; empty if all are equal.
     pub(super) weights: Vec<f32>,
     pub(super) blocks: Vec<u32>,
     pub(super) names: Vec<String>,
@@ -194,7 +194,7 @@ impl Described {
     }
 }
 
-/// Step 3: feature vectors of the chosen points; fixes the first scale in the recipe.
+/// Step 3: computes the feature vectors of the chosen points; sets the first scale in the recipe.
 fn describe(
     clouds: &[(Cloud, Labels)],
     sources: &[Source],
@@ -224,14 +224,14 @@ fn describe(
     Ok(described)
 }
 
-/// A number for the 50 m square of the cloud that holds a point (collisions only join squares).
+/// A number for the 50 m square that contains a point (hash collisions only merge squares).
 fn block_of(cloud: usize, xyz: [f64; 3], metres: f64) -> u32 {
     let [x, y] = [xyz[0], xyz[1]].map(|v| (v * metres / BLOCK).floor() as i64 as u32);
     let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ (cloud as u32).wrapping_mul(0xc2b2_ae3d);
     mixed.wrapping_mul(0x27d4_eb2f) >> 8
 }
 
-/// Points, samples and weights of every labelled class.
+/// Number of points and samples, and weight, of every labelled class.
 fn count(clouds: &[(Cloud, Labels)], samples: &[u64; 256], weights: &[f32]) -> Vec<ClassCount> {
     let points = counts_of(clouds);
     let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
@@ -244,7 +244,7 @@ fn count(clouds: &[(Cloud, Labels)], samples: &[u64; 256], weights: &[f32]) -> V
     table.classes().iter().map(count).collect()
 }
 
-/// What became of classes with few samples; `offered`: samples before the balance.
+/// Warnings about classes with few samples; `offered` are the samples before balancing.
 fn warnings(counts: &[ClassCount], offered: &[u64; 256], params: &TrainingParams) -> Vec<String> {
     let largest = counts.iter().map(|c| c.samples).max().unwrap_or(0);
     let warning = |c: &ClassCount| {
@@ -270,7 +270,7 @@ fn warnings(counts: &[ClassCount], offered: &[u64; 256], params: &TrainingParams
     counts.iter().filter_map(warning).collect()
 }
 
-/// Mean of the clouds' densities, points per square metre.
+/// Mean density of the clouds, points per square metre.
 fn mean_density(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<f64> {
     let mut sum = 0.0;
     for (cloud, _) in clouds {

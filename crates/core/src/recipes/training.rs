@@ -1,8 +1,9 @@
-//! Which labelled points are learned from: voxel sub-sampling, thinned copies, class balance.
+//! Selection of the training points: voxel sub-sampling, thinned copies, class balance.
 //!
-//! Hackel 2018, chapters 4.4.3 and 4.6.1: training data are voxel-filtered so that their density does not depend on
-//! the scanner's position; then the largest class gets at most 4 times the samples of the smallest. Where the smallest is a
-//! handful of points, that rule would leave nothing of the others: see [`balance`](crate::classification::sampling::balance).
+//! Hackel 2018, chapters 4.4.3 and 4.6.1: training data are filtered by voxels so that their density does not depend on
+//! the distance from the scanner; then the largest class keeps at most 4 times the samples of the smallest. If the
+//! smallest class has only a handful of points, that rule would leave almost nothing of the others: see
+//! [`balance`](crate::classification::sampling::balance).
 
 use super::labels::Labels;
 use crate::classification::sampling::{BalanceParams, Rare};
@@ -12,25 +13,28 @@ use crate::parallel::{Monitor, sort_watched, sort_watched_by, watched};
 use crate::random::{Stream, stream};
 use serde::{Deserialize, Serialize};
 
-/// Which points are learned from.
+/// Parameters of the selection.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainingParams {
-    /// One sample a voxel of this size, metres, with the voxel's majority label; 0 takes every point.
+    /// Edge of the voxels that give one sample each, with the most frequent label in the voxel, metres; 0 uses every
+    /// point.
     pub voxel: f64,
-    /// The largest class keeps at most this many times the samples of the smallest that is learned; at least 1.
+    /// The largest class keeps at most this multiple of the samples of the smallest class that is learned; at least 1.
     pub max_ratio: f64,
-    /// `max_ratio` cuts no class below this many samples; the samples of smaller classes then weigh more.
+    /// `max_ratio` reduces no class below this many samples; the samples of smaller classes get a higher weight
+    /// instead.
     pub keep_samples: usize,
-    /// A class of fewer samples than this, and than a hundredth of the largest class, is too rare to be learned; 0: none is.
+    /// A class with fewer samples than this and than a hundredth of the largest class is too rare to be learned; 0:
+    /// none is.
     pub rare_below: usize,
-    /// What becomes of a class that is too rare: `leave-out` or `keep`.
+    /// Treatment of classes that are too rare: `leave-out` or `keep`.
     pub rare: Rare,
-    /// Samples in all; every class is thinned by the same factor above it.
+    /// Largest total number of samples; above it all classes are reduced by the same factor.
     pub max_samples: usize,
-    /// Besides the cloud as it is, learn from copies thinned to these densities in points per square metre.
+    /// Densities, points per square metre, of thinned copies of the cloud that are used for training as well.
     pub densities: Vec<f64>,
-    /// Boxes `[x min, y min, x max, y max]` in the file's coordinates that are not learned from.
+    /// Boxes `[x min, y min, x max, y max]` in the file's coordinates that are excluded from training.
     pub exclude: Vec<[f64; 4]>,
 }
 
@@ -52,6 +56,9 @@ impl Default for TrainingParams {
 
 impl TrainingParams {
     /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
         if !self.voxel.is_finite() || self.voxel < 0.0 {
             return Err(Error::parameter("training.voxel", self.voxel, "a size in metres, 0 or more"));
@@ -68,7 +75,7 @@ impl TrainingParams {
         }
     }
 
-    /// The settings of the class balance.
+    /// The parameters of the class balance.
     pub(super) fn balance(&self, seed: u64) -> BalanceParams {
         BalanceParams {
             max_ratio: self.max_ratio,
@@ -85,18 +92,18 @@ impl TrainingParams {
     }
 }
 
-/// How many points of a class were there and were used.
+/// Number of points of a class, and of samples used.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ClassCount {
     /// Class code.
     pub code: u8,
     /// Its name in the model.
     pub name: String,
-    /// Labelled points in all clouds.
+    /// Number of labelled points in all clouds.
     pub points: u64,
-    /// Samples that were learned from; 0: it is no class of the model, or was not learned.
+    /// Number of samples used; 0: the class is not in the model, or was not learned.
     pub samples: u64,
-    /// Weight of each of them: above 1 where the class has fewer than `training.max_ratio` asks for.
+    /// Weight of each sample: above 1 if the class has fewer than `training.max_ratio` asks for.
     pub weight: f64,
 }
 
@@ -108,35 +115,35 @@ impl ClassCount {
     }
 }
 
-/// What training did.
+/// Report of the training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainingReport {
-    /// Per class that is labelled, ascending by code; those that were left out have no samples.
+    /// Each labelled class, ascending by code; those that were left out have no samples.
     pub classes: Vec<ClassCount>,
-    /// Points that were skipped because they are unlabelled.
+    /// Number of points skipped because they are unlabelled.
     pub unlabelled: u64,
     /// Out-of-bag accuracy, 0..1, if bagging left samples out.
     pub out_of_bag_accuracy: Option<f64>,
-    /// Size of the finest voxel, metres.
+    /// Edge of the finest voxel, metres.
     pub first_scale: f64,
-    /// Features that some tree uses, of all that were offered.
+    /// Number of features that occur in some tree.
     pub used_features: usize,
-    /// Features that were offered.
+    /// Number of features available.
     pub features: usize,
-    /// What the user should know: classes that were left out or are rare.
+    /// Warnings for the user: classes that were left out or are rare.
     pub warnings: Vec<String>,
 }
 
-/// A point that may be learned from.
+/// A candidate for a training sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Candidate {
-    /// Position in the cloud (or its thinned copy).
+    /// Index in the cloud (or its thinned copy).
     pub(super) point: u32,
     /// Class code.
     pub(super) code: u8,
 }
 
-/// One candidate for each voxel: its first point that carries the voxel's majority label (ties: smallest code).
+/// One candidate for each voxel: its first point with the most frequent label of the voxel (ties: smallest code).
 ///
 /// O(n log n) time, 28 bytes a labelled point.
 ///
@@ -167,12 +174,12 @@ pub(super) fn candidates(
     Ok(keyed.chunk_by(|a, b| a.0 == b.0).filter_map(majority).collect())
 }
 
-/// Cell of a coordinate; with voxel 0 every point has a cell of its own.
+/// Cell index of a coordinate; with voxel 0 every point has its own cell.
 fn cell(value: f32, voxel: f64, point: u32) -> i32 {
     if voxel > 0.0 { (f64::from(value) / voxel).floor() as i32 } else { point as i32 }
 }
 
-/// The voxel's members are sorted by code, then by point.
+/// The candidate of a voxel, whose members are sorted by code, then by point.
 fn majority(voxel: &[([i32; 3], Candidate)]) -> Option<Candidate> {
     let runs = voxel.chunk_by(|a, b| a.1.code == b.1.code);
     runs.fold(None, |best: Option<&[([i32; 3], Candidate)]>, run| match best {
@@ -182,9 +189,9 @@ fn majority(voxel: &[([i32; 3], Candidate)]) -> Option<Candidate> {
     .map(|run| run[0].1)
 }
 
-/// The cloud as it is, then its thinned copies: for each the positions of its points. `None` stands for all points.
+/// The cloud itself (`None`), then its thinned copies, each as indices of its points.
 ///
-/// A density is only thinned to if the cloud is at least a quarter denser.
+/// A density is only used if the cloud is at least a quarter denser.
 ///
 /// # Errors
 /// If the work was cancelled.

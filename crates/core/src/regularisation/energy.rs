@@ -1,17 +1,17 @@
-//! What is minimised: costs of labels at nodes, and of different labels at the ends of edges.
+//! The energy of a labelling: unary costs at nodes, pairwise costs at edges, and costs of labels.
 
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::{Monitor, watched};
 
-/// Distance of two labels.
+/// Distance of two labels, V in the energy.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pairwise {
     /// 0 for equal labels, 1 for different ones.
     #[default]
     Potts,
-    /// Row-major `labels x labels`: 0 on the diagonal, symmetric; for α-expansion no detour is shorter than the direct way.
+    /// Row-major `labels x labels`: 0 on the diagonal, symmetric; α-expansion also needs the triangle inequality.
     Metric(Vec<f32>),
 }
 
@@ -25,7 +25,7 @@ impl Pairwise {
         }
     }
 
-    /// Verifies that the distances are symmetric, 0 or more, and 0 from a label to itself. O(labels²).
+    /// Checks that the distances are symmetric, 0 or more, and 0 from a label to itself. O(labels²).
     ///
     /// # Errors
     /// Names the labels that break a rule.
@@ -48,7 +48,7 @@ impl Pairwise {
         Ok(())
     }
 
-    /// Verifies that the distances are a metric on `labels` labels: symmetric, and no detour is shorter. O(labels³).
+    /// Checks that the distances are a metric on `labels` labels: symmetric, with the triangle inequality. O(labels³).
     ///
     /// # Errors
     /// Names the labels that break a rule.
@@ -66,25 +66,26 @@ impl Pairwise {
     }
 }
 
-/// The costs of a labelling problem.
+/// A labelling problem.
 #[derive(Clone, Copy, Debug)]
 pub struct Energy<'a> {
-    /// Row-major `nodes x labels`: what each label costs at each node; finite, of any sign.
+    /// Unary costs, row-major `nodes x labels`: cost of each label at each node; finite, of any sign.
     pub unary: &'a [f32],
     /// Number of labels.
     pub labels: usize,
     /// Edges between nodes and their weights.
     pub graph: &'a Graph,
-    /// Factor of all weights, 0 or more.
+    /// Factor of all edge weights, 0 or more.
     pub strength: f64,
     /// Distance of labels.
     pub pairwise: &'a Pairwise,
-    /// What each label costs once if any node has it, 0 or more; empty if nothing.
+    /// Cost of each label, paid once if any node has it, 0 or more; empty for none.
     pub label_costs: &'a [f32],
 }
 
 impl<'a> Energy<'a> {
-    /// Costs (`nodes x labels`, row-major) on a graph, checked; without label costs. The labels are counted from the costs.
+    /// From unary costs (`nodes x labels`, row-major) and a graph, checked; without label costs. The number of labels
+    /// follows from the length of the costs.
     ///
     /// # Errors
     /// As [`Energy::check`].
@@ -95,12 +96,12 @@ impl<'a> Energy<'a> {
         Ok(energy)
     }
 
-    /// The same with costs of labels.
+    /// The same problem with label costs.
     ///
     /// # Errors
-    /// If there is not one cost a label, or none at all, or one is below 0 or not finite.
+    /// If the number of costs is neither 0 nor that of the labels, or a cost is below 0 or not finite.
     pub fn with_label_costs(self, label_costs: &'a [f32]) -> Result<Self> {
-        // Without nodes the number of labels is not known.
+        // Without nodes the number of labels is unknown.
         if !label_costs.is_empty() && label_costs.len() != self.labels && !self.graph.is_empty() {
             return Err(Error::input(format!("{} label costs for {} labels", label_costs.len(), self.labels)));
         }
@@ -110,7 +111,7 @@ impl<'a> Energy<'a> {
         }
     }
 
-    /// Verifies that the parts fit together. O(nodes · labels + labels²).
+    /// Checks that the parts fit together. O(nodes · labels + labels²).
     ///
     /// # Errors
     /// Lengths that do not fit, a cost that is not finite, a strength below 0 or not finite, distances that are not
@@ -132,17 +133,17 @@ impl<'a> Energy<'a> {
             return Err(Error::input(format!("cost {} of label {label} at node {node} is not finite", self.unary[at])));
         }
         check_strength(self.strength)?;
-        // Without nodes the number of labels is not known.
+        // Without nodes the number of labels is unknown.
         if self.graph.is_empty() { Ok(()) } else { self.pairwise.check_symmetric(self.labels) }
     }
 
-    /// What `label` costs once if any node has it.
+    /// Label cost of `label`.
     #[inline]
     pub fn label_cost(&self, label: u16) -> f64 {
         self.label_costs.get(usize::from(label)).copied().map_or(0.0, f64::from)
     }
 
-    /// Cost of `label` at `node`.
+    /// Unary cost of `label` at `node`.
     #[inline]
     pub fn cost(&self, node: usize, label: u16) -> f64 {
         f64::from(self.unary[node * self.labels + usize::from(label)])
@@ -156,11 +157,11 @@ impl<'a> Energy<'a> {
 
     /// Energy of a labelling, summed in the order of nodes, then edges, then labels. O(nodes + edges + labels).
     pub fn of(&self, labels: &[u16]) -> f64 {
-        // Nobody can cancel a new monitor.
+        // A new monitor cannot have been cancelled.
         self.of_watched(labels, &Monitor::default()).unwrap_or_default()
     }
 
-    /// As [`Energy::of`], for many nodes.
+    /// Like [`Energy::of`], and can be cancelled.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -178,14 +179,14 @@ impl<'a> Energy<'a> {
         Ok(nodes + edges + used.map(|(label, _)| self.label_cost(label as u16)).sum::<f64>())
     }
 
-    /// How many nodes have each label.
+    /// Number of nodes with each label.
     pub(super) fn users(&self, labels: &[u16]) -> Vec<usize> {
         let mut users = vec![0; self.labels];
         labels.iter().for_each(|&label| users[usize::from(label)] += 1);
         users
     }
 
-    /// Where a search begins: the cheapest label of every node, or one label for all if that costs less.
+    /// Initial labelling: the cheapest label of every node, or one label for all if that costs less.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -203,12 +204,12 @@ impl<'a> Energy<'a> {
         Ok(if total(best) < least { vec![best as u16; cheapest.len()] } else { cheapest })
     }
 
-    /// What each label costs at a node.
+    /// Unary costs of all labels at a node.
     fn row(&self, node: usize) -> &[f32] {
         &self.unary[node * self.labels..][..self.labels]
     }
 
-    /// The cheapest label of every node by itself, the first of equals.
+    /// The label of least unary cost at each node, the first of equal ones.
     ///
     /// # Errors
     /// If the work was cancelled.

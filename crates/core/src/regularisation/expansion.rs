@@ -1,11 +1,12 @@
-//! α-expansion: label after label, every node may change to it, all at once and optimally.
+//! α-expansion: for one label α after the other, the best labelling in which every node keeps its label or takes α.
 //!
-//! Boykov, Veksler, Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001. For Potts with
-//! costs of 0 or more the result costs at most twice the optimum; with two labels it is the optimum.
+//! Y. Boykov, O. Veksler, R. Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001. For
+//! Potts distances and costs of 0 or more the energy is at most twice the minimum; with two labels it is the minimum.
 //!
-//! Kovtun's partial optimality (2003) goes before the search (`kernel.rs`) and, in its simplest form, before each cut
-//! (`reduce.rs`); cuts are made piece by piece, in parallel, and only where something has changed since the label was last
-//! offered. Two starts are joined region by region (`join.rs`). Costs of labels: `hubs.rs`.
+//! Partial optimality (Kovtun 2003) fixes the labels of many nodes before the search (`kernel.rs`); a simple form of it
+//! reduces each expansion move (`reduce.rs`). What remains of a move is cut component by component, in parallel, and
+//! only where labels have changed since the last move to α. The results of two initial labellings are fused region by
+//! region (`join.rs`). Label costs use auxiliary nodes (`hubs.rs`).
 
 use super::hubs;
 use super::kernel::Kernel;
@@ -23,14 +24,14 @@ use serde::{Deserialize, Serialize};
 pub struct ExpansionParams {
     /// Factor of the edge weights. Larger: fewer changes of label between neighbours. 0 or more.
     pub strength: f64,
-    /// Distance of two labels, a metric.
+    /// Distance of two labels, which must be a metric.
     pub pairwise: Pairwise,
-    /// What each label costs once if any node has it, 0 or more; empty if nothing.
+    /// Cost of each label, paid once if any node has it, 0 or more; empty for none.
     pub label_costs: Vec<f32>,
-    /// Most rounds over all labels from each start, 1 or more.
+    /// Largest number of rounds over all labels from each initial labelling, 1 or more.
     pub max_rounds: usize,
-    /// 1: begins with the cheapest labels. 2: also with label 0 everywhere, as gco does, and takes the better of both,
-    /// region by region; up to twice the work.
+    /// Number of initial labellings. 1: the cheapest label of each node. 2: also label 0 everywhere, as in gco; the two
+    /// results are fused region by region. Takes up to twice as long.
     pub starts: usize,
 }
 
@@ -42,6 +43,9 @@ impl Default for ExpansionParams {
 
 impl ExpansionParams {
     /// Checks the ranges.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
         super::energy::check_strength(self.strength)?;
         match self.max_rounds {
@@ -52,13 +56,17 @@ impl ExpansionParams {
     }
 }
 
-/// The labelling that no expansion improves, from costs (`nodes x labels`, row-major) and a graph.
+/// The labelling that no expansion move improves, from unary costs (`nodes x labels`, row-major) and a graph.
 ///
-/// Of Potts costs, labels that are known without a search come first (`known.rs`). Then it starts from the cheapest label of
-/// every node, or from one label for all if that costs less; with `starts` of 2 (the default) also from label 0 in gco's order,
-/// and every region takes the better of both. Then the energy is at most that of gco on problems of whole numbers with at most
-/// 100,000 edges or with distances other than Potts. Deterministic for any number of threads. Memory: about 24 bytes an edge
-/// and 60 a node beside kernel and cuts.
+/// With Potts distances, nodes whose optimal label is proved by persistency are fixed first (`known.rs`). The search
+/// starts from the cheapest label of each node, or from one label for all if that costs less; with `starts` of 2 (the
+/// default) a second search starts from label 0 everywhere, with the order of moves of gco, and the two results are
+/// fused region by region. On problems with whole-numbered costs the energy is then at most that of gco, for up to
+/// 100,000 edges or for distances other than Potts.
+///
+/// Returns a label for each node, the energy and its course. Deterministic for any number of threads. A round over all
+/// labels is O(labels · (nodes + edges)) and the cuts. Memory: about 24 bytes an edge and 60 a node, beside the reduced
+/// problem and the flow networks.
 ///
 /// ```
 /// use scansion_core::graph::Graph;
@@ -74,7 +82,8 @@ impl ExpansionParams {
 /// ```
 ///
 /// # Errors
-/// Lengths that do not fit, costs that are not finite, distances that are no metric, cancellation.
+/// If lengths do not fit, a cost is not finite, the distances are not a metric, a parameter is outside its range, or
+/// the work was cancelled.
 pub fn alpha_expansion(unary: &[f32], graph: &Graph, params: &ExpansionParams, monitor: &Monitor) -> Result<Labelling> {
     params.validate()?;
     let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?.with_label_costs(&params.label_costs)?;
@@ -91,12 +100,12 @@ pub fn alpha_expansion(unary: &[f32], graph: &Graph, params: &ExpansionParams, m
     }
 }
 
-/// Problems with more edges are searched from label 0 in their kernel only.
+/// Problems with more edges run the search from label 0 on the reduced problem only.
 const WHOLE: usize = 100_000;
 
 impl ExpansionParams {
-    /// What comes of label 0 for all nodes, in gco's order and with its ties: if all costs are sums of small whole numbers,
-    /// these are gco's moves.
+    /// The search from label 0 for all nodes, with gco's order of moves and its choice between equal cuts: if all costs
+    /// are sums of small whole numbers, these are exactly gco's moves.
     fn rival(&self, energy: Energy<'_>, adjacency: &Adjacency, monitor: &Monitor) -> Result<Option<Vec<u16>>> {
         if self.starts < 2 {
             return Ok(None);
@@ -109,7 +118,8 @@ impl ExpansionParams {
         Ok(Some(search.labels))
     }
 
-    /// From the cheapest labels down, and on with what is better in the rival.
+    /// The search from the cheapest labels, then fusion with the labelling of the other search, then further
+    /// expansions.
     fn descend(
         &self,
         energy: Energy<'_>,
@@ -139,22 +149,23 @@ impl ExpansionParams {
         let open = kernel.energy();
         let inner = open.graph.adjacency_watched(monitor)?;
         let rival = match energy.graph.edges().len() <= WHOLE {
-            // Known labels are at least as good as the rival's, whatever the labels of the kernel.
+            // Fixed labels are at least as good as those of the other search, whatever the labels of the remaining
+            // nodes.
             true => self.rival(energy, adjacency, monitor)?.map(|labels| kernel.part_of(&labels)),
             false => self.rival(open, &inner, monitor)?,
         };
         let found = self.descend(open, &inner, rival.as_deref(), monitor)?;
         let labels = kernel.whole(&found.labels);
         let least = energy.of_watched(&labels, monitor)?;
-        // What the known labels cost is the same in each round; rounding must not make the trace rise.
+        // The fixed nodes cost the same in each round; rounding must not make the trace rise.
         let trace = found.trace.iter().map(|round| (round + (least - found.energy)).max(least)).collect();
         Ok(Labelling { labels, energy: least, trace, converged: found.converged })
     }
 }
 
-/// Offers one label to all nodes.
+/// One expansion move: α is offered to all nodes.
 fn offer(search: &mut Search<'_>, alpha: u16, since: u32, monitor: &Monitor) -> Result<Outcome> {
-    // Only what has changed since the label was last offered can give another answer, unless labels cost.
+    // Only nodes that have changed since the last move to α can give another result, unless there are label costs.
     let with_hubs = hubs::adjacency(search, alpha, monitor)?;
     let since = if with_hubs.is_some() { 0 } else { since };
     let adjacency = with_hubs.as_ref().unwrap_or(search.adjacency);
@@ -175,7 +186,7 @@ mod tests {
     use super::*;
     use crate::regularisation::instance::{Instance, mixed, oracle, random};
 
-    /// Labels, truncated linear distances instead of Potts, strength, whether the least energy is known, and the energy that
+    /// Labels, truncated linear distances instead of Potts, strength, whether this is the minimum, and the energy that
     /// gco 3.0 (expansion until convergence) found on `oracle(labels)`; PyMaxflow agrees for two labels.
     const ORACLES: [(usize, bool, f64, bool, f64); 7] = [
         (2, false, 1.0, true, 64_129.0),
@@ -256,7 +267,8 @@ mod tests {
         assert_eq!((far.labels, far.energy), (vec![1, 1, 1, 1], 3.5));
     }
 
-    /// Energies that gco 3.0 found on `mixed(0)` and so on in whole numbers; from 28 on with truncated linear distances.
+    /// Energies that gco 3.0 found on `mixed(0)`, `mixed(1)`, ... in whole numbers; from 28 on with truncated linear
+    /// distances.
     const PEER: [u32; 56] = [
         14686, 16693, 676, 11963, 8988, 23623, 826, 11924, 11475, 13407, 780, 9092, 16115, 15617, 1048, 11162, 10331,
         17467, 619, 13627, 11176, 20000, 816, 10121, 12995, 11841, 1099, 10643, 14949, 18964, 882, 13570, 12887, 23448,

@@ -1,9 +1,11 @@
-//! Costs of labels: a hub for each label that might vanish, joined with all nodes that have it.
+//! Label costs: one auxiliary node, here a hub, for each label that may disappear, with an edge to every node of that
+//! label.
 //!
-//! Delong, Osokin, Isack, Boykov, *Fast approximate energy minimization with label costs*, IJCV 96, 2012. If every node of
-//! label k takes α, the cost h of k is saved. With y = 1 for "k vanishes" that is the least over y of
-//! `h (1 - y) + Σ_i h y (1 - x_i)`, where `y (1 - x) = (y - x + |y - x|)/2`: edges of h/2 from the hub to the nodes.
-//! The cost of α itself, if no node has it yet, is the same for every move: the move is made if it pays for that, too.
+//! A. Delong, A. Osokin, H. N. Isack, Y. Boykov, *Fast approximate energy minimization with label costs*, IJCV 96,
+//! 2012. If every node of label k takes α, the cost h of k is saved. With the auxiliary variable y = 1 for "k
+//! disappears", this is the minimum over y of `h (1 - y) + Σ_i h y (1 - x_i)`, where `y (1 - x) = (y - x + |y - x|)/2`:
+//! edges of weight h/2 from the auxiliary node to the nodes of k. The cost of α itself, if no node has it yet, does not
+//! depend on which nodes move: the move is accepted only if it saves more than that.
 
 use super::Energy;
 use super::reduce::{Question, State};
@@ -12,13 +14,13 @@ use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::{Looks, Monitor};
 
-/// The hub of `label`, if it can vanish: nodes after those of the graph.
+/// The auxiliary node of `label`, if the label may disappear; auxiliary nodes are numbered after those of the graph.
 fn hub(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
     (label != alpha && energy.label_cost(label) > 0.0).then_some(energy.graph.len() + usize::from(label))
 }
 
-/// The adjacency with hubs, or none if no label costs anything. The edge from a node to its hub has the number of the node
-/// after those of the graph's edges. O(nodes + edges).
+/// The adjacency with auxiliary nodes, or `None` if no label has a cost. The edge from a node to its auxiliary node has
+/// the number of the node plus the number of the graph's edges. O(nodes + edges).
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -53,7 +55,7 @@ pub(super) fn adjacency(search: &Search<'_>, alpha: u16, monitor: &Monitor) -> R
 }
 
 impl Question {
-    /// Adds the hubs to the question about `alpha`. O(nodes).
+    /// Adds the auxiliary nodes to the move to `alpha`. O(nodes).
     pub(super) fn add_hubs(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
         let nodes = labels.len();
         self.slack.resize(nodes + energy.labels, 0.0);

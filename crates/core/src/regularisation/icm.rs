@@ -1,7 +1,7 @@
-//! Iterated conditional modes: node after node takes the label that is best as its neighbours are now.
+//! Iterated conditional modes: node after node takes the label of least cost given the labels of its neighbours.
 //!
-//! Besag, *On the statistical analysis of dirty pictures*, Journal of the Royal Statistical Society B 48(3), 1986. Fast, and
-//! easily caught in a local minimum: to compare with.
+//! J. Besag, *On the statistical analysis of dirty pictures*, Journal of the Royal Statistical Society B 48(3), 1986.
+//! Fast, but stops in poor local minima; a baseline for comparison.
 
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
@@ -9,7 +9,7 @@ use crate::graph::{Adjacency, Graph};
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
-/// Nodes between two looks at the monitor.
+/// Number of nodes between two checks for cancellation.
 const BLOCK: usize = 65536;
 
 /// Parameters of [`iterated_conditional_modes`].
@@ -20,7 +20,7 @@ pub struct IcmParams {
     pub strength: f64,
     /// Distance of two labels, symmetric.
     pub pairwise: Pairwise,
-    /// Most rounds over all nodes, 1 or more.
+    /// Largest number of rounds over all nodes, 1 or more.
     pub max_rounds: usize,
 }
 
@@ -44,13 +44,14 @@ impl IcmParams {
     }
 }
 
-/// The labelling that no change of a single node improves, from costs (`nodes x labels`, row-major) and a graph.
+/// The labelling that no change of a single node improves, from unary costs (`nodes x labels`, row-major) and a graph.
 ///
 /// Starts from the cheapest label of every node and goes through the nodes in their order; a node changes only if that
 /// lowers the energy. A round is O(labels · (nodes + edges)).
 ///
 /// # Errors
-/// Lengths that do not fit, costs that are not finite, distances that are not symmetric, cancellation.
+/// If lengths do not fit, a cost is not finite, the distances are not symmetric, a parameter is outside its range, or
+/// the work was cancelled.
 pub fn iterated_conditional_modes(
     unary: &[f32],
     graph: &Graph,
@@ -82,7 +83,7 @@ pub fn iterated_conditional_modes(
     Ok(Labelling { labels, energy, trace, converged })
 }
 
-/// The cheapest label of a node among its neighbours; its own if none is cheaper.
+/// The label of least cost of a node given its neighbours; its current label if none costs less.
 fn best_label(energy: &Energy<'_>, adjacency: &Adjacency, labels: &[u16], node: usize, costs: &mut [f64]) -> u16 {
     for (label, cost) in costs.iter_mut().enumerate() {
         *cost = energy.cost(node, label as u16);
@@ -130,7 +131,7 @@ mod tests {
 
     #[test]
     fn nodes_that_hold_each_other_are_caught_where_an_expansion_is_not() {
-        // Two nodes prefer label 1 a little, but a heavy edge and equal costs at the start hold them at 0.
+        // Two nodes slightly prefer label 1, but the heavy edge keeps both at 0: neither improves the energy alone.
         let graph = Graph::new(3, &[[0, 1], [1, 2]], &[5.0, 1.0]).unwrap();
         let costs = [0.0, 0.1, 0.0, 0.1, 9.0, 0.0];
         let caught = iterated_conditional_modes(&costs, &graph, &IcmParams::default(), &Monitor::default()).unwrap();

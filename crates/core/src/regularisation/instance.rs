@@ -1,4 +1,4 @@
-//! Problems for the tests of this room.
+//! Problems for the tests of this folder.
 
 use super::{Energy, ExpansionParams, Labelling};
 use crate::graph::Graph;
@@ -10,7 +10,7 @@ pub(super) struct Instance {
     pub(super) labels: usize,
 }
 
-/// Whole-numbered costs below 20 and weights below 8 on 2 random edges a node.
+/// Random whole-numbered costs below 20 and weights below 8; 2 random edges a node.
 pub(super) fn random(seed: u64, nodes: usize, labels: usize) -> Instance {
     let mut random = stream(seed, 11);
     let mut draw = |bound: usize| (random.uniform() * bound as f64) as u32;
@@ -33,9 +33,9 @@ fn generator(mut state: u64) -> impl FnMut(u64) -> f32 {
     }
 }
 
-/// A grid of 40 x 40 nodes whose costs and weights come from a generator that any language can repeat:
-/// `s = (1103515245 s + 12345) mod 2^31` from s = labels, each draw s / 65536; costs `draw mod 100`, then for every edge to
-/// the right and below, node by node, `draw mod 20`.
+/// A grid of 40 x 40 nodes whose costs and weights come from a generator that is easy to repeat in another language: `s
+/// = (1103515245 s + 12345) mod 2^31` from s = labels, each draw s / 65536; costs `draw mod 100`, then for every edge
+/// to the right and below, node by node, `draw mod 20`.
 pub(super) fn oracle(labels: usize) -> Instance {
     let mut draw = generator(labels as u64);
     let unary = (0..1600 * labels).map(|_| draw(100)).collect();
@@ -84,14 +84,14 @@ impl Instance {
         energy.with_label_costs(&params.label_costs).unwrap()
     }
 
-    /// A result tells its own energy, never went up, and came to rest.
+    /// Checks that the result reports its own energy, that the energy never rose, and that the search converged.
     pub(super) fn verify(&self, params: &ExpansionParams, result: &Labelling) {
         assert!((result.energy - self.energy(params).of(&result.labels)).abs() < 1e-9);
         assert!(result.trace.windows(2).all(|w| w[1] <= w[0]), "the energy rose: {:?}", result.trace);
         assert!(result.converged);
     }
 
-    /// The least energy of all labellings.
+    /// The minimum over all labellings.
     pub(super) fn optimum(&self, params: &ExpansionParams) -> f64 {
         let (n, k) = (self.graph.len(), self.labels);
         let energy = self.energy(params);

@@ -1,14 +1,14 @@
-//! The better of two labellings, region by region.
+//! Fusion of two labellings: the better of the two, region by region.
 //!
-//! Nodes whose labels differ fall into regions that do not touch, so that each region may have the cheaper of its two
-//! labellings whatever the others have. The result costs at most what the better labelling does.
+//! The nodes whose labels differ form regions that are not adjacent to each other, so that each region can take the
+//! cheaper of its two labellings independently. The energy of the result is at most that of the better labelling.
 
 use super::search::Search;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor};
 
-/// Moves to `other` of all regions in which it costs less; if labels cost something, regions depend on each other and all
-/// differences are one. O(nodes + edges).
+/// The moves to the labels of `other` in all regions where they cost less. Label costs make regions depend on each
+/// other; then all differences are treated as one region. O(nodes + edges).
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -32,7 +32,7 @@ pub(super) fn better_regions(search: &Search<'_>, other: &[u16], monitor: &Monit
     Ok(moves)
 }
 
-/// Collects the region of `seed` and returns by how much the energy rises if it takes the labels of `other`.
+/// Collects the region of `seed` and returns the change of the energy if it takes the labels of `other`.
 fn spread(
     (search, other): (&Search<'_>, &[u16]),
     seed: usize,
@@ -51,7 +51,7 @@ fn spread(
         for (neighbour, edge) in search.adjacency.of(node) {
             let (at, edge) = (neighbour as usize, edge as usize);
             let differs = labels[at] != other[at];
-            // Both ends see an edge within the region; the smaller counts it.
+            // An edge within the region is seen from both ends; the smaller end counts it.
             if !differs || node < at {
                 rise += energy.edge_cost(edge, other[node], other[at]);
                 rise -= energy.edge_cost(edge, labels[node], labels[at]);
@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn regions_that_do_not_touch_are_chosen_one_by_one() {
-        // Nodes 0, 1 and 3 differ; 1 joins no region with 3, because 2 has the same label in both.
+        // Nodes 0, 1 and 3 differ. Node 2 has the same label in both and separates 1 from 3.
         let graph = Graph::new(4, &[[0, 1], [1, 2], [2, 3]], &[1.0; 3]).unwrap();
         let unary = [0.0, 5.0, 0.0, 5.0, 0.0, 0.0, 5.0, 0.0];
         let energy = Energy::new(&unary, &graph, 1.0, &Pairwise::Potts).unwrap();

@@ -1,6 +1,6 @@
-//! The part of a Potts problem whose labels are not known: the kernel.
+//! The kernel of a Potts problem: what remains of it once the nodes with a provably optimal label are fixed.
 //!
-//! Known nodes become costs of their neighbours; with these, more nodes are known, and so on.
+//! The edges to fixed nodes become unary costs of their neighbours. With these more labels can be proved, and so on.
 
 use super::known::Known;
 use super::{Energy, Pairwise};
@@ -8,12 +8,12 @@ use crate::error::Result;
 use crate::graph::{Adjacency, Graph};
 use crate::parallel::{Looks, Monitor, watched};
 
-/// Open nodes as a problem of its own, and the labels of the others.
+/// The remaining nodes as a problem of their own, and the labels of the fixed ones.
 #[derive(Debug)]
 pub(super) struct Kernel {
-    /// The open nodes in the numbering of the whole problem.
+    /// The remaining nodes, in the numbering of the whole problem.
     nodes: Vec<u32>,
-    /// Known labels of the whole problem; 0 where open.
+    /// Fixed labels of the whole problem; 0 for the remaining nodes.
     labels: Vec<u16>,
     graph: Graph,
     unary: Vec<f32>,
@@ -23,7 +23,8 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    /// What is left once no more labels become known; none for problems to which the theory does not apply.
+    /// The kernel after as many rounds as pay; `None` for problems without Potts distances, to which the theory does
+    /// not apply.
     pub(super) fn of(energy: &Energy<'_>, adjacency: &Adjacency, monitor: &Monitor) -> Result<Option<Self>> {
         let potts = *energy.pairwise == Pairwise::Potts && energy.label_costs.iter().all(|cost| *cost == 0.0);
         if !potts || energy.labels < 2 {
@@ -34,32 +35,32 @@ impl Kernel {
             let before = kernel.nodes.len();
             let inner = Self::shrink(&kernel.energy(), &kernel.graph.adjacency_watched(monitor)?, monitor)?;
             kernel = kernel.replaced(inner);
-            // A round that finds little costs more than it saves.
+            // A round that fixes few nodes costs more than it saves.
             if kernel.nodes.len() * 10 >= before * 9 {
                 return Ok(Some(kernel));
             }
         }
     }
 
-    /// The open nodes as a problem of its own.
+    /// The remaining nodes as a problem of their own.
     pub(super) fn energy(&self) -> Energy<'_> {
         let (graph, strength) = (&self.graph, self.strength);
         Energy { unary: &self.unary, labels: self.count, graph, strength, pairwise: &Pairwise::Potts, label_costs: &[] }
     }
 
-    /// Labels of the whole problem from those of the open nodes.
+    /// Labels of the whole problem from those of the remaining nodes.
     pub(super) fn whole(&self, open: &[u16]) -> Vec<u16> {
         let mut labels = self.labels.clone();
         self.nodes.iter().zip(open).for_each(|(&node, &label)| labels[node as usize] = label);
         labels
     }
 
-    /// Labels of the open nodes from those of the whole problem.
+    /// Labels of the remaining nodes from those of the whole problem.
     pub(super) fn part_of(&self, whole: &[u16]) -> Vec<u16> {
         self.nodes.iter().map(|&node| whole[node as usize]).collect()
     }
 
-    /// The kernel of this kernel in the numbering of the whole problem.
+    /// The kernel of this kernel, in the numbering of the whole problem.
     fn replaced(self, inner: Self) -> Self {
         let labels = self.whole(&inner.labels);
         let nodes = inner.nodes.iter().map(|&at| self.nodes[at as usize]).collect();
@@ -76,7 +77,7 @@ impl Kernel {
     }
 }
 
-/// Costs of the open nodes with what edges to known nodes add.
+/// Unary costs of the remaining nodes, with the edges to fixed nodes added.
 fn costs(
     energy: &Energy<'_>,
     adjacency: &Adjacency,
@@ -91,7 +92,8 @@ fn costs(
         (0..).zip(&mut row).for_each(|(label, cost)| *cost = energy.cost(node as usize, label));
         for (other, edge) in adjacency.of(node as usize) {
             if let Some(label) = known[other as usize] {
-                // Against the cost of the edge to all labels, which changes no choice.
+                // Subtracts the edge's cost from the fixed label instead of adding it to all others: a constant that
+                // changes no choice.
                 row[usize::from(label)] -= energy.strength * f64::from(energy.graph.weights()[edge as usize]);
             }
         }
@@ -100,7 +102,7 @@ fn costs(
     Ok(unary)
 }
 
-/// The edges between open nodes, in their own numbering.
+/// The edges between remaining nodes, in their own numbering.
 fn inner_graph(graph: &Graph, known: &[Option<u16>], monitor: &Monitor) -> Result<Graph> {
     let mut nodes = 0u32;
     let mut place = Vec::with_capacity(known.len());

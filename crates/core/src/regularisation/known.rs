@@ -1,8 +1,9 @@
-//! Nodes whose label is known before any search: partial optimality.
+//! Partial optimality (persistency): nodes whose optimal label is known before any search.
 //!
-//! I. Kovtun, *Partial optimal labeling search for a NP-hard subclass of (max,+) problems*, DAGM 2003. For Potts distances
-//! and one label α, let every other label cost what the cheapest of them costs: the nodes that take α in the smallest cut of
-//! that problem of two labels have α in every labelling of least energy, and giving them α makes no labelling dearer.
+//! I. Kovtun, *Partial optimal labeling search for a NP-hard subclass of (max,+) problems*, DAGM 2003. For Potts
+//! distances and one label α, give every other label the unary cost of the cheapest of them. The nodes that take α in
+//! the minimum cut with the smallest source side of this two-label problem have α in every labelling of least energy,
+//! and changing them to α never raises the energy of a labelling.
 
 use super::Energy;
 use super::reduce::{Question, State};
@@ -11,14 +12,14 @@ use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::{Monitor, watched};
 
-/// Labels that are known, and the two least costs of each node.
+/// The labels that are known, and the two least costs of each node.
 #[derive(Clone, Debug)]
 pub(super) struct Known {
     pub(super) labels: Vec<Option<u16>>,
     least: Vec<TwoLeast>,
 }
 
-/// The cheapest label of a node, its cost, and the cost of the next.
+/// The cheapest label of a node, its cost, and the second least cost.
 #[derive(Clone, Copy, Debug)]
 struct TwoLeast {
     label: u16,
@@ -37,7 +38,7 @@ impl TwoLeast {
 }
 
 impl Known {
-    /// Puts the question of every label, for 2 labels or more. O(labels · (nodes + edges)) and the cuts.
+    /// Solves the two-label problem of every label, for 2 labels or more. O(labels · (nodes + edges)) and the cuts.
     pub(super) fn find(energy: &Energy<'_>, adjacency: &Adjacency, monitor: &Monitor) -> Result<Self> {
         let mut least = Vec::with_capacity(energy.graph.len());
         for piece in watched(energy.graph.len(), monitor) {
@@ -57,7 +58,7 @@ impl Known {
         Ok(known)
     }
 
-    /// The least cost of all labels but `alpha`.
+    /// The least unary cost of all labels but `alpha`.
     pub(super) fn least_but(&self, node: usize, alpha: u16) -> f64 {
         let TwoLeast { label, first, second } = self.least[node];
         f64::from(if label == alpha { second } else { first })

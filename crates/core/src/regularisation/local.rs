@@ -1,15 +1,17 @@
-//! Local smoothing: the mean over the neighbours.
+//! Local smoothing: the weighted mean over the neighbours.
 
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 
-/// The weighted mean of each node's own row and the rows of its neighbours: p'(i) = (p(i) + Σ w_ij p(j)) / (1 + Σ w_ij).
+/// Replaces each node's row by the weighted mean of it and its neighbours' rows: p'(i) = (p(i) + Σ w_ij p(j)) / (1 + Σ
+/// w_ij).
 ///
-/// `probabilities` are row-major `nodes x classes`; rows that sum to 1 give rows that sum to 1. Weights of 1 give the
-/// plain mean, a node without neighbours keeps its row. O((n + m) · classes). Schindler, *An overview and comparison of
-/// smooth labeling methods for land-cover classification*, IEEE TGRS 50(11), 2012, section III-A, has it as the simplest.
+/// `probabilities` are row-major `nodes x classes`, and so is the result; rows that sum to 1 give rows that sum to 1.
+/// Weights of 1 give the plain mean, a node without neighbours keeps its row. O((n + m) · classes). K. Schindler, *An
+/// overview and comparison of smooth labeling methods for land-cover classification*, IEEE TGRS 50(11), 2012, section
+/// III-A: the simplest of the methods compared there.
 ///
 /// # Errors
 /// If there is not one row a node, or the work was cancelled.

@@ -1,15 +1,15 @@
-//! Neighbours agree: labellings of least energy.
+//! Regularisation: labellings of least energy, in which neighbouring nodes tend to have the same label.
 //!
 //! `costs of labels + Graph -> Labelling`. An [`Energy`] is what is minimised,
 //!
 //! `E(l) = Σ_i D_i(l_i) + strength · Σ_(i,j) w_ij V(l_i, l_j)`,
 //!
-//! where `D` are the costs of every label at every node, `w` the weights of the graph's edges and `V` the distance of two
-//! labels: 1 for any two different ones (Potts), or a table. Labels may cost something themselves, once, if any node has
-//! them.
+//! where `D` is the unary cost of a label at a node, `w` the weight of an edge and `V` the distance of two labels: 1
+//! for any two different ones (Potts), or a table. A label may also have a cost of its own, paid once if any node has
+//! it.
 //!
-//! [`alpha_expansion`] is the one to take. [`alpha_beta_swap`] allows distances that are no metric,
-//! [`iterated_conditional_modes`] and [`local_smoothing`] are faster and worse.
+//! [`alpha_expansion`] gives the lowest energies and is the default. [`alpha_beta_swap`] accepts distances that are not
+//! a metric; [`iterated_conditional_modes`] and [`local_smoothing`] are simpler, and their labellings are worse.
 
 mod energy;
 mod expansion;
@@ -33,16 +33,16 @@ pub use icm::{IcmParams, iterated_conditional_modes};
 pub use local::local_smoothing;
 pub use swap::{SwapParams, alpha_beta_swap};
 
-/// A label for every node and what it costs.
+/// A label for every node, and the energy.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Labelling {
     /// Label of each node.
     pub labels: Vec<u16>,
-    /// Energy of the labels.
+    /// Energy of the labelling.
     pub energy: f64,
-    /// Energy after each round over all labels, beginning with that of the start (α-expansion of Potts costs: once the
-    /// labels that are known without a search are in their places).
+    /// Energy after each round over all labels, beginning with the initial labelling (α-expansion with Potts distances:
+    /// once the labels known by partial optimality are set).
     pub trace: Vec<f64>,
-    /// Whether the last round changed nothing; otherwise the rounds were used up.
+    /// True if the last round changed nothing; false if the largest number of rounds was reached.
     pub converged: bool,
 }

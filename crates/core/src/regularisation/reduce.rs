@@ -1,12 +1,13 @@
-//! The question "who takes label α?" as an energy of two labels, cut down to the nodes where it is open.
+//! A binary move (expansion or swap) as a two-label energy, reduced to the nodes whose decision is not determined
+//! locally.
 //!
-//! With x = 1 for "takes α", every edge is symmetric up to terms of its ends,
-//! `E(x) = Σ θ_i x_i + Σ c_ij |x_i - x_j|`. For an edge whose ends have labels `a` and `b`, with
-//! A = V(a, b), B = V(a, α), C = V(α, b): c = (B + C - A)/2, and θ of its ends takes (C - A - B)/2 and (B - A - C)/2.
+//! With x = 1 for "takes α", the pairwise terms are symmetric up to unary terms, `E(x) = Σ θ_i x_i + Σ c_ij |x_i -
+//! x_j|`. For an edge whose ends have labels `a` and `b`, with A = V(a, b), B = V(a, α), C = V(α, b): c = (B + C -
+//! A)/2, and (C - A - B)/2 and (B - A - C)/2 are added to θ of its ends.
 //!
-//! A node whose θ outweighs all its c together is settled whatever the others do; settling it shifts θ of its neighbours,
-//! so that one settled node settles the next. Most nodes of a point cloud are settled this way, what stays open falls into
-//! small pieces.
+//! A node with |θ| larger than the sum of its c is settled whatever its neighbours do; this changes θ of its
+//! neighbours, so that one settled node can settle the next. Most nodes of a point cloud are settled in this way, and
+//! the open ones form small components.
 
 use super::Energy;
 use super::known::Known;
@@ -14,7 +15,7 @@ use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::{Looks, Monitor, watched};
 
-/// State of a node in the question about one label.
+/// Decision of a node in a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
     Open,
@@ -24,7 +25,7 @@ pub(super) enum State {
     Takes,
 }
 
-/// The open question; its buffers serve one label after the other.
+/// A binary move; its buffers are reused from label to label.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Question {
     pub(super) theta: Vec<f64>,
@@ -33,18 +34,18 @@ pub(super) struct Question {
     pub(super) state: Vec<State>,
     /// c of each edge.
     pub(super) coupling: Vec<f64>,
-    /// Whether the answer of each node may differ from the last one: it changed, or a node that settled with the help of a
-    /// changed one told it.
+    /// Whether the decision of a node may differ from that in the last move to the same label: the node or a neighbour
+    /// has changed, or it was affected by a settled node that is fresh.
     pub(super) fresh: Vec<bool>,
     settled: Vec<u32>,
-    /// Where both answers cost the same, nodes take the label.
+    /// Choice between equal cuts: if true, nodes take the label.
     pub(super) eager: bool,
-    /// Nodes from here on are hubs.
+    /// Number of the first auxiliary node (label costs).
     hubs_from: usize,
 }
 
 impl Question {
-    /// Asks about `alpha` and settles what can be settled; the adjacency may have hubs. O(nodes + edges).
+    /// Sets up the expansion of `alpha` and settles nodes; the adjacency may have auxiliary nodes. O(nodes + edges).
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -64,7 +65,8 @@ impl Question {
         self.reduce(adjacency, monitor)
     }
 
-    /// Asks which nodes of labels `alpha` and `beta` have `alpha` (they "take" it); all others stand apart.
+    /// Sets up the swap of `alpha` and `beta`: `Takes` means `alpha`, `Stays` means `beta`; nodes of other labels take
+    /// no part.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -105,8 +107,8 @@ impl Question {
         self.reduce(adjacency, monitor)
     }
 
-    /// Asks which nodes have `alpha` in every labelling of least energy (Potts), where some are known already. The costs of
-    /// all other labels are replaced by their least.
+    /// Sets up the two-label problem of partial optimality for `alpha` (Potts), where some labels are known already:
+    /// the costs of all other labels are replaced by their minimum.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -148,7 +150,7 @@ impl Question {
         self.reduce(adjacency, monitor)
     }
 
-    /// Nodes in this state; after the reduction those that are settled so.
+    /// Nodes in this state; after the reduction the settled ones.
     pub(super) fn settled(&self, state: State) -> impl Iterator<Item = u32> + '_ {
         self.state.iter().enumerate().filter(move |(_, s)| **s == state).map(|(node, _)| node as u32)
     }
@@ -173,7 +175,7 @@ impl Question {
         for piece in watched(labels.len(), monitor) {
             let piece = piece?;
             self.theta.extend(piece.clone().map(|i| energy.cost(i, alpha) - energy.cost(i, labels[i])));
-            // A node that has the label already "takes" it: its edges speak for the label.
+            // A node that already has α is settled as `Takes`; `set_edges` has its edges in favour of α.
             self.state.extend(piece.map(|i| if labels[i] == alpha { State::Takes } else { State::Open }));
         }
         Ok(())
@@ -241,7 +243,7 @@ impl Question {
                 self.fresh[neighbour] |= self.fresh[node];
                 let hub = neighbour >= self.hubs_from;
                 if hub && self.state[node] == State::Stays {
-                    // A label with one node left does not vanish, whatever rounding says.
+                    // One node keeps the label, so that it cannot disappear, whatever rounding says.
                     self.state[neighbour] = State::Stays;
                     self.settled.push(neighbour as u32);
                 }

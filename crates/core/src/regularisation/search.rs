@@ -1,4 +1,4 @@
-//! The labelling that a search improves, and when each node could last have changed its mind.
+//! State of a search: the labelling, and for each node the last move that changed it or a neighbour.
 
 use super::join::better_regions;
 use super::reduce::Question;
@@ -8,22 +8,22 @@ use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::{Looks, Monitor};
 
-/// What came of an offer.
+/// Result of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// Nobody wants to move.
+    /// No node wants to change.
     Nothing,
-    /// The moves together do not lower the energy.
+    /// The changes together do not lower the energy.
     Refused,
     Moved,
 }
 
-/// Moves that are offered again and again.
+/// A set of moves (expansions or swaps) that a search repeats.
 #[derive(Clone, Debug)]
 pub(super) struct Moves {
-    /// The number of the last offer of each move that was not refused; 0 if there was none.
+    /// For each move the number of its last attempt that was not refused; 0 if there was none.
     asked: Vec<u32>,
-    /// Most rounds over all moves.
+    /// Largest number of rounds over all moves.
     rounds: usize,
 }
 
@@ -33,22 +33,22 @@ impl Moves {
     }
 }
 
-/// Asks about the move of a number; the last argument is the offer after which changes count.
+/// Carries out the move of a number; the last argument is the attempt after which changes of nodes matter.
 pub(super) type Offer<'o, 'a> = dyn FnMut(&mut Search<'a>, usize, u32) -> Result<Outcome> + 'o;
 
-/// A labelling on its way down, with the buffers of the moves.
+/// A labelling during the search, with the buffers of the moves.
 pub(super) struct Search<'a> {
     pub(super) energy: Energy<'a>,
     pub(super) adjacency: &'a Adjacency,
     pub(super) labels: Vec<u16>,
     pub(super) question: Question,
     pub(super) pieces: Pieces,
-    /// How many nodes have each label.
+    /// Number of nodes with each label.
     users: Vec<usize>,
-    /// Offers so far, and that number when each node or a neighbour of it last changed.
+    /// Number of moves so far, and that number when each node or a neighbour of it last changed.
     now: u32,
     changed: Vec<u32>,
-    /// Energy after each round, beginning with that of the start.
+    /// Energy after each round, beginning with the initial labelling.
     trace: Vec<f64>,
 }
 
@@ -77,7 +77,8 @@ impl<'a> Search<'a> {
         Labelling { labels: self.labels, energy, trace: self.trace, converged }
     }
 
-    /// Makes an offer, which is told since when changes of nodes can give another answer than the last time.
+    /// Carries out a move and passes on when it was last attempted, so that it can skip nodes that nothing has changed
+    /// for.
     fn offer(
         &mut self,
         moves: &mut Moves,
@@ -95,7 +96,7 @@ impl<'a> Search<'a> {
         Ok(outcome == Outcome::Moved)
     }
 
-    /// Offers all moves in turn, until each was offered once without effect (true) or the rounds are used up.
+    /// Repeats all moves in turn until each had no effect once (true) or the largest number of rounds is reached.
     pub(super) fn in_turn(&mut self, moves: &mut Moves, monitor: &Monitor, offer: &mut Offer<'_, 'a>) -> Result<bool> {
         let count = moves.asked.len();
         monitor.stage("labels", moves.rounds.saturating_mul(count) as u64);
@@ -115,11 +116,12 @@ impl<'a> Search<'a> {
         Ok(idle >= count)
     }
 
-    /// Offers moves in the order of gco: those that had an effect again, the others only when these are exhausted.
+    /// Repeats moves in the adaptive order of gco: those that had an effect again, the others only when these are
+    /// exhausted.
     pub(super) fn focused(&mut self, moves: &mut Moves, monitor: &Monitor, offer: &mut Offer<'_, 'a>) -> Result<bool> {
         let mut order: Vec<usize> = (0..moves.asked.len()).collect();
         monitor.stage("labels", moves.rounds.saturating_mul(order.len()) as u64);
-        // Circles of moves, each a part of the one before; the innermost is gone through from `first`.
+        // Nested sets of moves, each a prefix of the one before; the innermost is worked through from `first`.
         let mut circles = vec![order.len()];
         let mut first = 0;
         for _ in 0..moves.rounds {
@@ -147,7 +149,7 @@ impl<'a> Search<'a> {
         Ok(circles.is_empty())
     }
 
-    /// Takes over what is better in another labelling, region by region; true if there is something.
+    /// Fuses another labelling into this one, region by region; true if that lowers the energy.
     pub(super) fn join(&mut self, other: &[u16], monitor: &Monitor) -> Result<bool> {
         self.now = self.now.saturating_add(1);
         let moves = better_regions(self, other, monitor)?;
@@ -156,18 +158,18 @@ impl<'a> Search<'a> {
         Ok(moved)
     }
 
-    /// Tells the next question which nodes changed, or have neighbours that did, after offer `since`.
+    /// Marks for the next move which nodes, or neighbours of them, changed after attempt `since`.
     pub(super) fn refresh(&mut self, since: u32) {
         self.question.fresh.clear();
         self.question.fresh.extend(self.changed.iter().map(|changed| since == 0 || *changed > since));
     }
 
-    /// Whether a node uses `label`.
+    /// Whether any node has `label`.
     pub(super) fn is_used(&self, label: u16) -> bool {
         self.users[usize::from(label)] > 0
     }
 
-    /// Gives nodes other labels if that lowers the energy; rounding must not send the search in circles.
+    /// Changes labels if that lowers the energy; the check prevents endless loops by rounding.
     pub(super) fn apply(&mut self, moves: &[(u32, u16)], monitor: &Monitor) -> Result<Outcome> {
         if moves.is_empty() {
             return Ok(Outcome::Nothing);
@@ -194,7 +196,7 @@ impl<'a> Search<'a> {
         Ok(Outcome::Moved)
     }
 
-    /// Gives a node another label and returns by how much the energy rises.
+    /// Changes the label of a node and returns the change of the energy.
     fn change(&mut self, node: usize, label: u16) -> f64 {
         let old = std::mem::replace(&mut self.labels[node], label);
         let edges = self.adjacency.of(node).map(|(other, edge)| {

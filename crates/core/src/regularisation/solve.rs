@@ -1,21 +1,21 @@
-//! What stays open after the reduction: pieces that do not touch each other, each answered by one smallest cut.
+//! Solves the open part of a move: one minimum cut for each connected component of open nodes.
 
 use super::reduce::{Question, State};
 use crate::error::Result;
 use crate::graph::{Adjacency, MaxFlow};
 use crate::parallel::{Looks, Monitor, map_ordered_with};
 
-/// Pieces of open nodes that hang together, in the order of their smallest node.
+/// Connected components of open nodes, in the order of their smallest node.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pieces {
     nodes: Vec<u32>,
     starts: Vec<usize>,
-    /// Place of each open node within its piece.
+    /// Position of each open node within its component.
     place: Vec<u32>,
 }
 
 impl Pieces {
-    /// Collects the pieces that hold a fresh node. O(nodes + edges).
+    /// Collects the components with a fresh node; in the others the last result still holds. O(nodes + edges).
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -53,7 +53,7 @@ impl Pieces {
         Ok(())
     }
 
-    /// All nodes of all pieces.
+    /// All nodes of all components.
     pub(super) fn nodes(&self) -> &[u32] {
         &self.nodes
     }
@@ -63,9 +63,9 @@ impl Pieces {
         &self.nodes[self.starts[p]..end]
     }
 
-    /// Nodes of all pieces that take the label, if that lowers the energy of their piece.
+    /// The nodes of all components that take the label in the minimum cut of their component.
     pub(super) fn answer(&self, question: &Question, adjacency: &Adjacency, monitor: &Monitor) -> Result<Vec<u32>> {
-        /// Pieces that one task answers.
+        /// Components that one task solves.
         const BATCH: usize = 64;
         let work = |network: &mut MaxFlow, task: usize| {
             let mut taken = Vec::new();
@@ -78,15 +78,16 @@ impl Pieces {
             Ok(taken)
         };
         match self.starts.len().div_ceil(BATCH) {
-            // A thread that has to be woken costs more than a few small cuts.
+            // Waking another thread costs more than a few small cuts.
             0 => Ok(Vec::new()),
             1 => work(&mut MaxFlow::default(), 0),
             tasks => Ok(map_ordered_with(0..tasks, monitor, MaxFlow::default, work)?.concat()),
         }
     }
 
-    /// The source side takes the label: a node pays θ there, or gains -θ. Of all smallest cuts the one with the smallest source
-    /// side is found: the eager want the smallest number of nodes that stay, so that these are the source side for them.
+    /// Builds the flow network. The source side takes the label: such a node pays θ, or gains -θ. The solver returns
+    /// the minimum cut with the smallest source side; if `eager`, the sides are exchanged, so that as few nodes as
+    /// possible keep their label.
     fn ask(
         &self,
         (piece, question): (&[u32], &Question),

@@ -1,7 +1,9 @@
-//! αβ-swap: pair after pair of labels, the nodes that have one of the two share them out anew, all at once and optimally.
+//! αβ-swap: for one pair of labels after the other, the best redistribution of the two labels among the nodes that have
+//! one of them.
 //!
-//! Boykov, Veksler, Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001. Distances of labels
-//! need not be a metric; in return there is no bound on the result, and the work grows with the square of the labels.
+//! Y. Boykov, O. Veksler, R. Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001.
+//! Distances of labels need not be a metric; in return there is no bound on the energy, and the work grows with the
+//! square of the number of labels.
 
 use super::reduce::State;
 use super::search::{Moves, Outcome, Search};
@@ -19,7 +21,7 @@ pub struct SwapParams {
     pub strength: f64,
     /// Distance of two labels, symmetric.
     pub pairwise: Pairwise,
-    /// Most rounds over all pairs of labels, 1 or more.
+    /// Largest number of rounds over all pairs of labels, 1 or more.
     pub max_rounds: usize,
 }
 
@@ -43,10 +45,11 @@ impl SwapParams {
     }
 }
 
-/// The labelling that no swap improves, from costs (`nodes x labels`, row-major) and a graph.
+/// The labelling that no swap improves, from unary costs (`nodes x labels`, row-major) and a graph.
 ///
-/// Starts from the cheapest label of every node, or from one label for all if that costs less. Deterministic for any number of threads. A round is
-/// O(labels² · (nodes + edges)) and the cuts.
+/// Starts from the cheapest label of every node, or from one label for all if that costs less. Returns a label for each
+/// node, the energy and its course. Deterministic for any number of threads. A round is O(labels² · (nodes + edges))
+/// and the cuts.
 ///
 /// ```
 /// use scansion_core::graph::Graph;
@@ -61,7 +64,8 @@ impl SwapParams {
 /// ```
 ///
 /// # Errors
-/// Lengths that do not fit, costs that are not finite, distances that are not symmetric, cancellation.
+/// If lengths do not fit, a cost is not finite, the distances are not symmetric, a parameter is outside its range, or
+/// the work was cancelled.
 pub fn alpha_beta_swap(unary: &[f32], graph: &Graph, params: &SwapParams, monitor: &Monitor) -> Result<Labelling> {
     params.validate()?;
     let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?;
@@ -74,7 +78,7 @@ pub fn alpha_beta_swap(unary: &[f32], graph: &Graph, params: &SwapParams, monito
     Ok(search.into_labelling(converged))
 }
 
-/// The labels of a pair by its number: (0, 1), (0, 2), ..., (1, 2), ...
+/// The pair of labels with a number: (0, 1), (0, 2), ..., (1, 2), ...
 fn pair(number: usize, labels: usize) -> [u16; 2] {
     let (mut alpha, mut rest) = (0, number);
     while rest >= labels - 1 - alpha {
@@ -84,7 +88,7 @@ fn pair(number: usize, labels: usize) -> [u16; 2] {
     [alpha as u16, (alpha + 1 + rest) as u16]
 }
 
-/// Offers a pair of labels to the nodes that have one of them.
+/// One swap move of a pair of labels.
 fn offer(search: &mut Search<'_>, number: usize, since: u32, monitor: &Monitor) -> Result<Outcome> {
     let pair = pair(number, search.energy.labels);
     if !pair.iter().any(|&label| search.is_used(label)) {
@@ -98,7 +102,7 @@ fn offer(search: &mut Search<'_>, number: usize, since: u32, monitor: &Monitor) 
     let mut answer: Vec<(u32, u16)> = search.pieces.nodes().iter().map(|&node| (node, beta)).collect();
     answer.extend(search.question.settled(State::Stays).map(|node| (node, beta)));
     answer.extend(search.question.settled(State::Takes).chain(takers).map(|node| (node, alpha)));
-    // The last word on a node counts; those that stand apart and those that keep their label do not move.
+    // The last entry of a node counts; nodes of other labels and nodes that keep their label are not moved.
     sort_stable_watched(&mut answer, |a, b| a.0.cmp(&b.0), monitor)?;
     let mut looks = Looks::at(monitor);
     let mut moves: Vec<(u32, u16)> = Vec::new();
@@ -142,7 +146,7 @@ mod tests {
 
     #[test]
     fn no_single_swap_improves_the_result_even_without_a_metric() {
-        // Labels 0 and 2 are farther apart than the way by 1.
+        // The distance of labels 0 and 2 violates the triangle inequality.
         let pairwise = Pairwise::Metric(vec![0.0, 1.0, 9.0, 1.0, 0.0, 1.5, 9.0, 1.5, 0.0]);
         for seed in 0..60 {
             let instance = random(seed, 8, 3);

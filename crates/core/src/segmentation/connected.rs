@@ -1,11 +1,11 @@
-//! Connected pieces of a graph of which some edges are left out.
+//! Connected components of a graph some of whose edges are ignored.
 
 use super::Partition;
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::{Monitor, watched};
 
-/// Disjoint sets in which the root is always the smallest member.
+/// Disjoint sets (union-find) in which the root is always the smallest member.
 pub(super) struct Sets(Vec<u32>);
 
 impl Sets {
@@ -26,7 +26,7 @@ impl Sets {
         }
     }
 
-    /// Unites two sets; returns the roots as (kept, gone), or nothing if they are one set already.
+    /// Merges two sets; returns the roots as (kept, absorbed), or nothing if they are one set already.
     pub(super) fn unite(&mut self, a: u32, b: u32) -> Option<(u32, u32)> {
         let (a, b) = (self.root(a), self.root(b));
         if a == b {
@@ -50,7 +50,8 @@ impl Sets {
     }
 }
 
-/// Segments that hang together by the edges of `graph` for which `kept(edge index, ends)` is true. O(n + m).
+/// The connected components of the graph that has only the edges for which `kept(edge index, ends)` is true, as
+/// segments. O(n + m).
 ///
 /// # Errors
 /// If the work was cancelled.

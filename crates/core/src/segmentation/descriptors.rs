@@ -1,4 +1,4 @@
-//! What a segment is like: its size, extent, oriented box, and the means of any values of its points.
+//! Size, extent and oriented box of each segment, and the means of its points' values.
 
 use super::Partition;
 use super::oriented_box::{OrientedBox, span};
@@ -18,7 +18,7 @@ pub struct SegmentShape {
     pub low: [f64; 3],
     /// Largest coordinates.
     pub high: [f64; 3],
-    /// A tight box in any direction.
+    /// A tight box in any orientation.
     pub oriented: OrientedBox,
 }
 
@@ -34,8 +34,9 @@ impl SegmentShape {
     }
 }
 
-/// Shape of each segment. The oriented box is the one of less surface of two: the least of all upright ones, and that along
-/// the principal directions in space. O(n log n).
+/// Shape of each segment: bounding boxes, centroid and size, one entry a segment. The oriented box is the one of
+/// smaller surface of two candidates: the best upright box, and the box along the principal directions of the points.
+/// O(n log n).
 ///
 /// # Errors
 /// If the partition is not one of these points.
@@ -66,8 +67,8 @@ fn shape(points: &[[f64; 3]]) -> SegmentShape {
     }
 }
 
-/// Mean of each column over each segment, `width` values a segment: of features, or of red, green and blue. Values
-/// that are not finite are left out; a column without any is NaN. O(n · width).
+/// Mean of each column over each segment: `width` values a segment, row after row (features, or red, green and blue).
+/// Values that are not finite are left out; the mean of a column without finite values is NaN. O(n · width).
 ///
 /// # Errors
 /// If there are not `width` values (at least 1) for each node.

@@ -1,20 +1,20 @@
-//! The commonest label of each segment: the best that labelling whole segments can reach.
+//! The most frequent label of each segment: the upper bound of any classification of whole segments.
 
 use super::Partition;
 use crate::error::{Error, Result};
 
-/// The votes of a segment's labelled nodes.
+/// The most frequent label of a segment's nodes.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct Majority {
-    /// The commonest label, the smallest of equally common ones; nothing if no node has a label.
+    /// The most frequent label; of equally frequent ones the smallest. `None` if no node has a label.
     pub code: Option<u8>,
-    /// Nodes with this label.
+    /// Number of nodes with that label.
     pub votes: u32,
-    /// Nodes with any label.
+    /// Number of nodes with any label.
     pub labelled: u32,
 }
 
-/// The majority in each segment. O(n + 256) a segment that has labels.
+/// The most frequent label of each segment, one entry a segment. O(n + 256) for a segment with labels.
 ///
 /// # Errors
 /// If there is not one label (or `None`) for each node.
@@ -40,7 +40,8 @@ pub fn majorities(partition: &Partition, labels: &[Option<u8>]) -> Result<Vec<Ma
     Ok(partition.iter().map(count_one).collect())
 }
 
-/// Share of the labelled nodes that are right if every segment gets its majority label, 0..=1; nothing without labels.
+/// Oracle accuracy: the share of the labelled nodes that are right if every segment gets its most frequent label,
+/// 0..=1; `None` if no node has a label. O(n) in total.
 ///
 /// # Errors
 /// If there is not one label (or `None`) for each node.

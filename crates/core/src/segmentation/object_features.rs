@@ -1,4 +1,4 @@
-//! What a segment is like as an object: 18 numbers of its shape and colours, and its height above ground.
+//! Features of segments as objects: 18 numbers for shape and colour, and heights above ground.
 
 use super::Partition;
 use crate::cloud::Points;
@@ -7,8 +7,9 @@ use crate::features::FeatureTable;
 use crate::linalg::{Sym3, mean};
 use crate::parallel::{Monitor, map_ordered_with};
 
-/// Geometric features, in the order of document 002, Table 3. With e = λ/Σλ of the covariance (divisor n):
-/// (e1 − e2)/e1, (e2 − e3)/e1, e3/e1, e3, (e1 e2 e3)^(1/3), (e1 − e3)/e1, −Σ e ln e, mean of z, mean of (z − mean)².
+/// Geometric features, in the order of Hasanpour Zaryabi et al. 2022, Table 3. With e = λ/Σλ of the covariance (divisor
+/// n): (e1 − e2)/e1, (e2 − e3)/e1, e3/e1, e3, (e1 e2 e3)^(1/3), (e1 − e3)/e1, −Σ e ln e, mean of z, mean of (z −
+/// mean)².
 pub const GEOMETRIC: [&str; 9] = [
     "Linearity",
     "Planarity",
@@ -21,17 +22,17 @@ pub const GEOMETRIC: [&str; 9] = [
     "VarianceZ",
 ];
 
-/// Spectral features: means, shares of the sum of the three means, and largest minus smallest value.
+/// Spectral features: means, shares of the sum of the three means, and range (largest minus smallest value).
 pub const SPECTRAL: [&str; 9] =
     ["MeanRed", "MeanGreen", "MeanBlue", "RedRatio", "GreenRatio", "BlueRatio", "RedRange", "GreenRange", "BlueRange"];
 
-/// Heights above ground, if they are given: mean and largest.
+/// Mean and largest height above ground, if heights are given.
 pub const HEIGHT: [&str; 2] = ["MeanHeight", "MaxHeight"];
 
-/// Segments that are described in one go.
+/// Segments that one task describes.
 const BLOCK: usize = 32;
 
-/// What is known of each point besides its place.
+/// Attributes of each point other than its position.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ObjectAttributes<'a> {
     /// Red, green and blue, 0..=1.
@@ -41,12 +42,13 @@ pub struct ObjectAttributes<'a> {
 }
 
 /// The features of each segment: [`GEOMETRIC`], then [`SPECTRAL`] if there are colours, then [`HEIGHT`] if there are
-/// heights. One row a segment.
+/// heights. Row-major, one row a segment.
 ///
-/// Document 002 (Hasanpour Zaryabi et al. 2022, Table 3) with its misprints settled: the ratios are shares of
-/// R̄ + Ḡ + B̄ and sum to 1 (0 for black), the variance of z is Σ(z − z̄)²/n. Mean z is that of the coordinates, origin
-/// included, and depends on where the scene lies: prefer heights. A segment without extent has eigen-features 0; one
-/// without a known height has heights that are not a number. O(n).
+/// E. Hasanpour Zaryabi, M. Saadatseresht, E. Ghanbari Parmehr, *An object-based classification framework for ALS point
+/// cloud in urban areas*, ISPRS Annals X-4/W1, 2022, Table 3, with its misprints corrected: the ratios are shares of the
+/// sum of the three means and sum to 1 (0 for black), the variance of z is Σ(z − z̄)²/n. Mean z is taken from the
+/// coordinates of the file and depends on where the scene lies: prefer heights. A segment whose points coincide has
+/// eigenvalue features 0; one without a known height has NaN as heights. O(n).
 ///
 /// # Errors
 /// If partition, points and attributes differ in length, or the work was cancelled.

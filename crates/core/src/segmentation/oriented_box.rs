@@ -1,15 +1,15 @@
-//! A tight box around points, in any direction.
+//! A tight box around points, in any orientation.
 
 use crate::linalg::Sym3;
 use parry2d_f64::math::Vector;
 use parry2d_f64::transformation::convex_hull;
 
-/// A box that need not follow the axes.
+/// A box of any orientation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OrientedBox {
     /// Centre, in metres.
     pub centre: [f64; 3],
-    /// Three orthonormal directions, of falling side length.
+    /// Three orthonormal directions, in the order of falling side length.
     pub axes: [[f64; 3]; 3],
     /// Length of the side along each axis, in metres, falling.
     pub sides: [f64; 3],
@@ -26,8 +26,8 @@ impl OrientedBox {
         a * b + b * c + c * a
     }
 
-    /// The one of less surface of two: upright with a side along an edge of the plan's convex hull, and along the principal
-    /// directions of the points' scatter. O(n log n).
+    /// The one of smaller surface of two boxes: upright with a side along an edge of the convex hull in plan, or along
+    /// the principal directions of the points. O(n log n).
     pub(super) fn tightest(points: &[[f64; 3]], scatter: &Sym3) -> Self {
         let [x, y] = along_the_hull(points).unwrap_or([1.0, 0.0]);
         let upright = Self::around(points, [[x, y, 0.0], [-y, x, 0.0], [0.0, 0.0, 1.0]]);
@@ -46,14 +46,15 @@ impl OrientedBox {
     }
 }
 
-/// Direction in plan of the upright box of least surface; none if the plan is a single spot or a number is not finite.
+/// Direction in plan of the upright box of least surface; `None` if all points coincide in plan or a number is not
+/// finite.
 fn along_the_hull(points: &[[f64; 3]]) -> Option<[f64; 2]> {
     if points.iter().flatten().any(|v| !v.is_finite()) {
         return None;
     }
     let [x, y, z] = [0, 1, 2].map(|a| span(points.iter().map(|p| p[a])));
     let sides = [x, y, z].map(|[low, high]| high - low);
-    // The hull of fewer than two different places does not exist.
+    // There is no hull of fewer than two different positions.
     if sides[0].max(sides[1]) <= 0.0 {
         return None;
     }
@@ -61,10 +62,10 @@ fn along_the_hull(points: &[[f64; 3]]) -> Option<[f64; 2]> {
     calipers(&convex_hull(&plan), sides[2])
 }
 
-/// Of the upright boxes of this height with a side along an edge of the hull (anticlockwise), the direction of the one of
-/// least surface, of all upright ones too: with sides a, b and height h half the surface is (a + h) (b + h) - h^2, and a and b
-/// are concave between two edges. The farthest corners move on with the edges (Toussaint, *Solving geometric problems with the rotating
-/// calipers*, 1983). O(corners).
+/// Of the upright boxes of this height with a side along an edge of the hull (anticlockwise), the direction of the one
+/// of least surface. No other upright box has less: with sides a, b and height h half the surface is (a + h) (b + h) -
+/// h^2, and a and b are concave between two edges. Rotating calipers (G. Toussaint, *Solving geometric problems with
+/// the rotating calipers*, 1983): the farthest corners advance with the edges. O(corners).
 fn calipers(hull: &[Vector], height: f64) -> Option<[f64; 2]> {
     let n = hull.len();
     let at = |i: usize| hull[i % n];
@@ -125,7 +126,8 @@ mod tests {
         for trial in 0..60 {
             let mut random = stream(trial, 4);
             let n = 3 + random.below(60);
-            // From near the origin to where rounding shows; on a lattice many places repeat and many lie on a line.
+            // Near the origin, and so far away that rounding matters; on a lattice many positions repeat and many are
+            // collinear.
             let (away, step) = ([0.0, 3e5][trial as usize % 2], [0.0, 0.25][trial as usize / 2 % 2]);
             let mut draw = |size: f64| {
                 let v = random.uniform() * size;

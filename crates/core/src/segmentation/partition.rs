@@ -1,4 +1,4 @@
-//! The noun of this room: a partition of nodes into segments.
+//! Partition of nodes into segments.
 
 use crate::csr::Csr;
 use crate::error::Result;
@@ -14,8 +14,8 @@ pub struct Partition {
 const UNSEEN: u32 = u32::MAX;
 
 impl Partition {
-    /// From any labels: nodes of equal label form a segment; labels are renumbered. O(n), O(n log n) if a label is
-    /// larger than 4 n.
+    /// From any labels: nodes of equal label form a segment, and labels are renumbered. O(n), or O(n log n) if a label
+    /// is larger than 4 n.
     ///
     /// # Errors
     /// Never for fewer than 2^32 nodes.

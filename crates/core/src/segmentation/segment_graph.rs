@@ -1,4 +1,4 @@
-//! The graph on segments: which touch, and over how much of a boundary.
+//! The adjacency graph of segments, weighted by their common boundary.
 
 use super::Partition;
 use super::minimal_partition::{Cost, EdgeLinks, contract};
@@ -7,18 +7,18 @@ use crate::graph::Graph;
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
-/// What an edge between two segments weighs.
+/// The weight of an edge between two segments.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interface {
-    /// The number of edges between them (S. Guinard, L. Landrieu, ISPRS Archives XLII-1/W1, 2017, equation 4).
+    /// The number of graph edges between them (Guinard & Landrieu 2017, equation 4).
     #[default]
     Count,
     /// The sum of the weights of these edges.
     Weight,
 }
 
-/// The graph whose nodes are the segments and whose edges join segments that touch. O(m log m).
+/// The graph whose nodes are the segments and whose edges connect adjacent segments. O(m log m).
 ///
 /// # Errors
 /// If the partition is not one of the graph's nodes, or the work was cancelled.

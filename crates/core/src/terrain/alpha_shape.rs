@@ -1,4 +1,4 @@
-//! The α-shape of the road's points seen from above.
+//! The α-shape of the road points in plan.
 
 use super::elevation::check_mask;
 use crate::cloud::Points;
@@ -11,22 +11,23 @@ use spade::{DelaunayTriangulation, Point2, Triangulation};
 /// A position relative to the origin of the points, metres.
 pub(super) type Place = [f64; 2];
 
-/// The extent of the road and how near its border counts.
+/// Parameters of the extent of the road, and the width of its border zone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AlphaParams {
-    /// Radius α, metres, above 0: triangles with a larger circumscribed circle are left out. It must exceed the spacing of the
-    /// road's points and stay below the radius of the smallest hole to keep. (CGAL's "alpha" is its square, the Python package
-    /// `alphashape` takes its inverse.)
+    /// Radius α, metres, above 0: triangles with a larger circumscribed circle are removed. It must exceed the spacing
+    /// of the road points and be smaller than the radius of the smallest hole to keep. (CGAL's "alpha" is its square;
+    /// the Python package `alphashape` uses its inverse.)
     pub alpha: f64,
-    /// Of the road points in a square of this share of α only the outermost on each side are used; 0..=0.5, 0 uses all.
+    /// Edge of thinning squares as a share of α: of the road points in a square only the outermost on each side are
+    /// used; 0..=0.5, 0 uses all.
     pub thinning: f64,
-    /// Points nearer than this to the border of the road stand on it, metres, not negative.
+    /// Points nearer than this to the border of the road count as on the border, metres, not negative.
     pub rim: f64,
 }
 
 impl Default for AlphaParams {
-    /// The rim is document 000's; α is our choice.
+    /// `rim` is that of Guinard & Landrieu 2017; α is our choice.
     fn default() -> Self {
         Self { alpha: 2.0, thinning: 0.25, rim: 1.0 }
     }
@@ -53,7 +54,7 @@ impl AlphaParams {
 
 /// The union of the Delaunay triangles whose circumscribed circle has a radius of at most α.
 ///
-/// Akkiraju et al., *Alpha shapes: definition and software*, 1995; document 000, section 2.1.
+/// N. Akkiraju et al., *Alpha shapes: definition and software*, 1995; used in Guinard & Landrieu 2017, section 2.1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AlphaShape {
     pub(super) origin: [f64; 3],
@@ -62,10 +63,10 @@ pub struct AlphaShape {
 }
 
 impl AlphaShape {
-    /// The shape of those points that `is_road` says are road; empty if they are too few or too far apart.
+    /// The α-shape of the points for which `is_road` is true; empty if they are too few or too far apart.
     ///
-    /// Deviation from the definition: with `thinning` not every road point is used (see [`AlphaParams`]), which moves the
-    /// border by less than that share of α. O(n log n).
+    /// Deviation from the definition: with `thinning` not every road point is used (see [`AlphaParams`]), which moves
+    /// the border by less than that share of α. O(n log n).
     ///
     /// # Errors
     /// If lengths differ, a parameter is out of range, or the work was cancelled. The triangulation itself cannot be cancelled.
@@ -87,7 +88,7 @@ impl AlphaShape {
         self.triangles.iter().map(|t| 0.5 * twice_area(t).abs()).sum()
     }
 
-    /// Length of the border in metres: of the edges that belong to one triangle only.
+    /// Length of the border in metres: of the edges that belong to only one triangle.
     pub fn border_length(&self) -> f64 {
         self.border.iter().map(|&[a, b]| (a[0] - b[0]).hypot(a[1] - b[1])).sum()
     }
@@ -98,7 +99,8 @@ impl AlphaShape {
     }
 }
 
-/// The westernmost, easternmost, southernmost and northernmost point of every square of that edge; all points if it is 0.
+/// The westernmost, easternmost, southernmost and northernmost point of every square with that edge; all points if it
+/// is 0.
 fn thinned(road: &[Place], edge: f64) -> Vec<Place> {
     if edge <= 0.0 {
         return road.to_vec();
@@ -124,7 +126,7 @@ fn thinned(road: &[Place], edge: f64) -> Vec<Place> {
 }
 
 fn triangulate(road: &[Place], alpha: f64) -> Result<AlphaShape> {
-    // Coordinates that the triangulation does not take are not told from 0 by any scan.
+    // The triangulation refuses tiny coordinates, which no scan distinguishes from 0.
     let clean = |v: f64| if v.abs() < 1e-30 { 0.0 } else { v };
     let sites: Vec<Point2<f64>> = road.iter().map(|p| Point2::new(clean(p[0]), clean(p[1]))).collect();
     let delaunay: DelaunayTriangulation<Point2<f64>> = DelaunayTriangulation::bulk_load(sites)
@@ -194,7 +196,7 @@ mod tests {
 
     #[test]
     fn a_hole_larger_than_the_radius_is_kept() {
-        // The lattice misses 15 x 15 points: a hole of 8 m x 8 m. No disc of radius 2 reaches its corners.
+        // The lattice lacks 15 x 15 points: a hole of 8 m x 8 m. No disc of radius 2 reaches its corners.
         let found = shape(&lattice(true), 2.0, 0.0).area();
         assert!((225.0 - 64.0..225.0 - 52.0).contains(&found), "{found}");
         assert!((shape(&lattice(true), 20.0, 0.0).area() - 225.0).abs() < 1e-9);

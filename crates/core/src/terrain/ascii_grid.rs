@@ -1,8 +1,8 @@
 //! Reading an elevation model from an ESRI ASCII grid (`.asc`).
 //!
-//! Format: <https://desktop.arcgis.com/en/arcmap/latest/manage-data/raster-and-images/esri-ascii-raster-format.htm>. Six
-//! words with a number each (`ncols`, `nrows`, `xllcorner` or `xllcenter`, `yllcorner` or `yllcenter`, `cellsize`,
-//! `nodata_value`), then the heights, the northernmost row first.
+//! Format: <https://desktop.arcgis.com/en/arcmap/latest/manage-data/raster-and-images/esri-ascii-raster-format.htm>.
+//! Six keywords, each with a number (`ncols`, `nrows`, `xllcorner` or `xllcenter`, `yllcorner` or `yllcenter`,
+//! `cellsize`, `nodata_value`), then the heights, the northernmost row first.
 
 use super::raster::Raster;
 use crate::error::{Error, Result};
@@ -12,8 +12,8 @@ use std::path::Path;
 /// Reads an ESRI ASCII grid of heights in metres; cells without data are holes.
 ///
 /// # Errors
-/// If the file cannot be read, a word of the header is missing, a number is malformed, or there are not as many heights as the
-/// header says. Nothing is allocated by the header alone.
+/// If the file cannot be read, a keyword of the header is missing, a number is malformed, or the number of heights is
+/// not that of the header. Nothing is allocated from the header alone.
 pub fn read_ascii_grid(path: &Path) -> Result<Raster> {
     let text = open::bytes(path, open::MOST_TABLE)?;
     let text = String::from_utf8_lossy(&text);
@@ -52,10 +52,10 @@ pub fn read_ascii_grid(path: &Path) -> Result<Raster> {
     Raster::new(origin, cell, columns, values).map_err(|e| Error::input(format!("{}: {e}", path.display())))
 }
 
-/// A word, its value, and the line that it stands in.
+/// A keyword, its value, and its line number.
 type Field<'a> = (&'a str, &'a str, usize);
 
-/// The header's words and values, and the lines after it with their numbers.
+/// The header's keywords and values, and the remaining lines with their numbers.
 fn split(text: &str) -> (Vec<Field<'_>>, impl Iterator<Item = (usize, &str)>) {
     let is_header = |line: &str| line.trim_start().starts_with(|c: char| c.is_ascii_alphabetic());
     let lines = || text.lines().enumerate().map(|(i, line)| (i + 1, line));

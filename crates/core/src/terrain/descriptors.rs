@@ -1,4 +1,5 @@
-//! The two descriptors that need the road: height above it, and position with respect to it (document 000, section 2.1).
+//! The two descriptors that depend on the road: height above it, and position with respect to it (Guinard & Landrieu
+//! 2017, section 2.1).
 
 use super::alpha_shape::{AlphaParams, AlphaShape};
 use super::elevation::{ElevationModel, ElevationParams};
@@ -9,7 +10,7 @@ use crate::features::definition::{Definition, Group};
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
-/// The descriptors of [`Terrain`], in the order of its fields.
+/// Definitions of the descriptors of [`Terrain`], in the order of its fields.
 pub const DESCRIPTORS: &[Definition] = &[
     Definition { name: "Elevation", group: Group::Height, formula: "z - ground(x, y)", range: "any, metres" },
     Definition {
@@ -20,11 +21,11 @@ pub const DESCRIPTORS: &[Definition] = &[
     },
 ];
 
-/// How the two descriptors are computed.
+/// Parameters of the two descriptors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TerrainParams {
-    /// The height of the ground.
+    /// The elevation model.
     pub elevation: ElevationParams,
     /// The extent of the road.
     pub road: AlphaParams,
@@ -41,13 +42,13 @@ impl TerrainParams {
     }
 }
 
-/// What is known of the ground.
+/// The road or ground of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground<'a> {
-    /// Whether each point is road (or ground, where there is no road): found by [`super::road_probability`], or the points of
+    /// Whether each point is road (or ground, if there is no road): from [`super::road_probability`], or the points of
     /// a class.
     pub road: &'a [bool],
-    /// An elevation model of somebody else; it takes precedence over one of the road's points.
+    /// A given elevation model, used instead of one of the road's points.
     pub model: Option<&'a ElevationModel>,
 }
 
@@ -60,7 +61,7 @@ pub struct Terrain {
     pub position: Vec<f32>,
 }
 
-/// Height above the ground and position with respect to the road of every point.
+/// Height above the ground and position with respect to the road, for every point.
 ///
 /// # Errors
 /// As [`ElevationModel::fit`], [`AlphaShape::fit`] and [`position`].
@@ -74,7 +75,8 @@ pub fn terrain(points: &Points, ground: &Ground<'_>, params: &TerrainParams, mon
     Ok(Terrain { elevation: heights, position: position(points, &shape, params.road.rim, monitor)? })
 }
 
-/// Which of the points have a class code among `ground`; `codes` has one code a point of the cloud that they came from.
+/// Which of the points have a class code in `ground`; `codes` has one code for each point of the cloud the points come
+/// from. O(n · codes of the ground).
 ///
 /// # Errors
 /// If a point has no code.

@@ -1,4 +1,4 @@
-//! The height of the ground, and of points above it.
+//! Elevation model, and heights of points above it.
 
 use super::raster::Raster;
 use crate::cloud::Points;
@@ -9,21 +9,21 @@ use serde::{Deserialize, Serialize};
 /// Points of a block.
 const BLOCK: usize = 16_384;
 
-/// How the ground's height is found from its points.
+/// Parameters of the elevation model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ElevationParams {
     /// Edge of a cell, metres; above 0.
     pub cell: f64,
-    /// Share of a cell's ground points that lie below its height; 0..=1. A little above 0, so that a few wrong points do no
-    /// harm.
+    /// Percentile of the ground points' heights that is the height of a cell; 0..=1. Slightly above 0, so that a few
+    /// wrong points have no effect.
     pub percentile: f64,
-    /// Width of the median window in cells; odd, 1..=99. 1 does not smooth.
+    /// Width of the median filter in cells; odd, 1..=99. 1 does not smooth.
     pub median: usize,
 }
 
 impl Default for ElevationParams {
-    /// Document 000 says "a simple elevation model" only; these are our own choices.
+    /// Guinard & Landrieu 2017 only mention "a simple elevation model"; these values are our choice.
     fn default() -> Self {
         Self { cell: 1.0, percentile: 0.1, median: 3 }
     }
@@ -48,17 +48,18 @@ impl ElevationParams {
     }
 }
 
-/// The height of the ground everywhere: a raster without holes, interpolated between the centres of its cells.
+/// An elevation model: a raster without holes, bilinearly interpolated between the centres of its cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElevationModel {
     raster: Raster,
 }
 
 impl ElevationModel {
-    /// The ground below all `points`, from those that `is_ground` says are ground.
+    /// The elevation model below all `points`, from those for which `is_ground` is true.
     ///
-    /// A cell takes the given percentile of the heights of its ground points (the `⌊p (n − 1)⌋`-th of n, ascending); holes take
-    /// the nearest cell that has one; then a median window smooths. O(n log n + cells).
+    /// The height of a cell is the given percentile of the heights of its ground points (the `⌊p (n − 1)⌋`-th of n,
+    /// ascending); holes take the height of the nearest cell that has one; then a median filter smooths. O(n log n +
+    /// cells).
     ///
     /// # Errors
     /// If there is no ground point, lengths differ, a parameter is out of range, the extent has too many cells, or the work was
@@ -95,7 +96,7 @@ impl ElevationModel {
         Ok(Self { raster })
     }
 
-    /// From heights that somebody else made; holes (NaN) take the nearest height.
+    /// An elevation model from given heights; holes (NaN) take the nearest height.
     ///
     /// # Errors
     /// If there is no height at all.
@@ -109,7 +110,7 @@ impl ElevationModel {
         &self.raster
     }
 
-    /// Height of the ground at a position in metres (not relative to any origin).
+    /// Height of the ground at a position in metres (absolute, not relative to an origin).
     pub fn ground(&self, at: [f64; 2]) -> f64 {
         self.raster.bilinear(at)
     }
@@ -132,7 +133,7 @@ impl ElevationModel {
     }
 }
 
-/// Whether a mask says one thing of every point.
+/// Checks that a mask has one value a point.
 pub(super) fn check_mask(points: &Points, mask: &[bool]) -> Result<()> {
     if mask.len() == points.len() {
         Ok(())
@@ -141,7 +142,7 @@ pub(super) fn check_mask(points: &Points, mask: &[bool]) -> Result<()> {
     }
 }
 
-/// Bits that ascend as the number does.
+/// Bit patterns that sort like the numbers.
 fn ascending(v: f32) -> u32 {
     let bits = v.to_bits();
     if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }

@@ -1,4 +1,4 @@
-//! Which points are ground, from their places alone.
+//! Ground filter: finds the ground points from coordinates alone.
 
 use super::elevation::{ElevationModel, ElevationParams};
 use super::raster::Raster;
@@ -12,22 +12,22 @@ use std::collections::VecDeque;
 /// Points of a block.
 const BLOCK: usize = 16_384;
 
-/// A cell lower than a hole of one cell around it could be, by this many cells' edges, is noise.
+/// A cell this many cell edges lower than its surroundings can be is noise.
 const PIT: f64 = 5.0;
 
-/// Parameters of [`ground_points`]; the defaults are the paper's.
+/// Parameters of [`ground_points`]; the defaults are those of Pingel et al. 2013.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GroundParams {
     /// Edge of a cell, metres; above 0.
     pub cell: f64,
-    /// Steepest ground, rise over run; 0 or more.
+    /// Slope of the steepest ground, rise over run; 0 or more.
     pub slope: f64,
     /// Half the width of the widest object, metres; at least a cell.
     pub window: f64,
-    /// Ground points lie within so many metres of the ground's height; above 0 ...
+    /// Largest distance of ground points from the height of the ground, metres; above 0 ...
     pub threshold: f64,
-    /// ... and within so many metres more for each unit of slope; 0 or more.
+    /// ... plus this many metres per unit of slope; 0 or more.
     pub scaling: f64,
 }
 
@@ -61,12 +61,13 @@ impl GroundParams {
     }
 }
 
-/// The ground points of a cloud by the simple morphological filter.
+/// Classifies the ground points of a cloud by the simple morphological filter.
 ///
-/// Pingel, Clarke and McBride, *An improved simple morphological filter for the terrain classification of airborne LIDAR
-/// data*, ISPRS Journal 77, 2013. The lowest heights of the cells are opened by wider and wider (square) windows; a cell that
-/// an opening lowers by more than slope · width is an object. What is left, its holes filled by the nearest height, is the
-/// ground, and points near it are ground points. O(n + cells · window).
+/// T. J. Pingel, K. C. Clarke, W. A. McBride, *An improved simple morphological filter for the terrain classification
+/// of airborne LIDAR data*, ISPRS Journal 77, 2013. The lowest heights of the cells are opened by larger and larger
+/// (square) windows; a cell that an opening lowers by more than slope · width is an object. The remaining cells, with
+/// holes filled by the nearest height, are the ground, and points near it are ground points. Returns true for each
+/// ground point. O(n + cells · window).
 ///
 /// # Errors
 /// If there is no point, a parameter is out of range, the extent has too many cells, or the work was cancelled.
@@ -107,7 +108,7 @@ fn of_site(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<
     Ok(parts.concat())
 }
 
-/// The heights of cells that are ground; the others are holes.
+/// The heights of ground cells; the others are holes.
 fn bare(lowest: &Raster, params: &GroundParams, monitor: &Monitor) -> Result<Raster> {
     let columns = lowest.columns();
     let mut surface = lowest.values().to_vec();
@@ -126,7 +127,7 @@ fn bare(lowest: &Raster, params: &GroundParams, monitor: &Monitor) -> Result<Ras
     Raster::new(lowest.origin(), lowest.cell(), columns, kept.collect())
 }
 
-/// Rise over run at each cell, by the differences of its neighbours.
+/// Slope (rise over run) at each cell, from differences of its neighbours.
 fn steepness(raster: &Raster) -> Vec<f64> {
     let (rows, columns, z) = (raster.rows(), raster.columns(), raster.values());
     let difference = |a: usize, b: usize, steps: usize| match steps {
@@ -151,7 +152,7 @@ fn dilated(values: &[f64], columns: usize, reach: usize) -> Vec<f64> {
     filtered(values, columns, reach, |new, old| new >= old)
 }
 
-/// The extreme of the square window of 2 · reach + 1 cells, which is cut off at the border. O(cells).
+/// The minimum or maximum in a square window of 2 · reach + 1 cells, clipped at the border. O(cells).
 fn filtered(values: &[f64], columns: usize, reach: usize, beats: impl Fn(f64, f64) -> bool) -> Vec<f64> {
     let mut rows = vec![0.0; values.len()];
     for (row, out) in values.chunks_exact(columns).zip(rows.chunks_exact_mut(columns)) {
@@ -165,7 +166,7 @@ fn filtered(values: &[f64], columns: usize, reach: usize, beats: impl Fn(f64, f6
     both
 }
 
-/// Extremes of a sliding window: candidates wait in a queue until a better one comes or the window leaves them.
+/// Sliding-window minimum or maximum: a queue holds the candidates that can still become the extreme value.
 fn along(
     count: usize,
     reach: usize,

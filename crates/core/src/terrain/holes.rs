@@ -1,9 +1,9 @@
-//! The nearest filled cell of every cell of a grid.
+//! For every cell of a grid the nearest filled cell.
 
-/// For every cell the nearest filled one by Euclidean distance; itself if it is filled. At least one is.
+/// For every cell the nearest filled cell by Euclidean distance; itself if it is filled. At least one must be.
 ///
-/// Felzenszwalb and Huttenlocher, *Distance transforms of sampled functions*, Theory of Computing 8, 2012: along the columns
-/// first, then the lower envelope of parabolas along every row. O(cells).
+/// P. F. Felzenszwalb, D. P. Huttenlocher, *Distance transforms of sampled functions*, Theory of Computing 8, 2012:
+/// first along the columns, then the lower envelope of parabolas along every row. O(cells).
 pub(super) fn nearest_filled(filled: &[bool], columns: usize) -> Vec<u32> {
     let mut nearest = nearest_in_column(filled, columns);
     let mut envelope = Envelope::default();
@@ -39,7 +39,7 @@ fn nearest_in_column(filled: &[bool], columns: usize) -> Vec<u32> {
     nearest
 }
 
-/// The parabolas (x − column)² + height² that are lowest somewhere in a row, and where each begins to be.
+/// The lower envelope of the parabolas (x − column)² + height² of a row, and where each of them begins.
 #[derive(Default)]
 struct Envelope {
     column: Vec<usize>,

@@ -1,4 +1,4 @@
-//! The lie of the land: what is road, how high a point stands above it, and on which side of its border.
+//! Terrain: road and ground points, elevation model, height above ground, and position with respect to the road.
 
 mod alpha_shape;
 mod ascii_grid;

@@ -1,4 +1,4 @@
-//! On which side of the road's border a point stands.
+//! Position of points with respect to the border of the road.
 
 use super::alpha_shape::{AlphaShape, Place};
 use crate::cloud::Points;
@@ -13,8 +13,8 @@ use parry2d_f64::shape::Segment;
 /// Points of a block.
 const BLOCK: usize = 16_384;
 
-/// Position of every point with respect to the road: 0.5 within `rim` metres of its border on either side, else 0 inside and 1
-/// outside (document 000, section 2.1). O(n √e + e log e) for a border of e edges.
+/// Position of every point with respect to the road: 0.5 within `rim` metres of its border on either side, else 0
+/// inside and 1 outside (Guinard & Landrieu 2017, section 2.1). O(n √e + e log e) for a border of e edges.
 ///
 /// # Errors
 /// If `rim` is negative or not finite, or the work was cancelled.
@@ -32,12 +32,12 @@ pub fn position(points: &Points, shape: &AlphaShape, rim: f64, monitor: &Monitor
     Ok(parts.concat())
 }
 
-/// The border with a tree of boxes over it.
+/// The border, with a bounding-box tree over its edges.
 struct Index<'a> {
     border: &'a [[Place; 2]],
     rim: f64,
     tree: Bvh,
-    /// Easternmost coordinate of the border.
+    /// Largest x of the border.
     east: f64,
 }
 
@@ -56,14 +56,14 @@ impl<'a> Index<'a> {
         if self.tree.intersect_aabb(&around).any(on) {
             return 0.5;
         }
-        // Who leaves the road to the east crosses its border an odd number of times.
+        // A ray to the east from inside the road crosses the border an odd number of times.
         let ray = Aabb::new(near, Vector::new(self.east.max(at[0]), at[1]));
         let crossings = self.tree.intersect_aabb(&ray).filter(|&e| crosses(&self.border[e as usize], at)).count();
         if crossings % 2 == 1 { 0.0 } else { 1.0 }
     }
 }
 
-/// Whether a ray from a place to the east meets a segment; of its two ends the lower one belongs to it.
+/// Whether a ray to the east meets a segment; of its two ends only the lower one counts.
 fn crosses([a, b]: &[Place; 2], at: Place) -> bool {
     let side = (b[0] - a[0]) * (at[1] - a[1]) - (b[1] - a[1]) * (at[0] - a[0]);
     (a[1] <= at[1] && at[1] < b[1] && side > 0.0) || (b[1] <= at[1] && at[1] < a[1] && side < 0.0)
@@ -73,7 +73,7 @@ fn vector(place: Place) -> Vector {
     Vector::new(place[0], place[1])
 }
 
-/// Distance of a place to a segment.
+/// Distance of a position from a segment.
 fn distance(at: Vector, [a, b]: [Place; 2]) -> f64 {
     Segment::new(vector(a), vector(b)).distance_to_local_point(at, true)
 }
@@ -85,7 +85,7 @@ mod tests {
     use crate::random::stream;
     use crate::terrain::AlphaParams;
 
-    /// Whether a triangle (border included) holds a place.
+    /// Whether a triangle (border included) contains a position.
     fn holds([a, b, c]: &[Place; 3], p: Place) -> bool {
         let side = |a: &Place, b: &Place| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
         let sides = [side(a, b), side(b, c), side(c, a)];

@@ -1,9 +1,9 @@
-//! A grid of heights.
+//! A raster of heights.
 
 use super::holes::nearest_filled;
 use crate::error::{Error, Result};
 
-/// Most cells of a raster.
+/// Largest number of cells of a raster.
 const MOST: usize = 100_000_000;
 
 /// Heights in metres at the centres of square cells, row after row from the south-west corner.
@@ -38,12 +38,12 @@ impl Raster {
         Ok(Self { origin, cell, columns, values })
     }
 
-    /// A raster of holes over an extent, its cells aligned to whole multiples of `cell`.
+    /// A raster of holes over an extent, with cells aligned to multiples of `cell`.
     pub(super) fn over(low: [f64; 2], high: [f64; 2], cell: f64) -> Result<Self> {
         let first = low.map(|v| (v / cell).floor());
         let count = [0, 1].map(|a| (high[a] / cell).floor() - first[a] + 1.0);
         let cells = count[0] * count[1];
-        // Also false for NaN.
+        // False for NaN too.
         if !(cells >= 1.0 && cells <= MOST as f64) {
             let [wide, high] = count.map(|count| count * cell);
             let expected = format!(
@@ -65,12 +65,12 @@ impl Raster {
         self.cell
     }
 
-    /// Cells from west to east.
+    /// Number of cells from west to east.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// Cells from south to north.
+    /// Number of cells from south to north.
     pub fn rows(&self) -> usize {
         self.values.len() / self.columns
     }
@@ -84,13 +84,14 @@ impl Raster {
         &mut self.values
     }
 
-    /// The cell that holds a position; positions outside take the nearest cell.
+    /// The cell that contains a position; the nearest cell for positions outside.
     pub(super) fn cell_of(&self, at: [f64; 2]) -> usize {
         let index = |a: usize, count: usize| (((at[a] - self.origin[a]) / self.cell) as usize).min(count - 1);
         index(1, self.rows()) * self.columns + index(0, self.columns)
     }
 
-    /// Fills every hole with the nearest height (distance between centres); of equally near ones always the same. O(cells).
+    /// Fills every hole with the nearest height (distance between centres; ties are broken deterministically).
+    /// O(cells).
     ///
     /// # Errors
     /// If there is no height at all.
@@ -104,8 +105,8 @@ impl Raster {
         Ok(())
     }
 
-    /// Replaces every height by the median of the window of that (odd) width around it, narrower where the border is near, so
-    /// that it stays centred: a slope is not changed. O(cells width²).
+    /// Replaces every height by the median of a window of that (odd) width around it. Near the border the window is
+    /// narrower but stays centred, so that a slope is not changed. O(cells width²).
     pub(super) fn median(&mut self, width: usize) {
         let (rows, columns, reach) = (self.rows(), self.columns, width / 2);
         let mut window = Vec::with_capacity(width * width);
@@ -122,7 +123,7 @@ impl Raster {
         self.values = smooth;
     }
 
-    /// Height between the four centres around a position; beyond the outermost centres that of the border.
+    /// Bilinear height between the four nearest centres; beyond the outermost centres the height at the border.
     pub fn bilinear(&self, at: [f64; 2]) -> f64 {
         let place = |a: usize, count: usize| {
             let u = ((at[a] - self.origin[a]) / self.cell - 0.5).clamp(0.0, (count - 1) as f64);
@@ -181,7 +182,7 @@ mod tests {
         let mut raster = Raster::new([0.0; 2], 1.0, 3, vec![1.0, 1.0, 1.0, 1.0, 90.0, 1.0, 1.0, 1.0, 2.0]).unwrap();
         raster.median(3);
         assert_eq!(raster.values()[4], 1.0);
-        // A corner has no window, the middle of a side one along the side.
+        // A corner has no window, the middle of a side one along that side.
         assert_eq!((raster.values()[7], raster.values()[8]), (1.0, 2.0));
     }
 

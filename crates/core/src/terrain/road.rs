@@ -1,15 +1,15 @@
-//! Which points are road: a forest of two classes on the local descriptors.
+//! Road points: a random forest of two classes on the local descriptors.
 
 use crate::classification::{Forest, ForestParams, Samples};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
 
-/// Probability that a point is road, for every row of `features`, learned from `examples` (row, whether it is road).
+/// Probability that a point is road, for every row of `features`, trained on `examples` (row, whether it is road).
 ///
-/// Guinard and Landrieu 2017, section 2.1: a random forest of the classes road and not road on the four local descriptors
-/// ([`crate::features::optimal_features`]); [`ForestParams::breiman`] is the paper's kind of forest. Points of the mask are
-/// those of at least one half ([`is_likely`]).
+/// Guinard & Landrieu 2017, section 2.1: a random forest with the classes road and not road on the four local
+/// descriptors ([`crate::features::optimal_features`]); [`ForestParams::breiman`] is the paper's kind of forest. Points
+/// with a probability of at least one half count as road ([`is_likely`]).
 ///
 /// # Errors
 /// If an example is not a row of the table, no example is road or all are, a parameter is out of range, or the work was
@@ -40,7 +40,7 @@ pub fn road_probability(
     Ok(probabilities.as_chunks::<2>().0.iter().map(|p| p[1]).collect())
 }
 
-/// Which probabilities are at least one half.
+/// True where the probability is at least one half. O(n).
 pub fn is_likely(probabilities: &[f32]) -> Vec<bool> {
     probabilities.iter().map(|&p| p >= 0.5).collect()
 }

@@ -1,19 +1,21 @@
-//! Sites far apart, one after the other: rasters then follow the ground that is covered, not the box around it.
+//! Separate sites: processes distant parts of a cloud one after the other, so that rasters cover the occupied ground
+//! and not the bounding box of all parts.
 
 use crate::cloud::Points;
 use crate::error::Result;
 
-/// Rasters of so many cells, and of so many a point, are cut.
+/// Rasters with at least this many cells, and many cells a point, are divided.
 const LARGE: f64 = 16e6;
 const SPARSE: f64 = 64.0;
 
-/// Cells of a raster along an edge of a tile; tiles that touch are one site.
+/// Edge of a tile in cells of the raster; adjacent tiles form one site.
 const TILE: f64 = 128.0;
 
-/// Values of all points, from work on each site for itself. A cloud whose raster is small, or filled well enough, is one site.
+/// Computes values of all points by `work` on each site separately. A cloud whose raster is small or well filled is one
+/// site.
 ///
 /// # Errors
-/// Those of the work.
+/// Those of `work`.
 pub(crate) fn by_site<T: Clone + Default>(
     points: &Points,
     cell: f64,
@@ -31,14 +33,14 @@ pub(crate) fn by_site<T: Clone + Default>(
     Ok(values)
 }
 
-/// The points of each site, ascending; nothing if the cloud is to stay whole.
+/// The points of each site, ascending; empty if the cloud should not be divided.
 fn sites(points: &Points, cell: f64) -> Vec<Vec<u32>> {
     let size = [&points.x, &points.y].map(|axis| {
         let (low, high) = axis.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
         (f64::from(high) - f64::from(low)) / cell + 1.0
     });
     let cells = size[0] * size[1];
-    // Also whole if the cell is no size: the raster then says so.
+    // Not divided either if the cell size is invalid, which the raster then reports.
     if !(cells > LARGE && cells > SPARSE * points.len() as f64 && cells.is_finite()) {
         return Vec::new();
     }

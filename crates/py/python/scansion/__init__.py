@@ -1,4 +1,4 @@
-"""Divides a LiDAR scan into its parts and names every point.
+"""Classifies LiDAR point clouds: divides a scan into segments and assigns a class to every point.
 
 >>> import scansion
 >>> scansion.__version__.count(".")

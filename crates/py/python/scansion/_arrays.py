@@ -1,4 +1,4 @@
-"""Bringing what people have to what the core takes: native, C-ordered numpy arrays."""
+"""Conversion of inputs to what the core takes: native, C-ordered numpy arrays."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _COLUMN_TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 
 
 def native(array: NDArray[Any], dtype: Any) -> NDArray[Any]:
-    """The array in this type, C-ordered and aligned; not copied if it is so already."""
+    """The array in this type, C-ordered and aligned; not copied if it has this form already."""
     return np.require(array, dtype, ["C_CONTIGUOUS", "ALIGNED"])
 
 
 def as_array(array: NDArray[Any], dtype: Any, copy: bool | None) -> NDArray[Any]:
-    """What ``__array__`` of a result returns that is this array above all."""
+    """The return value of ``__array__`` for a result whose main part is this array."""
     return np.array(array, dtype) if copy else np.asarray(array, dtype)
 
 
@@ -38,7 +38,7 @@ def coordinates(points: Any) -> NDArray[np.float64]:
 
 
 def column(values: Any, name: str, length: int | None = None) -> NDArray[Any]:
-    """``values`` as one number a point, in a type that the core has."""
+    """``values`` as one number a point, in a type that the core supports."""
     array = np.asarray(values)
     if array.dtype.kind not in NUMBERS:
         raise TypeError(f"{name}: expected a one-dimensional array of numbers, found dtype {array.dtype}")
@@ -72,7 +72,7 @@ def choice(value: Any, name: str, allowed: tuple[str, ...]) -> None:
 
 
 def to_json(settings: Mapping[str, Any]) -> str:
-    """Settings as JSON, numpy's numbers included; numbers that are not finite are refused by name."""
+    """Settings as JSON, including numpy's numbers; numbers that are not finite are an error with their name."""
     for name, value in settings.items():
         if isinstance(value, Mapping):
             to_json(value)

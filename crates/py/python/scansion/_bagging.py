@@ -1,4 +1,4 @@
-"""Bagging of unpruned trees for tables, in scikit-learn's shape."""
+"""Bagging of unpruned trees for tables, with the interface of scikit-learn."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from scansion._table import Lesson, TableClassifier
 class BaggingClassifier(TableClassifier):
     """Bagging (Breiman 1996, doi:10.1007/BF00058655): the mean of unpruned trees on bootstrap samples.
 
-    Every tree tries every feature at every node. Same data, same parameters, same ``random_state``: the same bytes, for any
+    Every tree tries all features at every node. The same data, parameters and ``random_state`` give the same bytes, for any
     number of threads.
 
     Parameters
     ----------
     n_estimators : int
-        Trees.
+        Number of trees.
     max_depth : int, optional
-        Deepest level; without limit by default.
+        Largest depth of a tree; unlimited by default.
     min_samples_split : int
         Nodes with fewer samples become leaves.
     min_samples_leaf : int
-        Splits that leave fewer samples on a side are not made.
+        Least number of samples on each side of a split.
     min_weight_fraction_leaf : float
-        Splits that leave a smaller share of the weight on a side are not made; 0..0.5.
+        Least share of the weight on each side of a split; 0..0.5.
     max_bins : int
-        Bins of a feature, 2..255.
+        Largest number of bins of a feature, 2..255.
     oob_score : bool
-        Measure accuracy on the samples that each tree has not seen, as ``oob_score_``.
+        Compute the out-of-bag accuracy, as ``oob_score_``.
     class_weight : {None, "balanced"} or dict
-        Weight of each class by label.
+        Class weights by label.
     random_state : int, numpy.random.RandomState or None
-        Seed; None stands for 0, so that results repeat.
+        Seed; None means 0, so that results are reproducible.
     n_jobs : int, optional
-        Threads; None and -1 take all.
+        Number of threads; None and -1 use all.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class BaggingClassifier(TableClassifier):
     feature_names_in_ : array of shape (n_features,)
         Only if ``X`` had column names.
     feature_importances_ : array of shape (n_features,)
-        Mean decrease of impurity, summing to 1 (to 0 if no tree splits).
+        Mean decrease of impurity, summing to 1 (all 0 if no tree has a split).
     oob_score_ : float
         Only with ``oob_score=True``.
 

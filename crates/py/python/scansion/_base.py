@@ -1,7 +1,7 @@
 """The scikit-learn protocol without scikit-learn: parameters, tags, errors.
 
-scikit-learn is looked for only when it asks for tags or is loaded already, so that importing scansion stays quick and
-numpy is all it needs.
+scikit-learn is imported only when it asks for tags or is loaded already, so that importing scansion is fast and needs
+only numpy.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ class NotFittedError(ValueError, AttributeError):
 
 
 class DataConversionWarning(UserWarning):
-    """An input was brought to another shape or type."""
+    """An input was converted to another shape or type."""
 
 
 def from_sklearn(own: type[Any]) -> type[Any]:
-    """scikit-learn's class of that name if it is loaded, so that its users catch what they expect; else ours."""
+    """scikit-learn's class with the same name if it is loaded, so that its users can catch it; else our own."""
     exceptions = sys.modules.get("sklearn.exceptions")
     found: type[Any] = getattr(exceptions, own.__name__, own)
     return found
 
 
 class Classifier:
-    """A classifier that scikit-learn can clone, search and pipe. Parameters are the arguments of ``__init__``."""
+    """A classifier for scikit-learn's clone, grid search and pipelines. Parameters are the arguments of ``__init__``."""
 
     @classmethod
     def _parameter_names(cls) -> list[str]:

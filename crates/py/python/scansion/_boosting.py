@@ -1,4 +1,4 @@
-"""Gradient-boosted trees for tables, in scikit-learn's shape."""
+"""Gradient-boosted trees for tables, with the interface of scikit-learn."""
 
 from __future__ import annotations
 
@@ -18,46 +18,46 @@ from scansion._table import Lesson, TableClassifier
 class GradientBoostingClassifier(TableClassifier):
     """Gradient-boosted trees (Friedman 2001, doi:10.1214/aos/1013203451) on binned features.
 
-    Softmax of one score a class, the logistic function for two classes; leaf-wise growth and second-order gains, with
-    LightGBM's defaults but XGBoost's penalty. Missing values (NaN) go to the side that the learning finds better. Same
-    data, same parameters, same ``random_state``: the same bytes, for any number of threads.
+    Softmax of one score per class, or the logistic function for two classes; leaf-wise growth and second-order gains, with
+    the defaults of LightGBM but the L2 penalty of XGBoost. Missing values (NaN) go to the side of larger gain. The same
+    data, parameters and ``random_state`` give the same bytes, for any number of threads.
 
     Parameters
     ----------
     n_estimators : int
-        Rounds; each grows one tree a class (one in all for two classes).
+        Number of rounds; each grows one tree per class (a single one for two classes).
     learning_rate : float
-        Factor of every tree's answer, above 0, at most 1.
+        Factor of every leaf value, above 0, at most 1.
     max_leaf_nodes : int
-        Most leaves of a tree.
+        Largest number of leaves of a tree.
     max_depth : int, optional
-        Deepest level; without limit by default.
+        Largest depth of a tree; unlimited by default.
     min_samples_leaf : int
-        Splits that leave fewer samples on a side are not made.
+        Least number of samples on each side of a split.
     min_child_weight : float
-        Splits that leave a smaller sum of second derivatives on a side are not made.
+        Least sum of second derivatives on each side of a split.
     l2_regularization : float
-        L2 penalty of the leaves' answers; with 0 a leaf of a rare class may answer without bound.
+        L2 penalty of the leaf values; with 0 those of rare classes are not bounded.
     min_split_gain : float
-        A split must gain more than this.
+        Least gain of a split.
     subsample : float
-        Share of the samples that a tree sees.
+        Share of the samples that each tree is trained on.
     subsample_freq : int
-        Rounds between two draws of these samples.
+        Number of rounds between two draws of these samples.
     max_features : float
-        Share of the features that a tree sees.
+        Share of the features that each tree is trained on.
     n_iter_no_change : int, optional
-        Stop after this many rounds without a lower loss on held-out samples and keep the best round; never by default.
+        Stop after this many rounds without a lower loss on held-out samples, and keep the best round; never by default.
     validation_fraction : float
-        Share of the samples of each class held out for that.
+        Share of the samples of each class held out for this.
     max_bins : int
-        Bins of a feature, 2..255; NaN has its own on top.
+        Largest number of bins of a feature, 2..255, not counting that of NaN.
     class_weight : {None, "balanced"} or dict
-        Weight of each class by label.
+        Class weights by label.
     random_state : int, numpy.random.RandomState or None
-        Seed; None stands for 0, so that results repeat.
+        Seed; None means 0, so that results are reproducible.
     n_jobs : int, optional
-        Threads; None and -1 take all.
+        Number of threads; None and -1 use all.
 
     Attributes
     ----------
@@ -67,13 +67,13 @@ class GradientBoostingClassifier(TableClassifier):
     feature_names_in_ : array of shape (n_features,)
         Only if ``X`` had column names.
     feature_importances_ : array of shape (n_features,)
-        Share of each feature in the gain of all splits, summing to 1 (to 0 if no tree splits).
+        Share of each feature in the gain of all splits, summing to 1 (all 0 if no tree has a split).
     n_estimators_ : int
-        Rounds kept.
+        Number of rounds kept.
     train_score_ : array of shape (n_rounds + 1,)
-        Mean loss of the samples learned from, before the first round and after each.
+        Mean loss of the training samples, before the first round and after each.
     validation_score_ : array of shape (n_rounds + 1,)
-        The same of the samples held out; empty without early stopping.
+        The same for the held-out samples; empty without early stopping.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The whole way from labelled clouds to a named cloud."""
+"""Training on labelled clouds and classification of clouds."""
 
 from __future__ import annotations
 
@@ -24,53 +24,56 @@ Self = TypeVar("Self", bound="PointClassifier")
 
 
 class Classified(NamedTuple):
-    """One answer a point, in the cloud's order."""
+    """The classification, one entry a point in the cloud's order."""
 
     codes: NDArray[np.uint8]
-    """Code of the most probable class; where coordinates are not finite 1 (unclassified), or if that is a class the highest
-    code that is none."""
+    """Code of the most probable class; where coordinates are not finite 1 (unclassified), or if 1 is a class the highest
+    unused code."""
     confidence: NDArray[np.float32]
     """Its probability, 0..1."""
     entropy: NDArray[np.float32]
     """Entropy of the probabilities in nats, 0..ln(classes)."""
     probabilities: NDArray[np.float32] | None
-    """Probability of every class, shape (n, classes), if asked for."""
+    """Probability of every class, shape (n, classes), if requested."""
 
 
 class PointClassifier(Classifier):
-    """Names every point of a cloud: multi-scale features and a random forest (Hackel 2018, chapter 4.4).
+    """Classifies every point of a cloud by multi-scale features and a random forest.
+
+    T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich 2018, doi:10.3929/ethz-b-000264691,
+    chapter 4.4.
 
     Parameters
     ----------
     recipe : path, str or mapping, optional
         A TOML recipe: its path, its text, or a mapping of dotted keys to values, as in
-        ``{"forest.trees": 100, "features.intensity": True}``. Without one the paper's values hold.
+        ``{"forest.trees": 100, "features.intensity": True}``. By default the paper's values.
     unlabelled : iterable of int or str, optional
-        Labels that mean "unlabelled"; such points are not learned from. By default those of a cloud's own list of codes (LAS:
-        0 and 1, Semantic3D: 0, others: none; see `PointCloud.scheme`), and none of labels that are given as an array.
-        Negative labels, NaN and None never are learned from.
+        Labels that mean "unlabelled"; such points are not used for training. By default those of the cloud's class list (LAS:
+        0 and 1, Semantic3D: 0, others: none; see `PointCloud.scheme`), and none for labels given as an array. Negative
+        labels, NaN and None are always unlabelled.
     class_map : str
-        Changes of codes before learning, as in ``"3-4=5"``.
+        Mapping of codes before training, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None
-        Seed; None takes the recipe's (0 if it has none).
+        Seed; None uses the recipe's (0 if it has none).
     n_jobs : int, optional
-        Threads; None and -1 take all. Results do not depend on it.
+        Number of threads; None and -1 use all. Results do not depend on it.
 
     Attributes
     ----------
     classes_ : array of shape (n_classes,)
         Class codes, ascending; the texts if ``fit`` was given text.
     codes_ : array of shape (n_classes,)
-        The code of each class, as `classify` and files have it.
+        The code of each class in files and in the result of `classify`.
     class_names_ : list of str
     feature_names_in_ : array of shape (n_features,)
-        Features that the forest uses.
+        Features that occur in the forest.
     feature_importances_ : array of shape (n_features,)
         Mean decrease of impurity, summing to 1.
     recipe_ : str
-        The recipe as TOML, all values resolved.
+        The recipe as TOML, with all values written out.
     report_ : dict
-        What training did: points, samples and weight of each class, ``warnings``, and more; only after ``fit``.
+        Report of the training: points, samples and weight of each class, ``warnings``, and more; only after ``fit``.
 
     Examples
     --------
@@ -118,7 +121,7 @@ class PointClassifier(Classifier):
 
     @classmethod
     def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
-        """A classifier from a model file, as ``save`` or ``scansion train`` wrote it.
+        """A classifier from a model file that ``save`` or ``scansion train`` wrote.
 
         Parameters
         ----------
@@ -127,33 +130,32 @@ class PointClassifier(Classifier):
         return cls()._take(_core.Model.load(os.fspath(path)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model to a file that ``scansion classify --model`` takes too.
+        """Writes the model to a file, which ``scansion classify --model`` can use too.
 
         Parameters
         ----------
         path : path
-            An older model is replaced; any other file that stands there is not.
+            An existing model is replaced; any other existing file is not.
 
         Raises
         ------
         FileExistsError
-            A file that is no model stands there.
+            If the file exists and is not a model.
         """
         self._check_is_fitted()
         self._model.save(os.fspath(path))
 
     def fit(self: Self, clouds: Any, labels: Any = None) -> Self:
-        """Learns from labelled clouds.
+        """Trains on labelled clouds.
 
         Parameters
         ----------
         clouds : cloud or list of clouds
             Each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
         labels : array_like of shape (n,) or list of such, optional
-            Class codes 0..255, negative where there is none, or text, None where there is none; without them each cloud's
-            column Classification.
+            Class codes 0..255, negative for none, or text, None for none; by default each cloud's column Classification.
 
-        Warns of classes that were left out because they have too few points, and of others that are rare.
+        Warns about classes that were left out because they have too few points, and about rare ones.
         """
         recipe, settings = self._recipe()
         several = isinstance(clouds, (list, tuple)) and not _is_rows(clouds)
@@ -200,11 +202,11 @@ class PointClassifier(Classifier):
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         probabilities : bool
-            Return the probability of every class too.
+            Also return the probability of every class.
         regularize : {"none", "local", "point-crf", "consensus", "segment-crf"}, optional
-            Make neighbours agree in this way; None takes the model's own.
+            Method of regularisation; None uses the model's own.
         metres_per_unit : float, optional
-            Metres in one unit of the coordinates; None takes what the cloud says, else 1. Degrees are refused.
+            Metres per unit of the coordinates; None uses the cloud's own unit, else 1. Degrees are an error.
         """
         self._check_is_fitted()
         points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
@@ -225,7 +227,7 @@ class PointClassifier(Classifier):
         return self._texts(found) if self.classes_.dtype.kind == "U" else found
 
     def _texts(self, found: NDArray[np.uint8]) -> NDArray[np.str_]:
-        """The names of codes, "" for those that are no class."""
+        """The names of codes, "" for codes that are not a class."""
         names = np.full(256, "", dtype=np.array(self.class_names_).dtype)
         names[self.codes_] = self.class_names_
         return np.asarray(names[found])
@@ -242,14 +244,14 @@ class PointClassifier(Classifier):
         return found
 
     def score(self, cloud: Any, labels: ArrayLike | None = None) -> float:
-        """Share of labelled points that are named rightly, 0..1.
+        """Accuracy: share of the labelled points that are classified correctly, 0..1.
 
         Parameters
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         labels : array_like of shape (n,), optional
-            Class codes or text as for ``fit``, negative or None where there is none; without them the cloud's column
-            Classification. ``unlabelled`` and ``class_map`` hold as in ``fit``.
+            Class codes or text as for ``fit``, negative or None for none; by default the cloud's column Classification.
+            ``unlabelled`` and ``class_map`` are applied as in ``fit``.
         """
         points = as_cloud(cloud)
         unlabelled = self.unlabelled if self.unlabelled is not None else ()
@@ -277,7 +279,7 @@ class PointClassifier(Classifier):
         return self._model.importance()
 
     def _strengths(self) -> list[float]:
-        """Strengths to choose from; only the weak recipe has any."""
+        """Strengths to choose from; used by the weak recipe only."""
         return []
 
     def _take(self: Self, model: _core.Model) -> Self:

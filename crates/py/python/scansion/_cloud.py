@@ -43,18 +43,18 @@ _SCAN_ANGLE_UNIT = 0.006
 class PointCloud:
     """Points with named columns, one value a point.
 
-    Coordinates of LAS files stay the integers that the file has, so that writing gives the same bytes.
+    Coordinates of LAS files are kept as the integers in the file, so that writing gives the same bytes.
 
     Parameters
     ----------
     xyz : array_like of shape (n, 3)
         Coordinates in the unit of the reference system.
     crs : str, optional
-        Coordinate reference system, as WKT or ``EPSG:n``; it tells the unit.
+        Coordinate reference system, as WKT or ``EPSG:n``; it defines the unit.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates (0.3048 for feet).
+        Metres per unit of the coordinates (0.3048 for feet).
     **columns : array_like of shape (n,)
-        One column each, e.g. ``Classification=...``. Names are PDAL's where it has one.
+        One column each, e.g. ``Classification=...``. Names are PDAL's if it has one.
 
     Examples
     --------
@@ -102,13 +102,13 @@ class PointCloud:
 
     @property
     def columns(self) -> list[str]:
-        """Names of the columns in the file's order."""
+        """Names of the columns, in the order of the file."""
         return self._core.columns()
 
     @property
     def header(self) -> dict[str, Any]:
-        """What the file that the cloud was read from says of itself, as `scansion.info` tells it when this is first asked
-        for; empty for a cloud that was made in memory."""
+        """Header information of the cloud's file, as from `scansion.info` at the first access; empty for a cloud that was
+        made in memory."""
         if self._header is None:
             self._header = {} if self._path is None else json.loads(_core.inspect(self._path))
         return self._header
@@ -124,7 +124,7 @@ class PointCloud:
 
     @property
     def metres_per_unit(self) -> float | None:
-        """Metres in one unit of the coordinates, if the file says so."""
+        """Metres per unit of the coordinates, if the file states it."""
         return self._core.metres_per_unit
 
     @metres_per_unit.setter
@@ -133,8 +133,8 @@ class PointCloud:
 
     @property
     def scheme(self) -> str:
-        """The list that the codes of the column Classification are of: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
-        ``"semantic3d"`` (0 is) or ``"own"`` (every code is a class). Readers set it; it may be changed."""
+        """The class list of the codes in the column Classification: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
+        ``"semantic3d"`` (0 is) or ``"own"`` (every code is a class). Set by readers; may be changed."""
         return self._core.scheme
 
     @scheme.setter
@@ -172,7 +172,7 @@ class PointCloud:
         return _restore, (self.xyz if ticks is None else ticks, self.crs, self.metres_per_unit, columns, self.scheme)
 
     def copy(self) -> PointCloud:
-        """A copy that may be changed without changing this cloud."""
+        """An independent copy."""
         return self._wrap(self._core.copy(), self._path)
 
     @classmethod
@@ -237,7 +237,7 @@ def _restore(
     columns: Mapping[str, NDArray[Any]],
     scheme: str = "own",
 ) -> PointCloud:
-    """Undoes ``PointCloud.__reduce__``."""
+    """The inverse of ``PointCloud.__reduce__``."""
     core = _core.Cloud.from_ticks(*place) if isinstance(place, tuple) else _core.Cloud.from_xyz(place)
     cloud = PointCloud._wrap(core)
     cloud._fill(crs, metres_per_unit, columns)
@@ -257,7 +257,7 @@ def _laspy_crs(header: Any) -> str | None:
 
 
 def measured(points: Any, columns: list[str], metres_per_unit: float | None) -> PointCloud:
-    """`as_cloud` with another unit, if one is given; a cloud of the caller's stays as it is."""
+    """`as_cloud` with another unit, if one is given; the caller's cloud is not changed."""
     cloud = as_cloud(points, columns=columns)
     if metres_per_unit is None:
         return cloud

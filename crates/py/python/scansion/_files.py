@@ -16,7 +16,7 @@ from scansion._cloud import PointCloud, as_cloud
 
 
 def _box(bounds: ArrayLike | None) -> Any:
-    """A box as the core wants it: lowest and highest corner."""
+    """A box in the form that the core expects: lowest and highest corner."""
     if bounds is None:
         return None
     box = np.asarray(bounds, dtype=np.float64)
@@ -39,25 +39,25 @@ def read(
     Parameters
     ----------
     path : path
-        The file; its content decides on the format, then its extension.
+        The file; the format is detected by content, then by extension.
     columns : list of str, optional
-        Columns to keep beside the coordinates; all by default. Fewer columns take less memory.
+        Columns to keep besides the coordinates; all by default. Fewer columns take less memory.
     bounds : array_like of shape (2, 3) or (2, 2), optional
-        Only points in this box, lowest and highest corner, both included. COPC files are read where the box is.
+        Only points in this box, lowest and highest corner, both included. Of COPC files only the parts in the box are read.
     resolution : float, optional
-        A thinner cloud whose points are about so far apart, in the file's unit, above 0; COPC files only.
+        Thin to points about this far apart, in the unit of the file, above 0; COPC files only.
 
     Returns
     -------
     PointCloud
-        In the file's order, with the file's types.
+        In the order and with the types of the file.
 
     Raises
     ------
     FileNotFoundError, PermissionError, OSError
         The file cannot be read.
     FileFormatError
-        The file is malformed (the message names the place) or its format is not supported.
+        The file is malformed (the message gives the position) or its format is not supported.
     """
     name = os.fspath(path)
     return PointCloud._wrap(_core.read(name, (columns, _box(bounds), resolution)), name)
@@ -71,23 +71,23 @@ def blocks(
     bounds: ArrayLike | None = None,
     resolution: float | None = None,
 ) -> Iterator[PointCloud]:
-    """Reads a file as clouds of at most ``size`` points, in the file's order; together they are what `read` gives.
+    """Reads a file as clouds of at most ``size`` points, in the order of the file; together they are what `read` returns.
 
-    LAS, LAZ, COPC, PLY, PCD and text take the memory of about one block; E57, npz, PTX and compressed PCD are read whole.
+    LAS, LAZ, COPC, PLY, PCD and text need the memory of about one block; E57, npz, PTX and compressed PCD are read as a whole.
 
     Parameters
     ----------
     path : path
         The file.
     size : int
-        Most points of a block, 1 or more.
+        Largest number of points of a block, 1 or more.
     columns, bounds, resolution
-        As of `read`. Numbers of text are float64 in every block.
+        As in `read`. Numbers in text are float64 in every block.
 
     Returns
     -------
     iterator of PointCloud
-        Empty blocks are left out.
+        Empty blocks are skipped.
     """
     if size < 1:
         raise ValueError(f"size: found {size}, expected 1 or more points a block")
@@ -96,7 +96,7 @@ def blocks(
 
 
 def _steps(scale: float | Sequence[float] | None) -> Any:
-    """One step an axis."""
+    """One scale per axis."""
     if scale is None:
         return None
     steps = np.asarray(scale, dtype=np.float64)
@@ -108,7 +108,7 @@ def _steps(scale: float | Sequence[float] | None) -> Any:
 def write(
     path: str | os.PathLike[str], cloud: Any, *, scale: float | Sequence[float] | None = None
 ) -> None:
-    """Writes points as LAS, LAZ, PLY, PCD, npz or text, by the extension; the file appears whole or not at all.
+    """Writes points as LAS, LAZ, PLY, PCD, npz or text, by the extension; the file is either complete or absent.
 
     Parameters
     ----------
@@ -117,13 +117,13 @@ def write(
     cloud : PointCloud, laspy.LasData, structured array or array_like of shape (n, 3)
         What to write.
     scale : float or three of them, optional
-        Step of the whole numbers that LAS and LAZ store coordinates in. None takes the cloud's own if it came from LAS,
-        else 0.001 (1e-7 for degrees), or what moves no point by more than a thousandth of the points' spacing.
+        LAS scale: step of the integers in which LAS and LAZ store coordinates. None uses the cloud's own if it came from LAS,
+        else 0.001 (1e-7 for degrees), or a scale that moves no point by more than a thousandth of the point spacing.
 
     Raises
     ------
     ValueError
-        No step holds the extent in 32 bits and the points in their places; ``scale`` accepts the loss.
+        No scale represents the extent in 32 bits without such a loss; give ``scale`` to accept it.
     """
     _core.write(os.fspath(path), as_cloud(cloud)._core, _steps(scale))
 
@@ -136,7 +136,7 @@ def rewrite(
     *,
     scale: float | Sequence[float] | None = None,
 ) -> list[str]:
-    """Copies a file with other classes or more dimensions; every other byte stays as it is.
+    """Copies a file with other classes or more dimensions; all other bytes are kept.
 
     Parameters
     ----------
@@ -147,12 +147,12 @@ def rewrite(
     dimensions : mapping of str to array_like of shape (n,), optional
         Dimensions to add or replace (Extra Bytes in LAS).
     scale : float or three of them, optional
-        As of `write`; not from LAS to LAS, which keeps its steps.
+        As in `write`; not from LAS to LAS, which keeps its scale.
 
     Returns
     -------
     list of str
-        What could not stay as it was, e.g. that LAS was promoted to 1.4 for classes above 31.
+        What else had to change, e.g. that LAS was promoted to 1.4 for classes above 31.
     """
     labels = None if classification is None else codes(classification, "classification")
     extra = [(name, column(values, name)) for name, values in (dimensions or {}).items()]
@@ -160,20 +160,20 @@ def rewrite(
 
 
 def info(path: str | os.PathLike[str], *, stats: bool = False) -> dict[str, Any]:
-    """What a file's header says: format, version, point count, bounds, reference system, dimensions, warnings.
+    """Information from a file's header: format, version, point count, bounds, reference system, dimensions, warnings.
 
     Parameters
     ----------
     path : path
         The file; the points of LAS and LAZ are not read unless ``stats`` is set.
     stats : bool
-        Read the points too: key ``stats`` tells ``points_per_square_metre``, ``not_finite``, ``duplicates``,
+        Read the points too: the key ``stats`` has ``points_per_square_metre``, ``not_finite``, ``duplicates``,
         ``outside_bounds``, ``nan_values`` and ``classes`` (code, points).
 
     Returns
     -------
     dict
-        Only what JSON can hold: text, numbers, lists, dicts.
+        Text, numbers, lists and dicts only, as in JSON.
     """
     found: dict[str, Any] = json.loads(_core.inspect(os.fspath(path)))
     if stats:
@@ -185,19 +185,19 @@ def info(path: str | os.PathLike[str], *, stats: bool = False) -> dict[str, Any]
 
 
 def diff(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> dict[str, Any]:
-    """What differs between two files, field by field, point by point in their order.
+    """The differences between two files, field by field, and point by point in their order.
 
     LAS and LAZ are compared with header and records, block by block; other formats by their columns.
 
     Parameters
     ----------
     a, b : path
-        The files; their formats may differ. How points are packed (LAS or LAZ) is no difference.
+        The files; their formats may differ. The compression (LAS or LAZ) does not count as a difference.
 
     Returns
     -------
     dict
-        ``same`` (bool), ``summary`` (one sentence), ``points``, ``compared``, and what differs, empty where all is the same:
+        ``same`` (bool), ``summary`` (one sentence), ``points``, ``compared``, and the differences, empty if there are none:
         ``header``, ``records``, ``types`` (lists of ``name``, ``a``, ``b``), ``fields`` (``name``, ``differing``, ``first``,
         ``largest``), ``only_in`` (two lists of names), ``classes`` (``from``, ``to``, ``points``).
     """
@@ -223,14 +223,14 @@ def convert(
     point_format : int, optional
         Point format of a LAS or LAZ output made from LAS or LAZ, 0 to 10; it must have all fields of the input's.
     bounds, resolution
-        Only this part of the input, as of `read`.
+        Only this part of the input, as in `read`.
     scale : float or three of them, optional
-        As of `write`; not from LAS to LAS, which keeps its steps.
+        As in `write`; not from LAS to LAS, which keeps its scale.
 
     Returns
     -------
     list of str
-        What the target could not hold.
+        What the target could not store.
     """
     part = (_box(bounds), resolution)
     return _core.convert(os.fspath(input), os.fspath(output), point_format, part, _steps(scale))
@@ -242,7 +242,7 @@ def merge(
     *,
     scale: float | Sequence[float] | None = None,
 ) -> list[str]:
-    """Joins files in the order given; coordinates of LAS and LAZ are put on one grid exactly.
+    """Merges files in the given order; coordinates of LAS and LAZ are converted exactly to a common grid.
 
     Parameters
     ----------
@@ -251,12 +251,12 @@ def merge(
     output : path
         May be one of the inputs.
     scale : float or three of them, optional
-        As of `write`; not from LAS to LAS, which keeps its steps.
+        As in `write`; not from LAS to LAS, which keeps its scale.
 
     Returns
     -------
     list of str
-        What could not stay as it was.
+        What else had to change.
     """
     return _core.merge([os.fspath(path) for path in inputs], os.fspath(output), _steps(scale))
 
@@ -264,19 +264,19 @@ def merge(
 def salvage(
     input: str | os.PathLike[str], output: str | os.PathLike[str] | None = None
 ) -> dict[str, Any]:
-    """Tells what of a damaged LAS or LAZ file can be read, and writes it as a sound file if an output is given.
+    """Determines what can be read of a damaged LAS or LAZ file, and writes it as an intact file if an output is given.
 
     Parameters
     ----------
     input : path
-        A file that is cut, whose counts are wrong, whose chunk table is lost or some of whose chunks are damaged.
+        A file that is truncated, has wrong counts, a lost chunk table or damaged chunks.
     output : path, optional
-        Where to write what is there.
+        File for the intact part.
 
     Returns
     -------
     dict
-        ``declared`` and ``read`` (numbers of points), ``lost``, ``notes`` (what is wrong; empty for a sound file).
+        ``declared`` and ``read`` (numbers of points), ``lost``, ``notes`` (the defects; empty for an intact file).
     """
     found: dict[str, Any] = json.loads(_core.salvage(os.fspath(input), None if output is None else os.fspath(output)))
     return {**found, "lost": max(0, found["declared"] - found["read"])}

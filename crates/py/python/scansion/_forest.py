@@ -1,4 +1,4 @@
-"""The random forest for tables, in scikit-learn's shape."""
+"""The random forest for tables, with the interface of scikit-learn."""
 
 from __future__ import annotations
 
@@ -15,45 +15,45 @@ from scansion._settings import class_weight, seed, share, whole
 from scansion._table import Lesson, TableClassifier
 
 BAG = 0.632
-"""Share of the samples that one tree of the trainer "ethz" sees."""
+"""Share of the samples that each tree is trained on with the trainer "ethz"."""
 
 
 class RandomForestClassifier(TableClassifier):
     """Random forest (Breiman 2001, doi:10.1023/A:1010933404324) on binned features.
 
-    Same data, same parameters, same ``random_state``: the same bytes, for any number of threads.
+    The same data, parameters and ``random_state`` give the same bytes, for any number of threads.
 
     Parameters
     ----------
     n_estimators : int
-        Trees.
+        Number of trees.
     criterion : {"gini", "entropy"}
-        Impurity that a split lowers.
+        Impurity measure.
     max_depth : int, optional
-        Deepest level; without limit by default.
+        Largest depth of a tree; unlimited by default.
     min_samples_split : int
         Nodes with fewer samples become leaves.
     min_samples_leaf : int
-        Splits that leave fewer samples on a side are not made.
+        Least number of samples on each side of a split.
     min_weight_fraction_leaf : float
-        Splits that leave a smaller share of the weight on a side are not made; 0..0.5.
+        Least share of the weight on each side of a split; 0..0.5.
     max_features : {"sqrt", "log2"}, int, float or None
-        Features drawn at each node: a rule, a count, a share, or all (None).
+        Number of features tried at each node: a rule, a count, a share, or all (None).
     bootstrap : bool
-        Each tree sees a random sample; if False all see everything.
+        Train each tree on a random sample; if False, on all samples.
     trainer : {"breiman", "ethz"}
         "breiman": thresholds midway between values, samples drawn with replacement. "ethz" (Hackel et al. 2016):
-        thresholds at random within the gap, 63.2 % of the samples drawn without replacement.
+        thresholds at random between values, 63.2 % of the samples drawn without replacement.
     max_bins : int
-        Bins of a feature, 2..255.
+        Largest number of bins of a feature, 2..255.
     oob_score : bool
-        Measure accuracy on the samples that each tree has not seen, as ``oob_score_``.
+        Compute the out-of-bag accuracy, as ``oob_score_``.
     class_weight : {None, "balanced"} or dict
-        Weight of each class by label.
+        Class weights by label.
     random_state : int, numpy.random.RandomState or None
-        Seed; None stands for 0, so that results repeat.
+        Seed; None means 0, so that results are reproducible.
     n_jobs : int, optional
-        Threads; None and -1 take all.
+        Number of threads; None and -1 use all.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class RandomForestClassifier(TableClassifier):
     feature_names_in_ : array of shape (n_features,)
         Only if ``X`` had column names.
     feature_importances_ : array of shape (n_features,)
-        Mean decrease of impurity, summing to 1 (to 0 if no tree splits).
+        Mean decrease of impurity, summing to 1 (all 0 if no tree has a split).
     oob_score_ : float
         Only with ``oob_score=True``.
 

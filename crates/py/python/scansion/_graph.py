@@ -1,4 +1,4 @@
-"""Bringing edges and weights to what the core takes."""
+"""Conversion of edges and weights to what the core takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Labels as people have them: codes 0..255, negative where there is none, or text."""
+"""Labels in the forms that users have: codes 0..255, negative for none, or text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scansion import _core
 from scansion._arrays import codes, column
 
 MOST = 256
-"""Codes, and so classes, that there can be."""
+"""Number of possible codes, and so of classes."""
 
 
 def is_text(values: Any) -> bool:
@@ -24,7 +24,7 @@ def is_text(values: Any) -> bool:
 
 
 def texts(values: Any, name: str, length: int | None = None) -> NDArray[np.object_]:
-    """Labels as text, one a point; None where there is none (None or NaN)."""
+    """Labels as text, one a point; None for none (None or NaN)."""
     array = np.asarray(values)
     if array.ndim != 1 or (length is not None and len(array) != length):
         expected = "(n,)" if length is None else f"({length},)"
@@ -50,7 +50,7 @@ def classes_of(labels: Iterable[NDArray[np.object_]], unlabelled: Iterable[Any])
 
 
 def encoded(labels: NDArray[np.object_], classes: list[str]) -> NDArray[np.int16]:
-    """The place of each label among the classes, -1 where it is none of them."""
+    """The position of each label among the classes, -1 if it is not one of them."""
     place = {text: i for i, text in enumerate(classes)}
     return np.array([place.get(text, -1) for text in labels.tolist()], dtype=np.int16)
 
@@ -58,7 +58,7 @@ def encoded(labels: NDArray[np.object_], classes: list[str]) -> NDArray[np.int16
 def signed(
     values: Any, name: str, length: int | None = None, unlabelled: Iterable[int] = (), changes: str = ""
 ) -> NDArray[np.int16]:
-    """Codes 0..255, changed by a map like ``3-4=5``; -1 where they are negative, NaN or then ``unlabelled``."""
+    """Codes 0..255, changed by a map like ``3-4=5``; -1 where they are negative, NaN or, after the mapping, ``unlabelled``."""
     array = column(values, name, length)
     known = array >= 0
     table = np.frombuffer(_core.mapped_codes(changes), dtype=np.uint8).astype(np.int16)
@@ -70,7 +70,7 @@ def signed(
 
 
 def listed(unlabelled: Iterable[int]) -> bytes:
-    """Codes as bytes, which is how the core takes a short list of them; negative ones need not be said."""
+    """Codes as bytes, the form in which the core takes short lists; negative ones are left out."""
     array = np.asarray(list(unlabelled))
     if array.size == 0:
         return b""

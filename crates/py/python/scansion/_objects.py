@@ -1,4 +1,4 @@
-"""Segments that are named as a whole."""
+"""Object-based classification: whole segments."""
 
 from __future__ import annotations
 
@@ -6,34 +6,35 @@ from scansion._classifier import PointClassifier
 
 
 class ObjectClassifier(PointClassifier):
-    """Names the segments of a scan, and every point by its segment (Hasanpour Zaryabi et al. 2022).
+    """Classifies the segments of a scan, and every point by its segment.
 
-    Supervoxels, segments by their local graphs, features of each segment, and a random forest (or boosted trees, or
-    bagging) on a share of the labelled segments; the others tell how well.
+    E. Hasanpour Zaryabi, M. Saadatseresht, E. Ghanbari Parmehr, *An object-based classification framework for ALS point
+    cloud in urban areas*, ISPRS Annals X-4/W1, 2022: supervoxels, segments by local graphs, features of each segment, and a
+    random forest (or boosted trees, or bagging) trained on a share of the labelled segments and evaluated on the others.
 
     Parameters
     ----------
     recipe : path, str or mapping, optional
         A TOML recipe of the kind ``objects``: its path, its text, or a mapping of dotted keys to values, as in
-        ``{"segments.slic.size": 2.0, "training.share": 1.0, "classifier": "gbt"}``. Without one the paper's values hold.
+        ``{"segments.slic.size": 2.0, "training.share": 1.0, "classifier": "gbt"}``. By default the paper's values.
     unlabelled : iterable of int or str, optional
-        Labels that mean "unlabelled"; such points do not vote for the class of their segment. By default those of a cloud's
-        own list of codes (LAS: 0 and 1, Semantic3D: 0, others: none), and none of labels that are given as an array.
-        Negative labels, NaN and None never do.
+        Labels that mean "unlabelled"; such points do not count for the class of their segment. By default those of the
+        cloud's class list (LAS: 0 and 1, Semantic3D: 0, others: none), and none for labels given as an array. Negative
+        labels, NaN and None are always unlabelled.
     class_map : str
-        Changes of codes before learning, as in ``"3-4=5"``.
+        Mapping of codes before training, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None
-        Seed; None takes the recipe's (0 if it has none).
+        Seed; None uses the recipe's (0 if it has none).
     n_jobs : int, optional
-        Threads; None and -1 take all. Results do not depend on it.
+        Number of threads; None and -1 use all. Results do not depend on it.
 
     Attributes
     ----------
     classes_ : array of shape (n_classes,)
         Class codes, ascending; the texts if ``fit`` was given text.
     report_ : dict
-        What training did, with the scores of segments that were not learned from, ``by_segment`` and ``by_point``; only
-        after ``fit``.
+        Report of the training, with the scores of the segments that were not used for it, ``by_segment`` and ``by_point``;
+        only after ``fit``.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Partitions by what they are for: nobody needs to know what the strength means."""
+"""Partitions for a purpose: the strength is searched, so that the user need not know what it means."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from scansion._settings import seed, share, whole
 
 @dataclass(frozen=True)
 class PartitionParams:
-    """How a graph is parted, and what for; the part ``[partition]`` of recipes.
+    """Parameters of a partition; the section ``[partition]`` of recipes.
 
-    Say at most one of ``strength``, ``segments_per_hectare``, ``smallest_object``, ``smallest_object_points`` and
+    Give at most one of ``strength``, ``segments_per_hectare``, ``smallest_object``, ``smallest_object_points`` and
     ``oracle_loss``; all but the first search for the strength.
 
     Parameters
     ----------
     strength : float, optional
-        What a boundary edge of weight 1 costs, in units of squared difference; 0.1 if nothing is said.
+        Cost of a boundary edge of weight 1, in units of squared difference; 0.1 if no aim is given.
     segments_per_hectare : float, optional
-        So many segments on a hectare of covered ground (cells of 2 m in plan that hold points); needs positions.
+        Number of segments per hectare of covered ground (cells of 2 m in plan that hold points); needs positions.
     smallest_object : float, optional
         The finest partition of which at most 5 % of the nodes lie in segments that are shorter than this in every direction,
         metres; needs positions.
     smallest_object_points : float, optional
         The same for segments of fewer nodes than this.
     oracle_loss : float, optional
-        The coarsest partition whose segments could be named with at most so much loss of accuracy on the labels, 0..1; needs
-        labels.
+        The coarsest partition whose oracle accuracy on the labels is at most this much below that of a very fine one, 0..1;
+        needs labels.
     method : {"cut-pursuit", "merge"}
         Lower energy, or faster.
     cutoff : float
-        Segments of less weight than this join their best neighbour at the end.
+        Segments of less weight than this are merged into their best neighbour at the end.
     trials : int
-        Partitions tried at most in the search for the strength.
+        Largest number of partitions computed in the search for the strength.
     random_state : int
         Seed of cut pursuit.
 
@@ -65,7 +65,7 @@ class PartitionParams:
     random_state: int = 0
 
     def settings(self) -> dict[str, Any]:
-        """The same under the names that recipes have, e.g. for ``recipe={"regularise.partition.cutoff": 10}``."""
+        """The same under the names used in recipes, e.g. for ``recipe={"regularise.partition.cutoff": 10}``."""
         aims = {
             "strength": self.strength,
             "segments-per-hectare": self.segments_per_hectare,
@@ -86,14 +86,14 @@ class PartitionParams:
 
 
 class Partition(NamedTuple):
-    """The partition that serves an intent best; as an array, the labels."""
+    """The partition that fulfils an aim best; as an array, the labels."""
 
     labels: NDArray[np.uint32]
     """Segment of each node, numbered in the order of their smallest nodes."""
     strength: float
-    """The strength that gave it."""
+    """The strength of this partition."""
     trials: list[dict[str, Any]]
-    """``strength``, ``segments``, ``energy``, ``small_share``, ``oracle_accuracy`` of each that was tried, by strength."""
+    """``strength``, ``segments``, ``energy``, ``small_share``, ``oracle_accuracy`` of all trials, by strength."""
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return as_array(self.labels, dtype, copy)
@@ -110,26 +110,26 @@ def partition(
     labels: ArrayLike | None = None,
     n_jobs: int | None = None,
 ) -> Partition:
-    """Parts a graph by what the segments are for.
+    """Partitions a graph, with the strength that fulfils an aim.
 
     Parameters
     ----------
     values : array_like of shape (n, d)
-        Of each node, e.g. the features of `scansion.neighbours.optimal`; finite.
+        Values of each node, e.g. the features of `scansion.neighbours.optimal`; finite.
     edges : array_like of shape (m, 2)
         Pairs of nodes.
     params : PartitionParams, optional
-        What they are for; a strength of 0.1 if nothing is said.
+        The aim and other parameters; a strength of 0.1 by default.
     weights : array_like of shape (m,), optional
-        Of the edges; finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
     node_weights : array_like of shape (n,), optional
-        How much each node counts; 1 by default.
+        Weight of each node; 1 by default.
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3), optional
         Position of each node.
     labels : array_like of shape (n,), optional
-        Class codes 0..255 of the nodes, negative where there is none.
+        Class codes 0..255 of the nodes, negative for none.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Segments of a cloud that follow its surfaces: the Riemannian graph, and growing regions."""
+"""Segments of a cloud that follow its surfaces: the Riemannian graph, and region growing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scansion._cloud import as_cloud
 
 
 class Riemannian(NamedTuple):
-    """Segment and supervoxel of each point, and the sizes and seconds of all stages."""
+    """Segment and supervoxel of each point, and a report with sizes and seconds of all stages."""
 
     labels: NDArray[np.uint32]
     supervoxels: NDArray[np.uint32]
@@ -30,20 +30,22 @@ def riemannian(
     settings: Mapping[str, Any] | None = None,
     n_jobs: int | None = None,
 ) -> Riemannian:
-    """Supervoxels of an adaptive octree and their segments on a Riemannian graph (Li 2018).
+    """Segments by supervoxels of an adaptive octree on a Riemannian graph.
+
+    M. Li, *A super voxel-based Riemannian graph for multi scale segmentation of LiDAR point clouds*, ISPRS Annals, 2018.
 
     Parameters
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     min_depth : int
-        Least depth of the octree; the cloud's cube is divided in two on each axis so many times.
+        Least depth of the octree: the number of times that the cloud's cube is halved on each axis everywhere.
     strength : float
-        What an edge between segments costs; larger gives fewer, larger segments.
+        Cost of an edge between segments; larger values give fewer, larger segments.
     settings : mapping, optional
         Further settings, as in a recipe: ``{"graph": {"nearest": 12}, "sides": "unsigned"}``.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
@@ -85,17 +87,17 @@ def region_growing(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     k : int
-        Neighbours that a region grows over and normals are found by; 2..32.
+        Number of neighbours for region growing and for normals; 2..32.
     angle_deg : float
-        Greatest angle between normals, degrees.
+        Largest angle between normals, degrees.
     variation : float
-        Regions grow on from points of a lower surface variation only.
+        Regions grow on only from points whose surface variation is below this.
     min_size : int
-        Regions of fewer points are given up.
+        Regions of fewer points are dissolved.
     reference : {"current", "seed"}
         Which normal the next one is compared with: that of the neighbour (regions may bend) or of the first seed (flat).
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
@@ -119,7 +121,7 @@ def region_growing(
 def octree_region_growing(
     xyz: Any, *, size: float = 2.0, settings: Mapping[str, Any] | None = None, n_jobs: int | None = None
 ) -> NDArray[np.uint32]:
-    """Flat voxels of an octree, grown and refined at their rims (Vo et al. 2015).
+    """Octree-based region growing: flat voxels, refined at the boundary of regions (Vo et al. 2015).
 
     Parameters
     ----------
@@ -130,7 +132,7 @@ def octree_region_growing(
     settings : mapping, optional
         Further settings, as in a recipe: ``{"residual": 0.05, "angle_deg": 15.0}``.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------

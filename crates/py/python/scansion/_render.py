@@ -34,7 +34,7 @@ def render(
     classes: Iterable[int] = (),
     n_jobs: int | None = None,
 ) -> NDArray[np.uint8]:
-    """Draws a cloud from above or at a slant.
+    """Draws a map or an oblique view of a cloud.
 
     Parameters
     ----------
@@ -42,26 +42,26 @@ def render(
     path : path, optional
         Also write the picture there, as ``.png``; a map gets a world file ``.pgw`` beside it.
     by : str
-        What the colour tells: "class", "height", "rgb" (the points' own colour) or the name of a column.
+        Quantity shown by colour: "class", "height", "rgb" (the points' own colour) or the name of a column.
     view : {"map", "oblique"}
     azimuth, elevation : float
-        Direction that the oblique view looks to, degrees from north over east, and the height of the viewer above
-        the horizon, 0..90 degrees.
+        Viewing direction of the oblique view, degrees clockwise from north, and the elevation of the viewpoint above the
+        horizon, 0..90 degrees.
     width, height : int
-        Pixels, 200..8000; without a height it follows from the cloud's shape.
+        Pixels, 200..8000; by default the height follows from the shape of the cloud.
     shading : bool
-        Show relief.
+        Hillshading.
     legend : bool
         Draw legend and scale bar.
     title : str, optional
     value_range : (float, float), optional
         Ends of the colour bar; the 2nd and 98th percentile by default.
     truth : array_like of shape (n,), optional
-        True class codes 0..255, negative where there is none: the colours then tell where the cloud's classes differ from them.
+        True class codes 0..255, negative for none: the colours then show where the cloud's classes differ from them.
     classes : iterable of int
         Compare only points whose true class is one of these; all by default.
     n_jobs : int, optional
-        Threads; None and -1 take all.
+        Number of threads; None and -1 use all.
 
     Returns
     -------
@@ -89,6 +89,6 @@ def render(
 
 
 def _apart(cloud: str | os.PathLike[str], target: str) -> None:
-    """Fails if the picture would be written over the cloud."""
+    """Fails if the picture would overwrite the cloud."""
     if os.path.exists(target) and os.path.exists(cloud) and os.path.samefile(cloud, target):
         raise ValueError(f"path: {target} is the file that is drawn; give the picture another name")

@@ -18,12 +18,12 @@ _LABELS = "Classification"
 
 
 class Segments(NamedTuple):
-    """A parted cloud."""
+    """A segmented cloud."""
 
     cluster_id: NDArray[np.uint32]
     """Segment of each point, from 1; 0 where coordinates are not finite."""
     levels: list[NDArray[np.uint32]]
-    """The same at each level that was asked for."""
+    """The same at each requested level."""
     report: dict[str, Any]
     """``method``, ``segments``, ``supervoxels``, ``strength``, ``trials``, ``sizes``, ``levels``; with labels
     ``oracle_accuracy`` and ``boundaries``."""
@@ -55,9 +55,9 @@ def segment(
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Segments:
-    """Parts a cloud into segments.
+    """Divides a cloud into segments.
 
-    Say at most one of ``strength``, ``segments_per_hectare``, ``smallest_object`` and ``oracle_loss``.
+    Give at most one of ``strength``, ``segments_per_hectare``, ``smallest_object`` and ``oracle_loss``.
 
     Parameters
     ----------
@@ -65,35 +65,35 @@ def segment(
     method : str
         ``"cut-pursuit"``: linearity, planarity, scattering and verticality nearly constant on each segment; ``"merge"``:
         the same, faster; ``"riemannian"``: l0 cut pursuit on the graph of an octree's supervoxels; ``"local-graph"``:
-        supervoxels joined by their local graphs; ``"slic"``, ``"vccs"``: supervoxels; ``"region-growing"``,
+        supervoxels grouped by their local graphs; ``"slic"``, ``"vccs"``: supervoxels; ``"region-growing"``,
         ``"octree-region-growing"``: smooth and flat regions.
     strength : float, optional
-        Cost of a boundary edge; larger gives fewer, larger segments. 0.03 if nothing is said; "riemannian": 0.1.
+        Cost of a boundary edge; larger values give fewer, larger segments. 0.03 by default; "riemannian": 0.1.
     segments_per_hectare : float, optional
-        Aim at so many segments on a hectare of covered ground ("cut-pursuit", "merge").
+        Aim at this many segments per hectare of covered ground ("cut-pursuit", "merge").
     smallest_object : float, optional
-        Aim at the smallest object that is to be a segment of its own, metres ("cut-pursuit", "merge").
+        Aim at the smallest object that should be a segment of its own, metres ("cut-pursuit", "merge").
     oracle_loss : float, optional
-        Aim at the fewest segments that could be named with at most so much loss of accuracy on the cloud's labels, 0..1
-        ("cut-pursuit", "merge").
+        Aim at the fewest segments whose oracle accuracy on the cloud's labels is at most this much below that of a very fine
+        partition, 0..1 ("cut-pursuit", "merge").
     size : float, optional
-        Size of the supervoxels, metres ("local-graph", "slic", "vccs": 1.2 if nothing is said), or of the largest voxels
+        Size of the supervoxels, metres ("local-graph", "slic", "vccs": 1.2 by default), or of the largest voxels
         ("octree-region-growing": 2).
     levels : sequence of int
-        Part the cloud at each of these least depths of the octree too ("riemannian").
+        Also divide the cloud at each of these least depths of the octree ("riemannian").
     recipe : path, str or mapping, optional
         Settings of all methods: TOML as a path or text, or a mapping of dotted keys to values, as in
-        ``{"objects.vccs.voxel": 0.4}``. What is said by itself wins.
+        ``{"objects.vccs.voxel": 0.4}``. Other arguments take precedence.
     cutoff : float, optional
-        Segments of fewer points join their best neighbour ("cut-pursuit", "merge").
+        Segments of fewer points are merged into their best neighbour ("cut-pursuit", "merge").
     k_min : int, optional
-        Smallest neighbourhood that describes a point; 20 or more on scans that consist of lines.
+        Smallest neighbourhood of a point; 20 or more on scans that consist of lines.
     random_state : int, optional
         Seed.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates; None takes what the cloud says, else 1. Degrees are refused.
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1. Degrees are an error.
     n_jobs : int, optional
-        Threads; None and -1 take all. Results do not depend on it.
+        Number of threads; None and -1 use all. Results do not depend on it.
 
     Returns
     -------
@@ -135,17 +135,17 @@ def suggest(
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Suggestions:
-    """The segments whose labels would help most: uncertain, large, and unlike those that are labelled or named before.
+    """The segments whose labels would help most: uncertain, large, and different from those labelled or suggested before.
 
     Parameters
     ----------
     cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
     count : int
-        Segments to name.
+        Number of segments to suggest.
     uncertainty : array_like of shape (n,), optional
         Uncertainty of each point, 0..1: its entropy over ln(classes); all are 1 without it.
     labelled : bool
-        Leave out segments that hold a label (a code of 2 or more in the column Classification).
+        Leave out segments that contain a label (a code of 2 or more in the column Classification).
     method, strength, segments_per_hectare, smallest_object, size, recipe, k_min, random_state, metres_per_unit, n_jobs
         As in :func:`segment`.
 

@@ -25,7 +25,7 @@ def recipe(given: Any) -> tuple[str, list[str]]:
 
 
 def seed(random_state: Any) -> int:
-    """A seed from what scikit-learn calls ``random_state``; None stands for 0."""
+    """A seed from scikit-learn's ``random_state``; None means 0."""
     if random_state is None:
         return 0
     if isinstance(random_state, (int, np.integer)) and 0 <= random_state < 2**63:
@@ -40,14 +40,14 @@ def seed(random_state: Any) -> int:
 
 
 def whole(value: Any, name: str, low: int = 1) -> int:
-    """A whole number from ``low`` up."""
+    """An integer, at least ``low``."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < low:
         raise ValueError(f"{name}: found {value!r}, expected a whole number, {low} or more")
     return int(value)
 
 
 def share(value: Any, name: str, limits: tuple[float, float] = (0, 1)) -> float:
-    """A number between two limits, both allowed."""
+    """A number between two limits, both included."""
     low, high = limits
     if not isinstance(value, (int, float, np.integer, np.floating)) or not low <= value <= high:
         kind = f"a share in {low}..{high}" if high < np.inf else f"a finite number, {low} or more"

@@ -1,4 +1,4 @@
-"""Supervoxels of a cloud, and what segments are like as objects."""
+"""Supervoxels of a cloud, and features of segments."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def supervoxels(
     voxel: float | None = None,
     n_jobs: int | None = None,
 ) -> NDArray[np.int64]:
-    """Small pieces of a cloud that are alike in place, normal and colour.
+    """Supervoxels: small pieces of a cloud whose points are similar in position, normal and colour.
 
     Parameters
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     method : {"slic", "vccs"}
-        On points (Hasanpour Zaryabi et al. 2022), or on voxels that touch, which never crosses a gap (Papon et al. 2013).
+        On points (Hasanpour Zaryabi et al. 2022), or on adjacent voxels, which never crosses a gap (Papon et al. 2013).
     size : float
         Distance of the seeds, metres.
     normals : array_like of shape (n, 3), optional
@@ -41,11 +41,11 @@ def supervoxels(
     colours : array_like of shape (n, 3), optional
         Red, green and blue, 0..1.
     spatial_weight, normal_weight, colour_weight : float
-        What the three distances count.
+        Weights of the three distances.
     voxel : float, optional
-        "vccs": edge of the voxels, metres; a quarter of the size if it is not given.
+        "vccs": edge of the voxels, metres; a quarter of ``size`` by default.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def supervoxels(
 def object_features(
     xyz: Any, labels: Any, *, colours: Any = None, heights: Any = None, n_jobs: int | None = None
 ) -> tuple[NDArray[np.float32], list[str]]:
-    """What each segment is like: its shape, colours and height (Hasanpour Zaryabi et al. 2022, Table 3).
+    """Features of each segment: shape, colours and height (Hasanpour Zaryabi et al. 2022, Table 3).
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def object_features(
     heights : array_like of shape (n,), optional
         Height of each point above the ground, metres, as of `scansion.terrain.heights`.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What the classifiers of tables share: fitting, predicting, scoring in scikit-learn's shape."""
+"""Common base of the classifiers for tables: fit, predict and score as in scikit-learn."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def _positions(targets: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint16]]
 
 
 class Lesson(NamedTuple):
-    """What is learned from: the table, positions of the labels in ``classes``, weights; and the labels themselves."""
+    """Training data: the table, positions of the labels in ``classes``, weights; and the labels themselves."""
 
     samples: tuple[NDArray[np.float32], NDArray[np.uint16], NDArray[np.float32] | None, int]
     classes: NDArray[Any]
 
 
 class TableClassifier(Classifier):
-    """A classifier of rows of features. A subclass learns its trees in ``_learn``."""
+    """A classifier of rows of features. A subclass trains its trees in ``_learn``."""
 
     classes_: NDArray[Any]
     n_classes_: int
@@ -47,10 +47,10 @@ class TableClassifier(Classifier):
 
     @abstractmethod
     def _learn(self, lesson: Lesson) -> Any:
-        """The trees that were learned."""
+        """The trained trees."""
 
     def fit(self: Self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> Self:
-        """Grows the trees.
+        """Trains the trees.
 
         Parameters
         ----------
@@ -59,7 +59,7 @@ class TableClassifier(Classifier):
         y : array_like of shape (n_samples,)
             Class labels: numbers or text.
         sample_weight : array_like of shape (n_samples,), optional
-            Weight of each sample, 0 or more; 0 is as if it were absent.
+            Weight of each sample, 0 or more; samples of weight 0 are ignored.
         """
         name = type(self).__name__
         names = _validation.feature_names(X)
@@ -106,7 +106,7 @@ class TableClassifier(Classifier):
         return labels
 
     def _rows(self, X: ArrayLike) -> NDArray[np.float32]:
-        """X as the trees take it, checked against what was learned from."""
+        """X as the trees need it, checked against the training data."""
         self._check_is_fitted()
         name = type(self).__name__
         fitted = getattr(self, "feature_names_in_", None)
@@ -116,7 +116,7 @@ class TableClassifier(Classifier):
         return table
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
-        """Share of rows that are named rightly (accuracy), 0..1.
+        """Accuracy: share of the rows that are classified correctly, 0..1.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class TableClassifier(Classifier):
 
     @property
     def feature_importances_(self) -> NDArray[np.float64]:
-        """Share of each feature in what the splits gained, summing to 1."""
+        """Share of each feature in the improvement by all splits, summing to 1."""
         self._check_is_fitted()
         found: NDArray[np.float64] = self._trees.importance()
         return found

@@ -1,4 +1,4 @@
-"""Checks of tables and labels, with the messages that users of scikit-learn know."""
+"""Checks of tables and labels, with the messages of scikit-learn."""
 
 from __future__ import annotations
 

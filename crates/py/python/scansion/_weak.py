@@ -1,4 +1,4 @@
-"""From a few labelled points to a labelled scan."""
+"""Weakly supervised classification: few labelled points."""
 
 from __future__ import annotations
 
@@ -12,34 +12,36 @@ from scansion._classifier import PointClassifier
 
 
 class WeakClassifier(PointClassifier):
-    """Names every point of a scan from a few labels (Guinard and Landrieu 2017).
+    """Classifies every point of a scan, trained on few labels.
 
-    Descriptors in optimal neighbourhoods and with respect to the road, a random forest on the labelled points, segments
-    by l0 cut pursuit, and a random field on the segments solved by alpha-expansion.
+    S. Guinard, L. Landrieu, *Weakly supervised segmentation-aided classification of urban scenes from 3D LiDAR point
+    clouds*, 2017, doi:10.5194/isprs-archives-XLII-1-W1-151-2017: descriptors in optimal neighbourhoods and with respect to
+    the road, a random forest on the labelled points, segments by l0 cut pursuit, and a conditional random field on the
+    segments, solved by alpha-expansion.
 
     Parameters
     ----------
     recipe : path, str or mapping, optional
         A TOML recipe of the kind ``weak``: its path, its text, or a mapping of dotted keys to values, as in
-        ``{"neighbourhood.k_min": 20, "regularise.strength": 0.5}``. Without one the paper's values hold.
+        ``{"neighbourhood.k_min": 20, "regularise.strength": 0.5}``. By default the paper's values.
     strengths : sequence of float
-        Strengths of the field to choose from, by the labels of held-out folds; empty takes the recipe's.
+        Strengths of the random field to choose from, by the accuracy on held-out labels; empty uses the recipe's.
     unlabelled : iterable of int or str, optional
-        Labels that mean "unlabelled"; by default those of a cloud's own list of codes (LAS: 0 and 1, Semantic3D: 0, others:
-        none), and none of labels that are given as an array. Negative labels, NaN and None never are learned from.
+        Labels that mean "unlabelled"; by default those of the cloud's class list (LAS: 0 and 1, Semantic3D: 0, others: none),
+        and none for labels given as an array. Negative labels, NaN and None are always unlabelled.
     class_map : str
-        Changes of codes before learning, as in ``"3-4=5"``.
+        Mapping of codes before training, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None
-        Seed; None takes the recipe's (0 if it has none).
+        Seed; None uses the recipe's (0 if it has none).
     n_jobs : int, optional
-        Threads; None and -1 take all. Results do not depend on it.
+        Number of threads; None and -1 use all. Results do not depend on it.
 
     Attributes
     ----------
     classes_ : array of shape (n_classes,)
         Class codes, ascending; the texts if ``fit`` was given text.
     report_ : dict
-        What training did; only after ``fit``.
+        Report of the training; only after ``fit``.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""How good labels are: confusion matrix, scores, report.
+"""Evaluation of labels: confusion matrix, scores, report.
 
-Axes are named everywhere: rows are the truth, columns the prediction.
+Rows are true classes, columns predicted ones.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ __all__ = ["confusion_matrix", "report", "scores", "segmentation_error"]
 
 
 class _Pair(NamedTuple):
-    """What is compared: -1 where there is no label, and where the prediction leaves a point open."""
+    """The codes to compare; -1 for points without a true label or without a prediction."""
 
     truth: NDArray[np.int16]
     predicted: NDArray[np.int16]
     names: list[str]
-    """Of the codes, if the labels are text."""
+    """Names of the codes, if the labels are text."""
 
 
 def _pair(
@@ -59,17 +59,17 @@ def confusion_matrix(
     Parameters
     ----------
     truth, predicted : array_like of shape (n,)
-        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; where the prediction is,
-        it counts as wrong, under a code that neither side has.
+        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
+        negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
         Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
     map_truth, map_predicted : str
-        Changes of the codes of each side before they are compared, as in ``"3-4=5"``.
+        Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
     Returns
     -------
     counts : array of shape (classes, classes)
-        ``counts[i, j]`` points of true class i were named j.
+        ``counts[i, j]`` is the number of points of true class i predicted as j.
     codes : array of shape (classes,)
         The code (or text) of each row and column, ascending.
 
@@ -101,12 +101,12 @@ def scores(
     Parameters
     ----------
     truth, predicted : array_like of shape (n,)
-        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; where the prediction is,
-        it counts as wrong, under a code that neither side has.
+        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
+        negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
         Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
     map_truth, map_predicted : str
-        Changes of the codes of each side before they are compared, as in ``"3-4=5"``.
+        Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def scores(
         ``confusion_matrix``, ``labels`` (one dict a class: ``code``, ``name``, ``precision``, ``recall``,
         ``f1_score``, ``intersection_over_union``, ``support``), ``overall_accuracy``,
         ``mean_intersection_over_union``, ``mean_f1_score``, ``kappa`` and more. All scores are in 0..1 (kappa in
-        -1..1); a score that is not defined is 0.
+        -1..1); an undefined score is 0.
 
     Examples
     --------
@@ -134,17 +134,17 @@ def report(
     map_truth: str = "",
     map_predicted: str = "",
 ) -> str:
-    """The scores as a table for people.
+    """The scores as a text table.
 
     Parameters
     ----------
     truth, predicted : array_like of shape (n,)
-        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; where the prediction is,
-        it counts as wrong, under a code that neither side has.
+        Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
+        negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
         Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
     map_truth, map_predicted : str
-        Changes of the codes of each side before they are compared, as in ``"3-4=5"``.
+        Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def segmentation_error(
     empty: str = "ignored",
     unlabelled: Iterable[Any] = (),
 ) -> dict[str, Any]:
-    """How well segments keep the edges of the classes, seen from above (Hasanpour Zaryabi et al. 2022).
+    """Segmentation error: share of the class boundaries, in plan, that segments miss (Hasanpour Zaryabi et al. 2022).
 
     Parameters
     ----------
@@ -172,18 +172,18 @@ def segmentation_error(
     labels : array_like of shape (n,)
         Segment of each point.
     truth : array_like of shape (n,)
-        Class codes 0..255, negative where there is none, or text, None where there is none.
+        Class codes 0..255, negative for none, or text, None for none.
     cell : float
-        Edge of a cell of the raster, metres: the spacing of the points.
+        Edge of a raster cell, metres: about the point spacing.
     empty : {"ignored", "background"}
-        Whether cells without a labelled point have edges.
+        Whether cells without a labelled point are ignored or count as background, with boundaries.
     unlabelled : iterable of int or str
-        Labels in ``truth`` that mean that there is none, too.
+        Further labels in ``truth`` that mean "unlabelled".
 
     Returns
     -------
     error : dict
-        ``error`` (1 - edge recall, mean of the classes), ``precision``, and ``classes`` one by one.
+        ``error`` (1 - boundary recall, mean over the classes), ``precision``, and the same for each of the ``classes``.
 
     Examples
     --------

@@ -1,6 +1,7 @@
-"""Multi-scale features: what a point's surroundings look like on each level of a voxel pyramid.
+"""Multi-scale features: the geometry around each point on each level of a voxel pyramid.
 
-After T. Hackel, *Large-scale machine learning for point cloud processing*, ETH Zurich 2018, chapter 4.4.
+T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich 2018, doi:10.3929/ethz-b-000264691,
+chapter 4.4.
 """
 
 from __future__ import annotations
@@ -44,17 +45,17 @@ def multiscale(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud.
     first_scale : float, optional
-        Edge of the finest voxel in metres; None takes the cloud's own spacing.
+        Edge of the finest voxel in metres; None derives it from the cloud's point spacing.
     levels : int
-        Levels, each of twice the voxel; 1..16.
+        Number of levels, each with voxels of twice the edge; 1..16.
     k : int
-        Points of a neighbourhood; 3..32.
+        Number of points in a neighbourhood; 3..32.
     include_query : bool
         Whether the point itself is one of the k.
     centre : {"medoid", "mean"}
-        The point that differences are taken from in the structure tensor.
+        Centre of the structure tensor.
     divisor : {"n", "n-1"}
-        What the structure tensor is divided by.
+        Divisor of the structure tensor.
     normalise : bool
         Whether eigenvalues are divided by their sum before omnivariance and entropy.
     column : {"cylinder", "cell"}
@@ -62,18 +63,18 @@ def multiscale(
     column_radius : float
         Radius (cylinder) or edge (cell) of the column in voxels; 0.25..8.
     near_share : float
-        Share of the neighbourhood that counts as near in the line feature; above 0, below 1.
+        Share of the neighbourhood that forms the near set of the line feature; above 0, below 1.
     colour, intensity, returns : bool
         Add features of the point itself; the cloud needs the columns.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
     array of shape (n, 16 * levels + point features)
-        Columns as `names` gives them; rows of points with NaN or infinite coordinates are NaN.
+        Columns as in `names`; rows of points with NaN or infinite coordinates are NaN.
 
     Examples
     --------
@@ -122,9 +123,9 @@ def names(
     first_scale : float
         Edge of the finest voxel in metres.
     levels : int
-        Levels, each of twice the voxel.
+        Number of levels, each with voxels of twice the edge.
     colour, intensity, returns : bool
-        Whether features of the point itself are there.
+        Whether features of the point itself are included.
 
     Examples
     --------
@@ -138,7 +139,7 @@ def names(
 
 
 def definitions() -> list[dict[str, str]]:
-    """Every feature there is: its name, group, formula and range.
+    """All features: name, group, formula and range of each.
 
     Examples
     --------
@@ -176,28 +177,28 @@ def normals(
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Normal and surface variation of every point by its nearest neighbours.
+    """Normal and surface variation of every point from its nearest neighbours.
 
     Parameters
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     k : int
-        Neighbours of a point, itself not counted; 2..32.
+        Number of neighbours of a point, not counting itself; 2..32.
     orientation : "up", "spanning-tree" or (x, y, z)
-        The side that normals point to: up; one side of the surface, propagated from the highest point (Hoppe et al.
-        1992); or a sensor at that place, in metres.
+        Orientation of the normals: up; consistently to one side of the surface, propagated from the highest point (Hoppe et
+        al. 1992); or towards a sensor at this position, in metres.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
     normals : array of shape (n, 3), float32
         Unit vectors.
     variation : array of shape (n,), float32
-        Least eigenvalue over the sum of all, 0..1/3.
+        Smallest eigenvalue divided by the sum of all, 0..1/3.
 
     Examples
     --------

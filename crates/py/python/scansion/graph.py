@@ -1,4 +1,4 @@
-"""Who touches whom: graphs on points, their components and spanning trees.
+"""Graphs on points, their components and spanning trees.
 
 A graph is two arrays: edges ``(m, 2)`` of uint32, each pair once, the smaller node first, ascending; and their weights
 ``(m,)`` of float32.
@@ -38,7 +38,7 @@ def knn_graph(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     k : int
-        Neighbours of a point, itself not counted; fewer if there are fewer points.
+        Number of neighbours of a point, not counting itself; fewer if there are fewer points.
     weights : {"constant", "inverse", "exponential"}
         1, ``1 / (offset + d / mean)`` or ``exp(-d / (scale * mean))`` for an edge of length d, where mean is the mean
         length of the edges.
@@ -49,11 +49,11 @@ def knn_graph(
     multiplicity : {"once", "count"}
         Whether points that are neighbours of each other have an edge of twice the weight.
     prune : float, optional
-        Edges longer than this many mean lengths are left out.
+        Edges longer than this multiple of the mean length are removed.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def knn_graph(
 
 
 def connected_components(nodes: int, edges: Any) -> tuple[NDArray[np.uint32], int]:
-    """Which nodes hang together.
+    """Connected components of a graph.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def connected_components(nodes: int, edges: Any) -> tuple[NDArray[np.uint32], in
     Returns
     -------
     components : array of shape (nodes,), uint32
-        Component of each node, numbered in the order of the smallest nodes.
+        Component of each node, numbered in the order of their smallest nodes.
     count : int
         Number of components.
 
@@ -105,7 +105,7 @@ def connected_components(nodes: int, edges: Any) -> tuple[NDArray[np.uint32], in
 def minimum_spanning_tree(
     nodes: int, edges: Any, weights: Any = None
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """The lightest edges that hold together what hangs together: a tree for every component.
+    """Minimum spanning tree, or forest: a tree for every component.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def minimum_spanning_tree(
     edges : array_like of shape (m, 2)
         Pairs of nodes in any order; pairs that occur more than once are one edge with the sum of the weights.
     weights : array_like of shape (m,), optional
-        Finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
 
     Returns
     -------
@@ -135,7 +135,9 @@ def minimum_spanning_tree(
 def felzenszwalb(
     nodes: int, edges: Any, weights: Any, *, k: float = 0.5, meaning: str = "dissimilarity"
 ) -> tuple[NDArray[np.uint32], int]:
-    """Components that differ more from each other than within (Felzenszwalb and Huttenlocher 2004).
+    """Graph-based segmentation: components that differ more from each other than within.
+
+    P. F. Felzenszwalb, D. P. Huttenlocher, 2004, doi:10.1023/B:VISI.0000022288.19776.77.
 
     Parameters
     ----------
@@ -146,9 +148,9 @@ def felzenszwalb(
     weights : array_like of shape (m,)
         Finite, 0 or more.
     k : float
-        The larger, the larger the components; in units of the weights.
+        Larger values give larger components; in units of the weights.
     meaning : {"dissimilarity", "similarity"}
-        What weights say: 0 or 1 means that the ends are alike.
+        Meaning of the weights: 0 for equal ends, or 1 for equal ends.
 
     Returns
     -------

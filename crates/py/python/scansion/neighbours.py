@@ -1,4 +1,4 @@
-"""Who is near whom, and how many neighbours describe a place best."""
+"""Nearest neighbours and optimal neighbourhoods of points."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def knn(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     k : int
-        Neighbours of a point, itself not counted; less than the number of points.
+        Number of neighbours of a point, not counting itself; less than the number of points.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
     indices : array of shape (n, k), uint32
-        The nearest first, of equally near ones the smaller index first.
+        Nearest first; ties in the order of the index.
     distances : array of shape (n, k), float32
         In metres.
 
@@ -58,31 +58,32 @@ def optimal(
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Every point's neighbourhood of least eigenentropy, and its shape.
+    """The neighbourhood of lowest eigenentropy of every point, and its shape.
 
-    After Weinmann et al. 2015 and Guinard and Landrieu 2017.
+    M. Weinmann et al., ISPRS Journal 105, 2015, doi:10.1016/j.isprsjprs.2015.01.016; S. Guinard, L. Landrieu, 2017,
+    doi:10.5194/isprs-archives-XLII-1-W1-151-2017.
 
     Parameters
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     k_min, k_max : int
-        Fewest and most neighbours, the point itself not counted; 2 <= k_min <= k_max <= 1000.
+        Smallest and largest number of neighbours, not counting the point itself; 2 <= k_min <= k_max <= 1000.
     k_step : int
         Neighbourhoods of k_min, k_min + k_step, ... and of k_max neighbours are compared.
     eigenvalues : {"raw", "sqrt"}
-        What enters linearity, planarity and scattering: the eigenvalues or their roots.
+        Quantities in linearity, planarity and scattering: the eigenvalues or their square roots.
     verticality_factor : float
-        Verticality is multiplied by this.
+        Factor of verticality.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
     k : array of shape (n,), uint32
-        Neighbours of the chosen neighbourhood.
+        Number of neighbours in the chosen neighbourhood.
     features : array of shape (n, 4), float32
         Its linearity, planarity, scattering and verticality.
 

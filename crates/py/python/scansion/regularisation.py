@@ -1,7 +1,7 @@
-"""Neighbours agree: labellings of least energy, and smoothed probabilities.
+"""Regularisation: labellings of least energy, and smoothed probabilities.
 
-The energy of labels is ``sum_i unary[i, l_i] + strength * sum_(i,j) weights_ij * distance(l_i, l_j)``, and the costs of the
-labels that occur.
+The energy of labels is ``sum_i unary[i, l_i] + strength * sum_(i,j) weights_ij * distance(l_i, l_j)``, plus the costs of
+the labels that occur.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["Labelling", "alpha_beta_swap", "alpha_expansion", "energy", "icm", "
 
 
 class Labelling(NamedTuple):
-    """Labels, what they cost, and whether the search came to its end; as an array, the labels."""
+    """Labels, their energy, and whether the search converged; as an array, the labels."""
 
     labels: NDArray[np.uint16]
     energy: float
@@ -41,31 +41,32 @@ def alpha_expansion(
     starts: int = 2,
     n_jobs: int | None = None,
 ) -> Labelling:
-    """The labelling that no expansion of a label improves.
+    """alpha-expansion: the labelling that no expansion move improves.
 
-    Boykov, Veksler and Zabih 2001. With two labels and no label costs it is the least energy of all.
+    Y. Boykov, O. Veksler, R. Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001. With two
+    labels and no label costs the energy is the minimum.
 
     Parameters
     ----------
     unary : array_like of shape (n, labels)
-        What each label costs at each node, e.g. ``-np.log(probabilities)``; finite.
+        Cost of each label at each node, e.g. ``-np.log(probabilities)``; finite.
     edges : array_like of shape (m, 2)
         Pairs of nodes, e.g. of `scansion.graph.knn_graph`.
     weights : array_like of shape (m,), optional
-        Finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
     strength : float
-        Factor of the weights; larger for fewer changes of label between neighbours.
+        Factor of the weights; larger values give fewer changes of label between neighbours.
     distances : array_like of shape (labels, labels), optional
         A metric on the labels; by default 1 for any two different ones (Potts).
     label_costs : array_like of shape (labels,), optional
-        What each label costs once if any node has it; 0 or more (Delong et al. 2012).
+        Cost of each label, paid once if any node has it; 0 or more (Delong et al. 2012).
     max_rounds : int
-        Most rounds over all labels from each start.
+        Largest number of rounds over all labels from each start.
     starts : {1, 2}
-        1: from the cheapest labels. 2: also from label 0 everywhere, as gco begins; every region takes the better of both.
-        Up to twice the work.
+        Number of initial labellings. 1: the cheapest labels. 2: also label 0 everywhere, as in gco; the two results are fused
+        region by region. Takes up to twice as long.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
@@ -95,26 +96,26 @@ def alpha_beta_swap(
     max_rounds: int = 100,
     n_jobs: int | None = None,
 ) -> Labelling:
-    """The labelling that no swap of two labels improves, for distances that are no metric.
+    """alpha-beta swap: the labelling that no swap move improves, for distances that need not be a metric.
 
-    Boykov, Veksler and Zabih 2001.
+    Y. Boykov, O. Veksler, R. Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001.
 
     Parameters
     ----------
     unary : array_like of shape (n, labels)
-        What each label costs at each node; finite.
+        Cost of each label at each node; finite.
     edges : array_like of shape (m, 2)
         Pairs of nodes.
     weights : array_like of shape (m,), optional
-        Finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
     strength : float
         Factor of the weights.
     distances : array_like of shape (labels, labels), optional
         Symmetric, 0 from a label to itself; by default 1 for any two different ones (Potts).
     max_rounds : int
-        Most rounds over all pairs of labels.
+        Largest number of rounds over all pairs of labels.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
@@ -143,22 +144,22 @@ def icm(
 ) -> Labelling:
     """Iterated conditional modes: the labelling that no change of a single node improves.
 
-    Besag 1986; faster and worse than `alpha_expansion`.
+    Besag 1986. Faster than `alpha_expansion`, but with a higher energy.
 
     Parameters
     ----------
     unary : array_like of shape (n, labels)
-        What each label costs at each node; finite.
+        Cost of each label at each node; finite.
     edges : array_like of shape (m, 2)
         Pairs of nodes.
     weights : array_like of shape (m,), optional
-        Finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
     strength : float
         Factor of the weights.
     distances : array_like of shape (labels, labels), optional
         Symmetric, 0 from a label to itself; by default 1 for any two different ones (Potts).
     max_rounds : int
-        Most rounds over all nodes.
+        Largest number of rounds over all nodes.
 
     Returns
     -------
@@ -186,24 +187,24 @@ def energy(
     distances: Any = None,
     label_costs: Any = None,
 ) -> float:
-    """What labels cost.
+    """Energy of given labels.
 
     Parameters
     ----------
     labels : array_like of shape (n,)
         Label of each node.
     unary : array_like of shape (n, labels)
-        What each label costs at each node; finite.
+        Cost of each label at each node; finite.
     edges : array_like of shape (m, 2)
         Pairs of nodes.
     weights : array_like of shape (m,), optional
-        Finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
     strength : float
         Factor of the weights.
     distances : array_like of shape (labels, labels), optional
         Symmetric, 0 from a label to itself; by default 1 for any two different ones (Potts).
     label_costs : array_like of shape (labels,), optional
-        What each label costs once if any node has it.
+        Cost of each label, paid once if any node has it.
 
     Returns
     -------
@@ -234,24 +235,24 @@ def local_smoothing(
     *,
     n_jobs: int | None = None,
 ) -> NDArray[np.float32]:
-    """Probabilities as the weighted mean of each node's own, of weight 1, and those of its neighbours.
+    """Weighted mean of each node's probabilities (of weight 1) and those of its neighbours.
 
     Schindler 2012; ``argmax(axis=1)`` gives labels.
 
     Parameters
     ----------
     probabilities : array_like of shape (n, classes)
-        Of each class at each node; finite.
+        Probability of each class at each node; finite.
     edges : array_like of shape (m, 2)
         Pairs of nodes.
     weights : array_like of shape (m,), optional
-        Finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
-    array of shape (n, labels), float32
+    array of shape (n, classes), float32
 
     Examples
     --------

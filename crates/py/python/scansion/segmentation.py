@@ -1,4 +1,4 @@
-"""What belongs together: segments of graphs and of clouds."""
+"""Segmentation of graphs and of clouds."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = [
 
 
 class Segments(NamedTuple):
-    """Segment of each node, mean values of each segment, and the energy that was reached; as an array, the segments."""
+    """Segment of each node, mean values of each segment, and the energy; as an array, the segments."""
 
     labels: NDArray[np.uint32]
     centroids: NDArray[np.float64]
@@ -62,53 +62,54 @@ def cut_pursuit(
     random_state: int = 0,
     n_jobs: int | None = None,
 ) -> Segments:
-    """Segments by l0 cut pursuit: least sum of squared differences and boundary.
+    """Segments by l0 cut pursuit: minimises the sum of squared differences and of boundary costs.
 
-    Landrieu and Obozinski 2017; ``coarse_above=None, cycles=1, moves=False`` is their method.
+    L. Landrieu, G. Obozinski, *Cut pursuit: fast algorithms to learn piecewise constant functions on general weighted
+    graphs*, SIAM J. Imaging Sciences 10(4), 2017; ``coarse_above=None, cycles=1, moves=False`` is their method.
 
     Parameters
     ----------
     values : array_like of shape (n, d)
-        Of each node, e.g. the features of `scansion.neighbours.optimal`; finite.
+        Values of each node, e.g. the features of `scansion.neighbours.optimal`; finite.
     edges : array_like of shape (m, 2)
         Pairs of nodes.
     weights : array_like of shape (m,), optional
-        Finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
     strength : float
-        What a boundary edge of weight 1 costs, in units of squared difference; larger for fewer, larger segments.
+        Cost of a boundary edge of weight 1, in units of squared difference; larger values give fewer, larger segments.
     cutoff : float
-        Segments of less weight than this join their best neighbour at the end.
+        Segments of less weight than this are merged into their best neighbour at the end.
     node_weights : array_like of shape (n,), optional
-        How much each node counts; 1 by default.
+        Weight of each node; 1 by default.
     coarse_above : int, optional
-        Graphs of more nodes than this are cut on a coarser graph, many times faster; None never does so.
+        Graphs of more nodes than this are first cut on a coarser graph, which is many times faster; None: never.
     cycles : int
-        How often all is done, each time from the result before; 1 or more.
+        Number of repetitions of the whole method, each from the result before; 1 or more.
     flow_steps : int
-        Minimum cuts per split.
+        Number of minimum cuts per split.
     means_steps : int
-        Steps of the 2-means that starts a split.
+        Iterations of the 2-means that starts a split.
     restarts : int
-        Random starts of the 2-means.
+        Number of random starts of the 2-means.
     max_iterations : int
-        Most rounds of splitting and merging.
+        Largest number of iterations of splitting and merging.
     tolerance : float
-        Stop when a round lowers the energy by less than this share of it.
+        Stop when an iteration lowers the energy by less than this share of it.
     guard : bool
-        Split only where the energy falls at once.
+        Split a segment only if that lowers the energy immediately.
     backward : bool
-        Merge segments after each round of splits.
+        Merge segments after each iteration.
     moves : bool
-        Move single nodes across boundaries where the energy falls; the paper does not.
+        Move single nodes across boundaries where that lowers the energy; not part of the published method.
     random_state : int
         Seed of the 2-means.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
     Segments
-        ``labels`` of the nodes, ``centroids`` of the segments, shape (segments, d), and the ``energy`` reached.
+        ``labels`` of the nodes, ``centroids`` of the segments, shape (segments, d), and the ``energy``.
 
     Examples
     --------
@@ -147,27 +148,27 @@ def merge(
     cutoff: float = 0.0,
     node_weights: Any = None,
 ) -> Segments:
-    """Segments by merging, from single nodes, the pairs that gain most, as long as the energy of `cut_pursuit` falls.
+    """Segments by greedy merging: from single nodes, merges pairs of largest gain while the energy of `cut_pursuit` falls.
 
     Parameters
     ----------
     values : array_like of shape (n, d)
-        Of each node; finite.
+        Values of each node; finite.
     edges : array_like of shape (m, 2)
         Pairs of nodes.
     weights : array_like of shape (m,), optional
-        Finite, 0 or more; 1 by default.
+        Weights of the edges; finite, 0 or more; 1 by default.
     strength : float
-        What a boundary edge of weight 1 costs, in units of squared difference; larger for fewer, larger segments.
+        Cost of a boundary edge of weight 1, in units of squared difference; larger values give fewer, larger segments.
     cutoff : float
-        Segments of less weight than this join their best neighbour at the end.
+        Segments of less weight than this are merged into their best neighbour at the end.
     node_weights : array_like of shape (n,), optional
-        How much each node counts; 1 by default.
+        Weight of each node; 1 by default.
 
     Returns
     -------
     Segments
-        ``labels`` of the nodes, ``centroids`` of the segments, shape (segments, d), and the ``energy`` reached.
+        ``labels`` of the nodes, ``centroids`` of the segments, shape (segments, d), and the ``energy``.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The lie of the land: which points are ground, and how high the others stand above it."""
+"""Ground points, and heights above the ground."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def ground_points(
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> NDArray[np.bool_]:
-    """Which points are ground, by the simple morphological filter (Pingel, Clarke and McBride 2013).
+    """Ground points by the simple morphological filter (Pingel, Clarke and McBride 2013).
 
     Parameters
     ----------
@@ -34,17 +34,17 @@ def ground_points(
     cell : float
         Edge of a cell, metres.
     slope : float
-        Steepest ground, rise over run.
+        Slope of the steepest ground, rise over run.
     window : float
         Half the width of the widest object, metres.
     threshold : float
-        Ground points lie within so many metres of the ground's height.
+        Largest distance of ground points from the height of the ground, metres.
     scaling : float
-        Metres more for each unit of slope.
+        Additional distance per unit of slope, metres.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------
@@ -82,17 +82,17 @@ def heights(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     ground : array_like of shape (n,), bool, optional
-        Which points are ground; those of `ground_points` if it is not given.
+        Whether each point is ground; by default from `ground_points`.
     cell : float
         Edge of a cell of the elevation model, metres.
     percentile : float
-        Share of a cell's ground points that lie below its height, 0..1.
+        Percentile of the ground points' heights that is the height of a cell, 0..1.
     median : int
-        Width of the median window, cells; odd, 1 does not smooth.
+        Width of the median filter, cells; odd, 1 does not smooth.
     metres_per_unit : float, optional
-        Metres in one unit of the coordinates; None takes what the cloud says, else 1.
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
-        Threads; None and -1 take all. The result does not depend on it.
+        Number of threads; None and -1 use all. The result does not depend on it.
 
     Returns
     -------

@@ -1,5 +1,5 @@
-//! The samples' codes in blocks of eight features: a row of a block is one load, and its histograms stay in the nearest
-//! cache.
+//! The samples' codes in blocks of eight features: a row of a block is a single load, and its histograms fit into the
+//! first-level cache.
 
 use super::super::binning::Binning;
 use crate::error::Result;
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// Features of a block.
 pub(super) const LANES: usize = 8;
 
-/// Rows quantised at a time.
+/// Number of rows quantised at a time.
 const CHUNK: usize = 4096;
 
 /// Quantised samples.
@@ -18,7 +18,7 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Quantises row-major values, several tables behind one another.
+    /// Quantises several row-major tables, one after the other.
     pub(super) fn new(tables: &[&[f32]], binning: Binning) -> Result<Self> {
         let width = binning.width().max(1);
         let mut codes = vec![0u8; tables.iter().map(|t| t.len()).sum()];
@@ -48,7 +48,7 @@ impl Blocks {
         &self.blocks[b]
     }
 
-    /// Code of a feature of a row.
+    /// Code of one feature of one row.
     #[inline]
     pub(super) fn code(&self, feature: usize, row: u32) -> u8 {
         self.blocks[feature / LANES][row as usize][feature % LANES]

@@ -1,4 +1,4 @@
-//! The rounds of boosting.
+//! The boosting rounds.
 
 use super::super::binning::{Binning, BinningParams};
 use super::super::samples::Samples;
@@ -14,34 +14,35 @@ use crate::parallel::{Monitor, fold_ordered};
 use crate::random::stream;
 use rayon::prelude::*;
 
-/// Samples that one task goes through.
+/// Number of samples that one task processes.
 pub(super) const CHUNK: usize = 1 << 13;
 
-/// What boosting tells about itself.
+/// Losses during the training.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BoostingReport {
-    /// Weighted mean loss (nats) of the samples learned from, before the first round and after every round.
+    /// Weighted mean loss (nats) of the training samples before the first round and after every round.
     pub training_loss: Vec<f64>,
-    /// The same of the held-out samples; empty if there are none.
+    /// The same for the held-out samples; empty if there are none.
     pub validation_loss: Vec<f64>,
-    /// Rounds kept: all of them, or up to the lowest validation loss if early stopping is on.
+    /// Number of rounds kept: all of them, or with early stopping those up to the lowest validation loss.
     pub rounds: usize,
 }
 
 impl Boosting {
-    /// Learns boosted trees. The result is the same bytes for any number of threads.
+    /// Trains boosted trees. The result is the same bytes for any number of threads. At most
+    /// O(rounds · classes · samples · features · depth).
     ///
     /// # Errors
-    /// Samples that do not fit together, more than 2^24 - 1 of them, a parameter out of range, cancellation.
+    /// If samples are inconsistent or more than 2^24 - 1, a parameter is out of range, or the work was cancelled.
     pub fn fit(samples: &Samples<'_>, params: &BoostingParams, monitor: &Monitor) -> Result<Self> {
         Self::fit_with_report(samples, None, params, monitor).map(|(model, _)| model)
     }
 
-    /// As [`Boosting::fit`], with the losses. `validation` are samples to judge on; without them, and if early stopping is
-    /// on, `validation_fraction` of the samples of every class is held out.
+    /// As [`Boosting::fit`], with the losses. `validation` are samples for early stopping; if there are none and early
+    /// stopping is on, `validation_fraction` of the samples of every class is held out.
     ///
     /// # Errors
-    /// As [`Boosting::fit`]; validation samples of another width or number of classes.
+    /// As [`Boosting::fit`], or if the validation samples have another width or number of classes.
     pub fn fit_with_report(
         samples: &Samples<'_>,
         validation: Option<&Samples<'_>>,
@@ -57,22 +58,22 @@ impl Boosting {
     }
 }
 
-/// The samples, their scores so far, and the trees grown.
+/// State of the training: samples, current scores and trees.
 pub(super) struct Course<'a> {
     pub(super) params: &'a BoostingParams,
     pub(super) monitor: &'a Monitor,
     pub(super) blocks: Blocks,
-    /// Classes that occur among the samples learned from.
+    /// Classes that occur among the training samples.
     present: Vec<u16>,
     pub(super) loss: Loss,
     start: Vec<f64>,
-    /// Position in `present` of every row's class.
+    /// Position in `present` of the class of every row.
     pub(super) classes: Vec<u16>,
     pub(super) weights: Vec<f32>,
-    /// Rows learned from and rows judged on, ascending.
+    /// Rows of the training and of the validation, ascending.
     learned: Vec<u32>,
     held: Vec<u32>,
-    /// Scores, one column of all rows a group.
+    /// Scores, one column of all rows for each group.
     scores: Vec<f64>,
     grown: Vec<Grown>,
 }
@@ -112,7 +113,7 @@ impl<'a> Course<'a> {
         })
     }
 
-    /// All rounds; trees after the best one are dropped if early stopping is on.
+    /// Runs all rounds; with early stopping, trees after the best round are removed.
     fn run(&mut self) -> Result<BoostingReport> {
         let mut report = BoostingReport::default();
         let mut pools: Vec<Pool> = (0..self.loss.groups()).map(|_| Pool::default()).collect();
@@ -139,7 +140,7 @@ impl<'a> Course<'a> {
         Ok(report)
     }
 
-    /// Log-sum of the scores of every row; adds the mean losses to the report.
+    /// Computes the log-sum-exp of the scores of every row; appends the mean losses to the report.
     fn judge(&self, report: &mut BoostingReport) -> Vec<f64> {
         let (n, groups) = (self.classes.len(), self.loss.groups());
         let mut norms = vec![0.0; n];
@@ -160,7 +161,7 @@ impl<'a> Course<'a> {
                 let w = f64::from(self.weights[row]);
                 let class = usize::from(self.classes[row]);
                 let own = match self.classes[row] {
-                    // A class that was never seen has probability 0; its loss is that of the smallest number.
+                    // A class that never occurred has probability 0; its loss is that of the smallest positive number.
                     u16::MAX => -f64::MIN_POSITIVE.ln(),
                     _ => self.loss.value(norms[row], class, |g| self.scores[g * n + row]),
                 };
@@ -171,7 +172,7 @@ impl<'a> Course<'a> {
         sums[0] / sums[1].max(f64::MIN_POSITIVE)
     }
 
-    /// One tree a group, from the same scores; groups go side by side.
+    /// Grows one tree a group, all from the same scores; groups run in parallel.
     fn round(&mut self, (round, bag): (usize, &[u32]), norms: &[f64], pools: &mut [Pool]) -> Result<()> {
         let mut scores = std::mem::take(&mut self.scores);
         let (course, n) = (&*self, self.classes.len());
@@ -188,7 +189,7 @@ impl<'a> Course<'a> {
         Ok(())
     }
 
-    /// The rows of a round's trees.
+    /// Draws the rows of a round's trees.
     fn draw(&self, round: usize) -> Vec<u32> {
         let wanted = ((self.params.row_fraction * self.learned.len() as f64).round() as usize).max(1);
         let picks = stream(self.params.seed, ROWS + round as u64).choose(self.learned.len(), wanted);
@@ -196,5 +197,5 @@ impl<'a> Course<'a> {
     }
 }
 
-/// First random stream of the draws of rows.
+/// First random stream for the draws of rows.
 const ROWS: u64 = 1 << 40;

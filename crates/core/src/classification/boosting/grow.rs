@@ -1,7 +1,7 @@
-//! Growing one tree leaf by leaf: the leaf whose split gains most is split next.
+//! Grows one tree leaf by leaf: the leaf with the largest gain is split next.
 //!
-//! Shi, *Best-first decision tree learning*, 2007; Ke et al., *LightGBM*, NIPS 2017. The histograms of the smaller child
-//! are summed, those of the larger are the parent's minus these.
+//! H. Shi, *Best-first decision tree learning*, 2007; G. Ke et al., *LightGBM*, NIPS 2017. Only the histograms of the
+//! smaller child are computed; those of the larger one are the parent's minus these.
 
 use super::blocks::{Blocks, LANES};
 use super::histogram::{Cell, Cells, accumulate, minus, plus, subtract};
@@ -11,14 +11,14 @@ use crate::error::Result;
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 
-/// A node: a split and its left child (the right one stands behind it), or a leaf's number.
+/// A node: a split and the index of its left child (the right one follows it), or the number of a leaf.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Twig {
     Split(Split, u32),
     Leaf(u32),
 }
 
-/// A tree, its leaves' samples as ranges of `rows`.
+/// A tree; the samples of each leaf are a range of `rows`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
     pub(super) twigs: Vec<Twig>,
@@ -27,7 +27,7 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// The leaf of a sample of the table.
+    /// The leaf that a sample reaches.
     pub(super) fn leaf(&self, blocks: &Blocks, row: u32) -> usize {
         let mut at = 0;
         loop {
@@ -44,14 +44,14 @@ impl Tree {
 /// Histograms of all blocks.
 type Histogram = Vec<Cells>;
 
-/// Histograms kept for use again: a tree never holds more than `limit` at a time.
+/// Histograms for reuse: a tree never holds more than `limit` at a time.
 #[derive(Default)]
 pub(super) struct Pool {
     free: Vec<Histogram>,
     held: usize,
 }
 
-/// Bytes of histograms that one tree holds.
+/// Memory limit for the histograms of one tree, in bytes.
 const POOL_BYTES: usize = 256 << 20;
 
 impl Pool {
@@ -72,7 +72,7 @@ impl Pool {
     }
 }
 
-/// A leaf that may be split.
+/// A leaf that may still be split.
 struct Open {
     node: usize,
     rows: std::ops::Range<usize>,
@@ -82,10 +82,10 @@ struct Open {
     split: Option<Split>,
 }
 
-/// What growing a tree needs.
+/// Everything that growing a tree needs.
 pub(super) struct Grower<'a> {
     pub(super) rules: Rules<'a>,
-    /// Cell of every sample of the table.
+    /// Derivatives of every sample as a cell.
     pub(super) samples: &'a [Cell],
     pub(super) monitor: &'a Monitor,
     pub(super) pool: &'a mut Pool,
@@ -96,7 +96,7 @@ impl Grower<'_> {
         self.rules.params
     }
 
-    /// Grows the tree of these samples.
+    /// Grows the tree on these samples.
     pub(super) fn grow(mut self, rows: Vec<u32>) -> Result<Tree> {
         let mut tree = Tree { twigs: vec![Twig::Leaf(0)], leaves: Vec::new(), rows };
         let total = tree.rows.iter().fold([0; 2], |sum, &r| plus(sum, self.samples[r as usize]));
@@ -122,12 +122,12 @@ impl Grower<'_> {
         Ok(tree)
     }
 
-    /// True if a leaf could be split at all.
+    /// True if the leaf may be split by the limits on depth and samples.
     fn worth(&self, leaf: &Open) -> bool {
         leaf.depth < self.params().depth_limit() && leaf.rows.len() >= self.params().min_samples_leaf.saturating_mul(2)
     }
 
-    /// Splits a leaf; its children get splits of their own if there is `room` for more leaves.
+    /// Splits a leaf; the best splits of its children are searched only if there is `room` for more leaves.
     fn divide(&mut self, tree: &mut Tree, leaf: Open, room: bool) -> Result<[Open; 2]> {
         let Open { node, rows, depth, total, histogram, split } = leaf;
         let child = |at: usize, rows| Open { node: at, rows, depth: depth + 1, total, histogram: None, split: None };
@@ -149,7 +149,7 @@ impl Grower<'_> {
         Ok(children)
     }
 
-    /// Brings the samples that go left to the front, keeping the order on both sides; their number and sum.
+    /// Moves the samples that go left to the front, keeping the order on both sides; returns their number and sum.
     fn partition(&self, rows: &mut [u32], split: Split) -> (usize, Cell) {
         let codes = self.rules.blocks.block(split.feature / LANES);
         let lane = split.feature % LANES;
@@ -169,7 +169,7 @@ impl Grower<'_> {
         (left, sum)
     }
 
-    /// Histograms and best splits of two siblings.
+    /// Computes histograms and best splits of two siblings.
     fn search(&mut self, rows: &[u32], children: &mut [Open; 2], parent: Option<Histogram>) -> Result<()> {
         let [a, b] = children;
         let (small, large) = if a.rows.len() <= b.rows.len() { (a, b) } else { (b, a) };
@@ -196,7 +196,7 @@ impl Grower<'_> {
         Ok(())
     }
 
-    /// Sums the histograms of these samples; their best split.
+    /// Computes the histograms of these samples; returns their best split.
     fn sum(&self, rows: &[u32], histogram: &mut Histogram, total: Cell) -> Result<Option<Split>> {
         let samples: Vec<Cell> = rows.iter().map(|&row| self.samples[row as usize]).collect();
         let block = |(b, cells): (usize, &mut Cells)| {
@@ -208,7 +208,7 @@ impl Grower<'_> {
         best(histogram.par_iter_mut().enumerate().map(block).collect())
     }
 
-    /// Takes a child's histograms from its parent's, which leaves its sibling's; the sibling's best split.
+    /// Subtracts a child's histograms from its parent's, which gives its sibling's; returns the sibling's best split.
     fn difference(&self, parent: &mut Histogram, child: &Histogram, total: Cell) -> Result<Option<Split>> {
         let block = |(b, (parent, child)): (usize, (&mut Cells, &Cells))| {
             self.monitor.check()?;
@@ -219,12 +219,12 @@ impl Grower<'_> {
     }
 }
 
-/// The best split of all blocks, in their order.
+/// The best split over all blocks, in their order.
 fn best(blocks: Vec<Result<Option<Split>>>) -> Result<Option<Split>> {
     blocks.into_iter().try_fold(None, |best, split| Ok(Split::better(best, split?)))
 }
 
-/// The leaf that gains most by its split; of equals the one that came first.
+/// The leaf with the largest gain, the first of equal ones.
 fn richest(open: &[Open]) -> Option<usize> {
     let gains = open.iter().enumerate().filter_map(|(i, leaf)| leaf.split.map(|s| (s.gain, leaf.node, i)));
     gains.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, _, i)| i)

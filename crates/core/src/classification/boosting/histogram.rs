@@ -1,12 +1,13 @@
-//! Sums of derivatives by feature and code, in whole numbers: any order of summing gives the same bits.
+//! Sums of derivatives by feature and code, as integers: every order of summation gives the same bits.
 //!
-//! A cell is two 64-bit numbers: the sum of first derivatives; and the sum of second derivatives in the upper 40 bits
-//! above the count of samples in the lower 24. One sample is two additions, and a sibling is parent minus child.
+//! A cell is two 64-bit integers: the sum of first derivatives; and, in one number, the sum of second derivatives in
+//! the upper 40 bits and the count of samples in the lower 24. Adding a sample is two additions, and a sibling is
+//! parent minus child.
 
 use super::blocks::LANES;
 use crate::parallel::fold_ordered;
 
-/// Samples that a count holds.
+/// Largest count of samples that fits.
 pub(super) const MAX_ROWS: usize = (1 << 24) - 1;
 
 const COUNT_BITS: u32 = 24;
@@ -17,7 +18,7 @@ const CHUNK: usize = 1 << 14;
 /// Fixed-point sums.
 pub(super) type Cell = [u64; 2];
 
-/// Cells of the features of a block by code.
+/// Cells of the features of a block, by code.
 pub(super) type Cells = [[Cell; 256]; LANES];
 
 /// Adds a cell.
@@ -38,7 +39,7 @@ pub(super) fn count(cell: Cell) -> u64 {
     cell[1] & ((1 << COUNT_BITS) - 1)
 }
 
-/// From numbers to cells and back; chosen so that no sum overflows.
+/// Conversion between numbers and fixed-point cells, scaled so that no sum overflows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     to: [f64; 2],
@@ -46,7 +47,7 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// For these derivatives, the second not negative.
+    /// The scale for these derivatives, of which the second are not negative.
     pub(super) fn of(derivatives: &[[f32; 2]]) -> Self {
         let sums = |range: std::ops::Range<usize>| {
             let part = derivatives.get(range).unwrap_or_default().iter();
@@ -73,10 +74,10 @@ impl Scale {
     }
 }
 
-/// Rows whose codes are fetched ahead: a short loop keeps many loads from memory on their way.
+/// Number of rows whose codes are fetched ahead: a short loop keeps many memory loads in flight.
 const AHEAD: usize = 128;
 
-/// Adds the samples `rows`, whose cells stand in the same order, to the histograms of a block.
+/// Adds the samples `rows` to the histograms of a block; `samples` holds their cells in the same order.
 pub(super) fn accumulate(cells: &mut Cells, codes: &[[u8; LANES]], rows: &[u32], samples: &[Cell]) {
     let mut ahead = [[0u8; LANES]; AHEAD];
     for (rows, samples) in rows.chunks(AHEAD).zip(samples.chunks(AHEAD)) {

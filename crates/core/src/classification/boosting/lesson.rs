@@ -1,4 +1,4 @@
-//! One tree: derivatives, growing, answers of the leaves, new scores.
+//! One tree: derivatives, growth, leaf values, new scores.
 
 use super::fit::{CHUNK, Course};
 use super::grow::{Grower, Pool, Tree};
@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::random::stream;
 use rayon::prelude::*;
 
-/// First random stream of the draws of columns.
+/// First random stream for the draws of columns.
 const COLUMNS: u64 = 1 << 41;
 
 /// One tree to be grown.
@@ -21,7 +21,7 @@ pub(super) struct Lesson<'a> {
 }
 
 impl Lesson<'_> {
-    /// Grows the tree and adds its answers to the scores of all rows.
+    /// Grows the tree and adds its leaf values to the scores of all rows.
     pub(super) fn tree(&self, bag: &[u32], scores: &mut [f64], pool: &mut Pool) -> Result<Grown> {
         let course = self.course;
         let derivatives = self.derivatives(bag, scores);
@@ -54,7 +54,7 @@ impl Lesson<'_> {
         all
     }
 
-    /// Answer of every leaf: -G / (H + lambda) times the learning rate, from the exact derivatives.
+    /// Value of every leaf: -G / (H + lambda) times the learning rate, from the exact derivatives.
     fn answers(&self, tree: &Tree, derivatives: &[[f32; 2]]) -> Vec<f32> {
         let params = self.course.params;
         let answer = |leaf: &std::ops::Range<usize>| {
@@ -83,7 +83,7 @@ impl Lesson<'_> {
         others.for_each(|(row, (score, _))| *score += f64::from(answers[tree.leaf(&course.blocks, row as u32)]));
     }
 
-    /// The features that the tree may ask for.
+    /// The features that the tree may split on.
     fn columns(&self) -> Vec<bool> {
         let (width, share) = (self.course.blocks.binning.width(), self.course.params.column_fraction);
         let wanted = ((share * width as f64).round() as usize).clamp(1, width);

@@ -1,17 +1,19 @@
-//! The loss of boosting: negative log-likelihood of the softmax of the scores, for two classes of the logistic function.
+//! The loss of boosting: negative log-likelihood of the softmax of the scores; for two classes of the logistic
+//! function.
 //!
-//! Friedman, *Greedy function approximation: a gradient boosting machine*, Annals of Statistics 29, 2001, sections 4.5
-//! and 4.6. With K classes the diagonal of the second derivative is stretched by K / (K - 1), Friedman's step.
+//! J. H. Friedman, *Greedy function approximation: a gradient boosting machine*, Annals of Statistics 29, 2001,
+//! doi:10.1214/aos/1013203451, sections 4.5 and 4.6. With K classes the diagonal of the second derivative is multiplied
+//! by K / (K - 1), which gives Friedman's step.
 
-/// Which of several scores a tree adds to, and how scores become probabilities.
+/// The scores of a sample, and how they become probabilities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Loss {
-    /// Classes that occur in the samples.
+    /// Number of classes that occur in the samples.
     pub(super) classes: usize,
 }
 
 impl Loss {
-    /// Scores a sample: none for one class, one for two, else one a class.
+    /// Number of scores a sample: none for one class, one for two, else one a class.
     pub(super) fn groups(self) -> usize {
         match self.classes {
             0 | 1 => 0,
@@ -20,7 +22,7 @@ impl Loss {
         }
     }
 
-    /// Scores of the shares of the classes alone (positive).
+    /// Initial scores, from the (positive) shares of the classes alone.
     pub(super) fn start(self, shares: &[f64]) -> Vec<f64> {
         match shares {
             [] | [_] => Vec::new(),
@@ -29,7 +31,7 @@ impl Loss {
         }
     }
 
-    /// Logarithm of the sum of exponentials, from which all probabilities follow.
+    /// Log-sum-exp of the scores, from which all probabilities follow.
     pub(super) fn norm(self, scores: impl Iterator<Item = f64> + Clone) -> f64 {
         let zero = (self.classes == 2).then_some(0.0);
         let all = zero.into_iter().chain(scores);
@@ -37,7 +39,7 @@ impl Loss {
         top + all.map(|s| (s - top).exp()).sum::<f64>().ln()
     }
 
-    /// First and second derivative by the score of `group`, for a sample of class `class` and weight 1.
+    /// First and second derivative with respect to the score of `group`, for a sample of class `class` and weight 1.
     #[inline]
     pub(super) fn derivatives(self, (score, norm): (f64, f64), group: usize, class: usize) -> (f64, f64) {
         let p = (score - norm).exp();
@@ -48,7 +50,7 @@ impl Loss {
         (p - f64::from(u8::from(own)), stretch * p * (1.0 - p))
     }
 
-    /// Loss of a sample of weight 1: minus the logarithm of its class's probability.
+    /// Loss of a sample of weight 1: minus the logarithm of the probability of its class.
     #[inline]
     pub(super) fn value(self, norm: f64, class: usize, score: impl Fn(usize) -> f64) -> f64 {
         match (self.classes, class) {

@@ -1,7 +1,7 @@
-//! Gradient-boosted trees: each round adds trees that follow the slope of the loss that is left.
+//! Gradient-boosted trees: each round adds trees that approximate the negative gradient of the loss.
 //!
-//! Friedman 2001; second-order gain and L2 penalty of Chen and Guestrin 2016; histograms and leaf-wise growth of Ke et
-//! al. 2017. Sums are kept in whole numbers, so that the result is the same bytes for any number of threads.
+//! Friedman 2001; second-order gain and L2 penalty as in Chen & Guestrin 2016; histograms and leaf-wise growth as in Ke
+//! et al. 2017. Sums are integers, so that the result is the same bytes for any number of threads.
 
 mod blocks;
 mod fit;

@@ -1,4 +1,4 @@
-//! Boosted trees: quantisation, trees and the answers of their leaves.
+//! Boosted trees: quantisation, trees and leaf values.
 
 use super::super::binning::Binning;
 use super::super::forest::{LEAF_CUT, Node};
@@ -6,7 +6,7 @@ use super::grow::Twig;
 use super::loss::Loss;
 use crate::error::{Error, Result};
 
-/// One grown tree and the answer of each of its leaves.
+/// One tree and the value of each of its leaves.
 #[derive(Clone, Debug)]
 pub(super) struct Grown {
     pub(super) twigs: Vec<Twig>,
@@ -15,27 +15,27 @@ pub(super) struct Grown {
 
 /// Gradient-boosted trees on quantised features.
 ///
-/// Every tree adds its answer to the score of one class; the probabilities are the softmax of the scores. Two classes
+/// Every tree adds a leaf value to the score of one class; the probabilities are the softmax of the scores. Two classes
 /// share one score, that of the second class, through the logistic function. A sample goes right at a node if its value
-/// exceeds the threshold; missing values (NaN) go to the side that the learning found better, or left where the feature
-/// was never missing.
+/// exceeds the threshold; missing values (NaN) go to the side of larger gain, or left if the feature was never missing
+/// in training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boosting {
     pub(in super::super) classes: usize,
     pub(in super::super) width: usize,
-    /// Classes that can be answered, ascending; the others have probability 0.
+    /// Classes with a probability above 0, ascending: those of the training samples.
     pub(in super::super) present: Vec<u16>,
-    /// Score before the first tree, one a group of trees.
+    /// Score before the first tree, one for each group of trees.
     pub(in super::super) start: Vec<f32>,
-    /// Features whose missing values go right at some node: the columns after the `width` own ones.
+    /// Features whose missing values go right at some node. Each has a twin column after the `width` features.
     pub(in super::super) twins: Vec<u16>,
     /// Thresholds of the `width` features and the twins.
     pub(in super::super) binning: Binning,
-    /// All trees behind one another; children stand behind their parents; a leaf has its own place in `left`.
+    /// All trees, one after the other; children come after their parents; a leaf has its own index in `left`.
     pub(in super::super) nodes: Vec<Node>,
     /// First node of every tree; tree `t` adds to the score of group `t % groups`.
     pub(in super::super) roots: Vec<u32>,
-    /// What a leaf adds; 0 at splits.
+    /// Value of a leaf; 0 at splits.
     pub(in super::super) answers: Vec<f32>,
     pub(in super::super) importance: Vec<f64>,
 }
@@ -46,7 +46,7 @@ impl Boosting {
         self.classes
     }
 
-    /// Number of features a row.
+    /// Number of features of a row.
     pub fn width(&self) -> usize {
         self.width
     }
@@ -61,18 +61,18 @@ impl Boosting {
         self.nodes.len()
     }
 
-    /// Share of the gain of all splits that each feature made: sums to 1, or all 0 if no tree has a split.
+    /// Share of each feature in the gain of all splits: sums to 1, or all 0 if no tree has a split.
     pub fn importance(&self) -> &[f64] {
         &self.importance
     }
 
-    /// Features that some node asks for, ascending.
+    /// Features that occur in at least one split, ascending.
     pub fn used_features(&self) -> Vec<usize> {
         let twin = |f: usize| self.twins.iter().any(|&t| usize::from(t) == f);
         (0..self.width).filter(|&f| !self.binning.cuts(f).is_empty() || twin(f)).collect()
     }
 
-    /// The trees without the features that no node asks for, and the features kept. The answers are the same.
+    /// Removes the features that occur in no split; also returns the features kept. Predictions do not change.
     ///
     /// One feature is kept if no tree has a split.
     pub fn retain_used(mut self) -> (Self, Vec<usize>) {
@@ -92,7 +92,7 @@ impl Boosting {
         (self, used)
     }
 
-    /// Scores that trees add to.
+    /// Number of scores of a sample.
     pub(in super::super) fn groups(&self) -> usize {
         self.loss().groups()
     }
@@ -101,7 +101,7 @@ impl Boosting {
         Loss { classes: self.present.len() }
     }
 
-    /// Puts grown trees together: the thresholds in use become the quantisation.
+    /// Assembles grown trees: the thresholds that occur become the quantisation.
     pub(super) fn assemble(
         (width, classes): (usize, usize),
         (present, start): (&[u16], &[f64]),

@@ -1,45 +1,47 @@
-//! Settings of boosting.
+//! Parameters of boosting.
 
 use super::super::params::{ClassWeight, MAX_DEPTH, within, zero_is_none};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Settings of [`Boosting::fit`](super::Boosting::fit). The defaults are LightGBM's, which document 002 points to.
+/// Parameters of [`Boosting::fit`](super::Boosting::fit). The defaults are those of LightGBM, the library that
+/// Hasanpour Zaryabi et al. 2022 refer to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BoostingParams {
-    /// Rounds, 1..=10000; each grows one tree a class (one in all for two classes).
+    /// Number of rounds, 1..=10000; each grows one tree a class (a single one for two classes).
     pub rounds: usize,
-    /// Factor of every tree's answer, in (0, 1].
+    /// Factor of every leaf value, in (0, 1].
     pub learning_rate: f64,
-    /// Most leaves of a tree, 2..=65535.
+    /// Largest number of leaves of a tree, 2..=65535.
     pub max_leaves: usize,
-    /// Splits on the longest way from root to leaf, 1..=4096; `None` (written as 0) stands for 4096.
+    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (written as 0) stands for 4096.
     #[serde(with = "zero_is_none")]
     pub max_depth: Option<usize>,
-    /// No child gets fewer samples, nor a share of the sum of second derivatives that stands for fewer, 1 or more.
+    /// Least number of samples in a child, counted and also estimated from its share of the second derivatives; 1 or
+    /// more.
     pub min_samples_leaf: usize,
-    /// No child gets a smaller sum of second derivatives, 0 or more.
+    /// Least sum of second derivatives in a child, 0 or more.
     pub min_child_weight: f64,
-    /// L2 penalty of the leaves' answers, 0 or more. With 0 a leaf of a rare class may answer without bound.
+    /// L2 penalty of the leaf values, 0 or more. With 0 the values of leaves of a rare class are not bounded.
     pub lambda: f64,
-    /// A split must gain more than this, 0 or more.
+    /// Least gain of a split, 0 or more.
     pub min_gain: f64,
-    /// Share of the samples that a tree sees, in (0, 1].
+    /// Share of the samples that each tree is trained on, in (0, 1].
     pub row_fraction: f64,
-    /// Rounds between two draws of these samples, 1 or more.
+    /// Number of rounds between two draws of these samples, 1 or more.
     pub row_rounds: usize,
-    /// Share of the features that a tree sees, in (0, 1]; at least one feature.
+    /// Share of the features that each tree is trained on, in (0, 1]; at least one feature.
     pub column_fraction: f64,
-    /// Weight of the classes.
+    /// Class weights.
     pub class_weight: ClassWeight,
     /// Stop after this many rounds without a lower loss on held-out samples, and keep the best round; 0: never.
     pub early_stopping: usize,
-    /// Share of the samples of every class held out for that, in (0, 1), if no others are given.
+    /// Share of the samples of every class that is held out for this, in (0, 1), if no validation samples are given.
     pub validation_fraction: f64,
-    /// Bins a feature, 2..=255.
+    /// Largest number of bins a feature, 2..=255.
     pub max_bins: usize,
-    /// Seed of everything drawn by chance.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Prediction: a block of rows is quantised once, then every tree adds its answers.
+//! Prediction: a block of rows is quantised once, then every tree adds its leaf values.
 
 use super::super::descend::Walk;
 use super::super::predict::{PredictScratch, largest};
@@ -8,15 +8,15 @@ use super::sweep::{NARROW, Sweep};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
-/// Rows of a block: their codes and scores stay in the cache.
+/// Rows of a block, few enough that their codes and scores stay in the cache.
 const BLOCK: usize = 2048;
 
 impl Boosting {
     /// Class probabilities of `rows` (row-major, [`Boosting::width`] values a row), written row-major to `out`
-    /// ([`Boosting::classes`] values a row). Serial; for callers that are parallel by block.
+    /// ([`Boosting::classes`] values a row). Runs on the calling thread; for callers that parallelise over blocks.
     ///
     /// # Errors
-    /// Lengths that do not fit.
+    /// If a length does not fit.
     pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
         self.check_lengths(rows, out)?;
         for (rows, out) in rows.chunks(BLOCK * self.width).zip(out.chunks_mut(BLOCK * self.classes)) {
@@ -28,7 +28,7 @@ impl Boosting {
     /// As [`Boosting::predict_block`], in parallel over blocks.
     ///
     /// # Errors
-    /// Lengths that do not fit.
+    /// If a length does not fit.
     pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
         self.check_lengths(rows, out)?;
         rows.par_chunks(BLOCK * self.width)
@@ -37,10 +37,10 @@ impl Boosting {
         Ok(())
     }
 
-    /// The most probable class of every row; the smaller class where two are equal.
+    /// The most probable class of every row; the smaller class in a tie.
     ///
     /// # Errors
-    /// A length that does not fit.
+    /// If the length does not fit.
     pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
         let mut probabilities = vec![0.0; rows.len() / self.width * self.classes];
         self.predict_proba(rows, &mut probabilities)?;
@@ -78,7 +78,7 @@ impl Boosting {
         self.probabilities((stride, scores), out);
     }
 
-    /// The rows with a column for every twin: missing values exceed every threshold there.
+    /// The rows extended by the twin columns, in which missing values exceed every threshold.
     fn extend<'a>(&self, rows: &[f32], to: &'a mut Vec<f32>) -> &'a [f32] {
         to.clear();
         for row in rows.chunks_exact(self.width) {

@@ -1,4 +1,4 @@
-//! Which samples are learned from and which are judged on.
+//! The split of the samples into training and validation.
 
 use super::super::params::ClassWeight;
 use super::super::samples::Samples;
@@ -8,13 +8,13 @@ use super::params::BoostingParams;
 use crate::error::{Error, Result};
 use crate::random::stream;
 
-/// First random stream of the choice of samples held out.
+/// First random stream for the choice of held-out samples.
 const HELD: u64 = 1 << 42;
 
-/// Which rows are learned from and which judged on.
+/// The rows of training and validation.
 pub(super) struct Rows {
     pub(super) labels: Vec<u16>,
-    /// Weight in learning, 0 for rows held out.
+    /// Weight in the training, 0 for held-out rows.
     pub(super) weights: Vec<f32>,
     /// Weight in the losses.
     pub(super) judging: Vec<f32>,

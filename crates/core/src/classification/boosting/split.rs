@@ -1,18 +1,18 @@
 //! The best split of a node from its histograms.
 //!
-//! With sums G and H of first and second derivatives the gain of a split is
-//! `GL^2 / (HL + lambda) + GR^2 / (HR + lambda) - G^2 / (H + lambda)` (Chen and Guestrin, *XGBoost*, KDD 2016, eq. 7,
-//! without its factor 1/2 and with the cost of a leaf as a threshold).
+//! With sums G and H of first and second derivatives the gain of a split is `GL^2 / (HL + lambda) + GR^2 / (HR +
+//! lambda) - G^2 / (H + lambda)` (T. Chen, C. Guestrin, *XGBoost*, KDD 2016, eq. 7, without its factor 1/2 and with the
+//! cost of a leaf as a threshold).
 //!
-//! `min_samples_leaf` holds twice, as in LightGBM (Ke et al. 2017): for the number of samples, and for their number as
-//! estimated from the child's share of H. Without the second, twenty samples of a rare class whose h is all but 0 make a
-//! leaf, and its answer G / H has no bound.
+//! `min_samples_leaf` applies twice, as in LightGBM (Ke et al. 2017): to the number of samples, and to their number as
+//! estimated from the child's share of H. Without the second rule, twenty samples of a rare class with nearly no H
+//! could form a leaf, and its value G / H would not be bounded.
 
 use super::blocks::{Blocks, LANES};
 use super::histogram::{Cell, Cells, Scale, count, minus, plus};
 use super::params::BoostingParams;
 
-/// Samples with code above `cut` go right; those with code 0 too if `missing_right`.
+/// Samples with a code above `cut` go right; those with code 0 as well if `missing_right`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Split {
     pub(super) feature: usize,
@@ -28,7 +28,7 @@ impl Split {
         code > self.cut || (self.missing_right && code == 0)
     }
 
-    /// The better of two; of equals the first.
+    /// The better of two splits, the first of equal ones.
     pub(super) fn better(first: Option<Self>, second: Option<Self>) -> Option<Self> {
         match (first, second) {
             (Some(a), Some(b)) => Some(if b.gain > a.gain { b } else { a }),
@@ -37,12 +37,12 @@ impl Split {
     }
 }
 
-/// What a split must keep to.
+/// The constraints on a split.
 pub(super) struct Rules<'a> {
     pub(super) blocks: &'a Blocks,
     pub(super) params: &'a BoostingParams,
     pub(super) scale: Scale,
-    /// Features that the tree may ask for.
+    /// Features that the tree may split on.
     pub(super) allowed: &'a [bool],
 }
 
@@ -78,14 +78,14 @@ impl Rules<'_> {
         Split::better(left.and_then(|l| split(l, false)), right.and_then(|r| split(r, true)))
     }
 
-    /// Least sum of second derivatives of a child: [`BoostingParams::min_child_weight`], and the share of the node's that
-    /// rounds up to `min_samples_leaf` of its samples.
+    /// Least sum of second derivatives of a child: [`BoostingParams::min_child_weight`], or the share of the node's sum
+    /// that corresponds to `min_samples_leaf` of its samples.
     fn least_hessian(&self, total: Cell) -> f64 {
         let share = (self.params.min_samples_leaf as f64 - 0.5) / count(total).max(1) as f64;
         self.params.min_child_weight.max(share * self.scale.sums(total).1)
     }
 
-    /// The last code on the left and the score of both sides, the codes below `first` counted to the right.
+    /// The last code on the left and the summed score of both sides; codes below `first` count to the right.
     fn scan(&self, cells: &[Cell], total: Cell, first: usize) -> Option<(usize, f64)> {
         let least = self.params.min_samples_leaf as u64;
         let least_hessian = self.least_hessian(total);

@@ -1,14 +1,15 @@
-//! Small trees without branches: every node is asked of a tile of rows at once, in the order that children follow parents.
+//! Prediction with small trees without branches: each node is evaluated for a whole tile of rows, parents before
+//! children.
 
 use super::super::descend::Codes;
 use super::super::forest::LEAF_CUT;
 use super::super::quantise::TILE;
 use super::model::Boosting;
 
-/// Most nodes of a tree.
+/// Largest number of nodes of such a tree.
 pub(super) const NARROW: usize = 256;
 
-/// A split of a small tree: rows at `node` with a code above `cut` go to `left + 1`, others to `left`.
+/// A split of a small tree: rows at `node` with a code above `cut` move to `left + 1`, others to `left`.
 #[derive(Clone, Copy)]
 struct Split {
     feature: u16,
@@ -17,8 +18,8 @@ struct Split {
     left: u8,
 }
 
-/// Adds the answers of all trees to the scores, compiled for each instruction set. Trees of at most [`NARROW`] nodes;
-/// `scores` holds a column of `stride` rows, a multiple of [`TILE`], for each group.
+/// Adds the leaf values of all trees to the scores, compiled for each instruction set. For trees of at most [`NARROW`]
+/// nodes; `scores` holds a column of `stride` rows, a multiple of [`TILE`], for each group.
 pub(super) struct Sweep<'a> {
     pub(super) model: &'a Boosting,
     pub(super) codes: &'a Codes<u8>,
@@ -67,7 +68,7 @@ fn splits(model: &Boosting) -> Vec<Vec<Split>> {
     trees.collect()
 }
 
-/// Adds the answer at each row's place.
+/// Adds the leaf value at each row's node.
 #[inline(always)]
 fn add(scores: &mut [f32; TILE], at: &[u8; TILE], answers: &[f32]) {
     let pairs = scores.iter_mut().zip(at);
@@ -77,7 +78,7 @@ fn add(scores: &mut [f32; TILE], at: &[u8; TILE], answers: &[f32]) {
     }
 }
 
-/// Rows that stand at the split go on to one of its children.
+/// Moves the rows at this split to one of its children.
 #[inline(always)]
 fn step(at: &mut [u8; TILE], column: &[u8; TILE], Split { node, cut, left, .. }: Split) {
     for (at, &code) in at.iter_mut().zip(column) {

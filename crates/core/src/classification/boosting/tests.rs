@@ -1,4 +1,4 @@
-//! Boosting as a whole against brute force, closed forms and itself.
+//! Boosting as a whole, compared with brute force, closed forms and itself.
 
 use super::super::forest::LEAF_CUT;
 use super::super::testing::{Owned, blobs};
@@ -45,7 +45,7 @@ fn the_training_loss_falls_every_round_and_is_that_of_the_probabilities() {
     }
 }
 
-/// Gain and cut of the best split by trying all of them, NaN on either side, from the definition of the gain.
+/// Gain and cut of the best split by trying all of them, with NaN on either side, from the definition of the gain.
 fn brute_force(x: &[f32], derivatives: &[(f64, f64)], (lambda, least): (f64, usize)) -> (f64, f32, bool) {
     let score = |side: &dyn Fn(f32) -> bool| {
         let rows = x.iter().zip(derivatives).filter(|(x, _)| side(**x));
@@ -78,7 +78,7 @@ fn a_tree_of_one_split_is_the_best_of_all_splits() {
             (0..n).map(|_| if random.below(6) == 0 { f32::NAN } else { random.below(25) as f32 }).collect();
         let labels: Vec<u16> =
             x.iter().map(|v| u16::from(random.uniform() < if *v > 12.0 || v.is_nan() { 0.7 } else { 0.3 })).collect();
-        // Enough samples above 21, but of too little weight for a side of their own.
+        // There are enough samples above 21, but their weight is too small for a child.
         let weigh = |v: &f32| if *v > 21.0 { 0.02 } else { 0.5 + random.below(3) as f32 };
         let weights: Vec<f32> = x.iter().map(weigh).collect();
         let samples = Samples { features: &x, width: 1, labels: &labels, weights: Some(&weights), classes: 2 };

@@ -1,4 +1,4 @@
-//! Adoption: orphans look for a neighbour in their tree that still hangs on the terminal, or become free.
+//! Adoption: an orphan takes a new parent in its tree with a path to the terminal, or becomes free.
 
 use super::{MaxFlow, NONE, ORPHAN, TERMINAL};
 
@@ -16,7 +16,7 @@ impl MaxFlow {
         }
     }
 
-    /// The arc to the neighbour of the same tree that is nearest to the terminal, and that neighbour's distance.
+    /// The arc to the neighbour in the same tree that is nearest to the terminal, and that neighbour's distance.
     fn nearest_parent(&mut self, node: u32) -> Option<(u32, u32)> {
         let in_sink_tree = self.nodes[node as usize].in_sink_tree;
         let mut best: Option<(u32, u32)> = None;
@@ -38,7 +38,8 @@ impl MaxFlow {
         best
     }
 
-    /// Steps to the terminal, or none if the way ends at an orphan. What is learned is stamped on the way.
+    /// Number of arcs to the terminal, or `None` if the path ends at an orphan. Distances on the path are stored with a
+    /// time stamp.
     fn distance_to_terminal(&mut self, from: u32) -> Option<u32> {
         let (mut node, mut steps) = (from, 0);
         let end = loop {
@@ -67,7 +68,7 @@ impl MaxFlow {
         Some(end + steps)
     }
 
-    /// The node becomes free; its children become orphans, neighbours that may win it back become active.
+    /// Makes the node free; its children become orphans, neighbours that may adopt it later become active.
     fn release(&mut self, node: u32) {
         let in_sink_tree = self.nodes[node as usize].in_sink_tree;
         for a in self.arcs_of(node) {

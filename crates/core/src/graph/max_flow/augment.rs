@@ -1,4 +1,4 @@
-//! Augmentation: the bottleneck of the path through the bridge is sent; full arcs make orphans.
+//! Augmentation: sends the bottleneck capacity along the path through the connecting arc; saturated arcs make orphans.
 
 use super::{MaxFlow, ORPHAN, TERMINAL};
 
@@ -14,7 +14,7 @@ impl MaxFlow {
         self.flow += sent;
     }
 
-    /// Least residual between a node and its terminal.
+    /// Least residual capacity between a node and its terminal.
     fn bottleneck(&self, mut node: u32) -> f64 {
         let mut least = f64::INFINITY;
         loop {

@@ -1,4 +1,4 @@
-//! Growth: free neighbours join the tree of an active node, until it touches the other tree.
+//! Growth: an active node takes free neighbours into its tree, until it touches the other tree.
 
 use super::{MaxFlow, NONE};
 
@@ -22,7 +22,7 @@ impl MaxFlow {
                 self.activate(node);
                 return Some(if own.in_sink_tree { arc.sister } else { a as u32 });
             } else if other.stamp <= own.stamp && other.distance > own.distance + 1 {
-                // A shorter way to the root.
+                // A shorter path to the root.
                 (other.parent, other.stamp, other.distance) = (arc.sister, own.stamp, own.distance + 1);
             }
         }

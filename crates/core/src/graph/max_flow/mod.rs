@@ -1,11 +1,12 @@
-//! Largest flow and smallest cut between two terminals.
+//! Maximum flow and minimum cut between two terminals.
 //!
-//! Boykov and Kolmogorov, *An experimental comparison of min-cut/max-flow algorithms for energy minimization in vision*,
-//! IEEE PAMI 26(9), 2004: a tree of residual arcs grows from each terminal; where they touch, flow is sent; nodes that lose
-//! their way to the terminal look for another one (with the distances and time stamps of Kolmogorov's thesis, 2003).
+//! Y. Boykov, V. Kolmogorov, *An experimental comparison of min-cut/max-flow algorithms for energy minimization in
+//! vision*, IEEE PAMI 26(9), 2004: a search tree of residual arcs grows from each terminal; where the trees touch, flow
+//! is augmented; nodes that lose the path to their terminal are adopted by another parent (with the distances and time
+//! stamps of V. Kolmogorov's thesis, 2003).
 //!
-//! Capacities are `f64`: an augmentation takes the bottleneck itself off its arc, so that a full arc has exactly 0 left
-//! and no tolerance is needed.
+//! Capacities are `f64`. An augmentation subtracts the bottleneck capacity itself from its arc, so that a saturated arc
+//! has exactly 0 left and no tolerance is needed.
 
 mod adopt;
 mod augment;
@@ -16,9 +17,9 @@ use crate::parallel::Monitor;
 use std::collections::VecDeque;
 
 const NONE: u32 = u32::MAX;
-/// Parent of a node that hangs on its terminal.
+/// Parent of a node whose parent is the terminal.
 const TERMINAL: u32 = u32::MAX - 1;
-/// Parent of a node that lost its parent.
+/// Parent of a node that has lost its parent.
 const ORPHAN: u32 = u32::MAX - 2;
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,7 +32,7 @@ struct Arc {
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    /// What is left of the terminal arcs: from the source if positive, to the sink if negative.
+    /// Residual capacity of the terminal arc: from the source if positive, to the sink if negative.
     terminal: f64,
     /// Arc towards the root of the tree, or `NONE` for a free node.
     parent: u32,
@@ -50,7 +51,7 @@ struct Edge {
     reverse: f64,
 }
 
-/// A flow network; its buffers serve one problem after the other.
+/// A flow network; its buffers are reused from problem to problem.
 ///
 /// ```
 /// use scansion_core::graph::MaxFlow;
@@ -77,7 +78,7 @@ pub struct MaxFlow {
 }
 
 impl MaxFlow {
-    /// Forgets the last problem and begins one of `nodes` nodes.
+    /// Removes all arcs and starts a problem of `nodes` nodes.
     pub fn reset(&mut self, nodes: usize) {
         let free = Node { terminal: 0.0, parent: NONE, stamp: 0, distance: 0, in_sink_tree: false, active: false };
         self.nodes.clear();
@@ -86,10 +87,11 @@ impl MaxFlow {
         (self.flow, self.time) = (0.0, 0);
     }
 
-    /// Adds capacity from the source to `node` and from `node` to the sink. What both share flows at once.
+    /// Adds capacity from the source to `node` and from `node` to the sink. The smaller of the two is sent as flow at
+    /// once.
     ///
     /// # Errors
-    /// A node that is not there; a capacity that is negative or NaN, or both infinite.
+    /// If the node does not exist, or a capacity is negative or NaN, or both are infinite.
     pub fn add_terminals(&mut self, node: usize, source: f64, sink: f64) -> Result<()> {
         let valid = source >= 0.0 && sink >= 0.0 && !(source.is_infinite() && sink.is_infinite());
         let slot = self.nodes.get_mut(node).filter(|_| valid);
@@ -104,7 +106,7 @@ impl MaxFlow {
     /// Adds an edge with a capacity for each direction; parallel edges add up.
     ///
     /// # Errors
-    /// A node that is not there, an edge from a node to itself, a capacity that is negative or NaN.
+    /// If a node does not exist, both ends are the same node, or a capacity is negative or NaN.
     pub fn add_edge(&mut self, from: usize, to: usize, capacity: f64, reverse: f64) -> Result<()> {
         if from.max(to) >= self.nodes.len() || from == to || !(capacity >= 0.0 && reverse >= 0.0) {
             return Err(refused(&format!("edge {from}-{to}"), capacity, reverse));
@@ -113,15 +115,15 @@ impl MaxFlow {
         Ok(())
     }
 
-    /// Sends as much as possible and returns the value of the flow, which is that of the smallest cut.
+    /// Computes a maximum flow and returns its value, which is the capacity of the minimum cut.
     ///
-    /// O(nodes² · edges · cut) at worst, near linear on the graphs of point clouds.
+    /// O(nodes² · edges · cut) in the worst case, nearly linear on graphs of point clouds.
     pub fn solve(&mut self) -> f64 {
-        // Nobody can cancel a new monitor.
+        // A new monitor cannot have been cancelled.
         self.solve_watched(&Monitor::default()).unwrap_or(self.flow)
     }
 
-    /// Like [`MaxFlow::solve`], for networks so large that the user may want to stop it.
+    /// Like [`MaxFlow::solve`], for networks so large that the user may want to cancel.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -145,12 +147,12 @@ impl MaxFlow {
         Ok(self.flow)
     }
 
-    /// After [`MaxFlow::solve`]: whether residual arcs lead from the source to `node` (the smallest source side).
+    /// After [`MaxFlow::solve`]: whether `node` is on the source side of the minimum cut with the smallest source side.
     pub fn is_source(&self, node: usize) -> bool {
         self.nodes.get(node).is_some_and(|n| n.parent != NONE && !n.in_sink_tree)
     }
 
-    /// Lays the arcs of each node side by side.
+    /// Sorts the arcs by node.
     fn build(&mut self) {
         self.offsets.clear();
         self.offsets.resize(self.nodes.len() + 2, 0);
@@ -172,7 +174,7 @@ impl MaxFlow {
         }
     }
 
-    /// Every node with capacity left at a terminal is the root of a branch there.
+    /// Every node with residual capacity at a terminal becomes a root of that terminal's tree.
     fn plant(&mut self) {
         self.queue.clear();
         self.orphans.clear();
@@ -207,8 +209,8 @@ impl MaxFlow {
         self.offsets[node as usize] as usize..self.offsets[node as usize + 1] as usize
     }
 
-    /// What may still flow along an arc between a node and one nearer to the root of its tree: towards the node in the
-    /// source tree, away from it in the sink tree.
+    /// Residual capacity of an arc between a node and its parent in a tree: towards the node in the source tree, away
+    /// from it in the sink tree.
     fn residual_from_parent(&self, arc: u32, in_sink_tree: bool) -> f64 {
         let arc = self.arcs[arc as usize];
         if in_sink_tree { arc.residual } else { self.arcs[arc.sister as usize].residual }
@@ -285,7 +287,7 @@ mod tests {
         }
     }
 
-    /// Shortest augmenting paths on a matrix: slow and plainly right.
+    /// Shortest augmenting paths on a capacity matrix: slow but simple.
     fn edmonds_karp((terminals, edges): &Instance) -> f64 {
         let n = terminals.len() + 2;
         let (source, sink) = (n - 2, n - 1);

@@ -1,7 +1,7 @@
-//! The one writer of all outputs: a temporary name in the same folder, fsync, rename, fsync of the folder.
+//! The only writer of output files: temporary name in the same folder, fsync, rename, fsync of the folder.
 //!
-//! Until the rename the old file stays as it is; whatever fails before it leaves no trace. A run that is killed leaves its
-//! temporary file; the next run that writes into the folder removes it.
+//! The old file stays unchanged until the rename; a failure before that leaves nothing behind. A killed run leaves its
+//! temporary file, which the next run that writes into the folder removes.
 
 mod leftovers;
 mod partials;
@@ -17,16 +17,16 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Links behind links that are followed.
+/// Largest number of chained links that are followed.
 const MOST_LINKS: usize = 40;
-/// The file that is written now. Every operation passes `step`, where tests let one fail.
+/// The file being written. Every operation passes through `step`, where tests can make it fail.
 #[derive(Debug)]
 pub struct Storage(File);
 
 impl Write for Storage {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         if let Err(error) = step() {
-            // A full disk takes a part before it refuses.
+            // A full disk accepts a part before it refuses.
             let _ = self.0.write(&bytes[..bytes.len() / 2]);
             return Err(error);
         }
@@ -55,7 +55,7 @@ fn step() -> std::io::Result<()> {
 #[cfg(test)]
 use fail::step;
 
-/// Lets one operation of this thread's writers fail.
+/// Makes one operation of this thread's writers fail.
 #[cfg(test)]
 pub(crate) mod fail {
     use std::cell::Cell;
@@ -71,8 +71,8 @@ pub(crate) mod fail {
         if left == Some(0) { Err(std::io::Error::other("no space left (said by the test)")) } else { Ok(()) }
     }
 
-    /// Runs `work` once for each operation that it makes, with that one failing, and after each failure `check`; ends when
-    /// `work` makes fewer operations. Returns how many there were.
+    /// Runs `work` once for each of its file operations, with that operation failing, and calls `check` after each run;
+    /// ends when `work` performs fewer operations. Returns how many there are.
     pub(crate) fn at_each<T>(work: impl Fn() -> crate::Result<T>, check: impl Fn(bool)) -> u64 {
         for n in 0.. {
             LEFT.set(Some(n));
@@ -88,7 +88,7 @@ pub(crate) mod fail {
     }
 }
 
-/// A file that appears under its name only when it is complete.
+/// A file that appears under its final name only when it is complete.
 #[derive(Debug)]
 pub struct AtomicFile {
     target: PathBuf,
@@ -100,8 +100,8 @@ impl AtomicFile {
     /// Opens a temporary file beside `target`: `.NAME.PID-RANDOM.partial`.
     ///
     /// # Errors
-    /// The folder does not exist or cannot be written; the target is a folder, a device or a pipe, or an input of the run
-    /// that must not be replaced.
+    /// If the folder does not exist or is not writable; the target is a folder, a device or a pipe; or it is an input
+    /// of the run that must not be replaced.
     pub fn create(target: &Path) -> Result<Self> {
         let place = Place::find(target)?;
         run::begun(target, &place.target)?;
@@ -112,29 +112,30 @@ impl AtomicFile {
         let Place { target, old } = place;
         let (file, partial) = step().and_then(|()| fresh(&target)).map_err(|e| Error::io(typed, explain(e)))?;
         let partial = Partial::new(partial);
-        // Tells other runs that it is in use; some file systems know no locks.
+        // A lock shows other runs that the file is in use; some file systems have no locks.
         let _ = file.try_lock();
         if let Some(old) = old {
-            // Who could not read the old file shall not read the new one; some file systems know no permissions.
+            // A user who could not read the old file must not be able to read the new one; some file systems have no
+            // permissions.
             let _ = file.set_permissions(old.permissions());
         }
         Ok(Self { target, partial, writer: Some(BufWriter::with_capacity(1 << 20, Storage(file))) })
     }
 
-    /// The name under which the file is written now, for checks before [`AtomicFile::finish`].
+    /// The temporary name, for checks before [`AtomicFile::finish`].
     pub fn partial(&self) -> &Path {
         self.partial.path()
     }
 
-    /// The name that the file will have.
+    /// The final name.
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// Where bytes go.
+    /// The writer of the file's content.
     ///
     /// # Errors
-    /// The file is finished already.
+    /// If the file is already finished.
     pub fn writer(&mut self) -> Result<&mut BufWriter<Storage>> {
         self.writer.as_mut().ok_or_else(|| Error::io(&self.target, std::io::ErrorKind::NotConnected.into()))
     }
@@ -145,13 +146,13 @@ impl AtomicFile {
         self.writer()?.write_all(bytes).map_err(|e| Error::io(&target, e))
     }
 
-    /// Hands everything to the operating system, so that the partial file can be checked.
+    /// Passes all buffered bytes to the operating system, so that the temporary file can be checked.
     pub fn flush(&mut self) -> Result<()> {
         let target = self.target.clone();
         self.writer()?.flush().map_err(|e| Error::io(&target, e))
     }
 
-    /// Syncs and renames. After an error the target is what it was.
+    /// Syncs and renames. After an error the target is unchanged.
     pub fn finish(mut self) -> Result<()> {
         self.flush()?;
         if let Some(writer) = &self.writer {
@@ -160,24 +161,24 @@ impl AtomicFile {
         self.writer = None;
         step().and_then(|()| self.partial.rename(&self.target)).map_err(|e| Error::io(&self.target, e))?;
         let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        // Some file systems cannot sync a folder; the file itself is safe by now.
+        // Some file systems cannot sync a folder; the file itself is safe at this point.
         let _ = step().and_then(|()| File::open(folder)).and_then(|f| f.sync_all());
         run::done(&self.target);
         Ok(())
     }
 }
 
-/// Where an output goes.
+/// The destination of an output.
 #[derive(Debug)]
 struct Place {
-    /// The name behind all links.
+    /// The path after following all links.
     target: PathBuf,
-    /// What stands there now.
+    /// Metadata of the existing file, if there is one.
     old: Option<std::fs::Metadata>,
 }
 
 impl Place {
-    /// Follows links, to names that do not exist yet too: what a link points to is replaced, not the link.
+    /// Follows links, also to names that do not exist yet: the file a link points to is replaced, not the link.
     fn find(typed: &Path) -> Result<Self> {
         let refused = |reason: &str| Err(Error::io(typed, std::io::Error::other(reason)));
         let mut target = typed.to_path_buf();
@@ -191,7 +192,7 @@ impl Place {
                     target = target.parent().unwrap_or(Path::new("")).join(to);
                 }
                 Ok(about) if about.is_dir() => return Err(Error::io(typed, std::io::ErrorKind::IsADirectory.into())),
-                // The rename would put a plain file in the place of /dev/null.
+                // The rename would replace /dev/null by a regular file.
                 Ok(about) if !about.is_file() => {
                     return refused("not a plain file; outputs are written beside their target and renamed");
                 }
@@ -204,10 +205,10 @@ impl Place {
     }
 }
 
-/// Fails now if the output could not be written later: its folder is missing or cannot be written, its name is too long, it is
-/// a folder, a device or a pipe, an input of this run, or named twice.
+/// Fails if the output could not be written later: its folder is missing or not writable, its name is too long, it is a
+/// folder, a device or a pipe, an input of this run, or named twice. To be called before long work.
 ///
-/// Also removes what killed runs have left in the folder.
+/// Also removes temporary files that killed runs have left in the folder.
 pub fn check_output(path: &Path) -> Result<()> {
     let place = Place::find(path)?;
     let first = run::announce(path, &place.target)?;
@@ -218,12 +219,12 @@ pub fn check_output(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// As [`check_output`] for an output that the run knows already.
+/// Like [`check_output`], for an output that the run has already registered.
 pub(super) fn check_place(path: &Path) -> Result<()> {
     AtomicFile::at(Place::find(path)?, path).map(drop)
 }
 
-/// "Not found" of an output speaks of its folder.
+/// For an output, "not found" is reported about its folder.
 fn explain(error: std::io::Error) -> std::io::Error {
     match error.kind() {
         std::io::ErrorKind::NotFound => std::io::Error::other("the folder does not exist; make it first"),
@@ -233,7 +234,8 @@ fn explain(error: std::io::Error) -> std::io::Error {
 
 impl Drop for AtomicFile {
     fn drop(&mut self) {
-        // Taken apart, not dropped: dropping a buffered writer would write once more. The partial file removes itself.
+        // Taken apart instead of dropped: dropping a buffered writer would write again. The temporary file removes
+        // itself.
         if let Some(writer) = self.writer.take() {
             let _ = writer.into_parts();
         }

@@ -1,19 +1,19 @@
-//! The temporary files of this process, so that it can remove them all when it has to end at once.
+//! The temporary files of this process, so that all can be removed if it has to end immediately.
 
 use std::io::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
 
-/// Names of the temporary files that exist now.
+/// Names of the existing temporary files.
 static OPEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// A temporary file that exists: it is renamed to its final name, or removed when this value is dropped.
+/// An existing temporary file, which is renamed to its final name, or removed when this value is dropped.
 #[derive(Debug)]
 pub(super) struct Partial(PathBuf);
 
 impl Partial {
-    /// Takes charge of a file that was just made.
+    /// Registers a file that was just created.
     pub(super) fn new(path: PathBuf) -> Self {
         if let Ok(mut open) = OPEN.lock() {
             open.push(path.clone());
@@ -21,7 +21,7 @@ impl Partial {
         Self(path)
     }
 
-    /// Its name.
+    /// Its path.
     pub(super) fn path(&self) -> &Path {
         &self.0
     }
@@ -47,11 +47,12 @@ impl Drop for Partial {
     }
 }
 
-/// Removes every temporary file of this process; no output can be begun or finished after it. Asks for no memory.
+/// Removes every temporary file of this process; no output can be started or finished afterwards. Does not allocate
+/// memory.
 ///
-/// For a process that is about to end while its threads are still at work: after a signal, or without memory.
+/// For a process that is about to end while its threads are still running: after a signal, or when memory has run out.
 pub fn abandon_outputs() {
-    // A thread that was stopped inside may hold the list for ever.
+    // A thread that was stopped while holding the lock may never release it.
     let list = (0..100).find_map(|_| {
         let list = OPEN.try_lock().ok();
         if list.is_none() {
@@ -63,6 +64,6 @@ pub fn abandon_outputs() {
     for path in open.iter() {
         let _ = std::fs::remove_file(path);
     }
-    // Whoever begins or finishes an output waits for this lock until the process is gone.
+    // Keeps the lock: a thread that starts or finishes an output waits here until the process has ended.
     std::mem::forget(open);
 }

@@ -1,4 +1,4 @@
-//! Each output is whole or was never there.
+//! Every output is either complete or absent.
 
 use super::leftovers::FORGOTTEN;
 use super::*;
@@ -94,7 +94,7 @@ fn links_are_followed_permissions_kept_and_devices_refused() {
     assert!(write_bytes(Path::new("/dev/null"), b"x").unwrap_err().to_string().contains("plain file"));
 }
 
-/// Every writer, each from an old file that must stay until the new one is whole.
+/// All writers, each replacing an old file that must stay until the new one is complete.
 #[test]
 fn whatever_fails_the_old_output_stays_and_nothing_is_left_behind() {
     use crate::cloud::{Cloud, Column, Values};

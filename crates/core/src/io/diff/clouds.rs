@@ -1,4 +1,4 @@
-//! Comparing two files of any format by their columns.
+//! Comparison of two files of any format by their columns.
 
 use super::points::{class_changes, count_classes};
 use super::tally::Tally;

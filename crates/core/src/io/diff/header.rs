@@ -1,11 +1,11 @@
-//! Comparing header and variable length records of two LAS or LAZ files.
+//! Comparison of the headers and variable length records of two LAS or LAZ files.
 
 use super::Changed;
 use crate::error::Result;
 use crate::io::las::{HEADER_SIZES, Header, Records, Vlr, f64_at, read_at, u16_at, u64_at};
 use crate::parallel::Monitor;
 
-/// Fields of the header that differ, those apart that follow from how the points are packed.
+/// Header fields that differ, except those that follow from the storage of the points.
 pub(super) fn fields(a: &Records, b: &Records) -> Vec<Changed> {
     let (one, two) = (named(&a.header), named(&b.header));
     let mut changed: Vec<Changed> = one
@@ -51,7 +51,7 @@ fn named(header: &Header) -> Vec<(String, String)> {
     for r in 0..15 {
         list.push((format!("points of return {}", r + 1), header.points_of_return(r).to_string()));
     }
-    // What LAS 1.5 added stands where longer headers of 1.4 have somebody's own, and is compared as such.
+    // The fields added by LAS 1.5 are user data in longer headers of 1.4, and are compared as such.
     let standard = HEADER_SIZES[usize::from(header.minor).min(4)].min(raw.len());
     list.push(("bytes behind the header's fields".into(), hex(&raw[standard..])));
     list
@@ -61,7 +61,8 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Records that only one file has or whose content differs. Records of one user and number are compared in their order.
+/// Records that only one file has, or whose content differs. Records with the same user and number are compared in
+/// their order.
 pub(super) fn records(a: &mut Records, b: &mut Records, monitor: &Monitor) -> Result<Vec<Changed>> {
     let mut changed = Vec::new();
     for extended in [false, true] {
@@ -81,7 +82,7 @@ pub(super) fn records(a: &mut Records, b: &mut Records, monitor: &Monitor) -> Re
     Ok(changed)
 }
 
-/// User, number, and how many of the same stand before it.
+/// User, number, and how many records with the same precede it.
 type Key = (String, u16, usize);
 
 fn name((user, id, serial): &Key) -> String {
@@ -92,7 +93,7 @@ fn list(records: &Records, extended: bool) -> &[Vlr] {
     if extended { &records.evlrs } else { &records.vlrs }
 }
 
-/// Keys and places of all records but the one that says how points are packed.
+/// Keys and positions of all records except the one that describes the compression of the points.
 fn keyed(records: &Records, extended: bool) -> Vec<(Key, usize)> {
     let mut keys: Vec<(Key, usize)> = Vec::new();
     for (place, vlr) in list(records, extended).iter().enumerate() {
@@ -106,7 +107,7 @@ fn keyed(records: &Records, extended: bool) -> Vec<(Key, usize)> {
     keys
 }
 
-/// Bytes of a record's content, as its header tells.
+/// Length of a record's content according to its header.
 fn length(vlr: &Vlr) -> u64 {
     if vlr.head.len() == 60 { u64_at(&vlr.head, 20) } else { vlr.data.len() as u64 }
 }
@@ -140,7 +141,7 @@ fn content(
     })
 }
 
-/// First byte that differs of two extended records that are too large to be held in memory.
+/// The first differing byte of two extended records that are too large to be held in memory.
 fn first_difference((a, one): (&mut Records, usize), (b, two): (&mut Records, usize)) -> Result<Option<u64>> {
     const PIECE: u64 = 1 << 20;
     let start = |r: &Records, place: usize| {

@@ -1,4 +1,4 @@
-//! What two files have in common and where they differ, field by field: the proof that nothing was lost.
+//! Comparison of two files, field by field: shows that nothing was lost.
 
 mod clouds;
 mod header;
@@ -13,14 +13,14 @@ use crate::parallel::Monitor;
 use serde::Serialize;
 use std::path::Path;
 
-/// Something that both files have, in two forms, as text.
+/// A property that both files have, with different values, as text.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Changed {
-    /// What it is.
+    /// Name of the property.
     pub name: String,
-    /// In the first file; `absent` if it is not there.
+    /// Value in the first file; `absent` if it has none.
     pub a: String,
-    /// In the second file; `absent` if it is not there.
+    /// Value in the second file; `absent` if it has none.
     pub b: String,
 }
 
@@ -35,43 +35,43 @@ impl Changed {
 pub struct FieldDifference {
     /// PDAL's dimension name.
     pub name: String,
-    /// Points whose values differ.
+    /// Number of points whose values differ.
     pub differing: u64,
-    /// The first of them, from 0.
+    /// Index of the first of them, from 0.
     pub first: u64,
     /// Largest difference between two finite values, in the field's unit.
     pub largest: f64,
 }
 
-/// Points whose class differs.
+/// A pair of class codes and the number of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ClassChange {
     /// Code in the first file.
     pub from: u8,
     /// Code in the second file.
     pub to: u8,
-    /// Number of points; pairs with `from == to` are those that stayed.
+    /// Number of points; pairs with `from == to` are unchanged.
     pub points: u64,
 }
 
-/// All differences between two files; what is empty is the same.
+/// All differences between two files; empty fields are equal in both.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Difference {
-    /// Points of the first and of the second file.
+    /// Number of points of the first and of the second file.
     pub points: [u64; 2],
-    /// Points that were compared, by their place in the file: the smaller of the two counts.
+    /// Number of points compared, in the order of the files: the smaller of the two counts.
     pub compared: u64,
-    /// Fields of the header. How the points are packed (LAS or LAZ) and what follows from it is no difference.
+    /// Header fields, except those that follow from the compression of the points (LAS or LAZ).
     pub header: Vec<Changed>,
     /// Variable length records (VLR, EVLR), by user, number and content.
     pub records: Vec<Changed>,
     /// Fields of the points that differ.
     pub fields: Vec<FieldDifference>,
-    /// Fields that only the first and only the second file has.
+    /// Fields that exist only in the first file, and only in the second.
     pub only_in: [Vec<String>; 2],
     /// Fields whose type differs.
     pub types: Vec<Changed>,
-    /// From which class to which: all pairs of codes that occur, if any class differs.
+    /// All pairs of class codes that occur, if any class differs.
     pub classes: Vec<ClassChange>,
 }
 
@@ -87,7 +87,7 @@ impl Difference {
             && only_in.iter().all(Vec::is_empty)
     }
 
-    /// One sentence: what differs.
+    /// The differences in one sentence.
     pub fn summary(&self) -> String {
         if self.is_empty() {
             return format!("same: {} points, every field, header and records", self.compared);
@@ -110,15 +110,15 @@ impl Difference {
     }
 }
 
-/// Compares two files point by point in their order. Time linear in the points; memory a few blocks of points for LAS and
-/// LAZ, both clouds for other formats.
+/// Compares two files point by point, in their order. Time linear in the points; memory a few blocks of points for LAS
+/// and LAZ, both clouds for other formats.
 ///
-/// Fields are compared bit by bit; numbers in two types (`u8` and `f32`) by value,
-/// coordinates on two different grids within a thousandth of the finer tick, scan angles across the two units of LAS within
-/// half a unit.
+/// Fields are compared bit by bit; numbers of different types (`u8` and `f32`) by value; coordinates on different grids
+/// with a tolerance of a thousandth of the finer tick; scan angles in the two units of LAS with a tolerance of half a
+/// unit.
 ///
 /// # Errors
-/// A file cannot be read; the work was cancelled.
+/// If a file cannot be read or the work was cancelled.
 pub fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> {
     super::run::joined(monitor, || match las::is_las(a)? && las::is_las(b)? {
         true => points::diff(a, b, monitor),

@@ -1,4 +1,4 @@
-//! Comparing two LAS or LAZ files block by block.
+//! Comparison of two LAS or LAZ files block by block.
 
 use super::tally::Tally;
 use super::{Changed, ClassChange, Difference, header};
@@ -64,7 +64,7 @@ fn only_in(one: &Layout, other: &Layout) -> Vec<String> {
     one.names().filter(|name| !other.has(name)).map(String::from).collect()
 }
 
-/// Whether both files have the same scale and offset, so that ticks can be compared.
+/// Whether both files have the same scale and offset, so that integers can be compared.
 fn same_grid(a: &Stream, b: &Stream) -> bool {
     let bits = |s: &Stream| (s.records.header.scale.map(f64::to_bits), s.records.header.offset.map(f64::to_bits));
     bits(a) == bits(b)
@@ -79,7 +79,7 @@ fn coordinates(ticks: &Column, stream: &Stream, axis: usize) -> Values {
     }
 }
 
-/// One tally a field that both files have.
+/// A tally for each field that both files have.
 fn tallies(a: &Stream, b: &Stream, layouts: &[Layout; 2]) -> Vec<Tally> {
     let (one, two) = (&a.records.header, &b.records.header);
     let grids = same_grid(a, b);
@@ -115,7 +115,7 @@ pub(super) fn count_classes(counts: &mut [u64], a: &Values, b: &Values) {
     }
 }
 
-/// The pairs that occur.
+/// The pairs of codes that occur.
 pub(super) fn class_changes(counts: &[u64]) -> Vec<ClassChange> {
     let pairs = counts.iter().enumerate().filter(|(_, n)| **n > 0);
     pairs.map(|(pair, &points)| ClassChange { from: (pair >> 8) as u8, to: pair as u8, points }).collect()

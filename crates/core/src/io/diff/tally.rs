@@ -1,15 +1,15 @@
-//! Counting where two columns differ.
+//! Counts the differences between two columns.
 
 use super::FieldDifference;
 use crate::cloud::Values;
 
-/// What is known of one field after some blocks.
+/// Differences of one field in the blocks so far.
 #[derive(Clone, Debug)]
 pub(super) struct Tally {
     pub(super) name: String,
-    /// Numbers that are no further apart than this are the same.
+    /// Numbers count as equal if they differ by no more than this.
     pub(super) tolerance: f64,
-    /// Differences are multiplied with it before they are reported.
+    /// Factor by which differences are multiplied in the report.
     pub(super) unit: f64,
     differing: u64,
     first: u64,
@@ -21,7 +21,7 @@ impl Tally {
         Self { name: name.into(), tolerance: 0.0, unit: 1.0, differing: 0, first: 0, largest: 0.0 }
     }
 
-    /// Compares values of the points from `first` on, as far as both have some.
+    /// Compares the values of the points from `first` on, up to the end of the shorter block.
     pub(super) fn compare(&mut self, a: &Values, b: &Values, first: u64) {
         if identical(a, b) {
             return;
@@ -32,7 +32,7 @@ impl Tally {
             }
             let (x, y) = (a.get(i), b.get(i));
             let close = (x - y).abs() <= self.tolerance && !integers(a, b);
-            // Columns of two types hold numbers; only then equal numbers are the same value.
+            // Columns of two types hold numbers; then values are equal if the numbers are.
             let equal =
                 a.type_name() != b.type_name() && x.to_bits() == y.to_bits() && whole(a, i, x) == whole(b, i, y);
             if !(close && self.tolerance > 0.0 || equal) {
@@ -68,26 +68,26 @@ macro_rules! pairs {
     };
 }
 
-/// Whether two columns of one type are the same bit by bit.
+/// Whether two columns of one type are equal, bit by bit.
 fn identical(a: &Values, b: &Values) -> bool {
     pairs!(a, b, ints: U8, I8, U16, I16, U32, I32, U64, I64; floats: F32, F64; x, y =>
         x == y,
         x.len() == y.len() && x.iter().zip(y).all(|(p, q)| p.to_bits() == q.to_bits()))
 }
 
-/// Whether value `i` of two columns of one type is the same bit by bit.
+/// Whether value `i` of two columns of one type is equal, bit by bit.
 fn same_bits(a: &Values, b: &Values, i: usize) -> bool {
     pairs!(a, b, ints: U8, I8, U16, I16, U32, I32, U64, I64; floats: F32, F64; x, y =>
         x[i] == y[i],
         x[i].to_bits() == y[i].to_bits())
 }
 
-/// Whether both columns are integers of one type: they are compared exactly, even where `f64` would round.
+/// Whether both columns are integers of one type: these are compared exactly, even where `f64` would round.
 fn integers(a: &Values, b: &Values) -> bool {
     a.type_name() == b.type_name() && !matches!(a, Values::F32(_) | Values::F64(_))
 }
 
-/// Value `i`, which is about `number`, as a whole number where `f64` may have rounded it.
+/// Value `i`, about `number`, as an exact integer where `f64` may have rounded it.
 fn whole(values: &Values, i: usize, number: f64) -> i128 {
     match values {
         Values::U64(v) => i128::from(v[i]),

@@ -1,4 +1,4 @@
-//! The columns of all scans of a file together, and their types.
+//! The columns of all scans of a file, and their types.
 
 use crate::cloud::{Column, Values, names};
 use crate::io::number::Kind;
@@ -13,16 +13,16 @@ pub(super) struct Columns {
     places: HashMap<String, usize>,
 }
 
-/// The values that a column must hold.
+/// The type of values that a column must hold.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     float: Option<Kind>,
-    /// Smallest and largest of the integers.
+    /// Smallest and largest integer.
     low: i64,
     high: i64,
 }
 
-/// Name of the column of a field; `None` for coordinates and marks of validity.
+/// Column name of a field; `None` for coordinates and validity flags.
 pub(super) fn name(field: &RecordName) -> Option<String> {
     let name = match field {
         RecordName::Intensity => names::INTENSITY,
@@ -40,13 +40,13 @@ pub(super) fn name(field: &RecordName) -> Option<String> {
     Some(name.into())
 }
 
-/// E57 counts returns from 0.
+/// Value of the first return: E57 counts returns from 0.
 pub(super) fn first(field: &RecordName) -> i64 {
     i64::from(*field == RecordName::ReturnIndex)
 }
 
 impl Columns {
-    /// Of the wanted fields of all scans.
+    /// The columns of the selected fields of all scans.
     pub(super) fn of(scans: &[PointCloud], options: &ReadOptions) -> Self {
         let mut columns = Self::default();
         for record in scans.iter().flat_map(|scan| &scan.prototype) {
@@ -71,12 +71,12 @@ impl Columns {
         self.places.get(name).copied()
     }
 
-    /// Bytes of a point: coordinates, these columns and the number of the scan.
+    /// Bytes of a point: coordinates, these columns and the index of the scan.
     pub(super) fn width(&self) -> u64 {
         self.list.iter().map(|(_, span)| span.kind().size() as u64).sum::<u64>() + 28
     }
 
-    /// The columns without values.
+    /// The columns, empty.
     pub(super) fn empty(&self) -> Vec<Column> {
         self.list.iter().map(|(name, span)| Column::new(name, span.kind().values())).collect()
     }
@@ -89,7 +89,7 @@ impl Span {
             RecordDataType::Double { .. } | RecordDataType::ScaledInteger { .. } => {
                 Self { float: Some(Kind::F64), low: 0, high: 0 }
             }
-            // 0 stands where a scan has no value.
+            // 0 is stored if a scan has no value.
             RecordDataType::Integer { min, max } => {
                 Self { float: None, low: min.saturating_add(first).min(0), high: max.saturating_add(first).max(0) }
             }
@@ -119,7 +119,7 @@ impl Span {
     }
 }
 
-/// Appends a value; integers fit, for the type was chosen by their range.
+/// Appends a value; integers fit, because the type was chosen by their range.
 pub(super) fn push(values: &mut Values, integer: i64, float: f64) {
     match values {
         Values::U8(v) => v.push(integer as u8),

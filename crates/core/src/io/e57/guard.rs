@@ -1,4 +1,4 @@
-//! What is checked of an E57 file before and around the decoder.
+//! Checks of an E57 file before and during decoding.
 
 use crate::error::{Error, Result};
 use crate::io::limits;
@@ -9,24 +9,24 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Bytes of the one page size that the standard allows.
+/// Page size in bytes, the only one that the standard allows.
 const PAGE: u64 = 1024;
-/// The XML of real files is a few kilobytes a scan; parsing takes several times its size.
+/// Largest XML section: real files have a few kilobytes a scan, and parsing takes several times its size.
 const MOST_XML: u64 = 16 << 20;
-/// Deeper elements than any real file has would take the parser's stack.
+/// Largest nesting of XML elements; deeper ones could overflow the parser's stack.
 const DEEPEST: usize = 64;
-/// The standard knows about 20 fields; extensions add some.
+/// Largest number of fields: the standard has about 20, extensions add some.
 const MOST_FIELDS: usize = 1000;
-/// Points that take no bytes at all (all their fields are constant) are read up to this number in a file.
+/// Points that take no bytes in the file (all their fields are constant) are read up to this number.
 const MOST_CONSTANT: u64 = 1_000_000;
-/// Bits of a packet of points at most.
+/// Largest packet of points, in bits.
 const PACKET: u64 = 8 << 16;
-/// The decoder makes the values of constant fields for all points of a packet, 16 bytes each.
+/// Bytes of a value in the decoder, which creates the values of constant fields for all points of a packet.
 const VALUE: u64 = 16;
 
 pub(super) type Reader = E57Reader<BufReader<File>>;
 
-/// A file whose header and XML have been checked.
+/// A file with a checked header and XML section.
 pub(super) struct E57 {
     reader: Reader,
     size: u64,
@@ -43,7 +43,7 @@ pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (im
     }
 }
 
-/// Opens a file after its header was compared with its size.
+/// Opens a file and compares its header with its size.
 pub(super) fn open(path: &Path) -> Result<E57> {
     let mut file = open::file(path)?;
     let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
@@ -73,7 +73,7 @@ pub(super) fn open(path: &Path) -> Result<E57> {
     Ok(E57 { reader, size })
 }
 
-/// How deep elements are nested, about: comments and such only make it larger.
+/// Approximate nesting of elements; comments and the like only increase it.
 fn depth(xml: &[u8]) -> usize {
     let (mut now, mut most) = (0usize, 0);
     for pair in xml.windows(2) {
@@ -87,10 +87,10 @@ fn depth(xml: &[u8]) -> usize {
     most
 }
 
-/// Runs the decoder; its errors and panics become errors about `what`.
+/// Runs the decoder; its errors and panics become errors that mention `what`.
 fn caught<T>(path: &Path, what: &str, work: impl FnOnce() -> std::result::Result<T, String>) -> Result<T> {
     let failed = |found: String| {
-        // What the standard library says of a file that is too short.
+        // The standard library's message about a truncated file, made readable.
         let found = found.replace("failed to fill whole buffer", "the end of the file too early");
         bad(path, what, "its bytes".into(), (found, "what an E57 writer writes"))
     };
@@ -101,7 +101,7 @@ fn caught<T>(path: &Path, what: &str, work: impl FnOnce() -> std::result::Result
 }
 
 impl E57 {
-    /// The scans, each with a number of points that the file can hold.
+    /// The scans, with the number of points checked against the size of the file.
     pub(super) fn scans(&self, path: &Path) -> Result<Vec<PointCloud>> {
         let scans = self.reader.pointclouds();
         let (mut total, mut constant, mut packed) = (0u64, 0u64, 0u64);
@@ -127,7 +127,7 @@ impl E57 {
             if let Some(points) = PACKET.checked_div(bits) {
                 limits::unpacked(path, "E57", (self.size, points * filled * VALUE))?;
             }
-            // The scans of a file have their bytes each for itself.
+            // The bytes of different scans do not overlap.
             let most = match bits {
                 0 => MOST_CONSTANT - constant,
                 bits => (8 * self.size - packed) / bits,
@@ -148,17 +148,17 @@ impl E57 {
         }
     }
 
-    /// Bytes of the file.
+    /// Size of the file in bytes.
     pub(super) fn size(&self) -> u64 {
         self.size
     }
 
-    /// The coordinate reference system as the file states it.
+    /// The coordinate reference system in the file.
     pub(super) fn crs(&self) -> Option<String> {
         self.reader.coordinate_metadata().map(str::trim).filter(|t| !t.is_empty()).map(String::from)
     }
 
-    /// Runs a reading of the decoder; its panics become errors.
+    /// Runs a reading function of the decoder; its panics become errors.
     pub(super) fn guarded<T>(
         &mut self,
         path: &Path,
@@ -169,7 +169,7 @@ impl E57 {
     }
 }
 
-/// Bits of a value; `None` if its range is not in order.
+/// Bits of a value; `None` if its range is not ordered.
 fn bits_of(kind: &RecordDataType) -> Option<u64> {
     match kind {
         RecordDataType::Single { .. } => Some(32),

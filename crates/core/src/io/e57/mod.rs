@@ -1,7 +1,9 @@
-//! E57 (ASTM E2807): the scans of a file as one cloud, poses applied. Decoding is the `e57` crate's, behind checks of ours.
+//! E57 (ASTM E2807): the scans of a file as one cloud, with poses applied. Decoded by the `e57` crate, behind our own
+//! checks.
 //!
-//! Points whose invalid state says so are left out; spherical coordinates become Cartesian (E2807, 8.4.4). Column
-//! `ScanIndex` tells the scan, from 0, if there are several. Numbers that a scan lacks, or marks invalid, are 0.
+//! Points marked as invalid are left out; spherical coordinates are converted to Cartesian ones (E2807, 8.4.4). If
+//! there are several scans, the column `ScanIndex` has the index of each point's scan, from 0. Values that a scan
+//! lacks, or marks as invalid, are 0.
 
 mod columns;
 mod guard;
@@ -41,7 +43,7 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     Ok(cloud)
 }
 
-/// What the XML says.
+/// Information from the XML section.
 pub(super) fn inspect(path: &Path) -> Result<FileInfo> {
     let file = guard::open(path)?;
     let scans = file.scans(path)?;
@@ -126,7 +128,7 @@ mod tests {
         write(&path);
         let cloud = io::read(&path).unwrap();
         assert_eq!(cloud.len(), 5);
-        // (x, 0.5, 98.5) turned to (-0.5, x, 98.5) and moved.
+        // (x, 0.5, 98.5) rotated to (-0.5, x, 98.5) and shifted.
         near(&cloud, 0, [999.5, 2001.0, 98.5]);
         near(&cloud, 1, [999.5, 2004.0, 98.5]);
         near(&cloud, 2, [2.0, 0.0, 0.0]);
@@ -142,7 +144,7 @@ mod tests {
         assert_eq!((info.points, &info.format[..], info.metres_per_unit), (7, "E57", Some(1.0)));
     }
 
-    /// Changes text of the XML, of the same length in all, and gives the pages their checksums again.
+    /// Replaces text in the XML section, keeping its length, and updates the checksums of the pages.
     fn patched(path: &Path, changes: &[(&str, &str)]) -> Result<Cloud> {
         let mut bytes: Vec<u8> =
             std::fs::read(path).unwrap().chunks_exact(1024).flat_map(|p| p[..1020].to_vec()).collect();

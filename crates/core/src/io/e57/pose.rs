@@ -5,7 +5,7 @@ use crate::error::Result;
 use ::e57::Transform;
 use std::path::Path;
 
-/// A rotation and a shift: p -> R p + t.
+/// A rotation and a translation: p -> R p + t.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pose {
     rows: [[f64; 3]; 3],
@@ -13,10 +13,10 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    /// Of a file's pose, or none. The quaternion is made one of length 1.
+    /// The pose in a file, if there is one. The quaternion is normalised.
     ///
     /// # Errors
-    /// A number is not finite, or the quaternion is zero.
+    /// If a number is not finite, or the quaternion is zero.
     pub(super) fn new(path: &Path, pose: Option<&Transform>) -> Result<Option<Self>> {
         let Some(Transform { rotation: q, translation: t }) = pose else { return Ok(None) };
         let length = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();

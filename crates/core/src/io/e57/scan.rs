@@ -9,7 +9,7 @@ use crate::parallel::{Monitor, watched};
 use ::e57::{PointCloud, Record, RecordDataType, RecordName, RecordValue};
 use std::path::{Path, PathBuf};
 
-/// A field of the points: where it stands in a record, and what makes it a number.
+/// A field of the points: its position in a record, and the conversion to a number.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     at: usize,
@@ -17,7 +17,7 @@ struct Place {
     offset: f64,
 }
 
-/// A field that goes to a column, and the field that says whether it is valid.
+/// A field that is stored in a column, and the field with its validity flag.
 #[derive(Clone, Copy, Debug)]
 struct Value {
     place: Place,
@@ -26,14 +26,14 @@ struct Value {
     first: i64,
 }
 
-/// How the points of a scan are read.
+/// How the points of a scan are decoded.
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
     path: PathBuf,
     number: u32,
     axes: [Place; 3],
     spherical: bool,
-    /// Field that says whether the coordinates are valid.
+    /// Field with the validity flag of the coordinates.
     state: Option<usize>,
     values: Vec<Value>,
     pose: Option<Pose>,
@@ -41,7 +41,7 @@ pub(super) struct Scan {
 
 impl Scan {
     /// # Errors
-    /// No coordinates, or a pose that is none.
+    /// If there are no coordinates, or the pose is invalid.
     pub(super) fn new((path, number): (&Path, u32), scan: &PointCloud, columns: &Columns) -> Result<Self> {
         let find = |name: &RecordName| scan.prototype.iter().position(|r| r.name == *name);
         let places = |names: [RecordName; 3]| {
@@ -66,7 +66,7 @@ impl Scan {
         let mut values: Vec<Value> = Vec::new();
         for (at, record) in scan.prototype.iter().enumerate() {
             let Some(column) = columns::name(&record.name).and_then(|name| columns.position(&name)) else { continue };
-            // A field that stands twice is read once.
+            // A field that occurs twice is read once.
             if values.iter().all(|v| v.column != column) {
                 let invalid = marks(&record.name).and_then(|mark| find(&mark));
                 values.push(Value { place: place(record, at), column, invalid, first: columns::first(&record.name) });
@@ -83,7 +83,7 @@ impl Scan {
         };
         let constant: Option<Vec<RecordValue>> = scan.prototype.iter().map(constant).collect();
         if let Some(record) = constant {
-            // The decoder would make such points without end.
+            // The decoder would return such points endlessly.
             for points in watched(scan.records as usize, monitor) {
                 points?.for_each(|_| self.point(&record, table));
             }
@@ -120,7 +120,7 @@ impl Scan {
         }
     }
 
-    /// Zeros for the columns that this scan lacks.
+    /// Appends zeros to the columns that this scan lacks.
     fn fill(&self, table: &mut Table) -> Result<()> {
         let n = table.len();
         for column in &mut table.columns {
@@ -149,7 +149,7 @@ fn place(record: &Record, at: usize) -> Place {
     }
 }
 
-/// The field that says whether another is valid.
+/// The field with the validity flag of another field.
 fn marks(name: &RecordName) -> Option<RecordName> {
     match name {
         RecordName::Intensity => Some(RecordName::IsIntensityInvalid),
@@ -159,7 +159,7 @@ fn marks(name: &RecordName) -> Option<RecordName> {
     }
 }
 
-/// A value as an integer; 0 of a float.
+/// A value as an integer; 0 for floating-point values.
 fn integer(record: &[RecordValue], at: usize) -> i64 {
     match record.get(at) {
         Some(RecordValue::Integer(v) | RecordValue::ScaledInteger(v)) => *v,
@@ -167,7 +167,7 @@ fn integer(record: &[RecordValue], at: usize) -> i64 {
     }
 }
 
-/// The only value of a field that takes no bits.
+/// The constant value of a field that takes no bits.
 fn constant(record: &Record) -> Option<RecordValue> {
     match record.data_type {
         RecordDataType::Integer { min, max } if min == max => Some(RecordValue::Integer(min)),

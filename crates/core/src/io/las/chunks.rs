@@ -1,4 +1,4 @@
-//! LAZ: the record and the chunk table of a file, checked before anything is allocated, and chunks encoded in memory.
+//! LAZ: the LAZ record and the chunk table, checked before anything is allocated, and encoding of chunks in memory.
 
 use super::decoder::{guarded, layered};
 use super::header::{Header, RECORD_SIZES, bad, u16_at, u32_at};
@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::Cursor;
 use std::path::Path;
 
-/// A chunk: where its bytes stand and how many points it holds.
+/// A chunk: position of its bytes, and its number of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::io) struct Chunk {
     pub(in crate::io) at: u64,
@@ -23,7 +23,7 @@ pub(in crate::io) struct Chunk {
 #[derive(Debug)]
 pub(in crate::io) struct Chunks {
     pub(super) vlr: LazVlr,
-    /// Whether a chunk must end where its last point ends; not in a damaged file.
+    /// Whether a chunk must end exactly after its last point; false for a damaged file.
     pub(super) whole: bool,
     pub(in crate::io) list: Vec<Chunk>,
 }
@@ -39,7 +39,7 @@ pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header,
     let head = read_at(path, file, table_at, 8)?;
     let count = u64::from(u32_at(&head, 4));
     let table = read_at(path, file, table_at, (size - table_at).min(16 + 16 * count) as usize)?;
-    // An entry takes at least a few bits; each chunk at least one point's bytes.
+    // An entry takes at least a few bits, and each chunk at least the bytes of one point.
     if count == 0 || count > header.points || count > table_at - first {
         let most = header.points.min(table_at - first);
         return Err(bad(path, "number of chunks", table_at + 4, (count, format!("1 to {most}"))));
@@ -49,14 +49,14 @@ pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header,
     list(path, &entries, (&vlr, header.points), (first, table_at)).map(|list| Chunks { vlr, whole: true, list })
 }
 
-/// The LAZ record, its items compared with the header.
+/// The LAZ record, with its items checked against the header.
 pub(super) fn check_record(path: &Path, header: &Header, vlrs: &[Vlr]) -> Result<LazVlr> {
     let vlr = vlrs.iter().find(|v| v.is("laszip encoded", 22204));
     let vlr = vlr.ok_or_else(|| bad(path, "LAZ record", 100, ("none", "a VLR `laszip encoded` 22204")))?;
     check_items(path, header, vlr)
 }
 
-/// Places the chunks one after the other and compares their sums with header and file.
+/// The positions of consecutive chunks; their total is checked against header and file.
 fn list(
     path: &Path,
     table: &ChunkTable,
@@ -72,7 +72,7 @@ fn list(
         if entry.byte_count > end - at {
             return Err(bad(path, &field("size"), at, (entry.byte_count, format!("at most {}", end - at))));
         }
-        // A compressed point takes at least a bit of its own; nothing real comes near 4096 points a byte.
+        // A compressed point takes at least part of a byte; no real file comes near 4096 points a byte.
         if points > left || points > entry.byte_count.saturating_mul(4096) {
             return Err(bad(
                 path,
@@ -91,7 +91,7 @@ fn list(
     }
 }
 
-/// Where the chunk table stands; old writers put it at the end of the file.
+/// Position of the chunk table; old writers put it at the end of the file.
 fn table_offset(path: &Path, file: &mut File, points_at: u64, size: u64) -> Result<u64> {
     let valid = |at: u64| at >= points_at + 8 && at <= size - 8;
     for place in [points_at, size - 8] {
@@ -151,7 +151,7 @@ fn check_items(path: &Path, header: &Header, vlr: &Vlr) -> Result<LazVlr> {
     Ok(parsed)
 }
 
-/// Bytes of all items of a record that is long enough for them, or what is found and allowed of a wrong item.
+/// Total bytes of the items of a LAZ record, or the invalid item and what is allowed.
 fn item_bytes(data: &[u8]) -> std::result::Result<u64, (String, String)> {
     let items = data[34..].chunks_exact(6).take(usize::from(u16_at(data, 32)));
     let sizes = items.map(|item| {
@@ -188,7 +188,7 @@ pub(super) fn encode(path: &Path, vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8
             Ok(encoder.into_inner().into_inner())
         }
     });
-    // Seen where GPS times change their sign: differences of their bits overflow in the encoder.
+    // Happens where GPS times change sign: the differences of their bits overflow in the encoder.
     encoded.map_err(|_| Error::Unsupported {
         path: path.to_path_buf(),
         reason:
@@ -197,7 +197,7 @@ pub(super) fn encode(path: &Path, vlr: &LazVlr, records: &[u8]) -> Result<Vec<u8
     })
 }
 
-/// The chunk table of chunks of these (points, bytes).
+/// The chunk table for chunks of these (points, bytes).
 pub(super) fn encode_table(path: &Path, vlr: &LazVlr, sizes: &[(u64, u64)]) -> Result<Vec<u8>> {
     let mut table = ChunkTable::with_capacity(sizes.len());
     sizes.iter().for_each(|&(point_count, byte_count)| table.push(ChunkTableEntry { point_count, byte_count }));

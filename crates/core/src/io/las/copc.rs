@@ -1,4 +1,4 @@
-//! COPC: the octree of a LAZ file (Cloud Optimized Point Cloud Specification 1.0). Each of its nodes is a LAZ chunk.
+//! COPC: the octree of a LAZ file (Cloud Optimized Point Cloud Specification 1.0). Each node is a LAZ chunk.
 
 use super::chunks::Chunk;
 use super::header::{array, bad, f64_at, u64_at};
@@ -9,11 +9,11 @@ use crate::io::ReadOptions;
 use crate::io::info::Octree;
 use std::collections::BTreeSet;
 
-/// Bytes of an entry of the hierarchy.
+/// Bytes of a hierarchy entry.
 const ENTRY: usize = 32;
-/// Deeper nodes would be smaller than a tick of any file.
+/// Largest depth: deeper nodes would be smaller than the scale of any file.
 const DEEPEST: i32 = 31;
-/// A page holds so many bytes at most; those of real files hold some hundred kilobytes.
+/// Largest page in bytes; those of real files have some hundred kilobytes.
 const LARGEST_PAGE: u64 = 256 << 20;
 
 /// Level and place of a node in the grid of its level.
@@ -30,7 +30,7 @@ struct Node {
 struct Info {
     centre: [f64; 3],
     half: f64,
-    /// Distance of the points of level 0.
+    /// Point spacing of level 0.
     spacing: f64,
     root: (u64, u64),
 }
@@ -40,7 +40,7 @@ pub(super) fn is(records: &Records) -> bool {
     records.chunks.is_some() && records.vlrs.iter().any(|v| v.is("copc", 1))
 }
 
-/// Keeps only the chunks of the nodes that the box and the resolution ask for; order of the file.
+/// Keeps only the chunks of the nodes needed for the box and the resolution, in the order of the file.
 pub(super) fn narrow(records: &mut Records, options: &ReadOptions) -> Result<()> {
     options.validate()?;
     let info = info(records)?;
@@ -55,7 +55,7 @@ pub(super) fn narrow(records: &mut Records, options: &ReadOptions) -> Result<()>
     Ok(())
 }
 
-/// What `inspect` tells of the octree.
+/// The levels of the octree, for `inspect`.
 pub(super) fn describe(records: &mut Records) -> Result<Octree> {
     let info = info(records)?;
     let nodes = walk(records, &info)?;
@@ -68,7 +68,7 @@ pub(super) fn describe(records: &mut Records) -> Result<Octree> {
     Ok(Octree { spacing: info.spacing, nodes: nodes.len() as u64, points_per_level: levels })
 }
 
-/// The last level whose points are needed: spacing / 2^level <= resolution.
+/// The last level that is needed: spacing / 2^level <= resolution.
 fn level(spacing: f64, resolution: f64) -> i32 {
     (spacing / resolution).log2().ceil().clamp(0.0, f64::from(DEEPEST)) as i32
 }
@@ -102,7 +102,7 @@ fn info(records: &Records) -> Result<Info> {
 }
 
 impl Info {
-    /// Whether a node's cube meets a box. A hair more than the cube counts: points lie on its faces.
+    /// Whether a node's cube intersects a box. The cube is slightly enlarged, because points can lie on its faces.
     fn touches(&self, [level, cell @ ..]: Key, (low, high): &([f64; 3], [f64; 3])) -> bool {
         let size = 2.0 * self.half / f64::from(1u32 << level.clamp(0, DEEPEST));
         let hair = 1e-6 * self.half + 1e-3 * size;
@@ -113,7 +113,7 @@ impl Info {
     }
 }
 
-/// All nodes with points. Pages are read once, entries are checked against file, parent levels and header.
+/// All nodes with points. Each page is read once; entries are checked against file, parent levels and header.
 fn walk(records: &mut Records, info: &Info) -> Result<Vec<Node>> {
     let mut pages = vec![info.root];
     let (mut seen, mut keys, mut nodes) = (BTreeSet::new(), BTreeSet::new(), Vec::new());
@@ -158,7 +158,7 @@ fn walk(records: &mut Records, info: &Info) -> Result<Vec<Node>> {
     }
 }
 
-/// Key and chunk of an entry; no chunk if it points to another page.
+/// Key and chunk of an entry; no chunk if the entry refers to another page.
 fn checked(records: &Records, (place, entry): (u64, &[u8])) -> Result<(Key, Option<Chunk>)> {
     let number = |at: usize| i32::from_le_bytes(array(entry, at));
     let (key, at) = ([0, 4, 8, 12].map(number), u64_at(entry, 16));
@@ -226,7 +226,7 @@ mod tests {
         let mut bytes = std::fs::read(path).unwrap();
         let root = bytes.len() as u64;
         let mut page = Vec::new();
-        // The third node stands in a page of its own.
+        // The third node is in a page of its own.
         let keys = [[0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]];
         for (n, (key, chunk)) in keys.iter().zip(&chunks).enumerate() {
             let key = if n == 2 { [1, 1, 0, 0] } else { *key };
@@ -265,7 +265,7 @@ mod tests {
         };
         let all = read(None, None);
         assert_eq!((all.len(), read(None, Some(4.0)).len(), read(None, Some(2.0)).len()), (300, 100, 300));
-        // The node of x above 5 holds the points of z = 2 in this file: the box must leave its chunk out.
+        // In this file the node for x above 5 holds the points with z = 2: the box must exclude its chunk.
         let bounds = ([0.0, 0.0, 0.0], [3.0, 3.0, 9.0]);
         let inside = |i: &u32| (0..3).all(|a| (bounds.0[a]..=bounds.1[a]).contains(&all.xyz(*i as usize)[a]));
         let expected: Vec<u32> = (0..200).filter(inside).collect();

@@ -1,4 +1,4 @@
-//! A part of a LAS, LAZ or COPC file as a file: what lies in a box, or the levels of a resolution.
+//! Writes a part of a LAS, LAZ or COPC file: a box, or the levels of a resolution.
 
 use super::outside::Outside;
 use super::read::open;
@@ -12,8 +12,8 @@ use crate::error::Result;
 use crate::io::{ReadOptions, RewriteReport, WriteOptions, run};
 use std::path::Path;
 
-/// Copies the records that lie in the box, byte for byte. Header, records and what stands behind the points stay; counts and
-/// bounds of the header become those of the points that are left.
+/// Copies the records inside the box, byte for byte. Header, variable length records and everything after the points
+/// are kept; counts and bounds in the header become those of the remaining points.
 pub(in crate::io) fn crop(
     input: &Path,
     output: &Path,

@@ -1,7 +1,7 @@
-//! Chunks of LAZ decoded in memory, one by one.
+//! Decoding of single LAZ chunks in memory.
 //!
-//! The arithmetic coding is the `laz` crate's. What it would allocate from declared sizes is checked here first, and a panic
-//! inside it becomes an error.
+//! The arithmetic decoding is done by the `laz` crate. Sizes that it would allocate are checked here first, and its
+//! panics become errors.
 
 use super::deep::{Source, on_a_large_stack};
 use super::header::{bad, u32_at};
@@ -12,22 +12,22 @@ use laz::{DecompressionSelection, LazItem, LazVlr};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// How the chunks of a file are decoded.
+/// Settings for decoding the chunks of a file.
 #[derive(Clone, Copy)]
 pub(super) struct How<'a> {
     pub(super) vlr: &'a LazVlr,
-    /// Fields outside are left as they come (layered chunks only).
+    /// Fields outside the selection are not decoded (layered chunks only).
     pub(super) selection: DecompressionSelection,
-    /// Whether a chunk must end where its last point ends.
+    /// Whether a chunk must end exactly after its last point.
     pub(super) whole: bool,
 }
 
-/// Whether chunks have a layer a field (LAZ of point formats from 6 on).
+/// Whether chunks have one layer per field (LAZ with point formats from 6 on).
 pub(super) fn layered(vlr: &LazVlr) -> bool {
     vlr.items().first().is_some_and(|item| item.version() >= 3)
 }
 
-/// Decodes one chunk, some records at a time. `B` holds or borrows the chunk's bytes.
+/// Decodes one chunk, several records at a time. `B` owns or borrows the bytes of the chunk.
 pub(super) struct Decoder<'a, B> {
     path: PathBuf,
     place: String,
@@ -88,7 +88,8 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
         good
     }
 
-    /// Fails unless the chunk ends where its last point, which has been decoded, ends: the decoder of damaged bytes loses its way.
+    /// Fails unless the chunk ends exactly after its last decoded point; with damaged bytes the decoder reads too much
+    /// or too little.
     pub(super) fn end(&self) -> Result<()> {
         let (found, all) = (self.consumed(), self.bytes);
         match found == all || !self.whole {
@@ -104,7 +105,7 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
         }
     }
 
-    /// Bytes of the chunk that were read so far.
+    /// Number of bytes of the chunk read so far.
     pub(super) fn consumed(&self) -> u64 {
         self.inner.get().position()
     }
@@ -128,7 +129,7 @@ pub(super) fn layers(vlr: &LazVlr) -> usize {
     vlr.items().iter().map(of).sum()
 }
 
-/// The layers of a chunk follow its first point and say how long they are: together they must fit.
+/// The layers of a chunk follow its first point, with their lengths: in total they must fit into the chunk.
 fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result<()> {
     let layers = layers(vlr);
     let start = vlr.items_size() as usize + 4;
@@ -145,7 +146,7 @@ fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result
     Ok(())
 }
 
-/// Runs a piece of the decoder; its errors and panics become an error about `what`.
+/// Runs a part of the decoder; its errors and panics become an error that mentions `what`.
 pub(super) fn guarded<T>(path: &Path, what: &str, work: impl FnOnce() -> std::io::Result<T>) -> Result<T> {
     let failed = |found: String| Error::Malformed {
         path: path.to_path_buf(),

@@ -1,4 +1,4 @@
-//! Extra bytes: the descriptors of dimensions beyond the point format (VLR `LASF_Spec` 4).
+//! Extra bytes: descriptors of dimensions beyond those of the point format (VLR `LASF_Spec` 4).
 
 use super::header::{Header, f64_at};
 use super::vlr::Vlr;
@@ -6,15 +6,15 @@ use crate::cloud::{Column, Values, each_values};
 use crate::error::{Error, Result};
 use crate::io::number::{Kind, Slot};
 
-/// One described dimension and where it stands in a record.
+/// A described dimension and its position in a record.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::io) struct Extra {
     pub(in crate::io) name: String,
     /// LAS data type 1..=10, or 0 for bytes without a type.
     pub(in crate::io) kind: u8,
-    /// First byte in the record.
+    /// Offset of its first byte in the record.
     pub(in crate::io) at: usize,
-    /// Factor and offset of a scaled value.
+    /// Scale and offset of a scaled value.
     pub(in crate::io) scaled: Option<(f64, f64)>,
 }
 
@@ -25,7 +25,7 @@ pub(in crate::io) fn is_record(vlr: &Vlr) -> bool {
     vlr.is("LASF_Spec", 4)
 }
 
-/// The described dimensions that fit into the record. Types 11..=30 (deprecated arrays) and 0 only take their room.
+/// The described dimensions that fit into the record. Types 11..=30 (deprecated arrays) and 0 are skipped.
 pub(in crate::io) fn described<'a>(header: &Header, vlrs: impl IntoIterator<Item = &'a Vlr>) -> (Vec<Extra>, usize) {
     let end = usize::from(header.record_length);
     let mut at = end - header.extra();
@@ -71,7 +71,7 @@ impl Extra {
         }
     }
 
-    /// No values of this dimension's type; scaled values are `f64`.
+    /// An empty column of this dimension's type; `f64` for scaled values.
     pub(in crate::io) fn values(&self) -> Values {
         if self.scaled.is_some() { Values::F64(Vec::new()) } else { self.kind().values() }
     }
@@ -119,10 +119,10 @@ pub(in crate::io) fn store(values: &Values, i: usize, slot: &mut [u8]) {
     });
 }
 
-/// The 192 bytes that describe a column.
+/// The 192-byte descriptor of a column.
 ///
 /// # Errors
-/// A name that is empty, longer than 31 bytes, or not plain.
+/// If the name is empty, longer than 31 bytes, or contains special characters.
 pub(in crate::io) fn descriptor(column: &Column) -> Result<Vec<u8>> {
     let name = column.name.as_bytes();
     let plain = name.iter().all(|b| b.is_ascii_graphic() || *b == b' ');
@@ -135,7 +135,7 @@ pub(in crate::io) fn descriptor(column: &Column) -> Result<Vec<u8>> {
     Ok(block)
 }
 
-/// Descriptors of bytes that nobody described: at most 255 bytes each.
+/// Descriptors for bytes without a descriptor: at most 255 bytes each.
 pub(in crate::io) fn undescribed(mut bytes: usize) -> Vec<u8> {
     let mut blocks = Vec::new();
     while bytes > 0 {

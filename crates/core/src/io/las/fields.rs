@@ -56,7 +56,7 @@ pub(in crate::io) fn of_format(format: u8) -> impl Iterator<Item = (Field, &'sta
 }
 
 impl Field {
-    /// The field of that name in that point format.
+    /// The field with that name in that point format.
     pub(in crate::io) fn named(name: &str, format: u8) -> Option<Self> {
         of_format(format).find(|(_, n)| *n == name).map(|(f, _)| f)
     }
@@ -92,7 +92,7 @@ impl Field {
         }
     }
 
-    /// No values of this field's type.
+    /// An empty column of this field's type.
     pub(in crate::io) fn values(self) -> Values {
         match self {
             Self::Intensity | Self::PointSourceId | Self::Red | Self::Green | Self::Blue | Self::Infrared => {
@@ -129,7 +129,7 @@ impl Field {
         }
     }
 
-    /// Byte, shift and width of a field of at most 8 bits.
+    /// Byte offset, shift and width of a field of at most 8 bits.
     fn bits(self, format: u8) -> (usize, u32, u32) {
         match (self, format >= 6) {
             (Self::ReturnNumber, false) => (14, 0, 3),
@@ -154,7 +154,7 @@ impl Field {
         }
     }
 
-    /// First byte of a field of more than 8 bits.
+    /// Byte offset of a field of more than 8 bits.
     fn place(self, format: u8) -> usize {
         let colour = match format {
             2 => 20,
@@ -174,7 +174,7 @@ impl Field {
         }
     }
 
-    /// Writes a value into a record; it is rounded and clamped to what the field can hold.
+    /// Writes a value into a record, rounded and clamped to the range of the field.
     pub(in crate::io) fn store(self, format: u8, record: &mut [u8], value: f64) {
         let place = self.place(format);
         match self {

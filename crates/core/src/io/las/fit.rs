@@ -1,10 +1,12 @@
-//! Columns that a cloud of another format brings, as fields of LAS: what fits, what is scaled, what is kept beside.
+//! Columns of clouds from other formats as LAS fields: which fit, which are scaled, which are stored as extra
+//! dimensions.
 //!
-//! - Values that a field can hold go there.
-//! - Intensities and colours between 0 and 1 that are not whole become 0 to 65535.
-//! - All other values keep their numbers in an extra dimension `NAME_raw`; the field is 0. Negative intensities of text
-//!   and PTS, fractions, what is above 65535 and NaN are of this kind.
-//! - Class codes, return numbers and user data that do not fit are an error: a wrong code helps nobody.
+//! - Values within the range of a field are stored there.
+//! - Fractional intensities and colours between 0 and 1 are scaled to 0 to 65535.
+//! - All other values are stored unchanged in an extra dimension `NAME_raw`, and the field is 0: negative intensities
+//!   of text and PTS, other fractions, values above 65535, and NaN.
+//! - Class codes, return numbers and user data that do not fit are an error, because a wrong code could not be
+//!   repaired.
 
 use super::fields::Field;
 use crate::cloud::{Column, Values};
@@ -14,7 +16,7 @@ use std::borrow::Cow;
 /// Largest value of fields of 16 bits.
 const FULL: f64 = 65_535.0;
 
-/// How a cloud's columns are stored.
+/// The destination of each column.
 #[derive(Debug, Default)]
 pub(super) struct Fit<'a> {
     /// Field, column and the factor of its values.
@@ -23,7 +25,7 @@ pub(super) struct Fit<'a> {
 }
 
 impl<'a> Fit<'a> {
-    /// Decides for each column.
+    /// Chooses the destination of each column.
     pub(super) fn new(columns: &'a [Column], format: u8) -> Result<Self> {
         let mut fit = Self::default();
         for column in columns {
@@ -45,7 +47,7 @@ impl<'a> Fit<'a> {
     }
 }
 
-/// Fields whose wrong value cannot be mended later.
+/// Fields in which a wrong value could not be repaired later.
 fn is_code(field: Field) -> bool {
     matches!(field, Field::Classification | Field::UserData | Field::ReturnNumber | Field::NumberOfReturns)
 }
@@ -54,7 +56,7 @@ fn wide(field: Field) -> bool {
     matches!(field, Field::Intensity | Field::Red | Field::Green | Field::Blue | Field::Infrared | Field::PointSourceId)
 }
 
-/// Largest value of a field of whole numbers.
+/// Largest value of an integer field.
 fn most(field: Field) -> f64 {
     match field {
         Field::Classification | Field::UserData => 255.0,
@@ -73,7 +75,7 @@ fn first_misfit(field: Field, values: &Values) -> Option<usize> {
         Field::ScanAngle => v.abs() <= 196.6,
         _ => (0.0..=most(field)).contains(&v) && v.fract() == 0.0,
     };
-    // These cannot hold a misfit.
+    // These types always fit.
     match values {
         Values::U16(_) | Values::U8(_) if wide(field) => None,
         Values::U8(_) if most(field) >= 255.0 => None,
@@ -81,14 +83,14 @@ fn first_misfit(field: Field, values: &Values) -> Option<usize> {
     }
 }
 
-/// Whether the values are shares of a whole: floats from 0 to 1.
+/// Whether the values are fractions: floating-point numbers from 0 to 1.
 fn is_share(field: Field, values: &Values) -> bool {
     let float = matches!(values, Values::F32(_) | Values::F64(_));
     let share = |i| (0.0..=1.0).contains(&values.get(i));
     float && wide(field) && field != Field::PointSourceId && (0..values.len()).all(share)
 }
 
-/// The column under another name; `f64` becomes `f32` where that loses nothing.
+/// The column under another name; `f64` becomes `f32` if that is exact.
 #[expect(clippy::float_cmp, reason = "whether nothing is lost is an exact question")]
 fn raw(column: &Column) -> Column {
     let values = match &column.values {

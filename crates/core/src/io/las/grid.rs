@@ -1,10 +1,10 @@
-//! One grid of scale and offset that holds the coordinates of several files exactly.
+//! A common scale and offset that represents the coordinates of several files exactly.
 
 use super::header::Header;
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// Ticks further from a whole number than this are not on the grid.
+/// Coordinates whose distance from the grid exceeds this, in ticks, are not on it.
 const SLACK: f64 = 1e-4;
 
 /// Scale and offset of the output.
@@ -14,10 +14,11 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The finest of the scales, and the first offset, moved by whole ticks if the coordinates do not fit otherwise.
+    /// The finest of the scales, and the first offset, shifted by whole ticks if the coordinates do not fit otherwise.
     ///
     /// # Errors
-    /// A scale is no whole multiple of the finest, or an offset is no whole number of ticks away from the first.
+    /// If a scale is not an integer multiple of the finest, or an offset is not an integer number of ticks from the
+    /// first.
     pub(super) fn common(files: &[(&Path, &Header)]) -> Result<Self> {
         let Some((_, first)) = files.first() else { return Err(Error::input("nothing to merge")) };
         let mut grid = Self { scale: first.scale, offset: first.offset };
@@ -39,7 +40,7 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Moves the offset if ticks would not fit 32 bits.
+    /// Shifts the offset if ticks would exceed 32 bits.
     fn centre(&mut self, a: usize, files: &[(&Path, &Header)]) {
         let filled = || files.iter().filter(|(_, h)| h.points > 0 && h.low[a] <= h.high[a]);
         let low = filled().map(|(_, h)| h.low[a]).fold(f64::INFINITY, f64::min);
@@ -51,7 +52,7 @@ impl Grid {
         }
     }
 
-    /// Factor and shift of a file's ticks on this grid; (1, 0) where nothing changes.
+    /// Factor and shift that convert a file's ticks to this grid; (1, 0) for no change.
     pub(super) fn ticks(&self, header: &Header) -> [(i64, i64); 3] {
         [0, 1, 2].map(|a| {
             let factor = (header.scale[a] / self.scale[a]).round() as i64;

@@ -1,4 +1,4 @@
-//! The public header block of LAS 1.0 to 1.5. Every declared size is checked against the file before it is used.
+//! The public header block of LAS 1.0 to 1.5. Every size in it is checked against the file before it is used.
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -7,13 +7,13 @@ use std::path::Path;
 
 /// Bytes of a record of point format 0..=10 without extra bytes.
 pub(in crate::io) const RECORD_SIZES: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
-/// Header bytes of version 1.0..=1.5. LAS 1.5 adds the range of GPS times and an offset of them; all else stands as in 1.4.
+/// Header bytes of version 1.0..=1.5. LAS 1.5 adds the range of GPS times and an offset; everything else is as in 1.4.
 pub(in crate::io) const HEADER_SIZES: [usize; 6] = [227, 227, 227, 235, 375, 393];
 
-/// The header: its bytes as they are, and the fields that reading needs.
+/// The header: its bytes, and the fields needed for reading.
 #[derive(Clone, Debug)]
 pub(in crate::io) struct Header {
-    /// The header as it stands in the file, user bytes at its end included.
+    /// The bytes of the header as stored in the file, including user data at its end.
     pub(in crate::io) raw: Vec<u8>,
     pub(in crate::io) minor: u8,
     pub(in crate::io) format: u8,
@@ -46,7 +46,7 @@ pub(in crate::io) fn f64_at(bytes: &[u8], at: usize) -> f64 {
     f64::from_le_bytes(array(bytes, at))
 }
 
-/// N bytes at a place; zeros beyond the end.
+/// N bytes at an offset; zeros beyond the end.
 pub(in crate::io) fn array<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     let mut out = [0; N];
     if let Some(found) = bytes.get(at..at + N) {
@@ -73,7 +73,7 @@ pub(in crate::io) fn bad(path: &Path, field: &str, at: u64, (found, allowed): (i
     }
 }
 
-/// Bytes of the header of a version, if it is one that is read.
+/// Header size of a version; `None` for unsupported versions.
 pub(in crate::io) fn least_size((major, minor): (u8, u8)) -> Option<usize> {
     HEADER_SIZES.get(usize::from(minor)).filter(|_| major == 1).copied()
 }
@@ -104,7 +104,7 @@ impl Header {
         Ok(header)
     }
 
-    /// Takes the fields out of bytes whose length has been checked.
+    /// Extracts the fields from bytes whose length has been checked.
     pub(in crate::io) fn parse(raw: Vec<u8>) -> Self {
         let minor = raw[25];
         let triple = |at: usize| [0, 1, 2].map(|a| f64_at(&raw, at + 8 * a));
@@ -170,14 +170,15 @@ impl Header {
         Ok(())
     }
 
-    /// What GPS times count from: standard time or the week, and since LAS 1.5 an offset (bit 6, millions of seconds).
+    /// The reference of GPS times: standard time or the week, and since LAS 1.5 an offset (bit 6, millions of seconds).
     pub(in crate::io) fn time(&self) -> (u16, Option<u16>) {
         let encoding = u16_at(&self.raw, 6);
         let moved = self.minor >= 5 && encoding & 64 != 0;
         (encoding & 1, moved.then(|| u16_at(&self.raw, 391)))
     }
 
-    /// Points of return `r` (from 0): the wide counters of LAS 1.4 if they are used, else the old ones.
+    /// Number of points of return `r` (from 0): from the 64-bit counters of LAS 1.4 if they are used, else from the old
+    /// ones.
     pub(in crate::io) fn points_of_return(&self, r: usize) -> u64 {
         let wide = self.minor >= 4 && self.raw.get(255..375).is_some_and(|c| c.iter().any(|&b| b != 0));
         match (wide, r < 5) {
@@ -187,12 +188,12 @@ impl Header {
         }
     }
 
-    /// Bytes of a record that no point format describes.
+    /// Bytes of a record beyond its point format.
     pub(in crate::io) fn extra(&self) -> usize {
         usize::from(self.record_length) - usize::from(RECORD_SIZES[usize::from(self.format)])
     }
 
-    /// Whether the CRS is told by WKT (global encoding, bit 4).
+    /// Whether the CRS is stored as WKT (global encoding, bit 4).
     pub(in crate::io) fn wkt(&self) -> bool {
         u16_at(&self.raw, 6) & 16 != 0
     }

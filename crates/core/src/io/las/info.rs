@@ -1,4 +1,4 @@
-//! What header and records of a file say, without reading a point.
+//! Information from header and records of a file, without reading points.
 
 use super::copc;
 use super::fields::of_format;
@@ -72,7 +72,8 @@ mod tests {
     use std::io::{Seek, SeekFrom, Write};
     use std::time::{Duration, Instant};
 
-    /// Header, records and chunk table of a LAZ file of a gigabyte and 200 million points; its chunks are a hole in the disk.
+    /// Header, records and chunk table of a LAZ file with a gigabyte and 200 million points; its chunks are a sparse
+    /// region of the file.
     #[test]
     fn a_gigabyte_of_laz_is_described_at_once() {
         let folder = tempfile::tempdir().unwrap();
@@ -97,7 +98,7 @@ mod tests {
             begin.elapsed()
         });
         let best = times.min().unwrap();
-        // 50 ms is the goal; a busy machine and a build for tests get more.
+        // The goal is 50 ms; busy machines and debug builds are allowed more.
         assert!(best < Duration::from_millis(200), "{best:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Which columns the records of a file hold, down to the last byte, and how they are taken out of raw records.
+//! The columns of a file's records, covering every byte, and their extraction from raw records.
 
 use super::extra::{self, Extra};
 use super::fields::{self, Field};
@@ -8,13 +8,13 @@ use crate::cloud::{Column, Values};
 use crate::io::limits::Names;
 use std::collections::HashMap;
 
-/// Where a column comes from.
+/// Source of a column.
 #[derive(Clone, Debug)]
 enum Source {
     Axis(usize),
     Field(Field),
     Extra(Extra),
-    /// At most 8 bytes that have no name of their own, as a number.
+    /// At most 8 bytes without a descriptor, as a number.
     Bytes(usize, usize),
 }
 
@@ -24,12 +24,12 @@ pub(in crate::io) struct Layout {
     format: u8,
     length: usize,
     sources: Vec<(String, Source)>,
-    /// Where the column of each name stands.
+    /// Index of the column of each name.
     places: HashMap<String, usize>,
     taken: Names,
 }
 
-/// Parts of the 29 bytes that close a record with a waveform (LAS 1.4 R15, table 11).
+/// Parts of the 29 bytes at the end of a record with a waveform (LAS 1.4 R15, table 11).
 const WAVE: [(&str, usize, usize); 7] = [
     ("WavePacketDescriptorIndex", 0, 1),
     ("WaveformDataOffset", 1, 8),
@@ -41,7 +41,7 @@ const WAVE: [(&str, usize, usize); 7] = [
 ];
 
 impl Layout {
-    /// The layout that header and Extra Bytes descriptors tell.
+    /// The layout according to header and Extra Bytes descriptors.
     pub(in crate::io) fn of(header: &Header, vlrs: &[Vlr]) -> Self {
         let base = usize::from(RECORD_SIZES[usize::from(header.format)]);
         let mut layout = Self {
@@ -66,14 +66,14 @@ impl Layout {
         layout
     }
 
-    /// Adds a column; a name that is taken gets a number.
+    /// Adds a column; a number is appended to a name that exists already.
     fn push(&mut self, name: &str, source: Source) {
         let free = self.taken.free(name);
         self.places.insert(free.clone(), self.sources.len());
         self.sources.push((free, source));
     }
 
-    /// Adds bytes that nobody described.
+    /// Adds bytes without a descriptor.
     fn unnamed(&mut self, range: std::ops::Range<usize>, base: usize) {
         for at in range.clone().step_by(8) {
             let size = (range.end - at).min(8);
@@ -91,7 +91,7 @@ impl Layout {
         self.places.contains_key(name)
     }
 
-    /// The column of that name of some raw records. `X`, `Y`, `Z` are ticks.
+    /// The column of that name from raw records. `X`, `Y`, `Z` are the stored integers.
     pub(in crate::io) fn column(&self, name: &str, records: &[u8]) -> Option<Column> {
         let (name, source) = &self.sources[*self.places.get(name)?];
         let each = records.chunks_exact(self.length);

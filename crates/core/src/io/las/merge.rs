@@ -1,4 +1,4 @@
-//! Several LAS or LAZ files as one, streamed.
+//! Merges several LAS or LAZ files by streaming.
 
 use super::extra::{self, Extra};
 use super::grid::Grid;
@@ -17,7 +17,7 @@ use crate::io::{RewriteReport, WriteOptions, run};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// What is known of an input before its points are read.
+/// Information about an input before its points are read.
 struct Part {
     path: PathBuf,
     header: Header,
@@ -27,13 +27,13 @@ struct Part {
     crs: Option<String>,
 }
 
-/// How the records of one input become those of the output.
+/// Conversion of the records of one input to those of the output.
 struct Mapper {
     formats: (u8, u8),
     old_base: usize,
-    /// From, to, and number of bytes of each extra dimension.
+    /// Source offset, destination offset and length of each extra dimension.
     moves: Vec<(usize, usize, usize)>,
-    /// Factor and shift of the ticks.
+    /// Factor and shift of the coordinates' integers.
     ticks: [(i64, i64); 3],
 }
 
@@ -74,7 +74,7 @@ fn part(path: &Path) -> Result<Part> {
     Ok(Part { path: path.to_path_buf(), header: records.header, vlrs: records.vlrs, evlrs, crs })
 }
 
-/// Reference systems and kinds of GPS time must be the same; waveforms of several files cannot be joined.
+/// Checks that reference systems and kinds of GPS time are the same, and that at most one file has waveforms.
 fn check(parts: &[Part], notes: &mut Vec<String>) -> Result<()> {
     let first = &parts[0];
     for part in parts {
@@ -96,7 +96,7 @@ fn check(parts: &[Part], notes: &mut Vec<String>) -> Result<()> {
     Ok(())
 }
 
-/// The smallest point format that has all fields of all inputs; more points than 32 bits count need LAS 1.4.
+/// The smallest point format with all fields of all inputs; more points than fit into 32 bits need LAS 1.4.
 fn common_format(parts: &[Part], points: u64) -> Result<u8> {
     let first = parts[0].header.format;
     let holds = |to: u8| parts.iter().all(|p| promote::missing(p.header.format, to).is_empty());
@@ -117,10 +117,10 @@ fn front(first: &Records, parts: &[Part], to: u8, output: &Path) -> Front {
     Front { header, vlrs, gap: first.gap.clone(), chunk: laz.then_some(CHUNK) }
 }
 
-/// From, to and number of bytes of the extra dimensions of one input.
+/// Source offset, destination offset and length of the extra dimensions of one input.
 type Moves = Vec<(usize, usize, usize)>;
 
-/// Where the extra dimensions of each input go, and the length of the output's records.
+/// The destinations of each input's extra dimensions, and the record length of the output.
 fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) -> Result<(Vec<Moves>, u16)> {
     let base = usize::from(RECORD_SIZES[usize::from(to)]);
     let old_base = |p: &Part| usize::from(RECORD_SIZES[usize::from(p.header.format)]);
@@ -133,7 +133,7 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
         return Ok((moves, (base + first.header.extra()) as u16));
     }
     let (mut known, mut end): (Vec<(Extra, usize)>, usize) = (Vec::new(), base);
-    // Where each name stands in `known`, and how many inputs have it.
+    // Position of each name in `known`, and the number of inputs that have it.
     let mut places: HashMap<String, (usize, usize)> = HashMap::new();
     let mut all = Vec::new();
     for part in parts {
@@ -182,7 +182,7 @@ fn extras(parts: &[Part], to: u8, vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) 
     Ok((all, length))
 }
 
-/// The descriptor of a dimension as the file has it.
+/// The descriptor of a dimension as stored in the file.
 fn descriptor(part: &Part, name: &str) -> Result<Vec<u8>> {
     let blocks = part.vlrs.iter().filter(|v| extra::is_record(v)).flat_map(|v| v.data.chunks_exact(192));
     let of = |block: &&[u8]| block[4..36].split(|&b| b == 0).next().is_some_and(|n| n == name.as_bytes());
@@ -196,7 +196,7 @@ fn fill_header(raw: &mut [u8], parts: &[Part], (points, length): (u64, u16), gri
     let (new_format, minor) = (raw[104] & 0x3f >= 6, raw[25]);
     let legacy = if new_format { 0 } else { u32::try_from(points).unwrap_or(0) };
     put(raw, 107, &legacy.to_le_bytes());
-    // What headers say of returns nobody has checked.
+    // Counts of returns in headers are not verified.
     let all = |r| parts.iter().fold(0, |sum: u64, p| sum.saturating_add(p.header.points_of_return(r)));
     let returns: Vec<u64> = (0..15).map(all).collect();
     for (r, &n) in returns.iter().enumerate().take(5) {
@@ -221,7 +221,7 @@ fn fill_header(raw: &mut [u8], parts: &[Part], (points, length): (u64, u16), gri
     Ok(())
 }
 
-/// Records of the other inputs: new ones are added, those of other content are named.
+/// Records of the other inputs: new ones are added, those with different content are mentioned in a note.
 fn other_records(parts: &[Part], vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) {
     for part in parts.iter().skip(1) {
         for vlr in &part.vlrs {

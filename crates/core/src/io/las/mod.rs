@@ -44,7 +44,7 @@ pub(super) use vlr::{Vlr, read_at};
 pub use write::las_frame;
 pub(super) use write::write;
 
-/// What to say where heights have a unit of their own.
+/// The warning if heights have a unit of their own.
 fn vertical_warning(horizontal: Option<f64>, vertical: f64) -> String {
     let horizontal = horizontal.unwrap_or(1.0);
     format!(
@@ -53,7 +53,7 @@ fn vertical_warning(horizontal: Option<f64>, vertical: f64) -> String {
     )
 }
 
-/// Whether a file begins as LAS and LAZ files do.
+/// Whether a file starts like LAS and LAZ files.
 pub(super) fn is_las(path: &std::path::Path) -> crate::error::Result<bool> {
     use std::io::Read;
     let mut start = Vec::new();

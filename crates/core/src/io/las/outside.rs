@@ -1,17 +1,17 @@
-//! Points outside the box that the header tells: what a damaged file that still decodes looks like.
+//! Points outside the bounds in the header: the sign of a damaged file that can still be decoded.
 
 use super::header::{Header, array};
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Records that are looked at on one thread.
+/// Number of records that one thread checks.
 const PIECE: usize = 16_384;
 
-/// Steps by which the division of two rounded numbers may be off.
+/// Tolerance for the division of two rounded numbers, in ticks.
 const SLACK: f64 = 1e-3;
 
-/// Counts the points that lie outside by more than a step.
+/// Counts the points that lie more than one tick outside the bounds.
 #[derive(Clone, Debug)]
 pub(in crate::io) struct Outside {
     low: [i32; 3],
@@ -22,20 +22,20 @@ pub(in crate::io) struct Outside {
 }
 
 impl Outside {
-    /// Nothing seen yet. A header whose bounds are no box counts nothing: `inspect` warns of it.
+    /// Starts at 0. If the bounds in the header are invalid, nothing is counted: `inspect` warns about that.
     pub(in crate::io) fn new(header: &Header) -> Self {
         let ordered = (0..3).all(|a| header.low[a] <= header.high[a]);
         let tick = |a: usize, v: f64| (v - header.offset[a]) / header.scale[a];
         let (mut low, mut high) = ([i32::MIN; 3], [i32::MAX; 3]);
         for a in (0..3).filter(|_| ordered) {
-            // Casts of what is beyond 32 bits, or no number, end at the limits.
+            // Casts of NaN and of values beyond 32 bits saturate.
             low[a] = (tick(a, header.low[a]) - 1.0 - SLACK).ceil() as i32;
             high[a] = (tick(a, header.high[a]) + 1.0 + SLACK).floor() as i32;
         }
         Self { low, high, seen: 0, count: 0, first: None }
     }
 
-    /// Looks at whole records.
+    /// Checks whole records.
     pub(in crate::io) fn add(&mut self, records: &[u8], length: usize) {
         let out = |record: &[u8]| {
             (0..3).fold(false, |out, a| {
@@ -54,7 +54,7 @@ impl Outside {
         self.count += count;
     }
 
-    /// Warns if there were any.
+    /// Adds a warning if there were any.
     pub(in crate::io) fn report(&self, path: &Path, header: &Header, monitor: &Monitor) {
         let Some((first, ticks)) = self.first else { return };
         let [x, y, z] = [0, 1, 2].map(|a| f64::from(ticks[a]).mul_add(header.scale[a], header.offset[a]));
@@ -77,7 +77,7 @@ mod tests {
     use crate::parallel::Monitor;
     use std::path::Path;
 
-    /// A file of 70,000 points, and one whose points 60,007 and 60,008 were moved outside behind the header's back.
+    /// A file of 70,000 points, and a copy whose points 60,007 and 60,008 were moved out of the bounds in the header.
     fn files(folder: &Path, extension: &str) -> [std::path::PathBuf; 2] {
         let [sound, damaged] = ["a", "b"].map(|name| folder.join(format!("{name}.{extension}")));
         let mut rows: Vec<[f64; 3]> =

@@ -1,4 +1,4 @@
-//! Points by their number, from files of any size.
+//! Random access to points, in files of any size.
 
 use super::layout::Layout;
 use super::stream::Stream;
@@ -9,10 +9,10 @@ use crate::io::ReadOptions;
 use std::ops::Range;
 use std::path::Path;
 
-/// Random access to the points of a LAS or LAZ file, COPC and chunks of different sizes included.
+/// Random access to the points of a LAS or LAZ file, including COPC and chunks of variable size.
 ///
-/// Point `i` is the `i`-th point that reading from the start meets. A range of an uncompressed file costs the bytes of its
-/// records; of a LAZ file the decoding of the chunks that it touches. Memory is that of these chunks and the result.
+/// Point `i` is the `i`-th point in the order of the file. Reading a range of an uncompressed file costs the bytes of
+/// its records; of a LAZ file the decoding of the chunks that it overlaps. Memory: these chunks and the result.
 #[derive(Debug)]
 pub struct PointReader {
     stream: Stream,
@@ -20,10 +20,10 @@ pub struct PointReader {
 }
 
 impl PointReader {
-    /// Opens a file and checks all but the points.
+    /// Opens a file and checks everything except the points.
     ///
     /// # Errors
-    /// The file is not LAS or LAZ, or malformed.
+    /// If the file is not LAS or LAZ, or malformed.
     pub fn open(path: &Path) -> Result<Self> {
         let stream = Stream::open(path)?;
         let layout = Layout::of(&stream.records.header, &stream.records.vlrs);
@@ -40,10 +40,11 @@ impl PointReader {
         self.len() == 0
     }
 
-    /// The points of a range with the wanted columns.
+    /// The points of a range, with the selected columns.
     ///
     /// # Errors
-    /// The range is not in order or ends behind the last point, holds 2^32 - 1 points or more, or a chunk is damaged.
+    /// If the range is not ordered, ends after the last point, or holds 2^32 - 1 points or more; or if a chunk is
+    /// damaged.
     pub fn read(&mut self, points: Range<u64>, options: &ReadOptions) -> Result<Cloud> {
         let count = points.end.checked_sub(points.start).filter(|&n| n < u64::from(u32::MAX));
         let (Some(count), true) = (count, points.end <= self.len()) else {
@@ -77,7 +78,7 @@ mod tests {
     use crate::io::las::header::put;
     use std::io::{Seek, SeekFrom, Write};
 
-    /// A LAS 1.4 file of `points` points of format 6 that takes no room on the disk; some records are written.
+    /// A sparse LAS 1.4 file with `points` points of format 6, some of whose records are written.
     fn sparse(path: &Path, points: u64, written: &[u64]) {
         let mut raw = vec![0; 375];
         put(&mut raw, 0, b"LASF");

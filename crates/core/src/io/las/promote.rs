@@ -1,10 +1,11 @@
-//! From one point format to another that holds all its fields; class codes above 31 need 6 to 10 of LAS 1.4.
+//! Conversion to a point format that has all fields of the old one; class codes above 31 need formats 6 to 10 of LAS
+//! 1.4.
 
 use super::fields::{Field, of_format};
 use super::header::{Header, RECORD_SIZES, put};
 use crate::cloud::Values;
 
-/// The format of LAS 1.4 that has all fields of a legacy format.
+/// The LAS 1.4 format that has all fields of a legacy format.
 pub(super) fn target(format: u8) -> u8 {
     match format {
         0 | 1 => 6,
@@ -14,7 +15,7 @@ pub(super) fn target(format: u8) -> u8 {
     }
 }
 
-/// Names of the fields of one format that another does not have; empty if every record can be carried over.
+/// Names of the fields that the new format lacks; empty if every record can be converted.
 pub(super) fn missing(from: u8, to: u8) -> Vec<&'static str> {
     let mut missing: Vec<&str> =
         of_format(from).map(|(_, name)| name).filter(|name| Field::named(name, to).is_none()).collect();
@@ -33,7 +34,7 @@ pub(super) fn wave(format: u8) -> bool {
     matches!(format, 4 | 5 | 9 | 10)
 }
 
-/// Converts a record from one format to another: every field is carried over, extra bytes follow.
+/// Converts a record between formats: copies every field, then the extra bytes.
 pub(super) fn record((format, to): (u8, u8), old: &[u8], new: &mut [u8]) {
     new[..14].copy_from_slice(&old[..14]);
     for (field, _) in of_format(format) {
@@ -44,7 +45,7 @@ pub(super) fn record((format, to): (u8, u8), old: &[u8], new: &mut [u8]) {
     let (old_base, new_base) =
         (usize::from(RECORD_SIZES[usize::from(format)]), usize::from(RECORD_SIZES[usize::from(to)]));
     if wave(format) && wave(to) {
-        // 29 bytes of the wave packet close both records.
+        // Both records end with the 29 bytes of the wave packet.
         new[new_base - 29..new_base].copy_from_slice(&old[old_base - 29..old_base]);
     }
     let extra = old.len() - old_base;
@@ -55,15 +56,14 @@ fn number(value: &Values) -> f64 {
     value.get(0)
 }
 
-/// The header with everything that the old one says, of LAS 1.4 for formats from 6 on; `wkt` tells whether a WKT record
-/// stands in the file.
+/// The converted header, LAS 1.4 for formats from 6 on; `wkt` says whether the file has a WKT record.
 pub(super) fn header(old: &Header, to: u8, wkt: bool) -> Vec<u8> {
     let mut raw = old.raw.clone();
     raw[104] = to | old.raw[104] & 0xc0;
     let length = RECORD_SIZES[usize::from(to)] + old.extra() as u16;
     put(&mut raw, 105, &length.to_le_bytes());
     if to < 6 {
-        // Waveforms came with 1.3, colours with 1.2, times with 1.0.
+        // Waveforms need version 1.3, colours 1.2, GPS times 1.0.
         raw[25] = old.minor.max(if wave(to) {
             3
         } else if to >= 2 {
@@ -77,7 +77,7 @@ pub(super) fn header(old: &Header, to: u8, wkt: bool) -> Vec<u8> {
         return raw;
     }
     if old.minor < 4 {
-        // Bytes of somebody's own behind the old header follow the new one.
+        // User data after the old header follow the new one.
         let standard = if old.minor >= 3 { 235 } else { 227 };
         let own = raw.split_off(standard);
         raw.resize(375, 0);
@@ -101,7 +101,7 @@ pub(super) fn header(old: &Header, to: u8, wkt: bool) -> Vec<u8> {
     raw
 }
 
-/// Makes room for the field that LAS 1.3 added to the header.
+/// Inserts the field that LAS 1.3 added to the header.
 fn at_least_1_3(mut raw: Vec<u8>) -> Vec<u8> {
     let own = raw.split_off(227);
     raw.resize(235, 0);

@@ -11,7 +11,7 @@ use crate::io::ReadOptions;
 use crate::parallel::Monitor;
 use std::path::Path;
 
-/// Opens a file and leaves out the parts of a COPC octree that are not wanted.
+/// Opens a file and selects the needed parts of a COPC octree.
 pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Records> {
     let mut records = Records::open(path)?;
     if (options.bounds.is_some() || options.resolution.is_some()) && copc::is(&records) {
@@ -22,12 +22,12 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Records> {
     Ok(records)
 }
 
-/// Reads coordinates and the wanted columns.
+/// Reads coordinates and the selected columns.
 pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     read_records(open(path, options)?, options)
 }
 
-/// Reads coordinates and the wanted columns of a file that is open.
+/// Reads coordinates and the selected columns of an open file.
 pub(in crate::io) fn read_records(mut records: Records, options: &ReadOptions) -> Result<Cloud> {
     let n = records.len()?;
     let mut sink = Sink::new(&mut records, options);
@@ -66,7 +66,7 @@ impl Reader {
         Ok(Self { stream: Stream::of(records), sink, outside, monitor: options.monitor.clone() })
     }
 
-    /// The next points, at most so many; an empty cloud at the end.
+    /// The next points, at most this many; an empty cloud at the end.
     pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
         while self.sink.len() < points {
             let bytes =

@@ -1,4 +1,4 @@
-//! The raw records of a LAS or LAZ file, slab by slab, in the file's order.
+//! The raw records of a LAS or LAZ file, slab by slab, in the order of the file.
 
 use super::chunks::{self, Chunk, Chunks};
 use super::decoder::{Decoder, How, decode};
@@ -15,26 +15,26 @@ use std::io::{Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Points of a slab of an uncompressed file, and of a piece of a large chunk.
+/// Number of points of a slab of an uncompressed file, and of a piece of a large chunk.
 pub(super) const SLAB: usize = 100_000;
-/// Chunks of more points than this are decoded piece by piece, so that memory does not follow the declared size.
+/// Chunks with more points than this are decoded in pieces, so that the memory does not depend on the declared size.
 pub(super) const LARGE: u64 = 200_000;
-/// Bytes of a slab at most: records may be 65,535 bytes long.
+/// Largest size of a slab in bytes: records may be 65,535 bytes long.
 const SLAB_BYTES: usize = 32 << 20;
-/// EVLRs above this are not held in memory.
+/// Larger EVLRs are not held in memory.
 pub(super) const MOST_EVLR: u64 = 64 << 20;
 
-/// Points of a slab of records of so many bytes.
+/// Number of points of a slab, for records of this length.
 pub(super) fn slab(length: usize) -> usize {
     SLAB.min(SLAB_BYTES / length.max(1)).max(1)
 }
 
-/// Whether a chunk is decoded piece by piece.
+/// Whether a chunk is decoded in pieces.
 pub(super) fn large(chunk: &Chunk, length: usize) -> bool {
     chunk.points > LARGE || chunk.points > 2 * slab(length) as u64
 }
 
-/// An opened LAS or LAZ file whose header, records and chunk table have been checked.
+/// An open LAS or LAZ file with checked header, records and chunk table.
 #[derive(Debug)]
 pub(in crate::io) struct Records {
     pub(in crate::io) path: PathBuf,
@@ -46,18 +46,18 @@ pub(in crate::io) struct Records {
     pub(in crate::io) gap: Vec<u8>,
     pub(in crate::io) evlrs: Vec<Vlr>,
     pub(in crate::io) chunks: Option<Chunks>,
-    /// Fields that are decoded, where the compression allows a choice (point formats from 6 on).
+    /// Fields that are decoded, if the compression allows a selection (point formats from 6 on).
     pub(super) selection: DecompressionSelection,
 }
 
-/// A run of records: those of the points `points`.
+/// Consecutive records: those of the points `points`.
 pub(in crate::io) struct Slab<'a> {
     pub(in crate::io) points: Range<usize>,
     pub(in crate::io) bytes: &'a mut [u8],
 }
 
 impl Records {
-    /// Opens a file and checks everything but the points.
+    /// Opens a file and checks everything except the points.
     pub(in crate::io) fn open(path: &Path) -> Result<Self> {
         let mut file = open::file(path)?;
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
@@ -75,7 +75,7 @@ impl Records {
     /// Number of points.
     ///
     /// # Errors
-    /// 2^32 - 1 or more: such files are read in parts.
+    /// If there are 2^32 - 1 or more: such files must be read in parts.
     pub(in crate::io) fn len(&self) -> Result<usize> {
         match u32::try_from(self.header.points) {
             Ok(n) if n < u32::MAX => Ok(n as usize),
@@ -88,12 +88,12 @@ impl Records {
         }
     }
 
-    /// The described extra dimensions, whether a VLR or an EVLR describes them, and the bytes that nothing describes.
+    /// The extra dimensions described in a VLR or EVLR, and the bytes without a descriptor.
     pub(in crate::io) fn extras(&self) -> (Vec<Extra>, usize) {
         extra::described(&self.header, self.vlrs.iter().chain(&self.evlrs))
     }
 
-    /// All records in order. Chunks are decoded in parallel; memory is that of a few chunks a thread.
+    /// All records in order. Chunks are decoded in parallel; memory for a few chunks a thread.
     pub(in crate::io) fn for_each(
         &mut self,
         monitor: &Monitor,
@@ -161,13 +161,13 @@ impl Records {
     }
 }
 
-/// How many of these chunks are decoded at once: one a thread, a large one alone.
+/// Number of the next chunks that are decoded at once: one a thread, a large one alone.
 fn group(chunks: &[Chunk], length: usize) -> usize {
     let small = chunks.iter().take(rayon::current_num_threads()).take_while(|c| !large(c, length)).count();
     small.max(1)
 }
 
-/// Records that begin at point `first`, each with its position in the cloud, in parallel where that pays.
+/// Records from point `first` on, each with its index in the cloud, in parallel if that is faster.
 pub(in crate::io) fn par_records(
     bytes: &mut [u8],
     first: usize,

@@ -1,4 +1,4 @@
-//! Opening a damaged LAS or LAZ file: what is there is taken, what is missing is counted.
+//! Opens a damaged LAS or LAZ file: reads what is intact and counts what is missing.
 
 use super::chunks::{self, Chunk, Chunks};
 use super::decoder::{self, Decoder, How};
@@ -18,10 +18,10 @@ use std::io::Read;
 use std::path::Path;
 
 impl Records {
-    /// Opens a file as far as it can be read. The header that is handed out tells what is there.
+    /// Opens a file as far as it can be read. The returned header describes what is intact.
     ///
     /// # Errors
-    /// There is no header, or nothing in it makes sense: then nothing can be salvaged.
+    /// If there is no header, or it is unusable: then nothing can be recovered.
     pub(in crate::io) fn salvage(path: &Path, monitor: &Monitor) -> Result<(Self, Losses)> {
         let mut file = open::file(path)?;
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
@@ -45,7 +45,7 @@ impl Records {
     }
 }
 
-/// The header, with sizes that the file can hold.
+/// The header, with sizes limited to those of the file.
 fn header(path: &Path, file: &mut File, size: u64, losses: &mut Losses) -> Result<Header> {
     let mut raw = Vec::new();
     file.take(375).read_to_end(&mut raw).map_err(|e| Error::io(path, e))?;
@@ -106,7 +106,7 @@ fn vlrs(path: &Path, file: &mut File, header: &mut Header, losses: &mut Losses) 
     Ok((vlrs, bytes[at..].to_vec()))
 }
 
-/// The records behind the points, up to the first that does not fit, and the byte where points end at the latest.
+/// The records after the points, up to the first that does not fit, and the offset before which points end.
 fn evlrs(
     path: &Path,
     file: &mut File,
@@ -136,7 +136,7 @@ fn evlrs(
     Ok((list, end))
 }
 
-/// Points of an uncompressed file: those that are declared and there. Writers that were killed leave a count of 0.
+/// Number of points of an uncompressed file that are declared and exist. Killed writers leave a count of 0.
 fn plain_points(header: &Header, end: u64, losses: &mut Losses) -> u64 {
     let there = end.saturating_sub(header.points_at) / u64::from(header.record_length);
     if header.points == 0 && there > 0 {
@@ -149,7 +149,7 @@ fn plain_points(header: &Header, end: u64, losses: &mut Losses) -> u64 {
     header.points.min(there)
 }
 
-/// The chunks that can be decoded, by the table or, if it is lost or wrong, one after the other.
+/// The chunks that can be decoded: from the table or, if it is missing or wrong, by decoding one after the other.
 fn chunk_list(
     path: &Path,
     file: &mut File,
@@ -190,7 +190,7 @@ fn chunk_list(
     Ok(chunks)
 }
 
-/// How many points of a chunk come out before the decoder refuses, and whether the chunk ends where they end.
+/// Number of points of a chunk that can be decoded, and whether the chunk ends after them.
 fn readable(
     path: &Path,
     how: How<'_>,
@@ -213,7 +213,7 @@ fn readable(
     Ok((done, decoder.end().is_ok()))
 }
 
-/// Puts counts, returns and bounds of what is there into the header.
+/// Updates counts, returns and bounds in the header to the recovered points.
 fn recount(records: Records, monitor: &Monitor) -> Result<Records> {
     let mut stream = Stream::of(records);
     let (format, length) = (stream.records.header.format, stream.record_length());
@@ -233,7 +233,7 @@ fn recount(records: Records, monitor: &Monitor) -> Result<Records> {
     Ok(records)
 }
 
-/// Bytes of a layered chunk as it says itself, and its points; `None` if its head is cut.
+/// Size and number of points stored in a layered chunk; `None` if its head is truncated.
 pub(super) fn layered_size(vlr: &laz::LazVlr, bytes: &[u8]) -> Option<(u64, u64)> {
     let (start, layers) = (vlr.items_size() as usize, decoder::layers(vlr));
     let head = bytes.get(start..start + 4 + 4 * layers)?;

@@ -1,4 +1,4 @@
-//! Raw records become a cloud: column by column, in pieces that stay in the cache.
+//! Conversion of raw records to a cloud: column by column, in pieces that fit into the cache.
 
 use super::extra::Extra;
 use super::fields::{self, Field};
@@ -14,17 +14,17 @@ use crate::io::{ReadOptions, table};
 use laz::DecompressionSelection;
 use rayon::prelude::*;
 
-/// Bytes of records of which one column after the other is taken on one thread.
+/// Bytes of records from which one thread extracts the columns.
 const PIECE: usize = 128 << 10;
 
-/// Where a column comes from.
+/// Source of a column.
 #[derive(Clone, Debug)]
 enum Source {
     Field(Field),
     Extra(Extra),
 }
 
-/// Points taken from records and not handed out yet.
+/// Points extracted from records and not returned yet.
 #[derive(Clone, Debug)]
 pub(super) struct Sink {
     header: Header,
@@ -36,7 +36,7 @@ pub(super) struct Sink {
 }
 
 impl Sink {
-    /// The wanted columns of a file, empty. The records are told which fields to decode.
+    /// The selected columns of a file, empty. Also selects the fields to decode in `records`.
     pub(super) fn new(records: &mut Records, options: &ReadOptions) -> Self {
         let header = records.header.clone();
         let (extras, _) = records.extras();
@@ -63,12 +63,13 @@ impl Sink {
         Self { header, bounds: options.bounds, ticks: Default::default(), columns, crs, metres_per_unit }
     }
 
-    /// Number of points that wait.
+    /// Number of buffered points.
     pub(super) fn len(&self) -> usize {
         self.ticks[0].len()
     }
 
-    /// Asks for the address space of `n` points; memory is taken only as points come, so a hostile count costs nothing.
+    /// Reserves address space for `n` points; memory is committed only as points arrive, so that a wrong count is
+    /// harmless.
     pub(super) fn reserve(&mut self, n: usize) -> Result<()> {
         let axes = self.ticks.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
         match axes && self.columns.iter_mut().all(|(_, column)| table::reserve(&mut column.values, n)) {
@@ -77,7 +78,7 @@ impl Sink {
         }
     }
 
-    /// Takes records, of which only those in the box count.
+    /// Adds records; only those in the box are kept.
     pub(super) fn push(&mut self, records: &[u8]) {
         match self.bounds {
             None => self.append(records),
@@ -108,7 +109,7 @@ impl Sink {
         }
     }
 
-    /// The first `n` points that wait (or all there are) as a cloud.
+    /// The first `n` buffered points (or all there are) as a cloud.
     pub(super) fn take(&mut self, n: usize) -> Result<Cloud> {
         let n = n.min(self.len());
         let mut ticks: [Vec<i32>; 3] = Default::default();
@@ -127,7 +128,7 @@ impl Sink {
     }
 }
 
-/// Those of the records that lie in the box.
+/// The records inside the box.
 pub(super) fn within(records: &[u8], header: &Header, (low, high): Bounds) -> Vec<u8> {
     let Header { scale, offset, record_length, .. } = header;
     let within = |record: &&[u8]| {
@@ -139,7 +140,7 @@ pub(super) fn within(records: &[u8], header: &Header, (low, high): Bounds) -> Ve
     records.chunks_exact(usize::from(*record_length)).filter(within).flatten().copied().collect()
 }
 
-/// Two dimensions of one name (it happens) are told apart by a number.
+/// Appends a number to the second of two dimensions with the same name.
 fn tell_apart(columns: &mut [(Source, Column)]) {
     let mut names = Names::default();
     columns.iter_mut().for_each(|(_, column)| column.name = names.free(&column.name));

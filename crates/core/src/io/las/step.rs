@@ -1,4 +1,4 @@
-//! The step of whole numbers that LAS stores coordinates in, for clouds that have plain ones.
+//! Choice of the LAS scale (step of the stored integers) for clouds with floating-point coordinates.
 
 use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, morton};
 use crate::error::{Error, Result};
@@ -8,29 +8,29 @@ use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
 /// Scale and offset per axis.
 pub(in crate::io) type Frame = ([f64; 3], [f64; 3]);
 
-/// Points that are looked at in one go.
+/// Number of points handled at a time.
 const PIECE: usize = 1 << 16;
 
-/// Steps of lengths, of degrees, and of heights beside degrees.
+/// Usual steps: of lengths, of degrees, and of heights beside degrees.
 const LENGTH: f64 = 1e-3;
 const DEGREE: f64 = 1e-7;
 
-/// Points may be moved by this share of their spacing.
+/// Largest displacement of a point by rounding, as a share of the point spacing.
 const ALLOWED: f64 = 1e-3;
 
-/// A step holds coordinates that are off by no more than this share of it.
+/// Coordinates within this share of a step from a multiple of it count as exactly on it.
 const EXACT: f64 = 1e-3;
 
-/// Powers of ten that are tried below the usual step, and above it where the extent needs it.
+/// Number of powers of ten tried below the usual step, and above it if the extent needs it.
 const FINER: i32 = 12;
 const COARSER: i32 = 6;
 
-/// The cloud's own integers if it has them, or the scale that is asked for. Else millimetres (1e-7 degrees), and powers of ten
-/// of them: finer where points would move by more than a thousandth of their spacing, coarser where the extent needs it and
+/// The cloud's own integers if it has them, or the requested scale. Otherwise millimetres (1e-7 degrees) times a power
+/// of ten: smaller if points would move by more than a thousandth of their spacing, larger if the extent needs it and
 /// they would not.
 ///
 /// # Errors
-/// No step does both, the one that is asked for does not fit the extent, or the work was cancelled.
+/// If no step fulfils both, the requested one does not fit the extent, or the work was cancelled.
 pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
     if let (Coordinates::Scaled { scale, offset, .. }, None) = (cloud.coordinates(), options.scale) {
         return Ok((*scale, *offset));
@@ -54,7 +54,7 @@ pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
         let (height, usual) = (axis.a == 2, if degrees && axis.a < 2 { DEGREE } else { LENGTH });
         let spacing = || -> Result<f64> {
             match (height && degrees, usize::from(plan && !height)) {
-                // In degrees and metres there is no distance in space; millimetres of height are kept.
+                // With degrees and metres there is no common distance; millimetres of height are kept.
                 (true, _) => Ok(f64::INFINITY),
                 (false, of) => match spacings[of] {
                     Some(known) => Ok(known),
@@ -68,13 +68,14 @@ pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
     Ok(frame)
 }
 
-/// A cloud that tells no unit and is less than one wide, where degrees are: heights say nothing of its spacing then.
+/// Whether a cloud without a unit and less than one unit wide may be in degrees: then heights say nothing about its
+/// spacing.
 fn may_be_degrees(cloud: &Cloud, axes: &[Axis; 3]) -> bool {
     let narrow = |axis: &Axis, most: f64| axis.low >= -most && axis.high <= most && axis.high - axis.low < 1.0;
     cloud.crs.is_none() && cloud.metres_per_unit.is_none() && narrow(&axes[0], 180.0) && narrow(&axes[1], 90.0)
 }
 
-/// One axis and what coordinates are on it.
+/// One axis, and the kind of its coordinates.
 struct Axis {
     a: usize,
     low: f64,
@@ -90,11 +91,11 @@ impl Axis {
         monitor: &Monitor,
     ) -> Result<(f64, f64)> {
         let mut finest = None;
-        // Powers of ten by their text: 1e-4 is the number nearest to it, 1e-3 / 10 may not be.
+        // Powers of ten are parsed from text: 1e-4 is the nearest number, 1e-3 / 10 may not be.
         let exponent = usual.log10().round() as i32;
         let steps = (exponent - FINER..=exponent).rev().chain(exponent + 1..=exponent + COARSER);
         let fitting = steps.filter_map(|e| format!("1e{e}").parse::<f64>().ok()).filter_map(|scale| {
-            // Coarser steps are only for what the usual one cannot hold.
+            // Larger steps are only for extents that the usual one cannot represent.
             let wanted = scale <= usual || self.offset(usual).is_none();
             self.offset(scale).filter(|_| wanted).map(|offset| (scale, offset))
         });
@@ -113,7 +114,7 @@ impl Axis {
         })
     }
 
-    /// The offset with which all coordinates fit 32 bits: whole numbers below the lowest, or in the middle.
+    /// The offset with which all coordinates fit into 32 bits: an integer below the lowest, or in the middle.
     fn offset(&self, scale: f64) -> Option<f64> {
         let most = f64::from(i32::MAX);
         let (below, middle) = (self.low.floor(), (self.low + (self.high - self.low) / 2.0).floor());
@@ -121,10 +122,10 @@ impl Axis {
         [below, middle].into_iter().find(|&offset| fits(offset))
     }
 
-    /// The largest distance by which a coordinate moves.
+    /// The largest displacement of a coordinate.
     fn loss(&self, cloud: &Cloud, (scale, offset): (f64, f64), monitor: &Monitor) -> Result<f64> {
         let moved = |v: f64| (((v - offset) / scale).round().mul_add(scale, offset) - v).abs();
-        // Half of what the number itself cannot tell apart does not count.
+        // Displacements below the precision of the number itself do not count.
         let noise = 2.0 * f64::EPSILON * self.low.abs().max(self.high.abs());
         let finite = |v: f64| if v.is_finite() { moved(v) } else { 0.0 };
         let most = map_ordered(cloud.len().div_ceil(PIECE), monitor, |piece| {
@@ -162,10 +163,11 @@ impl Axis {
     }
 }
 
-/// About the distance of neighbouring points, a little below rather than above; infinite if all stand in one place. With
+/// Approximate distance of neighbouring points, rather too small than too large; infinite if all points coincide. With
 /// `plan`, in x and y only.
 ///
-/// The largest cubes, halved again and again, of which there are half as many as places. One sort of the points' Morton codes.
+/// It is the edge of the largest cubes, by repeated halving, of which at least half as many are occupied as there are
+/// distinct positions. Needs one sort of the points' Morton codes.
 fn spacing(cloud: &Cloud, plan: bool, monitor: &Monitor) -> Result<f64> {
     let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
     let Some((low, high)) = strays.bounds else { return Ok(f64::INFINITY) };
@@ -186,7 +188,7 @@ fn spacing(cloud: &Cloud, plan: bool, monitor: &Monitor) -> Result<f64> {
         codes.extend(piece?.map(|i| morton::encode(cell(cloud.xyz(i)))));
     }
     sort_watched(&mut codes, monitor)?;
-    // Places that part from the one before them at this level or a finer one.
+    // Positions that differ from the previous one at this level or a finer one.
     let levels = morton::LIMIT.trailing_zeros() as usize;
     let mut parting = vec![0usize; levels + 1];
     for piece in watched(codes.len().saturating_sub(1), monitor) {

@@ -1,4 +1,4 @@
-//! Records on demand: the next ones, or those from any point on. Nothing needs the whole file in memory.
+//! Sequential and random access to records, without the whole file in memory.
 
 use super::chunks::Chunks;
 use super::decoder::{Decoder, How, decode};
@@ -9,21 +9,21 @@ use crate::parallel::{Monitor, map_ordered};
 use std::collections::VecDeque;
 use std::path::Path;
 
-/// A file's records in order, from a place that may be moved.
+/// The records of a file in order, from a position that can be moved.
 pub(in crate::io) struct Stream {
     pub(in crate::io) records: Records,
-    /// Point that is delivered next.
+    /// Index of the next point to return.
     next: u64,
     /// First point of each chunk, and the number of points at the end; empty if not compressed.
     starts: Vec<u64>,
-    /// Chunk that is decoded next.
+    /// Chunk to decode next.
     chunk: usize,
-    /// Decoded records that were not delivered yet; the first begins with point `ready_from`.
+    /// Decoded records that have not been returned; the first is that of point `ready_from`.
     ready: VecDeque<Vec<u8>>,
     ready_from: u64,
-    /// A chunk that is too large to be decoded at once, and its points that are not decoded yet.
+    /// A chunk that is too large to be decoded at once, and its number of remaining points.
     large: Option<(Decoder<'static, Vec<u8>>, u64)>,
-    /// Chunks that are decoded at once: one after a seek, more the longer the reading goes on.
+    /// Number of chunks decoded at once: one after a seek, more as sequential reading continues.
     ahead: usize,
 }
 
@@ -34,12 +34,12 @@ impl std::fmt::Debug for Stream {
 }
 
 impl Stream {
-    /// Opens a file and stands before its first point.
+    /// Opens a file, positioned at its first point.
     pub(in crate::io) fn open(path: &Path) -> Result<Self> {
         Ok(Self::of(Records::open(path)?))
     }
 
-    /// Stands before the first point of a file that is open.
+    /// From an open file, positioned at its first point.
     pub(in crate::io) fn of(records: Records) -> Self {
         let mut starts = Vec::new();
         if let Some(chunks) = &records.chunks {
@@ -64,10 +64,10 @@ impl Stream {
         usize::from(self.records.header.record_length)
     }
 
-    /// Goes to a point. Costs the decoding of its chunk up to it, nothing if the file is not compressed.
+    /// Moves to a point. Costs the decoding of its chunk up to it, nothing if the file is not compressed.
     ///
     /// # Errors
-    /// The point is beyond the last.
+    /// If the point does not exist.
     pub(in crate::io) fn seek(&mut self, point: u64, monitor: &Monitor) -> Result<()> {
         if point > self.len() {
             return Err(Error::input(format!("point {point} of {} points", self.len())));
@@ -87,7 +87,7 @@ impl Stream {
         Ok(())
     }
 
-    /// The next `most` records, fewer at the end, none behind it.
+    /// The next `most` records, fewer at the end, none after it.
     pub(in crate::io) fn next(&mut self, most: usize, monitor: &Monitor) -> Result<Vec<u8>> {
         monitor.check()?;
         let length = self.record_length();
@@ -113,13 +113,13 @@ impl Stream {
         Ok(out)
     }
 
-    /// The point behind the decoded ones.
+    /// The point after the decoded ones.
     fn ready_end(&self) -> u64 {
         let bytes: usize = self.ready.iter().map(Vec::len).sum();
         self.ready_from + (bytes / self.record_length()) as u64
     }
 
-    /// Forgets what lies before the next point.
+    /// Discards records before the next point.
     fn drop_delivered(&mut self) -> Result<()> {
         while let Some(front) = self.ready.front() {
             let points = (front.len() / self.record_length()) as u64;
@@ -132,7 +132,7 @@ impl Stream {
         Ok(())
     }
 
-    /// Decodes some more: a piece of a large chunk, or a few small ones in parallel.
+    /// Decodes more records: a piece of a large chunk, or a few small chunks in parallel.
     fn decode(&mut self, monitor: &Monitor) -> Result<()> {
         monitor.check()?;
         let length = self.record_length();

@@ -1,26 +1,26 @@
-//! Counts and bounds of points as a header tells them.
+//! Counts and bounds of points, as in a header.
 
 use super::header::{Header, array, put};
 
-/// What has been met of a file's records.
+/// Counts and bounds of the records so far.
 #[derive(Clone, Debug)]
 pub(super) struct Tally {
     points: u64,
     returns: [u64; 15],
     low: [i32; 3],
     high: [i32; 3],
-    /// Bits of the return number.
+    /// Bit mask of the return number.
     mask: u8,
 }
 
 impl Tally {
-    /// Of records of that point format.
+    /// For records of that point format.
     pub(super) fn new(format: u8) -> Self {
         let mask = if format >= 6 { 15 } else { 7 };
         Self { points: 0, returns: [0; 15], low: [i32::MAX; 3], high: [i32::MIN; 3], mask }
     }
 
-    /// Takes whole records.
+    /// Adds whole records.
     pub(super) fn add(&mut self, records: &[u8], length: usize) {
         for record in records.chunks_exact(length) {
             self.points += 1;
@@ -34,7 +34,7 @@ impl Tally {
         }
     }
 
-    /// Records met so far.
+    /// Number of records so far.
     pub(super) fn points(&self) -> u64 {
         self.points
     }
@@ -48,7 +48,7 @@ impl Tally {
         (place(self.low), place(self.high))
     }
 
-    /// Writes counts and bounds into the bytes of a header, whose fields are known.
+    /// Writes counts and bounds into the bytes of a header.
     pub(super) fn put(&self, header: &Header, raw: &mut [u8]) {
         let narrow = |n: u64| if header.format < 6 { u32::try_from(n).unwrap_or(0) } else { 0 };
         put(raw, 107, &narrow(self.points).to_le_bytes());

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
-/// One record, its header as it stands in the file.
+/// One record, with its header as stored in the file.
 #[derive(Clone, Debug)]
 pub(in crate::io) struct Vlr {
     /// 54 bytes (60 of an extended record).
@@ -16,7 +16,7 @@ pub(in crate::io) struct Vlr {
 }
 
 impl Vlr {
-    /// A record of our own.
+    /// A new record.
     pub(in crate::io) fn new(user: &str, id: u16, description: &str, data: Vec<u8>) -> Self {
         let mut head = vec![0; 54];
         head[2..2 + user.len().min(16)].copy_from_slice(&user.as_bytes()[..user.len().min(16)]);
@@ -46,7 +46,7 @@ impl Vlr {
     }
 }
 
-/// Reads the records between header and points, and the bytes between the last of them and the points.
+/// Reads the records between header and points, and the bytes between the last record and the points.
 pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) -> Result<(Vec<Vlr>, Vec<u8>)> {
     let start = header.raw.len();
     let room = header.points_at as usize - start;
@@ -81,7 +81,7 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
     Ok((vlrs, bytes[at..].to_vec()))
 }
 
-/// Reads the extended records of LAS 1.4; content above `most` bytes is left out (waveforms).
+/// Reads the extended records of LAS 1.4; content of more than `most` bytes is skipped (waveforms).
 pub(in crate::io) fn read_evlrs(
     path: &Path,
     file: &mut File,
@@ -117,7 +117,7 @@ pub(in crate::io) fn read_evlrs(
     Ok(evlrs)
 }
 
-/// Bytes at a place; the caller has checked that they are in the file.
+/// Bytes at an offset; the caller has checked that they exist.
 pub(in crate::io) fn read_at(path: &Path, file: &mut File, at: u64, length: usize) -> Result<Vec<u8>> {
     let mut bytes = vec![0; length];
     file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(path, e))?;
@@ -148,7 +148,7 @@ pub(in crate::io) fn crs<'a>(
     }
 }
 
-/// Metres in one unit of the heights, if the file says it and it is not that of x and y.
+/// Metres per unit of height, if the file states it and it differs from that of x and y.
 pub(in crate::io) fn other_vertical_unit<'a>(
     header: &Header,
     vlrs: impl Iterator<Item = &'a Vlr> + Clone,
@@ -168,7 +168,7 @@ fn length(crs: &str) -> Option<f64> {
     }
 }
 
-/// GeoTIFF keys (OGC 19-008) and the numbers that some of them point to.
+/// GeoTIFF keys (OGC 19-008) and the numbers that some of them refer to.
 #[derive(Clone, Copy)]
 struct Keys<'a> {
     keys: &'a [u8],
@@ -182,7 +182,7 @@ impl Keys<'_> {
         entries.filter(|e| u16_at(e, 0) == wanted && u16_at(e, 2) == 0).map(|e| u16_at(e, 6)).next()
     }
 
-    /// Value of a key that is a number among the doubles.
+    /// Value of a key that refers to a double.
     fn double(&self, wanted: u16) -> Option<f64> {
         let mut entries = self.keys.chunks_exact(8).skip(1);
         let entry = entries.find(|e| u16_at(e, 0) == wanted && u16_at(e, 2) == 34736)?;
@@ -196,7 +196,7 @@ impl Keys<'_> {
         code(3072).or_else(geographic).map(|code| format!("EPSG:{code}"))
     }
 
-    /// Metres in the linear unit of key `code`, or, if that is the user's own, of the number of key `size`.
+    /// Metres in the linear unit of key `code`, or, if that is user-defined, in the number of key `size`.
     fn unit(&self, code: u16, size: u16) -> Option<f64> {
         let metres = match self.short(code)? {
             9001 => 1.0,
@@ -224,7 +224,7 @@ pub(in crate::io) fn size_of(vlrs: &[Vlr]) -> usize {
     vlrs.iter().map(|v| v.head.len() + v.data.len()).sum()
 }
 
-/// Content of the LAZ record as far as sizes go: its chunk size.
+/// Chunk size in the LAZ record.
 pub(in crate::io) fn laz_chunk_size(vlr: &Vlr) -> u32 {
     u32_at(&vlr.data, 12)
 }

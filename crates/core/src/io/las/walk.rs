@@ -1,4 +1,4 @@
-//! Finding the chunks of a LAZ file without its table, one after the other.
+//! Finds the chunks of a LAZ file without its table, one after the other.
 
 use super::chunks::Chunk;
 use super::decoder::{self, Decoder, How};
@@ -12,9 +12,9 @@ use laz::{DecompressionSelection, LazVlr};
 use std::fs::File;
 use std::path::Path;
 
-/// The chunks from the first on, up to `end` or to bytes that are no chunk. The last one may be incomplete.
+/// The chunks from the first on, up to `end` or to bytes that are not a chunk. The last one may be incomplete.
 ///
-/// A layered chunk (LAZ 3) tells its size and points; of an older one the size is known when its points are decoded.
+/// A layered chunk (LAZ 3) stores its size and number of points; the size of an older one is known after decoding it.
 pub(super) fn chunks(
     path: &Path,
     file: &mut File,
@@ -55,7 +55,7 @@ fn sequential(
     (at, end): (u64, u64),
     monitor: &Monitor,
 ) -> Result<Option<Chunk>> {
-    // No encoder makes points larger than twice their plain size.
+    // No encoder produces points larger than twice their uncompressed size.
     let length = usize::from(header.record_length);
     let room = (end - at).min(most.saturating_mul(2 * length as u64) + 1024).min(1 << 28);
     let bytes = read_at(path, file, at, room as usize)?;
@@ -69,7 +69,7 @@ fn sequential(
         monitor.check()?;
         let now = (most - done).min(SLAB as u64);
         if decoder.next(&mut buffer[..now as usize * length]).is_err() {
-            // Cut or damaged: the caller finds how many of its points are good.
+            // Truncated or damaged: the caller finds how many of its points are intact.
             return Ok(Some(Chunk { at, bytes: room, points: most }));
         }
         done += now;

@@ -1,4 +1,4 @@
-//! Writing a cloud of our own as LAS 1.4 or LAZ.
+//! Writes a cloud as LAS 1.4 or LAZ.
 
 use super::extra;
 use super::fit::Fit;
@@ -13,7 +13,7 @@ use crate::parallel::{Monitor, watched};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Points that are encoded at once.
+/// Number of points encoded at once.
 const SLAB: usize = 100_000;
 
 /// Writes LAS or LAZ by the extension, columns as [`Fit`] says; the point format is the smallest of 6, 7 and 8 that has the cloud's colours.
@@ -65,16 +65,16 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     writer.finish(&options.monitor, |_| Ok(0), |_, _| {})
 }
 
-/// Scale and offset with which a cloud is written.
+/// The scale and offset with which a cloud is written.
 ///
 /// # Errors
-/// A scale that is not above 0; no step fits the extent and the points' spacing.
+/// If a scale is not above 0, or no step fits the extent and the point spacing.
 pub fn las_frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
     options.validate()?;
     frame(cloud, options)
 }
 
-/// The reference system as WKT: point formats from 6 on know no other way.
+/// The reference system as WKT, the only form in point formats from 6 on.
 fn wkt(cloud: &Cloud, options: &WriteOptions) -> Option<String> {
     let text = cloud.crs.as_deref()?;
     let kept = cloud.wkt().filter(|wkt| wkt.len() < 65_535);
@@ -123,7 +123,7 @@ fn header(
 ) -> Result<Vec<u8>> {
     let mut raw = vec![0; 375];
     put(&mut raw, 0, b"LASF");
-    // Adjusted standard GPS time, and WKT where there is one (formats from 6 on know no other CRS).
+    // Adjusted standard GPS time, and WKT if there is one (the only CRS in formats from 6 on).
     put(&mut raw, 6, &(1u16 | if wkt { 16 } else { 0 }).to_le_bytes());
     raw[24] = 1;
     raw[25] = 4;

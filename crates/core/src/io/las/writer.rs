@@ -1,4 +1,4 @@
-//! Writing a LAS or LAZ file record by record, atomically.
+//! Writes a LAS or LAZ file record by record, atomically.
 
 use super::chunks::{encode, encode_table};
 use super::header::{RECORD_SIZES, put};
@@ -10,12 +10,12 @@ use laz::{LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Points of a chunk where the input does not say.
+/// Points of a chunk if the input does not define it.
 pub(super) const CHUNK: u32 = 50_000;
 
-/// What stands before the points.
+/// Everything before the points.
 pub(super) struct Front {
-    /// Header; counts and offsets in it are filled in here.
+    /// The header; counts and offsets in it are set by the writer.
     pub(super) header: Vec<u8>,
     pub(super) vlrs: Vec<Vlr>,
     /// Bytes between the VLRs and the points.
@@ -100,7 +100,7 @@ impl Writer {
         }
     }
 
-    /// Encodes the first `bytes` of what is pending.
+    /// Encodes the first `bytes` pending bytes.
     fn encode(&mut self, bytes: usize, monitor: &Monitor) -> Result<()> {
         let Some(vlr) = &self.laz else { return Ok(()) };
         let chunk = vlr.chunk_size() as usize * self.record;
@@ -114,10 +114,11 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes the rest, the chunk table, what follows the points, and the header again; checks and renames.
+    /// Writes the remaining records, the chunk table, the data after the points, and the header again; verifies and
+    /// renames.
     ///
-    /// `tail` writes what follows the points and returns its bytes; their place is told to `patch`, which may change the
-    /// header.
+    /// `tail` writes the data after the points and returns their length; `patch` receives their offset and may change
+    /// the header.
     pub(super) fn finish(
         mut self,
         monitor: &Monitor,
@@ -152,7 +153,7 @@ impl Writer {
         back.map(|_| ()).map_err(|e| Error::io(&path, e))
     }
 
-    /// Opens what was written and compares header (so counts and bounds), chunk table and sizes.
+    /// Opens the written file and compares header (with counts and bounds), chunk table and sizes.
     fn verify(&self, header: &[u8], size: u64) -> Result<()> {
         let written = super::records::Records::open(self.file.partial())?;
         let same = written.header.points == self.points && written.header.raw == header;

@@ -1,7 +1,7 @@
-//! npz, the archive of numpy arrays: `xyz` (n, 3) or `x`, `y`, `z` (n), and one array of n a column.
+//! npz, the archive of numpy arrays: `xyz` (n, 3) or `x`, `y`, `z` (n), and an array of length n for each column.
 //!
-//! Arrays (n, k) become k columns `name_0`, ...; `rgb` and `colors` (n, 3) become Red, Green, Blue. Text `crs` and the
-//! number `metres_per_unit` are the cloud's. Arrays of other lengths are left out; `inspect` tells of them.
+//! Arrays (n, k) become k columns `name_0`, ...; `rgb` and `colors` (n, 3) become Red, Green, Blue. The text `crs` and
+//! the number `metres_per_unit` belong to the cloud. Arrays of other lengths are skipped, which `inspect` reports.
 
 mod npy;
 mod read;
@@ -15,7 +15,7 @@ use std::path::Path;
 
 pub(super) use read::{inspect, read};
 
-/// Rows that are put together at once.
+/// Number of rows assembled at once.
 const SLAB: usize = 65_536;
 
 /// Writes `xyz` as double (n, 3) and each column in its own type, as `numpy.savez` does (compressed: `savez_compressed`).
@@ -142,7 +142,7 @@ mod tests {
                 let mut mutant = bytes.clone();
                 mutant[at] ^= 0x41;
                 std::fs::write(&path, &mutant).unwrap();
-                // Headers have slack; what is read must be whole.
+                // A damaged byte may be in the unused part of a header; whatever is read must be complete.
                 if let Ok(back) = io::read(&path) {
                     assert_eq!(back.len(), 2, "byte {at}");
                 }

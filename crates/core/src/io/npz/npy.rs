@@ -9,11 +9,11 @@ pub(super) enum Element {
         kind: Kind,
         big: bool,
     },
-    /// Numbers of 16 bits, which become `f32`.
+    /// 16-bit floating-point numbers, which become `f32`.
     Half {
         big: bool,
     },
-    /// Text of so many characters of 4 bytes.
+    /// Text with this many characters of 4 bytes.
     Text {
         characters: usize,
         big: bool,
@@ -34,18 +34,18 @@ impl Element {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Npy {
     pub(super) element: Element,
-    /// Column after column instead of row after row.
+    /// Column-major instead of row-major.
     pub(super) fortran: bool,
     pub(super) shape: Vec<u64>,
-    /// First byte after the header.
+    /// Offset of the first byte after the header.
     pub(super) body: usize,
 }
 
-/// Headers are longer nowhere.
+/// Longest header that is accepted.
 pub(super) const LONGEST: usize = 65_536;
 
 impl Npy {
-    /// Understands a header; `None` if it is none, or of a type that has no numbers.
+    /// Parses a header; `None` if it is invalid, or of a non-numeric type.
     pub(super) fn parse(bytes: &[u8]) -> Option<Self> {
         let version = *bytes.strip_prefix(b"\x93NUMPY")?.first()?;
         let (length, start): (usize, usize) = match version {
@@ -69,7 +69,7 @@ impl Npy {
         })
     }
 
-    /// Number of elements, unless that is beyond 2^64.
+    /// Number of elements, unless it exceeds 2^64.
     pub(super) fn count(&self) -> Option<u64> {
         self.shape.iter().try_fold(1u64, |product, &n| product.checked_mul(n))
     }
@@ -98,11 +98,11 @@ fn element(descr: &str) -> Option<Element> {
     Some(Element::Number { kind, big })
 }
 
-/// Header of an array of this type (`<f8`) and shape, rows one after the other.
+/// Header of a row-major array of this type (`<f8`) and shape.
 pub(super) fn header(descr: &str, shape: &[usize]) -> Vec<u8> {
     let shape: String = shape.iter().map(|n| format!("{n},")).collect();
     let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape}), }}");
-    // Numbers begin at a multiple of 64, as numpy writes them.
+    // Data start at a multiple of 64 bytes, as numpy writes them.
     let padded = (10 + text.len() + 1).next_multiple_of(64) - 10;
     text.extend(std::iter::repeat_n(' ', padded - text.len() - 1));
     text.push('\n');
@@ -112,7 +112,7 @@ pub(super) fn header(descr: &str, shape: &[usize]) -> Vec<u8> {
     bytes
 }
 
-/// A number of 16 bits (IEEE 754 binary16).
+/// The value of a 16-bit floating-point number (IEEE 754 binary16).
 pub(super) fn half(bits: u16) -> f32 {
     let (exponent, fraction) = (bits >> 10 & 31, f32::from(bits & 1023));
     let size = match exponent {

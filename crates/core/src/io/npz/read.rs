@@ -22,7 +22,7 @@ impl Array {
         names.contains(&&self.name.to_ascii_lowercase()[..])
     }
 
-    /// Bytes that its numbers take; halves become numbers of four bytes.
+    /// Bytes of its numbers in memory; 16-bit numbers become 32-bit ones.
     fn unpacked(&self) -> u64 {
         match self.npy.element {
             Element::Half { .. } => self.entry.size.saturating_mul(2),
@@ -30,13 +30,13 @@ impl Array {
         }
     }
 
-    /// Whether it holds text.
+    /// Whether it contains text.
     fn text(&self) -> bool {
         matches!(self.npy.element, Element::Text { .. })
     }
 }
 
-/// What of the archive is what of the cloud.
+/// The role of each array in the cloud.
 struct Plan {
     points: u64,
     /// One array (n, 3), or three (n).
@@ -47,8 +47,8 @@ struct Plan {
 }
 
 impl Plan {
-    /// Bytes of the cloud with the wanted columns, and those of the largest array, which stands beside it while its
-    /// numbers are taken.
+    /// Bytes of the cloud with the selected columns, and those of the largest array, which exists beside it while its
+    /// numbers are converted.
     fn bytes(&self, options: &ReadOptions) -> (u64, u64) {
         let wanted = |array: &&Array| column_names(array).iter().any(|name| options.wants(name));
         let columns = self.columns.iter().filter(wanted);
@@ -61,7 +61,7 @@ impl Plan {
 const XYZ: [&str; 5] = ["xyz", "points", "coordinates", "coords", "pos"];
 const COLOURS: [&str; 4] = ["rgb", "color", "colors", "colours"];
 const ABOUT: [&str; 2] = ["crs", "metres_per_unit"];
-/// Columns of one array.
+/// Largest number of columns of one array.
 const MOST_COLUMNS: u64 = 4096;
 
 /// Reads the cloud of an archive.
@@ -102,7 +102,7 @@ pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     Ok(cloud)
 }
 
-/// What the headers of the arrays say.
+/// Information from the headers of the arrays.
 pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     let (mut archive, plan) = plan(path)?;
     let mut info = FileInfo::new(path, "npz", plan.points);
@@ -159,7 +159,7 @@ fn plan(path: &Path) -> Result<(Archive, Plan)> {
     Ok((archive, Plan { points, axes, columns, about, left_out }))
 }
 
-/// The declared shape must be what the entry holds.
+/// Checks that the declared shape matches the size of the entry.
 fn check(path: &Path, array: Array) -> Result<Array> {
     let needed = array.npy.count().and_then(|n| n.checked_mul(array.npy.element.size() as u64));
     let there = array.entry.size.saturating_sub(array.npy.body as u64);
@@ -218,7 +218,7 @@ fn array2(bytes: &[u8]) -> [u8; 2] {
 }
 
 impl Content {
-    /// The bytes in which column `c` stands, and where.
+    /// The bytes that contain column `c`, and its position in them.
     fn slot(&self, c: usize) -> (&[u8], Slot) {
         let size = self.kind.size();
         let body = self.bytes.get(self.body..).unwrap_or_default();
@@ -244,7 +244,7 @@ impl Content {
     }
 }
 
-/// CRS and unit.
+/// Sets CRS and unit.
 fn about(path: &Path, archive: &mut Archive, array: &Array, cloud: &mut Cloud) -> Result<()> {
     if array.is(&["crs"]) {
         if let Element::Text { big, .. } = array.npy.element {

@@ -1,4 +1,4 @@
-//! As much of ZIP as npz needs (PKWARE, APPNOTE 6.3.10): stored and deflated entries, with 64-bit sizes.
+//! The parts of ZIP that npz needs (PKWARE, APPNOTE 6.3.10): stored and deflated entries, with 64-bit sizes.
 
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
@@ -28,12 +28,12 @@ pub(super) struct Entry {
     method: u16,
     crc: u32,
     packed: u64,
-    /// Bytes after unpacking.
+    /// Unpacked size in bytes.
     pub(super) size: u64,
     local: u64,
 }
 
-/// An archive whose list of entries has been checked.
+/// An archive with a checked list of entries.
 #[derive(Debug)]
 pub(super) struct Archive {
     path: PathBuf,
@@ -102,7 +102,7 @@ impl Archive {
         }
     }
 
-    /// Number of entries, and size and place of their list.
+    /// Number of entries, and size and offset of their list.
     fn end(&mut self) -> Result<(u64, u64, u64)> {
         let from = self.length.saturating_sub(65_557);
         let tail = self.bytes(from, self.length - from)?;
@@ -154,7 +154,7 @@ impl Archive {
         Ok(bytes)
     }
 
-    /// All bytes of an entry, after its size and checksum are as declared.
+    /// All bytes of an entry, with size and checksum verified.
     pub(super) fn content(&mut self, entry: &Entry) -> Result<Vec<u8>> {
         let bytes = self.start(entry, entry.size.saturating_add(1))?;
         let found = (bytes.len() as u64, crc32fast::hash(&bytes));
@@ -188,7 +188,7 @@ fn entries(path: &Path, list: &[u8], count: u64) -> Result<Vec<Entry>> {
     Ok(entries)
 }
 
-/// Unpacked size, packed size and place, of which those that do not fit 32 bits stand in extra field 1.
+/// Unpacked size, packed size and offset; values that do not fit into 32 bits are in extra field 1.
 fn sizes(head: &[u8], extra: &[u8]) -> (u64, u64, u64) {
     let mut at = 0;
     let mut wide: &[u8] = &[];
@@ -224,7 +224,7 @@ impl<'a> Writer<'a> {
         Ok(Self { path, file: AtomicFile::create(path)?, compressed, at: 0, entries: Vec::new() })
     }
 
-    /// Adds an entry whose content comes in pieces, until `next` has none.
+    /// Adds an entry whose content comes in pieces, until `next` returns none.
     pub(super) fn add(&mut self, name: &str, mut next: impl FnMut() -> Result<Option<Vec<u8>>>) -> Result<()> {
         let local = self.at;
         let method = if self.compressed { DEFLATED } else { STORED };
@@ -260,7 +260,7 @@ impl<'a> Writer<'a> {
         self.file.write_all(bytes)
     }
 
-    /// Writes the local header again, now that the sizes are known.
+    /// Rewrites the local header with the final sizes.
     fn patch(&mut self, entry: &Entry) -> Result<()> {
         let writer = self.file.writer()?;
         let back = writer
@@ -270,7 +270,7 @@ impl<'a> Writer<'a> {
         back.map(|_| ()).map_err(|e| Error::io(self.path, e))
     }
 
-    /// Writes the list of entries; the file is complete but for its name.
+    /// Writes the list of entries; then only the final name of the file is missing.
     pub(super) fn close(mut self) -> Result<AtomicFile> {
         let at = self.at;
         let list: Vec<u8> = self.entries.iter().flat_map(central_header).collect();
@@ -302,7 +302,7 @@ fn central_header(entry: &Entry) -> Vec<u8> {
     bytes
 }
 
-/// Version, UTF-8 flag, method, 1 January 1980 (the same bytes every time), checksum, sizes in the extra field, lengths.
+/// Version, UTF-8 flag, method, 1 January 1980 (for reproducible bytes), checksum, sizes in the extra field, lengths.
 fn common_fields(entry: &Entry, extra: u16) -> Vec<u8> {
     let mut bytes = [45, 0x800, entry.method, 0, 33].map(u16::to_le_bytes).concat();
     bytes.extend([entry.crc, u32::MAX, u32::MAX].map(u32::to_le_bytes).concat());

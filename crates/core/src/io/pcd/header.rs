@@ -6,9 +6,9 @@ use crate::io::open;
 use std::io::Read;
 use std::path::Path;
 
-/// Headers are longer nowhere.
+/// Longest header that is accepted.
 const LONGEST: u64 = 64 << 10;
-/// Numbers a point; the longest descriptor of the library has 1980.
+/// Largest number of values a point; the longest descriptor of the library has 1980.
 const MOST_NUMBERS: usize = 4096;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub(super) enum Encoding {
     Compressed,
 }
 
-/// `count` numbers of one kind a point. Padding is called `_`.
+/// `count` numbers of one type a point. Padding has the name `_`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Field {
     pub(super) name: String,
@@ -27,7 +27,7 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// Bytes a point.
+    /// Bytes of the field in a point.
     pub(super) fn width(&self) -> usize {
         self.kind.size() * self.count
     }
@@ -42,15 +42,15 @@ pub(super) struct Header {
     pub(super) version: String,
     pub(super) fields: Vec<Field>,
     pub(super) points: u64,
-    /// Rows of an organised cloud, else 1.
+    /// Number of rows of an organised cloud, else 1.
     pub(super) height: u64,
     /// Position and quaternion (w x y z) of the sensor.
     pub(super) viewpoint: [f64; 7],
     pub(super) encoding: Encoding,
-    /// First byte of the points, and the lines before it.
+    /// Offset of the first point, and the number of lines before it.
     pub(super) body: u64,
     pub(super) lines: usize,
-    /// Bytes from `body` to the end of the file.
+    /// Number of bytes from `body` to the end of the file.
     pub(super) room: u64,
 }
 
@@ -67,7 +67,7 @@ pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (im
     }
 }
 
-/// The entries of a header as they stand: words of each keyword and the line.
+/// The entries of a header: the words after each keyword, and the line number.
 #[derive(Default)]
 struct Entries<'a>(Vec<(&'a str, Vec<&'a str>, usize)>);
 
@@ -76,7 +76,7 @@ impl<'a> Entries<'a> {
         self.0.iter().find(|(k, ..)| *k == key).map(|(_, words, line)| (&words[..], *line))
     }
 
-    /// The whole number after a keyword.
+    /// The integer after a keyword.
     fn number(&self, path: &Path, key: &str) -> Result<Option<u64>> {
         let Some((words, line)) = self.words(key) else { return Ok(None) };
         let number = words.first().and_then(|w| w.parse().ok());
@@ -118,13 +118,13 @@ impl Header {
         })
     }
 
-    /// Bytes a point, padding included.
+    /// Bytes of a point, including padding.
     pub(super) fn width(&self) -> usize {
         self.fields.iter().map(Field::width).sum()
     }
 }
 
-/// First byte after the line that begins with `DATA`.
+/// Offset of the first byte after the line that starts with `DATA`.
 fn data_line(bytes: &[u8]) -> Option<usize> {
     let mut at = 0;
     for line in bytes.split_inclusive(|&b| b == b'\n') {
@@ -136,7 +136,7 @@ fn data_line(bytes: &[u8]) -> Option<usize> {
     None
 }
 
-/// Number of points and rows; what is said twice must agree.
+/// Number of points and rows; redundant entries must agree.
 fn size_of(path: &Path, entries: &Entries<'_>) -> Result<(u64, u64)> {
     let [width, height, points] = ["WIDTH", "HEIGHT", "POINTS"].map(|key| entries.number(path, key));
     let (width, height, points) = (width?, height?, points?);

@@ -1,16 +1,16 @@
-//! LZF, the compression of `binary_compressed` PCD (M. Lehmann, LibLZF: its format).
+//! LZF, the compression of `binary_compressed` PCD (M. Lehmann, LibLZF).
 //!
-//! A control byte below 32 is followed by that many literal bytes and one; others copy from at most 8192 bytes back: the
-//! upper three bits are the length less two (7: a byte with more follows), the lower five and the next byte the distance
-//! less one.
+//! Format: a control byte below 32 is followed by that many literal bytes plus one. Other control bytes copy from at
+//! most 8192 bytes back: the upper three bits are the length minus two (7: another length byte follows), the lower five
+//! bits and the next byte are the distance minus one.
 
-/// A byte of input gives at most so many of output: three of them copy 264.
+/// Largest ratio of output to input: three bytes copy at most 264.
 pub(super) const MOST_RATIO: u64 = 88;
 const LONGEST: usize = 264;
 const FARTHEST: usize = 8192;
 const LITERALS: usize = 32;
 
-/// Unpacks to exactly `size` bytes, which the empty `out` has room for; or the byte of the input at which it fails.
+/// Unpacks to exactly `size` bytes, for which `out` (empty) has room; the error is the offset in the input.
 pub(super) fn unpack(packed: &[u8], size: usize, mut out: Vec<u8>) -> std::result::Result<Vec<u8>, usize> {
     let mut at = 0;
     while let Some(&control) = packed.get(at) {
@@ -36,7 +36,7 @@ pub(super) fn unpack(packed: &[u8], size: usize, mut out: Vec<u8>) -> std::resul
     if out.len() == size { Ok(out) } else { Err(at) }
 }
 
-/// Appends `length` bytes from `distance` back; they may overlap with what they make.
+/// Appends `length` bytes from `distance` back; source and destination may overlap.
 fn copy(out: &mut Vec<u8>, distance: usize, length: usize) -> Option<()> {
     let start = out.len().checked_sub(distance)?;
     let mut left = length;
@@ -48,7 +48,7 @@ fn copy(out: &mut Vec<u8>, distance: usize, length: usize) -> Option<()> {
     Some(())
 }
 
-/// Packs bytes greedily, with the last place of each hash of three bytes.
+/// Packs bytes greedily, with a table of the last position of each hash of three bytes.
 pub(super) fn pack(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len() / 2);
     let mut places = vec![usize::MAX; 1 << 14];
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn a_packing_done_by_hand_unpacks() {
-        // "abc", then 6 bytes from 3 back, then 266 - 2 of the last byte.
+        // "abc", then 6 bytes from 3 back, then 264 copies of the last byte.
         let packed = [2, b'a', b'b', b'c', 4 << 5, 2, 7 << 5, 255, 0];
         let expected = [b"abcabcabc".to_vec(), vec![b'c'; 264]].concat();
         assert_eq!(unpack(&packed, 273, Vec::new()), Ok(expected));

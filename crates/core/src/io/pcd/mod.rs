@@ -1,8 +1,8 @@
 //! PCD of the Point Cloud Library: ascii, binary, and `binary_compressed` (LZF, column after column).
 //!
-//! `rgb` and `rgba` of four bytes become Red, Green, Blue (and Alpha); a field of COUNT n becomes n columns `name_0`,
-//! `name_1`, ...; padding (`_`) is left out. Points of organised clouds that are NaN stay where they are. The sensor pose
-//! of VIEWPOINT is not applied, as in the library itself; `inspect` tells of it.
+//! `rgb` and `rgba` of four bytes become Red, Green, Blue (and Alpha); a field with COUNT n becomes n columns `name_0`,
+//! `name_1`, ...; padding (`_`) is skipped. NaN points of organised clouds are kept. The sensor pose in VIEWPOINT is
+//! not applied, as in the library itself; `inspect` reports it.
 
 mod header;
 mod lzf;

@@ -15,18 +15,18 @@ use crate::parallel::Monitor;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// What a number of a point is.
+/// The use of a number of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
-    /// Goes to an axis or a column.
+    /// Stored in an axis or a column.
     To(Target),
-    /// Four bytes of blue, green, red and alpha, which go to the columns from this one on.
+    /// Four bytes of blue, green, red and alpha, stored in the columns from this one on.
     Colour { first: usize, alpha: bool },
-    /// Is left out.
+    /// Skipped.
     Skipped,
 }
 
-/// Reads a file block by block; the compressed kind is unpacked whole first.
+/// Reads a file block by block; the compressed kind is unpacked as a whole first.
 #[derive(Debug)]
 pub(in crate::io) struct Reader(Kept);
 
@@ -54,7 +54,7 @@ impl Reader {
         }))
     }
 
-    /// The next points, at most so many; an empty cloud at the end.
+    /// The next points, at most this many; an empty cloud at the end.
     pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
         match &mut self.0 {
             Kept::Binary(packed) => packed.take(points),
@@ -69,7 +69,7 @@ pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     Reader::open(path, options)?.take(usize::MAX)
 }
 
-/// What the header says.
+/// Information from the header.
 pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     let header = Header::read(path)?;
     let (layout, _) = layout(path, &header, &ReadOptions::default())?;
@@ -85,7 +85,7 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     Ok(info)
 }
 
-/// The columns of the wanted fields, and what each number of a point is.
+/// The columns of the selected fields, and the use of each number of a point.
 fn layout(path: &Path, header: &Header, options: &ReadOptions) -> Result<(Layout, Vec<Part>)> {
     let (mut layout, mut parts, mut axes) = (Layout::default(), Vec::new(), [false; 3]);
     for field in &header.fields {
@@ -117,7 +117,7 @@ fn layout(path: &Path, header: &Header, options: &ReadOptions) -> Result<(Layout
     }
 }
 
-/// Adds the columns of a field, and its parts.
+/// Adds the columns of a field and the use of its numbers.
 fn columns(field: &Field, layout: &mut Layout, parts: &mut Vec<Part>, options: &ReadOptions) {
     let table = &mut layout.table.columns;
     let alpha = field.name.eq_ignore_ascii_case("rgba");
@@ -142,7 +142,7 @@ fn columns(field: &Field, layout: &mut Layout, parts: &mut Vec<Part>, options: &
     }
 }
 
-/// Where the numbers stand in a binary record.
+/// The offsets of the numbers in a binary record.
 fn slots(mut layout: Layout, fields: &[Field], parts: &[Part]) -> Layout {
     let width = fields.iter().map(Field::width).sum();
     let mut parts = parts.iter();
@@ -179,7 +179,7 @@ fn check_room(path: &Path, header: &Header, least: usize) -> Result<()> {
     }
 }
 
-/// Unpacks all columns. Padding takes no room in files of the library itself, but does in others.
+/// Unpacks all columns. Padding is not stored in files written by the library itself, but is in others.
 fn compressed(path: &Path, header: &Header, (mut layout, parts): (Layout, &[Part])) -> Result<Layout> {
     if header.points == 0 {
         return Ok(layout);
@@ -244,7 +244,7 @@ fn packed_bytes(path: &Path, header: &Header) -> Result<(Vec<u8>, u64)> {
     Ok((bytes, size))
 }
 
-/// Points as lines of text.
+/// Reads ascii points line by line.
 #[derive(Debug)]
 struct Ascii {
     path: PathBuf,
@@ -258,7 +258,7 @@ struct Ascii {
 
 impl Ascii {
     fn open(path: &Path, (header, monitor): (&Header, &Monitor), (layout, parts): (Layout, Vec<Part>)) -> Result<Self> {
-        // Each number takes a digit and something between it and the next.
+        // Each number takes at least a digit and a separator.
         check_room(path, &Header { room: header.room + 1, ..header.clone() }, 2 * parts.len().max(1))?;
         let lines = Lines::open((path, "PCD"), header.body, header.lines)?;
         let (path, monitor) = (path.to_path_buf(), monitor.clone());
@@ -292,7 +292,7 @@ impl Ascii {
 
 type Fault = (&'static str, usize, (String, String));
 
-/// Takes the numbers of a line.
+/// Reads the numbers of a line.
 fn row(parts: &[Part], line: &[u8], layout: &mut Layout) -> std::result::Result<(), Fault> {
     let mut words = Words::new(line);
     let table = &mut layout.table;
@@ -321,7 +321,7 @@ fn row(parts: &[Part], line: &[u8], layout: &mut Layout) -> std::result::Result<
     }
 }
 
-/// Blue, green, red and alpha: a whole number is the four bytes, anything else the float that has them.
+/// Blue, green, red and alpha: an integer is the four bytes themselves, other numbers are floats with these bytes.
 fn colour_bytes(text: &[u8], value: f64) -> [u8; 4] {
     let whole = text.iter().all(|b| b.is_ascii_digit() || *b == b'-');
     match whole {

@@ -8,14 +8,14 @@ use crate::io::format::Format;
 use crate::io::{WriteOptions, number, verify};
 use std::path::Path;
 
-/// Points that are put together at once.
+/// Number of points assembled at once.
 const SLAB: usize = 16_384;
 
-/// What a field of the file is made of.
+/// The source of a field in the file.
 enum Part<'a> {
     Axis(usize),
     Value(&'a Values),
-    /// Red, green and blue of 8 bits: `rgb` as the library has it.
+    /// Red, green and blue of 8 bits: the library's `rgb`.
     Colour([&'a [u8]; 3]),
 }
 
@@ -26,8 +26,8 @@ struct Field<'a> {
     part: Part<'a>,
 }
 
-/// Writes binary PCD 0.7, compressed if asked. Coordinates are single where that loses nothing, else double; 8-bit colours
-/// become `rgb`.
+/// Writes binary PCD 0.7, compressed if requested. Coordinates are single precision if that is exact, else double;
+/// 8-bit colours become `rgb`.
 pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     let fields = fields(cloud);
     let mut file = AtomicFile::create(path)?;
@@ -109,7 +109,7 @@ fn is_single(v: f64) -> bool {
 
 fn field(column: &Column) -> Field<'_> {
     let name = column.name.chars().map(|c| if c.is_ascii_graphic() { c } else { '_' }).collect::<String>();
-    // A name that means something else in PCD.
+    // Names with a special meaning in PCD.
     let taken = ["_", "", "rgb", "rgba", "x", "y", "z"].iter().any(|t| name.eq_ignore_ascii_case(t));
     let letter = match column.values {
         Values::U8(_) | Values::U16(_) | Values::U32(_) | Values::U64(_) => 'U',

@@ -1,4 +1,4 @@
-//! The header of PLY (Turk, The PLY polygon file format, 1994).
+//! The header of PLY (G. Turk, *The PLY polygon file format*, 1994).
 
 use crate::cloud::names;
 use crate::error::{Error, Result};
@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;
 
-/// Headers are longer nowhere.
+/// Longest header that is accepted.
 const LONGEST: u64 = 1 << 20;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub(super) struct Property {
 }
 
 impl Property {
-    /// Bytes that a record has of this at least.
+    /// Least number of bytes of this property in a record.
     pub(super) fn least(&self) -> usize {
         self.list.unwrap_or(self.kind).size()
     }
@@ -41,12 +41,12 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Bytes of a record, if all records have the same.
+    /// Bytes of a record, if all records have the same size.
     pub(super) fn width(&self) -> Option<usize> {
         self.properties.iter().all(|p| p.list.is_none()).then(|| self.least())
     }
 
-    /// Bytes that a record has at least.
+    /// Least number of bytes of a record.
     pub(super) fn least(&self) -> usize {
         self.properties.iter().map(Property::least).sum()
     }
@@ -58,7 +58,7 @@ pub(super) struct Header {
     /// Elements before the vertices.
     pub(super) before: Vec<Element>,
     pub(super) vertex: Element,
-    /// First byte after the header, the lines before it, and the bytes from there to the end of the file.
+    /// Offset of the first byte after the header, the number of lines before it, and of bytes after it.
     pub(super) body: u64,
     pub(super) lines: usize,
     pub(super) room: u64,
@@ -116,7 +116,7 @@ impl Header {
     }
 }
 
-/// CloudCompare's `scalar_NAME` is NAME; colours get PDAL's names.
+/// CloudCompare's `scalar_NAME` becomes NAME; colours get PDAL's names.
 pub(super) fn column_name(property: &str) -> String {
     match property {
         "red" | "diffuse_red" => names::COLOUR[0].into(),

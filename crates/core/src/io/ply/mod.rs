@@ -1,4 +1,5 @@
-//! PLY: ascii and binary of both byte orders; any property types in any order; lists and other elements are skipped.
+//! PLY: ascii and binary of both byte orders; properties of any type in any order; lists and other elements are
+//! skipped.
 
 mod header;
 mod read;

@@ -12,10 +12,10 @@ use crate::io::{FileInfo, ReadOptions};
 use crate::parallel::Monitor;
 use std::path::{Path, PathBuf};
 
-/// Records between two looks at the monitor.
+/// Number of records between two checks for cancellation.
 const STEP: u64 = 4096;
 
-/// Reads a file block by block; binary vertices with lists among their numbers are read whole first.
+/// Reads a file block by block; binary vertices that contain lists are read as a whole first.
 #[derive(Debug)]
 pub(in crate::io) struct Reader(Kept);
 
@@ -47,7 +47,7 @@ impl Reader {
         }))
     }
 
-    /// The next points, at most so many; an empty cloud at the end.
+    /// The next points, at most this many; an empty cloud at the end.
     pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
         match &mut self.0 {
             Kept::Packed(packed) => packed.take(points),
@@ -62,7 +62,7 @@ pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     Reader::open(path, options)?.take(usize::MAX)
 }
 
-/// What the header says.
+/// Information from the header.
 pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     let header = Header::read(path)?;
     let (layout, _) = layout(&header, &ReadOptions::default());
@@ -75,7 +75,8 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     Ok(info)
 }
 
-/// The columns of the wanted properties, where they stand in a record without lists, and what each property goes to.
+/// The columns of the selected properties, their offsets in a record without lists, and the destination of each
+/// property.
 fn layout(header: &Header, options: &ReadOptions) -> (Layout, Vec<Option<Target>>) {
     let (mut layout, mut targets) = (Layout::default(), Vec::new());
     let (mut at, width) = (0, header.vertex.least().max(1));
@@ -99,7 +100,7 @@ fn layout(header: &Header, options: &ReadOptions) -> (Layout, Vec<Option<Target>
     (layout, targets)
 }
 
-/// Compares the smallest possible size of an element with what is left of the file.
+/// Compares the smallest possible size of an element with the remaining bytes of the file.
 fn check_room(path: &Path, element: &Element, (least, left): (usize, u64)) -> Result<()> {
     match element.count.checked_mul(least as u64) {
         Some(bytes) if bytes <= left => Ok(()),
@@ -111,7 +112,7 @@ fn check_room(path: &Path, element: &Element, (least, left): (usize, u64)) -> Re
     }
 }
 
-/// Reads binary elements up to the vertices, lists among them, number by number.
+/// Reads binary elements up to the vertices, including lists, number by number.
 fn whole(
     (path, monitor): (&Path, &Monitor),
     header: &Header,
@@ -138,7 +139,7 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
-    /// Hands each number that is no list to `work`, with the property's position.
+    /// Passes each number outside lists to `work`, with the index of the property.
     fn element(
         &mut self,
         element: &Element,
@@ -146,7 +147,7 @@ impl Cursor<'_> {
         mut work: impl FnMut(usize, (Slot, &[u8])),
     ) -> Result<()> {
         check_room(self.path, element, (element.least(), (self.bytes.len() - self.at) as u64))?;
-        // Elements without properties take no room and no time.
+        // Elements without properties take no bytes and are skipped at once.
         let count = if element.properties.is_empty() { 0 } else { element.count };
         for i in 0..count {
             if i % STEP == STEP - 1 {
@@ -169,7 +170,7 @@ impl Cursor<'_> {
         Ok(())
     }
 
-    /// Passes over the items of a list.
+    /// Skips the items of a list.
     fn pass_list(&mut self, slot: Slot, number: &[u8], size: usize) -> Result<()> {
         let mut length = Vec::new();
         slot.append_f64(number, &mut length);
@@ -184,7 +185,7 @@ impl Cursor<'_> {
     }
 }
 
-/// Vertices as lines of text.
+/// Reads ascii vertices line by line.
 #[derive(Debug)]
 struct Ascii {
     path: PathBuf,
@@ -202,7 +203,7 @@ impl Ascii {
         (header, monitor): (Header, &Monitor),
         (layout, targets): (Layout, Vec<Option<Target>>),
     ) -> Result<Self> {
-        // Each number takes a digit and something between it and the next.
+        // Each number takes at least a digit and a separator.
         check_room(path, &header.vertex, (2 * targets.len().max(1), header.room + 1))?;
         let mut lines = Lines::open((path, "PLY"), header.body, header.lines)?;
         let before = header.before.iter().fold(0u64, |sum, e| sum.saturating_add(e.count));
@@ -240,7 +241,7 @@ impl Ascii {
 
 type Fault<'a> = (&'a str, usize, (String, String));
 
-/// Takes the numbers of a line.
+/// Reads the numbers of a line.
 fn row<'a>(
     vertex: &'a Element,
     targets: &[Option<Target>],

@@ -8,7 +8,7 @@ use crate::io::{WriteOptions, verify};
 use crate::parallel::{Monitor, watched};
 use std::path::Path;
 
-/// Points that are put together at once.
+/// Number of points assembled at once.
 const SLAB: usize = 16_384;
 
 /// How a column is written.

@@ -1,9 +1,10 @@
-//! The files of one run: what was opened for reading, and what is written.
+//! The files of one run: inputs and outputs.
 //!
-//! Every file is opened through [`open`](super::open), every output begins in [`atomic`](super::atomic); both tell the run
-//! that is going on in their thread. So no command can write over one of its inputs without being asked to, and an input that
-//! is replaced while it is read is an error. Files are the same if they are one file of the system (links of both kinds) or
-//! have the same full name. Runs do not know of each other: each has its own list, and so has each thread.
+//! Every input is opened through [`open`](super::open), every output through [`atomic`](super::atomic); both register
+//! their files with the current run of their thread. So no command can overwrite one of its inputs unless that is
+//! allowed, and an input that changes while it is read is an error. Two paths are the same file if the system says so
+//! (hard and symbolic links) or if their full paths are equal. Runs are independent: each has its own list of files,
+//! and each thread its own current run.
 
 #[cfg(test)]
 mod tests;
@@ -21,13 +22,13 @@ thread_local! {
     static CURRENT: RefCell<Option<Rc<Files>>> = const { RefCell::new(None) };
 }
 
-/// Bytes at the start of a file that tell whether it is still the same one.
+/// Number of bytes at the start of a file that are compared to see whether it has changed.
 const START: u64 = 4096;
 
-/// How a run treats its files.
+/// Rules of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Rules {
-    /// Ends the wait for a pipe.
+    /// Can end the wait for a pipe.
     pub monitor: Monitor,
     /// Whether an output may replace an input.
     pub replace: Replace,
@@ -39,7 +40,7 @@ pub enum Replace {
     /// It may.
     #[default]
     Allowed,
-    /// It may not; what the user can do instead.
+    /// It may not; the text says what the user can do instead.
     Refused(&'static str),
 }
 
@@ -48,7 +49,7 @@ struct Files {
     rules: Rules,
     inputs: RefCell<Vec<Input>>,
     outputs: RefCell<Vec<Output>>,
-    /// The run that this is a part of.
+    /// The enclosing run, for a part of it.
     whole: Option<Rc<Files>>,
 }
 
@@ -56,7 +57,7 @@ struct Files {
 struct Input {
     typed: PathBuf,
     place: Place,
-    /// `None` until it is opened.
+    /// `None` until the file is opened.
     state: Option<State>,
 }
 
@@ -67,27 +68,27 @@ struct Output {
     stage: Cell<Stage>,
 }
 
-/// How far an output is.
+/// Progress of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     /// Will be written.
     Announced,
     /// Is being written.
     Begun,
-    /// Has its name.
+    /// Has its final name.
     Done,
 }
 
-/// Which file it is.
+/// Identity of a file.
 #[derive(Clone, Debug)]
 struct Place {
-    /// Device and number of the file, where the system has them.
+    /// Device and inode number, if the system has them.
     file: Option<(u64, u64)>,
-    /// Full name without links.
+    /// Full path without links.
     path: PathBuf,
 }
 
-/// What must stay as it is while a file is read.
+/// Properties that must not change while a file is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct State {
     file: Option<(u64, u64)>,
@@ -97,19 +98,19 @@ struct State {
     start: u32,
 }
 
-/// Does `work` as one run.
+/// Performs `work` as one run.
 pub fn run<T>(rules: Rules, work: impl FnOnce() -> T) -> T {
     within(Files { rules, ..Files::default() }, work)
 }
 
-/// Does `work` as a part of this thread's run, with inputs of its own: they are forgotten afterwards.
+/// Performs `work` as a part of this thread's run, with inputs of its own, which are forgotten afterwards.
 pub fn part<T>(work: impl FnOnce() -> T) -> T {
     let whole = current();
     let rules = whole.as_ref().map(|whole| whole.rules.clone()).unwrap_or_default();
     within(Files { rules, whole, ..Files::default() }, work)
 }
 
-/// Does `work` in this thread's run; if there is none, as a run in which an output may replace an input.
+/// Performs `work` in this thread's run; if there is none, in a new run in which outputs may replace inputs.
 pub(super) fn joined<T>(monitor: &Monitor, work: impl FnOnce() -> T) -> T {
     match current() {
         Some(_) => work(),
@@ -118,7 +119,7 @@ pub(super) fn joined<T>(monitor: &Monitor, work: impl FnOnce() -> T) -> T {
 }
 
 fn within<T>(files: Files, work: impl FnOnce() -> T) -> T {
-    /// Puts the run back that was interrupted, after a panic too.
+    /// Restores the previous run when dropped, also after a panic.
     struct Back(Option<Rc<Files>>);
     impl Drop for Back {
         fn drop(&mut self) {
@@ -138,7 +139,7 @@ pub(super) fn monitor() -> Monitor {
     current().map(|files| files.rules.monitor.clone()).unwrap_or_default()
 }
 
-/// Tells this thread's run that a file will be read, so that outputs can be compared with it before that.
+/// Registers a file that will be read later, so that outputs can be compared with it before.
 pub fn expect(path: &Path) {
     if let Some(files) = current() {
         let place = Place::of(path);
@@ -146,10 +147,10 @@ pub fn expect(path: &Path) {
     }
 }
 
-/// Called for every file that was opened for reading.
+/// To be called for every file that was opened for reading.
 ///
 /// # Errors
-/// The file will be written too, or is another than when it was opened before.
+/// If the file will also be written, or is a different one than when it was opened before.
 pub(super) fn opened(path: &Path, file: &File) -> Result<()> {
     let Some(files) = current() else { return Ok(()) };
     let state = State::of(file).map_err(|e| Error::io(path, e))?;
@@ -172,7 +173,7 @@ pub(super) fn opened(path: &Path, file: &File) -> Result<()> {
     Ok(())
 }
 
-/// Fails if a file is not what it was when it was opened in this run. A file that is gone has not changed what was read.
+/// Fails if a file has changed since it was opened in this run. A deleted file does not change what was read.
 pub(super) fn unchanged(path: &Path) -> Result<()> {
     let Some(files) = current() else { return Ok(()) };
     let inputs = files.inputs.borrow();
@@ -185,11 +186,11 @@ pub(super) fn unchanged(path: &Path) -> Result<()> {
     }
 }
 
-/// Called before an output is looked at for the first time; `target` is `typed` behind its links. Whether it is the run's first
-/// in its folder.
+/// To be called before an output is examined for the first time; `target` is `typed` after following links. Returns
+/// whether it is the run's first output in its folder.
 ///
 /// # Errors
-/// Two outputs are one file, or the output is an input.
+/// If two outputs are the same file, or the output is an input.
 pub(super) fn announce(typed: &Path, target: &Path) -> Result<bool> {
     let Some(files) = current() else { return Ok(true) };
     let output = Output::new(typed, target, Stage::Announced);
@@ -211,10 +212,10 @@ pub(super) fn announce(typed: &Path, target: &Path) -> Result<bool> {
     Ok(first)
 }
 
-/// Called when an output is begun.
+/// To be called when an output is started.
 ///
 /// # Errors
-/// The output is an input.
+/// If the output is an input.
 pub(super) fn begun(typed: &Path, target: &Path) -> Result<()> {
     let Some(files) = current() else { return Ok(()) };
     let output = Output::new(typed, target, Stage::Begun);
@@ -229,7 +230,7 @@ pub(super) fn begun(typed: &Path, target: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Called when an output has its name: what was read of the old file is over.
+/// To be called when an output has its final name: the old file is not read any more.
 pub(super) fn done(target: &Path) {
     let Some(files) = current() else { return };
     let path = full(target).into_os_string();
@@ -245,12 +246,12 @@ pub(super) fn done(target: &Path) {
 }
 
 impl Files {
-    /// This part and what it is a part of.
+    /// This part of the run and the enclosing ones.
     fn levels(&self) -> impl Iterator<Item = &Self> {
         std::iter::successors(Some(self), |files| files.whole.as_deref())
     }
 
-    /// Fails if the output is an input and may not be.
+    /// Fails if the output is an input and the rules forbid that.
     fn check(&self, output: &Output) -> Result<()> {
         let Replace::Refused(advice) = self.rules.replace else { return Ok(()) };
         for level in self.levels() {
@@ -275,13 +276,13 @@ impl Place {
 
     fn is(&self, other: &Self) -> bool {
         let linked = self.file.is_some() && self.file == other.file;
-        // Not only by number: a file that was replaced under the same name has another one.
+        // Numbers alone are not enough: a file that was replaced under the same name has a new one.
         linked || self.path.as_os_str() == other.path.as_os_str()
     }
 }
 
 impl State {
-    /// The place in the file stays where it is.
+    /// Does not change the read position of the file.
     fn of(mut file: &File) -> std::io::Result<Self> {
         let about = file.metadata()?;
         let at = file.stream_position()?;
@@ -306,7 +307,7 @@ fn number(_: &std::fs::Metadata) -> Option<(u64, u64)> {
     None
 }
 
-/// The full name without links; of a file that is not there yet, its folder's.
+/// The full path without links; for a file that does not exist yet, with the full path of its folder.
 fn full(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| {
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -1,4 +1,4 @@
-//! Files that are the same, and files that change.
+//! Identical files, and files that change.
 
 use super::*;
 use crate::io::{atomic, open};
@@ -19,7 +19,7 @@ fn an_input_is_not_written_over_by_whatever_name() {
     std::fs::hard_link(path("a"), path("hard")).unwrap();
     std::fs::create_dir(path("b")).unwrap();
     for output in ["a", "soft", "hard", "b/../a"] {
-        // Read first, then written; or announced first, then read.
+        // Read first and then written, or announced first and then read.
         let message = refusing(|| {
             open::file(&path("a")).unwrap();
             atomic::write_bytes(&path(output), b"new").unwrap_err().to_string()
@@ -32,7 +32,7 @@ fn an_input_is_not_written_over_by_whatever_name() {
         assert!(message.contains("input and output") && message.contains(output), "{message}");
     }
     assert_eq!(std::fs::read(path("a")).unwrap(), b"a scan");
-    // Another run, and one that may.
+    // Another run, and one without the restriction.
     refusing(|| atomic::write_bytes(&path("a"), b"new").unwrap());
     run(Rules::default(), || {
         open::file(&path("a")).unwrap();

@@ -1,11 +1,11 @@
-//! The labels of Semantic3D: NAME.labels beside NAME.txt, one whole number 0..=255 a line.
+//! Labels of Semantic3D: NAME.labels beside NAME.txt, with one integer 0..=255 a line.
 
 use super::{bad, holds};
 use crate::error::Result;
 use crate::io::lines::{Lines, Pieces, lines};
 use std::path::{Path, PathBuf};
 
-/// The labels beside a file.
+/// The labels that belong to a file.
 #[derive(Debug)]
 pub(super) struct Labels {
     pub(super) path: PathBuf,
@@ -32,7 +32,7 @@ pub(super) fn beside(path: &Path) -> Result<Option<Labels>> {
 }
 
 impl Labels {
-    /// Fails if there is not one label a point; a header row may be among the lines.
+    /// Fails if the number of labels is not that of the points; the lines may include a header row.
     pub(super) fn check_lines(&self, points: &Path) -> Result<()> {
         let mut pieces = Pieces::open(points, "text", 0)?;
         let mut found = 0;
@@ -45,7 +45,7 @@ impl Labels {
         }
     }
 
-    /// The error of a wrong number of labels.
+    /// The error about a wrong number of labels.
     pub(super) fn wrong(&self, points: &Path, found: usize) -> crate::error::Error {
         let allowed = format!("{found} as {} has points", points.display());
         bad(&self.path, ("number of labels", 0, 0), (self.codes.len(), allowed))

@@ -1,4 +1,4 @@
-//! What the columns of a text file are.
+//! The meaning of the columns of a text file.
 
 use super::bad;
 use crate::cloud::{MOST_COLUMNS, names};
@@ -8,18 +8,18 @@ use crate::io::words::Words;
 use crate::io::{format, known};
 use std::path::Path;
 
-/// What a line's numbers are.
+/// The meaning of the numbers in a line.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     pub(super) names: Vec<String>,
-    /// Columns of x, y and z.
+    /// Indices of the columns x, y and z.
     pub(super) axes: [usize; 3],
-    /// Points as the first line of PTS says.
+    /// Number of points in the first line of PTS.
     pub(super) declared: Option<u64>,
 }
 
-/// Finds the layout in the first line that holds something: it, the rest of its piece from the first row on, and the lines
-/// before that.
+/// Finds the layout from the first non-blank line. Returns it, the rest of its piece from the first data row on, and
+/// the number of lines before.
 pub(super) fn find(path: &Path, pieces: &mut Pieces) -> Result<(Layout, Option<Vec<u8>>, usize)> {
     let mut before = 0;
     while let Some(piece) = pieces.next()? {
@@ -28,7 +28,7 @@ pub(super) fn find(path: &Path, pieces: &mut Pieces) -> Result<(Layout, Option<V
         let (mut at, mut declared) = (0, None);
         for (line, number) in lines(piece).zip(before + 1..) {
             let next = (at + line.len() + 1).min(piece.len());
-            // A comment in the first line may be the row of names.
+            // A comment in the first line may be the header row.
             if super::holds(line) || (number == 1 && line.starts_with(b"//")) {
                 let line = line.trim_ascii();
                 let whole = std::str::from_utf8(line).ok().and_then(|l| l.parse().ok());
@@ -53,13 +53,13 @@ pub(super) fn find(path: &Path, pieces: &mut Pieces) -> Result<(Layout, Option<V
 }
 
 impl Layout {
-    /// Of a file without points.
+    /// The layout of a file without points.
     fn bare() -> Self {
         Self { names: ["x", "y", "z"].map(String::from).to_vec(), axes: [0, 1, 2], declared: None }
     }
 }
 
-/// The layout that a first line tells, and whether that line is a row of names.
+/// The layout according to the first line, and whether that line is a header row.
 fn layout(path: &Path, (number, line): (usize, &[u8])) -> Result<(Layout, bool)> {
     decimal_comma(path, (number, line))?;
     let head = line.strip_prefix(b"//").unwrap_or(line);
@@ -90,7 +90,8 @@ fn layout(path: &Path, (number, line): (usize, &[u8])) -> Result<(Layout, bool)>
     }
 }
 
-/// `1,5 2,5 3,5` would be six columns: commas inside the numbers of a line that something else separates.
+/// Rejects decimal commas: `1,5 2,5 3,5` would be read as six columns. Detected by commas within numbers of a line that
+/// has another separator.
 fn decimal_comma(path: &Path, (number, line): (usize, &[u8])) -> Result<()> {
     let parts = line.split(|&b| b.is_ascii_whitespace() || b == b';').filter(|w| !w.is_empty());
     let inside = |w: &[u8]| {
@@ -106,7 +107,7 @@ fn decimal_comma(path: &Path, (number, line): (usize, &[u8])) -> Result<()> {
     }
 }
 
-/// Names of columns without a header row, by their number; 7 are Semantic3D's.
+/// Names of columns without a header row, by their number; 7 columns are those of Semantic3D.
 fn usual_names(columns: usize) -> Vec<String> {
     let rest: &[&str] = match columns {
         4 => &[names::INTENSITY],

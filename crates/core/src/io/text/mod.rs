@@ -1,8 +1,8 @@
-//! Text: columns of numbers, with or without a row of names; Semantic3D's `x y z i r g b` with `.labels` beside it; PTS
-//! with the number of its points in the first line.
+//! Text: columns of numbers, with or without a header row; Semantic3D's `x y z i r g b` with a `.labels` file; PTS with
+//! the number of points in the first line.
 //!
-//! Blanks, tabs, commas and semicolons separate; lines that are empty or begin with `#` are left out, so are those with
-//! `//` after the first.
+//! Separators are blanks, tabs, commas and semicolons. Empty lines and lines that start with `#` are skipped, and after
+//! the first line also those with `//`.
 
 mod labels;
 mod layout;
@@ -31,7 +31,7 @@ fn bad(
     }
 }
 
-/// Whether a line behind the first holds numbers.
+/// Whether a line after the first contains numbers.
 fn holds(line: &[u8]) -> bool {
     let start = line.trim_ascii_start();
     !start.is_empty() && start[0] != b'#' && !start.starts_with(b"//")

@@ -13,7 +13,7 @@ use crate::parallel::{Monitor, map_ordered};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// A piece of 4 MiB is read in so many parts, each by one thread.
+/// Number of parts of a piece of 4 MiB, each read by one thread.
 const PARTS: usize = 16;
 
 /// Reads a file block by block.
@@ -22,18 +22,18 @@ pub(in crate::io) struct Reader {
     path: PathBuf,
     monitor: Monitor,
     pieces: Pieces,
-    /// The piece in which the layout was found, from its first row on.
+    /// The piece in which the layout was found, from its first data row on.
     first: Option<Vec<u8>>,
-    /// Lines before the next piece.
+    /// Number of lines before the next piece.
     lines: usize,
     layout: Layout,
-    /// Column of `columns` for each number of a row.
+    /// Index in `columns` for each number of a row.
     targets: Vec<Option<usize>>,
-    /// Rows that wait: x, y, z, then those of `kept`.
+    /// Buffered rows: x, y, z, then those of `kept`.
     columns: Vec<Vec<f64>>,
     kept: Vec<String>,
     labels: Option<Labels>,
-    /// Points handed out.
+    /// Number of points returned so far.
     given: usize,
 }
 
@@ -49,7 +49,7 @@ impl Reader {
         let last: HashMap<&String, usize> = layout.names.iter().zip(0..).collect();
         for (c, name) in layout.names.iter().enumerate() {
             targets.push(layout.axes.iter().position(|&a| a == c).or_else(|| {
-                // Of two columns with one name the last one counts.
+                // Of two columns with the same name the last one is read.
                 (last.get(name) == Some(&c) && options.wants(name)).then(|| {
                     kept.push(name.clone());
                     2 + kept.len()
@@ -67,7 +67,7 @@ impl Reader {
         self.columns[0].len()
     }
 
-    /// Reads another piece; false behind the last.
+    /// Reads another piece; false at the end.
     fn more(&mut self) -> Result<bool> {
         let piece = match self.first.take() {
             Some(piece) => piece,
@@ -92,7 +92,7 @@ impl Reader {
         bad(&self.path, (fault.field, self.lines + fault.line, fault.column), (fault.found, fault.allowed))
     }
 
-    /// The next points, at most so many, as numbers of 64 bits; an empty cloud at the end.
+    /// The next points, at most this many, as 64-bit numbers; an empty cloud at the end.
     pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
         while self.rows() < points {
             if !self.more()? {
@@ -120,7 +120,7 @@ impl Reader {
         Ok(cloud)
     }
 
-    /// All points must be there, and no more labels than points.
+    /// Checks that all declared points exist, and no labels are left over.
     fn check_end(&self) -> Result<()> {
         let found = self.given + self.rows();
         if let Some(labels) = self.labels.as_ref().filter(|l| l.codes.len() != found) {
@@ -139,7 +139,7 @@ impl Reader {
 /// Appends rows, column by column.
 fn append(columns: &mut [Vec<f64>], rows: Vec<Vec<f64>>) -> Result<()> {
     for (column, rows) in columns.iter_mut().zip(rows) {
-        // Grows to twice the size like any other vector, so that all of it is copied once on average.
+        // The capacity is doubled as in any vector, so that values are copied once on average.
         if column.try_reserve(rows.len()).is_err() {
             memory::reserve(column, rows.len(), "the numbers of a text file")?;
         }
@@ -148,7 +148,7 @@ fn append(columns: &mut [Vec<f64>], rows: Vec<Vec<f64>>) -> Result<()> {
     Ok(())
 }
 
-/// Reads all points; codes and colours that are whole numbers become integers.
+/// Reads all points; codes and colours become integers if they are whole numbers.
 pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let mut reader = Reader::open(path, options)?;
     let mut cloud = reader.take(usize::MAX)?;
@@ -162,7 +162,7 @@ pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     Ok(cloud)
 }
 
-/// Codes and colours as integers where they are; `None`: stay as they were read.
+/// Codes and colours as integers if they are whole numbers; `None` if they stay as they were read.
 fn typed(name: &str, numbers: &[f64]) -> Option<Values> {
     let whole = |most: f64| numbers.iter().all(|v| (0.0..=most).contains(v) && v.fract().to_bits() << 1 == 0);
     let colour = names::COLOUR.contains(&name);
@@ -175,7 +175,7 @@ fn typed(name: &str, numbers: &[f64]) -> Option<Values> {
     }
 }
 
-/// Names from the first lines, points from the number of lines; no number is read.
+/// Names from the first lines, number of points from the number of lines; no number is parsed.
 pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     let reader = Reader::open(path, &ReadOptions::default())?;
     let mut pieces = reader.pieces;

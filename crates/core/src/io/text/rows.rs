@@ -4,7 +4,7 @@ use super::holds;
 use crate::io::lines::{count, lines};
 use crate::io::words::{Word, Words, separator};
 
-/// What is wrong in a line, by its number in the part, from 1, and the column.
+/// An error in a line: its number within the part, from 1, and the column.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fault {
     pub(super) line: usize,
@@ -14,9 +14,9 @@ pub(super) struct Fault {
     pub(super) allowed: String,
 }
 
-/// Reads the rows of a part. `targets` tells for each number of a row into which of `columns` it goes, if at all.
+/// Reads the rows of a part. `targets` gives for each number of a row its index in `columns`, if it is needed.
 pub(super) fn read(part: &[u8], targets: &[Option<usize>], columns: usize) -> Result<Vec<Vec<f64>>, Fault> {
-    // Each number takes a digit and something between it and the next: lines may be empty.
+    // Each number takes at least a digit and a separator; lines may be empty.
     let guess = (count(part) + 1).min(part.len() / (2 * targets.len()).max(1) + 1);
     let mut out: Vec<Vec<f64>> = (0..columns).map(|_| Vec::with_capacity(guess)).collect();
     for (number, line) in (1..).zip(lines(part)) {

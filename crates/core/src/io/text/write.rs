@@ -9,10 +9,10 @@ use crate::io::{WriteOptions, verify};
 use crate::parallel::map_ordered;
 use std::path::Path;
 
-/// Lines that are put together, and written, at once.
+/// Number of lines assembled and written at once.
 const BATCH: usize = 16_384;
 
-/// What stands on each line.
+/// The content of the lines.
 enum Lines<'a> {
     /// Coordinates and columns.
     Points { cloud: &'a Cloud, separator: u8, rounded: Option<[Rounded; 3]> },
@@ -40,7 +40,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         texts.iter().try_for_each(|text| file.write_all(text))?;
     }
     match lines {
-        // Not a cloud by itself.
+        // A label file alone is not a cloud.
         Lines::Labels(_) => file.finish(),
         Lines::Points { .. } => verify::finish(file, Format::Text, cloud, options),
     }
@@ -90,14 +90,14 @@ impl Lines<'_> {
     }
 }
 
-/// Coordinates are written as they are; but a tick times a scale leaves noise in the last digits, which is rounded away: to
-/// a power of ten, a hundredth of a tick or finer.
+/// Coordinates are written exactly, except that tick times scale has rounding noise in its last digits: these are
+/// rounded to a power of ten of at most a hundredth of a tick.
 fn rounded(cloud: &Cloud) -> Option<[Rounded; 3]> {
     let Coordinates::Scaled { scale, .. } = cloud.coordinates() else { return None };
     Some(scale.map(|scale| Rounded::new((2.0 - scale.log10()).ceil().clamp(7.0, 15.0) as u32)))
 }
 
-/// A name as one word that no reader takes for a number.
+/// A name as one word that readers cannot take for a number.
 fn word(name: &str) -> String {
     let plain: String = name
         .chars()

@@ -1,4 +1,4 @@
-//! The objects of a cloud and their features (document 002, section 3.4).
+//! The segments of a cloud and their features (Hasanpour Zaryabi et al. 2022, section 3.4).
 
 use super::{Heights, ObjectsRecipe};
 use crate::cloud::{Cloud, Points};
@@ -9,14 +9,14 @@ use crate::recipes::points::points_of;
 use crate::segmentation::{ObjectAttributes, Partition, object_features};
 use crate::terrain::{ElevationModel, by_site, ground_points};
 
-/// Segments of a cloud's points and one row of features for each.
+/// Segments of a cloud's points, with one row of features each.
 pub(super) struct Objects {
     pub(super) points: Points,
     pub(super) partition: Partition,
     pub(super) features: FeatureTable,
 }
 
-/// Finds and describes the objects of a cloud.
+/// Segments a cloud and computes the features of its segments.
 pub(super) fn objects(
     cloud: &Cloud,
     recipe: &ObjectsRecipe,
@@ -45,7 +45,7 @@ fn above_ground(points: &Points, recipe: &ObjectsRecipe, monitor: &Monitor) -> R
     })
 }
 
-/// The table without one column.
+/// A copy of the table without one column.
 fn without(table: &FeatureTable, name: &str) -> FeatureTable {
     let kept: Vec<usize> = (0..table.width()).filter(|&c| table.names[c] != name).collect();
     let rows = table.values.chunks_exact(table.width());

@@ -1,4 +1,4 @@
-//! Learning from a share of the segments, and scoring the others.
+//! Trains on a share of the segments and evaluates on the others.
 
 use super::ObjectsRecipe;
 use super::describe::{Objects, objects};
@@ -15,30 +15,30 @@ use crate::recipes::{ClassCount, Labels, planar_density};
 use crate::segmentation::majorities;
 use serde::Serialize;
 
-/// What training did.
+/// Report of the training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ObjectsReport {
-    /// Per class, ascending by code: labelled points, and segments that were learned from.
+    /// Per class, ascending by code: number of labelled points, and of segments used for training.
     pub classes: Vec<ClassCount>,
     /// Points without a label.
     pub unlabelled: u64,
-    /// Segments of all clouds.
+    /// Number of segments in all clouds.
     pub segments: usize,
-    /// Those with a label of their own, that is a majority.
+    /// Number of segments with a majority label.
     pub labelled: usize,
-    /// Those that were learned from.
+    /// Number of segments used for training.
     pub learned: usize,
-    /// Best accuracy that naming whole segments could reach, 0..1.
+    /// Oracle accuracy, 0..1: the best accuracy that classifying whole segments can reach.
     pub oracle_accuracy: f64,
-    /// The segments that were not learned from, one by one; absent if all were.
+    /// Scores of the other segments, counted by segment; absent if all were used for training.
     pub by_segment: Option<Scores>,
-    /// The points of these segments.
+    /// Scores of the points of these segments.
     pub by_point: Option<Scores>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// The segments of one cloud, described.
+/// The segments of one cloud with their features.
 struct Lesson {
     found: Objects,
     /// Class of each segment, if it has one.
@@ -49,10 +49,12 @@ struct Lesson {
     density: f64,
 }
 
-/// Learns from a share of the segments of one or more labelled clouds; a segment has the majority class of its points.
+/// Trains on a share of the segments of one or more labelled clouds; the class of a segment is the most frequent one of
+/// its points.
 ///
 /// # Errors
-/// Fewer than two classes are labelled, a parameter out of range, colours are asked for that a cloud does not have, cancellation.
+/// If fewer than two classes are labelled, a parameter is out of range, a cloud lacks the requested colours, or the
+/// work was cancelled.
 pub fn train_objects(
     clouds: &[(Cloud, Labels)],
     recipe: &ObjectsRecipe,
@@ -65,7 +67,7 @@ pub fn train_objects(
     note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let lesson = study((cloud, labels), &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
-        // Whether the first cloud has colours decides for all that the model will name.
+        // The first cloud decides whether the model uses colours.
         let colour = lesson.found.features.names.iter().any(|name| name == "MeanRed");
         recipe.segments.colour = Some(colour);
         lessons.push(lesson);
@@ -108,14 +110,14 @@ fn study((cloud, labels): (&Cloud, &Labels), recipe: &ObjectsRecipe, seed: u64, 
     Ok(Lesson { found, codes, learned, truth, density })
 }
 
-/// Mean place of a segment, metres.
+/// Mean position of a segment, metres.
 fn middle(found: &Objects, segment: usize) -> [f64; 2] {
     let members = found.partition.members(segment);
     let mean = |axis: &[f32]| members.iter().map(|&i| f64::from(axis[i as usize])).sum::<f64>() / members.len() as f64;
     [mean(&found.points.x), mean(&found.points.y)]
 }
 
-/// Rows of the segments that are learned from, and the positions of their classes.
+/// Feature rows of the training segments, and the positions of their classes.
 fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
     let (mut rows, mut labels) = (Vec::new(), Vec::new());
     for lesson in lessons {
@@ -161,7 +163,7 @@ fn report(
     })
 }
 
-/// What a class without samples is told of.
+/// The warning about a class without samples.
 fn unlearned(class: &ClassCount, classes: &ClassTable) -> String {
     let (title, points) = (class.title(), class.points);
     match classes.position(class.code) {
@@ -181,7 +183,7 @@ fn oracle(lessons: &[Lesson]) -> Result<f64> {
     Ok(right as f64 / all.max(1) as f64)
 }
 
-/// Scores of the segments that were not learned from, and of their points.
+/// Scores of the segments that were not used for training, and of their points.
 fn held_out(
     lessons: &[Lesson],
     (classifier, classes): (&Classifier, &ClassTable),
@@ -193,7 +195,8 @@ fn held_out(
             let (Some(code), name) = (code, classes.classes()[usize::from(predicted[s])].code) else { continue };
             segments.add(*code, name)?;
             let known = lesson.found.partition.members(s).iter().filter_map(|&i| lesson.truth[i as usize]);
-            // A class that is nowhere the majority of a segment is not in the table: no name can be right.
+            // A class that is not the majority in any segment is missing in the table; its points cannot be classified
+            // correctly.
             for truth in known.filter(|&truth| classes.position(truth).is_some()) {
                 points.add(truth, name)?;
             }

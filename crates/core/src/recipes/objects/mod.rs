@@ -1,14 +1,14 @@
-//! Objects first, names second.
+//! Object-based classification: segments first, then a class for each segment.
 //!
-//! M. Hasanpour Zaryabi, M. Saadatseresht, E. Ghanbari Parmehr, *An object-based classification framework for ALS point cloud
-//! in urban areas*, ISPRS Annals X-4/W1, 2022 (document 002). `docs/objects.md` has the equations and where we deviate.
+//! E. Hasanpour Zaryabi, M. Saadatseresht, E. Ghanbari Parmehr, *An object-based classification framework for ALS point
+//! cloud in urban areas*, ISPRS Annals X-4/W1, 2022. `docs/objects.md` has the equations and our deviations.
 //!
 //! | section | here |
 //! |---|---|
 //! | 3.1 to 3.3 supervoxels, local graphs, segments | [`ObjectsRecipe::segments`] |
 //! | 3.4 features of segments | [`ObjectsRecipe::heights`] |
 //! | 3.5 random forest, boosted trees, bagging | [`ObjectsRecipe::classifier`] |
-//! | 4 share of the segments that is learned from | [`ObjectsRecipe::training`] |
+//! | 4 share of the segments used for training | [`ObjectsRecipe::training`] |
 
 mod describe;
 mod learn;
@@ -33,44 +33,44 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ObjectsKind {
-    /// Document 002.
+    /// Hasanpour Zaryabi et al. 2022.
     #[default]
     Objects,
 }
 
-/// What the height of a segment is measured from.
+/// The reference of the heights of a segment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Heights {
-    /// The ground: mean and largest height above it stand for the document's mean z.
+    /// The ground: mean and largest height above it, instead of the paper's mean z.
     #[default]
     AboveGround,
-    /// The datum of the coordinates, as in the document: a model then only fits scenes at the same height.
+    /// The datum of the coordinates, as in the paper: a model then only fits scenes at the same elevation.
     Datum,
 }
 
-/// The settings of the object-based recipe; every default is the paper's where it tells one.
+/// The parameters of the object-based recipe; the defaults are the paper's where it gives values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ObjectsRecipe {
     /// Always `objects`.
     pub recipe: ObjectsKind,
-    /// Seed of everything that is drawn by chance.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// Metres in one unit of the coordinates; if absent what the cloud says, else 1.
+    /// Metres per unit of the coordinates; if absent, what the cloud says, else 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metres_per_unit: Option<f64>,
-    /// What is learned: `rf`, `gbt` or `bagging`; each has its own section of settings.
+    /// The classifier: `rf`, `gbt` or `bagging`; each has its own section of parameters.
     pub classifier: ClassifierKind,
-    /// What the height of a segment is measured from.
+    /// The reference of the heights of a segment.
     pub heights: Heights,
     /// Supervoxels and segments.
     pub segments: ObjectSegments,
-    /// The ground's points, for heights above it.
+    /// The ground filter, for heights above ground.
     pub ground: GroundParams,
-    /// The ground's height, from its points.
+    /// The elevation model made from the ground points.
     pub elevation: ElevationParams,
-    /// Which segments are learned from.
+    /// The segments used for training.
     pub training: ObjectTraining,
     /// The forest (`rf`).
     pub forest: ForestParams,
@@ -78,7 +78,7 @@ pub struct ObjectsRecipe {
     pub boosting: BoostingParams,
     /// Bagging.
     pub bagging: BaggingParams,
-    /// How labels are made to agree afterwards; the paper leaves them as they are.
+    /// Regularisation of the labels afterwards; the paper has none.
     pub regularise: RegulariseParams,
 }
 
@@ -103,7 +103,7 @@ impl Default for ObjectsRecipe {
 }
 
 impl ObjectsRecipe {
-    /// Checks every part.
+    /// Checks all parts.
     ///
     /// # Errors
     /// Names the field, its value and what is allowed.
@@ -121,7 +121,7 @@ impl ObjectsRecipe {
         self.regularise.validate()
     }
 
-    /// Columns of a cloud that the recipe reads, beside labels.
+    /// Columns of a cloud that the recipe reads, besides labels.
     pub fn columns(&self) -> Vec<String> {
         match self.segments.colour {
             Some(false) => Vec::new(),
@@ -129,7 +129,7 @@ impl ObjectsRecipe {
         }
     }
 
-    /// Settings of the classifier chosen.
+    /// Parameters of the selected classifier.
     pub fn classifier(&self) -> ClassifierParams {
         self.classifier.choose(&self.forest, &self.boosting, &self.bagging).with_seed(self.seed)
     }

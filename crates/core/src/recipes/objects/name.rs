@@ -1,4 +1,4 @@
-//! Naming the objects of a cloud.
+//! Classifies the segments of a cloud.
 
 use super::ObjectsRecipe;
 use super::describe::objects;
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::regularise::{Probabilities, Regularise, RegulariseParams, Regularised, largest, regularise};
 
-/// Names every finite point of a cloud by its segment: the points, and the decision.
+/// Classifies every finite point of a cloud by its segment; returns the points and the decision.
 pub(in crate::recipes) fn classify_objects(
     cloud: &Cloud,
     (model, recipe): (&Model, &ObjectsRecipe),

@@ -1,4 +1,4 @@
-//! Points to supervoxels, supervoxels to segments (document 002, sections 3.1 to 3.3).
+//! Points to supervoxels, supervoxels to segments (Hasanpour Zaryabi et al. 2022, sections 3.1 to 3.3).
 
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
@@ -11,35 +11,35 @@ use crate::segmentation::{
 };
 use serde::{Deserialize, Serialize};
 
-/// Which supervoxels.
+/// The kind of supervoxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SupervoxelMode {
-    /// On points, as the document.
+    /// SLIC on points, as in Hasanpour Zaryabi et al. 2022.
     #[default]
     Slic,
-    /// On voxels that touch: no supervoxel crosses a gap.
+    /// VCCS on adjacent voxels: no supervoxel crosses a gap.
     Vccs,
 }
 
-/// How supervoxels and segments are found; the defaults are document 002's, for airborne scans.
+/// Parameters of supervoxels and segments; the defaults are those of Hasanpour Zaryabi et al. 2022, for airborne scans.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ObjectSegments {
-    /// Nearest neighbours of a point that its normal is found by, 2..=32.
+    /// Number of nearest neighbours for point normals, 2..=32.
     pub neighbours: usize,
-    /// The side that normals point to.
+    /// Orientation of the normals.
     pub orientation: Orientation,
-    /// Use the points' colours; absent: if the cloud has any.
+    /// Use the points' colours; if absent, they are used if the cloud has any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colour: Option<bool>,
-    /// Which supervoxels.
+    /// The kind of supervoxels.
     pub supervoxels: SupervoxelMode,
-    /// Those on points.
+    /// Parameters of supervoxels on points.
     pub slic: SlicParams,
-    /// Those on voxels.
+    /// Parameters of supervoxels on voxels.
     pub vccs: VccsParams,
-    /// From supervoxels to segments.
+    /// Parameters of the segmentation by local graphs.
     pub local_graphs: LocalGraphParams,
 }
 
@@ -71,10 +71,10 @@ impl ObjectSegments {
         self.local_graphs.validate()
     }
 
-    /// Colours of the points, 0..=1, if they are wanted.
+    /// Colours of the points, 0..=1, if they are used.
     ///
     /// # Errors
-    /// If they are asked for and the cloud has none.
+    /// If they are requested and the cloud has none.
     pub(in crate::recipes) fn colours(&self, cloud: &Cloud, points: &Points) -> Result<Option<Vec<[f32; 3]>>> {
         match (self.colour, colours(cloud, &points.index)) {
             (Some(false), _) => Ok(None),
@@ -86,7 +86,7 @@ impl ObjectSegments {
     /// The supervoxels of a cloud.
     ///
     /// # Errors
-    /// A parameter out of range, cancellation.
+    /// If a parameter is out of range or the work was cancelled.
     pub(in crate::recipes) fn supervoxels(
         &self,
         points: &Points,
@@ -105,7 +105,7 @@ impl ObjectSegments {
         }
     }
 
-    /// The segments of a cloud's points; points that belong to no supervoxel are segments of their own.
+    /// The segments of a cloud's points; points without a supervoxel are segments by themselves.
     ///
     /// # Errors
     /// As [`ObjectSegments::supervoxels`].
@@ -119,10 +119,10 @@ impl ObjectSegments {
         self.joined(&supervoxels, monitor)
     }
 
-    /// Supervoxels joined to segments of the points.
+    /// Segments of the points from supervoxels, by local graphs.
     ///
     /// # Errors
-    /// A parameter out of range, cancellation.
+    /// If a parameter is out of range or the work was cancelled.
     pub(in crate::recipes) fn joined(&self, supervoxels: &Supervoxels, monitor: &Monitor) -> Result<Partition> {
         supervoxels.point_partition(&local_graphs(supervoxels, &self.local_graphs, monitor)?, monitor)
     }

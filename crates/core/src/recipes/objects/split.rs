@@ -1,20 +1,22 @@
-//! Which segments are learned from, and which tell how well.
+//! Division of the segments into training and evaluation.
 
 use crate::error::{Error, Result};
 use crate::random::stream;
 use serde::{Deserialize, Serialize};
 
-/// Which segments are learned from.
+/// Parameters of the division.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ObjectTraining {
-    /// Share of the labelled segments, above 0..=1 (document 002: 0.3); the others are scored. 1 learns from all.
+    /// Share of the labelled segments used for training, above 0..=1 (Hasanpour Zaryabi et al. 2022: 0.3); the others
+    /// are for evaluation. 1 trains on all.
     pub share: f64,
-    /// Draw whole squares of `square` metres instead of segments: what is scored then has no learned neighbours.
+    /// Draw whole squares of `square` metres instead of segments, so that most evaluated segments have no neighbour in
+    /// the training set.
     pub disjoint: bool,
     /// Edge of these squares, metres; above 0.
     pub square: f64,
-    /// A segment counts as its majority class if at least this share of its labelled points has it, 0..=1.
+    /// A segment has its majority class only if at least this share of its labelled points has it, 0..=1.
     pub purity: f64,
 }
 
@@ -43,17 +45,17 @@ impl ObjectTraining {
     }
 }
 
-/// A labelled segment: its class and where it is, metres.
+/// A labelled segment: its class and position, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Labelled {
     pub(super) code: u8,
     pub(super) at: [f64; 2],
 }
 
-/// Which of the labelled segments are learned from.
+/// Whether each of the labelled segments is used for training.
 ///
-/// By class the given share, at least one; or so many whole squares that they hold the share of all segments, drawn in
-/// random order. The draw depends on the seed only.
+/// Draws the given share of each class, at least one segment; or whole squares in random order until they hold the
+/// share of all segments. Depends on nothing random but the seed.
 pub(super) fn split(segments: &[Labelled], params: &ObjectTraining, seed: u64) -> Vec<bool> {
     match params.disjoint {
         true => by_square(segments, params, seed),

@@ -1,4 +1,4 @@
-//! Parting a cloud into segments: descriptors, adjacency, partition, and how good it is.
+//! Segmentation of a cloud: descriptors, adjacency graph, partition, and its quality.
 
 mod params;
 mod part;
@@ -18,29 +18,30 @@ use crate::segmentation::{Partition, StageSeconds, Trial};
 use part::{Level, Parted, adjacency, part};
 use serde::Serialize;
 
-/// A parted cloud.
+/// A segmented cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Segmented {
     /// Segment of each point of the cloud, from 1; 0 where coordinates are not finite or stray.
     pub clusters: Vec<u32>,
     /// Points with finite coordinates that are not stray, in the order of the partition's nodes.
     pub points: Points,
-    /// Linearity, planarity, scattering, verticality of these points; empty if the method does without, see
+    /// Linearity, planarity, scattering, verticality of these points; empty if the method does not use them, see
     /// [`Segmented::describe`].
     pub descriptors: FeatureTable,
-    /// The segments of these points; segment s has number s + 1 among the clusters.
+    /// The segments of these points; segment s has number s + 1 in `clusters`.
     pub partition: Partition,
-    /// Segment of each point of the cloud at each level that was asked for, from 1; 0 where coordinates are not finite or stray.
+    /// For each requested level the segment of each point of the cloud, from 1; 0 where coordinates are not finite or
+    /// stray.
     pub levels: Vec<Vec<u32>>,
-    /// What is worth knowing about it.
+    /// Report on the segmentation.
     pub report: SegmentReport,
 }
 
 impl Segmented {
-    /// Fills in the descriptors if they are absent.
+    /// Computes the descriptors if they are absent.
     ///
     /// # Errors
-    /// A parameter out of range, cancellation.
+    /// If a parameter is out of range or the work was cancelled.
     pub fn describe(&mut self, params: &OptimalParams, monitor: &Monitor) -> Result<()> {
         if self.descriptors.names.is_empty() {
             monitor.stage("describe", self.points.len() as u64);
@@ -50,30 +51,30 @@ impl Segmented {
     }
 }
 
-/// What is worth knowing about a partition.
+/// Report on a segmentation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SegmentReport {
-    /// How the segments were found.
+    /// The method.
     pub method: SegmentMethod,
     /// Number of segments.
     pub segments: usize,
-    /// ρ of document 000, μ of document 001, if the method has one.
+    /// The strength: ρ in Guinard & Landrieu 2017, μ in Li 2018; absent if the method has none.
     pub strength: Option<f64>,
-    /// Number of supervoxels, if the method makes some.
+    /// Number of supervoxels, if the method uses them.
     pub supervoxels: Option<usize>,
-    /// The levels that were asked for.
+    /// The requested levels.
     pub levels: Vec<LevelReport>,
-    /// Strengths that were tried, ascending.
+    /// The strengths that were tried, ascending.
     pub trials: Vec<Trial>,
-    /// Segments by size.
+    /// Histogram of segment sizes.
     pub sizes: Vec<SizeBin>,
-    /// Best accuracy that naming whole segments could reach, 0..1, if labels are known.
+    /// Oracle accuracy, 0..1, if labels are known: the best accuracy that classifying whole segments can reach.
     pub oracle_accuracy: Option<f64>,
-    /// How boundaries between labels are met, to one edge, if labels are known.
+    /// Boundary recall and precision with a tolerance of one edge, if labels are known.
     pub boundaries: Option<BoundaryScores>,
 }
 
-/// One level of a multi-scale segmentation (document 001, Tables 2 and 3).
+/// One level of a multi-scale segmentation (Li 2018, Tables 2 and 3).
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LevelReport {
     /// Least depth of the octree.
@@ -84,18 +85,20 @@ pub struct LevelReport {
     pub segments: usize,
     /// Seconds of each stage.
     pub seconds: StageSeconds,
-    /// Best accuracy that naming whole segments could reach, 0..1, if labels are known.
+    /// Oracle accuracy, 0..1, if labels are known.
     pub oracle_accuracy: Option<f64>,
 }
 
-/// Parts a cloud into segments by the method that the settings name.
+/// Segments a cloud by the method that the parameters name.
 ///
-/// Labels, few or many, only serve to tell how good the partition is, and the intent that asks for them. At most
-/// about 200 bytes a point: the cloud and its coordinates (50), descriptors (16), the graph of nearest neighbours (75 for
-/// five neighbours) or the table it is made from, and what the method merges (40), or voxels and what touches them (90). Same bytes for any number of threads, but for the seconds of the report.
+/// Labels only serve to measure the quality of the partition, and for the intent that is based on them. Memory is at most
+/// about 200 bytes a point: the cloud and its coordinates (50), descriptors (16), the graph of nearest neighbours (75) and
+/// the state of the merging (40), or voxels and their adjacency (90). The result is the same bytes for any number of
+/// threads, except for the seconds in the report.
 ///
 /// # Errors
-/// A parameter out of range, an intent that needs labels without any, no finite point, cancellation.
+/// If a parameter is out of range, the intent needs labels and there are none, no point is finite, or the work was
+/// cancelled.
 pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, monitor: &Monitor) -> Result<Segmented> {
     params.validate()?;
     let points = points_of(cloud, None, monitor)?;

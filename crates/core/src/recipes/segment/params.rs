@@ -1,4 +1,4 @@
-//! How a cloud is parted: one method, and the settings of each.
+//! Parameters of segmentation: a method, and the parameters of each method.
 
 use crate::cloud::names;
 use crate::error::{Error, Result};
@@ -11,26 +11,26 @@ use crate::segmentation::{
 };
 use serde::{Deserialize, Serialize};
 
-/// How segments are found.
+/// The method of segmentation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SegmentMethod {
-    /// l0 cut pursuit on the points (document 000): lower energy.
+    /// l0 cut pursuit on the points (Guinard & Landrieu 2017): lower energy.
     #[default]
     CutPursuit,
-    /// The same energy by greedy merging: faster.
+    /// The same energy minimised by greedy merging: faster.
     Merge,
-    /// Supervoxels of an adaptive octree, their Riemannian graph, l0 cut pursuit on it (document 001).
+    /// Supervoxels of an adaptive octree, their Riemannian graph, and l0 cut pursuit on it (Li 2018).
     Riemannian,
-    /// Local graphs of supervoxels (document 002).
+    /// Local graphs of supervoxels (Hasanpour Zaryabi et al. 2022).
     LocalGraph,
-    /// Supervoxels on points (document 002).
+    /// Supervoxels on points: SLIC (Hasanpour Zaryabi et al. 2022).
     Slic,
-    /// Supervoxels on voxels that touch (Papon 2013).
+    /// Supervoxels on adjacent voxels: VCCS (Papon et al. 2013).
     Vccs,
-    /// Smooth regions of points (Rabbani 2006).
+    /// Region growing on points (Rabbani et al. 2006).
     RegionGrowing,
-    /// Flat voxels of an octree, grown and refined (Vo 2015).
+    /// Octree-based region growing (Vo et al. 2015).
     OctreeRegionGrowing,
 }
 
@@ -61,19 +61,19 @@ impl SegmentMethod {
         }
     }
 
-    /// True if the four local descriptors and the graph of the points make the segments.
+    /// True for methods based on the four local descriptors and the graph of the points.
     pub fn is_on_points(self) -> bool {
         matches!(self, Self::CutPursuit | Self::Merge)
     }
 }
 
-/// What both kinds of region growing need besides their own settings.
+/// Parameters that both kinds of region growing share.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GrowingParams {
-    /// Nearest neighbours that a region grows over and normals are found by, 2..=32.
+    /// Number of nearest neighbours for region growing and for normals, 2..=32.
     pub neighbours: usize,
-    /// What becomes of points without a region.
+    /// Treatment of points without a region.
     pub leftovers: Leftovers,
 }
 
@@ -83,23 +83,23 @@ impl Default for GrowingParams {
     }
 }
 
-/// Settings of [`segment`](super::segment()): a recipe of its own. The defaults are the documents', but for a strength of 0.03
-/// that suits airborne scans too.
+/// Parameters of [`segment`](super::segment()), saved as a recipe of their own. The defaults are those of the papers,
+/// except for a strength of 0.03, which suits airborne scans too.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SegmentParams {
-    /// How segments are found; only the sections of this method count.
+    /// The method; only the sections of this method are used.
     pub method: SegmentMethod,
-    /// `riemannian`: part the cloud at each of these least depths of the octree too.
+    /// `riemannian`: segment the cloud at each of these least depths of the octree too.
     pub levels: Vec<u32>,
-    /// `cut-pursuit`, `merge`: nearest neighbours that each point is joined with, at least 1. Boundaries of every method are
-    /// judged on this graph.
+    /// `cut-pursuit`, `merge`: number of nearest neighbours that each point is connected to, at least 1. The boundary
+    /// scores of every method use this graph.
     pub neighbours: usize,
     /// Neighbourhoods of the four descriptors that are nearly constant on a segment.
     pub neighbourhood: OptimalParams,
     /// Weights of these edges.
     pub adjacency: KnnGraphParams,
-    /// The partition: a strength, or what it is for. Its `method` is that of [`SegmentParams::method`].
+    /// The partition: a strength, or an intent. Its `method` is that of [`SegmentParams::method`].
     pub partition: PartitionParams,
     /// `riemannian`.
     pub riemannian: RiemannianParams,
@@ -132,21 +132,22 @@ impl Default for SegmentParams {
 }
 
 impl SegmentParams {
-    /// The defaults with the method of that name (`riemannian` is document 001's recipe); nothing if there is no such method.
+    /// The defaults of the method with that name (for `riemannian` those of Li 2018); `None` if there is no such
+    /// method.
     pub fn named(name: &str) -> Option<Self> {
         let method = SegmentMethod::ALL.into_iter().find(|method| method.name() == name)?;
         Some(Self { method, ..Self::default() })
     }
 
-    /// Reads TOML; a wrong key is named with its line and the nearest valid key.
+    /// Reads TOML; the message about a wrong key gives its line and the nearest valid key.
     ///
     /// # Errors
-    /// Not TOML, an unknown key or value.
+    /// If the text is not TOML, or a key or value is unknown.
     pub fn from_toml(text: &str) -> Result<Self> {
         explained(text)
     }
 
-    /// The settings as TOML, all values resolved.
+    /// The parameters as TOML, with all values written out.
     ///
     /// # Errors
     /// Never for values that pass [`SegmentParams::validate`].
@@ -166,10 +167,10 @@ impl SegmentParams {
         Self::from_toml(&table.to_string())
     }
 
-    /// The same with another aim: a strength, or what the segments are for.
+    /// The same parameters with another aim: a strength or an intent.
     ///
     /// # Errors
-    /// If the method has no such aim.
+    /// If the method does not support the aim.
     pub fn aimed(mut self, aim: Intent) -> Result<Self> {
         match (aim, self.method) {
             (aim, method) if method.is_on_points() => self.partition.intent = aim,
@@ -186,7 +187,7 @@ impl SegmentParams {
         Ok(self)
     }
 
-    /// The same for another size, metres: that of the supervoxels, or of the largest voxels of an octree.
+    /// The same parameters with another size, metres: of the supervoxels, or of the largest voxels of an octree.
     ///
     /// # Errors
     /// If the method has no size.
@@ -208,7 +209,7 @@ impl SegmentParams {
         Ok(self)
     }
 
-    /// Columns of a cloud that the method reads, beside labels.
+    /// Columns of a cloud that the method reads, besides labels.
     pub fn columns(&self) -> Vec<String> {
         let coloured = matches!(self.method, SegmentMethod::LocalGraph | SegmentMethod::Slic | SegmentMethod::Vccs);
         match coloured && self.objects.colour != Some(false) {

@@ -1,4 +1,4 @@
-//! The partition of a cloud's points by each method.
+//! Runs each segmentation method on the points of a cloud.
 
 use super::{SegmentMethod, SegmentParams};
 use crate::cloud::{Cloud, Points};
@@ -13,7 +13,7 @@ use crate::segmentation::{
     partition_by_intent, region_growing,
 };
 
-/// A partition and what its method knows of it.
+/// A partition, with method-specific results.
 #[derive(Default)]
 pub(super) struct Parted {
     pub(super) partition: Partition,
@@ -33,7 +33,7 @@ pub(super) struct Level {
     pub(super) seconds: StageSeconds,
 }
 
-/// Parts the points; `labels`, one a point, serve the intent that asks for them.
+/// Segments the points; `labels`, one a point, are for the intent that is based on them.
 pub(super) fn part(
     (cloud, points): (&Cloud, &Points),
     labels: Option<&[Option<u8>]>,
@@ -62,7 +62,7 @@ pub(super) fn part(
     }
 }
 
-/// The graph that every point shares with its nearest neighbours.
+/// The graph of nearest neighbours of the points.
 pub(super) fn adjacency(points: &Points, params: &SegmentParams, monitor: &Monitor) -> Result<Graph> {
     let near = knn(points, params.neighbours, monitor)?;
     knn_graph(points.len(), near, &params.adjacency, monitor)
@@ -93,7 +93,7 @@ fn on_points(
 }
 
 fn on_supervoxels(points: &Points, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
-    // The normals are the same at all depths: one call for the segments and for the levels.
+    // The normals are the same at all depths: a single call computes the segments and the levels.
     let depths = std::iter::once(params.riemannian.octree.min_depth).chain(params.levels.iter().copied());
     let mut scales = multi_scale(points, &params.riemannian, depths, monitor)?.into_iter().map(Level::from);
     let Some(found) = scales.next() else { return Ok(Parted::default()) };

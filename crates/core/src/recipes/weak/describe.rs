@@ -1,4 +1,4 @@
-//! What a point is described by: the six descriptors of document 000, section 2, and features of many scales.
+//! Features of points: the six descriptors of Guinard & Landrieu 2017, section 2, and multi-scale features.
 
 use super::{Descriptors, WeakRecipe};
 use crate::classification::{Classifier, PredictScratch};
@@ -14,10 +14,10 @@ pub(super) fn local(points: &Points, recipe: &WeakRecipe, monitor: &Monitor) -> 
     Ok(optimal_features(points, &recipe.neighbourhood, monitor)?.table)
 }
 
-/// Blocks that go through the trees together: the more rows share a path, the cheaper it is.
+/// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
 const TOGETHER: usize = 4;
 
-/// Groups of blocks whose probabilities are held at a time.
+/// Number of groups of blocks whose probabilities are held at a time.
 const AT_ONCE: usize = 32;
 
 /// Section 2.2: the local descriptors, height above the road and position with respect to it.
@@ -48,7 +48,7 @@ pub(super) struct Described<'a> {
     pub(super) six: FeatureTable,
 }
 
-/// The features beside the six, if there are any.
+/// The features besides the six descriptors, if any.
 pub(super) fn more(recipe: &WeakRecipe, metres: Option<f64>) -> Option<FeatureSet> {
     let mut set = recipe.features.clone();
     set.metres_per_unit = metres.or(set.metres_per_unit);
@@ -61,7 +61,8 @@ pub(super) fn select(table: &FeatureTable, at: &[u32]) -> FeatureTable {
     FeatureTable { names: table.names.clone(), values }
 }
 
-/// All columns of some points of which the six are known, and the finest scale; `places` are theirs in the cloud.
+/// All feature columns of some points whose six descriptors are known, and the finest scale; `places` are their indices
+/// in the cloud.
 pub(super) fn rows(
     cloud: &Cloud,
     (six, places): (FeatureTable, &[u32]),
@@ -86,7 +87,7 @@ impl Described<'_> {
         self.six.names.iter().cloned().chain(scaled.unwrap_or_default()).collect()
     }
 
-    /// Class probabilities of all points, row-major; features of many scales are computed and forgotten block by block.
+    /// Class probabilities of all points, row-major; multi-scale features are computed and discarded block by block.
     pub(super) fn probabilities(
         &self,
         classifier: &Classifier,
@@ -129,7 +130,7 @@ struct Workspace {
 }
 
 impl Workspace {
-    /// The points of a group of blocks and their class probabilities.
+    /// The points of a group of blocks, and their class probabilities.
     fn group(
         &mut self,
         group: usize,

@@ -1,25 +1,27 @@
-//! Which labelled points are learned from.
+//! Selection of the labelled points for training.
 
 use crate::error::{Error, Result};
 use crate::random::stream;
 use crate::recipes::Labels;
 use serde::{Deserialize, Serialize};
 
-/// Which labels are learned from.
+/// Parameters of the selection and use of labels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WeakLabels {
-    /// At most this many of each class, drawn by the seed; 0 takes all. The paper has 15 (Oakland) and 25 (Semantic3D).
+    /// Largest number of labels of each class, drawn at random; 0 uses all. The paper has 15 (Oakland) and 25
+    /// (Semantic3D).
     pub per_class: usize,
-    /// At most this many in all, so that a scan that is labelled completely stays quick to learn from.
+    /// Largest total number of labels, so that training on a completely labelled scan stays fast.
     pub most: usize,
-    /// A picked place must have a point of the cloud within so many metres.
+    /// Largest distance, metres, between a picked position and the nearest point of the cloud.
     pub within: f64,
-    /// Make the segments finer than the partition's strength says if whole ones could not be named as the labels are.
+    /// Use a finer partition than its strength gives if its segments cannot be consistent with the labels.
     pub fit_partition: bool,
-    /// Where a cloud has labelled places: segments that are named against a label in them are cut finer and named again.
+    /// In a cloud with labelled positions: segments classified differently from a label in them are segmented more
+    /// finely and classified again.
     pub hold: bool,
-    /// Filled by training: labelled places, in the units of their cloud, and their classes.
+    /// Set by training: labelled positions, in the units of their cloud, and their classes.
     pub places: Vec<([f64; 3], u8)>,
 }
 
@@ -33,7 +35,7 @@ impl WeakLabels {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// If `most` is 0, or `within` no distance.
+    /// If `most` is 0, or `within` is not a distance.
     pub fn validate(&self) -> Result<()> {
         if self.within.is_nan() || self.within < 0.0 {
             return Err(Error::parameter("labels.within", self.within, "metres, 0 or more"));
@@ -45,19 +47,19 @@ impl WeakLabels {
     }
 }
 
-/// A point and its class.
+/// A labelled point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Example {
     /// Class code.
     pub code: u8,
-    /// Position in the cloud's finite points.
+    /// Index among the cloud's finite points.
     pub point: u32,
 }
 
-/// The examples of the finite points `index` of a cloud, by class and then by point.
+/// The labelled points among the finite points `index` of a cloud, sorted by class and then by point.
 ///
 /// # Errors
-/// No point is labelled.
+/// If no point is labelled.
 pub(super) fn examples(labels: &Labels, index: &[u32], (params, seed): (&WeakLabels, u64)) -> Result<Vec<Example>> {
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); 256];
     for (point, &i) in index.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Labels hold: a segment that was named against a label in it is cut finer.
+//! Labels as hard constraints: a segment classified differently from a label in it is segmented more finely.
 
 use super::examples::{Example, WeakLabels};
 use crate::classes::ClassTable;
@@ -9,23 +9,24 @@ use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::regularise::{Probabilities, RegulariseParams, Regularised, Scene};
 
-/// Most places of each class that travel in a model.
+/// Largest number of positions of each class that a model stores.
 const MOST: usize = 500;
 
-/// A labelled place is that of the nearest point if it is so near, metres: coordinates may have been rounded to centimetres.
+/// Largest distance, metres, between a labelled position and its point: coordinates may have been rounded to
+/// centimetres.
 const SAME: f64 = 0.01;
 
-/// Part of the strength with which segments are cut that were named against a label.
+/// Share of the strength with which contradicted segments are segmented again.
 const FINER: f64 = 0.03;
 
-/// The descriptors that segments are found by, and the labelled points: each with the position of its class.
+/// The descriptors that segments are based on, and the labelled points with the position of their class.
 pub(super) struct Known {
     pub(super) descriptors: FeatureTable,
     pub(super) labels: Vec<(u32, u16)>,
 }
 
 impl WeakLabels {
-    /// Remembers the places of the examples, at most [`MOST`] of each class, evenly over its examples.
+    /// Stores the positions of the labelled points, at most [`MOST`] of each class, spread evenly over them.
     pub(super) fn remember(&mut self, examples: &[Example], place: impl Fn(u32) -> [f64; 3]) {
         for same in examples.chunk_by(|a, b| a.code == b.code) {
             let step = same.len().div_ceil(MOST).max(1);
@@ -33,7 +34,7 @@ impl WeakLabels {
         }
     }
 
-    /// The points of a cloud that stand in labelled places, each with the position of its class, ascending.
+    /// The points of a cloud at labelled positions, each with the position of its class, ascending.
     pub(super) fn found(
         &self,
         cloud: &Cloud,
@@ -62,7 +63,8 @@ impl WeakLabels {
     }
 }
 
-/// The labels for these probabilities. Segments that are named against a label in them are cut finer, and all are named again.
+/// The labels for these probabilities. Segments that contradict a label in them are segmented more finely, and
+/// everything is classified again.
 ///
 /// # Errors
 /// As [`Scene::decide`].
@@ -77,13 +79,13 @@ pub(super) fn decide(
     if against.is_empty() {
         return Ok(found);
     }
-    // All are named again: what they were named holds memory that the segments need.
+    // All segments are classified again; this result holds memory that is needed for them.
     drop(found);
     scene.recut(&known.descriptors, (&against, FINER), params, monitor)?;
     scene.decide(given, params, monitor)
 }
 
-/// Segments that have another name than a label in them, ascending.
+/// Segments whose class differs from a label in them, ascending.
 fn named_against(found: &Regularised, labels: &[(u32, u16)]) -> Vec<u32> {
     let Some(partition) = &found.partition else { return Vec::new() };
     let wrong = labels.iter().filter(|&&(point, class)| found.labels[point as usize] != class);
@@ -101,7 +103,7 @@ mod tests {
     use crate::recipes::Regularise;
     use crate::segmentation::{Intent, PartitionParams};
 
-    /// A floor and a wall that meet, and probabilities with noise: the floor is class 0, the wall 1.
+    /// A floor and a wall that meet, and noisy probabilities: the floor is class 0, the wall 1.
     fn scene() -> (Cloud, Vec<f32>, Vec<u16>) {
         let mut random = stream(3, 1);
         let (mut rows, mut values, mut truth) = (Vec::new(), Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! Labels that somebody picked: places with a class, or segments with a class.
+//! Manually picked labels: positions with a class, or segments with a class.
 
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
@@ -8,26 +8,26 @@ use crate::parallel::Monitor;
 use crate::recipes::Labels;
 use std::path::{Path, PathBuf};
 
-/// A table of labels: `x,y,z,class` (each belongs to the nearest point) or `cluster_id,class` (each belongs to all points of
-/// a segment, by the cloud's `ClusterID`).
+/// A table of labels: `x,y,z,class` (for the nearest point) or `cluster_id,class` (for all points of a segment, by the
+/// cloud's `ClusterID`).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LabelFile {
     path: PathBuf,
-    /// Line, place, class.
+    /// Line, position, class.
     places: Vec<(usize, [f64; 3], u8)>,
     /// Line, segment, class.
     segments: Vec<(usize, u32, u8)>,
 }
 
-/// The columns of a table: their positions.
+/// Indices of the columns of a table.
 enum Columns {
     Places([usize; 4]),
     Segments([usize; 2]),
 }
 
 impl LabelFile {
-    /// Reads a table of text: separated by commas, semicolons or blanks, with or without a line of names. Rows whose class
-    /// is empty are skipped (a list to be filled in may be handed back half done); `#` begins a comment.
+    /// Reads a text table separated by commas, semicolons or blanks, with or without a header line. Rows with an empty
+    /// class are skipped, so that a partly filled-in list can be used; `#` starts a comment.
     ///
     /// # Errors
     /// `path:line: what is wrong`.
@@ -61,16 +61,16 @@ impl LabelFile {
         }
     }
 
-    /// Labels at the points of a cloud that have a class among `labels`: any cloud may tell where its classes are.
+    /// Labels at the points of a cloud whose class is in `labels`.
     pub fn of_cloud(path: &Path, cloud: &Cloud, labels: &Labels) -> Self {
         let places = labels.codes.iter().enumerate().filter_map(|(i, code)| code.map(|c| (i + 1, cloud.xyz(i), c)));
         Self { path: path.to_path_buf(), places: places.collect(), segments: Vec::new() }
     }
 
-    /// The labels of a cloud's points. A place must be within `within` metres of a point.
+    /// The labels of a cloud's points. Each position must be within `within` metres of a point.
     ///
     /// # Errors
-    /// A place that is far from every point, a segment that the cloud does not have, two classes for one point.
+    /// If a position is too far from every point, the cloud lacks a segment, or a point gets two classes.
     pub fn apply(&self, cloud: &Cloud, (metres, within): (f64, f64), monitor: &Monitor) -> Result<Labels> {
         let mut codes: Vec<Option<u8>> = vec![None; cloud.len()];
         self.apply_places(cloud, (metres, within), &mut codes, monitor)?;
@@ -107,7 +107,7 @@ impl LabelFile {
         Ok(())
     }
 
-    /// Fails at the first place that lies outside the box of the cloud's points by more than `within` metres.
+    /// Fails at the first position outside the cloud's bounding box by more than `within` metres.
     fn check_box(&self, cloud: &Cloud, (metres, within): (f64, f64), monitor: &Monitor) -> Result<()> {
         let Some((low, high)) = cloud.bounds_watched(monitor)? else { return Ok(()) };
         for (line, place, _) in &self.places {

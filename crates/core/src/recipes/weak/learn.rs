@@ -1,4 +1,4 @@
-//! Learning from a few points, and naming all.
+//! Training on a few labelled points, and classification of all points.
 
 use super::WeakRecipe;
 use super::describe::{self, Described};
@@ -18,60 +18,60 @@ use crate::recipes::{ClassCount, Labels, planar_density};
 use crate::segmentation::Intent;
 use serde::Serialize;
 
-/// Share of the labels that whole segments must be able to have right, strengths of the partition that are tried, and the
+/// Oracle accuracy on the labels that the segments must reach, largest number of partition strengths tried, and the
 /// factor between them.
 const ENOUGH: f64 = 0.9;
 const TRIALS: usize = 4;
 const FINER: f64 = 0.3;
 
-/// Folds of the search for the strength.
+/// Number of folds in the search for the strength.
 const FOLDS: usize = 5;
 
-/// What training did.
+/// Report of the training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WeakReport {
-    /// Per class, ascending by code: labelled points and those that were learned from.
+    /// Per class, ascending by code: number of labelled points, and of those used for training.
     pub classes: Vec<ClassCount>,
     /// Points without a label.
     pub unlabelled: u64,
-    /// Examples of road (0: the lowest points stood in for it).
+    /// Number of labelled road points (0: the lowest points were used instead).
     pub road_examples: usize,
-    /// Strengths of the partition that were tried, and what naming whole segments could reach of the labels; the last is used.
+    /// Partition strengths that were tried, with the oracle accuracy on the labels; the last one is used.
     pub partitions: Vec<StrengthScore>,
-    /// Strengths that were tried, with their scores; empty if none were asked for.
+    /// Strengths of the random field that were tried, with their scores; empty if no search was requested.
     pub strengths: Vec<StrengthScore>,
     /// Strength that the model uses.
     pub strength: f64,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Score of a strength, over labels.
+/// Score of a strength on labelled points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StrengthScore {
     /// σ or ρ.
     pub strength: f64,
-    /// Share of the labels that were found, 0..1.
+    /// Share of the labels that were predicted correctly, 0..1.
     pub accuracy: f64,
 }
 
-/// The labelled points of one cloud, described.
+/// The labelled points of one cloud and their features.
 struct Lesson<'a> {
-    /// Of the first cloud, if strengths are to be tried on it.
+    /// All points of the first cloud, if strengths are to be tried on it.
     described: Option<Described<'a>>,
     examples: Vec<Example>,
-    /// One row an example.
+    /// One row a labelled point.
     rows: FeatureTable,
     density: f64,
 }
 
-/// Learns from the labelled points of one or more clouds. The unlabelled ones only give the neighbourhoods.
+/// Trains on the labelled points of one or more clouds. The unlabelled points only contribute to the neighbourhoods.
 ///
-/// With `strengths`, the strength of the field is the one that finds most of the labels that are held out (5 folds,
-/// ties to the smallest); it is measured on the first cloud.
+/// With `strengths`, the random field uses the strength that predicts most of the held-out labels correctly (5 folds,
+/// ties to the smallest), measured on the first cloud.
 ///
 /// # Errors
-/// Fewer than two classes are labelled, a parameter out of range, cancellation.
+/// If fewer than two classes are labelled, a parameter is out of range, or the work was cancelled.
 pub fn train_weak(
     clouds: &[(Cloud, Labels)],
     recipe: &WeakRecipe,
@@ -111,7 +111,7 @@ pub fn train_weak(
     Ok((model, report))
 }
 
-/// A cloud that is only described by its local descriptors yet.
+/// A cloud of which only the local descriptors have been computed.
 struct Draft<'a> {
     cloud: &'a Cloud,
     points: Points,
@@ -119,8 +119,8 @@ struct Draft<'a> {
     local: FeatureTable,
 }
 
-/// Examples and descriptors of every cloud; the recipe learns what road looks like from all of them, and how fine segments must
-/// be from the first. With `search`, all points of the first cloud stay described.
+/// Labelled points and features of every cloud. Sets in the recipe the examples of road, from all clouds, and the
+/// strength of the partition, from the first. With `search`, the features of all points of the first cloud are kept.
 fn study<'a>(
     clouds: &'a [(Cloud, Labels)],
     recipe: &mut WeakRecipe,
@@ -136,7 +136,7 @@ fn study<'a>(
         let local = describe::local(&points, recipe, monitor)?;
         drafts.push(Draft { cloud, points, examples, local });
     }
-    // First what needs most memory, while little else is held.
+    // The step that needs most memory comes first, while little else is held.
     let partitions = fit_partition(&drafts, recipe, monitor)?;
     let mut road = Vec::new();
     recipe.labels.places.clear();
@@ -157,7 +157,7 @@ fn study<'a>(
         let described = (search && lessons.is_empty()).then_some(Described { cloud, points, six });
         let more = describe::more(recipe, None);
         let (rows, scale) = describe::rows(cloud, (own, &places), more.as_ref(), monitor)?;
-        // The finest scale of the first cloud is that of the others, and of all that the model will name.
+        // The finest scale of the first cloud is used for the others, and for all clouds that the model classifies.
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
         let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0), monitor)?;
         lessons.push(Lesson { described, examples, rows, density });
@@ -165,7 +165,7 @@ fn study<'a>(
     Ok((lessons, partitions))
 }
 
-/// The rows of all lessons, of which nothing else is needed any more.
+/// The rows of all clouds; their other data are freed.
 fn table(lessons: Vec<Lesson<'_>>) -> FeatureTable {
     let mut tables = lessons.into_iter().map(|lesson| lesson.rows);
     let mut all = tables.next().unwrap_or_default();
@@ -177,9 +177,9 @@ fn seeded(recipe: &WeakRecipe) -> ClassifierParams {
     ClassifierParams::Forest(recipe.forest.clone()).with_seed(recipe.seed)
 }
 
-/// Finer segments until whole ones could be named as the labels of the first cloud are.
+/// Makes segments finer until whole segments can be consistent with the labels of the first cloud.
 ///
-/// The paper's strength suits its street scans; roofs and ground of airborne scans would share segments.
+/// The paper's strength suits its street scans; on airborne scans roofs and ground would share segments.
 fn fit_partition(drafts: &[Draft<'_>], recipe: &mut WeakRecipe, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
     let mut tried = Vec::new();
     let voting = matches!(recipe.regularise.method, Regularise::Consensus | Regularise::SegmentCrf);
@@ -198,7 +198,7 @@ fn fit_partition(drafts: &[Draft<'_>], recipe: &mut WeakRecipe, monitor: &Monito
     Ok(tried)
 }
 
-/// Accuracy of every strength on the labels of one cloud that are held out.
+/// Accuracy of every strength on the held-out labels of one cloud.
 fn search(
     lesson: &Lesson<'_>,
     (recipe, classes): (&WeakRecipe, &ClassTable),
@@ -241,7 +241,7 @@ fn best_of(scores: &[StrengthScore]) -> Option<f64> {
     scores.iter().max_by(better).map(|s| s.strength)
 }
 
-/// The four local descriptors: what segments are found by.
+/// The four local descriptors, which the segments are based on.
 fn head(features: &FeatureTable) -> FeatureTable {
     let rows = features.values.chunks_exact(features.width());
     FeatureTable { names: features.names[..4].to_vec(), values: rows.flat_map(|r| &r[..4]).copied().collect() }
@@ -274,7 +274,7 @@ fn report(
     WeakReport { classes, unlabelled, road_examples, partitions: Vec::new(), strengths, strength, warnings }
 }
 
-/// Names every finite point of a cloud: the points, and the field's decision.
+/// Classifies every finite point of a cloud; returns the points and the decision of the random field.
 pub(in crate::recipes) fn classify_weak(
     cloud: &Cloud,
     (model, recipe): (&Model, &WeakRecipe),
@@ -285,7 +285,7 @@ pub(in crate::recipes) fn classify_weak(
     let points = points_of(cloud, Some(unit), monitor)?;
     let labels = recipe.labels.found(cloud, (&points, unit), &model.classes, monitor)?;
     let local = describe::local(&points, recipe, monitor)?;
-    // First what needs most memory, while little else is held.
+    // The step that needs most memory comes first, while little else is held.
     let mut scene = Scene::to_be_recut(&points, Some(&local), params, monitor)?;
     scene.only_recut_at(labels.iter().map(|(point, _)| *point));
     let six = describe::six(cloud, &points, local, recipe, monitor)?;

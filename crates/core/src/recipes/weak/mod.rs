@@ -1,17 +1,18 @@
-//! From a few labelled points to a labelled street.
+//! Weakly supervised classification: from a few labelled points to a label for every point.
 //!
-//! S. Guinard, L. Landrieu, *Weakly supervised segmentation-aided classification of urban scenes from 3d LiDAR point
-//! clouds*, ISPRS Archives XLII-1/W1, 2017 (document 000). `docs/weak.md` has the equations and where we deviate.
+//! S. Guinard, L. Landrieu, *Weakly supervised segmentation-aided classification of urban scenes from 3D LiDAR point
+//! clouds*, ISPRS Archives XLII-1/W1, 2017, doi:10.5194/isprs-archives-XLII-1-W1-151-2017. `docs/weak.md` has the
+//! equations and our deviations.
 //!
 //! | section | here |
 //! |---|---|
 //! | 2.1 local descriptors | [`WeakRecipe::neighbourhood`] |
 //! | 2.2 road, elevation, position | [`WeakRecipe::road`] |
 //! | 3 segmentation | [`WeakRecipe::regularise`], `partition` |
-//! | beyond the paper: features of many scales | [`WeakRecipe::descriptors`], [`WeakRecipe::features`] |
+//! | beyond the paper: multi-scale features | [`WeakRecipe::descriptors`], [`WeakRecipe::features`] |
 //! | 4.1 weakly supervised classifier | [`WeakRecipe::labels`], [`WeakRecipe::forest`] |
-//! | beyond the paper: shares of the classes | [`WeakRecipe::shares`] |
-//! | beyond the paper: labels hold | [`WeakLabels::hold`] |
+//! | beyond the paper: class shares | [`WeakRecipe::shares`] |
+//! | beyond the paper: labels as constraints | [`WeakLabels::hold`] |
 //! | 4.2 probabilities of segments, field | [`WeakRecipe::regularise`] |
 
 mod describe;
@@ -43,45 +44,45 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WeakKind {
-    /// Document 000.
+    /// Guinard & Landrieu 2017.
     #[default]
     Weak,
 }
 
-/// What a point is described by.
+/// The features of a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Descriptors {
-    /// The six of the paper.
+    /// The six descriptors of the paper.
     Paper,
-    /// These, and the features of many scales ([`WeakRecipe::features`]): far better where labels are few.
+    /// The six descriptors and multi-scale features ([`WeakRecipe::features`]): much more accurate with few labels.
     #[default]
     MultiScale,
 }
 
-/// The settings of the weakly supervised recipe; every default is the paper's where it tells one.
+/// The parameters of the weakly supervised recipe; the defaults are the paper's where it gives values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WeakRecipe {
     /// Always `weak`.
     pub recipe: WeakKind,
-    /// Seed of everything that is drawn by chance.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// What a point is described by.
+    /// The features of a point.
     pub descriptors: Descriptors,
-    /// Features of many scales (document 004, chapter 4.4). Training fills in the finest scale.
+    /// Multi-scale features (Hackel 2018, chapter 4.4). Training sets the finest scale.
     pub features: FeatureSet,
     /// Optimal neighbourhoods of the local descriptors.
     pub neighbourhood: OptimalParams,
-    /// The road, and the descriptors that need it.
+    /// The road, and the descriptors that depend on it.
     pub road: RoadParams,
-    /// Which labels are learned from.
+    /// Selection and use of the labels.
     pub labels: WeakLabels,
     /// The forest.
     pub forest: ForestParams,
-    /// How probabilities follow the classes' shares of the cloud.
+    /// Adaptation of the probabilities to the class shares of the cloud.
     pub shares: ClassShares,
-    /// Segments, and how labels are made to agree.
+    /// Segments, and regularisation of the labels.
     pub regularise: RegulariseParams,
 }
 
@@ -107,7 +108,7 @@ impl Default for WeakRecipe {
 }
 
 impl WeakRecipe {
-    /// Checks every part.
+    /// Checks all parts.
     ///
     /// # Errors
     /// Names the field, its value and what is allowed.
@@ -121,7 +122,7 @@ impl WeakRecipe {
         self.regularise.validate()
     }
 
-    /// Columns of a cloud that the recipe reads, beside labels.
+    /// Columns of a cloud that the recipe reads, besides labels.
     pub fn columns(&self) -> Vec<String> {
         let own = self.road.source == RoadSource::Classification;
         let scaled = match self.descriptors {

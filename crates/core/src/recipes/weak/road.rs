@@ -1,4 +1,4 @@
-//! Where the road is, and the two descriptors that need it (document 000, section 2.2).
+//! The road, and the two descriptors that depend on it (Guinard & Landrieu 2017, section 2.2).
 
 use super::examples::Example;
 use crate::classification::{ClassWeight, Forest, ForestParams, Samples};
@@ -10,43 +10,43 @@ use crate::terrain::{ElevationModel, Ground, Terrain, TerrainParams, mask_of_cla
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Most examples of road, and of the rest, that travel in a model.
+/// Largest number of examples of road, and of other classes, that a model stores.
 const MOST: usize = 500;
 
-/// Points within this height of the lowest of their cell count as ground where nobody knows the road, metres.
+/// Points within this height of the lowest point of their cell count as ground if the road is unknown, metres.
 const NEAR_LOWEST: f32 = 0.2;
 
 /// Edge of these cells, metres.
 const CELL: f32 = 2.0;
 
-/// Where the road's points come from.
+/// Source of the road points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RoadSource {
-    /// From the ground class of the cloud if it has one beside the labels that were asked for, else learned; the lowest
-    /// points if no example is road.
+    /// The ground class of the cloud if it has one besides the labels in use, else a forest trained on the labels; the
+    /// lowest points if no label is road.
     #[default]
     Learned,
-    /// The points of the cloud whose `Classification` is one of the codes.
+    /// The points of the cloud whose `Classification` is one of `codes`.
     Classification,
     /// The lowest points of every 2 m square.
     Lowest,
 }
 
-/// The road and its descriptors.
+/// Parameters of the road and its descriptors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RoadParams {
-    /// Where the road's points come from.
+    /// Source of the road points.
     pub source: RoadSource,
-    /// Classes that are road.
+    /// Classes that count as road.
     pub codes: Vec<u8>,
-    /// An ESRI ASCII grid of the ground's height; it takes precedence over the road's points for the elevation.
+    /// An ESRI ASCII grid of ground heights, used for the elevation instead of the road points.
     pub elevation_model: Option<PathBuf>,
     /// Elevation model and extent of the road.
     pub terrain: TerrainParams,
-    /// Filled by training: linearity, planarity, scattering, verticality of examples, and whether each is road. A model
-    /// finds the road of another cloud by the forest of these.
+    /// Set by training: linearity, planarity, scattering, verticality of labelled points, and whether each is road. A
+    /// model finds the road in other clouds by a forest trained on these.
     pub examples: Vec<([f32; 4], bool)>,
 }
 
@@ -74,7 +74,7 @@ impl RoadParams {
         self.terrain.validate()
     }
 
-    /// Remembers the examples of road and of other classes, at most [`MOST`] of each, evenly over the examples.
+    /// Stores labelled points of road and of other classes, at most [`MOST`] of each, spread evenly over them.
     pub(super) fn learn(&mut self, examples: &[Example], local: &FeatureTable) {
         self.examples.clear();
         for road in [true, false] {
@@ -127,8 +127,8 @@ impl RoadParams {
     }
 }
 
-/// Points that the forest of these examples finds at least as likely road as not: those of
-/// [`is_likely`](crate::terrain::is_likely), but points of which half of the trees are sure do not ask the others.
+/// Points that a forest trained on these examples considers at least as likely road as not: those of
+/// [`is_likely`](crate::terrain::is_likely), but without evaluating the remaining trees once half of them agree.
 fn learned(
     examples: &[([f32; 4], bool)],
     local: &FeatureTable,
@@ -136,7 +136,7 @@ fn learned(
     monitor: &Monitor,
 ) -> Result<Vec<bool>> {
     let rows: Vec<f32> = examples.iter().flat_map(|(row, _)| *row).collect();
-    // Road is the first class: it gets the ties.
+    // Road is the first class, so that it wins ties.
     let labels: Vec<u16> = examples.iter().map(|(_, road)| u16::from(!road)).collect();
     let samples = Samples { features: &rows, width: local.width(), labels: &labels, weights: None, classes: 2 };
     let mut params = forest.clone();
@@ -172,7 +172,7 @@ mod tests {
     fn the_learned_road_is_that_of_the_probabilities() {
         let mut random = stream(11, 0);
         let mut row = || [0; 4].map(|_| (random.uniform() * 20.0).round() as f32 / 20.0);
-        // Coarse values: equal rows of both kinds make leaves that are not pure, and ties.
+        // Coarse values: equal rows of both classes give impure leaves, and ties.
         let examples: Vec<([f32; 4], bool)> = (0..300).map(|i| (row(), i % 3 == 0)).collect();
         let values: Vec<f32> = (0..3000).flat_map(|_| row()).collect();
         let names = || ["a", "b", "c", "d"].map(str::to_string).to_vec();

@@ -1,20 +1,21 @@
-//! Labels are picked class by class, but a cloud holds little of one class and much of another.
+//! Class shares: labels are picked class by class, but in a cloud some classes are much more frequent than others.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// How probabilities follow the classes' shares of the cloud.
+/// Adaptation of class probabilities to the class shares of the cloud.
 ///
-/// The forest learns that classes are as common as their labels. On the cloud that is named, p_k is multiplied by
-/// (π_k / τ_k)^power and made to sum to 1 again, where π_k is the share of points whose most probable class is k and τ_k that of
-/// the labels. With power 1 and true shares this would be the exact change of priors (Saerens, Latinne and Decaestecker 2002,
-/// *Adjusting the outputs of a classifier to new a priori probabilities*, equation 2.4); found shares only deserve a part of it.
+/// The forest learns that classes are as frequent as their labels. In the cloud to classify, p_k is multiplied by (π_k
+/// / τ_k)^power and normalised, where π_k is the share of points whose most probable class is k, and τ_k that of the
+/// labels. With power 1 and the true shares this would be the exact change of priors (M. Saerens, P. Latinne, C.
+/// Decaestecker, *Adjusting the outputs of a classifier to new a priori probabilities*, 2002, equation 2.4); as the
+/// shares are only estimated, a smaller power is better.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClassShares {
-    /// 0..=1; 0 leaves probabilities as they are (the paper).
+    /// Exponent, 0..=1; 0 leaves probabilities unchanged (the paper).
     pub power: f64,
-    /// Filled by training: share of each class in the labels, in the order of the classes.
+    /// Set by training: share of each class in the labels, in the order of the classes.
     pub learned: Vec<f64>,
 }
 
@@ -39,13 +40,13 @@ impl ClassShares {
         }
     }
 
-    /// Remembers the labels' shares; `labels` are positions of classes.
+    /// Stores the shares of the labels; `labels` are positions of classes.
     pub(super) fn learn(&mut self, labels: &[u16], classes: usize) {
         let count = |class: usize| labels.iter().filter(|&&l| usize::from(l) == class).count().max(1);
         self.learned = (0..classes).map(|class| count(class) as f64 / labels.len().max(1) as f64).collect();
     }
 
-    /// Brings the probabilities of all points of a cloud (row-major) to the shares that they tell.
+    /// Adapts the probabilities of all points of a cloud (row-major) to the estimated shares.
     pub(super) fn apply(&self, values: &mut [f32], classes: usize) {
         if self.power <= 0.0 || self.learned.len() != classes {
             return;

@@ -1,12 +1,12 @@
-//! How alike two supervoxels are: distance, features and the surface between them.
+//! Similarity of two supervoxels: distance, features and the connection of their surfaces.
 
 use super::params::{LocalGraphParams, SurfaceRule};
 use crate::segmentation::SupervoxelShape;
 use std::f64::consts::PI;
 
-/// The sigmoid of Stein et al. 2014: its height and middle in degrees, its slope in 1/degree.
+/// The sigmoid threshold of Stein et al. 2014: height in degrees, slope in 1/degree, midpoint in degrees.
 const SIGMOID: [f64; 3] = [60.0, 0.25, 25.0];
-/// The cross product of two unit normals shorter than this has no direction.
+/// A cross product of two unit normals shorter than this counts as zero: the normals are parallel.
 const PARALLEL: f64 = 1e-6;
 
 /// The surface between two supervoxels i and j: angles in radians, d from the centroid of i to that of j.
@@ -18,23 +18,23 @@ struct Surfaces {
     second: f64,
     /// ∠(n_i, n_j).
     between: f64,
-    /// Angle of d and n_i × n_j without sign, π/2 for parallel normals.
+    /// Angle of d and the line along n_i × n_j, 0..=π/2; π/2 for parallel normals.
     singular: f64,
 }
 
 impl Surfaces {
-    /// Of two supervoxels at different places.
+    /// The angles between two supervoxels at different places.
     fn new(i: &SupervoxelShape, j: &SupervoxelShape) -> Self {
         let d = unit([0, 1, 2].map(|a| f64::from(j.centroid[a]) - f64::from(i.centroid[a])));
         let (n, m) = (unit(i.normal.map(f64::from)), unit(j.normal.map(f64::from)));
         let cross = [n[1] * m[2] - n[2] * m[1], n[2] * m[0] - n[0] * m[2], n[0] * m[1] - n[1] * m[0]];
         let long = dot(cross, cross).sqrt();
         let singular = if long < PARALLEL { PI / 2.0 } else { (dot(cross, d).abs() / long).min(1.0).acos() };
-        // The arc tangent keeps its digits where normals are nearly parallel.
+        // The arc tangent stays accurate where the normals are nearly parallel.
         Self { first: angle(n, d), second: angle(m, d), between: long.atan2(dot(n, m)), singular }
     }
 
-    /// True if the surface goes on from one to the other.
+    /// True if both supervoxels belong to one continuous surface.
     fn connected(&self, params: &LocalGraphParams) -> bool {
         let turn = self.first - self.second;
         let [height, slope, middle] = SIGMOID;
@@ -60,7 +60,7 @@ pub(super) fn squared_distances(i: &SupervoxelShape, j: &SupervoxelShape, params
     let place: f64 = (0..3).map(|a| (f64::from(i.centroid[a]) - f64::from(j.centroid[a])).powi(2)).sum();
     let features = |s: &SupervoxelShape| [s.linearity, s.planarity, s.scattering, s.change_of_curvature].map(f64::from);
     let feature: f64 = features(i).iter().zip(features(j)).map(|(a, b)| (a - b).powi(2)).sum();
-    // One place has no direction: the normals alone tell the surfaces apart.
+    // Two centroids at one place define no direction d: only the angle between the normals is left.
     let surface = if place > 0.0 {
         Surfaces::new(i, j).squared_distance(params)
     } else {
@@ -69,7 +69,7 @@ pub(super) fn squared_distances(i: &SupervoxelShape, j: &SupervoxelShape, params
     [place, feature, surface]
 }
 
-/// The weight of an edge (Eq. 4): Π exp(−D²/(2λ²)), in (0, 1] as far as numbers go.
+/// The weight of an edge (Eq. 4): Π exp(−D²/(2λ²)), in (0, 1] up to underflow.
 pub(super) fn weight([place, feature, surface]: [f64; 3], size: f64, params: &LocalGraphParams) -> f64 {
     let term = |squared: f64, scale: f64| squared / (2.0 * scale * scale);
     let sum = term(place, params.distance_scale * size)
@@ -139,11 +139,11 @@ mod tests {
         assert!(joined(ridge(1.0)) && joined(ridge(PI / 2.0)) && joined(ridge(0.0)));
         assert!(!joined(ridge(-PI / 2.0)) && !joined(ridge(-0.3)));
         assert!(joined(ridge(-0.1)), "flat valleys count as flat: 5.7 degrees");
-        // Two faces of a cube seen from outside, and the inner corner of a room: floor and wall.
+        // Convex: two faces of a cube seen from outside. Concave: floor and wall of a room seen from inside.
         let cube = [shape([0.5, 0.5, 1.0], [0.0, 0.0, 1.0]), shape([1.0, 0.5, 0.5], [1.0, 0.0, 0.0])];
         let room = [shape([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]), shape([1.0, 0.5, 0.5], [-1.0, 0.0, 0.0])];
         assert!(joined(cube) && !joined(room));
-        // The line between the middles runs along the edge in which the planes meet: they touch in a spot.
+        // d runs along the line in which the planes meet: the supervoxels touch in a single spot.
         let spot = [shape([0.0; 3], [0.0, 0.6, 0.8]), shape([1.0, 0.0, 0.0], [0.0, -0.6, 0.8])];
         assert!(!joined(spot));
     }

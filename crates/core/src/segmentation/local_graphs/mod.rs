@@ -1,4 +1,5 @@
-//! Segments from supervoxels: each one looks at its own small graph, and neighbours that choose each other are joined.
+//! Segments from supervoxels by local graphs: each supervoxel segments its own neighbourhood, and mutual links are
+//! kept.
 
 mod cues;
 mod params;
@@ -12,19 +13,24 @@ use crate::graph::{EdgeMeaning, FelzenszwalbMerger, FelzenszwalbParams, Graph};
 use crate::neighbours::{Neighbours, knn};
 use crate::parallel::{Monitor, map_ordered_with};
 
-/// Local graphs that are segmented in one go.
+/// Local graphs that one task segments.
 const BLOCK: usize = 256;
 
-/// Segments of supervoxels by local graphs.
+/// Groups supervoxels into segments by local graphs.
 ///
-/// Document 002 (Hasanpour Zaryabi et al. 2022, sections 3.2 to 3.5) after Xu, Hoegner, Tuttas and Stilla, *Voxel- and
-/// graph-based point cloud segmentation of 3D scenes using perceptual grouping laws*, ISPRS Annals IV-1/W1, 2017. The
-/// local graph of a supervoxel holds itself and its N nearest ones by centroid; all of these that are nearer than √3 S are
-/// joined by an edge of weight W = Π exp(−D²/(2λ²)) over distance, features and surface connectivity (Eq. 2 and 4). It is
-/// segmented after Felzenszwalb and Huttenlocher on similarities; the supervoxels in the segment of the centre are those
-/// it chooses. Two that choose each other are linked, and segments are what links connect.
+/// E. Hasanpour Zaryabi, M. Saadatseresht, E. Ghanbari Parmehr, *An object-based classification framework for ALS point
+/// cloud in urban areas*, ISPRS Annals X-4/W1, 2022, sections 3.2 to 3.5; after Y. Xu, L. Hoegner, S. Tuttas, U.
+/// Stilla, *Voxel- and graph-based point cloud segmentation of 3D scenes using perceptual grouping laws*, ISPRS Annals
+/// IV-1/W1, 2017, doi:10.5194/isprs-annals-IV-1-W1-43-2017.
 ///
-/// Returns a partition of the supervoxels; [`Supervoxels::point_partition`] hands it to the points. O(V (N² log N + log V)).
+/// The local graph of a supervoxel consists of itself and the N supervoxels with the nearest centroids; an edge
+/// connects any two of them that are less than √3 S apart, with the weight W = Π exp(−D²/(2λ²)) over distance, features
+/// and surface connectivity (Eq. 2 and 4). The local graph is segmented by the method of Felzenszwalb and Huttenlocher
+/// on similarities. Each supervoxel thereby selects the others in its segment; two that select each other are linked,
+/// and the connected components of the links are the segments.
+///
+/// Returns a partition of the supervoxels; [`Supervoxels::point_partition`] transfers it to the points. O(V (N² log N +
+/// log V)).
 /// The result does not depend on the order of the supervoxels (but for ties) nor on the number of threads.
 ///
 /// # Errors
@@ -54,14 +60,14 @@ pub fn local_graphs(supervoxels: &Supervoxels, params: &LocalGraphParams, monito
     connected_partition(&graph, |_, _| true, monitor)
 }
 
-/// Working memory of a thread.
+/// Scratch memory of a thread.
 #[derive(Default)]
 struct Scratch {
     edges: Vec<([u32; 2], f64)>,
     merger: FelzenszwalbMerger,
 }
 
-/// What the local graphs are made of.
+/// Everything the local graphs are built from.
 struct Local<'a> {
     shapes: &'a [SupervoxelShape],
     near: &'a Neighbours,
@@ -75,7 +81,7 @@ impl Local<'_> {
         let (a, b) = (&self.shapes[i as usize], &self.shapes[j as usize]);
         let reach = self.params.reach * self.size;
         let apart: f64 = (0..3).map(|k| (f64::from(a.centroid[k]) - f64::from(b.centroid[k])).powi(2)).sum();
-        // The same pair gives the same bits from both ends.
+        // In this order of arguments (i, j) and (j, i) have exactly the same weight.
         let (a, b) = if i < j { (a, b) } else { (b, a) };
         (apart < reach * reach)
             .then(|| cues::weight(cues::squared_distances(a, b, self.params), self.size, self.params))
@@ -85,7 +91,7 @@ impl Local<'_> {
         if self.near.is_empty() { &[] } else { self.near.of(centre) }
     }
 
-    /// The other supervoxels in the segment of a local graph that holds its centre, ascending.
+    /// The supervoxels that `centre` selects: the others in its segment of its local graph, ascending.
     fn chosen(&self, centre: usize, scratch: &mut Scratch) -> Vec<u32> {
         let others = self.neighbours(centre);
         let member = |at: usize| if at == 0 { centre as u32 } else { others[at - 1] };
@@ -105,8 +111,8 @@ impl Local<'_> {
         chosen
     }
 
-    /// Links supervoxels without a link to the most alike of their neighbours with more than one, the nearest of equally
-    /// alike ones.
+    /// Links each supervoxel that has no link to the most similar of those neighbours that have more than one link;
+    /// ties go to the nearest.
     fn attach_isolated(&self, links: &mut Vec<[u32; 2]>) {
         let mut count = vec![0u32; self.shapes.len()];
         links.iter().flatten().for_each(|&i| count[i as usize] += 1);
@@ -120,7 +126,7 @@ impl Local<'_> {
     }
 }
 
-/// Pairs of supervoxels that are linked, each once; `chosen` holds what each one chooses, ascending.
+/// The pairs of linked supervoxels, each once; `chosen[i]` are those that i selects, ascending.
 fn combine(chosen: &[Vec<u32>], combination: Combination) -> Vec<[u32; 2]> {
     let mut links = Vec::new();
     for (i, others) in (0u32..).zip(chosen) {

@@ -1,4 +1,4 @@
-//! What the segmentation by local graphs can be told.
+//! Parameters of the segmentation by local graphs.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -18,10 +18,11 @@ pub enum SurfaceRule {
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Combination {
-    /// Two supervoxels are linked if each is in the segment of the other's local graph that holds its centre.
+    /// Two supervoxels are linked if each selects the other: each lies in the centre's segment of the other's local
+    /// graph.
     #[default]
     Mutual,
-    /// One of them is enough.
+    /// It is enough that one selects the other.
     Union,
 }
 
@@ -31,9 +32,9 @@ pub enum Combination {
 pub struct LocalGraphParams {
     /// N: nearest supervoxels in a local graph besides its centre; ≥ 1.
     pub neighbours: usize,
-    /// Supervoxels whose centroids are nearer than this share of S are joined by an edge; above 0.
+    /// Supervoxels whose centroids are nearer than this multiple of S are connected by an edge; above 0.
     pub reach: f64,
-    /// λ_p: distance at which the weight of an edge has fallen to exp(−1/2), in S; above 0, may be infinite.
+    /// λ_p: distance, in units of S, at which the weight of an edge has fallen to exp(−1/2); above 0, may be infinite.
     pub distance_scale: f64,
     /// λ_s: the same for the distance of (linearity, planarity, scattering, change of curvature).
     pub feature_scale: f64,
@@ -41,13 +42,13 @@ pub struct LocalGraphParams {
     pub surface_scale: f64,
     /// k of the segmentation of a local graph: larger gives larger segments; ≥ 0.
     pub k: f64,
-    /// When two surfaces count as one.
+    /// When two surfaces count as one connected surface.
     pub surface: SurfaceRule,
-    /// Concave edges flatter than this count as flat under [`SurfaceRule::Stein`], degrees, 0..=180.
+    /// Concave edges of a smaller angle than this count as flat under [`SurfaceRule::Stein`], degrees, 0..=180.
     pub concavity_deg: f64,
-    /// How local segments are combined.
+    /// How the local segments are combined into global ones.
     pub combination: Combination,
-    /// Supervoxels without a link join the most alike of their neighbours that have more than one.
+    /// Link each supervoxel without a link to the most similar neighbour that has more than one.
     pub attach_isolated: bool,
 }
 
@@ -69,7 +70,7 @@ impl Default for LocalGraphParams {
 }
 
 impl LocalGraphParams {
-    /// The surface rule as printed in the document, the rest as by default.
+    /// The surface rule as printed in Hasanpour Zaryabi et al. 2022, the rest as by default.
     pub fn paper() -> Self {
         Self { surface: SurfaceRule::Paper, ..Self::default() }
     }

@@ -1,4 +1,4 @@
-//! A partition by what it is for: the strength is searched, so that nobody needs to know what it means.
+//! A partition for a purpose: the strength is searched, so that the user need not know what it means.
 
 mod params;
 mod search;
@@ -15,27 +15,27 @@ use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::segmentation::{Partition, oracle_accuracy};
 
-/// Side of the plan's cells that count as covered, in metres.
+/// Side of the cells in plan that decide which ground is covered, in metres.
 const CELL: f32 = 2.0;
-/// Numbers of segments within this factor are right.
+/// A number of segments within this factor of the wanted one is accepted.
 const CLOSE: f64 = 1.05;
-/// Share of the nodes that may lie in segments which are too small.
+/// Share of the nodes that may lie in segments that are too small.
 const SMALL_SHARE: f64 = 0.05;
 
-/// What is to be parted, and what is known about it.
+/// The data to be partitioned.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene<'a> {
-    /// The values that are to be nearly constant in a segment.
+    /// The values that should be nearly constant within a segment.
     pub signal: Signal<'a>,
-    /// Who touches whom.
+    /// Which nodes are adjacent.
     pub graph: &'a Graph,
     /// Position of each node, for intents in metres and hectares.
     pub points: Option<&'a Points>,
-    /// Label of each node, few or many, for the oracle accuracy.
+    /// Label of each node where it is known, for the oracle accuracy.
     pub labels: Option<&'a [Option<u8>]>,
 }
 
-/// The partition that serves an intent, with the table of what was tried.
+/// The partition that fulfils an intent, with a table of all trials.
 ///
 /// Costs one partition a trial, at most [`PartitionParams::trials`] of them.
 ///
@@ -97,7 +97,7 @@ fn aim(scene: &Scene, params: &PartitionParams) -> Result<Aim> {
     }
 }
 
-/// Plan area over which there are points, in hectares: occupied cells of 2 m.
+/// Area in plan that holds points, in hectares: the occupied cells of 2 m.
 fn covered_hectares(points: &Points) -> f64 {
     let mut cells: Vec<[i32; 2]> =
         points.x.iter().zip(&points.y).map(|(x, y)| [(x / CELL).floor() as i32, (y / CELL).floor() as i32]).collect();
@@ -106,7 +106,7 @@ fn covered_hectares(points: &Points) -> f64 {
     cells.len() as f64 * f64::from(CELL * CELL) / 10_000.0
 }
 
-/// Share of the weight that lies in segments smaller than the intent's smallest object; nothing for other intents.
+/// Share of the weight that lies in segments smaller than the smallest object of the intent; `None` for other intents.
 fn small_share(scene: &Scene, intent: Intent, partition: &Partition) -> Option<f64> {
     let weight = |members: &[u32]| members.iter().map(|&node| scene.signal.weight(node as usize)).sum::<f64>();
     let is_small = |members: &[u32]| match (intent, scene.points) {
@@ -133,7 +133,7 @@ fn longest_side(points: &Points, members: &[u32]) -> f64 {
     side(&points.x).max(side(&points.y)).max(side(&points.z))
 }
 
-/// Where the search begins: the mean over the edges of the squared difference between their ends.
+/// The first strength of the search: the mean over the edges of the squared difference of their ends.
 fn typical_strength(scene: &Scene) -> f64 {
     let square = |[a, b]: [u32; 2]| -> f64 {
         let rows = scene.signal.row(a as usize).iter().zip(scene.signal.row(b as usize));
@@ -148,7 +148,7 @@ mod tests {
     use super::*;
     use crate::random::stream;
 
-    /// Squares of side `field` metres with values of their own, one point a metre, 48 x 48 m.
+    /// Squares of side `field` metres with different values, one point a metre, 48 x 48 m.
     fn fields(field: u32) -> (Points, Vec<f32>, Graph, Vec<Option<u8>>) {
         let number = |v: u32| v % 48 / field + v / 48 / field * (48 / field);
         let mut random = stream(1, 0);

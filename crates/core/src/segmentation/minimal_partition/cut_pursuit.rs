@@ -34,34 +34,34 @@ use coarse::in_cycles;
 /// Result of [`cut_pursuit`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct CutPursuit {
-    /// The segments of the best iterate, after the cutoff.
+    /// The segments of the iterate of least energy, after the cutoff.
     pub partition: Partition,
     /// Mean of each segment, `width` values each.
     pub centroids: Vec<f64>,
-    /// Q of the best iterate, before the cutoff took part.
+    /// Q of the iterate of least energy, before the cutoff.
     pub energy: f64,
-    /// Rounds of splitting and merging, of all cycles.
+    /// Iterations of splitting and merging over all cycles.
     pub iterations: usize,
     /// True if no segment could be split any more or Q fell by less than the tolerance.
     pub converged: bool,
-    /// Q at the start and after every round; on a graph that was coarsened, after every cycle.
+    /// Q at the start and after every iteration; on a graph that was coarsened, after every cycle.
     pub trace: Vec<f64>,
 }
 
 /// Segments on which the signal is nearly constant, with short boundaries.
 ///
-/// Every round splits each open segment in two by a minimum cut between two means, and then merges segments that
-/// touch, largest gain first, while Q falls. A split may raise Q for a moment, because staying whole is not among the
-/// choices of the cut: the best partition that was met is returned, or `guard` forbids such splits. Then nodes move
-/// across boundaries one by one while Q falls. Large graphs are cut on a coarser graph.
+/// Every iteration splits each open segment in two by a minimum cut between two means, and then merges adjacent
+/// segments, largest gain first, while Q falls. A split may raise Q for a moment, because the cut does not compare with
+/// the undivided segment: the best partition found is returned, or `guard` forbids such splits. Then nodes move across
+/// boundaries one by one while Q falls. Large graphs are cut on a coarser graph first.
 ///
 /// # Returns
-/// The partition, its means, Q, and how it was reached. Strength 0 gives the connected sets of equal values, an
-/// infinite one the connected pieces (over edges of positive weight).
+/// The partition, the mean of each segment, Q, and the course of the iterations. Strength 0 gives the connected sets of
+/// equal values, an infinite strength the connected components (over edges of positive weight).
 ///
 /// # Complexity
-/// A round costs k-means and `flow_steps` minimum cuts inside each open segment, and O(m log m) for merging;
-/// O(n · width + m) memory. Coarsening costs O(m log m) a cycle and leaves a graph of about a sixteenth.
+/// An iteration costs 2-means and `flow_steps` minimum cuts inside each open segment, and O(m log m) for merging; O(n ·
+/// width + m) memory. Coarsening costs O(m log m) a cycle and leaves about a sixteenth of the nodes.
 ///
 /// # Determinism
 /// The random stream of a split depends on the seed, the segment's smallest node and the round: the same bytes for any
@@ -100,7 +100,7 @@ mod tests {
         Graph::new(nodes as usize, &pairs, &vec![1.0; pairs.len()]).unwrap()
     }
 
-    /// Some constant stretches of two values with noise.
+    /// Constant stretches of two values, with noise.
     fn noisy_stretches(seed: u64, nodes: usize) -> Vec<f32> {
         let mut random = stream(seed, 1);
         let count = 2 + random.below(4);
@@ -166,7 +166,7 @@ mod tests {
         (values, weights, Graph::new(nodes as usize, &pairs, &costs).unwrap())
     }
 
-    /// Every way to part `nodes` nodes, as labels of which each new one is the next number.
+    /// All partitions of `nodes` nodes, as labels numbered in the order of their first node.
     fn all_partitions(nodes: usize) -> Vec<Vec<u32>> {
         let mut all = vec![vec![]];
         for _ in 0..nodes {
@@ -260,7 +260,7 @@ mod tests {
         }
     }
 
-    /// Fields of 12 x 12 nodes on a grid, with noise as large as a third of the contrast.
+    /// Square fields of 12 x 12 nodes on a grid, with noise as large as a third of the contrast.
     fn noisy_fields(side: u32) -> (Vec<f32>, Graph) {
         let mut random = stream(5, 3);
         let field = |v: u32| (v % side / 12 * 5 + v / side / 12 * 3) % 7;

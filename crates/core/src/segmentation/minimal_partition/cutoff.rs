@@ -1,4 +1,4 @@
-//! Segments that are too small join their best neighbour.
+//! Merges segments that are too small into their best neighbour.
 
 use super::Signal;
 use super::links::{EdgeLinks, Link, contract};
@@ -9,11 +9,12 @@ use crate::parallel::{Looks, Monitor};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::Sets;
 
-/// As the reference implementation: a chain of small segments needs several passes, but never many.
+/// Largest number of passes, as in the reference implementation: a chain of small segments needs several, but never
+/// many.
 const PASSES: usize = 50;
 
-/// Merges every segment whose weight is below `cutoff` into the neighbour of largest gain, be it negative; segments
-/// without neighbours stay. At most 50 passes of O(m log m).
+/// Merges every segment whose weight is below `cutoff` into the neighbour of largest gain, even if the gain is
+/// negative; segments without neighbours stay. At most 50 passes of O(m log m).
 pub(super) fn absorb_small(
     (signal, graph): (&Signal, &Graph),
     partition: Partition,
@@ -25,7 +26,7 @@ pub(super) fn absorb_small(
         return Ok(partition);
     }
     let mut segment = partition.segments().to_vec();
-    // With an infinite strength only edges of weight 0 are left between segments: they save nothing.
+    // With an infinite strength only edges of weight 0 are left between segments, and their cost is 0.
     let strength = if strength.is_finite() { strength } else { 0.0 };
     let mut links = contract(&EdgeLinks::weighted(graph, strength), &segment, monitor)?;
     for _ in 0..PASSES {
@@ -57,7 +58,7 @@ fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64, monitor: &Mon
         looks.step()?;
         let Some((_, other)) = choice else { continue };
         let root = sets.root(region);
-        // A region that has grown enough in this pass needs no further partner.
+        // A region that has grown enough in this pass is not merged any further.
         if regions.weight(root) < cutoff
             && let Some((kept, gone)) = sets.unite(region, other)
         {

@@ -1,17 +1,17 @@
-//! Links between regions that touch, and what remains of them when regions become one.
+//! Links between adjacent regions, and their contraction when regions merge.
 
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::{Looks, Monitor};
 
-/// Two regions that touch and what the edges between them cost together.
+/// Two adjacent regions and the total cost of the edges between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::segmentation) struct Link {
     pub(in crate::segmentation) ends: [u32; 2],
     pub(in crate::segmentation) boundary: f64,
 }
 
-/// Links with numbers.
+/// A numbered set of links.
 pub(in crate::segmentation) trait Links: Sync {
     /// All of them with their numbers, ascending.
     fn numbered(&self) -> impl Iterator<Item = (u32, Link)>;
@@ -29,21 +29,21 @@ impl Links for [Link] {
     }
 }
 
-/// What an edge costs as a link.
+/// Cost of an edge as a link.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::segmentation) enum Cost {
-    /// The same for each.
+    /// The same cost for every edge.
     Each(f64),
-    /// So many times its weight.
+    /// A multiple of the edge's weight.
     Weight(f64),
 }
 
-/// The edges of a graph as links between its nodes, which nobody has to hold.
+/// The edges of a graph as links between its nodes, computed on demand and not stored.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::segmentation) struct EdgeLinks<'a> {
     graph: &'a Graph,
     cost: Cost,
-    /// Only edges inside these segments, if given.
+    /// If given: only edges inside these segments.
     within: Option<&'a [u32]>,
 }
 
@@ -79,12 +79,12 @@ impl Links for EdgeLinks<'_> {
     }
 }
 
-/// So many links are sorted by one thread.
+/// Up to this many links are sorted by a single thread.
 const ALONE: usize = 1 << 15;
 
-/// The links between the segments of a partition of the nodes that `links` join, ascending by their ends; parallel ones are
-/// one, their costs added in the order of the links. O(links · log of the links of one segment); 8 bytes a link beside
-/// the result.
+/// Contracts links: those between the segments of a partition of the linked nodes, ascending by their ends; parallel
+/// links become one, their costs added in the order of the links. O(links · log of the links of one segment); 8 bytes a
+/// link beside the result.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -100,7 +100,7 @@ pub(in crate::segmentation) fn contract(
             (a != b).then_some((a.min(b), a.max(b), index))
         })
     };
-    // Rows of links: those of smaller end s end at ends[s] once all are there.
+    // Rows of links, one for each smaller end s; row s ends at ends[s] once it is filled.
     let segments = segment.iter().max().map_or(0, |&last| last as usize + 1);
     let mut ends = vec![0usize; segments + 1];
     for (smaller, ..) in renamed() {
@@ -120,7 +120,7 @@ pub(in crate::segmentation) fn contract(
     joined(links, (&rows, &ends), &mut looks)
 }
 
-/// Sorts each row; `rows` begin at `begin` of all.
+/// Sorts each row; `rows` is a part of all rows that begins at `begin`.
 fn sort_rows(rows: &mut [u64], ends: &[usize], begin: usize, monitor: &Monitor) -> Result<()> {
     monitor.check()?;
     if rows.len() > ALONE && ends.len() > 1 {
@@ -139,7 +139,7 @@ fn sort_rows(rows: &mut [u64], ends: &[usize], begin: usize, monitor: &Monitor) 
     Ok(())
 }
 
-/// The links of sorted rows.
+/// Merges parallel links of sorted rows.
 fn joined(links: &(impl Links + ?Sized), (rows, ends): (&[u64], &[usize]), looks: &mut Looks<'_>) -> Result<Vec<Link>> {
     let parallel = |a: &u64, b: &u64| a >> 32 == b >> 32;
     let (mut start, mut count) = (0, 0);

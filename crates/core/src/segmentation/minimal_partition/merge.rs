@@ -1,7 +1,7 @@
-//! Greedy merging of regions that touch: a segmentation of its own, and the backward step of cut pursuit.
+//! Greedy merging of adjacent regions: a segmentation method of its own, and the backward step of cut pursuit.
 //!
-//! Two regions s, t that share a boundary of cost B_st are better merged if
-//! gain = B_st − M_s M_t / (M_s + M_t) ‖x_s − x_t‖² > 0 (Landrieu, Obozinski, *Cut pursuit: fast algorithms to learn
+//! Merging two regions s, t that share a boundary of cost B_st changes the energy by −gain with gain = B_st − M_s M_t /
+//! (M_s + M_t) ‖x_s − x_t‖²; they merge if gain > 0 (Landrieu, Obozinski, *Cut pursuit: fast algorithms to learn
 //! piecewise constant functions on general weighted graphs*, SIAM J. Imaging Sciences 10(4), 2017, section 3).
 
 mod batch;
@@ -18,7 +18,7 @@ use crate::segmentation::Partition;
 use crate::segmentation::connected::{Sets, connected_partition};
 use serde::{Deserialize, Serialize};
 
-/// Up to so many links the pair of largest gain is merged first; above, every region's best pair at once.
+/// Up to this many links the pair of largest gain merges first; with more, each region's best pair at once.
 pub(super) const GREEDY_LINKS: usize = 10_000;
 
 /// Parameters of [`merge`].
@@ -28,7 +28,7 @@ pub struct MergeParams {
     /// ρ: what a boundary edge of weight 1 costs, in units of squared feature difference. Larger: fewer, larger
     /// segments. ≥ 0; infinite gives one segment per connected piece.
     pub strength: f64,
-    /// Segments of less weight than this join their best neighbour, whatever it costs. ≥ 0; 0 keeps all.
+    /// Segments of less weight than this are merged into their best neighbour, at any cost. ≥ 0; 0 keeps all.
     pub cutoff: f64,
 }
 
@@ -60,18 +60,18 @@ pub struct Merge {
     pub partition: Partition,
     /// Mean of each segment, `width` values each.
     pub centroids: Vec<f64>,
-    /// Q of the partition, before the cutoff took part: fit + strength · boundary.
+    /// Q of the partition before the cutoff: fit + strength · boundary.
     pub energy: f64,
 }
 
-/// Merges single nodes into segments as long as Q = Σ m_i ‖f_i − x_c(i)‖² + ρ Σ w_ij [c(i) ≠ c(j)] falls.
+/// Merges single nodes into segments as long as this lowers Q = Σ m_i ‖f_i − x_c(i)‖² + ρ Σ w_ij [c(i) ≠ c(j)].
 ///
-/// With at most 10,000 edges the pair of largest gain merges first; with more, every region's best partner is found
-/// at once, and these pairs merge in the order of gain, each checked again with the means of that moment. Q never
-/// rises in either way.
+/// With at most 10,000 edges the pair of largest gain merges first; with more, every region's best partner is found at
+/// once, and these pairs merge in the order of gain, each checked again with the current means. Q never rises in either
+/// variant.
 ///
 /// # Returns
-/// Segments that hang together in the graph, their means, and Q.
+/// Segments that are connected in the graph, the mean of each, and Q.
 ///
 /// # Complexity
 /// O(m log m) time for bounded degree, O(n · width + m) memory.
@@ -98,8 +98,8 @@ pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Mon
     Ok(Merge { partition, centroids, energy })
 }
 
-/// The partition where the strength leaves no choice: the connected sets of equal values at 0, the connected pieces
-/// over edges of positive weight at infinity.
+/// The partition at the limits of the strength: the connected sets of equal values at 0, the connected components over
+/// edges of positive weight at infinity; `None` in between.
 pub(super) fn trivial_partition(
     signal: &Signal,
     graph: &Graph,
@@ -116,17 +116,17 @@ pub(super) fn trivial_partition(
     }
 }
 
-/// What merging leaves.
+/// The result of merging.
 pub(super) struct Merger {
-    /// The number of the region that each of those before became part of.
+    /// The region that contains each of the former regions.
     pub(super) became: Vec<u32>,
-    /// The regions that remain.
+    /// The remaining regions.
     pub(super) regions: Regions,
-    /// The links between them.
+    /// The links between the remaining regions.
     pub(super) links: Vec<Link>,
 }
 
-/// Merges regions while a merger gains; the largest gain goes first once there are no more than `greedy` links.
+/// Merges regions while the gain is positive; with at most `greedy` links the largest gain first.
 pub(super) fn merge_further(regions: Regions, links: Vec<Link>, greedy: usize, monitor: &Monitor) -> Result<Merger> {
     let mut merger = Merger { became: (0..regions.len() as u32).collect(), regions, links };
     while merger.links.len() > greedy {
@@ -140,7 +140,8 @@ pub(super) fn merge_further(regions: Regions, links: Vec<Link>, greedy: usize, m
     Ok(merger)
 }
 
-/// [`merge_further`] of single nodes: of the edges of a large graph only those are held that the first round leaves.
+/// [`merge_further`] from single nodes; of the edges of a large graph only those that remain after the first pass are
+/// stored.
 pub(super) fn merge_nodes(
     mut regions: Regions,
     edges: EdgeLinks<'_>,
@@ -185,7 +186,7 @@ mod tests {
         Graph::new((side * side) as usize, &pairs, &vec![1.0; pairs.len()]).unwrap()
     }
 
-    /// A chequer of 4 x 4 fields with noise.
+    /// A chequerboard of 4 x 4 fields with noise.
     fn chequer(side: u32, seed: u64) -> Vec<f32> {
         let mut random = stream(seed, 0);
         let field = |v: u32| (v % side / (side / 4) + v / side / (side / 4)) % 2;

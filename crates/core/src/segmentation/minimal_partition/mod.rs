@@ -1,7 +1,7 @@
-//! The minimal partition: a signal on a graph, constant on few connected segments (documents 000 and 001).
+//! The minimal partition: approximates a signal on a graph by one that is constant on few connected segments.
 //!
-//! Landrieu and Obozinski 2017: minimise Σ_v m_v‖g_v − f_v‖² + ρ Σ_E w_ij [g_i ≠ g_j]; segments are the connected pieces on
-//! which g is constant.
+//! Landrieu & Obozinski 2017: minimise Σ_v m_v‖g_v − f_v‖² + ρ Σ_E w_ij [g_i ≠ g_j]; the segments are the connected
+//! components on which g is constant. Guinard & Landrieu 2017 apply it to points, Li 2018 to supervoxels.
 
 mod by_intent;
 mod cut_pursuit;

@@ -1,4 +1,4 @@
-//! Some segments of a partition, cut finer.
+//! Partitions some segments of a partition again, more finely.
 
 use super::by_intent::{PartitionParams, Scene, partition_by_intent};
 use super::signal::Signal;
@@ -7,10 +7,10 @@ use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::segmentation::Partition;
 
-/// Parts each of the segments `chosen` anew, by `params`; the others stay as they are.
+/// Partitions each of the segments `chosen` again with `params`; the others stay as they are.
 ///
-/// Only edges within a chosen segment count, so none of them grows. Positions and labels of the scene are not used: the intent
-/// is a strength. Costs what parting the chosen segments costs, and O(n + m).
+/// Only edges within a chosen segment count, so none of them grows. Positions and labels of the scene are not used: the
+/// intent must be a strength. Costs as much as partitioning the chosen segments alone, and O(n + m).
 ///
 /// # Errors
 /// If the partition is not one of the scene's nodes, `chosen` names a segment that does not exist, a parameter is out of range,
@@ -58,7 +58,7 @@ impl Piece {
     fn new(scene: &Scene<'_>, partition: &Partition, is_chosen: &[bool], monitor: &Monitor) -> Result<Self> {
         let of = partition.segments();
         let nodes: Vec<u32> = (0..).zip(of).filter(|(_, s)| is_chosen[**s as usize]).map(|(node, _)| node).collect();
-        // The ends of an edge within one segment are both chosen or not.
+        // Both ends of an edge within one segment are chosen, or neither is.
         let graph = scene.graph.induced(&nodes, |[a, b]| of[a as usize] == of[b as usize], monitor)?;
         Ok(Self {
             graph,

@@ -1,4 +1,4 @@
-//! Boundary nodes move to the segment in which they cost least.
+//! Moves boundary nodes to the adjacent segment in which they cost least.
 
 use super::Signal;
 use super::regions::Regions;
@@ -17,16 +17,16 @@ struct Moves<'a> {
     strength: f64,
     segment: Vec<u32>,
     regions: Regions,
-    /// Boundary cost from the node at hand to each segment around it.
+    /// Boundary cost between the current node and each adjacent segment.
     around: Vec<(u32, f64)>,
 }
 
-/// Every move lowers Q; more of them than this a node can only come from rounding errors.
+/// Most moves per node. Every move lowers Q, so that more of them can only come from rounding errors.
 const MOVES_A_NODE: usize = 20;
 
-/// Moves single nodes between segments that touch while Q falls (J. A. Hartigan, *Clustering Algorithms*, 1975: the
-/// gain counts how both means shift). A move never empties a segment. Segments that fall apart are parted.
-/// O(moves · degree · (degree + width)).
+/// Moves single nodes between adjacent segments while Q falls (J. A. Hartigan, *Clustering Algorithms*, 1975: the gain
+/// takes into account how both means shift). A move never empties a segment. Segments that become disconnected are
+/// split. O(moves · degree · (degree + width)).
 pub(super) fn move_boundary_nodes(
     signal: &Signal,
     (graph, incidence): (&Graph, &Incidence<'_>),
@@ -42,7 +42,7 @@ pub(super) fn move_boundary_nodes(
 }
 
 impl Moves<'_> {
-    /// First the nodes at boundaries in order, then again those around each node that moved.
+    /// Visits the nodes at boundaries in order, then again the neighbours of each node that moved.
     fn run(&mut self, monitor: &Monitor) -> Result<()> {
         let mut waiting = vec![false; self.graph.len()];
         for piece in watched(self.graph.edges().len(), monitor) {
@@ -74,7 +74,7 @@ impl Moves<'_> {
         Ok(())
     }
 
-    /// Moves a node where Q falls most; false if it stays.
+    /// Moves a node to where Q falls most; false if it stays.
     fn improve(&mut self, node: u32) -> bool {
         let here = self.segment[node as usize];
         self.look_around(node);
@@ -135,7 +135,7 @@ mod tests {
             };
             let with_edges = (&graph, &graph.incidence(&Monitor::default()).unwrap());
             let (mut last, mut now) = (Partition::default(), of(&labels));
-            // A move shifts means, which may open moves elsewhere: repeat until nothing moves.
+            // A move shifts means and may make other moves profitable: repeat until nothing moves.
             while now != last {
                 let moved = move_boundary_nodes(&signal, with_edges, (&now, 0.05), &Monitor::default()).unwrap();
                 let fell = energy(&signal, (&graph, 0.05), &now, &Monitor::default()).unwrap()

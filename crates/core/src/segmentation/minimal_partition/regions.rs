@@ -7,7 +7,7 @@ use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::Sets;
 
-/// Weight M and mean x of each region; f64 throughout, so that thousands of mergers lose nothing.
+/// Weight M and mean x of each region; f64 throughout, so that thousands of merges lose no accuracy.
 #[derive(Clone, Debug)]
 pub(super) struct Regions {
     width: usize,
@@ -68,7 +68,7 @@ impl Regions {
         self.mean(region).iter().zip(row).map(|(x, &f)| (f64::from(f) - x).powi(2)).sum()
     }
 
-    /// A node leaves one region, which keeps others, and joins another.
+    /// Moves a node from one region, which keeps others, to another.
     pub(super) fn shift(&mut self, row: &[f32], weight: f64, [from, to]: [u32; 2]) {
         for (region, change) in [(from, -weight), (to, weight)] {
             let region = region as usize;
@@ -93,7 +93,7 @@ impl Regions {
     }
 }
 
-/// ‖a − b‖²; the same digits for the four descriptors, whose length is known beforehand, as for others.
+/// ‖a − b‖²; for four descriptors with a length known to the compiler, with the same result.
 #[inline]
 fn square_between(a: &[f64], b: &[f64]) -> f64 {
     let square = |(a, b): (&f64, &f64)| (a - b) * (a - b);
@@ -142,7 +142,7 @@ pub(super) fn compact(regions: &Regions, mut sets: Sets, monitor: &Monitor) -> R
     Ok((numbers, left))
 }
 
-/// Puts `number[label]` in the place of each label.
+/// Replaces each label by `number[label]`.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -181,7 +181,7 @@ pub(super) fn energy(
             }
         }
     }
-    // Not strength · 0: an infinite strength forbids boundaries, and none is no cost.
+    // strength · 0 would be NaN for an infinite strength; no boundary costs nothing.
     Ok(fit + if cut > 0.0 { strength * cut } else { 0.0 })
 }
 

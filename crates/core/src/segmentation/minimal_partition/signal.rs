@@ -1,8 +1,8 @@
-//! The values that a partition is to approximate.
+//! The values that a partition approximates.
 
 use crate::error::{Error, Result};
 
-/// A vector of `width` values at each node, and how much each node counts.
+/// A vector of `width` values at each node, and the weight of each node.
 #[derive(Clone, Copy, Debug)]
 pub struct Signal<'a> {
     values: &'a [f32],
@@ -11,7 +11,7 @@ pub struct Signal<'a> {
 }
 
 impl<'a> Signal<'a> {
-    /// Values node after node, `width` each; every node counts 1. O(n · width).
+    /// Values node after node, `width` each; every node has the weight 1. O(n · width).
     ///
     /// # Errors
     /// If `width` is 0, the length is no multiple of it, or a value is not finite.
@@ -30,7 +30,7 @@ impl<'a> Signal<'a> {
         }
     }
 
-    /// The same values where node i counts `weights[i]` times (a voxel: its number of points).
+    /// The same values where node i has the weight `weights[i]` (for a voxel: its number of points).
     ///
     /// # Errors
     /// If there is not one positive finite weight for each node.
@@ -44,7 +44,7 @@ impl<'a> Signal<'a> {
         }
     }
 
-    /// The same weights with other finite values, as many.
+    /// The same weights with other values, as many and finite.
     pub(super) fn with_values<'b>(self, values: &'b [f32]) -> Signal<'b>
     where
         'a: 'b,
@@ -62,7 +62,7 @@ impl<'a> Signal<'a> {
         self.values.is_empty()
     }
 
-    /// Values a node.
+    /// Number of values per node.
     pub fn width(&self) -> usize {
         self.width
     }
@@ -72,12 +72,12 @@ impl<'a> Signal<'a> {
         &self.values[node * self.width..][..self.width]
     }
 
-    /// How much a node counts.
+    /// Weight of a node.
     pub fn weight(&self, node: usize) -> f64 {
         self.weights.map_or(1.0, |w| f64::from(w[node]))
     }
 
-    /// Fails unless the signal has a row for each of `nodes` nodes of a graph.
+    /// Fails unless the signal has one row for each of `nodes` nodes.
     pub(super) fn fits(&self, nodes: usize) -> Result<()> {
         if self.len() == nodes {
             return Ok(());

@@ -1,4 +1,5 @@
-//! The octree from sorted Morton codes: a cell is a run of equal leading bits, no node is ever stored.
+//! Builds the octree from sorted Morton codes: a cell is a run of points with equal leading bits, inner nodes are not
+//! stored.
 
 use super::{Moments, OctreeParams, eigenvalues};
 use crate::cloud::{Points, morton};
@@ -8,7 +9,7 @@ use crate::parallel::{Monitor, map_ordered, map_watched, sort_watched};
 use crate::segmentation::Partition;
 use std::ops::Range;
 
-/// Points that are divided in one go, at least.
+/// Least number of points of a task.
 const TASK: usize = 4096;
 
 /// A cube of the octree, in the local coordinates of the points (metres).
@@ -20,12 +21,12 @@ pub struct Cube {
     pub edge: f64,
 }
 
-/// A cell that is not divided.
+/// A leaf: a cell that is not divided.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leaf {
-    /// Level below the root, which has depth 0.
+    /// Depth below the root, which has depth 0.
     pub depth: u32,
-    /// Place among the cells of its depth, each index below 2^depth.
+    /// Indices of the cell within its depth, each below 2^depth.
     pub cell: [u32; 3],
 }
 
@@ -36,12 +37,12 @@ pub struct Octree {
     pub root: Cube,
     /// The leaves.
     pub leaves: Vec<Leaf>,
-    /// The points of each leaf, ascending by (finest cell, index): read one after the other, all points in Morton order.
+    /// The points of each leaf. Read one leaf after the other they are all points in Morton order (ties by index).
     pub points: Csr,
 }
 
 impl Cube {
-    /// The smallest cube with all points whose smallest corner is that of their bounding box.
+    /// The smallest cube that holds all points and shares the smallest corner of their bounding box.
     pub fn around(points: &Points) -> Self {
         let ends = |axis: &[f32]| {
             let (low, high) = axis.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
@@ -54,7 +55,7 @@ impl Cube {
         Self { low: axes.map(|a| a.0), edge: axes.iter().fold(0.0, |m: f64, a| m.max(a.1 - a.0)) }
     }
 
-    /// Cell of a place at a depth; what lies outside is put into the outermost cells.
+    /// Cell of a position at a depth; positions outside are assigned to the outermost cells.
     #[inline(always)]
     fn cell(&self, at: [f32; 3], depth: u32) -> [u32; 3] {
         let cells = f64::from(1u32 << depth);
@@ -93,9 +94,9 @@ impl Octree {
 
 /// Divides the cube around the points until the cells are flat, hold few points, or are of the greatest depth.
 ///
-/// All cells above the least depth are divided; below it a cell is a leaf if it has fewer than `min_points` points, if
-/// its points pass the stop rule, or at the greatest depth. Cells without points vanish. The leaves are the same for any
-/// number of threads. O(n log n) for sorting, then O(n) a level; 28 bytes a point for a while.
+/// All cells above the least depth are divided; from there on a cell becomes a leaf if it has fewer than `min_points`
+/// points, if its points fulfil the stop rule, or at the greatest depth. Empty cells are not stored. The leaves are the
+/// same for any number of threads. O(n log n) for sorting, then O(n) a level; 28 temporary bytes a point.
 ///
 /// ```
 /// use scansion_core::{Cloud, cloud::Points, parallel::Monitor, segmentation::{OctreeParams, octree}};
@@ -151,7 +152,7 @@ struct Division<'a> {
 }
 
 impl Division<'_> {
-    /// Whole cells of the least depth, together about [`TASK`] points.
+    /// Runs of whole cells of the least depth, each of at least [`TASK`] points.
     fn tasks(&self) -> Vec<Range<usize>> {
         let mut tasks: Vec<Range<usize>> = Vec::new();
         for cell in self.cells(0..self.keys.len(), self.params.min_depth) {
@@ -163,7 +164,7 @@ impl Division<'_> {
         tasks
     }
 
-    /// The runs of points that share a cell of a depth.
+    /// The cells of a depth within a range, as runs of points.
     fn cells(&self, range: Range<usize>, depth: u32) -> impl Iterator<Item = Range<usize>> {
         let shift = 3 * (self.params.max_depth() - depth);
         let mut start = range.start;
@@ -176,7 +177,7 @@ impl Division<'_> {
         })
     }
 
-    /// Adds the leaves below a cell: where their points end, and which they are.
+    /// Appends the leaves below a cell, each with the end of its points.
     fn descend(&self, cell: Range<usize>, depth: u32, leaves: &mut Vec<(usize, Leaf)>) {
         if self.is_leaf(&cell, depth) {
             let code = self.keys[cell.start].0 >> (3 * (self.params.max_depth() - depth));
@@ -203,7 +204,7 @@ impl Division<'_> {
     }
 }
 
-/// Length of the leading run for which `inside` holds, found by steps that double and a search in the last step.
+/// Length of the leading run for which `inside` holds, by exponential and then binary search.
 fn run<T>(items: &[T], inside: impl Fn(&T) -> bool) -> usize {
     let mut step = 1;
     while step < items.len() && inside(&items[step]) {
@@ -224,7 +225,7 @@ mod tests {
         Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
     }
 
-    /// A floor, a wall and a ball of leaves; coordinates are multiples of 2^-8 m.
+    /// A floor, a wall and a ball of foliage; coordinates are multiples of 2^-8 m.
     fn scene(count: usize) -> Vec<[f64; 3]> {
         let mut random = stream(7, 1);
         (0..count)
@@ -244,7 +245,7 @@ mod tests {
         OctreeParams { min_depth: 3, extra_depth: 4, min_points: 12, stop }
     }
 
-    /// λ of the points inside a cell by definition.
+    /// λ of the points inside a cell, computed directly.
     fn values(points: &Points, members: &[u32]) -> [f64; 3] {
         let axes = [&points.x, &points.y, &points.z];
         let rows: Vec<[f64; 3]> = members.iter().map(|&i| axes.map(|axis| f64::from(axis[i as usize]))).collect();

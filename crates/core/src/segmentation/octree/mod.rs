@@ -1,6 +1,7 @@
-//! The adaptive octree: cells as large as their points are flat.
+//! The adaptive octree: large cells where the points are flat, small ones elsewhere.
 //!
-//! M. Li, *A super voxel-based Riemannian graph for multi scale segmentation of LiDAR point clouds*, 2018, section 3.1.
+//! M. Li, *A super voxel-based Riemannian graph for multi scale segmentation of LiDAR point clouds*, ISPRS Annals,
+//! 2018, section 3.1.
 
 mod build;
 mod params;

@@ -1,26 +1,27 @@
-//! When a cell of the octree is divided no further.
+//! Parameters of the octree.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Deepest level of an octree: cell indices have 21 bits an axis.
+/// Greatest depth of an octree: cell indices have 21 bits an axis.
 const DEEPEST: u32 = 21;
 
-/// When the points of a cell are flat enough. λ1 ≥ λ2 ≥ λ3 are the eigenvalues of their covariance (divisor n), in m².
+/// The rule by which the points of a cell count as flat. λ1 ≥ λ2 ≥ λ3 are the eigenvalues of their covariance (divisor
+/// n), in m².
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StopRule {
     /// λ3 is below this, m² (the paper: 0.5 in the unit of its coordinates). In metres nearly every cell of less than
-    /// 2.5 m passes: the octree then is a plain grid of the least depth.
+    /// 2.5 m passes, so that the octree is a regular grid of the least depth.
     Absolute(f64),
-    /// √λ3, the scatter about the best plane, is below this, metres: about 0.03 indoors, 0.1 outdoors.
+    /// √λ3, the standard deviation about the best plane, is below this, metres: about 0.03 indoors, 0.1 outdoors.
     Sigma(f64),
-    /// λ3 / (λ1 + λ2 + λ3) is below this: the same shape at any size; 0.03.
+    /// λ3 / (λ1 + λ2 + λ3) is below this, independent of the size of the cell; 0.03.
     Flat(f64),
 }
 
 impl StopRule {
-    /// Whether eigenvalues λ1 ≥ λ2 ≥ λ3 pass. Points in one place always do, unless the threshold is 0.
+    /// Whether eigenvalues λ1 ≥ λ2 ≥ λ3 fulfil the rule. Coincident points always do, unless the threshold is 0.
     pub fn passes(&self, [first, second, third]: [f64; 3]) -> bool {
         match *self {
             Self::Absolute(threshold) => third < threshold,
@@ -40,13 +41,14 @@ impl StopRule {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OctreeParams {
-    /// d_min: down to this depth every cell is divided. A cell of depth d has the edge of the root cube / 2^d. At most 21.
+    /// d_min: down to this depth every cell is divided. A cell of depth d has the edge of the root cube / 2^d. At most
+    /// 21.
     pub min_depth: u32,
-    /// d_max − d_min: how many times cells may be divided beyond that depth. The sum is at most 21.
+    /// d_max − d_min: how many levels further cells may be divided. The sum is at most 21.
     pub extra_depth: u32,
     /// N_min: cells with fewer points are not divided beyond the least depth.
     pub min_points: u32,
-    /// When a cell is flat enough.
+    /// The rule by which a cell is flat enough not to be divided.
     pub stop: StopRule,
 }
 
@@ -57,12 +59,13 @@ impl Default for OctreeParams {
 }
 
 impl OctreeParams {
-    /// Cells stop at a scatter of 0.03 m about their plane. Depth 6 to 9, 10 points.
+    /// Cells are divided until their points scatter by less than 0.03 m about a plane. Depth 6 to 9, 10 points.
     pub fn adaptive() -> Self {
         Self { min_depth: 6, extra_depth: 3, min_points: 10, stop: StopRule::Sigma(0.03) }
     }
 
-    /// As printed: λ3 < 0.5. The paper names no depths and no least number: those of [`OctreeParams::adaptive`].
+    /// As printed: λ3 < 0.5. The paper gives no depths and no least number of points: those of
+    /// [`OctreeParams::adaptive`].
     pub fn paper() -> Self {
         Self { stop: StopRule::Absolute(0.5), ..Self::adaptive() }
     }

@@ -1,8 +1,8 @@
-//! How a set of points spreads: count, mean and covariance from sums, eigenvalues in closed form.
+//! Count, mean and covariance of a set of points from sums, and eigenvalues in closed form.
 
 use crate::linalg::Sym3;
 
-/// Sums of points about a place near them, in `f64`: mean and covariance (divisor n) in one pass.
+/// Sums over points relative to a reference position near them, in `f64`: mean and covariance (divisor n) in one pass.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::segmentation) struct Moments {
     count: f64,
@@ -12,7 +12,7 @@ pub(in crate::segmentation) struct Moments {
 }
 
 impl Moments {
-    /// Adds a point, given relative to the place.
+    /// Adds a point, given relative to the reference position.
     #[inline(always)]
     pub(in crate::segmentation) fn add(&mut self, d: [f64; 3]) {
         self.count += 1.0;
@@ -25,7 +25,7 @@ impl Moments {
         self.off[2] += d[1] * d[2];
     }
 
-    /// Mean, relative to the place; the place itself if there are no points.
+    /// Mean, relative to the reference position; zero if there are no points.
     pub(in crate::segmentation) fn mean(&self) -> [f64; 3] {
         self.sum.map(|s| s / self.count.max(1.0))
     }
@@ -41,7 +41,7 @@ impl Moments {
     }
 }
 
-/// λ1 ≥ λ2 ≥ λ3 ≥ 0 of a positive semi-definite matrix, to about 1e-8 λ1.
+/// λ1 ≥ λ2 ≥ λ3 ≥ 0 of a positive semi-definite matrix, accurate to about 1e-8 λ1.
 ///
 /// O. K. Smith, *Eigenvalues of a symmetric 3 × 3 matrix*, Communications of the ACM 4(4), 1961.
 pub(in crate::segmentation) fn eigenvalues(matrix: &Sym3) -> [f64; 3] {

@@ -10,15 +10,15 @@ use crate::features::Normals;
 use crate::neighbours::Neighbours;
 use crate::parallel::{Monitor, map_watched, sort_watched};
 
-/// Points between two looks at the monitor.
+/// Number of points between two checks for cancellation.
 const STEP: u64 = 1 << 16;
 
-/// Smooth surfaces: from the flattest point that is left, a region takes every neighbour whose normal deviates little
-/// and grows on from those that are flat themselves.
+/// Segments points into smooth surfaces: from the flattest point that has no region yet, a region takes every neighbour
+/// whose normal deviates little, and grows on from those of low surface variation.
 ///
-/// Seeds come by ascending surface variation, ties by number; a region is grown to its end before the next begins, so
-/// that the result does not depend on the number of threads. Row i of `neighbours` and of `normals` is that of point i.
-/// O(n k) and a sort.
+/// Seeds are taken by ascending surface variation, ties by index; a region is completed before the next begins, so that
+/// the result does not depend on the number of threads. Row i of `neighbours` and of `normals` belongs to point i. O(n
+/// k) plus a sort. Returns the region of each point.
 ///
 /// ```
 /// use scansion_core::segmentation::{RegionGrowingParams, region_growing};
@@ -74,7 +74,7 @@ pub fn region_growing(
     GrownRegions::numbered(labels, regions, params.min_size..=params.max_size, monitor)
 }
 
-/// All points, the flattest first. Variations are not negative: their bits are ordered as they are.
+/// All points, the flattest first. Variations are not negative, so that their bit patterns sort like the values.
 fn seeds(variation: &[f32], monitor: &Monitor) -> Result<impl Iterator<Item = u32>> {
     let key = |i: usize| u64::from((variation[i].max(0.0) + 0.0).to_bits()) << 32 | i as u64;
     let mut keys: Vec<u64> = map_watched(variation.len(), monitor, key)?;
@@ -136,7 +136,7 @@ mod tests {
         Points { x: axis(0), y: axis(1), z: axis(2), index: (0..rows.len() as u32).collect(), origin: [0.0; 3] }
     }
 
-    /// A floor, a wall on it, and a cylinder far away, in random order; which of them each point is of.
+    /// A floor, a wall on it, and a cylinder far away, in random order; and the surface of each point.
     fn scene(count: usize) -> (Points, Vec<u8>) {
         let mut random = stream(6, 3);
         let (rows, kinds): (Vec<[f32; 3]>, Vec<u8>) = (0..count)
@@ -175,7 +175,7 @@ mod tests {
         assert!(flat.count > 8, "{}", flat.count);
     }
 
-    /// The same by the words of the paper, with lists and sets.
+    /// The algorithm as the paper describes it, with lists and sets.
     fn slow(near: &Neighbours, normals: &Normals, params: &RegionGrowingParams) -> Vec<u32> {
         let count = normals.directions.len();
         let mut left: std::collections::BTreeSet<usize> = (0..count).collect();

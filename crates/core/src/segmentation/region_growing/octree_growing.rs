@@ -13,14 +13,14 @@ use crate::parallel::Monitor;
 use crate::segmentation::octree::Cube;
 use crate::segmentation::{OctreeParams, StopRule, octree};
 
-/// Deepest level of an octree.
+/// Greatest depth of an octree.
 const DEEPEST: u32 = 21;
 
-/// Nearly plane or bent surfaces: coarse regions of voxels, then the points around them.
+/// Segments points into flat or curved surfaces: regions of voxels first, then the points around them.
 ///
-/// Voxels are divided until their points lie within the residual of a plane; from the flattest on, regions take
-/// touching voxels whose normal deviates little; points of the other voxels around a region join it if they are near
-/// the plane of the voxel next to them. No point normals are needed. O(n log n).
+/// Voxels are divided until their points lie within the residual of a plane. From the flattest voxel on, regions take
+/// adjacent voxels whose normal deviates little; points of the other voxels around a region join it if they are near
+/// the plane of the adjacent voxel. No point normals are needed. Returns the region of each point. O(n log n).
 ///
 /// ```
 /// use scansion_core::segmentation::{OctreeGrowingParams, octree_region_growing};
@@ -51,7 +51,7 @@ pub fn octree_region_growing(points: &Points, params: &OctreeGrowingParams, moni
     GrownRegions::numbered(labels, count, params.min_size..=u32::MAX, monitor)
 }
 
-/// Depths of the octree whose cells have the sizes asked for.
+/// Depths of the octree whose cells have the requested sizes.
 fn division(points: &Points, params: &OctreeGrowingParams) -> OctreeParams {
     let depth = |size: f64| (Cube::around(points).edge / size).log2().ceil().clamp(0.0, f64::from(DEEPEST)) as u32;
     let (min_depth, deepest) = (depth(params.largest_voxel), depth(params.smallest_voxel));
@@ -63,7 +63,7 @@ fn division(points: &Points, params: &OctreeGrowingParams) -> OctreeParams {
     }
 }
 
-/// Region of each voxel from 1 on, 0 for none, and their number.
+/// Region of each voxel from 1 on, 0 for none, and the number of regions.
 fn grow(patches: &[Patch], touching: &Touching, params: &OctreeGrowingParams) -> (Vec<u32>, u32) {
     let cosine = params.angle_deg.to_radians().cos();
     let alike = |a: &Patch, b: &Patch| (0..3).map(|k| a.normal[k] * b.normal[k]).sum::<f64>().abs() >= cosine;
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
     use crate::random::stream;
 
-    /// A rough floor, two walls on it that meet, and a thin bush; which of them each point is of.
+    /// A rough floor, two walls on it that meet, and a thin bush; and the surface of each point.
     fn scene(count: usize) -> (Points, Vec<u32>) {
         let mut random = stream(4, 2);
         let (mut points, mut kinds) = (Points::default(), Vec::new());

@@ -1,16 +1,16 @@
-//! When a region grows.
+//! Parameters of region growing.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Which normal the next one is compared with.
+/// The normal that a candidate's normal is compared with.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reference {
-    /// That of the neighbour it is reached from: regions may bend.
+    /// That of the point or voxel the candidate is reached from: regions may be curved.
     #[default]
     Current,
-    /// That of the region's first seed: regions are nearly flat.
+    /// That of the region's seed: regions are nearly flat.
     Seed,
 }
 
@@ -18,15 +18,15 @@ pub enum Reference {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RegionGrowingParams {
-    /// Greatest angle between normals, degrees, 0..=90; their signs do not matter.
+    /// Largest angle between normals, degrees, 0..=90; the sign of normals does not matter.
     pub angle_deg: f64,
-    /// Regions grow on from points of a lower surface variation λ3 / Σλ than this only; others may be their rim.
+    /// A region grows on only from points whose surface variation λ3 / Σλ is below this; others can only be its border.
     pub variation: f64,
-    /// Regions of fewer points are given up.
+    /// Regions of fewer points are dissolved.
     pub min_size: u32,
-    /// Regions of more points are given up.
+    /// Regions of more points are dissolved.
     pub max_size: u32,
-    /// Which normal the next one is compared with.
+    /// The normal that a candidate's normal is compared with.
     pub reference: Reference,
 }
 
@@ -56,21 +56,21 @@ pub struct OctreeGrowingParams {
     pub largest_voxel: f64,
     /// Voxels are divided no further below this size, metres; above 0.
     pub smallest_voxel: f64,
-    /// Voxels are divided while they have so many points and a residual above [`OctreeGrowingParams::residual`]; voxels
-    /// of fewer take no part in the growing, but in the refinement. At least 3.
+    /// Voxels with at least this many points are divided while their residual is above
+    /// [`OctreeGrowingParams::residual`]; voxels of fewer points are not grown, but refined. At least 3.
     pub min_points: u32,
     /// Largest √λ3 about the plane of a voxel that may be part of a region, metres; above 0. About 0.03 indoors, 0.1
     /// outdoors.
     pub residual: f64,
-    /// Greatest angle between the normals of voxels, degrees, 0..=90.
+    /// Largest angle between the normals of voxels, degrees, 0..=90.
     pub angle_deg: f64,
-    /// Points at the boundary that are no farther than this from the plane of the region's next voxel join it, metres.
+    /// Boundary points join a region if they are at most this far from the plane of its adjacent voxel, metres.
     pub distance: f64,
-    /// How many voxels the refinement goes beyond the boundary.
+    /// Number of rings of voxels around a region that are refined.
     pub rings: u32,
-    /// Regions of fewer points are given up.
+    /// Regions of fewer points are dissolved.
     pub min_size: u32,
-    /// Which normal the next one is compared with.
+    /// The normal that a candidate's normal is compared with.
     pub reference: Reference,
 }
 

@@ -1,4 +1,4 @@
-//! Points beside the coarse regions join them where they lie on the plane of the voxel next to them.
+//! Refinement: points beside the coarse regions join them where they lie on the plane of an adjacent voxel.
 
 use super::params::OctreeGrowingParams;
 use super::voxels::{Patch, Touching, place};
@@ -7,14 +7,15 @@ use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
 use crate::segmentation::Octree;
 
-/// A voxel that was looked at: the regions of its points, and the region and plane that took most of them.
+/// Result for a voxel: the regions of its points, and the region that received most of them, with the plane of that
+/// voxel.
 type Taken = (Vec<u32>, Option<(u32, Patch)>);
 
 /// Region of each point from the regions of the voxels; 0 for none.
 ///
-/// Ring by ring: every point of a voxel that has no region and touches some is compared with their planes, and joins the
-/// region of the nearest plane within `distance` (ties: the first voxel). Beyond, the voxel counts as part of the region
-/// that took most of its points, with that region's plane.
+/// Works ring by ring: every point of a voxel without a region that touches a region is compared with the planes of the
+/// adjacent voxels, and joins the region of the nearest plane within `distance` (ties: the first voxel). For the next
+/// ring the voxel counts as part of the region that received most of its points, with that region's plane.
 pub(super) fn refine(
     points: &Points,
     (tree, touching): (&Octree, &Touching),
@@ -74,7 +75,7 @@ fn look_at(
         }
         own.push(best.1.map_or(0, |n| near[n].0));
     }
-    // Votes of all planes of a region count together; the plane that goes on is its own with the most.
+    // The planes of a region are counted together; the voxel inherits the plane of that region with the most points.
     let total = |region: u32| near.iter().zip(&votes).filter(|(n, _)| n.0 == region).map(|(_, v)| *v).sum::<u32>();
     let most =
         (0..near.len()).filter(|&n| votes[n] > 0).max_by_key(|&n| (total(near[n].0), votes[n], std::cmp::Reverse(n)));

@@ -1,4 +1,4 @@
-//! Grown regions, and what becomes of the points outside.
+//! The grown regions, and the treatment of points without a region.
 
 use crate::cloud::Points;
 use crate::error::{Error, Result};
@@ -7,7 +7,7 @@ use crate::parallel::{Looks, Monitor, map_watched, watched};
 use crate::segmentation::Partition;
 use serde::{Deserialize, Serialize};
 
-/// Regions of points; not every point has one.
+/// Region of each point; points may have none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GrownRegions {
     /// Region of each point from 1 on, numbered by their smallest point; 0 for points that belong to none.
@@ -16,7 +16,7 @@ pub struct GrownRegions {
     pub count: u32,
 }
 
-/// What becomes of points without a region in a partition.
+/// Treatment of points without a region when a partition is made.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Leftovers {
@@ -28,7 +28,7 @@ pub enum Leftovers {
 }
 
 impl GrownRegions {
-    /// Gives up regions that are too small or too large and numbers the others by their smallest point.
+    /// Dissolves regions that are too small or too large and numbers the others by their smallest point.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -63,7 +63,8 @@ impl GrownRegions {
         inside as f64 / self.labels.len().max(1) as f64
     }
 
-    /// A segment for every point. O(n), O(n log n) where leftovers join the nearest region.
+    /// The regions as a partition: a segment for every point. O(n), or O(n log n) where leftovers join the nearest
+    /// region.
     ///
     /// # Errors
     /// If there are not as many points as labels, a coordinate is not finite, or the work was cancelled.

@@ -1,4 +1,4 @@
-//! The leaves of an octree as patches of surface, and which of them touch.
+//! The leaves of an octree as plane patches, and their adjacency.
 
 use crate::cloud::{Points, morton};
 use crate::error::Result;
@@ -7,7 +7,7 @@ use crate::parallel::{Monitor, concat_watched, map_ordered, map_watched, sort_wa
 use crate::segmentation::octree::Moments;
 use crate::segmentation::{Leaf, Octree};
 
-/// Leaves that are described in one go.
+/// Leaves that one task describes.
 const BLOCK: usize = 256;
 
 /// A plane through the points of a voxel.
@@ -22,7 +22,7 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// Distance of a place from the plane, metres.
+    /// Distance of a position from the plane, metres.
     pub(super) fn distance(&self, at: [f64; 3]) -> f64 {
         (0..3).map(|a| (at[a] - self.centre[a]) * self.normal[a]).sum::<f64>().abs()
     }
@@ -53,19 +53,19 @@ fn patch(points: &Points, members: &[u32], min_points: u32) -> Patch {
     Patch { centre: [0, 1, 2].map(|a| base[a] + mean[a]), normal: solved.vectors[2], residual: solved.values[2].sqrt() }
 }
 
-/// Coordinates of a point, metres.
+/// Position of a point, metres.
 pub(super) fn place(points: &Points, i: u32) -> [f64; 3] {
     [&points.x, &points.y, &points.z].map(|axis| f64::from(axis[i as usize]))
 }
 
-/// The leaves that touch each leaf, be it in a corner, ascending. O(m log m).
+/// The leaves that touch each leaf, at faces, edges or corners, ascending. O(m log m).
 pub(super) struct Touching {
     offsets: Vec<usize>,
     others: Vec<u32>,
 }
 
 impl Touching {
-    /// Every leaf looks for the leaves of its own size or larger in the 26 places around it.
+    /// Each leaf searches the 26 cells around it for leaves of its own size or larger.
     pub(super) fn new(tree: &Octree, monitor: &Monitor) -> Result<Self> {
         let deepest = tree.leaves.iter().map(|l| l.depth).max().unwrap_or(0);
         let starts: Vec<u64> =
@@ -94,7 +94,7 @@ impl Touching {
     }
 }
 
-/// Calls `found` for the leaves around leaf `l` that are as large or larger.
+/// Calls `found` for the leaves around leaf `l` that are at least as large.
 fn around(tree: &Octree, starts: &[u64], (l, deepest): (usize, u32), mut found: impl FnMut(u32)) {
     let Leaf { depth, cell } = tree.leaves[l];
     for step in (0..27).filter(|&s| s != 13) {

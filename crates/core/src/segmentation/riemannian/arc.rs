@@ -1,15 +1,16 @@
-//! d_proj: the length of the arc that leaves one supervoxel along its tangent plane and ends in the other.
+//! d_proj: the length of the arc that leaves one supervoxel along its tangent plane and ends at the other.
 //!
-//! Document 001, section 3.2, figure 4, has no formula. The circle through v_i that touches the tangent plane there and
-//! passes through v_j has the radius ρ = c² / (2 h), where c is the chord and h the height of v_j over the plane; its
-//! arc is d = 2 ρ asin(c / (2 ρ)) = c φ / sin φ with sin φ = h / c. Flat: d = c. Always c ≤ d ≤ π c / 2. Exact on spheres.
+//! Li 2018, section 3.2, figure 4, gives no formula. The circle that touches the tangent plane at v_i and passes
+//! through v_j has the radius ρ = c² / (2 h), where c is the chord and h the height of v_j above the plane; its arc is
+//! d = 2 ρ asin(c / (2 ρ)) = c φ / sin φ with sin φ = h / c. On a plane d = c; always c ≤ d ≤ π c / 2. Exact on
+//! spheres.
 
 use super::params::{RiemannianGraphParams, Symmetry};
 
 /// Below this angle (radians) the series of φ / sin φ is exact in `f64`.
 const SMALL: f64 = 1e-3;
 
-/// Length of the arc over a chord, of which the end is `height` above the tangent plane at the start; same unit.
+/// Length of the arc over a chord whose end is `height` above the tangent plane at the start; same unit.
 pub(super) fn arc(chord: f64, height: f64) -> f64 {
     if chord <= 0.0 {
         return 0.0;
@@ -19,7 +20,7 @@ pub(super) fn arc(chord: f64, height: f64) -> f64 {
     if angle < SMALL { chord * (1.0 + angle * angle / 6.0) } else { chord * angle / sine }
 }
 
-/// d_proj of two supervoxels, each a centre (metres) and a unit normal; the same from both sides.
+/// d_proj of two supervoxels, each a centre (metres) and a unit normal; symmetric.
 pub(super) fn projected_distance(
     (a, n): ([f32; 3], [f32; 3]),
     (b, m): ([f32; 3], [f32; 3]),

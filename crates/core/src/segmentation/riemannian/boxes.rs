@@ -1,8 +1,8 @@
-//! A hierarchy of boxes over places that stand in spatial order: whole groups are passed over at once.
+//! A bounding-box hierarchy over positions in spatial order, which skips whole groups at once.
 
 use std::ops::Range;
 
-/// Places of a box of the finest level, and boxes of a box above.
+/// Positions in a box of the finest level, and child boxes in a box of the others.
 const WIDTH: usize = 8;
 
 /// An axis-parallel box, metres.
@@ -13,17 +13,17 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The box of a place alone.
+    /// The box of a single position.
     pub(super) fn at(place: [f32; 3]) -> Self {
         Self { low: place, high: place }
     }
 
-    /// The box of nothing.
+    /// The empty box.
     pub(super) fn none() -> Self {
         Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] }
     }
 
-    /// Widens the box to hold another.
+    /// Extends the box to hold another.
     #[inline(always)]
     pub(super) fn include(&mut self, other: &Self) {
         for a in 0..3 {
@@ -32,8 +32,8 @@ impl Bounds {
         }
     }
 
-    /// Squared distance between boxes: rounding is monotone, so that it is never above the computed squared distance
-    /// `(dx² + dy²) + dz²` of two places inside.
+    /// Squared distance between boxes. Rounding is monotone, so that the result is never above the computed squared
+    /// distance `(dx² + dy²) + dz²` of two positions inside.
     #[inline(always)]
     pub(super) fn gap(&self, other: &Self) -> f32 {
         let [x, y, z] = [0, 1, 2].map(|a| (self.low[a] - other.high[a]).max(other.low[a] - self.high[a]).max(0.0));
@@ -41,7 +41,7 @@ impl Bounds {
     }
 }
 
-/// Boxes of 8 places in a row, of 8 such boxes, and so on up to a single one.
+/// Boxes of 8 consecutive positions, of 8 such boxes, and so on up to a single one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Boxes {
     /// The finest level first.
@@ -50,7 +50,7 @@ pub(super) struct Boxes {
 }
 
 impl Boxes {
-    /// Boxes over places in any order; quick only if neighbours in the list are near in space. O(n).
+    /// Boxes over positions in any order; efficient only if neighbours in the list are near in space. O(n).
     pub(super) fn new(places: &[[f32; 3]]) -> Self {
         let unite = |boxes: &[Bounds]| {
             let mut all = Bounds::none();
@@ -65,8 +65,8 @@ impl Boxes {
         Self { levels, places: places.len() }
     }
 
-    /// Visits, in ascending order, the rows of places whose box is wanted: `wanted(level, box index, box)` is asked from
-    /// the top down, `take` gets the rows of the finest boxes.
+    /// Visits, in ascending order, the positions in boxes that the visitor wants: `wants(level, box index, box)` is
+    /// asked from the top down, `take` receives the positions of the finest boxes.
     #[inline(always)]
     pub(super) fn visit(&self, state: &mut impl Visitor) {
         let mut stack = [(0u32, 0u32); 8 * 12];
@@ -94,7 +94,7 @@ impl Boxes {
         }
     }
 
-    /// For every box a value of its own places: `finest` of a row, `unite` of the values of a box's parts.
+    /// One value for every box: `finest` computes it from positions, `unite` from the values of the child boxes.
     pub(super) fn summarise<T: Copy>(
         &self,
         finest: impl Fn(Range<usize>) -> T,
@@ -113,11 +113,11 @@ impl Boxes {
     }
 }
 
-/// What is looked for in the boxes.
+/// A search in the boxes.
 pub(super) trait Visitor {
-    /// Whether a box may hold something.
+    /// Whether a box may contain a result.
     fn wants(&mut self, level: usize, index: usize, bounds: &Bounds) -> bool;
-    /// A row of places of a box that was wanted.
+    /// The positions of a finest box that was wanted.
     fn take(&mut self, places: Range<usize>);
 }
 

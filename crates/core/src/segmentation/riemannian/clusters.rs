@@ -1,8 +1,8 @@
-//! Modified k-means: clusters of points near each other with like normals.
+//! Modified k-means: clusters of points that are near each other and have similar normals.
 //!
-//! Document 001, equation 2: D = (2 − D_N) · D_s with D_N = n_p · n_c (kept within −1..1), D_s = ‖p − c‖; each point
-//! goes to the centre of least D, each centre to the mean of its points. D_s ≤ D ≤ 3 D_s. There is no objective that
-//! must fall: the mean does not minimise Σ D.
+//! Li 2018, equation 2: D = (2 − D_N) · D_s with D_N = n_p · n_c (clamped to −1..1), D_s = ‖p − c‖; each point is
+//! assigned to the centre of least D, each centre moves to the mean of its points. D_s ≤ D ≤ 3 D_s. Unlike k-means this
+//! decreases no objective function: the mean does not minimise Σ D.
 
 use super::boxes::{Bounds, Boxes, Visitor};
 use super::params::{KMeansParams, Sides, Start};
@@ -13,32 +13,33 @@ use crate::segmentation::Octree;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Points that are compared with a centre at once.
+/// Points that are compared with a centre at once (SIMD lanes).
 const LANES: usize = 16;
-/// Points of a leaf that share the centres they are compared with.
+/// Points of a leaf that are compared with the same list of centres.
 const GROUP: usize = 64;
-/// Points of a task, at least.
+/// Least number of points of a task.
 const TASK: usize = 8192;
-/// A sum of unit vectors shorter than this share of their number has no direction.
+/// A sum of unit vectors shorter than this share of their number counts as zero: no mean direction.
 const NO_DIRECTION: f64 = 1e-6;
 
-/// A place and a unit normal: x, y, z, n_x, n_y, n_z.
+/// A position and a unit normal: x, y, z, n_x, n_y, n_z.
 type Row = [f32; 6];
 
 /// Result of [`clusters`].
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Clusters {
-    /// Cluster of each point; clusters are numbered as the leaves of the octree, some may be empty.
+    /// Cluster of each point; cluster i starts from leaf i of the octree, some may be empty.
     pub(super) of: Vec<u32>,
     /// Iterations done.
     pub(super) iterations: usize,
-    /// Mean move of the centres in the last iteration, metres.
+    /// Mean displacement of the centres in the last iteration, metres.
     pub(super) mean_move: f64,
 }
 
-/// The clusters that the leaves of an octree become.
+/// Clusters that start from the leaves of an octree.
 ///
-/// Nearest centres are exact, ties go to the smaller number. O(n · candidates) an iteration, about 50 candidates.
+/// The nearest centre is found exactly, ties go to the smaller index. O(n · candidates) an iteration, about 50
+/// candidates.
 pub(super) fn clusters(
     (points, directions): (&Points, &[[f32; 3]]),
     tree: &Octree,
@@ -120,16 +121,16 @@ impl Rows {
         std::array::from_fn(|a| self.axes[a][i])
     }
 
-    /// Gives each centre the normal of its leaf's first point.
+    /// Initialises the normal of each centre with that of the first point of its leaf.
     fn first_normals(&self, leaves: &[Range<usize>], centres: &mut [Row]) {
         for (centre, leaf) in centres.iter_mut().zip(leaves) {
             centre[3..].copy_from_slice(&self.row(leaf.start)[3..]);
         }
     }
 
-    /// Moves centres to the means of their points; one without points stays. Returns the mean move.
+    /// Moves each centre to the mean of its points; a centre without points stays. Returns the mean displacement.
     ///
-    /// Where sides do not differ, normals count on the side of the centre's normal before.
+    /// For unsigned normals each normal is first turned to the side of the centre's previous normal.
     fn update(&self, of: &[u32], centres: &mut [Row], monitor: &Monitor) -> Result<f64> {
         let mut sums = vec![[0f64; 7]; centres.len()];
         for points in watched(of.len(), monitor) {
@@ -157,7 +158,8 @@ impl Rows {
         Ok(if filled > 0.0 { moved / filled } else { 0.0 })
     }
 
-    /// The nearest centre of every point. `of` is where to start looking from, any centre would do.
+    /// The nearest centre of every point. `of` holds the previous centres, whose distances bound the search; any centre
+    /// would do.
     fn assign(
         &self,
         of: &[u32],
@@ -183,7 +185,8 @@ impl Rows {
         concat_watched(parts, monitor)
     }
 
-    /// The centres that one of the points may be nearest to, ascending: D² ≥ D_s² ≥ the squared gap to the points' box.
+    /// The centres that may be nearest to one of the points, ascending. A centre farther from the points' box than any
+    /// point is from its previous centre cannot be: D² ≥ D_s² ≥ the squared gap.
     fn gather(&self, group: Range<usize>, of: &[u32], (centres, boxes): (&[Row], &Boxes), found: &mut Vec<(u32, Row)>) {
         let (mut bounds, mut reach) = (Bounds::none(), 0f32);
         for i in group {
@@ -196,7 +199,7 @@ impl Rows {
     }
 }
 
-/// The centres within reach of a box.
+/// Collects the centres within reach of a box.
 struct Within<'a> {
     bounds: Bounds,
     reach: f32,
@@ -235,7 +238,7 @@ fn squared_distance(p: &Row, c: &Row, sides: Sides) -> f32 {
     factor * factor * (x * x + y * y + z * z)
 }
 
-/// The comparison of a group with its candidates, compiled for each instruction set.
+/// Compares a group with its candidates, compiled for each instruction set.
 struct Compare<'a> {
     rows: &'a Rows,
     group: Range<usize>,
@@ -263,7 +266,7 @@ impl WithSimd for Compare<'_> {
     }
 }
 
-/// For 16 points the centre of least D²: as [`squared_distance`], operation by operation.
+/// The centre of least D² for 16 points, with the same arithmetic as [`squared_distance`].
 #[inline(always)]
 fn nearest<const UNSIGNED: bool>(at: &[[f32; LANES]; 6], centres: &[(u32, Row)]) -> [u32; LANES] {
     let mut best = [f32::INFINITY; LANES];
@@ -295,7 +298,7 @@ mod tests {
         v.map(|c| (c / length) as f32)
     }
 
-    /// A wall of two faces, a floor and a bush, with normals of noise.
+    /// The two faces of a wall, a floor and a bush, with random normals.
     fn scene(count: usize) -> (Points, Vec<[f32; 3]>) {
         let mut random = stream(3, 9);
         let mut points = Points::default();

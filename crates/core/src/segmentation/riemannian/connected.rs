@@ -1,4 +1,4 @@
-//! Clusters that fall into pieces are split; small pieces join the cluster that they touch most.
+//! Splits disconnected clusters; small pieces join the cluster that they touch most.
 
 use crate::error::Result;
 use crate::neighbours::Neighbours;
@@ -6,11 +6,12 @@ use crate::parallel::{Looks, Monitor, map_watched, sort_watched, watched};
 use crate::segmentation::connected::Sets;
 use std::ops::Range;
 
-/// Splits clusters into the connected pieces of the graph of nearest points.
+/// Splits clusters into the connected components of the graph of nearest neighbours.
 ///
-/// The largest piece of a cluster stays; of the others, those of at least `min_points` points become clusters of their
-/// own, smaller ones join the cluster to which most edges lead (ties: the one of the smallest point), piece by piece
-/// from the outside in; pieces without any neighbour stay. Labels are points of the clusters. O(n k).
+/// The largest component of a cluster stays; of the others, those of at least `min_points` points become clusters of
+/// their own, smaller ones join the cluster to which most edges lead (ties: the one of the smallest point), pass by
+/// pass from the outside in; components without any neighbour stay. A cluster's label is the index of one of its
+/// points. O(n k).
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -36,7 +37,7 @@ fn edges(near: &Neighbours, points: Range<usize>) -> impl Iterator<Item = (u32, 
     points.flat_map(|i| near.of(i).iter().map(move |&j| (i as u32, j)))
 }
 
-/// For each root, whether its piece is small and not the largest of its cluster.
+/// For each root, whether its component is small and not the largest of its cluster.
 fn small_pieces(of: &[u32], roots: &[u32], min_points: u32, monitor: &Monitor) -> Result<Vec<bool>> {
     let mut size = vec![0u32; of.len()];
     for piece in watched(roots.len(), monitor) {
@@ -55,7 +56,7 @@ fn small_pieces(of: &[u32], roots: &[u32], min_points: u32, monitor: &Monitor) -
     map_watched(of.len(), monitor, |root| size[root] > 0 && small(root))
 }
 
-/// Every loose piece that touches settled ones joins one of them; false if there was none.
+/// One pass: every small component that touches an assigned one joins it; false if there was none.
 fn attach(label: &mut [u32], loose: &mut [bool], near: &Neighbours, monitor: &Monitor) -> Result<bool> {
     let mut touches: Vec<(u32, u32)> = Vec::new();
     for points in watched(near.len(), monitor) {

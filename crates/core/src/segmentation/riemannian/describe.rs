@@ -1,7 +1,7 @@
-//! What a supervoxel is in the graph: its centre, its normal and its features.
+//! Centre, normal and features of each supervoxel, a node of the graph.
 //!
-//! Document 001, section 3.3: f = (n_x, n_y, n_z, a_p, a_s) with planarity a_p = (λ2 − λ3) / λ1 and scattering
-//! a_s = λ3 / λ1 of the covariance (divisor n) of its points.
+//! Li 2018, section 3.3: f = (n_x, n_y, n_z, a_p, a_s) with planarity a_p = (λ2 − λ3) / λ1 and scattering a_s = λ3 / λ1
+//! of the covariance (divisor n) of its points.
 
 use super::params::Sides;
 use crate::cloud::Points;
@@ -10,9 +10,9 @@ use crate::parallel::{Monitor, map_ordered};
 use crate::segmentation::Partition;
 use crate::segmentation::octree::{Moments, eigenvalues};
 
-/// Supervoxels that are described in one go.
+/// Supervoxels that one task describes.
 const BLOCK: usize = 256;
-/// A sum of unit vectors shorter than this share of their number has no direction.
+/// A sum of unit vectors shorter than this share of their number counts as zero: no mean direction.
 const NO_DIRECTION: f64 = 1e-6;
 
 /// The nodes of the graph.
@@ -24,7 +24,7 @@ pub(super) struct Nodes {
     pub(super) normals: Vec<[f32; 3]>,
     /// Features, `width` a node.
     pub(super) features: Vec<f32>,
-    /// 5, or 8 where sides do not differ.
+    /// Values per node: 5, or 8 for unsigned normals.
     pub(super) width: usize,
 }
 
@@ -52,7 +52,7 @@ pub(super) fn describe(
     Ok(nodes)
 }
 
-/// n nᵀ by six entries whose distances are those of the Frobenius norm.
+/// n nᵀ as six numbers whose Euclidean distance is the Frobenius norm of the difference.
 fn square([x, y, z]: [f32; 3]) -> [f32; 6] {
     let root = std::f32::consts::SQRT_2;
     [x * x, y * y, z * z, root * x * y, root * x * z, root * y * z]

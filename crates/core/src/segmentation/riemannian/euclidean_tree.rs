@@ -1,8 +1,9 @@
-//! The Euclidean minimum spanning tree of places.
+//! The Euclidean minimum spanning tree of points.
 //!
-//! O. Borůvka 1926: every tree of the forest joins its nearest other tree, until there is one. The nearest place of
-//! another tree is found among the nearest neighbours where that is certain, otherwise in a hierarchy of boxes in which
-//! boxes of one tree are passed over. Edges are ordered by (squared distance, ends), so that no two are alike.
+//! Borůvka's algorithm (O. Borůvka 1926): every tree of the forest is connected to its nearest other tree, until there
+//! is one. The nearest point of another tree is taken from the nearest neighbours where these decide it, otherwise from
+//! a bounding-box hierarchy in which boxes that hold one's own tree only are skipped. Edges are ordered by (squared
+//! distance, ends), so that no two are equal.
 
 use super::boxes::{Bounds, Boxes, Visitor};
 use crate::cloud::Points;
@@ -13,17 +14,17 @@ use crate::segmentation::connected::Sets;
 use crate::segmentation::{OctreeParams, octree};
 use std::ops::Range;
 
-/// An edge by (bits of the squared distance, smaller end, larger end): squared distances are not negative, their bits
-/// are ordered as they are.
+/// An edge as (bits of the squared distance, smaller end, larger end): squared distances are not negative, so that
+/// their bit patterns sort like the values.
 type Edge = (u32, u32, u32);
 
 const NO_EDGE: Edge = (u32::MAX, u32::MAX, u32::MAX);
-/// Trees of a box that holds several.
+/// Tree index of a box that holds points of several trees.
 const MIXED: u32 = u32::MAX;
-/// Places between two looks at the monitor.
+/// Number of points between two checks for cancellation.
 const STEP: usize = 1024;
 
-/// The edges of the tree, `[smaller, larger]`, ascending: one less than there are points.
+/// The edges of the tree as `[smaller, larger]`, ascending: one less than there are points.
 ///
 /// `near` are the nearest neighbours of the points, any number of them. O(n log² n) for points of even density.
 pub(super) fn euclidean_tree(points: &Points, near: &Neighbours, monitor: &Monitor) -> Result<Vec<[u32; 2]>> {
@@ -45,9 +46,9 @@ pub(super) fn euclidean_tree(points: &Points, near: &Neighbours, monitor: &Monit
     Ok(tree)
 }
 
-/// Trees that grow together.
+/// The forest during the iterations.
 struct Forest<'a> {
-    /// Places in spatial order: which point each is.
+    /// The points in spatial order.
     order: &'a [u32],
     places: &'a [[f32; 3]],
     boxes: &'a Boxes,
@@ -56,7 +57,7 @@ struct Forest<'a> {
 }
 
 impl Forest<'_> {
-    /// The least edge that leaves each tree; the same edge may come twice.
+    /// The shortest edge that leaves each tree; two trees may name the same edge.
     fn round(&mut self, monitor: &Monitor) -> Result<Vec<Edge>> {
         let root = self.sets.roots(monitor)?;
         let tree: Vec<u32> = map_watched(self.order.len(), monitor, |i| root[self.order[i] as usize])?;
@@ -89,7 +90,8 @@ impl Forest<'_> {
         Ok(best)
     }
 
-    /// The least edge from a point to another tree if the neighbours tell it, otherwise a lower bound of its distance.
+    /// The shortest edge from a point to another tree if the neighbour list decides it, otherwise a lower bound of its
+    /// length.
     fn among_neighbours(&self, i: u32, root: &[u32]) -> std::result::Result<Edge, u32> {
         if self.near.k() == 0 {
             return Err(0);
@@ -98,17 +100,17 @@ impl Forest<'_> {
         let edges = row.iter().zip(distances).filter(|(j, _)| root[**j as usize] != root[i as usize]);
         let farthest = distances.last().map_or(0, |d| d.to_bits());
         let least = edges.map(|(&j, d)| (d.to_bits(), i.min(j), i.max(j))).min();
-        // At the distance of the last neighbour there may be others of the same distance that are not in the list.
+        // Other points may lie exactly at the distance of the last neighbour without being in the list.
         least.filter(|edge| edge.0 < farthest || row.len() + 1 == self.order.len()).ok_or(farthest)
     }
 }
 
-/// The search for the nearest place of another tree.
+/// The search for the nearest point of another tree.
 struct Foreign<'a> {
     forest: &'a Forest<'a>,
     tree: &'a [u32],
     trees: &'a [Vec<u32>],
-    /// The tree that is left.
+    /// The tree of the query point.
     own: u32,
     from: (u32, [f32; 3]),
     least: &'a mut Edge,

@@ -1,7 +1,7 @@
-//! The Riemannian graph: a spanning tree by d_proj and the nearest neighbours of each node.
+//! The Riemannian graph: a minimum spanning tree by d_proj, and the nearest neighbours of each node.
 //!
-//! Document 001, section 3.2. "Kruskal coordinates" there are the spanning tree of J. B. Kruskal 1956, not his
-//! coordinates of 1964: the text sorts edges and adds them until all nodes hang together.
+//! Li 2018, section 3.2. By "Kruskal coordinates" the paper means the spanning tree of J. B. Kruskal 1956, not his
+//! multidimensional scaling of 1964: it sorts edges and adds them until all nodes are connected.
 
 use super::arc::projected_distance;
 use super::describe::Nodes;
@@ -15,7 +15,7 @@ use crate::parallel::{Looks, Monitor, concat_watched, map_ordered, sort_stable_w
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Edges whose lengths are computed in one go.
+/// Edges whose lengths one task computes.
 const BLOCK: usize = 8192;
 
 /// The graph of the supervoxels.
@@ -23,12 +23,12 @@ const BLOCK: usize = 8192;
 pub(super) struct RiemannianGraph {
     /// Edges with their weights in the optimisation.
     pub(super) graph: Graph,
-    /// Edges among which the tree was sought.
+    /// Number of candidate edges.
     pub(super) candidates: usize,
 }
 
-/// Candidates are the Euclidean nearest neighbours and the Euclidean spanning tree; of them the spanning tree by d_proj
-/// and the nearest of each node remain. O(V log² V).
+/// The candidate edges are the Euclidean nearest neighbours and the Euclidean minimum spanning tree; the graph keeps
+/// the minimum spanning tree by d_proj and the nearest neighbours of each node. O(V log² V).
 pub(super) fn riemannian_graph(
     nodes: &Nodes,
     params: &RiemannianGraphParams,
@@ -50,7 +50,7 @@ pub(super) fn riemannian_graph(
     Ok(RiemannianGraph { graph, candidates: pairs.len() })
 }
 
-/// Neighbours and tree, each pair once, ascending.
+/// Neighbours and tree as pairs, each once, ascending.
 fn candidates(near: &Neighbours, tree: Vec<[u32; 2]>, monitor: &Monitor) -> Result<Vec<[u32; 2]>> {
     let row = |i: usize| near.of(i).iter().map(move |&j| [j.min(i as u32), j.max(i as u32)]);
     let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(near.len() * near.k() + tree.len());
@@ -63,7 +63,7 @@ fn candidates(near: &Neighbours, tree: Vec<[u32; 2]>, monitor: &Monitor) -> Resu
     Ok(pairs)
 }
 
-/// The spanning tree of the candidates, and of each node the nearest; lengths stay the weights.
+/// The minimum spanning tree of the candidates and the nearest neighbours of each node; the weights are still lengths.
 fn thinned(candidates: &Graph, params: &RiemannianGraphParams, monitor: &Monitor) -> Result<Graph> {
     let mut kept = vec![false; candidates.edges().len()];
     let tree = minimum_spanning_tree(candidates, monitor)?;
@@ -80,7 +80,7 @@ fn thinned(candidates: &Graph, params: &RiemannianGraphParams, monitor: &Monitor
     }
     if params.nearest_by == Nearest::TreePath {
         let tree = Graph::new_watched(candidates.len(), &pairs, &lengths, monitor)?;
-        // Neighbours in the tree are there already: their path is their edge.
+        // Adjacent nodes of the tree are already connected: their path is that edge.
         let mut looks = Looks::at(monitor);
         for (pair, length) in nearest_on_tree(&tree, params.nearest, monitor)? {
             looks.step()?;
@@ -93,7 +93,7 @@ fn thinned(candidates: &Graph, params: &RiemannianGraphParams, monitor: &Monitor
     Graph::new_watched(candidates.len(), &pairs, &lengths, monitor)
 }
 
-/// Marks the `count` shortest edges at each node, ties by edge.
+/// Marks the `count` shortest edges at each node, ties by edge index.
 fn keep_nearest(graph: &Graph, count: usize, kept: &mut [bool], monitor: &Monitor) -> Result<()> {
     let adjacency = graph.adjacency_watched(monitor)?;
     let mut row: Vec<(u32, u32)> = Vec::new();
@@ -108,11 +108,11 @@ fn keep_nearest(graph: &Graph, count: usize, kept: &mut [bool], monitor: &Monito
     Ok(())
 }
 
-/// The pairs of each node with the `count` nodes nearest along a tree, each pair once, with the lengths of the paths.
+/// Each node paired with the `count` nodes nearest along a tree, each pair once, with the lengths of the paths.
 fn nearest_on_tree(tree: &Graph, count: usize, monitor: &Monitor) -> Result<Vec<([u32; 2], f32)>> {
     let adjacency = tree.adjacency_watched(monitor)?;
     let rows = map_ordered(tree.len(), monitor, |node| {
-        // (bits of the length: not negative, ordered as they are; node; where the path came from)
+        // (bits of the length, which sort like the non-negative values; node; previous node on the path)
         let mut heap = BinaryHeap::from([Reverse((0u32, node as u32, node as u32))]);
         let mut found = Vec::with_capacity(count);
         while let Some(Reverse((bits, at, from))) = heap.pop() {
@@ -135,7 +135,7 @@ fn nearest_on_tree(tree: &Graph, count: usize, monitor: &Monitor) -> Result<Vec<
     Ok(pairs)
 }
 
-/// The weights of the optimisation in place of the lengths.
+/// Replaces the lengths by the edge weights of the optimisation.
 fn weighted(graph: Graph, params: &RiemannianGraphParams) -> Result<Graph> {
     let lengths = graph.weights();
     let mean = lengths.iter().map(|&d| f64::from(d)).sum::<f64>() / lengths.len().max(1) as f64;

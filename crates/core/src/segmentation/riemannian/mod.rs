@@ -1,4 +1,4 @@
-//! Supervoxels on a Riemannian graph, segmented by cut pursuit (document 001).
+//! Supervoxels on a Riemannian graph, segmented by cut pursuit (Li 2018).
 //!
 //! | paper | here |
 //! |---|---|

@@ -1,29 +1,29 @@
-//! What the chain of document 001 can be told.
+//! Parameters of the segmentation on a Riemannian graph.
 
 use crate::error::{Error, Result};
 use crate::graph::{EdgeWeight, Orientation};
 use crate::segmentation::OctreeParams;
 use serde::{Deserialize, Serialize};
 
-/// Whether the two sides of a surface differ.
+/// Whether normals are oriented.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sides {
-    /// D_N = n_p · n_c, features n: normals must be oriented.
+    /// Oriented normals: D_N = n_p · n_c, features n.
     #[default]
     Signed,
-    /// D_N = |n_p · n_c|, features the six entries of n nᵀ (√2 off the diagonal): no orientation is needed.
+    /// Normals of any sign: D_N = |n_p · n_c|, features the six entries of n nᵀ (√2 off the diagonal).
     Unsigned,
 }
 
-/// Where a cluster begins.
+/// Initial position of a cluster centre.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
     /// At the mean of the leaf's points.
     #[default]
     Centroid,
-    /// At the centre of the leaf's cube, by the letter of the paper.
+    /// At the centre of the leaf's cube, as the paper words it.
     Cube,
 }
 
@@ -31,14 +31,15 @@ pub enum Start {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct KMeansParams {
-    /// Where clusters begin.
+    /// Initial position of the cluster centres.
     pub start: Start,
-    /// Iterations at most; at least 1.
+    /// Largest number of iterations; at least 1.
     pub max_iterations: usize,
-    /// Ends once centres move by less than this share of the edge of a cell of the least depth, on the average. ≥ 0.
+    /// Stops once the mean displacement of the centres is below this share of the edge of a cell of the least depth. ≥
+    /// 0.
     pub tolerance: f64,
-    /// Split clusters into the connected pieces of the graph of nearest points afterwards; pieces of fewer points than
-    /// the octree's `min_points` join the neighbour that they touch most.
+    /// Afterwards split clusters into the connected components of the graph of nearest neighbours; components of fewer
+    /// points than the octree's `min_points` join the cluster that they touch most.
     pub connected: bool,
 }
 
@@ -48,7 +49,7 @@ impl Default for KMeansParams {
     }
 }
 
-/// Which of the two distances d_proj(i, j), d_proj(j, i) counts.
+/// How d_proj(i, j) and d_proj(j, i) are made symmetric.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Symmetry {
@@ -59,7 +60,7 @@ pub enum Symmetry {
     Min,
 }
 
-/// Which neighbours of a node are nearest.
+/// The distance by which neighbours of a node are nearest.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Nearest {
@@ -74,11 +75,12 @@ pub enum Nearest {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RiemannianGraphParams {
-    /// Euclidean nearest supervoxels that may become neighbours, beside the Euclidean spanning tree. At least 1.
+    /// Number of Euclidean nearest supervoxels that are candidates for neighbours, beside the Euclidean spanning tree.
+    /// At least 1.
     pub candidates: usize,
-    /// k: how many of them each node keeps, beside the spanning tree.
+    /// k: number of candidates that each node keeps as neighbours, beside the spanning tree.
     pub nearest: usize,
-    /// Which are nearest.
+    /// The distance by which candidates are nearest.
     pub nearest_by: Nearest,
     /// How d_proj becomes symmetric.
     pub symmetry: Symmetry,
@@ -101,14 +103,14 @@ impl Default for RiemannianGraphParams {
     }
 }
 
-/// How much a supervoxel counts in the optimisation.
+/// The weight of a supervoxel in the optimisation.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NodeWeight {
     /// 1, as printed.
     #[default]
     One,
-    /// Its number of points over the mean number: depends less on the depth of the octree.
+    /// Its number of points over the mean number: the result then depends less on the depth of the octree.
     Points,
 }
 
@@ -116,25 +118,25 @@ pub enum NodeWeight {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RiemannianParams {
-    /// Neighbours of the point normals; 2 to 32.
+    /// Number of neighbours for point normals; 2 to 32.
     pub neighbours: usize,
-    /// μ: what an edge between segments costs, in squared feature difference. Larger: fewer segments. ≥ 0.
+    /// μ: cost of an edge between segments, in squared feature difference. Larger: fewer segments. ≥ 0.
     pub strength: f64,
-    /// Whether the two sides of a surface differ.
+    /// Whether normals are oriented.
     pub sides: Sides,
-    /// How much a supervoxel counts.
+    /// The weight of a supervoxel in the optimisation.
     pub node_weight: NodeWeight,
-    /// Planarity and scattering are multiplied by this before the optimisation; the paper: 1. ≥ 0.
+    /// Factor of planarity and scattering in the optimisation; the paper: 1. ≥ 0.
     pub shape_weight: f64,
     /// Seed of the optimisation.
     pub seed: u64,
-    /// Which side normals point to; without effect where the sides do not differ.
+    /// How normals are oriented; without effect for [`Sides::Unsigned`].
     pub orientation: Orientation,
-    /// The cells that clusters begin with.
+    /// The octree whose leaves initialise the clusters.
     pub octree: OctreeParams,
-    /// The clusters.
+    /// The modified k-means.
     pub clusters: KMeansParams,
-    /// The graph of the clusters.
+    /// The graph of the supervoxels.
     pub graph: RiemannianGraphParams,
 }
 
@@ -156,7 +158,7 @@ impl Default for RiemannianParams {
 }
 
 impl RiemannianParams {
-    /// As printed: the octree's rule is λ3 < 0.5.
+    /// As printed: the octree's stop rule is λ3 < 0.5.
     pub fn paper() -> Self {
         Self { octree: OctreeParams::paper(), ..Self::default() }
     }

@@ -1,4 +1,4 @@
-//! The whole chain of document 001, at one depth or several.
+//! The whole method of Li 2018, at one depth or several.
 
 use super::clusters::clusters;
 use super::connected::connected_clusters;
@@ -15,7 +15,7 @@ use crate::segmentation::{CutPursuitParams, Partition, Signal, cut_pursuit, octr
 use serde::Serialize;
 use std::time::Instant;
 
-/// Seconds that the stages took.
+/// Seconds of each stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct StageSeconds {
     /// Neighbours, normals and their orientation; 0 if they were given.
@@ -28,12 +28,12 @@ pub struct StageSeconds {
     pub optimisation: f64,
 }
 
-/// How large the graph became.
+/// Sizes of the graph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GraphSizes {
     /// Supervoxels.
     pub nodes: usize,
-    /// Pairs among which the spanning tree was sought.
+    /// Number of candidate edges for the spanning tree.
     pub candidates: usize,
     /// Edges of the graph.
     pub edges: usize,
@@ -42,17 +42,17 @@ pub struct GraphSizes {
 /// Result of [`riemannian`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Riemannian {
-    /// The supervoxels, of the points.
+    /// The supervoxels, as a partition of the points.
     pub supervoxels: Partition,
-    /// The segments, of the points.
+    /// The segments, as a partition of the points.
     pub segments: Partition,
     /// Sizes of the graph.
     pub sizes: GraphSizes,
     /// Iterations of the modified k-means.
     pub iterations: usize,
-    /// Mean move of the centres in the last of them, metres.
+    /// Mean displacement of the centres in the last iteration, metres.
     pub mean_move: f64,
-    /// Σ m ‖f − g‖² + μ Σ w over the edges between segments, before any rounding of labels.
+    /// Energy of the optimisation, Σ m ‖f − g‖² + μ Σ w over the edges between segments.
     pub energy: f64,
     /// Seconds of the stages.
     pub seconds: StageSeconds,
@@ -63,22 +63,22 @@ pub struct Riemannian {
 pub struct Scale {
     /// d_min.
     pub min_depth: u32,
-    /// What was found there.
+    /// The result at that depth.
     pub found: Riemannian,
 }
 
-/// Segments of a cloud by supervoxels on a Riemannian graph.
+/// Segments a cloud by supervoxels on a Riemannian graph.
 ///
-/// M. Li, *A super voxel-based Riemannian graph for multi scale segmentation of LiDAR point clouds*, 2018. Oriented
-/// normals; the leaves of an adaptive octree become clusters by a modified k-means; a graph joins them by a spanning
-/// tree and the 8 nearest by the length of arcs over the surface; l0 cut pursuit on normal, planarity and scattering.
-/// Where the paper is silent, the choices stand in `docs/riemannian.md`.
+/// M. Li, *A super voxel-based Riemannian graph for multi scale segmentation of LiDAR point clouds*, ISPRS Annals,
+/// 2018. The steps: oriented normals; an adaptive octree; a modified k-means that turns its leaves into supervoxels; a
+/// graph of their minimum spanning tree and their 8 nearest neighbours by the length of arcs over the surface; l0 cut
+/// pursuit on normal, planarity and scattering. `docs/riemannian.md` says what was chosen where the paper is silent.
 ///
 /// # Complexity
-/// O(n log n) for neighbours, octree and an iteration of the clusters; the graph has one node a supervoxel.
+/// O(n log n) for neighbours, octree and each iteration of the k-means; the graph has one node a supervoxel.
 ///
 /// # Determinism
-/// All but `seconds` is the same for any number of threads.
+/// All fields but `seconds` are the same for any number of threads.
 ///
 /// # Errors
 /// If a parameter is outside its range, a coordinate is not finite, or the work was cancelled.
@@ -107,7 +107,7 @@ pub fn riemannian(points: &Points, params: &RiemannianParams, monitor: &Monitor)
     run(points, &surface, params, monitor)
 }
 
-/// [`riemannian`] where the unit normals of the points are known; those of a scanner may point to it.
+/// [`riemannian`] with given unit normals of the points, for instance oriented towards the scanner.
 ///
 /// # Errors
 /// As [`riemannian`], and if there is not a finite normal for each point.
@@ -126,7 +126,7 @@ pub fn riemannian_with_normals(
     run(points, &Surface { near, directions, seconds: 0.0 }, params, monitor)
 }
 
-/// [`riemannian`] at several least depths (the paper: 4 to 7), with the normals computed once.
+/// [`riemannian`] at several least depths of the octree (the paper: 4 to 7); normals are computed once.
 ///
 /// # Errors
 /// As [`riemannian`].
@@ -153,7 +153,7 @@ pub fn multi_scale(
     Ok(scales)
 }
 
-/// What is known of the surface at each point.
+/// Nearest neighbours and normals of the points.
 struct Surface {
     near: Neighbours,
     directions: Vec<[f32; 3]>,
@@ -249,7 +249,7 @@ mod tests {
         params
     }
 
-    /// The cube without its rims: no leaf of depth 3 holds points of two faces.
+    /// The cube without points near its edges: no leaf of depth 3 holds points of two faces.
     fn faces_apart() -> (Points, Vec<[f32; 3]>, Vec<u32>) {
         let (points, normals, faces) = cube(64);
         let rim = |v: f32| (0.01..0.5).contains(&v) || (3.5..3.99).contains(&v);
@@ -273,7 +273,8 @@ mod tests {
             let (found, expected) = run(faces_apart(), strength);
             assert!(found == expected, "strength {strength}: {} segments", found.len());
         }
-        // Leaves on the edges of a whole cube hold points of two faces: their clusters join a face at a higher strength.
+        // On a whole cube the leaves at the edges hold points of two faces: their clusters join a face only at a higher
+        // strength.
         for strength in [0.3, 0.4, 0.6] {
             assert_eq!(run(cube(64), strength).0.len(), 6, "strength {strength}");
         }

@@ -1,4 +1,5 @@
-//! Things in the cells of a grid, found by sorted keys: no table of hashes, the same order everywhere.
+//! Items sorted into the cells of a grid. Cells are found by sorted keys instead of a hash table, so that their order
+//! is the same on every machine.
 
 use crate::csr::Csr;
 use crate::error::{Error, Result};
@@ -6,11 +7,11 @@ use crate::parallel::{Monitor, map_ordered, map_watched, sort_watched, watched};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Bits of a cell index in a key.
+/// Bits per axis of a cell key.
 const BITS: u32 = 21;
-/// Empty cells in front of the first one, so that no neighbour is below 0.
+/// Empty cells before the first one on each axis, so that neighbours have no negative index.
 const MARGIN: i64 = 2;
-/// Cells whose neighbours are looked up in one go.
+/// Cells whose neighbours one task looks up.
 const BLOCK: usize = 4096;
 
 /// A grid of cubes with a corner at the origin of the coordinates.
@@ -21,7 +22,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// A grid that holds all points. `name` is that of the parameter that gave the size.
+    /// A grid that holds all points. `name` is the parameter that gave the size, for the error message.
     ///
     /// # Errors
     /// If a coordinate is not finite, or the points need 2^21 cells or more along an axis.
@@ -43,7 +44,7 @@ impl Grid {
             }
             let (low, high) = ((f64::from(low) / size).floor(), (f64::from(high) / size).floor());
             let most = f64::from((1u32 << BITS) - 8);
-            // The negation refuses what is not a number too.
+            // Written as a negation so that NaN is refused too.
             if !(high - low < most && low.abs() < 1e15) {
                 let expected = format!(
                     "a size that gives fewer than {most} cells along an axis, not {}; the points reach over {:.0} m in {of}: cut \
@@ -58,7 +59,7 @@ impl Grid {
         Ok(Self { size, first })
     }
 
-    /// Key of the cell that holds a place: y before z before x.
+    /// Key of the cell that holds a position: sorted by y, then z, then x.
     #[inline(always)]
     pub(super) fn key(&self, at: [f32; 3]) -> u64 {
         let mut cell = [0u64; 3];
@@ -76,13 +77,12 @@ impl Grid {
     }
 }
 
-/// What keys of the nine rows of cells around a cell differ by, ascending; each row is three cells long from one to
-/// the left.
+/// Offsets of the nine rows of three cells around a cell, ascending: from its key to that of the left cell of each row.
 fn rows() -> impl Iterator<Item = i64> {
     (0..9).map(|i| ((i / 3 - 1) << (2 * BITS)) + ((i % 3 - 1) << BITS) - 1)
 }
 
-/// Items by occupied cell: cells ascending by key, items of a cell ascending.
+/// Items by occupied cell: cells ascend by key, items within a cell ascend.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cells {
     pub(super) keys: Vec<u64>,
@@ -91,7 +91,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// From the key of each of `len` items. O(len log len), 12 bytes an item and as many while it is made.
+    /// Sorts `len` items by their keys. O(len log len), 12 bytes an item and as many temporary ones.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -128,7 +128,7 @@ impl Cells {
         self.keys.len()
     }
 
-    /// Where the items of a cell stand in `items`.
+    /// Range of a cell in `items`.
     pub(super) fn range(&self, cell: usize) -> Range<usize> {
         self.starts[cell] as usize..self.starts[cell + 1] as usize
     }
@@ -138,7 +138,7 @@ impl Cells {
         &self.items[self.range(cell)]
     }
 
-    /// Occupied cells among the 27 around a key, ascending. Nine binary searches.
+    /// Occupied cells among the 27 around a key (itself included), ascending. Nine binary searches.
     pub(super) fn around(&self, key: u64) -> impl Iterator<Item = usize> + '_ {
         rows().flat_map(move |row| {
             let first = key.wrapping_add_signed(row);
@@ -148,8 +148,8 @@ impl Cells {
     }
 }
 
-/// The 26 neighbours of each of these cells that are there too, ascending; `keys` ascend. O(cells): the neighbours are found
-/// twice, first to count and then to store them, so that nothing but the result is held.
+/// For each of these cells those of its 26 neighbours that are occupied, ascending; `keys` ascend. O(cells): neighbours are
+/// found twice, first to count and then to store them, so that only the result is in memory.
 pub(super) fn adjacency(keys: &[u64], monitor: &Monitor) -> Result<Csr> {
     let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(keys.len());
     let counts = map_ordered(keys.len().div_ceil(BLOCK), monitor, |b| {
@@ -193,8 +193,8 @@ fn split_at_offsets(mut rest: &mut [u32], begins: impl Iterator<Item = usize>) -
     parts
 }
 
-/// Calls `found` with the place in the range and the neighbour, for each neighbour of each cell of a range, ascending. The
-/// rows around ascending keys ascend too, so that nine pointers find all.
+/// Calls `found` with the position in the range and the neighbour, for each neighbour of each cell of a range, ascending.
+/// The rows around ascending keys ascend too, so that nine pointers move forward only.
 fn neighbours(keys: &[u64], range: Range<usize>, mut found: impl FnMut(usize, u32)) {
     let mut pointers: [(i64, usize); 9] = [(0, 0); 9];
     for (slot, row) in pointers.iter_mut().zip(rows()) {

@@ -1,4 +1,4 @@
-//! What a supervoxel is like: its middle, normal, colour and how its points spread.
+//! Centroid, normal, colour and eigenvalue features of supervoxels.
 
 use super::PointAttributes;
 use crate::cloud::Points;
@@ -8,20 +8,20 @@ use crate::linalg::{Sym3, mean};
 use crate::parallel::{Monitor, concat_watched, map_ordered_with};
 use std::ops::Range;
 
-/// Supervoxels that are described in one go.
+/// Supervoxels that one task describes.
 const BLOCK: usize = 64;
 
-/// Features of one supervoxel (document 002, section 3.2). With e = λ/Σλ of its points' covariance (divisor n):
-/// linearity (e1 − e2)/e1, planarity (e2 − e3)/e1, scattering e3/e1, change of curvature e3; all 0 where the points have
-/// no extent.
+/// Features of one supervoxel (Hasanpour Zaryabi et al. 2022, section 3.2). With e = λ/Σλ of its points' covariance
+/// (divisor n): linearity (e1 − e2)/e1, planarity (e2 − e3)/e1, scattering e3/e1, change of curvature e3; all 0 where
+/// the points coincide.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SupervoxelShape {
     /// Number of points.
     pub points: u32,
-    /// Mean of the points, metres from their origin.
+    /// Mean of the points, metres relative to their origin.
     pub centroid: [f32; 3],
-    /// Unit normal of the plane through the points, on the side of their own normals, or upwards. Where fewer than three
-    /// points or a line have no plane: the mean of their normals, or straight up.
+    /// Unit normal of the plane through the points, oriented like their own normals, or upwards. Fewer than three
+    /// points or points on a line define no plane: then the mean of their normals, or straight up.
     pub normal: [f32; 3],
     /// Mean red, green and blue, 0..=1, if the points have colours.
     pub colour: Option<[f32; 3]>,
@@ -35,7 +35,7 @@ pub struct SupervoxelShape {
     pub change_of_curvature: f32,
 }
 
-/// Shapes of groups of points.
+/// Shapes of groups of points, one entry a group.
 pub(super) fn shapes(
     points: &Points,
     attributes: &PointAttributes<'_>,
@@ -67,7 +67,7 @@ fn shape(
     let share = |value: f64, of: f64| if of > f64::MIN_POSITIVE { (value / of) as f32 } else { 0.0 };
     let given = attributes.normals.map(|rows| side(rows, members));
     let plane = eigen.vectors[2].map(|v| v as f32);
-    // A second eigenvalue that is rounding leaves the normal of the plane open.
+    // A second eigenvalue of the size of rounding errors does not define the normal of a plane.
     let has_plane = places.len() >= 3 && l2 > 1e-9 * l1;
     SupervoxelShape {
         points: members.len() as u32,
@@ -87,12 +87,12 @@ fn average(rows: &[[f32; 3]], members: &[u32]) -> [f32; 3] {
     [0, 1, 2].map(|a| (members.iter().map(|&i| f64::from(rows[i as usize][a])).sum::<f64>() / n) as f32)
 }
 
-/// The direction the normals of the members show to on the average.
+/// Sum of the members' normals, which decides the side of the plane normal.
 fn side(normals: &[[f32; 3]], members: &[u32]) -> [f32; 3] {
     average(normals, members)
 }
 
-/// The normal of the plane on the side of the given normals (or upwards), of unit length.
+/// The plane's normal turned to the side of the given normals (or upwards), of unit length.
 fn facing(plane: Option<[f32; 3]>, given: Option<[f32; 3]>) -> [f32; 3] {
     let up = [0.0, 0.0, 1.0];
     match (plane, given.map(|g| (g, dot(g, g)))) {

@@ -1,8 +1,8 @@
-//! Supervoxels: small pieces of a cloud that are alike in place, colour and normal.
+//! Supervoxels: small pieces of a cloud whose points are similar in position, colour and normal.
 //!
-//! Document 002 (Hasanpour Zaryabi, Saadatseresht and Ghanbari Parmehr, *An object-based classification framework for
-//! ALS point cloud in urban areas*, ISPRS Annals X-4/W1, 2022, section 3.1) mixes two methods; both are here: [`slic()`]
-//! on points, as in Achanta et al. (2012), and [`vccs()`] on voxels that touch, as in Papon et al. (2013).
+//! E. Hasanpour Zaryabi, M. Saadatseresht, E. Ghanbari Parmehr, *An object-based classification framework for ALS point
+//! cloud in urban areas*, ISPRS Annals X-4/W1, 2022, section 3.1, mixes two methods; both are here: [`slic()`] on
+//! points, as in Achanta et al. (2012), and [`vccs()`] on adjacent voxels, as in Papon et al. (2013).
 
 mod cells;
 mod describe;
@@ -21,13 +21,13 @@ use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::parallel::{Looks, Monitor, map_watched};
 
-/// In [`Supervoxels::labels`]: the point belongs to no supervoxel.
+/// Value in [`Supervoxels::labels`] of points without a supervoxel.
 pub const NO_SUPERVOXEL: u32 = u32::MAX;
 
-/// What is known of each point besides its place. A term of the distance whose values are missing is left out.
+/// Attributes of each point other than its position. A term of the distance is left out if its attribute is missing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PointAttributes<'a> {
-    /// Unit normals; the sign does not matter to the supervoxels, but their own normals follow it.
+    /// Unit normals. Their sign has no influence on which points form a supervoxel, but decides the sign of its normal.
     pub normals: Option<&'a [[f32; 3]]>,
     /// Red, green and blue, 0..=1.
     pub colours: Option<&'a [[f32; 3]]>,
@@ -58,9 +58,8 @@ pub struct Supervoxels {
 }
 
 impl Supervoxels {
-    /// From the supervoxel of each point, [`NO_SUPERVOXEL`] for none, numbered in any way below twice the number of
-    /// points;
-    /// `size` is the distance of the seeds in metres. O(n).
+    /// From the supervoxel of each point ([`NO_SUPERVOXEL`] for none), numbered in any way below twice the number of
+    /// points. `size` is the distance of the seeds in metres. O(n).
     ///
     /// # Errors
     /// If there is not one label a point, a label is too large, attributes do not fit, or the work was cancelled.
@@ -75,7 +74,7 @@ impl Supervoxels {
             return Err(Error::input(format!("{} labels for {} points", labels.len(), points.len())));
         }
         let (labels, count) = renumbered(labels, monitor)?;
-        // Points without a supervoxel form a last group, which is cut off.
+        // Points without a supervoxel form a last group, which is removed.
         let keys: Vec<u32> = map_watched(labels.len(), monitor, |i| labels[i].min(count))?;
         let groups = Csr::group_by(&keys, count as usize + 1, monitor)?.truncated(count as usize);
         drop(keys);
@@ -103,7 +102,7 @@ impl Supervoxels {
         self.groups.group(supervoxel)
     }
 
-    /// What each supervoxel is like.
+    /// Shape and features of each supervoxel.
     pub fn shapes(&self) -> &[SupervoxelShape] {
         &self.shapes
     }
@@ -113,7 +112,7 @@ impl Supervoxels {
         self.size
     }
 
-    /// Hands a partition of the supervoxels to the points: the segment of each point, or [`NO_SUPERVOXEL`].
+    /// Transfers a partition of the supervoxels to the points: the segment of each point, or [`NO_SUPERVOXEL`].
     ///
     /// # Errors
     /// If the partition is not one of these supervoxels, or the work was cancelled.
@@ -126,7 +125,7 @@ impl Supervoxels {
         map_watched(self.labels.len(), monitor, segment)
     }
 
-    /// The same as a partition of the points, in which each point without a supervoxel is a segment of its own.
+    /// The same as a partition of the points, in which each point without a supervoxel is a segment by itself.
     ///
     /// # Errors
     /// If the partition is not one of these supervoxels, or the work was cancelled.
@@ -147,7 +146,7 @@ impl Supervoxels {
     }
 }
 
-/// Labels numbered in the order of their smallest point, and how many there are.
+/// Labels renumbered in the order of their smallest point, and their number.
 fn renumbered(mut labels: Vec<u32>, monitor: &Monitor) -> Result<(Vec<u32>, u32)> {
     let mut looks = Looks::at(monitor);
     let (mut count, limit) = (0, 2 * labels.len());

@@ -1,22 +1,22 @@
-//! What supervoxels can be told.
+//! Parameters of supervoxels.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// How much each term of the distance between a point and a supervoxel counts; all ≥ 0, not all 0.
+/// Weights of the terms of the distance between a point and a supervoxel; all ≥ 0, not all 0.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SupervoxelWeights {
-    /// Of the difference in colour.
+    /// Weight of the difference in colour.
     pub colour: f64,
-    /// Of the distance in space.
+    /// Weight of the distance in space.
     pub spatial: f64,
-    /// Of the angle between normals.
+    /// Weight of the angle between normals.
     pub normal: f64,
 }
 
 impl Default for SupervoxelWeights {
-    /// Those of the Point Cloud Library, as the document gives none.
+    /// The defaults of the Point Cloud Library, as Hasanpour Zaryabi et al. 2022 give none.
     fn default() -> Self {
         Self { colour: 0.1, spatial: 0.4, normal: 1.0 }
     }
@@ -31,11 +31,11 @@ impl SupervoxelWeights {
     }
 }
 
-/// What the spatial distance is divided by.
+/// The divisor of the spatial distance.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Normaliser {
-    /// √3 S, the distance of the cube's corner: the term is at most its weight.
+    /// √3 S, the distance of the cube's corner: the spatial term is at most its weight.
     #[default]
     Corner,
     /// √2 S, as printed.
@@ -56,19 +56,19 @@ impl Normaliser {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SlicParams {
-    /// S: edge of the voxels whose centroids are the seeds, in metres, above 0; about four times the spacing.
+    /// S: edge of the voxels whose centroids are the seeds, in metres, above 0; about four times the point spacing.
     pub size: f64,
     /// Voxels with fewer points than this give no seed; ≥ 1.
     pub min_points: usize,
     /// Weights of the distance.
     pub weights: SupervoxelWeights,
-    /// What the spatial distance is divided by.
+    /// The divisor of the spatial distance.
     pub normaliser: Normaliser,
-    /// Rounds of assignment and update at most; ≥ 1.
+    /// Largest number of rounds of assignment and update; ≥ 1.
     pub rounds: usize,
-    /// Ends earlier when the centres move less than this share of S on the average; ≥ 0.
+    /// Stops early when the centres move less than this share of S on average; ≥ 0.
     pub tolerance: f64,
-    /// Split supervoxels whose points do not hang together in voxels of S/4; small parts join what they touch.
+    /// Split supervoxels whose points are not connected in voxels of S/4; small pieces join an adjacent supervoxel.
     pub connected: bool,
 }
 
@@ -87,7 +87,7 @@ impl Default for SlicParams {
 }
 
 impl SlicParams {
-    /// The normaliser as printed in the document.
+    /// The divisor as printed in Hasanpour Zaryabi et al. 2022.
     pub fn paper() -> Self {
         Self { normaliser: Normaliser::Paper, ..Self::default() }
     }
@@ -112,16 +112,16 @@ impl SlicParams {
 pub struct VccsParams {
     /// R_seed: distance of the seeds, in metres, above 0.
     pub size: f64,
-    /// R_voxel: edge of the voxels that flow, in metres, above 0 and at most `size`. Voxels must touch for a supervoxel
-    /// to cross from one to the other: take twice the spacing.
+    /// R_voxel: edge of the voxels in metres, above 0 and at most `size`. A supervoxel only grows from a voxel to an
+    /// adjacent one: take twice the point spacing.
     pub voxel: f64,
     /// Weights of the distance.
     pub weights: SupervoxelWeights,
-    /// A seed stays if it has more voxels within R_seed/2 than this share of those of a plane; ≥ 0.
+    /// A seed is kept if it has more voxels within R_seed/2 than this share of those of a plane; ≥ 0.
     pub min_share: f64,
-    /// Steps a supervoxel can grow, in R_seed/R_voxel; ≥ 1.
+    /// Largest number of growth steps, in R_seed/R_voxel; ≥ 1.
     pub depth: f64,
-    /// How often the supervoxels grow anew from the voxel nearest to their mean.
+    /// How often the supervoxels are grown again from the voxel nearest to their mean.
     pub refinements: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Supervoxels on points: k-means around seeds of a grid, each point choosing among the seeds near it.
+//! Supervoxels on points: k-means around seeds of a grid, where each point is compared only with the seeds near it.
 
 mod assign;
 mod centres;
@@ -14,15 +14,17 @@ use assign::Distance;
 use centres::Centre;
 use sorted::Sorted;
 
-/// Supervoxels of points after document 002, section 3.1 (SLIC of Achanta et al. 2012 on points).
+/// Supervoxels of points: SLIC (Achanta et al. 2012, doi:10.1109/TPAMI.2012.120) on points, as in Hasanpour Zaryabi et
+/// al. 2022, section 3.1.
 ///
-/// Seeds are the centroids of the voxels of edge S that hold `min_points`. A point p competes for the seeds s whose cube
-/// s ± S holds it by D² = (w_s ‖p − s‖/(√3 S))² + (w_c ‖c_p − c_s‖/√3)² + (w_n ∠(n_p, n_s)/(π/2))², the angle without
-/// signs (Eq. 1); ties go to the first seed. Then each seed moves to the mean of its points, with their mean colour and
-/// the normal of their plane, and the points compete anew. Points that no seed reaches join the nearest one if it is at
-/// most 2 √3 S away, else none.
+/// The seeds are the centroids of the voxels of edge S with at least `min_points` points. A point p is assigned to the
+/// seed of least D² = (w_s ‖p − s‖/(√3 S))² + (w_c ‖c_p − c_s‖/√3)² + (w_n ∠(n_p, n_s)/(π/2))² among those whose cube s
+/// ± S contains it; the angle is unsigned (Eq. 1), ties go to the first seed. Then each seed moves to the mean of its
+/// points, with their mean colour and the normal of their plane, and the points are assigned anew. Points outside all
+/// cubes join the nearest seed if it is at most 2 √3 S away, else they have none.
 ///
-/// O(rounds · n) for points of even density, 60 bytes a point besides the result. The same for any number of threads.
+/// O(rounds · n) for points of even density, 60 bytes a point besides the result. Deterministic for any number of
+/// threads.
 ///
 /// # Errors
 /// If a parameter is outside its range, attributes do not fit the points, a coordinate is not finite, the points need
@@ -56,13 +58,13 @@ pub fn slic(
     Supervoxels::new(points, attributes, (scene.in_order_of_points(&labels, monitor)?, params.size), monitor)
 }
 
-/// Labels of the sorted points and the centres they stand for.
+/// Labels of the sorted points and the centres they refer to.
 struct Clusters {
     labels: Vec<u32>,
     centres: Vec<Centre>,
 }
 
-/// Assignment and update in turn; also the centres that the last assignment was made with.
+/// Alternates assignment and update; also returns the centres of the last assignment.
 fn rounds(scene: &Sorted, params: &SlicParams, monitor: &Monitor) -> Result<(Clusters, Vec<Centre>)> {
     let distance = Distance::new(params);
     let (mut labels, mut centres) = centres::seeds(scene, params.min_points, monitor)?;
@@ -78,7 +80,7 @@ fn rounds(scene: &Sorted, params: &SlicParams, monitor: &Monitor) -> Result<(Clu
     Ok((Clusters { labels, centres }, before))
 }
 
-/// Gives the points without a label that of the nearest centre with points, if that is near enough.
+/// Gives each point without a label that of the nearest non-empty centre, if that is near enough.
 fn attach(scene: &Sorted, found: &Clusters, size: f64, monitor: &Monitor) -> Result<Vec<u32>> {
     let mut labels = found.labels.clone();
     let mut held = vec![false; found.centres.len()];

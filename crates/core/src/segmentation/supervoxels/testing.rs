@@ -4,12 +4,12 @@ use super::PointAttributes;
 use crate::cloud::{Cloud, Points};
 use crate::random::stream;
 
-/// Local points of rows.
+/// Points from rows, in local coordinates.
 pub(super) fn points_of(rows: &[[f64; 3]]) -> Points {
     Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
 }
 
-/// Points with all that supervoxels can use.
+/// Points with all attributes that supervoxels use.
 pub(super) struct TestScene {
     pub(super) points: Points,
     pub(super) normals: Vec<[f32; 3]>,

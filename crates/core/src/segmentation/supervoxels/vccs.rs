@@ -1,4 +1,4 @@
-//! Supervoxels that flow through voxels which touch.
+//! Supervoxels that grow over adjacent voxels.
 
 mod flow;
 mod seeds;
@@ -13,17 +13,18 @@ use voxels::Voxels;
 
 /// Voxel cloud connectivity segmentation: supervoxels that never cross a gap.
 ///
-/// Papon, Abramov, Schoeler and Wörgötter, *Voxel cloud connectivity segmentation*, CVPR 2013. Points become voxels of
-/// edge R_voxel (mean place, colour, normal), which touch if they are among each other's 26 neighbours. Seeds are the
-/// voxels nearest to the middle of the occupied cells of edge R_seed; those with few voxels around them are left out. In
-/// each step every voxel looks at the supervoxels of its neighbours and takes the one of least
-/// D = w_n (1 − |n · n_s|) + w_c ‖c − c_s‖ + w_s ‖p − p_s‖/R_seed, ties to the smaller; then the centres move to their
-/// means. After 1.8 R_seed/R_voxel steps, or when nothing changes, this begins anew from the voxels nearest to the means
-/// as often as asked. At the end parts that were cut off from their supervoxel join a neighbour. Voxels that no
-/// supervoxel reaches have none.
+/// J. Papon, A. Abramov, M. Schoeler, F. Wörgötter, *Voxel cloud connectivity segmentation*, CVPR 2013,
+/// doi:10.1109/CVPR.2013.264. Points are averaged into voxels of edge R_voxel (mean position, colour, normal), which
+/// are adjacent if they are among each other's 26 neighbours. Seeds are the voxels nearest to the centres of the
+/// occupied cells of edge R_seed, except those with few voxels around them. In each step every voxel takes, among its
+/// own supervoxel and those of its neighbours, the one of least D = w_n (1 − |n · n_s|) + w_c ‖c − c_s‖ + w_s ‖p −
+/// p_s‖/R_seed, ties to the smaller index; then the centres move to their means. After 1.8 R_seed/R_voxel steps, or
+/// when nothing changes, the growth starts again from the voxels nearest to the means, as often as `refinements` says.
+/// At the end components that are separated from their supervoxel join an adjacent one. Voxels that no supervoxel
+/// reaches have none.
 ///
-/// All voxels choose at once, so that the result does not depend on an order; the reference implementation lets one
-/// supervoxel after the other grow. O(steps · voxels) time, at most about 150 bytes a voxel.
+/// All voxels are updated at once, so that the result does not depend on an order; the reference implementation grows
+/// one supervoxel after the other. O(steps · voxels) time, at most about 150 bytes a voxel.
 ///
 /// # Errors
 /// If a parameter is outside its range, attributes do not fit the points, a coordinate is not finite, the points need

@@ -4,7 +4,7 @@ use crate::io::las::vlr::Vlr;
 
 const ENTRY: usize = 16;
 
-/// Adds names of codes. Names that a file has already stay; a record of another length than the standard's is left alone.
+/// Adds names of codes. Existing names are kept; a record whose length is not the standard's is not changed.
 pub(super) fn add(vlrs: &mut Vec<Vlr>, names: &[(u8, String)]) {
     let is_lookup = |v: &Vlr| v.is("LASF_Spec", 0);
     if !vlrs.iter().any(is_lookup) {

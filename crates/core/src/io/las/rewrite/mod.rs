@@ -1,7 +1,7 @@
-//! Passing a LAS or LAZ file through: only what is asked changes.
+//! Copies a LAS or LAZ file and changes only what was requested.
 //!
-//! The raw records stream from input to output. Header, VLRs, the bytes between VLRs and points, every field and every extra
-//! byte of the records, and everything behind the points are copied as they stand.
+//! The raw records are streamed from input to output. Header, VLRs, the bytes between VLRs and points, all fields and
+//! extra bytes of the records, and everything after the points are copied unchanged.
 
 mod lookup;
 pub(super) mod plan;
@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use std::path::Path;
 use tail::Tail;
 
-/// Chunks of the input's size are written up to this many points; beyond it memory would follow the chunk.
+/// Chunks as large as the input's are written up to this many points; larger ones would need too much memory.
 const LARGEST_CHUNK: u32 = 500_000;
 
 /// Copies `input` to `output` (LAS or LAZ by its extension) with the edits applied.
@@ -38,14 +38,14 @@ pub(in crate::io) fn rewrite(
     rewrite_records(Records::open(input)?, output, edits, options)
 }
 
-/// Fails if the dimensions cannot be added, whatever their values.
+/// Fails if the dimensions could not be added, for reasons other than their values.
 pub(in crate::io) fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result<()> {
     let records = Records::open(input)?;
     let edits: Vec<Edit> = added.iter().map(|column| Edit::Dimension(column.clone())).collect();
     plan(&records, &mut front(&records, None, output), &edits, None).map(|_| ())
 }
 
-/// Writes records that are open with the edits applied.
+/// Writes open records with the edits applied.
 pub(in crate::io) fn rewrite_records(
     records: Records,
     output: &Path,
@@ -67,7 +67,7 @@ pub(in crate::io) fn rewrite_records(
     Ok(report)
 }
 
-/// Copies `input` to `output` (LAS or LAZ by its extension), in another point format if one is asked for.
+/// Copies `input` to `output` (LAS or LAZ by its extension), in another point format if requested.
 pub(in crate::io) fn convert(
     input: &Path,
     output: &Path,
@@ -89,7 +89,7 @@ pub(in crate::io) fn convert(
     Ok(report)
 }
 
-/// Writes records that are open, with the edits, in another point format if one is given.
+/// Writes open records with the edits applied, in another point format if one is given.
 pub(in crate::io) fn rewrite_as(
     mut records: Records,
     output: &Path,
@@ -144,7 +144,7 @@ pub(in crate::io) fn rewrite_as(
     Ok(report)
 }
 
-/// Everything before the points, as the input has it.
+/// Everything before the points, from the input.
 pub(super) fn front(records: &Records, to: Option<u8>, output: &Path) -> Front {
     let wkt = records.vlrs.iter().any(|v| v.is("LASF_Projection", 2112));
     let header = match to {
@@ -155,7 +155,7 @@ pub(super) fn front(records: &Records, to: Option<u8>, output: &Path) -> Front {
     let own = records.vlrs.iter().find(|v| v.is("laszip encoded", 22204)).map(laz_chunk_size);
     let chunk = own.filter(|&c| c > 0 && c <= LARGEST_CHUNK).unwrap_or(CHUNK);
     let mut vlrs = records.vlrs.clone();
-    // COPC's info record speaks of chunks that the output does not have.
+    // The COPC info record refers to chunks that the output does not have.
     vlrs.retain(|v| v.user() != "copc");
     let mut front = Front { header, vlrs, gap: records.gap.clone(), chunk: laz.then_some(chunk) };
     put(&mut front.header, 100, &(front.vlrs.len() as u32).to_le_bytes());

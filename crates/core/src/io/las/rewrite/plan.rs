@@ -1,4 +1,4 @@
-//! Where each edit goes in the record that is written.
+//! The destination of each edit in the output record.
 
 use crate::cloud::{Column, Values};
 use crate::error::{Error, Result};
@@ -12,24 +12,24 @@ use crate::io::las::vlr::Vlr;
 use crate::io::las::writer::Front;
 use rayon::prelude::*;
 
-/// Where a dimension's values go in the record that is written.
+/// The destination of a dimension's values in the output record.
 struct Slot<'a> {
     at: usize,
     values: &'a Values,
 }
 
-/// All that changes.
+/// All changes.
 pub(super) struct Plan<'a> {
     codes: Option<&'a [u8]>,
     slots: Vec<Slot<'a>>,
-    /// Point format of the input, and of the output if it is another.
+    /// Point format of the input, and of the output if it differs.
     format: u8,
     to: Option<u8>,
     pub(super) old_length: usize,
     new_length: usize,
 }
 
-/// Decides where each edit goes and extends record length and descriptors.
+/// Finds the destination of each edit and extends record length and descriptors.
 pub(super) fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], to: Option<u8>) -> Result<Plan<'a>> {
     let header = &records.header;
     let format = to.unwrap_or(header.format);
@@ -63,7 +63,7 @@ pub(super) fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], 
         }
     }
     if !added.is_empty() {
-        // Descriptors of an extended record come first, or the new ones would be taken for theirs.
+        // The descriptors of an extended record must come first, because descriptors are in the order of the bytes.
         for extended in records.evlrs.iter().filter(|v| extra::is_record(v)) {
             let whole = extended.data.len() / 192 * 192;
             describe(&mut front.vlrs, 0, &extended.data[..whole])?;
@@ -88,11 +88,11 @@ fn same_type(old: &Extra, column: &Column) -> Result<usize> {
     }
 }
 
-/// Adds descriptors to the one Extra Bytes record, making it if there is none.
+/// Adds descriptors to the Extra Bytes record, or creates it.
 pub(in crate::io::las) fn describe(vlrs: &mut Vec<Vlr>, undescribed: usize, added: &[u8]) -> Result<()> {
     let mut data = extra::undescribed(undescribed);
     data.extend_from_slice(added);
-    // The last one, should there be several: descriptors stand in the order of the bytes.
+    // If there are several, the last one, because descriptors are in the order of the bytes.
     match vlrs.iter_mut().rfind(|v| extra::is_record(v)) {
         Some(vlr) => {
             let whole = vlr.data.len() / 192 * 192;
@@ -123,7 +123,7 @@ impl Plan<'_> {
         }
     }
 
-    /// Records of another length or format with the old ones in them, changed.
+    /// Copies records into longer ones or another format, and changes them.
     pub(super) fn widen(&self, old: &[u8], first: usize) -> Vec<u8> {
         let mut new = vec![0; old.len() / self.old_length * self.new_length];
         let pairs = new.par_chunks_exact_mut(self.new_length).zip(old.par_chunks_exact(self.old_length));

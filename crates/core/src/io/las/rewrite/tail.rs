@@ -1,4 +1,4 @@
-//! What stands behind the points: extended records and waveforms. It is copied piece by piece, never held in memory.
+//! The data after the points: extended records and waveforms. They are copied in pieces and never held in memory.
 
 use crate::error::Result;
 use crate::io::atomic::AtomicFile;
@@ -20,7 +20,7 @@ pub(in crate::io::las) struct Tail {
 }
 
 impl Tail {
-    /// All that stands behind the points but COPC's hierarchy.
+    /// Everything after the points except the COPC hierarchy.
     pub(in crate::io::las) fn of(records: &mut Records, front: &mut Front) -> Result<Self> {
         let info = records.vlrs.iter().any(|v| v.user() == "copc");
         let hierarchy = records.evlrs.iter().any(|v| v.user() == "copc");
@@ -48,7 +48,7 @@ impl Tail {
         Self { ranges, evlrs, lost_copc: true }
     }
 
-    /// Appends the bytes to the output; returns how many.
+    /// Appends the bytes to the output; returns their number.
     pub(in crate::io::las) fn copy(
         &self,
         records: &mut Records,
@@ -67,7 +67,7 @@ impl Tail {
         Ok(written)
     }
 
-    /// Where a byte of the input stands in the output, if it is copied; the tail begins at `end`.
+    /// The offset in the output of a byte of the input, if it is copied; the tail starts at `end`.
     fn moved(&self, at: u64, end: u64) -> Option<u64> {
         let mut before = 0;
         for range in &self.ranges {
@@ -79,16 +79,16 @@ impl Tail {
         None
     }
 
-    /// Tells the new places of extended records and waveforms to the header.
+    /// Updates the offsets of extended records and waveforms in the header.
     pub(in crate::io::las) fn patch(&self, old: &Header, header: &mut [u8], end: u64) {
         if self.evlrs > 0 {
-            // Whatever remains of the records begins where the first of them stood, or where the tail begins.
+            // The remaining records start where the first of them was, or at the start of the tail.
             let at = self.moved(old.evlrs_at, end).unwrap_or(end);
             put(header, 235, &at.to_le_bytes());
         } else if old.minor >= 4 {
             put(header, 235, &[0; 12]);
         }
-        // In older versions these bytes of a longer header are somebody's own.
+        // In older versions these bytes of a longer header are user data.
         let wave = if old.minor >= 3 { u64_at(&old.raw, 227) } else { 0 };
         if let Some(at) = self.moved(wave, end).filter(|_| wave > 0) {
             put(header, 227, &at.to_le_bytes());
@@ -96,7 +96,7 @@ impl Tail {
     }
 }
 
-/// First byte behind the points (and their chunk table).
+/// Offset of the first byte after the points (and their chunk table).
 fn start(records: &Records) -> u64 {
     let header = &records.header;
     let wave = if header.minor >= 3 { u64_at(&header.raw, 227) } else { 0 };
@@ -109,7 +109,7 @@ fn start(records: &Records) -> u64 {
     start.min(records.size)
 }
 
-/// Bytes of an extended record, its header included.
+/// Bytes of an extended record, including its header.
 fn length(vlr: &Vlr) -> u64 {
     60 + u64_at(&vlr.head, 20)
 }

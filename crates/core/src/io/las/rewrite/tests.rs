@@ -52,7 +52,7 @@ fn input(folder: &Path, (minor, format): (u8, u8), name: &str) -> PathBuf {
     path
 }
 
-/// Puts bytes of somebody's own behind the header.
+/// Inserts user data after the header.
 fn lengthen_header(path: &Path, length: usize) {
     let mut bytes = std::fs::read(path).unwrap();
     let old = usize::from(u16::from_le_bytes([bytes[94], bytes[95]]));
@@ -135,7 +135,7 @@ fn columns_read_alone_are_those_read_with_all_others() {
             let options = ReadOptions { columns: Columns::Only(vec![column.name.clone()]), ..Default::default() };
             let Ok(alone) = io::read_with(&path, &options) else { panic!("{}", path.display()) };
             assert!(alone.coordinates() == whole.coordinates(), "{}", path.display());
-            // A name that the file has twice is told apart only when both are read.
+            // A name that occurs twice gets a number only when both columns are read.
             if let Some(found) = alone.column(&column.name) {
                 let bits = |v: &Values| v.to_f64().into_iter().map(f64::to_bits).collect::<Vec<_>>();
                 assert!(bits(&found.values) == bits(&column.values), "{} {}", path.display(), column.name);
@@ -146,7 +146,7 @@ fn columns_read_alone_are_those_read_with_all_others() {
     assert!(compared > 100, "{compared}");
 }
 
-/// A file with one chunk of `bytes` whose header and LAZ record declare `points` points.
+/// A file with a single chunk of `bytes`, whose header and LAZ record declare `points` points.
 fn one_chunk(source: &Path, target: &Path, (bytes, points): (&[u8], u64)) {
     let records = Records::open(source).unwrap();
     let at = records.header.points_at as usize;

@@ -1,11 +1,11 @@
-//! What a partition is for.
+//! Parameters of a partition whose strength is chosen from what the user wants.
 
 use super::super::merge::check_not_negative;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// How segments are found.
+/// The algorithm that finds the segments.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -16,21 +16,22 @@ pub enum Method {
     Merge,
 }
 
-/// What the user wants; all but the first search for the strength. In a recipe: `intent = { smallest-object = 0.5 }`.
+/// What the partition should look like. All variants but the first search for the strength. In a recipe: `intent = {
+/// smallest-object = 0.5 }`.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Intent {
-    /// This strength ρ. ≥ 0, may be infinite.
+    /// No search: this strength ρ. ≥ 0, may be infinite.
     Strength(f64),
-    /// So many segments on a hectare of covered ground (cells of 2 m in plan that hold points). > 0.
+    /// Number of segments per hectare of covered ground (2 m cells in plan that hold points). > 0.
     SegmentsPerHectare(f64),
     /// The finest partition of which at most 5 % of the points lie in segments that are shorter than this in every
     /// direction, in metres. > 0.
     SmallestObject(f64),
     /// The finest partition of which at most 5 % of the points lie in segments of fewer points than this. > 0.
     SmallestObjectPoints(f64),
-    /// The coarsest partition whose oracle accuracy on the known labels is at most so much below that of a very fine
-    /// one. 0..1.
+    /// The coarsest partition whose oracle accuracy on the known labels is at most this much below that of a very fine
+    /// partition. 0..1.
     OracleAccuracy(f64),
 }
 
@@ -56,13 +57,13 @@ impl fmt::Display for Intent {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PartitionParams {
-    /// How segments are found.
+    /// The algorithm that finds the segments.
     pub method: Method,
-    /// What they are for.
+    /// What the partition should look like.
     pub intent: Intent,
-    /// Segments of less weight than this join their best neighbour at the end. ≥ 0; 0 keeps all.
+    /// Segments of less weight than this are merged into their best neighbour at the end. ≥ 0; 0 keeps all.
     pub cutoff: f64,
-    /// Partitions tried at most in the search for the strength. At least 1.
+    /// Largest number of partitions computed in the search for the strength. At least 1.
     pub trials: usize,
     /// Seed of cut pursuit.
     pub seed: u64,

@@ -1,47 +1,47 @@
-//! The search for the strength: every trial tells whether it was too fine or too coarse.
+//! Search for the strength: each trial shows whether its strength was too small or too large.
 
 use crate::error::Result;
 use crate::segmentation::Partition;
 
-/// A step before both sides are known.
+/// Factor from one strength to the next until one is too small and another too large.
 const STEP: f64 = 4.0;
-/// The search ends when too fine and too coarse are closer than this.
+/// The search ends when these two strengths differ by less than this factor.
 const NEAR: f64 = 1.1;
-/// The very fine partition that others are compared with has the typical strength divided by this.
+/// Factor by which the typical strength is divided for the very fine partition that the others are compared with.
 const VERY_FINE: f64 = 16.0;
 
-/// What a strength must bring about.
+/// Condition that the strength must fulfil.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Aim {
-    /// Nothing: this strength is wanted.
+    /// None: this strength is wanted.
     Strength(f64),
-    /// A number of segments, right within the factor `close`.
+    /// A number of segments, accepted within the factor `close`.
     Segments {
-        /// Segments wanted.
+        /// Number of segments wanted.
         count: f64,
-        /// Above 1.
+        /// Tolerance as a factor, above 1.
         close: f64,
     },
-    /// The smallest strength whose small share is at most this, 0..=1.
+    /// The smallest strength with at most this share of nodes in segments that are too small, 0..=1.
     SmallShare(f64),
-    /// The largest strength whose oracle accuracy is at most so much below that of the finest trial.
+    /// The largest strength whose oracle accuracy is at most this much below that of the finest trial.
     OracleLoss(f64),
 }
 
-/// The partition at one strength, with what the aim looks at.
+/// The partition at one strength, with the measures that the search compares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// The segments.
     pub partition: Partition,
     /// Q at this strength.
     pub energy: f64,
-    /// Share of the nodes that lie in segments which are too small, 0..=1, if asked for.
+    /// Share of the nodes that lie in segments that are too small, 0..=1; only where the search needs it.
     pub small_share: Option<f64>,
-    /// Best accuracy of labels by segment, 0..=1, if labels are known.
+    /// Oracle accuracy, 0..=1, if labels are known.
     pub oracle_accuracy: Option<f64>,
 }
 
-/// One line of the table of what was tried.
+/// A tested strength and its result.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Trial {
     /// ρ.
@@ -50,20 +50,20 @@ pub struct Trial {
     pub segments: usize,
     /// Q at this strength.
     pub energy: f64,
-    /// Share of the nodes that lie in segments which are too small, if asked for.
+    /// Share of the nodes that lie in segments that are too small; only where the search needs it.
     pub small_share: Option<f64>,
-    /// Best accuracy of labels by segment, if labels are known.
+    /// Oracle accuracy, if labels are known.
     pub oracle_accuracy: Option<f64>,
 }
 
-/// The best of the trials.
+/// The best trial, and all others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Search {
-    /// The strength that serves the aim best.
+    /// The strength that fulfils the aim best.
     pub strength: f64,
     /// Its segments.
     pub partition: Partition,
-    /// Everything that was tried, by rising strength.
+    /// All trials, by rising strength.
     pub trials: Vec<Trial>,
 }
 
@@ -74,8 +74,8 @@ enum Verdict {
     Right,
 }
 
-/// Tries strengths, beginning at `typical` > 0, until one serves the aim or `trials` (at least 1) are used up:
-/// steps of 4 until one strength is too fine and another too coarse, then halves in logarithm.
+/// Searches the strength that fulfils the aim, beginning at `typical` > 0, with at most `trials` (at least 1)
+/// partitions: factors of 4 until one strength is too small and another too large, then bisection on the logarithm.
 ///
 /// # Errors
 /// Those of `solve`.
@@ -144,14 +144,14 @@ impl Aim {
             }
             Self::SmallShare(_) | Self::OracleLoss(_) => {
                 let acceptable = self.shortfall(trial, finest) <= 0.0;
-                // The best acceptable partition is the finest one for objects, the coarsest one for labels.
+                // For object sizes the finest acceptable partition is the best, for labels the coarsest.
                 let go_coarser = acceptable == matches!(self, Self::OracleLoss(_));
                 if go_coarser { Verdict::TooFine } else { Verdict::TooCoarse }
             }
         }
     }
 
-    /// By how much a trial misses what it must keep; 0 or less is acceptable.
+    /// By how much a trial violates the condition; 0 or less is acceptable.
     fn shortfall(&self, trial: &Trial, finest: &Trial) -> f64 {
         let accuracy = |trial: &Trial| trial.oracle_accuracy.unwrap_or(0.0);
         match *self {
@@ -161,7 +161,7 @@ impl Aim {
         }
     }
 
-    /// What the best trial has least of: first the shortfall, then the distance from the best strength.
+    /// The best trial minimises this: first the violation, then the distance from the ideal strength.
     fn loss(&self, trial: &Trial, finest: &Trial) -> (f64, f64) {
         match *self {
             Self::Segments { count, .. } => ((trial.segments.max(1) as f64 / count).ln().abs(), 0.0),

@@ -1,4 +1,4 @@
-//! The split of one segment: 2-means, then minimum cuts between the means of both sides.
+//! Splits one segment in two: 2-means, then minimum cuts that alternate with updates of the two means.
 
 use super::params::CutPursuitParams;
 use super::piece::Piece;
@@ -16,13 +16,13 @@ pub(super) struct Scratch {
     network: MaxFlow,
 }
 
-/// Attempts at pieces of so many nodes are made at the same time: small ones have each other for company, and very large
-/// ones would need too much memory.
+/// Sizes of segments whose attempts run in parallel with each other. Smaller segments are numerous enough to run in
+/// parallel as segments, and in larger ones several flow networks at once would need too much memory.
 const SHARED: Range<usize> = 4096..1 << 18;
 
 impl Scratch {
-    /// The parts into which the gathered piece falls, as the smallest node of each node's part; nothing if it stays
-    /// whole. Of several attempts the one of least energy counts. O(attempts · (means + flow_steps · cut)).
+    /// The parts into which the segment splits, given for each node as the smallest node of its part; `None` if it
+    /// stays whole. Of several attempts the one of least energy is returned. O(attempts · (means + flow_steps · cut)).
     pub(super) fn split(
         &mut self,
         params: &CutPursuitParams,
@@ -30,7 +30,8 @@ impl Scratch {
         monitor: &Monitor,
     ) -> Result<Option<Vec<u32>>> {
         let Self { piece, network } = self;
-        // The best of several 2-means first, then any: the best often leads to the same cut again.
+        // The first attempt takes the best of several random starts, the others one each: the best start often leads to
+        // the same cut again.
         let restarts = |attempt| if attempt == 0 { params.restarts } else { 1 };
         let starts = (0..params.attempts).map(|attempt| starts(piece, restarts(attempt), random, monitor).transpose());
         let Some(starts) = starts.collect::<Option<Result<Vec<_>>>>().transpose()? else { return Ok(None) };
@@ -57,7 +58,7 @@ impl Scratch {
     }
 }
 
-/// The connected parts of both sides after some cuts, each with the means of the one before.
+/// The connected parts of the two sides after at most `steps` cuts, each with the means of the cut before.
 fn cut(
     (piece, mut sides): (&Piece, Vec<bool>),
     network: &mut MaxFlow,
@@ -77,7 +78,7 @@ fn cut(
     parted.then(|| piece.parts(&sides, monitor)).transpose()
 }
 
-/// The sides of least fit and boundary when both sides keep these means; true for the second.
+/// The two sides of least energy (fit and boundary) for fixed means; true for the second side.
 fn cheapest_sides(network: &mut MaxFlow, piece: &Piece, means: &Means, monitor: &Monitor) -> Result<Vec<bool>> {
     let mut looks = Looks::at(monitor);
     network.reset(piece.len());
@@ -93,7 +94,7 @@ fn cheapest_sides(network: &mut MaxFlow, piece: &Piece, means: &Means, monitor: 
     Ok((0..piece.len()).map(|node| !network.is_source(node)).collect())
 }
 
-/// m (‖f − x_1‖² − ‖f − x_0‖²) of each node, which is linear in f.
+/// Difference of the fit costs, m (‖f − x_1‖² − ‖f − x_0‖²), of each node; linear in f.
 fn preferences<'a>(piece: &'a Piece, [zero, one]: &Means) -> impl Iterator<Item = f64> + use<'a> {
     let slope: Vec<f64> = zero.iter().zip(one).map(|(a, b)| a - b).collect();
     let middle: Vec<f64> = zero.iter().zip(one).map(|(a, b)| (a + b) / 2.0).collect();

@@ -1,8 +1,9 @@
-//! Cut pursuit on large graphs: cuts are made on a coarser graph, boundaries are moved on the full one.
+//! Cut pursuit on large graphs: minimum cuts on a coarser graph, then moves of boundary nodes on the full one.
 //!
-//! Nodes that a partition of low energy keeps together merge first. Merging by the values themselves would gather
-//! nodes whose noise agrees, and such a gathering keeps its noise; by values smoothed over the graph it averages the
-//! noise out. The coarse problem has the energy of the full one for every partition of coarse nodes, but for a constant.
+//! The coarse graph merges nodes that a partition of low energy would keep together anyway. Merging by the values
+//! themselves would group nodes with similar noise, and the mean of such a group keeps that noise; merging by values
+//! that were smoothed over the graph averages it out. For every partition of coarse nodes the coarse problem has the
+//! energy of the full problem, up to a constant.
 
 use super::super::Signal;
 use super::super::links::{EdgeLinks, contract};
@@ -18,16 +19,17 @@ use crate::parallel::Monitor;
 use crate::segmentation::Partition;
 use crate::segmentation::connected::connected_partition;
 
-/// Nodes merge at this share of the strength first, then at twice as much, ...
+/// Coarsening merges at this fraction of the strength first, then at twice as much, and so on, ...
 const FIRST_SHARE: f64 = 1.0 / 128.0;
-/// ... until this share is passed ...
+/// ... until it passes this fraction, ...
 const LAST_SHARE: f64 = 0.1;
-/// ... or so many nodes have become one on the average, ...
+/// ... or a coarse node holds this many nodes on average, ...
 const NODES_TO_ONE: usize = 16;
-/// ... but so many coarse nodes to a segment are kept.
+/// ... but never to fewer than this many coarse nodes a segment.
 const NODES_A_SEGMENT: usize = 32;
 
-/// A graph with its values. The incidence of a large graph is large and quickly made: only who needs it holds it.
+/// A partition problem. The incidence lists of a large graph take much memory and are quick to build: each step that
+/// needs them builds its own.
 struct Problem<'a> {
     signal: &'a Signal<'a>,
     graph: &'a Graph,
@@ -35,9 +37,9 @@ struct Problem<'a> {
     monitor: &'a Monitor,
 }
 
-/// Cycles of cut pursuit, each from the result of the one before with other random numbers; on large graphs cycles of
-/// coarsening, cut pursuit on the coarse graph and moves of boundary nodes on the full one. Only nodes of one segment
-/// become one coarse node, so that no cycle raises Q.
+/// Runs cycles of cut pursuit, each starting from the result of the one before with another seed. On large graphs a
+/// cycle is: coarsen, run cut pursuit on the coarse graph, move boundary nodes on the full one. Only nodes of one
+/// segment become one coarse node, so that no cycle raises Q.
 pub(super) fn in_cycles(
     signal: &Signal,
     graph: &Graph,
@@ -72,7 +74,7 @@ pub(super) fn in_cycles(
 }
 
 impl Problem<'_> {
-    /// Cut pursuit on the coarse graph; the energy is that of the full one.
+    /// One cycle on the coarse graph; the energies are those of the full graph.
     fn coarse_cycle(&self, partition: &Partition, params: &CutPursuitParams) -> Result<CutPursuit> {
         let Self { signal, graph, monitor, .. } = *self;
         let mut found = self.coarse_pursuit(partition, params)?;
@@ -82,7 +84,7 @@ impl Problem<'_> {
         Ok(found)
     }
 
-    /// The same before nodes are moved; the coarse graph is gone when this returns.
+    /// The coarse part of the cycle, without the moves; frees the coarse graph before it returns.
     fn coarse_pursuit(&self, partition: &Partition, params: &CutPursuitParams) -> Result<CutPursuit> {
         let Self { signal, graph, monitor, .. } = *self;
         let merged = self.merged(partition)?;
@@ -110,7 +112,7 @@ impl Problem<'_> {
         move_boundary_nodes(self.signal, (self.graph, &self.graph.incidence(self.monitor)?), at, self.monitor)
     }
 
-    /// The nodes of the coarse graph: nodes of one segment that merge when their values are smoothed.
+    /// The nodes of the coarse graph: nodes of one segment that merge by their smoothed values.
     fn merged(&self, partition: &Partition) -> Result<Partition> {
         let values = smoothed(self.signal, self.graph, partition, self.monitor)?;
         let regions = Regions::of_nodes(&self.signal.with_values(&values), self.monitor)?;

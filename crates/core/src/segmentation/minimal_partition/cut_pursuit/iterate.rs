@@ -1,4 +1,4 @@
-//! The rounds of cut pursuit: split open segments, merge, look at the energy.
+//! The iterations of cut pursuit: split the open segments, merge, compare the energy.
 
 use super::super::Signal;
 use super::super::links::{EdgeLinks, contract};
@@ -14,13 +14,13 @@ use crate::parallel::{Looks, Monitor, map_ordered_with};
 use crate::random::stream;
 use crate::segmentation::Partition;
 
-/// State between rounds.
+/// State between iterations.
 pub(super) struct Pursuit<'a> {
     source: Source<'a>,
     params: &'a CutPursuitParams,
     monitor: &'a Monitor,
     partition: Partition,
-    /// Segments that no cut divides.
+    /// Segments that no cut splits any further.
     saturated: Vec<bool>,
     found: CutPursuit,
 }
@@ -58,7 +58,7 @@ impl<'a> Pursuit<'a> {
         Ok(self.found)
     }
 
-    /// One round; false if nothing was left to do or too little was gained.
+    /// One iteration; false if nothing was left to split or the energy fell too little.
     fn round(&mut self) -> Result<bool> {
         let splits = self.split_open_segments()?;
         if splits.iter().all(|(_, parts)| parts.is_none()) {
@@ -104,7 +104,7 @@ impl<'a> Pursuit<'a> {
         })
     }
 
-    /// Makes the parts segments; what stayed whole is saturated.
+    /// Turns the parts into segments; a segment that stayed whole is saturated.
     fn divide(&mut self, splits: &[(usize, Option<Vec<u32>>)]) -> Result<()> {
         let mut smallest = vec![0u32; self.partition.nodes()];
         let mut looks = Looks::at(self.monitor);
@@ -133,7 +133,7 @@ impl<'a> Pursuit<'a> {
         Ok(())
     }
 
-    /// Merges segments while that gains; what merged is open again.
+    /// Merges segments while the energy falls; merged segments are open again.
     fn merge(&mut self) -> Result<()> {
         let Source { signal, graph, strength, .. } = self.source;
         let links = contract(&EdgeLinks::weighted(graph, strength), self.partition.segments(), self.monitor)?;
@@ -145,7 +145,7 @@ impl<'a> Pursuit<'a> {
         Ok(())
     }
 
-    /// Moves boundary nodes; segments that changed are open again.
+    /// Moves boundary nodes; changed segments are open again.
     fn move_nodes(&mut self) -> Result<()> {
         let Source { signal, graph, ref incidence, strength } = self.source;
         let moved = move_boundary_nodes(signal, (graph, incidence), (&self.partition, strength), self.monitor)?;

@@ -1,10 +1,10 @@
-//! What cut pursuit can be told.
+//! Parameters of cut pursuit.
 
 use super::super::merge::check_not_negative;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Sets of effort known from the reference implementation.
+/// Speed presets of the reference implementation.
 #[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
@@ -27,31 +27,33 @@ pub struct CutPursuitParams {
     /// ρ: what a boundary edge of weight 1 costs, in units of squared feature difference. Larger: fewer, larger
     /// segments. ≥ 0; infinite gives one segment per connected piece.
     pub strength: f64,
-    /// Segments of less weight than this join their best neighbour at the end, whatever it costs. ≥ 0; 0 keeps all.
+    /// Segments of less weight than this are merged into their best neighbour at the end, at any cost. ≥ 0; 0 keeps
+    /// all.
     pub cutoff: f64,
-    /// Graphs of more nodes than this are cut on a coarser graph, many times faster, unless segments are tiny. `usize::MAX` never does so: the
-    /// method of the paper.
+    /// Graphs of more nodes than this are first cut on a coarser graph, which is many times faster, unless segments are
+    /// tiny. `usize::MAX`: never, as in the paper.
     pub coarse_above: usize,
-    /// How often all of this is done, each time from the result before with other random numbers and, on large graphs,
+    /// Number of repetitions of the whole method, each from the result before with another seed and, on large graphs,
     /// another coarse graph; ends early when a cycle gains less than the tolerance. At least 1.
     pub cycles: usize,
-    /// F: minimum cuts per split, each with the means of the one before. At least 1.
+    /// F: minimum cuts per split, each with the means of the cut before. At least 1.
     pub flow_steps: usize,
-    /// T: Lloyd steps of the 2-means that starts a split. At least 1.
+    /// T: Lloyd iterations of the 2-means that starts a split. At least 1.
     pub means_steps: usize,
-    /// R: random starts of the 2-means, the best is used. At least 1.
+    /// R: random starts of the 2-means, of which the best is used. At least 1.
     pub restarts: usize,
-    /// Splits tried for each segment, of which that of least energy is taken. At least 1.
+    /// Splits tried for each segment; the one of least energy is used. At least 1.
     pub attempts: usize,
-    /// Rounds of splitting and merging at most. At least 1.
+    /// Largest number of iterations of splitting and merging. At least 1.
     pub max_iterations: usize,
-    /// Stop when a round lowers Q by less than this share of it. ≥ 0.
+    /// Stop when an iteration lowers Q by less than this share of it. ≥ 0.
     pub tolerance: f64,
-    /// Split only where Q falls at once: Q then never rises, the result is slightly worse on the average.
+    /// Split a segment only if that lowers Q immediately: Q then never rises, and the result is slightly worse on
+    /// average.
     pub guard: bool,
-    /// Merge segments after each round of splits.
+    /// Merge segments after each iteration.
     pub backward: bool,
-    /// Move single nodes across boundaries after each round where Q falls. The paper has no such moves.
+    /// After each iteration, move single nodes across boundaries where that lowers Q. Not part of the published method.
     pub moves: bool,
     /// Seed of the 2-means.
     pub seed: u64,
@@ -79,12 +81,12 @@ impl Default for CutPursuitParams {
 }
 
 impl CutPursuitParams {
-    /// The method of the paper and of the reference implementation, without repeated attempts, moves, cycles and coarse graphs.
+    /// The published method: without repeated attempts, moves, cycles and coarse graphs.
     pub fn as_published(self) -> Self {
         Self { coarse_above: usize::MAX, cycles: 1, attempts: 1, moves: false, ..self }
     }
 
-    /// The same problem with the effort of a preset of the reference implementation.
+    /// The same with the effort of a preset of the reference implementation.
     pub fn with_preset(self, preset: Preset) -> Self {
         let (flow_steps, means_steps, restarts, max_iterations, tolerance) = match preset {
             Preset::Thorough => (4, 8, 5, 20, 1e-3),

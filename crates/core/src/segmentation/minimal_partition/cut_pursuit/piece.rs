@@ -1,4 +1,4 @@
-//! One segment taken out of the cloud: its rows and inner edges lie together in memory, nodes are numbered from 0.
+//! A segment copied out of the cloud: its values and inner edges lie together in memory, its nodes are numbered from 0.
 
 use super::super::Signal;
 use crate::error::Result;
@@ -18,7 +18,7 @@ pub(super) struct Piece {
     pub(super) costs: Vec<f64>,
 }
 
-/// Where pieces come from.
+/// The problem that segments are copied from.
 pub(super) struct Source<'a> {
     pub(super) signal: &'a Signal<'a>,
     pub(super) graph: &'a Graph,
@@ -27,7 +27,7 @@ pub(super) struct Source<'a> {
 }
 
 impl Piece {
-    /// Fills the buffers; `place` tells the position of each node among the members of its segment.
+    /// Fills the buffers; `place` gives the position of each node among the members of its segment.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -68,7 +68,7 @@ impl Piece {
         self.values.chunks_exact(self.width).zip(self.weights.iter().copied())
     }
 
-    /// Root of the connected part of equal side that each node is in: its smallest node.
+    /// The connected part of equal side that each node is in, given as the smallest node of the part.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -84,7 +84,7 @@ impl Piece {
         sets.roots(monitor)
     }
 
-    /// Q of this piece alone under a numbering of its nodes (any labels below the number of nodes).
+    /// Q of this segment alone for a labelling of its nodes (any labels below the number of nodes).
     ///
     /// # Errors
     /// If the work was cancelled.

@@ -1,4 +1,4 @@
-//! Values averaged over the graph, to tell which nodes belong together in spite of noise.
+//! Values averaged over the graph, which show in spite of noise which nodes belong together.
 
 use super::super::Signal;
 use crate::error::Result;
@@ -7,15 +7,15 @@ use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
 use rayon::prelude::*;
 
-/// Each pass averages over the nodes one hop away: two reach some dozens of nodes, as many as average noise out but
-/// too few to wash small objects away.
+/// Each pass averages over the adjacent nodes. Two passes reach some dozens of nodes: enough to average noise out, too
+/// few to blur small objects.
 const PASSES: usize = 2;
 
-/// Threads that share a pass, at most: each reads all edges.
+/// Most threads that share a pass: each of them reads all edges.
 const MOST_SHARES: usize = 8;
 
-/// Means over each node and its neighbours in the same segment (over edges of positive weight), twice.
-/// O(m · width); 8 bytes a value.
+/// The mean over each node and its neighbours in the same segment (edges of positive weight), applied twice. O(m ·
+/// width); 8 bytes a value.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -27,7 +27,7 @@ pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition, mo
     for piece in watched(signal.len(), monitor) {
         values.extend(piece?.flat_map(|node| signal.row(node)));
     }
-    // Every thread looks at all edges and adds to its own nodes.
+    // Every thread reads all edges and adds up the sums of its own nodes.
     let own = signal.len().div_ceil(rayon::current_num_threads().min(MOST_SHARES)).max(1);
     for _ in 0..PASSES {
         let mut means = vec![0.0f32; values.len()];
@@ -46,7 +46,7 @@ pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition, mo
                 looks.step()?;
                 add(node, node);
             }
-            // Edges ascend, so that every node adds its neighbours in ascending order.
+            // Edges are sorted, so that every node adds its neighbours in ascending order.
             for (&ends, &weight) in graph.edges().iter().zip(graph.weights()) {
                 looks.step()?;
                 if weight > 0.0 && inside(ends) {
@@ -64,7 +64,7 @@ pub(super) fn smoothed(signal: &Signal, graph: &Graph, partition: &Partition, mo
     Ok(values)
 }
 
-/// mean += weight · row; of a known length if these are four descriptors.
+/// mean += weight · row, with a special case of fixed length for four descriptors.
 #[inline(always)]
 fn add_row(mean: &mut [f32], row: &[f32], weight: f32) {
     match (mean.as_mut_array::<4>(), row.as_array::<4>()) {
@@ -84,7 +84,7 @@ mod tests {
         let partition = Partition::from_labels(&[0, 0, 1, 1]).unwrap();
         assert_eq!(smoothed(&signal, &graph, &partition, &Monitor::default()).unwrap(), [1.5, 1.5, 9.0, 5.0]);
         let whole = Partition::from_labels(&[0; 4]).unwrap();
-        // First 1.5, 4, 6, 5; then:
+        // After the first pass 1.5, 4, 6, 5; after the second:
         assert_eq!(smoothed(&signal, &graph, &whole, &Monitor::default()).unwrap()[..3], [2.75, 11.5 / 3.0, 5.0]);
     }
 }

@@ -1,4 +1,4 @@
-//! The start of a split: two means by k-means++ and Lloyd's steps.
+//! Initialisation of a split: 2-means by k-means++ and Lloyd iterations.
 
 use super::super::regions::weighted_mean;
 use super::piece::Piece;
@@ -23,7 +23,7 @@ pub(super) fn starts(
     (0..restarts).map(|_| seeds(piece, random, monitor).transpose()).collect::<Option<Result<_>>>().transpose()
 }
 
-/// Side of each node in the best of the 2-means that begin with these. O(starts · steps · n · width).
+/// The better side of each node in the best of several 2-means with these starts. O(starts · steps · n · width).
 ///
 /// # Errors
 /// If the work was cancelled.

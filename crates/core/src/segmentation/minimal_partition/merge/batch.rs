@@ -1,4 +1,4 @@
-//! One round of merging for large graphs: every region names its best partner, then the pairs merge.
+//! One pass of merging for large graphs: every region selects its best partner, then the pairs merge.
 
 use super::super::links::Links;
 use super::super::regions::Regions;
@@ -7,13 +7,13 @@ use crate::parallel::{Looks, Monitor, sort_watched_by};
 use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
-/// Threads that share a round, at most: each reads all links.
+/// Most threads that share a pass: each of them reads all links.
 const MOST_SHARES: usize = 8;
 
-/// Merges pairs in the order of gain where one is the other's best; nothing if no merger gains.
+/// Merges pairs in the order of gain, if one is the best partner of the other; `None` if no merge has a positive gain.
 ///
-/// A region may take part several times: the gain is then recomputed with the current means and the boundary at the
-/// beginning of the round, which can only have grown since. So every merger lowers the energy. O(m log m).
+/// A region may merge several times in a pass: the gain is then recomputed with the current means and the boundary at
+/// the beginning of the pass, which can only have grown since. So every merge lowers the energy. O(m log m).
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -42,10 +42,10 @@ pub(super) fn merge_best_pairs(
     Ok(Some(sets))
 }
 
-/// Links of positive gain that are the best one of an end, by falling gain; ties by index.
+/// Links of positive gain that are the best link of at least one end, by falling gain; ties by index.
 fn best_links(regions: &Regions, links: &(impl Links + ?Sized), monitor: &Monitor) -> Result<Vec<(f64, u32)>> {
     let mut best = vec![(0.0, u32::MAX); regions.len()];
-    // Every thread looks at all links and keeps those of its own regions.
+    // Every thread reads all links and keeps those of its own regions.
     let own = regions.len().div_ceil(rayon::current_num_threads().min(MOST_SHARES)).max(1);
     best.par_chunks_mut(own).enumerate().try_for_each(|(share, best)| {
         let first = (share * own) as u32;

@@ -8,7 +8,7 @@ use crate::segmentation::connected::Sets;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// A pair that may merge; outdated once one of its ends has changed since.
+/// A candidate pair; outdated once one of its ends has changed.
 #[derive(PartialEq)]
 struct Candidate {
     gain: f64,
@@ -34,15 +34,15 @@ struct Queue<'a> {
     regions: &'a mut Regions,
     sets: Sets,
     heap: BinaryHeap<Candidate>,
-    /// Neighbours of each region with the boundary; entries may name regions that have merged since.
+    /// Neighbours of each region with the cost of the boundary; entries may name regions that have been absorbed since.
     neighbours: Vec<Vec<(u32, f64)>>,
-    /// How often each region has grown; `u32::MAX` once it is part of another.
+    /// How often each region has grown; `u32::MAX` once it is absorbed.
     ages: Vec<u32>,
     /// Place of a neighbour in the list under construction.
     place: Vec<u32>,
 }
 
-/// Merges the pair of largest gain until no merger gains. O(mergers · degree · log m).
+/// Merges the pair of largest gain until no merge has a positive gain. O(merges · degree · log m).
 pub(super) fn merge_largest_gain_first(regions: &mut Regions, links: &[Link], monitor: &Monitor) -> Result<Sets> {
     let count = regions.len();
     let mut queue = Queue {
@@ -92,7 +92,7 @@ impl Queue<'_> {
         self.neighbours[kept as usize] = around;
     }
 
-    /// Neighbours of both lists under their present names, each once with the sum of boundaries.
+    /// The neighbours of both regions under their current numbers, each once with the sum of boundaries.
     fn joined_neighbours(&mut self, kept: u32, gone: u32) -> Vec<(u32, f64)> {
         let lists = [kept, gone].map(|region| std::mem::take(&mut self.neighbours[region as usize]));
         let mut joined: Vec<(u32, f64)> = Vec::with_capacity(lists[0].len() + lists[1].len());

@@ -1,4 +1,4 @@
-//! The assignment of points to centres: every pair of a point and a centre near its cell, many points at once.
+//! Assigns points to centres: compares each point with the centres near its cell, many points at once.
 
 use super::super::cells::Cells;
 use super::super::{NO_SUPERVOXEL, SlicParams};
@@ -9,10 +9,10 @@ use crate::parallel::{Monitor, map_ordered_with};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Cells whose points are assigned in one go.
+/// Cells whose points one task assigns.
 const BLOCK: usize = 128;
 
-/// The distance D, squared: a factor for each of the three squared differences.
+/// The squared distance D²: a factor for each of the three squared differences.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Distance {
     reach: f32,
@@ -33,7 +33,8 @@ impl Distance {
     }
 }
 
-/// Labels of the sorted points: of the centres whose cube holds it the one of least D, the first of equal ones.
+/// Labels of the sorted points: among the centres whose cube contains the point the one of least D, the first of equal
+/// ones.
 pub(super) fn assign(scene: &Sorted, centres: &[Centre], distance: &Distance, monitor: &Monitor) -> Result<Vec<u32>> {
     let by_cell = Cells::new(centres.len(), |c| scene.grid.key(centres[c].place), monitor)?;
     let cells = scene.cells.len();
@@ -104,11 +105,11 @@ fn gather(by_cell: &Cells, key: u64, near: &mut Vec<u32>) {
     near.sort_unstable();
 }
 
-/// Points that compete together.
+/// Points that are compared at once (SIMD lanes).
 const LANES: usize = 16;
 
-/// Place, normal and colour of points, one in each lane, and what they have found so far. Lanes without a point are
-/// infinitely far away.
+/// Position, normal and colour of points, one in each lane, and their best centre so far. Unused lanes are infinitely
+/// far away.
 #[derive(Clone)]
 struct Group {
     place: [[f32; LANES]; 3],
@@ -126,7 +127,7 @@ const EMPTY: Group = Group {
     labels: [NO_SUPERVOXEL; LANES],
 };
 
-/// The smallest box around some points.
+/// The bounding box of some points.
 struct Rim {
     low: [f32; 3],
     high: [f32; 3],
@@ -135,7 +136,7 @@ struct Rim {
 impl Rim {
     /// True if the box and the cube of a centre meet.
     fn is_within(&self, centre: [f32; 3], reach: f32) -> bool {
-        // As the points themselves are measured: no rounding can lose one of them.
+        // The same arithmetic as for the points themselves, so that rounding cannot exclude one of them.
         (0..3).all(|a| self.low[a] - centre[a] <= reach && self.high[a] - centre[a] >= -reach)
     }
 }
@@ -163,7 +164,7 @@ fn load(scene: &Sorted, points: Range<usize>, groups: &mut Vec<Group>) -> Rim {
     rim
 }
 
-/// One centre against a group. Loops over lanes, which the compiler turns into vector instructions.
+/// Compares one centre with a group, as loops over lanes that the compiler turns into vector instructions.
 #[inline(always)]
 fn compete<const NORMALS: bool, const COLOURS: bool>(
     group: &mut Group,
@@ -203,8 +204,8 @@ fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Square of the angle between two directions without sign, radians: acos²(|a · b|) by Abramowitz and Stegun 4.4.46,
-/// whose square needs no root; at most 1e-6 off.
+/// Square of the unsigned angle between two directions, radians²: acos²(|a · b|) by Abramowitz and Stegun 4.4.46, whose
+/// square needs no square root; error at most 1e-6.
 #[inline(always)]
 fn angle_squared(a: [f32; 3], b: [f32; 3]) -> f32 {
     let c = (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).abs();
@@ -233,7 +234,7 @@ impl Distance {
         value + scene.colour(i).map_or(0.0, |c| self.colour * square(less(c, centre.colour)))
     }
 
-    /// True if the cube of a centre holds a point.
+    /// True if the cube of a centre contains a point.
     pub(super) fn reaches(&self, scene: &Sorted, i: usize, centre: &Centre) -> bool {
         let p = scene.place(i);
         (0..3).all(|a| (p[a] - centre.place[a]).abs() <= self.reach)

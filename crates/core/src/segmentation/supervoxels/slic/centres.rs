@@ -1,4 +1,4 @@
-//! The moving seeds: where they begin, and the means they move to.
+//! The cluster centres: initial positions and updates.
 
 use super::super::NO_SUPERVOXEL;
 use super::sorted::Sorted;
@@ -7,7 +7,7 @@ use crate::linalg::Sym3;
 use crate::parallel::{Monitor, watched};
 use rayon::prelude::*;
 
-/// A seed: mean place, normal of the plane and mean colour of its points.
+/// A cluster centre: mean position, normal of the plane and mean colour of its points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Centre {
     pub(super) place: [f32; 3],
@@ -15,7 +15,7 @@ pub(super) struct Centre {
     pub(super) colour: [f32; 3],
 }
 
-/// Sums over the points of a centre, relative to its place before.
+/// Sums over the points of a centre, relative to its previous position.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     count: u32,
@@ -25,7 +25,7 @@ struct Sums {
     colour: [f64; 3],
 }
 
-/// The cell each point begins in, as a label, and the seeds: means of the cells with at least `min_points`.
+/// The initial cell of each point, as a label, and the centres: means of the cells with at least `min_points`.
 pub(super) fn seeds(scene: &Sorted, min_points: usize, monitor: &Monitor) -> Result<(Vec<u32>, Vec<Centre>)> {
     let mut labels = vec![NO_SUPERVOXEL; scene.len()];
     let mut centres = Vec::new();
@@ -41,7 +41,7 @@ pub(super) fn seeds(scene: &Sorted, min_points: usize, monitor: &Monitor) -> Res
     Ok((labels, centres))
 }
 
-/// Moves each centre to its points, those without any stay; returns the mean distance moved, metres.
+/// Moves each centre to the mean of its points; centres without points stay. Returns the mean displacement, metres.
 pub(super) fn update(scene: &Sorted, labels: &[u32], centres: &mut [Centre], monitor: &Monitor) -> Result<f64> {
     let mut sums = vec![Sums::default(); centres.len()];
     for piece in watched(labels.len(), monitor) {
@@ -70,7 +70,7 @@ fn add(scene: &Sorted, labels: &[u32], points: std::ops::Range<usize>, centres: 
 }
 
 impl Centre {
-    /// Takes the means of its points; returns how far it moved.
+    /// Moves the centre to the mean of its points; returns the displacement.
     fn follow(&mut self, sum: &Sums) -> f64 {
         if sum.count == 0 {
             return 0.0;
@@ -84,7 +84,7 @@ impl Centre {
             off: [xy / n - x * y, zx / n - x * z, yz / n - y * z],
         };
         let eigen = scatter.eigen();
-        // Fewer than three points, or points on a line, have no plane: the normal stays.
+        // Fewer than three points, or points on a line, define no plane: the normal stays.
         if sum.count >= 3 && eigen.values[1] > 1e-9 * eigen.values[0] {
             self.normal = eigen.vectors[2].map(|v| v as f32);
         }

@@ -1,4 +1,4 @@
-//! Supervoxels whose points hang together.
+//! Makes supervoxels connected.
 
 use super::super::cells::{Cells, Grid, adjacency};
 use super::super::{NO_SUPERVOXEL, SlicParams};
@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::graph::{Components, Graph, connected_components};
 use crate::parallel::Monitor;
 
-/// Share of S that is the edge of the voxels which must touch.
+/// Edge of the voxels by which connectivity is decided, as a share of S.
 const FINE: f64 = 0.25;
 
 /// The points of one label in one fine voxel.
@@ -19,9 +19,9 @@ struct Node {
     points: u32,
 }
 
-/// Splits labels into pieces of voxels of S/4 that touch (26 neighbours). The largest piece keeps the label, the first
-/// of equal ones; pieces of at least `min_points` get new labels; smaller ones take the label of the piece of which most
-/// points touch them, or none.
+/// Splits labels into the connected components of voxels of edge S/4 (26 neighbours). The largest component keeps the
+/// label, the first of equal ones; components of at least `min_points` get new labels; smaller ones take the label of
+/// the adjacent component with most points in adjacent voxels, or none.
 pub(super) fn connect(scene: &Sorted, params: &SlicParams, labels: &mut [u32], monitor: &Monitor) -> Result<()> {
     let points = Points { x: scene.x.clone(), y: scene.y.clone(), z: scene.z.clone(), ..Points::default() };
     let grid = Grid::new(points.places(), params.size * FINE, "size")?;
@@ -55,7 +55,8 @@ pub(super) fn connect(scene: &Sorted, params: &SlicParams, labels: &mut [u32], m
     Ok(())
 }
 
-/// The nodes voxel by voxel, where those of each voxel begin, and the node of each point; points without a label have none.
+/// The nodes voxel by voxel, the first node of each voxel, and the node of each point; points without a label have
+/// none.
 fn nodes(voxels: &Cells, labels: &[u32]) -> (Vec<Node>, Vec<u32>, Vec<u32>) {
     let (mut nodes, mut of_voxel) = (Vec::<Node>::new(), vec![0u32]);
     let mut of_point = vec![NO_SUPERVOXEL; labels.len()];
@@ -78,7 +79,7 @@ fn nodes(voxels: &Cells, labels: &[u32]) -> (Vec<Node>, Vec<u32>, Vec<u32>) {
     (nodes, of_voxel, of_point)
 }
 
-/// The label of each piece; none for small ones that are not the largest of their label.
+/// The label of each component; none for small ones that are not the largest of their label.
 fn names(nodes: &[Node], pieces: &Components, min_points: usize) -> Vec<u32> {
     let mut sizes = vec![0u32; pieces.count];
     let mut labels = vec![0u32; pieces.count];
@@ -107,7 +108,7 @@ fn names(nodes: &[Node], pieces: &Components, min_points: usize) -> Vec<u32> {
     labels.iter().enumerate().map(name).collect()
 }
 
-/// The label of which most points touch a piece, the smallest of equal ones, or none.
+/// The label with most points adjacent to a component, the smallest of equal ones, or none.
 fn adopt<I: Iterator<Item = usize>>(
     members: &[u32],
     touching: impl Fn(usize) -> I,
@@ -150,7 +151,7 @@ mod tests {
     #[test]
     fn small_parts_join_what_they_touch_or_nothing() {
         let (sorted, mut labels) = strips();
-        // The third strip becomes a part of what the second one is.
+        // The third strip has the label of the second one.
         let given: Vec<u32> = (0..34).map(|i| u32::from(i >= 20)).collect();
         labels.iter_mut().zip(&sorted.cells.items).for_each(|(l, &i)| *l = given[i as usize]);
         let params = SlicParams { min_points: 5, ..SlicParams::default() };

@@ -1,4 +1,4 @@
-//! The points cell by cell, each of their values in an array of its own.
+//! The points sorted by cell, with one array for each coordinate and attribute.
 
 use super::super::PointAttributes;
 use super::super::cells::{Cells, Grid};
@@ -6,10 +6,10 @@ use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, watched};
 
-/// Points in the order of their cells of edge S.
+/// Points sorted by the cells of edge S.
 pub(super) struct Sorted {
     pub(super) grid: Grid,
-    /// Items are positions among the points as they were given.
+    /// Items are the original indices of the points.
     pub(super) cells: Cells,
     pub(super) x: Vec<f32>,
     pub(super) y: Vec<f32>,
@@ -44,7 +44,7 @@ impl Sorted {
         self.x.len()
     }
 
-    /// Place of a sorted point.
+    /// Position of a sorted point.
     pub(super) fn place(&self, i: usize) -> [f32; 3] {
         [self.x[i], self.y[i], self.z[i]]
     }
@@ -55,7 +55,7 @@ impl Sorted {
         (!r.is_empty()).then(|| [r[i], g[i], b[i]])
     }
 
-    /// Values of the sorted points in the order the points were given in.
+    /// Values of the sorted points in the original order.
     ///
     /// # Errors
     /// If the work was cancelled.

@@ -1,4 +1,4 @@
-//! How supervoxels grow over voxels that touch.
+//! Growth of supervoxels over adjacent voxels.
 
 use super::super::describe::dot;
 use super::super::{NO_SUPERVOXEL, PointAttributes, VccsParams};
@@ -8,9 +8,9 @@ use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
-/// Voxels that choose in one go.
+/// Voxels that one task updates.
 const BLOCK: usize = 4096;
-/// Centres that move in one go; a sum has 56 bytes.
+/// Centres whose sums are in memory at the same time, 56 bytes each.
 const CENTRES: usize = 1 << 20;
 
 /// The distance D: a factor for each of the three differences.
@@ -22,7 +22,7 @@ pub(super) struct Metric {
 }
 
 impl Metric {
-    /// A missing attribute has no weight.
+    /// A missing attribute gets no weight.
     pub(super) fn new(params: &VccsParams, attributes: &PointAttributes<'_>) -> Self {
         let given = |there: bool, weight: f64| if there { weight as f32 } else { 0.0 };
         Self {
@@ -53,14 +53,14 @@ pub(super) struct Flow<'a> {
 }
 
 impl<'a> Flow<'a> {
-    /// Each seed is a supervoxel of one voxel.
+    /// Initialises each supervoxel with the voxel of its seed.
     pub(super) fn new(voxels: &'a Voxels, metric: Metric, seeds: &[u32]) -> Self {
         let mut flow = Self { voxels, metric, centres: Vec::new(), owners: vec![NO_SUPERVOXEL; voxels.len()] };
         flow.restart(seeds);
         flow
     }
 
-    /// Begins anew from these seeds.
+    /// Starts again from these seeds.
     pub(super) fn restart(&mut self, seeds: &[u32]) {
         self.owners.fill(NO_SUPERVOXEL);
         seeds.iter().zip(0..).for_each(|(&seed, s)| self.owners[seed as usize] = s);
@@ -73,7 +73,7 @@ impl<'a> Flow<'a> {
         self.owners
     }
 
-    /// At most so many steps, each followed by a move of the centres.
+    /// Runs at most this many steps, each followed by an update of the centres.
     pub(super) fn expand(&mut self, steps: usize, monitor: &Monitor) -> Result<()> {
         for _ in 0..steps {
             if !self.step(|_| true, monitor)? {
@@ -84,7 +84,7 @@ impl<'a> Flow<'a> {
         Ok(())
     }
 
-    /// Lets the wanted voxels choose; false if nothing changed.
+    /// Updates the wanted voxels; false if nothing changed.
     fn step(&mut self, wanted: impl Fn(u32) -> bool + Sync, monitor: &Monitor) -> Result<bool> {
         let mut chosen = vec![NO_SUPERVOXEL; self.owners.len()];
         chosen.par_chunks_mut(BLOCK).enumerate().try_for_each(|(b, block)| {
@@ -124,8 +124,8 @@ impl<'a> Flow<'a> {
         centre.map_or(f32::INFINITY, |centre| self.metric.between(&self.voxels.voxels[v], centre))
     }
 
-    /// Centres become the means of their voxels; those without any stay. So many at a time that the sums are small beside
-    /// the voxels.
+    /// Moves each centre to the mean of its voxels; centres without voxels stay. Centres are handled in blocks, so that the
+    /// sums are small compared with the voxels.
     fn move_centres(&mut self, monitor: &Monitor) -> Result<()> {
         for (centres, first) in self.centres.chunks_mut(CENTRES).zip((0..).step_by(CENTRES)) {
             let mut sums = vec![Sum::default(); centres.len()];
@@ -143,7 +143,7 @@ impl<'a> Flow<'a> {
         Ok(())
     }
 
-    /// Of each supervoxel that has voxels the one nearest to its mean, the first of equally near ones.
+    /// For each supervoxel with voxels the one nearest to its mean, the first of equally near ones.
     pub(super) fn nearest_to_means(&self, monitor: &Monitor) -> Result<Vec<u32>> {
         let mut best = vec![(f32::INFINITY, NO_SUPERVOXEL); self.centres.len()];
         for piece in watched(self.owners.len(), monitor) {
@@ -160,7 +160,7 @@ impl<'a> Flow<'a> {
         Ok(best.into_iter().map(|(_, v)| v).filter(|&v| v != NO_SUPERVOXEL).collect())
     }
 
-    /// The connected piece of its supervoxel that each voxel belongs to, named by the first voxel of the piece.
+    /// The connected component of its supervoxel that each voxel belongs to, named by the component's first voxel.
     fn pieces(&self, monitor: &Monitor) -> Result<Vec<u32>> {
         let owners = &self.owners;
         let mut sets = Sets::new(owners.len());
@@ -174,11 +174,11 @@ impl<'a> Flow<'a> {
         sets.roots(monitor)
     }
 
-    /// Parts that were cut off from the largest part of their supervoxel (the first of equal ones) join supervoxels that
-    /// touch them, as far as there are any.
+    /// Components that are separated from the largest component of their supervoxel (the first of equal ones) join an
+    /// adjacent supervoxel, if there is one.
     pub(super) fn mend(&mut self, monitor: &Monitor) -> Result<()> {
         let pieces = self.pieces(monitor)?;
-        // Sizes stand at the first voxel of a piece, by which pieces are named.
+        // The size of a component is stored at its first voxel.
         let mut sizes = vec![0u32; pieces.len()];
         for piece in watched(pieces.len(), monitor) {
             pieces[piece?].iter().for_each(|&p| sizes[p as usize] += 1);

@@ -1,4 +1,4 @@
-//! Where supervoxels begin.
+//! Seeds of the supervoxels.
 
 use super::super::VccsParams;
 use super::super::cells::{Cells, Grid};
@@ -6,11 +6,11 @@ use super::voxels::Voxels;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
 
-/// Cells whose seeds are chosen in one go.
+/// Cells whose seeds one task selects.
 const BLOCK: usize = 1024;
 
-/// The voxel nearest to the middle of each occupied cell of edge R_seed (the first of equally near ones), if more than
-/// `min_share` · π (R_seed/2)²/R_voxel² voxels, itself among them, lie within R_seed/2 of it.
+/// The voxel nearest to the centre of each occupied cell of edge R_seed (the first of equally near ones), if more than
+/// `min_share` · π (R_seed/2)²/R_voxel² voxels, itself included, lie within R_seed/2 of it.
 pub(super) fn seeds(voxels: &Voxels, params: &VccsParams, monitor: &Monitor) -> Result<Vec<u32>> {
     let place = |v: usize| voxels.voxels[v].place;
     let grid = Grid::new(voxels.voxels.iter().map(|v| v.place), params.size, "size")?;

@@ -1,4 +1,4 @@
-//! The voxels that supervoxels are made of, and which of them touch.
+//! The occupied voxels and their adjacency.
 
 use super::super::PointAttributes;
 use super::super::cells::{Cells, Grid, adjacency};
@@ -9,10 +9,10 @@ use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 
-/// Voxels that are described in one go.
+/// Voxels that one task describes.
 const BLOCK: usize = 4096;
 
-/// Mean place, normal (unit, any sign) and colour of some points.
+/// Mean position, normal (unit, any sign) and colour of some points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Voxel {
     pub(super) place: [f32; 3],
@@ -25,7 +25,7 @@ pub(super) struct Voxels {
     /// Points by voxel.
     pub(super) points: Csr,
     pub(super) voxels: Vec<Voxel>,
-    /// The voxels among the 26 around each one.
+    /// For each voxel the occupied ones among the 26 around it.
     pub(super) near: Csr,
 }
 
@@ -64,7 +64,7 @@ fn voxel(points: &Points, attributes: &PointAttributes<'_>, members: &[u32]) -> 
     sum.mean()
 }
 
-/// A running mean. Normals are turned to the side of their sum so far.
+/// A running mean. Normals are turned to the side of the sum so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sum {
     count: u32,
