@@ -243,6 +243,6 @@ mod tests {
         let mut flow = Flow::new(&voxels, Metric::new(&VccsParams::default(), &none), &[0, 4]);
         flow.owners = vec![0, 0, 0, 1, 1, 0, 0, NO_SUPERVOXEL, NO_SUPERVOXEL];
         flow.mend(&Monitor::default()).unwrap();
-        assert_eq!(flow.owners(), [0, 0, 0, 1, 1, 1, 1, 1, 1]);
+        assert_eq!(flow.into_owners(), [0, 0, 0, 1, 1, 1, 1, 1, 1]);
     }
 }
