@@ -2,7 +2,7 @@
 
 use super::outside::Outside;
 use super::read::open;
-use super::records::SLAB;
+use super::records::slab;
 use super::rewrite::{front, tail::Tail};
 use super::sink::within;
 use super::stream::Stream;
@@ -35,7 +35,7 @@ pub(in crate::io) fn crop(
     let length = stream.record_length();
     let (mut tally, mut outside) = (Tally::new(old.format), Outside::new(&old));
     loop {
-        let mut bytes = stream.next(SLAB, monitor)?;
+        let mut bytes = stream.next(slab(stream.record_length()), monitor)?;
         if bytes.is_empty() {
             break;
         }

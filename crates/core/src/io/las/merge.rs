@@ -5,7 +5,7 @@ use super::grid::Grid;
 use super::header::{Header, RECORD_SIZES, array, f64_at, put, u16_at};
 use super::outside::Outside;
 use super::promote;
-use super::records::{Records, SLAB};
+use super::records::{Records, slab};
 use super::rewrite::plan::describe;
 use super::rewrite::tail::Tail;
 use super::stream::Stream;
@@ -256,7 +256,7 @@ fn copy(part: &Part, mapper: &Mapper, writer: &mut Writer, (length, options): (u
     }
     let mut outside = Outside::new(&part.header);
     loop {
-        let old = stream.next(SLAB, &options.monitor)?;
+        let old = stream.next(slab(stream.record_length()), &options.monitor)?;
         if old.is_empty() {
             outside.report(&part.path, &part.header, &options.monitor);
             return run::unchanged(&part.path);

@@ -3,7 +3,7 @@
 use super::chunks::{self, Chunk, Chunks};
 use super::decoder::{self, Decoder, How};
 use super::header::{Header, RECORD_SIZES, bad, least_size, put, u16_at, u32_at, u64_at};
-use super::records::{MOST_EVLR, Records, SLAB};
+use super::records::{MOST_EVLR, Records, slab};
 use super::stream::Stream;
 use super::tally::Tally;
 use super::vlr::{Vlr, read_at};
@@ -199,11 +199,11 @@ fn readable(
     monitor: &Monitor,
 ) -> Result<(u64, bool)> {
     let mut done = 0;
-    let mut buffer = vec![0; points.min(SLAB as u64) as usize * length];
+    let mut buffer = vec![0; points.min(slab(length) as u64) as usize * length];
     let Ok(mut decoder) = Decoder::new(path, how, (index, bytes)) else { return Ok((0, false)) };
     while done < points {
         monitor.check()?;
-        let now = (points - done).min(SLAB as u64) as usize;
+        let now = (points - done).min(slab(length) as u64) as usize;
         let good = decoder.readable(&mut buffer[..now * length], length);
         done += good as u64;
         if good < now {
@@ -219,7 +219,7 @@ fn recount(records: Records, monitor: &Monitor) -> Result<Records> {
     let (format, length) = (stream.records.header.format, stream.record_length());
     let mut tally = Tally::new(format);
     loop {
-        let block = stream.next(SLAB, monitor)?;
+        let block = stream.next(slab(length), monitor)?;
         if block.is_empty() {
             break;
         }

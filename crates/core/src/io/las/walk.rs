@@ -3,7 +3,7 @@
 use super::chunks::Chunk;
 use super::decoder::{self, Decoder, How};
 use super::header::Header;
-use super::records::SLAB;
+use super::records::slab;
 use super::salvage::layered_size;
 use super::vlr::read_at;
 use crate::error::Result;
@@ -63,11 +63,11 @@ fn sequential(
     let Ok(mut decoder) = Decoder::new(path, how, (0, &bytes)) else {
         return Ok(None);
     };
-    let mut buffer = vec![0; most.min(SLAB as u64) as usize * length];
+    let mut buffer = vec![0; most.min(slab(length) as u64) as usize * length];
     let mut done = 0;
     while done < most {
         monitor.check()?;
-        let now = (most - done).min(SLAB as u64);
+        let now = (most - done).min(slab(length) as u64);
         if decoder.next(&mut buffer[..now as usize * length]).is_err() {
             // Truncated or damaged: the caller finds how many of its points are intact.
             return Ok(Some(Chunk { at, bytes: room, points: most }));
