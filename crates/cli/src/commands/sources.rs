@@ -2,6 +2,7 @@
 
 use crate::args::RecipeArgs;
 use crate::exit_code::Failure;
+use globset::{GlobBuilder, GlobSet};
 use scansion_core::classification::Model;
 use scansion_core::recipes::{AnyRecipe, Recipe, default_model};
 use scansion_core::{Error, Result, io};
@@ -66,20 +67,21 @@ pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<
     Ok(pairs)
 }
 
-/// Replaces inputs with `*`, `?` and `[...]` in file names by the matching files, sorted by name, for shells that do
-/// not expand patterns. The name of an existing file is used as it is.
+/// Replaces inputs with `*`, `?`, `[...]` and `{a,b}` in file names by the matching files, sorted by name, for shells
+/// that do not expand patterns. The name of an existing file is used as it is.
 pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, Failure> {
     let mut all = Vec::new();
     for input in inputs {
         let name = input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        if !name.contains(['*', '?', '[']) || input.exists() {
+        if !name.contains(['*', '?', '[', '{']) || input.exists() {
             all.push(input.clone());
             continue;
         }
         let folder = input.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+        let fits = matcher(&name);
         let names = entries.filter_map(|e| e.ok().map(|e| e.file_name()));
-        let mut found: Vec<_> = names.filter(|n| matches(name.as_bytes(), n.as_encoded_bytes())).collect();
+        let mut found: Vec<_> = names.filter(|n| fits(n)).collect();
         found.sort();
         if found.is_empty() {
             return Err(Error::io(input, std::io::ErrorKind::NotFound.into()).into());
@@ -89,49 +91,18 @@ pub(crate) fn expanded(inputs: &[PathBuf]) -> std::result::Result<Vec<PathBuf>, 
     Ok(all)
 }
 
-/// Whether a file name matches a pattern; hidden names only match patterns that start with a dot.
-fn matches(pattern: &[u8], name: &[u8]) -> bool {
-    if name.first() == Some(&b'.') && pattern.first() != Some(&b'.') {
-        return false;
-    }
-    // Position of the last star and of its trial match: only the last one needs to be retried.
-    let (mut p, mut n, mut star) = (0, 0, None);
-    while n < name.len() {
-        if pattern.get(p) == Some(&b'*') {
-            star = Some((p, n));
-            p += 1;
-        } else if let Some(next) = one(pattern, p, name[n]) {
-            (p, n) = (next, n + 1);
-        } else if let Some((at, tried)) = star {
-            star = Some((at, tried + 1));
-            (p, n) = (at + 1, tried + 1);
-        } else {
-            return false;
-        }
-    }
-    pattern[p..].iter().all(|&c| c == b'*')
-}
+/// Longest pattern in bytes; file names have at most 255.
+const LONGEST_PATTERN: usize = 1024;
 
-/// The position in the pattern after the element that matches this byte, if it does.
-fn one(pattern: &[u8], p: usize, byte: u8) -> Option<usize> {
-    match pattern.get(p)? {
-        b'?' => Some(p + 1),
-        b'[' => {
-            let end = p + 1 + pattern[p + 1..].iter().position(|&c| c == b']')?;
-            let mut set = &pattern[p + 1..end];
-            let not = matches!(set.first(), Some(b'!' | b'^'));
-            set = &set[usize::from(not)..];
-            let mut found = false;
-            while let Some(&low) = set.first() {
-                let range = set.len() >= 3 && set[1] == b'-';
-                let high = if range { set[2] } else { low };
-                found |= (low..=high).contains(&byte);
-                set = &set[if range { 3 } else { 1 }..];
-            }
-            (found != not).then_some(end + 1)
-        }
-        &c => (c == byte).then_some(p + 1),
-    }
+/// Whether names match a pattern as in a shell: hidden names only match patterns that start with a dot, a backslash is
+/// a character like any other, and a pattern that is not valid (a bracket that is never closed) matches nothing.
+fn matcher(pattern: &str) -> impl Fn(&OsStr) -> bool {
+    let valid = Some(pattern).filter(|p| p.len() <= LONGEST_PATTERN);
+    let glob = valid.and_then(|p| GlobBuilder::new(p).backslash_escape(false).build().ok());
+    // A set of one: it reports what a single pattern would panic at.
+    let globs = GlobSet::new(glob).unwrap_or_default();
+    let hidden = pattern.starts_with('.');
+    move |name| (hidden || name.as_encoded_bytes().first() != Some(&b'.')) && globs.is_match(name)
 }
 
 #[cfg(test)]
@@ -150,8 +121,27 @@ mod tests {
             ("[!a]*b*", "abcb", false),
             ("a[", "a[", false),
             ("*a*a*a", "aaab", false),
+            ("**.laz", "a.laz", true),
+            ("?", "\n", true),
+            ("[]a]*", "]b", true),
+            ("[a-]?", "-b", true),
+            ("[z-a]", "b", false),
+            (".*", ".a.laz", true),
+            ("a\\*", "a\\b", true),
+            ("tile_{1,12}_*", "tile_12_a", true),
+            ("tile_{1,12}_*", "tile_2_a", false),
+            ("tile}_*", "tile}_a", false),
         ] {
-            assert_eq!(matches(pattern.as_bytes(), name.as_bytes()), expected, "{pattern} {name}");
+            assert_eq!(matcher(pattern)(OsStr::new(name)), expected, "{pattern} {name}");
+        }
+    }
+
+    #[test]
+    fn long_and_deep_patterns_match_nothing() {
+        for pattern in
+            ["*".repeat(100_000), "{".repeat(100_000), "{".repeat(400) + &"}".repeat(400), "[!a]".repeat(9000)]
+        {
+            assert!(!matcher(&pattern)(OsStr::new("a.laz")));
         }
     }
 

@@ -144,28 +144,12 @@ pub(super) fn explained<T: serde::de::DeserializeOwned>(text: &str) -> Result<T>
 fn explain(message: &str) -> String {
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     match (message.contains("unknown field"), quoted.split_first()) {
-        (true, Some((wrong, valid))) => match valid.iter().min_by_key(|v| edit_distance(wrong, v)) {
+        (true, Some((wrong, valid))) => match valid.iter().min_by_key(|v| strsim::levenshtein(wrong, v)) {
             Some(near) => format!("{}\nhelp: did you mean `{near}`?", message.trim_end()),
             None => message.to_string(),
         },
         _ => message.to_string(),
     }
-}
-
-/// Levenshtein distance in characters.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let change = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = change.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -213,11 +197,5 @@ mod tests {
             assert!(crate::recipes::AnyRecipe::from_toml(&text).is_err());
         }
         assert!(Recipe::from_toml(&format!("seed = {}", "[".repeat(60_000))).is_err());
-    }
-
-    #[test]
-    fn edit_distance_matches_known_pairs() {
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-        assert_eq!(edit_distance("", "abc"), 3);
     }
 }
