@@ -131,7 +131,7 @@ mod tests {
     fn an_elevation_model_of_somebody_else_takes_precedence() {
         let (points, _) = street();
         let raster = Raster::new([0.0; 2], 100.0, 1, vec![-1.0]).unwrap();
-        let model = ElevationModel::from_raster(raster).unwrap();
+        let model = ElevationModel::from_raster(raster, &Monitor::default()).unwrap();
         let ground = Ground { road: &vec![false; points.len()], model: Some(&model) };
         let found = terrain(&points, &ground, &TerrainParams::default(), &Monitor::default()).unwrap();
         assert_eq!((found.elevation[0], found.position[0]), (2.0, 1.0));

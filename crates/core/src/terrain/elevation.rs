@@ -88,10 +88,9 @@ impl ElevationModel {
             let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
             raster.values_mut()[index as usize] = f64::from(descended(z)) + points.origin[2];
         }
-        raster.fill_holes()?;
-        monitor.check()?;
+        raster.fill_holes(monitor)?;
         if params.median > 1 {
-            raster.median(params.median);
+            raster.median(params.median, monitor)?;
         }
         Ok(Self { raster })
     }
@@ -99,9 +98,9 @@ impl ElevationModel {
     /// An elevation model from given heights; holes (NaN) take the nearest height.
     ///
     /// # Errors
-    /// If there is no height at all.
-    pub fn from_raster(mut raster: Raster) -> Result<Self> {
-        raster.fill_holes()?;
+    /// If there is no height at all, or the work was cancelled.
+    pub fn from_raster(mut raster: Raster, monitor: &Monitor) -> Result<Self> {
+        raster.fill_holes(monitor)?;
         Ok(Self { raster })
     }
 
@@ -197,7 +196,7 @@ mod tests {
     #[test]
     fn a_raster_of_somebody_else_is_taken_as_it_is() {
         let raster = Raster::new([600_000.0, 5e6], 10.0, 2, vec![240.0, f64::NAN, 240.0, f64::NAN]).unwrap();
-        let model = ElevationModel::from_raster(raster).unwrap();
+        let model = ElevationModel::from_raster(raster, &Monitor::default()).unwrap();
         let (points, _) = street(0.0);
         let heights = model.heights(&points, &Monitor::default()).unwrap();
         assert!((heights[0] - 10.0).abs() < 1e-4 && (heights[20_100] - 17.0).abs() < 1e-4);

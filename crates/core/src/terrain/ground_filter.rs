@@ -3,11 +3,11 @@
 use super::elevation::{ElevationModel, ElevationParams};
 use super::raster::Raster;
 use super::sites::by_site;
+use super::window::Window;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::{Monitor, concat_watched, map_ordered};
 use serde::{Deserialize, Serialize};
-use std::collections::VecDeque;
 
 /// Points of a block.
 const BLOCK: usize = 16_384;
@@ -67,7 +67,7 @@ impl GroundParams {
 /// of airborne LIDAR data*, ISPRS Journal 77, 2013. The lowest heights of the cells are opened by larger and larger
 /// (square) windows; a cell that an opening lowers by more than slope · width is an object. The remaining cells, with
 /// holes filled by the nearest height, are the ground, and points near it are ground points. Returns true for each
-/// ground point. O(n + cells · window).
+/// ground point. O(n + cells · window · log window).
 ///
 /// # Errors
 /// If there is no point, a parameter is out of range, the extent has too many cells, or the work was cancelled.
@@ -86,15 +86,15 @@ impl GroundParams {
 pub fn ground_points(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<Vec<bool>> {
     params.validate()?;
     monitor.stage("ground", points.len() as u64);
-    by_site(points, params.cell, |site| of_site(site, params, monitor))
+    by_site(points, params.cell, monitor, |site| of_site(site, params, monitor))
 }
 
 fn of_site(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<Vec<bool>> {
     let lowest = ElevationParams { cell: params.cell, percentile: 0.0, median: 1 };
     let model = ElevationModel::fit(points, &vec![true; points.len()], &lowest, monitor)?;
-    let ground = ElevationModel::from_raster(bare(model.raster(), params, monitor)?)?;
+    let ground = ElevationModel::from_raster(bare(model.raster(), params, monitor)?, monitor)?;
     let heights = ground.heights(points, monitor)?;
-    let steepness = steepness(ground.raster());
+    let steepness = steepness(ground.raster(), monitor)?;
     let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
         let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
         monitor.advance(range.len() as u64);
@@ -112,13 +112,12 @@ fn of_site(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<
 fn bare(lowest: &Raster, params: &GroundParams, monitor: &Monitor) -> Result<Raster> {
     let columns = lowest.columns();
     let mut surface = lowest.values().to_vec();
-    let closed = eroded(&dilated(&surface, columns, 1), columns, 1);
+    let closed = Window { columns, reach: 1 }.closed(&surface, monitor)?;
     let pit: Vec<bool> = surface.iter().zip(&closed).map(|(s, c)| c - s > PIT * params.cell).collect();
     surface.iter_mut().zip(&closed).zip(&pit).for_each(|((s, c), &pit)| *s = if pit { *c } else { *s });
     let mut object = pit;
     for reach in 1..=(params.window / params.cell) as usize {
-        monitor.check()?;
-        let opened = dilated(&eroded(&surface, columns, reach), columns, reach);
+        let opened = Window { columns, reach }.opened(&surface, monitor)?;
         let most = params.slope * reach as f64 * params.cell;
         object.iter_mut().zip(surface.iter().zip(&opened)).for_each(|(object, (s, o))| *object |= s - o > most);
         surface = opened;
@@ -128,7 +127,7 @@ fn bare(lowest: &Raster, params: &GroundParams, monitor: &Monitor) -> Result<Ras
 }
 
 /// Slope (rise over run) at each cell, from differences of its neighbours.
-fn steepness(raster: &Raster) -> Vec<f64> {
+fn steepness(raster: &Raster, monitor: &Monitor) -> Result<Vec<f64>> {
     let (rows, columns, z) = (raster.rows(), raster.columns(), raster.values());
     let difference = |a: usize, b: usize, steps: usize| match steps {
         0 => 0.0,
@@ -141,54 +140,8 @@ fn steepness(raster: &Raster) -> Vec<f64> {
         let y = difference(south * columns + c, north * columns + c, north - south);
         x.hypot(y)
     };
-    (0..rows * columns).map(|i| at(i / columns, i % columns)).collect()
-}
-
-fn eroded(values: &[f64], columns: usize, reach: usize) -> Vec<f64> {
-    filtered(values, columns, reach, |new, old| new <= old)
-}
-
-fn dilated(values: &[f64], columns: usize, reach: usize) -> Vec<f64> {
-    filtered(values, columns, reach, |new, old| new >= old)
-}
-
-/// The minimum or maximum in a square window of 2 · reach + 1 cells, clipped at the border. O(cells).
-fn filtered(values: &[f64], columns: usize, reach: usize, beats: impl Fn(f64, f64) -> bool) -> Vec<f64> {
-    let mut rows = vec![0.0; values.len()];
-    for (row, out) in values.chunks_exact(columns).zip(rows.chunks_exact_mut(columns)) {
-        along(row.len(), reach, |i| row[i], |i, v| out[i] = v, &beats);
-    }
-    let mut both = vec![0.0; values.len()];
-    for c in 0..columns {
-        let count = values.len() / columns;
-        along(count, reach, |r| rows[r * columns + c], |r, v| both[r * columns + c] = v, &beats);
-    }
-    both
-}
-
-/// Sliding-window minimum or maximum: a queue holds the candidates that can still become the extreme value.
-fn along(
-    count: usize,
-    reach: usize,
-    value: impl Fn(usize) -> f64,
-    mut put: impl FnMut(usize, f64),
-    beats: &impl Fn(f64, f64) -> bool,
-) {
-    let mut waiting: VecDeque<usize> = VecDeque::with_capacity(2 * reach + 2);
-    let mut next = 0;
-    for middle in 0..count {
-        while next < count && next <= middle + reach {
-            while waiting.back().is_some_and(|&last| beats(value(next), value(last))) {
-                waiting.pop_back();
-            }
-            waiting.push_back(next);
-            next += 1;
-        }
-        while waiting.front().is_some_and(|&first| first + reach < middle) {
-            waiting.pop_front();
-        }
-        put(middle, waiting.front().map_or(f64::NAN, |&best| value(best)));
-    }
+    let line = |r: usize| Ok((0..columns).map(|c| at(r, c)).collect::<Vec<f64>>());
+    concat_watched(map_ordered(rows, monitor, line)?, monitor)
 }
 
 #[cfg(test)]
@@ -203,23 +156,6 @@ mod tests {
 
     fn ground(rows: &[[f64; 3]]) -> Vec<bool> {
         ground_points(&points(rows), &GroundParams::default(), &Monitor::default()).unwrap()
-    }
-
-    #[test]
-    fn windows_give_the_extremes_that_brute_force_finds() {
-        let mut random = stream(1, 1);
-        let (rows, columns) = (9, 13);
-        let values: Vec<f64> = (0..rows * columns).map(|_| random.uniform()).collect();
-        for reach in [1, 2, 5, 20] {
-            let (low, high) = (eroded(&values, columns, reach), dilated(&values, columns, reach));
-            for (r, c) in (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))) {
-                let window = (0..rows * columns)
-                    .filter(|i| (i / columns).abs_diff(r) <= reach && (i % columns).abs_diff(c) <= reach);
-                let (least, most) =
-                    window.map(|i| values[i]).fold((f64::INFINITY, 0.0f64), |(l, m), v| (l.min(v), m.max(v)));
-                assert_eq!((low[r * columns + c], high[r * columns + c]), (least, most));
-            }
-        }
     }
 
     #[test]

@@ -1,42 +1,52 @@
 //! For every cell of a grid the nearest filled cell.
 
+use crate::error::Result;
+use crate::parallel::{Looks, Monitor};
+
 /// For every cell the nearest filled cell by Euclidean distance; itself if it is filled. At least one must be.
 ///
 /// P. F. Felzenszwalb, D. P. Huttenlocher, *Distance transforms of sampled functions*, Theory of Computing 8, 2012:
 /// first along the columns, then the lower envelope of parabolas along every row. O(cells).
-pub(super) fn nearest_filled(filled: &[bool], columns: usize) -> Vec<u32> {
-    let mut nearest = nearest_in_column(filled, columns);
+///
+/// # Errors
+/// If the work was cancelled.
+pub(super) fn nearest_filled(filled: &[bool], columns: usize, monitor: &Monitor) -> Result<Vec<u32>> {
+    let mut looks = Looks::at(monitor);
+    let mut nearest = nearest_in_column(filled, columns, &mut looks)?;
     let mut envelope = Envelope::default();
     let mut old = Vec::with_capacity(columns);
     for (r, row) in nearest.chunks_mut(columns).enumerate() {
+        looks.steps(columns)?;
         old.clear();
         old.extend_from_slice(row);
         envelope.build(&old, r, columns);
         envelope.read(&old, row);
     }
-    nearest
+    Ok(nearest)
 }
 
 const NONE: u32 = u32::MAX;
 
 /// The nearest filled cell of the same column; the lower of two equally near ones.
-fn nearest_in_column(filled: &[bool], columns: usize) -> Vec<u32> {
+fn nearest_in_column(filled: &[bool], columns: usize, looks: &mut Looks<'_>) -> Result<Vec<u32>> {
     let own = |i: usize| if filled[i] { i as u32 } else { NONE };
     let mut nearest: Vec<u32> = (0..filled.len()).map(own).collect();
     for i in columns..filled.len() {
+        looks.step()?;
         if nearest[i] == NONE {
             nearest[i] = nearest[i - columns];
         }
     }
     let row = |i: u32| i as usize / columns;
     for i in (0..filled.len().saturating_sub(columns)).rev() {
+        looks.step()?;
         let (below, above) = (nearest[i], nearest[i + columns]);
         let here = row(i as u32);
         if above != NONE && row(above) > here && (below == NONE || row(above) - here < here - row(below)) {
             nearest[i] = above;
         }
     }
-    nearest
+    Ok(nearest)
 }
 
 /// The lower envelope of the parabolas (x − column)² + height² of a row, and where each of them begins.

@@ -10,6 +10,7 @@ mod position;
 mod raster;
 mod road;
 mod sites;
+mod window;
 
 pub use alpha_shape::{AlphaParams, AlphaShape};
 pub use ascii_grid::read_ascii_grid;

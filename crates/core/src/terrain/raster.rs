@@ -2,6 +2,7 @@
 
 use super::holes::nearest_filled;
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, concat_watched, map_ordered};
 
 /// Largest number of cells of a raster.
 const MOST: usize = 100_000_000;
@@ -94,33 +95,41 @@ impl Raster {
     /// O(cells).
     ///
     /// # Errors
-    /// If there is no height at all.
-    pub fn fill_holes(&mut self) -> Result<()> {
+    /// If there is no height at all, or the work was cancelled.
+    pub fn fill_holes(&mut self, monitor: &Monitor) -> Result<()> {
         let filled: Vec<bool> = self.values.iter().map(|v| !v.is_nan()).collect();
         if !filled.contains(&true) {
             return Err(Error::input("a raster without any height"));
         }
-        let source = nearest_filled(&filled, self.columns);
+        let source = nearest_filled(&filled, self.columns, monitor)?;
+        monitor.check()?;
         self.values = source.iter().map(|&s| self.values[s as usize]).collect();
         Ok(())
     }
 
     /// Replaces every height by the median of a window of that (odd) width around it. Near the border the window is
     /// narrower but stays centred, so that a slope is not changed. O(cells width²).
-    pub(super) fn median(&mut self, width: usize) {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn median(&mut self, width: usize, monitor: &Monitor) -> Result<()> {
         let (rows, columns, reach) = (self.rows(), self.columns, width / 2);
-        let mut window = Vec::with_capacity(width * width);
-        let mut smooth = Vec::with_capacity(self.values.len());
-        for (r, c) in (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))) {
-            window.clear();
-            let (up, aside) = (reach.min(r).min(rows - 1 - r), reach.min(c).min(columns - 1 - c));
-            for row in r - up..=r + up {
-                window.extend_from_slice(&self.values[row * columns..][c - aside..=c + aside]);
-            }
-            window.sort_unstable_by(f64::total_cmp);
-            smooth.push(window[window.len() / 2]);
-        }
-        self.values = smooth;
+        let smooth = map_ordered(rows, monitor, |r| {
+            let up = reach.min(r).min(rows - 1 - r);
+            let mut window = Vec::with_capacity(width * width);
+            let middle = |c: usize| {
+                let aside = reach.min(c).min(columns - 1 - c);
+                window.clear();
+                for row in r - up..=r + up {
+                    window.extend_from_slice(&self.values[row * columns..][c - aside..=c + aside]);
+                }
+                window.sort_unstable_by(f64::total_cmp);
+                window[window.len() / 2]
+            };
+            Ok((0..columns).map(middle).collect::<Vec<f64>>())
+        })?;
+        self.values = concat_watched(smooth, monitor)?;
+        Ok(())
     }
 
     /// Bilinear height between the four nearest centres; beyond the outermost centres the height at the border.
@@ -164,7 +173,7 @@ mod tests {
             let value = |i: usize, u: f64| if u < 0.06 || i == 5 { i as f64 } else { f64::NAN };
             let values: Vec<f64> = (0..columns * rows).map(|i| value(i, s.uniform())).collect();
             let mut raster = Raster::new([0.0; 2], 1.0, columns, values.clone()).unwrap();
-            raster.fill_holes().unwrap();
+            raster.fill_holes(&Monitor::default()).unwrap();
             let apart = |a: usize, b: usize| {
                 let (dx, dy) = ((a % columns).abs_diff(b % columns), (a / columns).abs_diff(b / columns));
                 dx * dx + dy * dy
@@ -174,13 +183,13 @@ mod tests {
                 assert_eq!(Some(apart(i, raster.values()[i] as usize)), least);
             }
         }
-        assert!(Raster::new([0.0; 2], 1.0, 2, vec![f64::NAN; 4]).unwrap().fill_holes().is_err());
+        assert!(Raster::new([0.0; 2], 1.0, 2, vec![f64::NAN; 4]).unwrap().fill_holes(&Monitor::default()).is_err());
     }
 
     #[test]
     fn the_median_takes_spikes_away() {
         let mut raster = Raster::new([0.0; 2], 1.0, 3, vec![1.0, 1.0, 1.0, 1.0, 90.0, 1.0, 1.0, 1.0, 2.0]).unwrap();
-        raster.median(3);
+        raster.median(3, &Monitor::default()).unwrap();
         assert_eq!(raster.values()[4], 1.0);
         // A corner has no window, the middle of a side one along that side.
         assert_eq!((raster.values()[7], raster.values()[8]), (1.0, 2.0));

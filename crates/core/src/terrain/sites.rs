@@ -3,6 +3,7 @@
 
 use crate::cloud::Points;
 use crate::error::Result;
+use crate::parallel::{Monitor, sort_watched};
 
 /// Rasters with at least this many cells, and many cells a point, are divided.
 const LARGE: f64 = 16e6;
@@ -15,13 +16,14 @@ const TILE: f64 = 128.0;
 /// site.
 ///
 /// # Errors
-/// Those of `work`.
+/// Those of `work`, or if it was cancelled.
 pub(crate) fn by_site<T: Clone + Default>(
     points: &Points,
     cell: f64,
+    monitor: &Monitor,
     work: impl Fn(&Points) -> Result<Vec<T>>,
 ) -> Result<Vec<T>> {
-    let sites = sites(points, cell);
+    let sites = sites(points, cell, monitor)?;
     if sites.len() < 2 {
         return work(points);
     }
@@ -34,7 +36,7 @@ pub(crate) fn by_site<T: Clone + Default>(
 }
 
 /// The points of each site, ascending; empty if the cloud should not be divided.
-fn sites(points: &Points, cell: f64) -> Vec<Vec<u32>> {
+fn sites(points: &Points, cell: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>> {
     let size = [&points.x, &points.y].map(|axis| {
         let (low, high) = axis.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
         (f64::from(high) - f64::from(low)) / cell + 1.0
@@ -42,15 +44,16 @@ fn sites(points: &Points, cell: f64) -> Vec<Vec<u32>> {
     let cells = size[0] * size[1];
     // Not divided either if the cell size is invalid, which the raster then reports.
     if !(cells > LARGE && cells > SPARSE * points.len() as f64 && cells.is_finite()) {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let tile = |i: usize| [points.x[i], points.y[i]].map(|v| (f64::from(v) / (TILE * cell)).floor() as i64);
     let mut members: Vec<([i64; 2], u32)> = (0..points.len()).map(|i| (tile(i), i as u32)).collect();
-    members.sort_unstable();
+    sort_watched(&mut members, monitor)?;
     let tiles: Vec<&[([i64; 2], u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
     let mut seen = vec![false; tiles.len()];
     let mut sites = Vec::new();
     for start in 0..tiles.len() {
+        monitor.check()?;
         let mut open = if std::mem::replace(&mut seen[start], true) { continue } else { vec![start] };
         let mut site = Vec::new();
         while let Some(t) = open.pop() {
@@ -66,7 +69,7 @@ fn sites(points: &Points, cell: f64) -> Vec<Vec<u32>> {
         site.sort_unstable();
         sites.push(site);
     }
-    sites
+    Ok(sites)
 }
 
 fn pick(points: &Points, site: &[u32]) -> Points {
@@ -84,7 +87,6 @@ fn pick(points: &Points, site: &[u32]) -> Points {
 mod tests {
     use super::*;
     use crate::cloud::Cloud;
-    use crate::parallel::Monitor;
     use crate::random::stream;
     use crate::terrain::{GroundParams, ground_points};
 

@@ -39,7 +39,7 @@ pub(super) fn objects(
 }
 
 fn above_ground(points: &Points, recipe: &ObjectsRecipe, monitor: &Monitor) -> Result<Vec<f32>> {
-    by_site(points, recipe.ground.cell.min(recipe.elevation.cell), |site| {
+    by_site(points, recipe.ground.cell.min(recipe.elevation.cell), monitor, |site| {
         let ground = ground_points(site, &recipe.ground, monitor)?;
         ElevationModel::fit(site, &ground, &recipe.elevation, monitor)?.heights(site, monitor)
     })

@@ -100,7 +100,7 @@ impl RoadParams {
             road = lowest(points);
         }
         let model = self.elevation_model.as_deref().map(read_ascii_grid).transpose()?;
-        let model = model.map(ElevationModel::from_raster).transpose()?;
+        let model = model.map(|raster| ElevationModel::from_raster(raster, monitor)).transpose()?;
         terrain(points, &Ground { road: &road, model: model.as_ref() }, &self.terrain, monitor)
     }
 

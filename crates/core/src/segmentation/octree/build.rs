@@ -122,12 +122,12 @@ pub fn octree(points: &Points, params: &OctreeParams, monitor: &Monitor) -> Resu
     let code = |i: usize| morton::encode(root.cell([points.x[i], points.y[i], points.z[i]], deepest));
     let mut keys: Vec<(u64, u32)> = map_watched(points.len(), monitor, |i| (code(i), i as u32))?;
     sort_watched(&mut keys, monitor)?;
-    let division = Division { points, params, keys: &keys };
+    let division = Division { points, params, keys: &keys, monitor };
     let tasks = division.tasks();
     let parts = map_ordered(tasks.len(), monitor, |t| {
         let mut leaves = Vec::new();
         for cell in division.cells(tasks[t].clone(), params.min_depth) {
-            division.descend(cell, params.min_depth, &mut leaves);
+            division.descend(cell, params.min_depth, &mut leaves)?;
         }
         Ok(leaves)
     })?;
@@ -149,6 +149,7 @@ struct Division<'a> {
     params: &'a OctreeParams,
     /// (Morton code at the greatest depth, index), ascending.
     keys: &'a [(u64, u32)],
+    monitor: &'a Monitor,
 }
 
 impl Division<'_> {
@@ -178,15 +179,19 @@ impl Division<'_> {
     }
 
     /// Appends the leaves below a cell, each with the end of its points.
-    fn descend(&self, cell: Range<usize>, depth: u32, leaves: &mut Vec<(usize, Leaf)>) {
+    fn descend(&self, cell: Range<usize>, depth: u32, leaves: &mut Vec<(usize, Leaf)>) -> Result<()> {
+        if cell.len() > TASK {
+            self.monitor.check()?;
+        }
         if self.is_leaf(&cell, depth) {
             let code = self.keys[cell.start].0 >> (3 * (self.params.max_depth() - depth));
             leaves.push((cell.end, Leaf { depth, cell: morton::decode(code) }));
-            return;
+            return Ok(());
         }
         for child in self.cells(cell, depth + 1) {
-            self.descend(child, depth + 1, leaves);
+            self.descend(child, depth + 1, leaves)?;
         }
+        Ok(())
     }
 
     fn is_leaf(&self, cell: &Range<usize>, depth: u32) -> bool {
