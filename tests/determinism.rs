@@ -3,21 +3,26 @@
 use scansion_core::features::{self, FeatureSet};
 use scansion_core::io::{self, WriteOptions};
 use scansion_core::parallel::Monitor;
-use scansion_core::recipes::{ClassifyParams, LabelParams, Recipe, classify, default_model, read_labels, train};
+use scansion_core::recipes::{
+    AnyRecipe, ClassifyParams, LabelParams, PyramidRecipe, System, TrainOptions, classify, default_model, read_labels,
+};
 use scansion_tests::street;
 
 fn with<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }
 
-fn small_recipe() -> Recipe {
+fn small_recipe() -> PyramidRecipe {
     let settings = [
         "features.pyramid.first_scale=0.4",
         "features.pyramid.levels=5",
         "forest.trees=9",
         "training.max_samples=4000",
     ];
-    Recipe::default().with_settings(settings).unwrap()
+    match AnyRecipe::named("pyramid").unwrap().with_settings(settings).unwrap() {
+        AnyRecipe::Pyramid(recipe) => *recipe,
+        _ => unreachable!("the pyramid recipe was asked for"),
+    }
 }
 
 #[test]
@@ -31,7 +36,7 @@ fn features_models_labels_and_files_are_the_same_for_1_2_3_and_8_threads() {
             let monitor = Monitor::default();
             let recipe = small_recipe();
             let table = features::table(&scene, &recipe.features, &monitor).unwrap();
-            let (model, report) = train(&pair, &recipe, &monitor).unwrap();
+            let (model, report) = recipe.train(&pair, &TrainOptions::default(), &monitor).unwrap();
             let named = classify(
                 &other,
                 &model,
@@ -61,7 +66,7 @@ fn a_model_learned_on_one_street_names_another() {
     let monitor = Monitor::default();
     let scene = street(40.0, 1);
     let labels = read_labels(&scene, &LabelParams::default()).unwrap();
-    let (model, _) = train(&[(scene, labels)], &small_recipe(), &monitor).unwrap();
+    let (model, _) = small_recipe().train(&[(scene, labels)], &TrainOptions::default(), &monitor).unwrap();
     let other = street(40.0, 7);
     let truth = other.column("Classification").unwrap().values.to_f64();
     let named = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();

@@ -10,7 +10,9 @@ use scansion_core::features::{self, FeatureSet};
 use scansion_core::io::{self, PointReader, ReadOptions, WriteOptions, salvage};
 use scansion_core::parallel::Monitor;
 use scansion_core::random::{Stream, stream};
-use scansion_core::recipes::{LabelParams, Recipe, SegmentParams, SuggestParams, read_labels, segment, suggest, train};
+use scansion_core::recipes::{
+    AnyRecipe, LabelParams, SegmentParams, SuggestParams, TrainOptions, read_labels, segment, suggest,
+};
 use scansion_tests::data;
 use scansion_tests::samples::{self, FORMATS, Sample, seal};
 use std::io::{BufRead, BufReader, Write};
@@ -95,8 +97,9 @@ fn learn(path: &Path) {
     if let Ok(segments) = segment(&cloud, Some(&labels), &SegmentParams::default(), &monitor) {
         let _ = suggest(&segments, None, Some(&labels), &SuggestParams::default());
     }
-    let few = Recipe::default().with_settings(["forest.trees=3", "training.keep_samples=50"]).unwrap();
-    let _ = train(&[(cloud, labels)], &few, &monitor);
+    let few =
+        AnyRecipe::named("pyramid").unwrap().with_settings(["forest.trees=3", "training.keep_samples=50"]).unwrap();
+    let _ = few.train(&[(cloud, labels)], &TrainOptions::default(), &monitor);
 }
 
 /// A box, a level, blocks, and the last point by its number.
@@ -264,8 +267,9 @@ fn corpus_of_the_fuzz_targets_is_written_on_demand() {
     let labels = read_labels(&cloud, &LabelParams::default()).unwrap();
     for classifier in ["forest", "boosting"] {
         let settings = [format!("classifier=\"{classifier}\""), "forest.trees=3".into(), "boosting.rounds=3".into()];
-        let recipe = Recipe::default().with_settings(settings.iter().map(String::as_str)).unwrap();
-        let (model, _) = train(&[(cloud.clone(), labels.clone())], &recipe, &Monitor::default()).unwrap();
+        let recipe = AnyRecipe::named("pyramid").unwrap().with_settings(settings.iter().map(String::as_str)).unwrap();
+        let (model, _) =
+            recipe.train(&[(cloud.clone(), labels.clone())], &TrainOptions::default(), &Monitor::default()).unwrap();
         model.save(&corpus.join("model").join(classifier)).unwrap();
     }
 }

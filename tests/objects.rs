@@ -5,8 +5,8 @@ use scansion_core::evaluation::Confusion;
 use scansion_core::parallel::Monitor;
 use scansion_core::random::stream;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, Labels, ObjectsRecipe, SegmentMethod, SegmentParams, classify, read_labels,
-    segment, train_objects,
+    AnyRecipe, ClassifyParams, LabelParams, Labels, ObjectsRecipe, SegmentMethod, SegmentParams, System, TrainOptions,
+    classify, read_labels, segment,
 };
 
 fn objects(settings: &[&str]) -> ObjectsRecipe {
@@ -60,7 +60,7 @@ fn a_village_is_named_by_the_segments_of_others() {
         // Each village has one large ground segment, so that a single village would not show the variation.
         let others = [1, 6, 7, 8, 9].map(village);
         let settings = [SIZE, &kind, "training.share=1.0", "boosting.min_samples_leaf=3"];
-        let (model, report) = train_objects(&others, &objects(&settings), &monitor).unwrap();
+        let (model, report) = objects(&settings).train(&others, &TrainOptions::default(), &monitor).unwrap();
         assert!(report.by_segment.is_none() && report.oracle_accuracy > 0.97, "{report:?}");
         let found = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();
         let scores = Confusion::from_options(&truth.codes, &found.codes).unwrap().scores();
@@ -71,7 +71,7 @@ fn a_village_is_named_by_the_segments_of_others() {
 #[test]
 fn segments_that_are_not_learned_from_are_scored() {
     let recipe = objects(&[SIZE, "training.share=0.5"]);
-    let (_, report) = train_objects(&[village(1), village(2)], &recipe, &Monitor::default()).unwrap();
+    let (_, report) = recipe.train(&[village(1), village(2)], &TrainOptions::default(), &Monitor::default()).unwrap();
     assert!(report.learned < report.labelled);
     let (by_segment, by_point) = (report.by_segment.unwrap(), report.by_point.unwrap());
     assert_eq!(by_segment.points as usize, report.labelled - report.learned);
@@ -82,11 +82,12 @@ fn segments_that_are_not_learned_from_are_scored() {
 fn squares_that_are_learned_from_and_purity_reach_the_report() {
     let monitor = Monitor::default();
     let settings = [SIZE, "training.disjoint=true", "training.square=15", "training.purity=0.9"];
-    let (_, report) = train_objects(&[village(1)], &objects(&settings), &monitor).unwrap();
+    let (_, report) = objects(&settings).train(&[village(1)], &TrainOptions::default(), &monitor).unwrap();
     let share = report.learned as f64 / report.labelled as f64;
     assert!((0.25..0.45).contains(&share), "{share}");
     assert!(report.labelled < report.segments, "impure segments have no class");
-    let (_, all) = train_objects(&[village(1)], &objects(&[SIZE, "training.share=1.0"]), &monitor).unwrap();
+    let (_, all) =
+        objects(&[SIZE, "training.share=1.0"]).train(&[village(1)], &TrainOptions::default(), &monitor).unwrap();
     assert!(all.by_segment.is_none() && all.learned == all.labelled);
 }
 
@@ -97,7 +98,8 @@ fn models_and_segments_are_the_same_for_1_2_3_and_8_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let monitor = Monitor::default();
-            let (model, _) = train_objects(&[(cloud.clone(), labels.clone())], &objects(&[SIZE]), &monitor).unwrap();
+            let (model, _) =
+                objects(&[SIZE]).train(&[(cloud.clone(), labels.clone())], &TrainOptions::default(), &monitor).unwrap();
             let found = classify(&cloud, &model, &ClassifyParams::default(), &monitor).unwrap();
             let parted = SegmentMethod::ALL.map(|method| {
                 let params = SegmentParams { method, ..SegmentParams::default() };
@@ -158,7 +160,9 @@ fn odd_clouds_are_parted_or_refused_but_never_break() {
         assert!(clusters.iter().zip(finite).all(|(&c, finite)| (c > 0) == finite), "{}", method.name());
     }
     let train = |rows: &[[f64; 3]], codes: &[u8], settings: &[&str]| {
-        train_objects(&[labelled(rows, codes)], &objects(settings), &Monitor::default()).map_err(|e| e.to_string())
+        objects(settings)
+            .train(&[labelled(rows, codes)], &TrainOptions::default(), &Monitor::default())
+            .map_err(|e| e.to_string())
     };
     assert!(train(&plane, &[0; 400], &[]).unwrap_err().contains("no labelled point"));
     let halves: Vec<u8> = (0..400).map(|i| if i < 200 { 2 } else { 6 }).collect();

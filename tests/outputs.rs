@@ -147,7 +147,7 @@ fn a_model_is_written_over_models_and_empty_files_only() {
     }
     done(f, &train(&["a.laz", "-o", "my.model"]));
     done(f, &train(&["a.laz", "-o", "my.model"]));
-    let model = scansion_core::classification::Model::load(&f.join("my.model")).unwrap();
+    let model = scansion_core::recipes::Model::load(&f.join("my.model")).unwrap();
     assert!(model.save(&f.join("scan.laz")).unwrap_err().to_string().contains("no model"));
     model.save(&f.join("my.model")).unwrap();
 }

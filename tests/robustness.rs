@@ -1,11 +1,14 @@
 //! Bad input gives a defined result or a clear error.
 
+use scansion_core::Error;
 use scansion_core::cloud::{Cloud, CodeScheme, Column, Values};
 use scansion_core::features::{self, FeatureSet};
 use scansion_core::io::{self, Edit, WriteOptions};
 use scansion_core::parallel::Monitor;
-use scansion_core::recipes::{ClassifyParams, LabelParams, Recipe, classify, default_model, read_labels, train};
-use scansion_core::{Error, classification::Model};
+use scansion_core::recipes::Model;
+use scansion_core::recipes::{
+    AnyRecipe, ClassifyParams, LabelParams, TrainOptions, classify, default_model, read_labels,
+};
 use scansion_tests::{demo_scan, street};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -83,14 +86,15 @@ fn a_huge_extent_with_a_tiny_voxel_is_an_error() {
 #[test]
 fn training_needs_a_label_and_works_with_one_class() {
     let mut scene = street(15.0, 1);
-    let recipe = Recipe::default()
+    let recipe = AnyRecipe::named("pyramid")
+        .unwrap()
         .with_settings(["features.pyramid.first_scale=0.5", "features.pyramid.levels=3", "forest.trees=3"])
         .unwrap();
     let with_code = |scene: &mut Cloud, code: u8| {
         scene.set_column(Column::new("Classification", Values::U8(vec![code; scene.len()]))).unwrap();
         scene.scheme = CodeScheme::Asprs;
         let labels = read_labels(scene, &LabelParams::default()).unwrap();
-        train(&[(scene.clone(), labels)], &recipe, &Monitor::default())
+        recipe.train(&[(scene.clone(), labels)], &TrainOptions::default(), &Monitor::default())
     };
     let message = with_code(&mut scene, 1).map(|_| ()).unwrap_err().to_string();
     assert!(message.contains("no labelled point"), "{message}");
@@ -106,13 +110,14 @@ fn a_model_that_does_not_fit_is_refused_with_the_name_of_what_is_missing() {
     scene.set_column(Column::new("Intensity", Values::U16((0..n).map(|i| (i % 100) as u16).collect()))).unwrap();
     let settings =
         ["features.pyramid.first_scale=0.5", "features.pyramid.levels=2", "features.intensity=true", "forest.trees=3"];
-    let recipe = Recipe::default().with_settings(settings).unwrap();
+    let recipe = AnyRecipe::named("pyramid").unwrap().with_settings(settings).unwrap();
     let labels = read_labels(&scene, &LabelParams::default()).unwrap();
-    let (model, _) = train(&[(scene.clone(), labels)], &recipe, &Monitor::default()).unwrap();
+    let (model, _) = recipe.train(&[(scene.clone(), labels)], &TrainOptions::default(), &Monitor::default()).unwrap();
     let bare = street(15.0, 2);
     let message = classify(&bare, &model, &ClassifyParams::default(), &Monitor::default()).unwrap_err().to_string();
     assert!(message.contains("Intensity"), "{message}");
-    let other = Model { recipe_toml: model.recipe_toml.replace("first_scale = 0.5", "first_scale = 0.7"), ..model };
+    let fitted = model.fitted.with_settings(["features.pyramid.first_scale=0.7"]).unwrap();
+    let other = Model { fitted, ..model };
     let error = classify(&scene, &other, &ClassifyParams::default(), &Monitor::default()).unwrap_err();
     assert!(matches!(error, Error::ModelMismatch(_)), "{error}");
 }

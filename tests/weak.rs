@@ -5,8 +5,8 @@ use scansion_core::evaluation::Confusion;
 use scansion_core::io;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, Labels, Regularise, SegmentParams, WeakRecipe, classify, read_labels,
-    segment, train_weak,
+    AnyRecipe, ClassifyParams, LabelParams, Labels, Regularise, SegmentParams, System, TrainOptions, WeakRecipe,
+    classify, read_labels, segment,
 };
 use scansion_core::segmentation::{Intent, PartitionParams};
 use scansion_tests::{data, street};
@@ -23,7 +23,7 @@ fn scores(cloud: &Cloud, labels: &Labels, settings: &[&str], seed: u64) -> Vec<(
     let settings = [&["labels.per_class=15", "neighbourhood.k_step=10"], settings].concat();
     let recipe = WeakRecipe { seed, ..weak(&settings) };
     let monitor = Monitor::default();
-    let (model, report) = train_weak(&[(cloud.clone(), labels.clone())], &recipe, &[], &monitor).unwrap();
+    let (model, report) = recipe.train(&[(cloud.clone(), labels.clone())], &TrainOptions::default(), &monitor).unwrap();
     assert!(report.classes.iter().all(|c| c.samples == 15));
     let methods = [Regularise::None, Regularise::PointCrf, Regularise::Consensus, Regularise::SegmentCrf];
     methods
@@ -79,8 +79,8 @@ fn models_labels_and_segments_are_the_same_for_1_2_3_and_8_threads() {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
             let monitor = Monitor::default();
             let recipe = weak(&["labels.per_class=20", "forest.trees=20"]);
-            let (model, report) =
-                train_weak(&[(scene.clone(), labels.clone())], &recipe, &[0.3, 1.0], &monitor).unwrap();
+            let options = TrainOptions { strengths: vec![0.3, 1.0], ..TrainOptions::default() };
+            let (model, report) = recipe.train(&[(scene.clone(), labels.clone())], &options, &monitor).unwrap();
             let named = classify(&scene, &model, &ClassifyParams::default(), &monitor).unwrap();
             let intent = Intent::SegmentsPerHectare(500.0);
             let params = SegmentParams {
@@ -107,7 +107,8 @@ fn a_model_with_a_field_names_another_street_and_any_model_can_have_one() {
         let hits = codes.iter().zip(&truth.codes).filter(|(c, t)| Some(**c) == **t).count();
         hits as f64 / codes.len() as f64
     };
-    let (model, _) = train_weak(&[(scene, labels)], &weak(&["labels.per_class=25"]), &[], &monitor).unwrap();
+    let (model, _) =
+        weak(&["labels.per_class=25"]).train(&[(scene, labels)], &TrainOptions::default(), &monitor).unwrap();
     let named = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();
     assert!(right(&named.codes) > 0.9, "{}", right(&named.codes));
     let pyramid = scansion_core::recipes::default_model().unwrap();
@@ -129,7 +130,7 @@ fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> (Cloud, Labels) {
 fn names(rows: &[[f64; 3]], codes: &[u8], settings: &[&str]) -> Result<Vec<u8>, String> {
     let pair = [labelled(rows, codes)];
     let monitor = Monitor::default();
-    let (model, _) = train_weak(&pair, &weak(settings), &[], &monitor).map_err(|e| e.to_string())?;
+    let (model, _) = weak(settings).train(&pair, &TrainOptions::default(), &monitor).map_err(|e| e.to_string())?;
     Ok(classify(&pair[0].0, &model, &ClassifyParams::default(), &monitor).map_err(|e| e.to_string())?.codes)
 }
 

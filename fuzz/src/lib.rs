@@ -1,6 +1,6 @@
 //! What the fuzz targets do with their bytes. README.md of this crate tells how to run them.
 
-use scansion_core::classification::Model;
+use scansion_core::recipes::Model;
 use scansion_core::io::{self, PointReader, ReadOptions, salvage};
 use scansion_core::parallel::Monitor;
 use std::path::{Path, PathBuf};

@@ -4,16 +4,17 @@ use crate::call::call;
 use crate::cloud::Cloud;
 use crate::convert::to_matrix;
 use crate::error::raise;
-use crate::json;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classes::{Class, ClassTable, LabelMap};
-use scansion_core::classification::Model as CoreModel;
 use scansion_core::cloud::Cloud as CoreCloud;
 use scansion_core::parallel::Monitor;
-use scansion_core::recipes::{self, AnyRecipe, ClassifyParams, LabelParams, Regularise, read_labels};
+use scansion_core::recipes::{
+    self, AnyRecipe, ClassifyParams, LabelParams, Model as CoreModel, Regularise, TrainOptions, read_labels,
+};
+use scansion_core::terrain::{ElevationModel, read_ascii_grid};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -64,10 +65,15 @@ fn method(name: Option<&str>) -> PyResult<Option<Regularise>> {
     })
 }
 
+/// The elevation model in an ESRI ASCII grid.
+fn elevation_of(path: Option<&Path>, monitor: &Monitor) -> scansion_core::Result<Option<ElevationModel>> {
+    path.map(|path| ElevationModel::from_raster(read_ascii_grid(path)?, monitor)).transpose()
+}
+
 #[pymethods]
 impl Model {
     #[staticmethod]
-    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled = None, names = vec![], strengths = vec![], n_jobs = None))]
+    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled = None, names = vec![], strengths = vec![], elevation_model = None, n_jobs = None))]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
     fn train(
         py: Python<'_>,
@@ -79,6 +85,7 @@ impl Model {
         unlabelled: Option<Vec<u8>>,
         names: Vec<String>,
         strengths: Vec<f64>,
+        elevation_model: Option<PathBuf>,
         n_jobs: Option<i64>,
     ) -> PyResult<(Self, String)> {
         let clouds: Vec<_> = clouds.iter().map(|c| Arc::clone(&c.inner)).collect();
@@ -90,15 +97,10 @@ impl Model {
                 Ok((Arc::try_unwrap(cloud).or_else(|shared| shared.copied(monitor))?, labels))
             };
             let pairs = clouds.into_iter().map(read).collect::<scansion_core::Result<Vec<_>>>()?;
-            match recipe {
-                AnyRecipe::Pyramid(recipe) => {
-                    recipes::train(&pairs, &recipe, monitor).and_then(|(m, report)| Ok((m, json::text(&report)?)))
-                }
-                AnyRecipe::Weak(recipe) => recipes::train_weak(&pairs, &recipe, &strengths, monitor)
-                    .and_then(|(m, report)| Ok((m, json::text(&report)?))),
-                AnyRecipe::Objects(recipe) => recipes::train_objects(&pairs, &recipe, monitor)
-                    .and_then(|(m, report)| Ok((m, json::text(&report)?))),
-            }
+            let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
+            let options = TrainOptions { strengths, elevation, ..TrainOptions::default() };
+            let (model, report) = recipe.train(&pairs, &options, monitor)?;
+            Ok((model, report.json()?))
         };
         let (mut inner, report) = call(py, n_jobs, train)?;
         if !names.is_empty() {
@@ -133,7 +135,8 @@ impl Model {
         py.detach(|| self.inner.save(&path)).map_err(raise)
     }
 
-    #[pyo3(signature = (cloud, probabilities = false, regularize = None, metres_per_unit = None, n_jobs = None))]
+    #[pyo3(signature = (cloud, probabilities = false, regularize = None, metres_per_unit = None, elevation_model = None, n_jobs = None))]
+    #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
     fn classify<'py>(
         &self,
         py: Python<'py>,
@@ -141,11 +144,16 @@ impl Model {
         probabilities: bool,
         regularize: Option<&str>,
         metres_per_unit: Option<f64>,
+        elevation_model: Option<PathBuf>,
         n_jobs: Option<i64>,
     ) -> PyResult<Answer<'py>> {
         let cloud = Arc::clone(&cloud.inner);
-        let params = ClassifyParams { probabilities, metres_per_unit, regularise: method(regularize)? };
-        let found = call(py, n_jobs, |monitor| recipes::classify(&cloud, &self.inner, &params, monitor))?;
+        let regularise = method(regularize)?;
+        let found = call(py, n_jobs, |monitor| {
+            let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
+            let params = ClassifyParams { probabilities, metres_per_unit, regularise, elevation };
+            recipes::classify(&cloud, &self.inner, &params, monitor)
+        })?;
         let classes = self.inner.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;
         Ok((
@@ -170,8 +178,8 @@ impl Model {
         self.inner.feature_names.clone()
     }
 
-    fn recipe(&self) -> String {
-        self.inner.recipe_toml.clone()
+    fn recipe(&self) -> PyResult<String> {
+        self.inner.fitted.recipe().to_toml().map_err(raise)
     }
 
     fn importance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {

@@ -76,7 +76,7 @@ pub(crate) struct Train {
     /// Train on a few labels per class: the same as --recipe weak
     #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
     pub(crate) weak: bool,
-    /// Labels picked by hand: a table x,y,z,class or cluster_id,class, or a cloud whose classes are used; the labels of
+    /// Labels picked by hand, for any recipe: a table x,y,z,class or cluster_id,class, or a cloud whose classes are used; the labels of
     /// the inputs are then ignored
     #[arg(long, value_name = "FILE")]
     pub(crate) weak_labels: Option<PathBuf>,
@@ -86,6 +86,9 @@ pub(crate) struct Train {
     /// Try these strengths of the random field on held-out labels, and keep the best (weak recipe)
     #[arg(long, value_name = "STRENGTHS", value_delimiter = ',')]
     pub(crate) grid_strength: Vec<f64>,
+    /// Ground heights to use instead of those of the road: an ESRI ASCII grid (weak recipe)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) elevation_model: Option<PathBuf>,
     /// Also evaluate the recipe by k-fold cross-validation on spatial blocks
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=20))]
     pub(crate) cross_validate: Option<u8>,
@@ -110,6 +113,9 @@ pub(crate) struct Classify {
     /// Regularise the labels with this method [default: the model's own]
     #[arg(long, visible_alias = "regularise", value_enum)]
     pub(crate) regularize: Option<RegularizeArg>,
+    /// Ground heights to use instead of those of the road: an ESRI ASCII grid (weak recipe)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) elevation_model: Option<PathBuf>,
     /// Change one setting of the model's recipe, e.g. regularise.strength=2; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,

@@ -4,19 +4,16 @@ use super::{Context, sources};
 use crate::args::Classify;
 use crate::exit_code::Failure;
 use scansion_core::classes::LabelMap;
-use scansion_core::classification::Model;
 use scansion_core::cloud::{Cloud, CodeScheme, Column, Values, names};
 use scansion_core::io::{self, Columns, Edit, run, salvage};
-use scansion_core::recipes::{self, AnyRecipe, Classified, ClassifyParams};
+use scansion_core::recipes::{self, Classified, ClassifyParams, Model};
 use std::path::Path;
 use std::time::Instant;
 
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
     let mut model = sources::model(args.model.as_deref())?;
     if !args.set.is_empty() {
-        let recipe = AnyRecipe::from_toml(&model.recipe_toml)?.with_settings(args.set.iter().map(String::as_str))?;
-        recipe.validate()?;
-        model.recipe_toml = recipe.to_toml()?;
+        model.fitted = model.fitted.with_settings(args.set.iter().map(String::as_str))?;
     }
     let map: LabelMap = args.map.parse()?;
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
@@ -51,7 +48,7 @@ fn one(
     if !args.salvage {
         io::check_dimensions(input, output, &dimensions(model, args))?;
     }
-    let mut wanted = AnyRecipe::from_toml(&model.recipe_toml)?.columns();
+    let mut wanted = model.fitted.columns();
     if args.only_unclassified || !args.skip.is_empty() {
         wanted.push(names::CLASSIFICATION.into());
     }
@@ -66,6 +63,7 @@ fn one(
         probabilities: args.probabilities,
         metres_per_unit: args.unit.unit,
         regularise: args.regularize.map(Into::into),
+        elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
     };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));

@@ -17,8 +17,6 @@ mod sources;
 mod suggest;
 mod suggest_page;
 mod train;
-mod train_objects;
-mod train_weak;
 
 use crate::args::{Args, Command};
 use crate::exit_code::Failure;

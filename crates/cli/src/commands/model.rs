@@ -3,18 +3,18 @@
 use super::{Context, sources};
 use crate::args::{Format, Model};
 use crate::exit_code::Failure;
-use scansion_core::classification::Model as ModelFile;
+use scansion_core::recipes::Model as ModelFile;
 use std::fmt::Write;
 
 pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
     let Model::Show { model, recipe } = args;
     let model = sources::model(model.as_deref())?;
     if *recipe {
-        return context.printer.data(&model.recipe_toml);
+        return context.printer.data(&model.fitted.recipe().to_toml()?);
     }
     let ranked = ranked(&model);
     context.printer.data(&match context.printer.format {
-        Format::Json => json(&model, &ranked),
+        Format::Json => json(&model, &ranked)?,
         Format::Csv => csv(&ranked),
         Format::Table => table(&model, &ranked),
     })
@@ -56,17 +56,17 @@ fn csv(ranked: &[(&str, f64)]) -> String {
     std::iter::once("feature,importance\n".to_string()).chain(lines).collect()
 }
 
-fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
-    serde_json::json!({
+fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> Result<String, Failure> {
+    Ok(serde_json::json!({
         "classifier": model.classifier.kind(),
         "trees": model.classifier.trees(),
         "nodes": model.classifier.nodes(),
-        "seed": model.seed,
+        "seed": model.fitted.seed(),
         "classes": model.classes.classes(),
         "samples": model.fingerprint.class_counts,
         "density": model.fingerprint.density,
         "features": ranked.iter().map(|(name, importance)| serde_json::json!({"name": name, "importance": importance})).collect::<Vec<_>>(),
-        "recipe": model.recipe_toml,
+        "recipe": model.fitted.recipe().to_toml()?,
     })
-    .to_string()
+    .to_string())
 }

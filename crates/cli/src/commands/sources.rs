@@ -3,8 +3,9 @@
 use crate::args::RecipeArgs;
 use crate::exit_code::Failure;
 use globset::{GlobBuilder, GlobSet};
-use scansion_core::classification::Model;
-use scansion_core::recipes::{AnyRecipe, Recipe, default_model};
+use scansion_core::parallel::Monitor;
+use scansion_core::recipes::{AnyRecipe, Model, PyramidRecipe, default_model};
+use scansion_core::terrain::{ElevationModel, read_ascii_grid};
 use scansion_core::{Error, Result, io};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ pub(crate) fn any_recipe(args: &RecipeArgs) -> Result<AnyRecipe> {
 }
 
 /// The pyramid recipe from the arguments.
-pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
+pub(crate) fn recipe(args: &RecipeArgs) -> Result<PyramidRecipe> {
     match any_recipe(args)? {
         AnyRecipe::Pyramid(recipe) => Ok(*recipe),
         other => Err(Error::parameter("recipe", other.name(), "pyramid for this command")),
@@ -38,6 +39,11 @@ pub(crate) fn recipe(args: &RecipeArgs) -> Result<Recipe> {
 /// The text of a file.
 pub(crate) fn text(path: &Path) -> Result<String> {
     io::open::text(path, io::open::MOST_SETTINGS)
+}
+
+/// The elevation model in that file, an ESRI ASCII grid.
+pub(crate) fn elevation(path: Option<&Path>, monitor: &Monitor) -> Result<Option<ElevationModel>> {
+    path.map(|path| ElevationModel::from_raster(read_ascii_grid(path)?, monitor)).transpose()
 }
 
 /// The model in that file, or the built-in one.

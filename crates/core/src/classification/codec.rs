@@ -1,7 +1,9 @@
 //! Forest and fingerprint as named arrays; every index is checked when they are read.
 
 use super::binning::Binning;
+use super::boosting_codec;
 pub(super) use super::check_trees::Trees;
+use super::classifier::{Classifier, ClassifierKind};
 use super::fingerprint::Fingerprint;
 use super::forest::{Descent, Forest, Node};
 use crate::error::{Error, Result};
@@ -9,7 +11,7 @@ use safetensors::{Dtype, SafeTensors};
 use std::path::Path;
 
 /// A named array: name, type, length, little-endian bytes.
-pub(super) type Array = (&'static str, Dtype, usize, Vec<u8>);
+pub(crate) type Array = (&'static str, Dtype, usize, Vec<u8>);
 
 /// A number with a fixed little-endian form.
 pub(super) trait Number: Sized + Copy {
@@ -63,6 +65,14 @@ pub(super) fn node_arrays(nodes: &[Node], roots: &[u32]) -> Vec<Array> {
     ]
 }
 
+/// The arrays of a classifier.
+pub(crate) fn classifier_arrays(classifier: &Classifier) -> Vec<Array> {
+    match classifier {
+        Classifier::Forest(forest) | Classifier::Bagging(forest) => forest_arrays(forest),
+        Classifier::Boosting(trees) => boosting_codec::encode(trees),
+    }
+}
+
 /// The arrays of a forest.
 pub(super) fn forest_arrays(forest: &Forest) -> Vec<Array> {
     let mut arrays = cut_arrays(&forest.binning);
@@ -73,7 +83,7 @@ pub(super) fn forest_arrays(forest: &Forest) -> Vec<Array> {
 }
 
 /// The arrays of a fingerprint.
-pub(super) fn print_arrays(print: &Fingerprint) -> Vec<Array> {
+pub(crate) fn print_arrays(print: &Fingerprint) -> Vec<Array> {
     vec![
         array("print_quantiles", print.quantiles.iter().copied()),
         array("print_means", print.means.iter().copied()),
@@ -83,13 +93,13 @@ pub(super) fn print_arrays(print: &Fingerprint) -> Vec<Array> {
 }
 
 /// Arrays that are being read, and their file.
-pub(super) struct Reader<'a> {
-    pub(super) path: &'a Path,
-    pub(super) tensors: SafeTensors<'a>,
+pub(crate) struct Reader<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) tensors: SafeTensors<'a>,
 }
 
 /// The error for a malformed model file.
-pub(super) fn malformed(path: &Path, field: &str, found: impl ToString, allowed: impl Into<String>) -> Error {
+pub(crate) fn malformed(path: &Path, field: &str, found: impl ToString, allowed: impl Into<String>) -> Error {
     let (field, place) = field.split_once(" at ").unwrap_or((field, "header"));
     Error::Malformed {
         path: path.to_path_buf(),
@@ -119,6 +129,15 @@ impl Reader<'_> {
             }
             _ => Ok(values),
         }
+    }
+
+    /// The classifier of that kind, of `width` features and `classes` classes, every index checked.
+    pub(crate) fn classifier(&self, kind: ClassifierKind, width: usize, classes: usize) -> Result<Classifier> {
+        Ok(match kind {
+            ClassifierKind::Forest => Classifier::Forest(self.forest(width, classes)?),
+            ClassifierKind::Bagging => Classifier::Bagging(self.forest(width, classes)?),
+            ClassifierKind::Boosting => Classifier::Boosting(self.boosting(width, classes)?),
+        })
     }
 
     /// The forest of `width` features and `classes` classes, every index checked.
@@ -159,7 +178,7 @@ impl Reader<'_> {
     }
 
     /// The fingerprint of `width` features and `classes` classes.
-    pub(super) fn fingerprint(&self, width: usize, classes: usize) -> Result<Fingerprint> {
+    pub(crate) fn fingerprint(&self, width: usize, classes: usize) -> Result<Fingerprint> {
         Ok(Fingerprint {
             quantiles: self.read("print_quantiles", Some(width * Fingerprint::LEVELS.len()))?,
             means: self.read("print_means", Some(width))?,

@@ -8,10 +8,10 @@ use crate::error::{Error, Result};
 /// One node in 8 bytes. Samples with a code above `cut` go to `left + 1`, others to `left`; a leaf has `cut` 65535, and
 /// `left` is its row of probabilities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Node {
-    pub(super) left: u32,
-    pub(super) feature: u16,
-    pub(super) cut: u16,
+pub(crate) struct Node {
+    pub(crate) left: u32,
+    pub(crate) feature: u16,
+    pub(crate) cut: u16,
 }
 
 /// Cut of a leaf.
@@ -41,14 +41,14 @@ pub struct Forest {
     pub(super) classes: usize,
     pub(super) binning: Binning,
     /// All trees, one after the other; children come after their parents.
-    pub(super) nodes: Vec<Node>,
+    pub(crate) nodes: Vec<Node>,
     /// The same trees in the layout for prediction.
     pub(super) descent: Descent,
     /// First node of every tree.
-    pub(super) roots: Vec<u32>,
+    pub(crate) roots: Vec<u32>,
     /// Rows of `classes` probabilities; the first `classes` rows are those of pure leaves.
-    pub(super) leaves: Vec<f32>,
-    pub(super) importance: Vec<f64>,
+    pub(crate) leaves: Vec<f32>,
+    pub(crate) importance: Vec<f64>,
 }
 
 impl Forest {

@@ -1,7 +1,7 @@
 //! Classification: classifiers that are trained on labelled samples and predict class probabilities.
 //!
 //! `Samples -> Classifier -> probabilities`. A [`Classifier`] (a [`Forest`], [`Boosting`] or bagging) is trained on
-//! quantised features ([`Binning`]) and stored in a [`Model`] file together with the recipe that computes its features.
+//! quantised features ([`Binning`]) and becomes arrays in a model file ([`codec`]).
 
 mod bag;
 mod bagging;
@@ -10,7 +10,7 @@ mod boosting;
 mod boosting_codec;
 mod check_trees;
 mod classifier;
-mod codec;
+pub(crate) mod codec;
 mod compact;
 pub mod cross_validation;
 mod descend;
@@ -22,7 +22,6 @@ mod grow;
 mod histogram;
 mod importance;
 mod impurity;
-mod model;
 mod out_of_bag;
 mod params;
 mod predict;
@@ -30,7 +29,7 @@ mod quantise;
 mod samples;
 pub mod sampling;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod train;
 mod vote;
 
@@ -41,7 +40,6 @@ pub use classifier::{Classifier, ClassifierKind, ClassifierParams};
 pub use fingerprint::Fingerprint;
 pub use forest::Forest;
 pub use importance::{Importance, permutation_importance};
-pub use model::Model;
 pub use params::{Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Splitter, Trainer};
 pub use predict::PredictScratch;
 pub use samples::Samples;

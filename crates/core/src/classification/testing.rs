@@ -4,15 +4,15 @@ use super::samples::Samples;
 use crate::random::stream;
 
 /// Samples that own their values.
-pub(super) struct Owned {
-    pub(super) features: Vec<f32>,
-    pub(super) labels: Vec<u16>,
-    pub(super) width: usize,
-    pub(super) classes: usize,
+pub(crate) struct Owned {
+    pub(crate) features: Vec<f32>,
+    pub(crate) labels: Vec<u16>,
+    pub(crate) width: usize,
+    pub(crate) classes: usize,
 }
 
 impl Owned {
-    pub(super) fn samples(&self) -> Samples<'_> {
+    pub(crate) fn samples(&self) -> Samples<'_> {
         Samples {
             features: &self.features,
             width: self.width,
@@ -24,7 +24,7 @@ impl Owned {
 }
 
 /// Gaussian clusters, one a class; half of the features are noise. Values are multiples of `step` (0: any).
-pub(super) fn blobs(count: usize, width: usize, classes: usize, step: f32) -> Owned {
+pub(crate) fn blobs(count: usize, width: usize, classes: usize, step: f32) -> Owned {
     let mut random = stream(11, 0);
     let mut owned = Owned { features: Vec::new(), labels: Vec::new(), width, classes };
     for _ in 0..count {

@@ -2,6 +2,7 @@
 
 mod column;
 pub mod crs;
+mod density;
 pub mod morton;
 mod oddities;
 mod points;
@@ -10,6 +11,7 @@ mod stray;
 
 pub(crate) use column::each_values;
 pub use column::{Column, Values};
+pub use density::planar_density;
 pub use points::Points;
 pub use scheme::CodeScheme;
 pub use stray::{StrayParams, Strays};

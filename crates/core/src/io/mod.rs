@@ -9,6 +9,7 @@ mod e57;
 mod format;
 mod info;
 mod known;
+mod label_table;
 mod las;
 mod limits;
 mod lines;
@@ -32,6 +33,7 @@ mod words;
 
 pub use blocks::{Blocks, blocks};
 pub use info::{FileInfo, Octree};
+pub use label_table::{LabelRow, LabelTable};
 pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
 pub use atomic::abandon_outputs;

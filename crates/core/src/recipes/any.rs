@@ -1,88 +1,197 @@
-//! Any recipe: what a model file or a TOML file contains.
+//! Any recipe, and any trained one: the list of the published methods.
 
+use super::classify::{Classified, Job};
+use super::labels::Labels;
+use super::model::Model;
 use super::objects::ObjectsRecipe;
-use super::recipe::{Recipe, explained, set_key};
-use super::regularise::RegulariseParams;
+use super::pyramid::PyramidRecipe;
+use super::regularise::{Regularise, RegulariseParams};
+use super::report::Report;
+use super::settings::{explained, set_key};
+use super::system::{Fitted, System, TrainOptions};
 use super::weak::WeakRecipe;
+use crate::cloud::Cloud;
 use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use serde::Serialize;
 
-/// The parameters of one of the published methods. The key `recipe` at the top of its TOML says which; without it, the
-/// pyramid recipe.
-#[derive(Clone, Debug, PartialEq)]
-pub enum AnyRecipe {
+/// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods. The first is meant where a recipe has no name.
+macro_rules! systems {
+    ($($(#[$doc:meta])* $name:ident: $recipe:ty,)*) => {
+        /// The recipe of one of the published methods. The key `recipe` at the top of its TOML says which; without it,
+        /// the pyramid recipe.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum AnyRecipe {
+            $($(#[$doc])* $name(Box<$recipe>),)*
+        }
+
+        /// A recipe of one of the published methods, with what was learned.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum AnyFitted {
+            $($(#[$doc])* $name(Box<Fitted<$recipe>>),)*
+        }
+
+        impl AnyRecipe {
+            /// The names of the recipes.
+            pub const NAMES: &'static [&'static str] = &[$(<$recipe>::NAME),*];
+
+            /// Its name.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$name(_) => <$recipe>::NAME,)* }
+            }
+
+            /// The recipe with that name, with all defaults.
+            ///
+            /// # Errors
+            /// If the name is not in [`AnyRecipe::NAMES`].
+            pub fn named(name: &str) -> Result<Self> {
+                $(if name == <$recipe>::NAME {
+                    return Ok(Self::$name(Box::default()));
+                })*
+                Err(unknown(name))
+            }
+
+            /// Reads TOML; the message about a wrong key gives its line and the nearest valid key.
+            ///
+            /// # Errors
+            /// If the text is not TOML, or a recipe, key or value is unknown.
+            pub fn from_toml(text: &str) -> Result<Self> {
+                let name = recipe_of(text)?;
+                $(if name == <$recipe>::NAME {
+                    return Ok(Self::$name(Box::new(explained(text)?)));
+                })*
+                Err(unknown(&name))
+            }
+
+            /// The recipe as TOML, with all values written out.
+            ///
+            /// # Errors
+            /// Never for values that pass [`AnyRecipe::validate`].
+            pub fn to_toml(&self) -> Result<String> {
+                match self { $(Self::$name(recipe) => written(recipe),)* }
+            }
+
+            /// Checks all parts.
+            ///
+            /// # Errors
+            /// Names the field, its value and what is allowed.
+            pub fn validate(&self) -> Result<()> {
+                match self { $(Self::$name(recipe) => recipe.validate(),)* }
+            }
+
+            /// The same recipe with another seed.
+            pub fn with_seed(self, seed: u64) -> Self {
+                match self { $(Self::$name(recipe) => Self::$name(Box::new(recipe.with_seed(seed))),)* }
+            }
+
+            /// Columns of a cloud that the recipe reads, besides labels.
+            pub fn columns(&self) -> Vec<String> {
+                match self { $(Self::$name(recipe) => recipe.columns(),)* }
+            }
+
+            /// Largest distance, metres, between a label picked by hand and the nearest point.
+            pub fn label_distance(&self) -> f64 {
+                match self { $(Self::$name(recipe) => recipe.label_distance(),)* }
+            }
+
+            /// Trains a model on labelled clouds: [`System::train`].
+            ///
+            /// # Errors
+            /// As [`System::train`].
+            pub fn train(
+                &self,
+                clouds: &[(Cloud, Labels)],
+                options: &TrainOptions,
+                monitor: &Monitor,
+            ) -> Result<(Model, Box<dyn Report>)> {
+                match self {
+                    $(Self::$name(recipe) => {
+                        check_elevation::<$recipe>(options.elevation.is_some())?;
+                        let (model, report) = recipe.train(clouds, options, monitor)?;
+                        Ok((model, Box::new(report)))
+                    })*
+                }
+            }
+        }
+
+        impl AnyFitted {
+            /// The settings in use.
+            pub fn recipe(&self) -> AnyRecipe {
+                match self { $(Self::$name(fitted) => AnyRecipe::$name(Box::new(fitted.recipe.clone())),)* }
+            }
+
+            /// What was learned besides the classifier, as TOML; empty if nothing.
+            pub(super) fn learned_toml(&self) -> Result<String> {
+                match self { $(Self::$name(fitted) => written(&fitted.learned),)* }
+            }
+
+            /// Puts a recipe and what was learned together again.
+            pub(super) fn from_toml(recipe: &str, learned: &str) -> Result<Self> {
+                match AnyRecipe::from_toml(recipe)? {
+                    $(AnyRecipe::$name(recipe) => {
+                        let learned = explained(learned)?;
+                        Ok(Self::$name(Box::new(Fitted { recipe: *recipe, learned })))
+                    })*
+                }
+            }
+
+            /// Seed of all random draws.
+            pub fn seed(&self) -> u64 {
+                match self { $(Self::$name(fitted) => fitted.recipe.seed(),)* }
+            }
+
+            /// Regularisation of the labels.
+            pub fn regularise(&self) -> &RegulariseParams {
+                match self { $(Self::$name(fitted) => fitted.recipe.regularise(),)* }
+            }
+
+            /// Columns of a cloud that classification reads.
+            pub fn columns(&self) -> Vec<String> {
+                match self { $(Self::$name(fitted) => fitted.recipe.columns(),)* }
+            }
+
+            pub(super) fn bytes_a_point(&self, method: Regularise) -> u64 {
+                match self { $(Self::$name(fitted) => fitted.recipe.bytes_a_point(method),)* }
+            }
+
+            pub(super) fn lowest_density(&self) -> f64 {
+                match self { $(Self::$name(fitted) => fitted.recipe.lowest_density(),)* }
+            }
+
+            pub(super) fn classify(&self, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+                match self {
+                    $(Self::$name(fitted) => {
+                        check_elevation::<$recipe>(job.params.elevation.is_some())?;
+                        <$recipe>::classify(fitted, job, monitor)
+                    })*
+                }
+            }
+        }
+
+        $(impl From<$recipe> for AnyRecipe {
+            fn from(recipe: $recipe) -> Self {
+                Self::$name(Box::new(recipe))
+            }
+        }
+
+        impl From<Fitted<$recipe>> for AnyFitted {
+            fn from(fitted: Fitted<$recipe>) -> Self {
+                Self::$name(Box::new(fitted))
+            }
+        })*
+    };
+}
+
+systems! {
     /// Hackel 2018, chapter 4.4: multi-scale features and a random forest.
-    Pyramid(Box<Recipe>),
+    Pyramid: PyramidRecipe,
     /// Guinard & Landrieu 2017: few labels, segments and a conditional random field.
-    Weak(Box<WeakRecipe>),
+    Weak: WeakRecipe,
     /// Hasanpour Zaryabi et al. 2022: classifies segments instead of points.
-    Objects(Box<ObjectsRecipe>),
+    Objects: ObjectsRecipe,
 }
 
 impl AnyRecipe {
-    /// The names of the recipes that are built in.
-    pub const NAMES: [&'static str; 3] = ["pyramid", "weak", "objects"];
-
-    /// Its name.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Pyramid(_) => "pyramid",
-            Self::Weak(_) => "weak",
-            Self::Objects(_) => "objects",
-        }
-    }
-
-    /// The recipe with that name, with all defaults.
-    ///
-    /// # Errors
-    /// If the name is not in [`AnyRecipe::NAMES`].
-    pub fn named(name: &str) -> Result<Self> {
-        match name {
-            "pyramid" => Ok(Self::Pyramid(Box::default())),
-            "weak" => Ok(Self::Weak(Box::default())),
-            "objects" => Ok(Self::Objects(Box::default())),
-            _ => Err(Error::parameter("recipe", name, Self::NAMES.join(", "))),
-        }
-    }
-
-    /// Reads TOML; the message about a wrong key gives its line and the nearest valid key.
-    ///
-    /// # Errors
-    /// If the text is not TOML, or a recipe, key or value is unknown.
-    pub fn from_toml(text: &str) -> Result<Self> {
-        let table: toml::Table = explained(text)?;
-        match table.get("recipe").map(|kind| kind.as_str().unwrap_or_default()) {
-            None | Some("pyramid") => Ok(Self::Pyramid(Box::new(Recipe::from_toml(text)?))),
-            Some("weak") => Ok(Self::Weak(Box::new(explained(text)?))),
-            Some("objects") => Ok(Self::Objects(Box::new(explained(text)?))),
-            Some(other) => Err(Error::parameter("recipe", other, Self::NAMES.join(", "))),
-        }
-    }
-
-    /// The recipe as TOML, with all values written out.
-    ///
-    /// # Errors
-    /// Never for values that pass [`AnyRecipe::validate`].
-    pub fn to_toml(&self) -> Result<String> {
-        let text = match self {
-            Self::Pyramid(recipe) => return recipe.to_toml(),
-            Self::Weak(recipe) => toml::to_string(recipe),
-            Self::Objects(recipe) => toml::to_string(recipe),
-        };
-        text.map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
-    }
-
-    /// Checks all parts.
-    ///
-    /// # Errors
-    /// Names the field, its value and what is allowed.
-    pub fn validate(&self) -> Result<()> {
-        match self {
-            Self::Pyramid(recipe) => recipe.validate(),
-            Self::Weak(recipe) => recipe.validate(),
-            Self::Objects(recipe) => recipe.validate(),
-        }
-    }
-
     /// Applies `section.key=value` settings, each value read as TOML (a bare word counts as text).
     ///
     /// # Errors
@@ -94,33 +203,44 @@ impl AnyRecipe {
         }
         Self::from_toml(&table.to_string())
     }
+}
 
-    /// The same recipe with another seed.
-    pub fn with_seed(mut self, seed: u64) -> Self {
-        match &mut self {
-            Self::Pyramid(recipe) => recipe.seed = seed,
-            Self::Weak(recipe) => recipe.seed = seed,
-            Self::Objects(recipe) => recipe.seed = seed,
-        }
-        self
+impl AnyFitted {
+    /// The same with other settings; what was learned stays.
+    ///
+    /// # Errors
+    /// As [`AnyRecipe::with_settings`], or if a value is out of range.
+    pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
+        let recipe = self.recipe().with_settings(settings)?;
+        recipe.validate()?;
+        Self::from_toml(&recipe.to_toml()?, &self.learned_toml()?)
     }
+}
 
-    /// The regularisation of the labels.
-    pub fn regularise(&self) -> &RegulariseParams {
-        match self {
-            Self::Pyramid(recipe) => &recipe.regularise,
-            Self::Weak(recipe) => &recipe.regularise,
-            Self::Objects(recipe) => &recipe.regularise,
-        }
+/// The name of the recipe that a TOML text contains.
+fn recipe_of(text: &str) -> Result<String> {
+    let table: toml::Table = explained(text)?;
+    match table.get("recipe") {
+        None => Ok(PyramidRecipe::NAME.into()),
+        Some(name) => Ok(name.as_str().unwrap_or_default().into()),
     }
+}
 
-    /// Columns of a cloud that the recipe reads, besides labels.
-    pub fn columns(&self) -> Vec<String> {
-        match self {
-            Self::Pyramid(recipe) => recipe.features.columns().into_iter().map(String::from).collect(),
-            Self::Weak(recipe) => recipe.columns(),
-            Self::Objects(recipe) => recipe.columns(),
+fn unknown(name: &str) -> Error {
+    Error::parameter("recipe", name, AnyRecipe::NAMES.join(", "))
+}
+
+fn written(value: &impl Serialize) -> Result<String> {
+    toml::to_string(value).map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
+}
+
+/// Fails if an elevation model is given to a method that has no use for it.
+fn check_elevation<S: System>(given: bool) -> Result<()> {
+    match given && !S::TAKES_ELEVATION {
+        true => {
+            Err(Error::parameter("elevation model", "one", format!("none: the recipe {} does not use it", S::NAME)))
         }
+        false => Ok(()),
     }
 }
 
@@ -139,6 +259,7 @@ mod tests {
         }
         assert!(matches!(AnyRecipe::from_toml("seed = 1").unwrap(), AnyRecipe::Pyramid(_)));
         assert!(AnyRecipe::named("strong").unwrap_err().to_string().contains("weak"));
+        assert!(AnyRecipe::from_toml("recipe = 3").unwrap_err().to_string().contains("weak"));
     }
 
     #[test]
@@ -152,5 +273,16 @@ mod tests {
         assert_eq!((set.regularise.partition.intent, set.labels.per_class), (Intent::Strength(0.4), 15));
         let message = weak.with_settings(["labels.per_klass=15"]).unwrap_err().to_string();
         assert!(message.contains("did you mean `per_class`"), "{message}");
+    }
+
+    #[test]
+    fn what_was_learned_outlasts_new_settings() {
+        let learned = "shares = [0.25, 0.75]\nroad = []\nlabels = []\n";
+        let fitted = AnyFitted::from_toml("recipe = \"weak\"", learned).unwrap();
+        let changed = fitted.with_settings(["regularise.strength=2"]).unwrap();
+        assert_eq!(changed.regularise().strength, 2.0);
+        assert_eq!(changed.learned_toml().unwrap(), fitted.learned_toml().unwrap());
+        assert!(fitted.with_settings(["shares.power=2"]).is_err());
+        assert!(AnyFitted::from_toml("recipe = \"pyramid\"", learned).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! The built-in model: ground, vegetation and building in airborne scans.
 
-use crate::classification::Model;
+use super::model::Model;
 use crate::error::Result;
 use std::path::Path;
 

@@ -1,35 +1,40 @@
-//! Recipes: the published methods from cloud to labels. Each file reads like the method section of its paper; the
-//! parameters are saved as TOML.
+//! Recipes: the published methods from cloud to labels. Each has a folder whose `mod.rs` reads like the method section of
+//! its paper; its parameters are saved as TOML. What they have in common is [`System`].
 
 mod any;
 mod builtin;
 mod classify;
+mod label_file;
 mod labels;
+mod model;
 mod objects;
 mod points;
-mod recipe;
+mod predict;
+mod pyramid;
 mod regularise;
+mod report;
 mod segment;
 mod segments;
+mod settings;
 mod suggest;
-mod train;
-mod training;
+mod system;
 mod weak;
 
-pub use any::AnyRecipe;
+pub use any::{AnyFitted, AnyRecipe};
 pub use builtin::{BUILTIN_MAP, default_model};
-pub use classify::{Classified, ClassifyParams, classify};
+pub use classify::{Classified, ClassifyParams, Job, classify};
+pub use label_file::LabelFile;
 pub use labels::{LabelParams, Labels, read_labels};
-pub use objects::{
-    Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode, train_objects,
-};
-pub use recipe::{PyramidKind, Recipe, set_key};
+pub use model::Model;
+pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};
+pub use pyramid::{DepthScore, PyramidKind, PyramidRecipe, PyramidReport, TrainingParams};
 pub use regularise::{Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
+pub use report::{ClassCount, Report};
 pub use segment::{GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment};
+pub use settings::set_key;
 pub use suggest::{SuggestParams, Suggestion, suggest};
-pub use train::{DepthScore, cross_validate, train};
-pub use training::{ClassCount, TrainingParams, TrainingReport, planar_density};
+pub use system::{Fitted, Nothing, System, TrainOptions};
 pub use weak::{
-    ClassShares, Descriptors, Example, LabelFile, RoadParams, RoadSource, StrengthScore, WeakKind, WeakLabels,
-    WeakRecipe, WeakReport, train_weak,
+    ClassShares, Descriptors, Example, LabelledPosition, RoadExample, RoadParams, RoadSource, StrengthScore, WeakKind,
+    WeakLabels, WeakLearned, WeakRecipe, WeakReport,
 };

@@ -2,9 +2,10 @@
 
 use crate::error::Result;
 use crate::parallel::{Monitor, concat_watched, map_ordered};
+use std::ops::Range;
 
-/// Lines of a grid that are filtered together.
-const LINES: usize = 64;
+/// Rows of a grid that are filtered together; those around them are needed too.
+const ROWS: usize = 128;
 
 /// A square window of 2 · reach + 1 cells around each cell of a grid, clipped at its border.
 #[derive(Clone, Copy, Debug)]
@@ -39,74 +40,50 @@ impl Window {
     }
 
     fn filtered(self, values: &[f64], extreme: Extreme, monitor: &Monitor) -> Result<Vec<f64>> {
-        let turned = self.along_rows(values, extreme, monitor)?;
-        Self { columns: values.len() / self.columns, ..self }.along_rows(&turned, extreme, monitor)
-    }
-
-    /// The extreme values along the rows, transposed.
-    fn along_rows(self, values: &[f64], extreme: Extreme, monitor: &Monitor) -> Result<Vec<f64>> {
-        let (columns, rows) = (self.columns, values.len() / self.columns);
-        // Each strip of rows is transposed as it is written: `strip[c * height + r]`.
-        let strips = map_ordered(rows.div_ceil(LINES), monitor, |s| {
-            let part = &values[s * LINES * columns..((s + 1) * LINES).min(rows) * columns];
-            let height = part.len() / columns;
-            let mut strip = vec![0.0; part.len()];
-            let mut line = Line::new(columns, self.reach);
-            for (r, row) in part.chunks_exact(columns).enumerate() {
-                let found = match extreme {
-                    Extreme::Least => line.extremes(row, f64::INFINITY, |a, b| if a < b { a } else { b }),
-                    Extreme::Greatest => line.extremes(row, f64::NEG_INFINITY, |a, b| if a > b { a } else { b }),
-                };
-                found.iter().enumerate().for_each(|(c, &v)| strip[c * height + r] = v);
-            }
-            Ok(strip)
+        let rows = values.len() / self.columns;
+        let parts = map_ordered(rows.div_ceil(ROWS), monitor, |part| {
+            let part = part * ROWS..((part + 1) * ROWS).min(rows);
+            Ok(match extreme {
+                Extreme::Least => self.of_rows(values, part, f64::INFINITY, |a, b| if a < b { a } else { b }),
+                Extreme::Greatest => self.of_rows(values, part, f64::NEG_INFINITY, |a, b| if a > b { a } else { b }),
+            })
         })?;
-        let turned = map_ordered(columns.div_ceil(LINES), monitor, |block| {
-            let block = block * LINES..((block + 1) * LINES).min(columns);
-            let mut lines = Vec::with_capacity(block.len() * rows);
-            for c in block {
-                for strip in &strips {
-                    let height = strip.len() / columns;
-                    lines.extend_from_slice(&strip[c * height..(c + 1) * height]);
-                }
+        concat_watched(parts, monitor)
+    }
+
+    /// The extreme values of some rows: first along all rows that their windows reach, then across them. `outside` is
+    /// never an extreme value.
+    fn of_rows(self, values: &[f64], rows: Range<usize>, outside: f64, better: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+        let Self { columns, reach } = self;
+        let mut block = vec![outside; (rows.len() + 2 * reach) * columns];
+        let mut line = vec![outside; columns + 2 * reach];
+        let inside = rows.start.saturating_sub(reach)..(rows.end + reach).min(values.len() / columns);
+        for row in inside {
+            line[reach..reach + columns].copy_from_slice(&values[row * columns..][..columns]);
+            line[reach + columns..].fill(outside);
+            line[..reach].fill(outside);
+            self.slide(&mut line, 1, &better);
+            block[(row + reach - rows.start) * columns..][..columns].copy_from_slice(&line[..columns]);
+        }
+        self.slide(&mut block, columns, &better);
+        block.truncate(rows.len() * columns);
+        block
+    }
+
+    /// Replaces each cell by the extreme value of the window that begins there, of cells `step` apart. Windows of 1, 2,
+    /// 4, ... cells are joined in pairs, and two that overlap give the last width, all in vector instructions.
+    fn slide(self, cells: &mut [f64], step: usize, better: &impl Fn(f64, f64) -> f64) {
+        let mut join = |span: usize| {
+            for i in 0..cells.len() - span * step {
+                cells[i] = better(cells[i], cells[i + span * step]);
             }
-            Ok(lines)
-        })?;
-        concat_watched(turned, monitor)
-    }
-}
-
-/// Sliding windows along a line of cells.
-struct Line {
-    reach: usize,
-    /// The line, with `reach` cells more on both sides.
-    cells: Vec<f64>,
-}
-
-impl Line {
-    fn new(columns: usize, reach: usize) -> Self {
-        Self { reach, cells: vec![0.0; columns + 2 * reach] }
-    }
-
-    /// The extreme value of each window. `outside` is never one. Windows of 1, 2, 4, ... cells are joined in pairs, and
-    /// two that overlap give the last width: O(cells log reach), in vector instructions.
-    fn extremes(&mut self, row: &[f64], outside: f64, better: impl Fn(f64, f64) -> f64) -> &[f64] {
-        self.cells.fill(outside);
-        self.cells[self.reach..self.reach + row.len()].copy_from_slice(row);
+        };
         let (width, mut span) = (2 * self.reach + 1, 1);
         while 2 * span <= width {
-            self.join(span, &better);
+            join(span);
             span *= 2;
         }
-        self.join(width - span, &better);
-        &self.cells[..row.len()]
-    }
-
-    /// Joins the window that begins at each cell with the one that begins `span` cells later.
-    fn join(&mut self, span: usize, better: &impl Fn(f64, f64) -> f64) {
-        for i in 0..self.cells.len() - span {
-            self.cells[i] = better(self.cells[i], self.cells[i + span]);
-        }
+        join(width - span);
     }
 }
 
@@ -118,7 +95,7 @@ mod tests {
     #[test]
     fn windows_have_the_extremes_that_looking_everywhere_finds() {
         let mut s = stream(5, 1);
-        for [columns, rows, reach] in [[1, 1, 3], [70, 3, 1], [3, 130, 2], [65, 66, 5], [20, 90, 30]] {
+        for [columns, rows, reach] in [[1, 1, 3], [70, 3, 1], [3, 130, 2], [65, 66, 5], [20, 90, 30], [7, 600, 9]] {
             let values: Vec<f64> = (0..columns * rows).map(|_| (s.uniform() * 20.0).floor()).collect();
             let around = |i: usize| {
                 let (r, c) = (i / columns, i % columns);

@@ -145,7 +145,9 @@ class PointClassifier(Classifier):
         self._check_is_fitted()
         self._model.save(os.fspath(path))
 
-    def fit(self: Self, clouds: Any, labels: Any = None) -> Self:
+    def fit(
+        self: Self, clouds: Any, labels: Any = None, *, elevation_model: str | os.PathLike[str] | None = None
+    ) -> Self:
         """Trains on labelled clouds.
 
         Parameters
@@ -154,6 +156,8 @@ class PointClassifier(Classifier):
             Each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
         labels : array_like of shape (n,) or list of such, optional
             Class codes 0..255, negative for none, or text, None for none; by default each cloud's column Classification.
+        elevation_model : path, optional
+            Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
 
         Warns about classes that were left out because they have too few points, and about rare ones.
         """
@@ -167,7 +171,16 @@ class PointClassifier(Classifier):
         wanted = _core.recipe_columns(recipe, settings)
         prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
         model, report = _core.Model.train(
-            prepared, recipe, settings, _LABELS, self.class_map, unlabelled, names, self._strengths(), self.n_jobs
+            prepared,
+            recipe,
+            settings,
+            _LABELS,
+            self.class_map,
+            unlabelled,
+            names,
+            self._strengths(),
+            _path(elevation_model),
+            self.n_jobs,
         )
         self._take(model)
         if names:
@@ -195,6 +208,7 @@ class PointClassifier(Classifier):
         probabilities: bool = False,
         regularize: str | None = None,
         metres_per_unit: float | None = None,
+        elevation_model: str | os.PathLike[str] | None = None,
     ) -> Classified:
         """Class, confidence and entropy of every point.
 
@@ -207,10 +221,14 @@ class PointClassifier(Classifier):
             Method of regularisation; None uses the model's own.
         metres_per_unit : float, optional
             Metres per unit of the coordinates; None uses the cloud's own unit, else 1. Degrees are an error.
+        elevation_model : path, optional
+            Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
         """
         self._check_is_fitted()
         points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
-        found = self._model.classify(points._core, probabilities, regularize, metres_per_unit, self.n_jobs)
+        found = self._model.classify(
+            points._core, probabilities, regularize, metres_per_unit, _path(elevation_model), self.n_jobs
+        )
         for note in found[4]:
             warnings.warn(note, stacklevel=2)
         return Classified(*found[:4])
@@ -297,6 +315,10 @@ class PointClassifier(Classifier):
         if self.random_state is not None:
             settings.append(f"seed={seed(self.random_state)}")
         return text, settings
+
+
+def _path(path: str | os.PathLike[str] | None) -> str | None:
+    return None if path is None else os.fspath(path)
 
 
 def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:

@@ -121,6 +121,7 @@ class Model:
         unlabelled: bytes | None = None,
         names: list[str] = ...,
         strengths: list[float] = ...,
+        elevation_model: str | None = None,
         n_jobs: int | None = None,
     ) -> tuple[Model, str]: ...
     @staticmethod
@@ -137,6 +138,7 @@ class Model:
         probabilities: bool = False,
         regularize: str | None = None,
         metres_per_unit: float | None = None,
+        elevation_model: str | None = None,
         n_jobs: int | None = None,
     ) -> tuple[
         NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None, list[str]

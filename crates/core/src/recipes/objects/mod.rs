@@ -10,22 +10,26 @@
 //! | 3.5 random forest, boosted trees, bagging | [`ObjectsRecipe::classifier`] |
 //! | 4 share of the segments used for training | [`ObjectsRecipe::training`] |
 
+mod classify;
 mod describe;
-mod learn;
-mod name;
+mod report;
 mod segments;
 mod split;
+mod train;
 
-pub use learn::{ObjectsReport, train_objects};
+pub use report::ObjectsReport;
 pub use segments::{ObjectSegments, SupervoxelMode};
 pub use split::ObjectTraining;
 
-pub(super) use name::classify_objects;
-
+use super::classify::{Classified, Job};
+use super::labels::Labels;
+use super::model::Model;
 use super::regularise::RegulariseParams;
+use super::system::{Fitted, Nothing, System, TrainOptions};
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams};
-use crate::cloud::names;
+use crate::cloud::{Cloud, names};
 use crate::error::{Error, Result};
+use crate::parallel::Monitor;
 use crate::terrain::{ElevationParams, GroundParams};
 use serde::{Deserialize, Serialize};
 
@@ -103,11 +107,18 @@ impl Default for ObjectsRecipe {
 }
 
 impl ObjectsRecipe {
-    /// Checks all parts.
-    ///
-    /// # Errors
-    /// Names the field, its value and what is allowed.
-    pub fn validate(&self) -> Result<()> {
+    /// Parameters of the selected classifier.
+    pub fn classifier(&self) -> ClassifierParams {
+        self.classifier.choose(&self.forest, &self.boosting, &self.bagging).with_seed(self.seed)
+    }
+}
+
+impl System for ObjectsRecipe {
+    const NAME: &'static str = "objects";
+    type Learned = Nothing;
+    type Report = ObjectsReport;
+
+    fn validate(&self) -> Result<()> {
         if let Some(m) = self.metres_per_unit.filter(|m| !(m.is_finite() && *m > 0.0)) {
             return Err(Error::parameter("metres_per_unit", m, "metres, above 0"));
         }
@@ -121,16 +132,37 @@ impl ObjectsRecipe {
         self.regularise.validate()
     }
 
-    /// Columns of a cloud that the recipe reads, besides labels.
-    pub fn columns(&self) -> Vec<String> {
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    fn regularise(&self) -> &RegulariseParams {
+        &self.regularise
+    }
+
+    fn columns(&self) -> Vec<String> {
         match self.segments.colour {
             Some(false) => Vec::new(),
             _ => names::COLOUR.iter().map(ToString::to_string).collect(),
         }
     }
 
-    /// Parameters of the selected classifier.
-    pub fn classifier(&self) -> ClassifierParams {
-        self.classifier.choose(&self.forest, &self.boosting, &self.bagging).with_seed(self.seed)
+    fn train(
+        &self,
+        clouds: &[(Cloud, Labels)],
+        options: &TrainOptions,
+        monitor: &Monitor,
+    ) -> Result<(Model, ObjectsReport)> {
+        options.without_depths(Self::NAME)?;
+        options.without_strengths(Self::NAME)?;
+        train::train(self, clouds, monitor)
+    }
+
+    fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+        classify::classify(&fitted.recipe, job, monitor)
     }
 }

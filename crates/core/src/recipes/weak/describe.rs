@@ -1,12 +1,15 @@
 //! Features of points: the six descriptors of Guinard & Landrieu 2017, section 2, and multi-scale features.
 
+use super::learned::RoadExample;
+use super::road::RoadScene;
 use super::{Descriptors, WeakRecipe};
-use crate::classification::{Classifier, PredictScratch};
+use crate::classification::Classifier;
 use crate::cloud::{Cloud, Points};
 use crate::error::Result;
-use crate::features::{Extractor, FeatureSet, FeatureTable, Scratch, Wanted, optimal_features, table_at};
-use crate::parallel::{Monitor, map_ordered_with};
-use crate::terrain::{DESCRIPTORS, Terrain};
+use crate::features::{FeatureSet, FeatureTable, optimal_features, table_at};
+use crate::parallel::Monitor;
+use crate::recipes::predict::{FirstColumns, Predictor};
+use crate::terrain::{DESCRIPTORS, ElevationModel, Terrain};
 
 /// Section 2.1: the four local descriptors.
 pub(super) fn local(points: &Points, recipe: &WeakRecipe, monitor: &Monitor) -> Result<FeatureTable> {
@@ -14,16 +17,9 @@ pub(super) fn local(points: &Points, recipe: &WeakRecipe, monitor: &Monitor) -> 
     Ok(optimal_features(points, &recipe.neighbourhood, monitor)?.table)
 }
 
-/// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
-const TOGETHER: usize = 4;
-
-/// Number of groups of blocks whose probabilities are held at a time.
-const AT_ONCE: usize = 32;
-
 /// Section 2.2: the local descriptors, height above the road and position with respect to it.
 pub(super) fn six(
-    cloud: &Cloud,
-    points: &Points,
+    scene: &DescribedScene<'_>,
     local: FeatureTable,
     recipe: &WeakRecipe,
     monitor: &Monitor,
@@ -31,7 +27,9 @@ pub(super) fn six(
     monitor.stage("road", 0);
     let mut forest = recipe.forest.clone();
     forest.seed = forest.seed.wrapping_add(recipe.seed);
-    let Terrain { elevation, position } = recipe.road.describe((cloud, points), &local, &forest, monitor)?;
+    let DescribedScene { cloud, points, examples, elevation } = *scene;
+    let scene = RoadScene { cloud, points, local: &local, examples, forest: &forest, elevation };
+    let Terrain { elevation, position } = recipe.road.describe(&scene, monitor)?;
     let names = local.names.iter().cloned().chain(DESCRIPTORS.iter().map(|d| d.name.to_string())).collect();
     let mut values = Vec::with_capacity(points.len() * (local.width() + 2));
     for (row, (height, place)) in local.values.chunks_exact(local.width()).zip(elevation.iter().zip(&position)) {
@@ -39,6 +37,16 @@ pub(super) fn six(
         values.extend([height, place]);
     }
     Ok(FeatureTable { names, values })
+}
+
+/// A cloud whose points are described, and what its road is found by.
+pub(super) struct DescribedScene<'a> {
+    pub(super) cloud: &'a Cloud,
+    pub(super) points: &'a Points,
+    /// Labelled points of road and of other classes.
+    pub(super) examples: &'a [RoadExample],
+    /// Ground heights to use instead of those of the road points.
+    pub(super) elevation: Option<&'a ElevationModel>,
 }
 
 /// The points of a cloud and their six descriptors.
@@ -53,6 +61,12 @@ pub(super) fn more(recipe: &WeakRecipe, metres: Option<f64>) -> Option<FeatureSe
     let mut set = recipe.features.clone();
     set.metres_per_unit = metres.or(set.metres_per_unit);
     (recipe.descriptors == Descriptors::MultiScale).then_some(set)
+}
+
+/// The four local descriptors, which the segments are based on.
+pub(super) fn head(features: &FeatureTable) -> FeatureTable {
+    let rows = features.values.chunks_exact(features.width());
+    FeatureTable { names: features.names[..4].to_vec(), values: rows.flat_map(|r| &r[..4]).copied().collect() }
 }
 
 /// The rows of these points.
@@ -101,58 +115,16 @@ impl Described<'_> {
             classifier.predict_proba(&self.six.values, &mut values)?;
             return Ok(values);
         };
-        let extractor = Extractor::prepare(self.cloud, set, (Wanted::All, None), monitor)?;
-        monitor.stage("classify", extractor.len() as u64);
-        let mut position = vec![0u32; self.cloud.len()];
-        self.points.index.iter().zip(0..).for_each(|(&place, point)| position[place as usize] = point);
-        let groups = extractor.blocks().div_ceil(TOGETHER);
-        for first in (0..groups).step_by(AT_ONCE) {
-            let range = first..(first + AT_ONCE).min(groups);
-            let parts = map_ordered_with(range, monitor, Workspace::default, |work, group| {
-                work.group(group, (self, &extractor, &position), classifier, monitor)
-            })?;
-            for (points, rows) in parts {
-                for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
-                    values[point as usize * classes..][..classes].copy_from_slice(row);
-                }
+        let mut row_of = vec![0u32; self.cloud.len()];
+        self.points.index.iter().zip(0..).for_each(|(&place, point)| row_of[place as usize] = point);
+        let first = FirstColumns { table: &self.six, row_of: &row_of };
+        let predictor = Predictor::after(first, self.cloud, set, classifier, monitor)?;
+        let place = |points: &[u32], rows: &[f32]| {
+            for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
+                values[row_of[point as usize] as usize * classes..][..classes].copy_from_slice(row);
             }
-        }
+        };
+        predictor.run(place, monitor)?;
         Ok(values)
-    }
-}
-
-#[derive(Default)]
-struct Workspace {
-    scratch: Scratch,
-    scaled: Vec<f32>,
-    rows: Vec<f32>,
-    trees: PredictScratch,
-}
-
-impl Workspace {
-    /// The points of a group of blocks, and their class probabilities.
-    fn group(
-        &mut self,
-        group: usize,
-        (described, extractor, position): (&Described<'_>, &Extractor<'_>, &[u32]),
-        classifier: &Classifier,
-        monitor: &Monitor,
-    ) -> Result<(Vec<u32>, Vec<f32>)> {
-        let mut points = Vec::new();
-        self.rows.clear();
-        for block in group * TOGETHER..((group + 1) * TOGETHER).min(extractor.blocks()) {
-            monitor.check()?;
-            let first = points.len();
-            let places = extractor.block(block, &mut self.scratch, &mut self.scaled);
-            points.extend(places.iter().map(|&place| position[place as usize]));
-            for (&point, scaled) in points[first..].iter().zip(self.scaled.chunks_exact(extractor.names().len())) {
-                self.rows.extend_from_slice(described.six.row(point as usize));
-                self.rows.extend_from_slice(scaled);
-            }
-        }
-        let mut found = vec![0.0; points.len() * classifier.classes()];
-        classifier.predict_block(&self.rows, &mut self.trees, &mut found)?;
-        monitor.advance(points.len() as u64);
-        Ok((points, found))
     }
 }

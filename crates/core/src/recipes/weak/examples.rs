@@ -18,16 +18,38 @@ pub struct WeakLabels {
     pub within: f64,
     /// Use a finer partition than its strength gives if its segments cannot be consistent with the labels.
     pub fit_partition: bool,
+    /// Oracle accuracy on the labels that is enough for `fit_partition`, 0..=1.
+    pub fit_accuracy: f64,
+    /// Largest number of strengths that `fit_partition` tries.
+    pub fit_trials: usize,
+    /// Share of the strength that `fit_partition` tries next, above 0, below 1.
+    pub fit_step: f64,
     /// In a cloud with labelled positions: segments classified differently from a label in them are segmented more
     /// finely and classified again.
     pub hold: bool,
-    /// Set by training: labelled positions, in the units of their cloud, and their classes.
-    pub places: Vec<([f64; 3], u8)>,
+    /// Largest number of positions of each class that a model stores for `hold`.
+    pub hold_most: usize,
+    /// Largest distance, metres, between a stored position and its point: coordinates may have been rounded.
+    pub hold_within: f64,
+    /// Share of the strength with which contradicted segments are segmented again, above 0, below 1.
+    pub hold_step: f64,
 }
 
 impl Default for WeakLabels {
     fn default() -> Self {
-        Self { per_class: 0, most: 100_000, within: 0.5, fit_partition: true, hold: true, places: Vec::new() }
+        Self {
+            per_class: 0,
+            most: 100_000,
+            within: 0.5,
+            fit_partition: true,
+            fit_accuracy: 0.9,
+            fit_trials: 4,
+            fit_step: 0.3,
+            hold: true,
+            hold_most: 500,
+            hold_within: 0.01,
+            hold_step: 0.03,
+        }
     }
 }
 
@@ -35,15 +57,26 @@ impl WeakLabels {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// If `most` is 0, or `within` is not a distance.
+    /// Names the field, its value and what is allowed.
     pub fn validate(&self) -> Result<()> {
-        if self.within.is_nan() || self.within < 0.0 {
-            return Err(Error::parameter("labels.within", self.within, "metres, 0 or more"));
+        for (name, distance) in [("labels.within", self.within), ("labels.hold_within", self.hold_within)] {
+            if distance.is_nan() || distance < 0.0 {
+                return Err(Error::parameter(name, distance, "metres, 0 or more"));
+            }
         }
-        if let Some((place, _)) = self.places.iter().find(|(place, _)| place.iter().any(|v| !v.is_finite())) {
-            return Err(Error::parameter("labels.places", format!("{place:?}"), "finite coordinates"));
+        for (name, share) in [("labels.fit_step", self.fit_step), ("labels.hold_step", self.hold_step)] {
+            if !(share > 0.0 && share < 1.0) {
+                return Err(Error::parameter(name, share, "a share, above 0, below 1"));
+            }
         }
-        if self.most == 0 { Err(Error::parameter("labels.most", 0, "1 or more")) } else { Ok(()) }
+        if !(0.0..=1.0).contains(&self.fit_accuracy) {
+            return Err(Error::parameter("labels.fit_accuracy", self.fit_accuracy, "0 to 1"));
+        }
+        let counts = [("labels.most", self.most), ("labels.hold_most", self.hold_most)];
+        match counts.iter().chain(&[("labels.fit_trials", self.fit_trials)]).find(|(_, count)| *count == 0) {
+            Some((name, _)) => Err(Error::parameter(name, 0, "1 or more")),
+            None => Ok(()),
+        }
     }
 }
 

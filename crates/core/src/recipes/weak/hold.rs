@@ -1,6 +1,7 @@
 //! Labels as hard constraints: a segment classified differently from a label in it is segmented more finely.
 
 use super::examples::{Example, WeakLabels};
+use super::learned::LabelledPosition;
 use crate::classes::ClassTable;
 use crate::cloud::{Cloud, Points};
 use crate::error::Result;
@@ -9,53 +10,62 @@ use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::regularise::{Probabilities, RegulariseParams, Regularised, Scene};
 
-/// Largest number of positions of each class that a model stores.
-const MOST: usize = 500;
-
-/// Largest distance, metres, between a labelled position and its point: coordinates may have been rounded to
-/// centimetres.
-const SAME: f64 = 0.01;
-
-/// Share of the strength with which contradicted segments are segmented again.
-const FINER: f64 = 0.03;
-
-/// The descriptors that segments are based on, and the labelled points with the position of their class.
+/// The labels of a cloud that is classified, and what is needed to segment again.
 pub(super) struct Known {
+    /// The descriptors that segments are based on.
     pub(super) descriptors: FeatureTable,
+    /// The labelled points with the position of their class.
     pub(super) labels: Vec<(u32, u16)>,
+    /// Share of the strength with which contradicted segments are segmented again.
+    pub(super) step: f64,
+}
+
+/// A cloud in which labelled positions are searched.
+pub(super) struct LabelScene<'a> {
+    pub(super) cloud: &'a Cloud,
+    pub(super) points: &'a Points,
+    /// Metres per unit of its coordinates.
+    pub(super) metres: f64,
 }
 
 impl WeakLabels {
-    /// Stores the positions of the labelled points, at most [`MOST`] of each class, spread evenly over them.
-    pub(super) fn remember(&mut self, examples: &[Example], place: impl Fn(u32) -> [f64; 3]) {
-        for same in examples.chunk_by(|a, b| a.code == b.code) {
-            let step = same.len().div_ceil(MOST).max(1);
-            self.places.extend(same.iter().step_by(step).map(|e| (place(e.point), e.code)));
+    /// The positions of the labelled points, at most `hold_most` of each class, spread evenly over them.
+    pub(super) fn remember(&self, examples: &[Example], position: impl Fn(u32) -> [f64; 3]) -> Vec<LabelledPosition> {
+        let mut labels = Vec::new();
+        if self.hold {
+            for same in examples.chunk_by(|a, b| a.code == b.code) {
+                let step = same.len().div_ceil(self.hold_most).max(1);
+                labels.extend(
+                    same.iter().step_by(step).map(|e| LabelledPosition { at: position(e.point), code: e.code }),
+                );
+            }
         }
+        labels
     }
 
     /// The points of a cloud at labelled positions, each with the position of its class, ascending.
     pub(super) fn found(
         &self,
-        cloud: &Cloud,
-        (points, metres): (&Points, f64),
+        labels: &[LabelledPosition],
+        scene: &LabelScene<'_>,
         classes: &ClassTable,
         monitor: &Monitor,
     ) -> Result<Vec<(u32, u16)>> {
-        if !self.hold || self.places.is_empty() {
+        if !self.hold || labels.is_empty() {
             return Ok(Vec::new());
         }
-        let Some((low, high)) = cloud.bounds_watched(monitor)? else { return Ok(Vec::new()) };
-        let rim = SAME / metres;
-        let inside = |place: &[f64; 3]| (0..3).all(|a| (low[a] - rim..=high[a] + rim).contains(&place[a]));
-        let places: Vec<&([f64; 3], u8)> = self.places.iter().filter(|(place, _)| inside(place)).collect();
-        if places.is_empty() {
+        let Some((low, high)) = scene.cloud.bounds_watched(monitor)? else { return Ok(Vec::new()) };
+        let rim = self.hold_within / scene.metres;
+        let inside = |at: &[f64; 3]| (0..3).all(|a| (low[a] - rim..=high[a] + rim).contains(&at[a]));
+        let labels: Vec<&LabelledPosition> = labels.iter().filter(|label| inside(&label.at)).collect();
+        if labels.is_empty() {
             return Ok(Vec::new());
         }
-        let rows: Vec<[f64; 3]> = places.iter().map(|(place, _)| *place).collect();
-        let near = nearest_of(points, &Points::with_strays(&Cloud::from_rows(&rows)?, metres, monitor)?, 1, monitor)?;
-        let close = (0..places.len()).filter(|&q| f64::from(near.squared_distances(q)[0]).sqrt() <= SAME);
-        let named = close.filter_map(|q| Some((near.of(q)[0], classes.position(places[q].1)? as u16)));
+        let rows: Vec<[f64; 3]> = labels.iter().map(|label| label.at).collect();
+        let places = Points::with_strays(&Cloud::from_rows(&rows)?, scene.metres, monitor)?;
+        let near = nearest_of(scene.points, &places, 1, monitor)?;
+        let close = (0..labels.len()).filter(|&q| f64::from(near.squared_distances(q)[0]).sqrt() <= self.hold_within);
+        let named = close.filter_map(|q| Some((near.of(q)[0], classes.position(labels[q].code)? as u16)));
         let mut found: Vec<(u32, u16)> = named.collect();
         found.sort_unstable();
         found.dedup_by_key(|(point, _)| *point);
@@ -81,7 +91,7 @@ pub(super) fn decide(
     }
     // All segments are classified again; this result holds memory that is needed for them.
     drop(found);
-    scene.recut(&known.descriptors, (&against, FINER), params, monitor)?;
+    scene.recut(&known.descriptors, (&against, known.step), params, monitor)?;
     scene.decide(given, params, monitor)
 }
 
@@ -135,7 +145,7 @@ mod tests {
         let given = Probabilities { values: &values, classes: 2 };
         let wrong = |labels: &[(u32, u16)]| {
             let scene = Scene::to_be_recut(&points, Some(&found.table), &params, &monitor).unwrap();
-            let known = Known { descriptors: found.table.clone(), labels: labels.to_vec() };
+            let known = Known { descriptors: found.table.clone(), labels: labels.to_vec(), step: 0.03 };
             let found = decide(scene, given, (&known, &params), &monitor).unwrap();
             let wrong = found.labels.iter().zip(&truth).filter(|(a, b)| a != b).count();
             (wrong, found.partition.unwrap().len())
@@ -153,19 +163,21 @@ mod tests {
             .map(|point| Example { code: if truth[point as usize] == 0 { 2 } else { 6 }, point })
             .into_iter()
             .collect();
-        let mut labels = WeakLabels::default();
-        labels.remember(&examples, |point| cloud.xyz(point as usize));
-        let found = |cloud: &Cloud, metres: f64, labels: &WeakLabels| {
+        let params = WeakLabels::default();
+        let labels = params.remember(&examples, |point| cloud.xyz(point as usize));
+        let found = |cloud: &Cloud, metres: f64, params: &WeakLabels| {
             let points = Points::from_cloud(cloud, metres);
-            labels.found(cloud, (&points, metres), &classes, &Monitor::default()).unwrap()
+            let scene = LabelScene { cloud, points: &points, metres };
+            params.found(&labels, &scene, &classes, &Monitor::default()).unwrap()
         };
         for metres in [1.0, 0.3048] {
-            assert_eq!(found(&cloud, metres, &labels), [(5, 1), (17, 1), (900, 0)]);
+            assert_eq!(found(&cloud, metres, &params), [(5, 1), (17, 1), (900, 0)]);
         }
-        assert!(found(&cloud, 1.0, &WeakLabels { hold: false, ..labels.clone() }).is_empty());
+        let off = WeakLabels { hold: false, ..params.clone() };
+        assert!(found(&cloud, 1.0, &off).is_empty() && off.remember(&examples, |_| [0.0; 3]).is_empty());
         for by in [0.05, 1000.0] {
             let moved: Vec<[f64; 3]> = (0..cloud.len()).map(|i| cloud.xyz(i).map(|v| v + by)).collect();
-            assert!(found(&Cloud::from_rows(&moved).unwrap(), 1.0, &labels).is_empty());
+            assert!(found(&Cloud::from_rows(&moved).unwrap(), 1.0, &params).is_empty());
         }
     }
 
@@ -173,9 +185,8 @@ mod tests {
     fn no_more_than_the_most_places_of_a_class_travel() {
         let examples: Vec<Example> =
             (0..2600).map(|point| Example { code: if point < 1600 { 2 } else { 6 }, point }).collect();
-        let mut labels = WeakLabels::default();
-        labels.remember(&examples, |point| [f64::from(point), 0.0, 0.0]);
-        let count = |code| labels.places.iter().filter(|(_, c)| *c == code).count();
+        let labels = WeakLabels::default().remember(&examples, |point| [f64::from(point), 0.0, 0.0]);
+        let count = |code| labels.iter().filter(|label| label.code == code).count();
         assert_eq!((count(2), count(6)), (400, 500));
     }
 }

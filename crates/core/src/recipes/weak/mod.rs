@@ -15,28 +15,33 @@
 //! | beyond the paper: labels as constraints | [`WeakLabels::hold`] |
 //! | 4.2 probabilities of segments, field | [`WeakRecipe::regularise`] |
 
+mod classify;
 mod describe;
 mod examples;
 mod hold;
-mod label_file;
-mod learn;
+mod learned;
+mod report;
 mod road;
 mod shares;
+mod train;
 
 pub use examples::{Example, WeakLabels};
-pub use label_file::LabelFile;
-pub use learn::{StrengthScore, WeakReport, train_weak};
+pub use learned::{LabelledPosition, RoadExample, WeakLearned};
+pub use report::{StrengthScore, WeakReport};
 pub use road::{RoadParams, RoadSource};
 pub use shares::ClassShares;
 
-pub(super) use learn::classify_weak;
-
+use super::classify::{Classified, Job};
+use super::labels::Labels;
+use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
+use super::system::{Fitted, System, TrainOptions};
 use crate::classification::ForestParams;
-use crate::cloud::names;
+use crate::cloud::{Cloud, names};
 use crate::error::Result;
 use crate::features::FeatureSet;
 use crate::neighbours::OptimalParams;
+use crate::parallel::Monitor;
 use crate::segmentation::PartitionParams;
 use serde::{Deserialize, Serialize};
 
@@ -70,7 +75,7 @@ pub struct WeakRecipe {
     pub seed: u64,
     /// The features of a point.
     pub descriptors: Descriptors,
-    /// Multi-scale features (Hackel 2018, chapter 4.4). Training sets the finest scale.
+    /// Multi-scale features (Hackel 2018, chapter 4.4).
     pub features: FeatureSet,
     /// Optimal neighbourhoods of the local descriptors.
     pub neighbourhood: OptimalParams,
@@ -107,12 +112,13 @@ impl Default for WeakRecipe {
     }
 }
 
-impl WeakRecipe {
-    /// Checks all parts.
-    ///
-    /// # Errors
-    /// Names the field, its value and what is allowed.
-    pub fn validate(&self) -> Result<()> {
+impl System for WeakRecipe {
+    const NAME: &'static str = "weak";
+    const TAKES_ELEVATION: bool = true;
+    type Learned = WeakLearned;
+    type Report = WeakReport;
+
+    fn validate(&self) -> Result<()> {
         self.features.validate()?;
         self.neighbourhood.validate()?;
         self.road.validate()?;
@@ -122,13 +128,42 @@ impl WeakRecipe {
         self.regularise.validate()
     }
 
-    /// Columns of a cloud that the recipe reads, besides labels.
-    pub fn columns(&self) -> Vec<String> {
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    fn regularise(&self) -> &RegulariseParams {
+        &self.regularise
+    }
+
+    fn columns(&self) -> Vec<String> {
         let own = self.road.source == RoadSource::Classification;
         let scaled = match self.descriptors {
             Descriptors::Paper => Vec::new(),
             Descriptors::MultiScale => self.features.columns(),
         };
         own.then_some(names::CLASSIFICATION).into_iter().chain(scaled).map(str::to_string).collect()
+    }
+
+    fn label_distance(&self) -> f64 {
+        self.labels.within
+    }
+
+    fn train(
+        &self,
+        clouds: &[(Cloud, Labels)],
+        options: &TrainOptions,
+        monitor: &Monitor,
+    ) -> Result<(Model, WeakReport)> {
+        options.without_depths(Self::NAME)?;
+        train::train(self, clouds, options, monitor)
+    }
+
+    fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+        classify::classify(fitted, job, monitor)
     }
 }

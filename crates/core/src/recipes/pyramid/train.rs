@@ -1,24 +1,22 @@
-//! Training of the pyramid recipe: multi-scale features of labelled points and a random forest (or another classifier).
-//!
-//! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, doctoral thesis, ETH Zurich 2018,
-//! doi:10.3929/ethz-b-000264691, chapter 4.4. The functions of this file follow the steps of the chapter.
+//! Training. The functions of this file follow the steps of Hackel 2018, chapter 4.4.
 
-use super::labels::{Labels, check_classes, class_table, counts_of};
-use super::points::note_oddities;
-use super::recipe::Recipe;
-use super::training::{Candidate, ClassCount, TrainingParams, TrainingReport, candidates, copies, planar_density};
+use super::PyramidRecipe;
+use super::report::{DepthScore, PyramidReport};
+use super::samples::{Candidate, TrainingParams, candidates, copies};
 use crate::classes::{Class, ClassTable};
 use crate::classification::cross_validation::{grid_search, grouped_folds};
 use crate::classification::sampling::balance;
-use crate::classification::{Classifier, ClassifierParams, Fingerprint, Model, Samples};
-use crate::cloud::Cloud;
+use crate::classification::{Classifier, ClassifierParams, Fingerprint, Samples};
+use crate::cloud::{Cloud, planar_density};
 use crate::error::{Error, Result};
 use crate::features;
 use crate::parallel::Monitor;
-use serde::Serialize;
+use crate::recipes::labels::{check_classes, class_table, counts_of};
+use crate::recipes::points::note_oddities;
+use crate::recipes::{ClassCount, Fitted, Labels, Model, Nothing, System, TrainOptions};
 
 /// Edge of the squares that cross-validation holds out together, metres.
-const BLOCK: f64 = 50.0;
+pub(super) const BLOCK: f64 = 50.0;
 
 /// Samples of one cloud or thinned copy.
 struct Source {
@@ -28,60 +26,60 @@ struct Source {
     candidates: Vec<Candidate>,
 }
 
-/// Trains a model on labelled clouds.
-///
-/// If the recipe does not set the first scale, it is derived from the point spacing of the first cloud and stored in
-/// the model.
-///
-/// # Errors
-/// If a parameter is out of range, fewer than two classes can be learned, or a column needed by the features is absent.
-pub fn train(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<(Model, TrainingReport)> {
+/// Trains a model. The finest voxel, if the recipe leaves it open, is that of the first cloud's point spacing; the depth
+/// is the best of `options.depths`.
+pub(super) fn train(
+    recipe: &PyramidRecipe,
+    clouds: &[(Cloud, Labels)],
+    options: &TrainOptions,
+    monitor: &Monitor,
+) -> Result<(Model, PyramidReport)> {
+    options.without_strengths(PyramidRecipe::NAME)?;
     let Prepared { described, recipe, classes, warnings } = prepare(clouds, recipe, monitor)?;
+    let depths = match options.cross_validates() {
+        true => cross_validate(&described, &recipe, options, monitor)?,
+        false => Vec::new(),
+    };
+    let recipe = match depths.iter().rev().max_by(|a, b| a.mean_f1.total_cmp(&b.mean_f1)) {
+        Some(best) => recipe.with_max_depth(best.max_depth),
+        None => recipe,
+    };
     let params = recipe.classifier().with_seed(recipe.seed);
     let (classifier, out_of_bag_accuracy) = Classifier::fit_with_score(&described.samples(), &params, monitor)?;
     let (classifier, used) = classifier.retain_used();
-    let report = TrainingReport {
+    let report = PyramidReport {
         classes,
         unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
         out_of_bag_accuracy,
         first_scale: recipe.features.pyramid.first_scale.unwrap_or_default(),
         used_features: used.len(),
         features: described.names.len(),
+        folds: if options.cross_validates() { options.folds() } else { 0 },
+        depths,
         warnings,
     };
-    let fingerprint = Fingerprint::of(&described.samples(), mean_density(clouds, &recipe, monitor)?).select(&used);
-    let feature_names = used.iter().map(|&f| described.names[f].clone()).collect();
-    let (recipe_toml, seed) = (recipe.to_toml()?, recipe.seed);
-    Ok((Model { recipe_toml, classes: described.classes, feature_names, seed, fingerprint, classifier }, report))
+    let model = Model {
+        fingerprint: Fingerprint::of(&described.samples(), mean_density(clouds, &recipe, monitor)?).select(&used),
+        feature_names: used.iter().map(|&f| described.names[f].clone()).collect(),
+        fitted: Fitted { recipe, learned: Nothing {} }.into(),
+        classes: described.classes,
+        classifier,
+    };
+    Ok((model, report))
 }
 
-/// Scores of one maximum depth, each the mean over the folds.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct DepthScore {
-    /// The largest depth; `None` is unlimited.
-    pub max_depth: Option<usize>,
-    /// Mean accuracy, 0..1.
-    pub accuracy: f64,
-    /// Mean of the folds' mean F1, 0..1.
-    pub mean_f1: f64,
-}
-
-/// k-fold cross-validation of the recipe for each depth (of the recipe's own depth if none is given), on spatially
-/// disjoint folds of whole squares of 50 m.
-///
-/// # Errors
-/// As [`train`], and if there are fewer squares than folds.
-pub fn cross_validate(
-    clouds: &[(Cloud, Labels)],
-    recipe: &Recipe,
-    (depths, folds): (&[usize], usize),
+/// k-fold cross-validation for each depth (of the recipe's own depth if none is given), on spatially disjoint folds of
+/// whole squares. Fails if there are fewer squares than folds.
+fn cross_validate(
+    described: &Described,
+    recipe: &PyramidRecipe,
+    options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<Vec<DepthScore>> {
-    let Prepared { described, recipe, .. } = prepare(clouds, recipe, monitor)?;
-    let folds = grouped_folds(&described.blocks, folds)?;
+    let folds = grouped_folds(&described.blocks, options.folds())?;
     let mut grid = vec![recipe.classifier()];
-    if !depths.is_empty() {
-        grid = depths.iter().map(|&depth| with_depth(recipe.classifier(), depth)).collect();
+    if !options.depths.is_empty() {
+        grid = options.depths.iter().map(|&depth| with_depth(recipe.classifier(), depth)).collect();
     }
     let scores = grid_search(&described.samples(), &grid, &folds, monitor)?;
     let pairs = grid.iter_mut().zip(scores);
@@ -96,13 +94,13 @@ fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
 /// The training samples, and the recipe with the first scale set.
 struct Prepared {
     described: Described,
-    recipe: Recipe,
+    recipe: PyramidRecipe,
     classes: Vec<ClassCount>,
     warnings: Vec<String>,
 }
 
 /// Steps 1 to 3.
-fn prepare(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<Prepared> {
+fn prepare(clouds: &[(Cloud, Labels)], recipe: &PyramidRecipe, monitor: &Monitor) -> Result<Prepared> {
     recipe.validate()?;
     let mut recipe = recipe.clone();
     for (cloud, _) in clouds {
@@ -131,7 +129,7 @@ fn with_reasons(error: Error, reasons: &[String]) -> Error {
 }
 
 /// Step 1: the candidate samples of every cloud and its thinned copies.
-fn gather(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<Vec<Source>> {
+fn gather(clouds: &[(Cloud, Labels)], recipe: &PyramidRecipe, monitor: &Monitor) -> Result<Vec<Source>> {
     let mut sources = Vec::new();
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let metres = recipe.features.metres(cloud);
@@ -155,7 +153,7 @@ fn tally(sources: &[Source]) -> [u64; 256] {
 }
 
 /// Step 2: the class balance of chapter 4.6.1 over all sources together; returns the sample weight of each code.
-fn choose(sources: &mut [Source], recipe: &Recipe) -> Result<Vec<f32>> {
+fn choose(sources: &mut [Source], recipe: &PyramidRecipe) -> Result<Vec<f32>> {
     let present = tally(sources);
     let codes: Vec<u8> = (0..=255u8).filter(|&code| present[usize::from(code)] > 0).collect();
     let position = |code: u8| codes.iter().position(|&c| c == code).unwrap_or_default() as u16;
@@ -199,7 +197,7 @@ fn describe(
     clouds: &[(Cloud, Labels)],
     sources: &[Source],
     mut described: Described,
-    (recipe, weights): (&mut Recipe, &[f32]),
+    (recipe, weights): (&mut PyramidRecipe, &[f32]),
     monitor: &Monitor,
 ) -> Result<Described> {
     let weighted = sources.iter().flat_map(|s| &s.candidates).map(|c| weights[usize::from(c.code)]);
@@ -271,7 +269,7 @@ fn warnings(counts: &[ClassCount], offered: &[u64; 256], params: &TrainingParams
 }
 
 /// Mean density of the clouds, points per square metre.
-fn mean_density(clouds: &[(Cloud, Labels)], recipe: &Recipe, monitor: &Monitor) -> Result<f64> {
+fn mean_density(clouds: &[(Cloud, Labels)], recipe: &PyramidRecipe, monitor: &Monitor) -> Result<f64> {
     let mut sum = 0.0;
     for (cloud, _) in clouds {
         sum += planar_density(cloud, recipe.features.metres(cloud), monitor)?;

@@ -2,41 +2,18 @@
 
 use super::ObjectsRecipe;
 use super::describe::{Objects, objects};
+use super::report::ObjectsReport;
 use super::split::{Labelled, split};
 use crate::classes::{Class, ClassTable};
-use crate::classification::{Classifier, Fingerprint, Model, Samples};
-use crate::cloud::Cloud;
-use crate::error::{Error, Result};
+use crate::classification::{Classifier, Fingerprint, Samples};
+use crate::cloud::{Cloud, planar_density};
+use crate::error::Result;
 use crate::evaluation::{Confusion, Scores};
 use crate::parallel::Monitor;
 use crate::recipes::labels::{check_classes, check_labels, class_table, counts_of};
 use crate::recipes::points::note_oddities;
-use crate::recipes::{ClassCount, Labels, planar_density};
+use crate::recipes::{ClassCount, Fitted, Labels, Model, Nothing, System};
 use crate::segmentation::majorities;
-use serde::Serialize;
-
-/// Report of the training.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ObjectsReport {
-    /// Per class, ascending by code: number of labelled points, and of segments used for training.
-    pub classes: Vec<ClassCount>,
-    /// Points without a label.
-    pub unlabelled: u64,
-    /// Number of segments in all clouds.
-    pub segments: usize,
-    /// Number of segments with a majority label.
-    pub labelled: usize,
-    /// Number of segments used for training.
-    pub learned: usize,
-    /// Oracle accuracy, 0..1: the best accuracy that classifying whole segments can reach.
-    pub oracle_accuracy: f64,
-    /// Scores of the other segments, counted by segment; absent if all were used for training.
-    pub by_segment: Option<Scores>,
-    /// Scores of the points of these segments.
-    pub by_point: Option<Scores>,
-    /// Warnings for the user.
-    pub warnings: Vec<String>,
-}
 
 /// The segments of one cloud with their features.
 struct Lesson {
@@ -55,9 +32,9 @@ struct Lesson {
 /// # Errors
 /// If fewer than two classes are labelled, a parameter is out of range, a cloud lacks the requested colours, or the
 /// work was cancelled.
-pub fn train_objects(
-    clouds: &[(Cloud, Labels)],
+pub(super) fn train(
     recipe: &ObjectsRecipe,
+    clouds: &[(Cloud, Labels)],
     monitor: &Monitor,
 ) -> Result<(Model, ObjectsReport)> {
     recipe.validate()?;
@@ -83,10 +60,9 @@ pub fn train_objects(
     let report = report(clouds, &lessons, (&classifier, &classes))?;
     let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
     let model = Model {
-        recipe_toml: toml::to_string(&recipe).map_err(|e| Error::input(format!("recipe cannot be written: {e}")))?,
         fingerprint: Fingerprint::of(&samples, density),
+        fitted: Fitted { recipe, learned: Nothing {} }.into(),
         feature_names: names,
-        seed: recipe.seed,
         classes,
         classifier,
     };

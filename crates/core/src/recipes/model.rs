@@ -3,11 +3,10 @@
 //! Safetensors with one metadata entry, a JSON object. It contains the SHA-256 of the whole file, computed with 64
 //! zeros in the place of the checksum.
 
-use super::boosting_codec;
-use super::classifier::{Classifier, ClassifierKind};
-use super::codec::{Reader, forest_arrays, malformed, print_arrays};
-use super::fingerprint::Fingerprint;
+use super::any::AnyFitted;
 use crate::classes::ClassTable;
+use crate::classification::codec::{Reader, classifier_arrays, malformed, print_arrays};
+use crate::classification::{Classifier, ClassifierKind, Fingerprint};
 use crate::error::{Error, Result};
 use crate::io::{atomic, open};
 use safetensors::SafeTensors;
@@ -17,9 +16,9 @@ use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Newest version of the file format that can be read. Forests are written as version 1, other classifiers as version
-/// 2.
-const VERSION: u64 = 2;
+/// Newest version of the file format that can be read. Version 1 has only forests, version 2 other classifiers too;
+/// version 3 has what was learned besides the classifier, and is written if there is anything.
+const VERSION: u64 = 3;
 const FORMAT: &str = "scansion model";
 const KEY: &str = "scansion";
 /// Number of bytes at the start of a file that show whether it is a model: its metadata come first.
@@ -28,14 +27,12 @@ const START: u64 = 1 << 16;
 /// Everything needed to classify the points of a cloud.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
-    /// The recipe that computes the features, as TOML.
-    pub recipe_toml: String,
+    /// The recipe, with every choice made, and what training has learned besides the classifier.
+    pub fitted: AnyFitted,
     /// The classes, in the order of the probabilities.
     pub classes: ClassTable,
     /// Feature names in the order of the classifier's columns; each once.
     pub feature_names: Vec<String>,
-    /// Seed of the training.
-    pub seed: u64,
     /// Summary of the training samples, of the features in `feature_names`.
     pub fingerprint: Fingerprint,
     /// The classifier.
@@ -52,6 +49,8 @@ struct Header {
     classifier: ClassifierKind,
     seed: u64,
     recipe: String,
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    learned: String,
     classes: ClassTable,
     features: Vec<String>,
 }
@@ -81,22 +80,25 @@ impl Model {
     /// If classes, names, fingerprint and classifier do not fit together.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         self.check_shape()?;
+        let learned = self.fitted.learned_toml()?;
         let header = Header {
             format: FORMAT.into(),
-            version: if is_forest(&self.classifier.kind()) { 1 } else { VERSION },
+            version: match (learned.is_empty(), self.classifier.kind()) {
+                (true, ClassifierKind::Forest) => 1,
+                (true, _) => 2,
+                (false, _) => VERSION,
+            },
             classifier: self.classifier.kind(),
             sha256: "0".repeat(64),
-            seed: self.seed,
-            recipe: self.recipe_toml.clone(),
+            seed: self.fitted.seed(),
+            recipe: self.fitted.recipe().to_toml()?,
+            learned,
             classes: self.classes.clone(),
             features: self.feature_names.clone(),
         };
         let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
-        let mut arrays = match &self.classifier {
-            Classifier::Forest(forest) | Classifier::Bagging(forest) => forest_arrays(forest),
-            Classifier::Boosting(trees) => boosting_codec::encode(trees),
-        };
+        let mut arrays = classifier_arrays(&self.classifier);
         arrays.extend(print_arrays(&self.fingerprint));
         let views = arrays.iter().map(|(name, dtype, len, bytes)| {
             TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
@@ -128,16 +130,11 @@ impl Model {
             ));
         }
         let model = Self {
-            classifier: match header.classifier {
-                ClassifierKind::Forest => Classifier::Forest(reader.forest(width, classes)?),
-                ClassifierKind::Bagging => Classifier::Bagging(reader.forest(width, classes)?),
-                ClassifierKind::Boosting => Classifier::Boosting(reader.boosting(width, classes)?),
-            },
+            classifier: reader.classifier(header.classifier, width, classes)?,
             fingerprint: reader.fingerprint(width, classes)?,
-            recipe_toml: header.recipe,
+            fitted: fitted(&header, path)?,
             classes: header.classes,
             feature_names: header.features,
-            seed: header.seed,
         };
         model.check_shape().map_err(|e| malformed(path, "features", e, "names that differ"))?;
         Ok(model)
@@ -199,6 +196,21 @@ impl Model {
     }
 }
 
+/// The recipe and what was learned, from the header. Weak models before version 3 are refused by name: their recipe held
+/// what was learned.
+fn fitted(header: &Header, path: &Path) -> Result<AnyFitted> {
+    let before = header.version < 3 && header.recipe.contains("recipe = \"weak\"");
+    if before {
+        let reason = format!(
+            "a model of the recipe weak in version {}, from an older program; this one reads version 3: train it again",
+            header.version
+        );
+        return Err(Error::Unsupported { path: path.to_path_buf(), reason });
+    }
+    AnyFitted::from_toml(&header.recipe, &header.learned)
+        .map_err(|e| malformed(path, "recipe", e, "a recipe and what was learned"))
+}
+
 fn read_header(bytes: &[u8], path: &Path) -> Result<Header> {
     let wrong = |e: &dyn std::fmt::Display| malformed(path, "header", e, "the header of a Scansion model");
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| wrong(&e))?;
@@ -241,18 +253,17 @@ fn checksum(bytes: &[u8], place: usize) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::blobs;
-    use super::super::{BoostingParams, ClassifierParams, Forest, ForestParams, Samples};
     use super::*;
+    use crate::classification::testing::blobs;
+    use crate::classification::{BaggingParams, BoostingParams, ClassifierParams, Forest, ForestParams, Samples};
     use crate::parallel::Monitor;
 
     fn model(samples: &Samples<'_>) -> Model {
         let params = ForestParams { trees: 2, max_depth: Some(3), ..ForestParams::default() };
         Model {
-            recipe_toml: "seed = 1\n".into(),
+            fitted: AnyFitted::from_toml("seed = 1\n", "").unwrap(),
             classes: ClassTable::from_codes(&[2, 5, 6]),
             feature_names: vec!["height".into(), "roughness \"r\"".into()],
-            seed: u64::MAX,
             fingerprint: Fingerprint::of(samples, 7.5),
             classifier: Classifier::Forest(Forest::fit(samples, &params, &Monitor::default()).unwrap()),
         }
@@ -291,7 +302,7 @@ mod tests {
     fn boosted_and_bagged_trees_come_back_from_their_files() {
         let data = blobs(200, 2, 3, 0.0);
         let boosting = ClassifierParams::Boosting(BoostingParams { rounds: 3, ..BoostingParams::default() });
-        let bagging = ClassifierParams::Bagging(super::super::BaggingParams { trees: 2, ..Default::default() });
+        let bagging = ClassifierParams::Bagging(BaggingParams { trees: 2, ..BaggingParams::default() });
         for params in [boosting, bagging] {
             let classifier = Classifier::fit(&data.samples(), &params, &Monitor::default()).unwrap();
             let model = Model { classifier, ..model(&data.samples()) };
@@ -344,8 +355,8 @@ mod tests {
         let text = br#"\"version\":1"#;
         let place = find(&bytes, text).unwrap() + text.len() - 1;
         let mut newer = bytes;
-        newer[place] = b'3';
-        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 3")));
+        newer[place] = b'4';
+        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 4")));
     }
 
     #[test]

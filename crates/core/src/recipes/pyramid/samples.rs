@@ -5,12 +5,12 @@
 //! smallest class has only a handful of points, that rule would leave almost nothing of the others: see
 //! [`balance`](crate::classification::sampling::balance).
 
-use super::labels::Labels;
 use crate::classification::sampling::{BalanceParams, Rare};
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{Cloud, Points, planar_density};
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, sort_watched, sort_watched_by, watched};
+use crate::parallel::{Monitor, sort_watched_by, watched};
 use crate::random::{Stream, stream};
+use crate::recipes::Labels;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of the selection.
@@ -90,48 +90,6 @@ impl TrainingParams {
     fn excludes(&self, x: f64, y: f64) -> bool {
         self.exclude.iter().any(|b| x >= b[0] && y >= b[1] && x <= b[2] && y <= b[3])
     }
-}
-
-/// Number of points of a class, and of samples used.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ClassCount {
-    /// Class code.
-    pub code: u8,
-    /// Its name in the model.
-    pub name: String,
-    /// Number of labelled points in all clouds.
-    pub points: u64,
-    /// Number of samples used; 0: the class is not in the model, or was not learned.
-    pub samples: u64,
-    /// Weight of each sample: above 1 if the class has fewer than `training.max_ratio` asks for.
-    pub weight: f64,
-}
-
-impl ClassCount {
-    /// In messages: `class 2 ground`, or `class 66` if it has no other name.
-    pub(super) fn title(&self) -> String {
-        let plain = format!("class {}", self.code);
-        if self.name == plain { plain } else { format!("{plain} {}", self.name) }
-    }
-}
-
-/// Report of the training.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TrainingReport {
-    /// Each labelled class, ascending by code; those that were left out have no samples.
-    pub classes: Vec<ClassCount>,
-    /// Number of points skipped because they are unlabelled.
-    pub unlabelled: u64,
-    /// Out-of-bag accuracy, 0..1, if bagging left samples out.
-    pub out_of_bag_accuracy: Option<f64>,
-    /// Edge of the finest voxel, metres.
-    pub first_scale: f64,
-    /// Number of features that occur in some tree.
-    pub used_features: usize,
-    /// Number of features available.
-    pub features: usize,
-    /// Warnings for the user: classes that were left out or are rare.
-    pub warnings: Vec<String>,
 }
 
 /// A candidate for a training sample.
@@ -218,23 +176,6 @@ fn thin(points: usize, share: f64, random: &mut Stream, monitor: &Monitor) -> Re
         kept.extend(piece?.map(|i| i as u32).filter(|_| random.uniform() < share));
     }
     Ok(kept)
-}
-
-/// Points per occupied square metre, measured on cells of 2 m. 0 for an empty cloud.
-///
-/// # Errors
-/// If the work was cancelled.
-pub fn planar_density(cloud: &Cloud, metres: f64, monitor: &Monitor) -> Result<f64> {
-    let points = Points::from_cloud_watched(cloud, metres, monitor)?;
-    let cell = |v: f32| (v / 2.0).floor() as i32;
-    let mut cells: Vec<(i32, i32)> = Vec::with_capacity(points.len());
-    for piece in watched(points.len(), monitor) {
-        cells.extend(piece?.map(|i| (cell(points.x[i]), cell(points.y[i]))));
-    }
-    let n = cells.len();
-    sort_watched(&mut cells, monitor)?;
-    cells.dedup();
-    Ok(if cells.is_empty() { 0.0 } else { n as f64 / (4.0 * cells.len() as f64) })
 }
 
 #[cfg(test)]

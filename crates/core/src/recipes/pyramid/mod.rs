@@ -1,0 +1,127 @@
+//! The pyramid recipe: multi-scale features of every point and a random forest (or another classifier).
+//!
+//! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, doctoral thesis, ETH Zurich 2018,
+//! doi:10.3929/ethz-b-000264691, chapter 4.4. `docs/pyramid.md` has the equations and our deviations.
+
+mod classify;
+mod report;
+mod samples;
+mod train;
+
+pub use report::{DepthScore, PyramidReport};
+pub use samples::TrainingParams;
+
+use super::classify::{Classified, Job};
+use super::labels::Labels;
+use super::model::Model;
+use super::regularise::{Regularise, RegulariseParams};
+use super::system::{Fitted, Nothing, System, TrainOptions};
+use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams};
+use crate::cloud::Cloud;
+use crate::error::Result;
+use crate::features::FeatureSet;
+use crate::parallel::Monitor;
+use serde::{Deserialize, Serialize};
+
+/// The name of the recipe, in its TOML.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PyramidKind {
+    /// Hackel 2018, chapter 4.4.
+    #[default]
+    Pyramid,
+}
+
+/// The parameters of the pyramid recipe (Hackel 2018, chapter 4.4); the defaults are the paper's.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PyramidRecipe {
+    /// Always `pyramid`.
+    pub recipe: PyramidKind,
+    /// Seed of all random draws.
+    pub seed: u64,
+    /// The classifier: `rf` (the paper's), `gbt` or `bagging`; each has its own section of parameters.
+    pub classifier: ClassifierKind,
+    /// Features and their scales.
+    pub features: FeatureSet,
+    /// Selection of the training points.
+    pub training: TrainingParams,
+    /// The forest (`rf`).
+    pub forest: ForestParams,
+    /// Gradient-boosted trees (`gbt`).
+    pub boosting: BoostingParams,
+    /// Bagging.
+    pub bagging: BaggingParams,
+    /// Regularisation of the labels; Hackel 2018 has none.
+    pub regularise: RegulariseParams,
+}
+
+impl PyramidRecipe {
+    /// Parameters of the selected classifier.
+    pub fn classifier(&self) -> ClassifierParams {
+        self.classifier.choose(&self.forest, &self.boosting, &self.bagging)
+    }
+
+    /// The same recipe with another limit of the depth of the selected classifier's trees.
+    pub fn with_max_depth(mut self, depth: Option<usize>) -> Self {
+        match self.classifier {
+            ClassifierKind::Forest => self.forest.max_depth = depth,
+            ClassifierKind::Boosting => self.boosting.max_depth = depth,
+            ClassifierKind::Bagging => self.bagging.max_depth = depth,
+        }
+        self
+    }
+}
+
+impl System for PyramidRecipe {
+    const NAME: &'static str = "pyramid";
+    type Learned = Nothing;
+    type Report = PyramidReport;
+
+    fn validate(&self) -> Result<()> {
+        self.features.validate()?;
+        self.training.validate()?;
+        self.forest.validate()?;
+        self.boosting.validate()?;
+        self.bagging.validate()?;
+        self.regularise.validate()
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    fn regularise(&self) -> &RegulariseParams {
+        &self.regularise
+    }
+
+    fn columns(&self) -> Vec<String> {
+        self.features.columns().into_iter().map(String::from).collect()
+    }
+
+    /// Without regularisation, features and probabilities are discarded block by block.
+    fn bytes_a_point(&self, method: Regularise) -> u64 {
+        if method == Regularise::None { 45 } else { 200 }
+    }
+
+    fn lowest_density(&self) -> f64 {
+        self.training.densities.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    fn train(
+        &self,
+        clouds: &[(Cloud, Labels)],
+        options: &TrainOptions,
+        monitor: &Monitor,
+    ) -> Result<(Model, PyramidReport)> {
+        train::train(self, clouds, options, monitor)
+    }
+
+    fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+        classify::classify(&fitted.recipe, job, monitor)
+    }
+}

@@ -1,0 +1,82 @@
+//! Report of the training.
+
+use super::train::BLOCK;
+use crate::error::Result;
+use crate::recipes::report::{ClassCount, Report, json_of};
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Scores of one maximum depth, each the mean over the folds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DepthScore {
+    /// The largest depth; `None` is unlimited.
+    pub max_depth: Option<usize>,
+    /// Mean accuracy, 0..1.
+    pub accuracy: f64,
+    /// Mean of the folds' mean F1, 0..1.
+    pub mean_f1: f64,
+}
+
+/// Report of the training.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PyramidReport {
+    /// Each labelled class, ascending by code; those that were left out have no samples.
+    pub classes: Vec<ClassCount>,
+    /// Number of points skipped because they are unlabelled.
+    pub unlabelled: u64,
+    /// Out-of-bag accuracy, 0..1, if bagging left samples out.
+    pub out_of_bag_accuracy: Option<f64>,
+    /// Edge of the finest voxel, metres.
+    pub first_scale: f64,
+    /// Number of features that occur in some tree.
+    pub used_features: usize,
+    /// Number of features available.
+    pub features: usize,
+    /// Folds of the cross-validation; 0 without.
+    pub folds: usize,
+    /// Scores of the cross-validation, one for each depth tried.
+    pub depths: Vec<DepthScore>,
+    /// Warnings for the user: classes that were left out or are rare.
+    pub warnings: Vec<String>,
+}
+
+impl Report for PyramidReport {
+    fn classes(&self) -> &[ClassCount] {
+        &self.classes
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    fn text(&self) -> String {
+        let mut text = format!("{:>5}  {:<20} {:>12}\n\n", "", "unlabelled, skipped", self.unlabelled);
+        for score in &self.depths {
+            let depth = score.max_depth.map_or("unlimited".into(), |depth| depth.to_string());
+            let _ = writeln!(
+                text,
+                "depth {depth}: {}-fold accuracy {:.2} %, mean F1 {:.2} % (folds of {BLOCK} m squares)",
+                self.folds,
+                100.0 * score.accuracy,
+                100.0 * score.mean_f1
+            );
+        }
+        let _ = writeln!(
+            text,
+            "{} of {} features used, finest voxel {} m",
+            self.used_features, self.features, self.first_scale
+        );
+        if let Some(score) = self.out_of_bag_accuracy {
+            let _ = writeln!(
+                text,
+                "out-of-bag accuracy {:.2} % (neighbouring samples leak: expect less on a new scene)",
+                100.0 * score
+            );
+        }
+        text
+    }
+
+    fn json(&self) -> Result<String> {
+        json_of(self)
+    }
+}

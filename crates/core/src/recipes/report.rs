@@ -1,0 +1,55 @@
+//! Reports of training.
+
+use crate::error::{Error, Result};
+use serde::Serialize;
+
+/// What training of any recipe reports.
+pub trait Report: Send {
+    /// Each labelled class, ascending by code; those that were left out have no samples.
+    fn classes(&self) -> &[ClassCount];
+
+    /// Warnings for the user.
+    fn warnings(&self) -> &[String];
+
+    /// What the classifier has learned from: `samples` or `segments`.
+    fn unit(&self) -> &'static str {
+        "samples"
+    }
+
+    /// The rest of the report as text, below a table of the classes; lines end with a line feed.
+    fn text(&self) -> String;
+
+    /// The whole report as JSON.
+    ///
+    /// # Errors
+    /// Never for a report of training.
+    fn json(&self) -> Result<String>;
+}
+
+/// A report as JSON.
+pub(super) fn json_of(report: &impl Serialize) -> Result<String> {
+    serde_json::to_string_pretty(report).map_err(|e| Error::input(format!("report cannot be written: {e}")))
+}
+
+/// Number of points of a class, and of samples used.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ClassCount {
+    /// Class code.
+    pub code: u8,
+    /// Its name in the model.
+    pub name: String,
+    /// Number of labelled points in all clouds.
+    pub points: u64,
+    /// Number of samples used; 0: the class is not in the model, or was not learned.
+    pub samples: u64,
+    /// Weight of each sample: above 1 if the class has fewer than `training.max_ratio` asks for.
+    pub weight: f64,
+}
+
+impl ClassCount {
+    /// In messages: `class 2 ground`, or `class 66` if it has no other name.
+    pub(super) fn title(&self) -> String {
+        let plain = format!("class {}", self.code);
+        if self.name == plain { plain } else { format!("{plain} {}", self.name) }
+    }
+}

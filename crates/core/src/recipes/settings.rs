@@ -1,0 +1,107 @@
+//! Recipes as TOML: reading with explanations, and single settings `a.b.c=value`.
+
+use crate::error::{Error, Result};
+
+/// Largest number of parts of a key; those of recipes have up to four.
+const DEEPEST: usize = 16;
+
+/// Sets one `a.b.c=value` in a TOML table.
+///
+/// # Errors
+/// If the setting has no `=`, an empty key, or a key of too many parts.
+pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
+    let bad = || Error::parameter("set", setting, "key=value, e.g. forest.trees=100");
+    let (key, value) = setting.split_once('=').ok_or_else(bad)?;
+    let value = parse_value(value.trim());
+    let mut parts: Vec<&str> = key.trim().split('.').take(DEEPEST + 1).collect();
+    if parts.len() > DEEPEST {
+        let start: String = key.trim().chars().take(40).collect();
+        return Err(Error::parameter("set", format!("{start}..."), format!("a key of at most {DEEPEST} parts")));
+    }
+    let last = parts.pop().filter(|k| !k.is_empty()).ok_or_else(bad)?;
+    let mut here = table;
+    for part in parts {
+        let next = here.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        if !next.is_table() {
+            // A choice given as a word becomes one with a value, e.g. forest.max_features.count=5.
+            *next = toml::Value::Table(toml::Table::new());
+        }
+        here = next.as_table_mut().ok_or_else(bad)?;
+    }
+    here.insert(last.to_string(), value);
+    Ok(())
+}
+
+fn parse_value(text: &str) -> toml::Value {
+    format!("v = {text}")
+        .parse::<toml::Table>()
+        .ok()
+        .and_then(|mut t| t.remove("v"))
+        .unwrap_or_else(|| toml::Value::String(text.to_string()))
+}
+
+/// Reads TOML; error messages give the place and suggest the intended key.
+pub(super) fn explained<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
+    toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
+}
+
+/// Adds "did you mean" to serde's message about an unknown field.
+fn explain(message: &str) -> String {
+    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    match (message.contains("unknown field"), quoted.split_first()) {
+        (true, Some((wrong, valid))) => match valid.iter().min_by_key(|v| strsim::levenshtein(wrong, v)) {
+            Some(near) => format!("{}\nhelp: did you mean `{near}`?", message.trim_end()),
+            None => message.to_string(),
+        },
+        _ => message.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::classification::MaxFeatures;
+    use crate::recipes::{AnyRecipe, PyramidRecipe};
+
+    fn changed(setting: &str) -> crate::Result<PyramidRecipe> {
+        match AnyRecipe::named("pyramid")?.with_settings([setting])? {
+            AnyRecipe::Pyramid(recipe) => Ok(*recipe),
+            other => panic!("{}", other.name()),
+        }
+    }
+
+    #[test]
+    fn a_wrong_key_names_itself_its_line_and_the_nearest() {
+        let message = AnyRecipe::from_toml("seed = 1\n[forest]\ntreees = 3\n").unwrap_err().to_string();
+        assert!(
+            message.contains("treees") && message.contains("line 3") && message.contains("did you mean `trees`"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn settings_reach_nested_keys() {
+        assert_eq!(changed("forest.trees=7").unwrap().forest.trees, 7);
+        assert_eq!(changed("seed=3").unwrap().seed, 3);
+        assert_eq!(changed("forest.max_features.count=5").unwrap().forest.max_features, MaxFeatures::Count(5));
+        for bad in ["seed.forest=5", "forest.trees", "forest.trees=many"] {
+            assert!(changed(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn deep_keys_and_values_are_refused_and_do_not_take_the_stack() {
+        let key = vec!["a"; 60_000].join(".") + "=1";
+        let message = changed(&key).unwrap_err().to_string();
+        assert!(message.contains("at most 16 parts") && message.len() < 200, "{message}");
+        for value in ["[".repeat(60_000), "{a=".repeat(60_000), format!("{}1", "a.".repeat(60_000))] {
+            assert!(changed(&format!("forest.trees={value}")).is_err());
+        }
+        for text in [
+            format!("{}=1", vec!["a"; 60_000].join(".")),
+            format!("[{}]", vec!["a"; 60_000].join(".")),
+            format!("seed = {}", "[".repeat(60_000)),
+        ] {
+            assert!(AnyRecipe::from_toml(&text).is_err());
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! What a published method is to the rest of the program: a recipe that a person may write, training, classification.
+//!
+//! A new method needs a folder with a recipe that implements [`System`], one line in [`systems`](super::any) and a page
+//! in `docs/`. Models, command line and Python know methods only through this trait.
+
+use super::classify::{Classified, Job};
+use super::labels::Labels;
+use super::model::Model;
+use super::regularise::{Regularise, RegulariseParams};
+use super::report::Report;
+use crate::cloud::Cloud;
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use crate::terrain::ElevationModel;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::fmt::Debug;
+
+/// A published method. The value is its recipe: the settings, which training does not change.
+pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned {
+    /// The name of the recipe, in its TOML and on the command line.
+    const NAME: &'static str;
+
+    /// Whether an elevation model of the terrain can be given to it.
+    const TAKES_ELEVATION: bool = false;
+
+    /// What training learns besides the classifier; [`Nothing`] if that is all.
+    type Learned: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
+
+    /// What training reports.
+    type Report: Report + 'static;
+
+    /// Checks all parts.
+    ///
+    /// # Errors
+    /// Names the field, its value and what is allowed.
+    fn validate(&self) -> Result<()>;
+
+    /// Seed of all random draws.
+    fn seed(&self) -> u64;
+
+    /// The same recipe with another seed.
+    fn with_seed(self, seed: u64) -> Self;
+
+    /// Regularisation of the labels.
+    fn regularise(&self) -> &RegulariseParams;
+
+    /// Columns of a cloud that it reads, besides labels.
+    fn columns(&self) -> Vec<String>;
+
+    /// Least number of bytes a point that classification needs.
+    fn bytes_a_point(&self, _method: Regularise) -> u64 {
+        200
+    }
+
+    /// Lowest density, points per square metre, of the thinned copies used in training; infinite if there are none.
+    fn lowest_density(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Largest distance, metres, between a label picked by hand and the nearest point.
+    fn label_distance(&self) -> f64 {
+        0.5
+    }
+
+    /// Trains a model on labelled clouds. Choices that the recipe leaves open (the finest voxel, the use of colours) or
+    /// that `options` ask for (depth, strength) are made here and written into the model's recipe.
+    ///
+    /// # Errors
+    /// If fewer than two classes are labelled, a parameter is out of range, an option is not one of this method, a column
+    /// is absent, or the work was cancelled.
+    fn train(
+        &self,
+        clouds: &[(Cloud, Labels)],
+        options: &TrainOptions,
+        monitor: &Monitor,
+    ) -> Result<(Model, Self::Report)>;
+
+    /// Classifies all points of a cloud.
+    ///
+    /// # Errors
+    /// If the model needs something that this version or this cloud does not have, or the work was cancelled.
+    fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified>;
+}
+
+/// A recipe after training: every open choice is made, and what was learned stands beside it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fitted<S: System> {
+    /// The settings in use.
+    pub recipe: S,
+    /// What training has learned besides the classifier.
+    pub learned: S::Learned,
+}
+
+/// What a method learns that learns nothing besides its classifier.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Nothing {}
+
+/// Choices to make by cross-validation, and data beside the clouds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrainOptions {
+    /// Number of folds of the cross-validation; `None` is 5, and only if there is something to choose.
+    pub folds: Option<usize>,
+    /// Maximum depths of the trees to try (pyramid); the best is used.
+    pub depths: Vec<usize>,
+    /// Strengths of the random field to try (weak); the best is used.
+    pub strengths: Vec<f64>,
+    /// Ground heights to use instead of those of the road points (weak).
+    pub elevation: Option<ElevationModel>,
+}
+
+impl TrainOptions {
+    /// Number of folds.
+    pub fn folds(&self) -> usize {
+        self.folds.unwrap_or(5)
+    }
+
+    /// Whether accuracy is to be estimated by cross-validation, or a depth to be chosen by it.
+    pub fn cross_validates(&self) -> bool {
+        self.folds.is_some() || !self.depths.is_empty()
+    }
+
+    /// Fails if there are strengths to try.
+    pub(super) fn without_strengths(&self, recipe: &str) -> Result<()> {
+        match self.strengths.first() {
+            Some(first) => {
+                Err(Error::parameter("strengths", first, format!("none: the recipe {recipe} does not try any")))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Fails if cross-validation of depths is asked for.
+    pub(super) fn without_depths(&self, recipe: &str) -> Result<()> {
+        match self.cross_validates() {
+            true => Err(Error::parameter(
+                "cross-validation",
+                format!("{} folds, depths {:?}", self.folds(), self.depths),
+                format!("none: the recipe {recipe} has no cross-validation of depths"),
+            )),
+            false => Ok(()),
+        }
+    }
+}

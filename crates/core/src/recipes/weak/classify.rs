@@ -1,0 +1,45 @@
+//! Classification of all points of a cloud.
+
+use super::WeakRecipe;
+use super::describe::{self, Described, DescribedScene, head};
+use super::hold::{self, Known, LabelScene};
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use crate::recipes::Fitted;
+use crate::recipes::classify::{Classified, Job};
+use crate::recipes::points::points_of;
+use crate::recipes::regularise::{Probabilities, Scene};
+
+/// Classifies every finite point of a cloud; the random field decides about all of them together.
+pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+    let (Fitted { recipe, learned }, cloud, model) = (fitted, job.cloud, job.model);
+    let metres = cloud.metres(job.params.metres_per_unit.or(recipe.features.metres_per_unit))?;
+    let points = points_of(cloud, Some(metres), monitor)?;
+    let scene = LabelScene { cloud, points: &points, metres };
+    let labels = recipe.labels.found(&learned.labels, &scene, &model.classes, monitor)?;
+    let local = describe::local(&points, recipe, monitor)?;
+    // The step that needs most memory comes first, while little else is held.
+    let mut segments = Scene::to_be_recut(&points, Some(&local), job.regularise, monitor)?;
+    segments.only_recut_at(labels.iter().map(|(point, _)| *point));
+    let elevation = job.params.elevation.as_ref();
+    let scene = DescribedScene { cloud, points: &points, examples: &learned.road, elevation };
+    let six = describe::six(&scene, local, recipe, monitor)?;
+    let more = describe::more(recipe, job.params.metres_per_unit);
+    let described = Described { cloud, points, six };
+    let names = described.names(more.as_ref());
+    if names != model.feature_names {
+        return Err(Error::ModelMismatch(format!(
+            "it needs the features {}; its recipe gives {}",
+            model.feature_names.join(", "),
+            names.join(", ")
+        )));
+    }
+    let mut values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
+    recipe.shares.apply(&mut values, &learned.shares);
+    let given = Probabilities { values: &values, classes: model.classes.len() };
+    let Described { points, six, .. } = described;
+    let known = Known { descriptors: head(&six), labels, step: recipe.labels.hold_step };
+    drop(six);
+    let found = hold::decide(segments, given, (&known, job.regularise), monitor)?;
+    job.decided(&points.index, &found, monitor)
+}
