@@ -12,7 +12,7 @@ use syn::{Attribute, FnArg, ImplItemFn, ItemFn, ItemMod, Pat, Signature, TraitIt
 
 /// Of each module: functions with a tuple among their parameters, functions with more than [`MOST`] arguments. Modules
 /// that are not in the table have neither. Lower a number when the test prints a smaller one; never raise it.
-const CEILINGS: [(&str, [usize; 2]); 12] = [
+const CEILINGS: [(&str, [usize; 2]); 11] = [
     ("classification", [16, 5]),
     ("cloud", [5, 1]),
     ("evaluation", [2, 1]),
@@ -22,7 +22,6 @@ const CEILINGS: [(&str, [usize; 2]); 12] = [
     ("io", [55, 29]),
     ("neighbours", [19, 16]),
     ("recipes", [32, 28]),
-    ("regularisation", [8, 7]),
     ("segmentation", [20, 18]),
     ("terrain", [0, 2]),
 ];

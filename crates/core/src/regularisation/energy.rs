@@ -1,7 +1,7 @@
 //! The energy of a labelling: unary costs at nodes, pairwise costs at edges, and costs of labels.
 
 use crate::error::{Error, Result};
-use crate::graph::Graph;
+use crate::graph::{Adjacency, Graph};
 use crate::parallel::{Monitor, watched};
 
 /// Distance of two labels, V in the energy.
@@ -190,7 +190,7 @@ impl<'a> Energy<'a> {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn start(&self, monitor: &Monitor) -> Result<Vec<u16>> {
+    pub(super) fn initial_labelling(&self, monitor: &Monitor) -> Result<Vec<u16>> {
         let cheapest = self.cheapest(monitor)?;
         let mut sums = vec![0.0; self.labels];
         for piece in watched(cheapest.len(), monitor) {
@@ -221,6 +221,15 @@ impl<'a> Energy<'a> {
         }
         Ok(labels)
     }
+}
+
+/// What every step of an algorithm needs: the energy, the edges of each node, and where to report.
+#[derive(Clone, Copy)]
+pub(super) struct Problem<'a> {
+    pub(super) energy: Energy<'a>,
+    /// Adjacency of the energy's graph; in a move with label costs that of the graph with its auxiliary nodes.
+    pub(super) adjacency: &'a Adjacency,
+    pub(super) monitor: &'a Monitor,
 }
 
 pub(super) fn check_strength(strength: f64) -> Result<()> {

@@ -3,18 +3,19 @@
 //! Y. Boykov, O. Veksler, R. Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001. For
 //! Potts distances and costs of 0 or more the energy is at most twice the minimum; with two labels it is the minimum.
 //!
-//! Partial optimality (Kovtun 2003) fixes the labels of many nodes before the search (`kernel.rs`); a simple form of it
-//! reduces each expansion move (`reduce.rs`). What remains of a move is cut component by component, in parallel, and
-//! only where labels have changed since the last move to α. The results of two initial labellings are fused region by
-//! region (`join.rs`). Label costs use auxiliary nodes (`hubs.rs`).
+//! Persistency (Kovtun 2003) fixes the labels of many nodes before the search (`persistency.rs`, `reduced_problem.rs`);
+//! a simple form of it reduces each expansion move (`binary_move.rs`). What remains of a move is cut component by
+//! component, in parallel, and only where labels have changed since the last move to α. The results of two initial
+//! labellings are fused region by region (`fusion.rs`). Label costs use auxiliary nodes (`label_costs.rs`).
 
-use super::hubs;
-use super::kernel::Kernel;
-use super::reduce::State;
-use super::search::{Moves, Outcome, Search};
+use super::binary_move::State;
+use super::energy::Problem;
+use super::label_costs;
+use super::move_making::{MoveMaking, Moves, Outcome};
+use super::reduced_problem::ReducedProblem;
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
-use crate::graph::{Adjacency, Graph};
+use crate::graph::Graph;
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
@@ -58,7 +59,7 @@ impl ExpansionParams {
 
 /// The labelling that no expansion move improves, from unary costs (`nodes x labels`, row-major) and a graph.
 ///
-/// With Potts distances, nodes whose optimal label is proved by persistency are fixed first (`known.rs`). The search
+/// With Potts distances, nodes whose optimal label is proved by persistency are fixed first (`persistency.rs`). The search
 /// starts from the cheapest label of each node, or from one label for all if that costs less; with `starts` of 2 (the
 /// default) a second search starts from label 0 everywhere, with the order of moves of gco, and the two results are
 /// fused region by region. On problems with whole-numbered costs the energy is then at most that of gco, for up to
@@ -91,12 +92,13 @@ pub fn alpha_expansion(unary: &[f32], graph: &Graph, params: &ExpansionParams, m
         params.pairwise.check_metric(energy.labels)?;
     }
     let adjacency = graph.adjacency_watched(monitor)?;
-    match Kernel::of(&energy, &adjacency, monitor)? {
+    let problem = Problem { energy, adjacency: &adjacency, monitor };
+    match ReducedProblem::of(&problem)? {
         None => {
-            let rival = params.rival(energy, &adjacency, monitor)?;
-            params.descend(energy, &adjacency, rival.as_deref(), monitor)
+            let second = params.search_from_label_0(problem)?;
+            params.search_from_cheapest(problem, second.as_deref())
         }
-        Some(kernel) => params.descend_kernel(energy, &adjacency, &kernel, monitor),
+        Some(reduced) => params.solve_reduced(problem, &reduced),
     }
 }
 
@@ -104,58 +106,45 @@ pub fn alpha_expansion(unary: &[f32], graph: &Graph, params: &ExpansionParams, m
 const WHOLE: usize = 100_000;
 
 impl ExpansionParams {
-    /// The search from label 0 for all nodes, with gco's order of moves and its choice between equal cuts: if all costs
+    /// The search from the initial labelling with label 0 everywhere, if two are wanted, with gco's order of moves and its choice between equal cuts: if all costs
     /// are sums of small whole numbers, these are exactly gco's moves.
-    fn rival(&self, energy: Energy<'_>, adjacency: &Adjacency, monitor: &Monitor) -> Result<Option<Vec<u16>>> {
+    fn search_from_label_0(&self, problem: Problem<'_>) -> Result<Option<Vec<u16>>> {
         if self.starts < 2 {
             return Ok(None);
         }
-        let mut search = Search::new(energy, adjacency, vec![0; energy.graph.len()], monitor)?;
-        search.question.eager = true;
-        let mut expansions = Moves::new(energy.labels, self.max_rounds);
-        let mut ask = |search: &mut Search<'_>, alpha: usize, since: u32| offer(search, alpha as u16, since, monitor);
-        search.focused(&mut expansions, monitor, &mut ask)?;
+        let mut search = MoveMaking::new(problem, vec![0; problem.energy.graph.len()])?;
+        search.binary.eager = true;
+        let mut expansions = Moves::new(problem.energy.labels, self.max_rounds);
+        search.focused(&mut expansions, &mut expansion_move)?;
         Ok(Some(search.labels))
     }
 
-    /// The search from the cheapest labels, then fusion with the labelling of the other search, then further
-    /// expansions.
-    fn descend(
-        &self,
-        energy: Energy<'_>,
-        adjacency: &Adjacency,
-        rival: Option<&[u16]>,
-        monitor: &Monitor,
-    ) -> Result<Labelling> {
-        let mut search = Search::new(energy, adjacency, energy.start(monitor)?, monitor)?;
-        let mut expansions = Moves::new(energy.labels, self.max_rounds);
-        let mut ask = |search: &mut Search<'_>, alpha: usize, since: u32| offer(search, alpha as u16, since, monitor);
-        let mut converged = search.in_turn(&mut expansions, monitor, &mut ask)?;
-        if let Some(rival) = rival
-            && search.join(rival, monitor)?
+    /// The search from the initial labelling with the cheapest labels, then fusion with the result of the second
+    /// search, then further expansions.
+    fn search_from_cheapest(&self, problem: Problem<'_>, second: Option<&[u16]>) -> Result<Labelling> {
+        let mut search = MoveMaking::new(problem, problem.energy.initial_labelling(problem.monitor)?)?;
+        let mut expansions = Moves::new(problem.energy.labels, self.max_rounds);
+        let mut converged = search.in_turn(&mut expansions, &mut expansion_move)?;
+        if let Some(second) = second
+            && search.fuse(second)?
         {
-            converged = search.in_turn(&mut expansions, monitor, &mut ask)?;
+            converged = search.in_turn(&mut expansions, &mut expansion_move)?;
         }
         Ok(search.into_labelling(converged))
     }
 
-    fn descend_kernel(
-        &self,
-        energy: Energy<'_>,
-        adjacency: &Adjacency,
-        kernel: &Kernel,
-        monitor: &Monitor,
-    ) -> Result<Labelling> {
-        let open = kernel.energy();
-        let inner = open.graph.adjacency_watched(monitor)?;
-        let rival = match energy.graph.edges().len() <= WHOLE {
-            // Fixed labels are at least as good as those of the other search, whatever the labels of the remaining
+    fn solve_reduced(&self, problem: Problem<'_>, reduced: &ReducedProblem) -> Result<Labelling> {
+        let (energy, monitor) = (problem.energy, problem.monitor);
+        let adjacency = reduced.energy().graph.adjacency_watched(monitor)?;
+        let open = Problem { energy: reduced.energy(), adjacency: &adjacency, monitor };
+        let second = match energy.graph.edges().len() <= WHOLE {
+            // Fixed labels are at least as good as those of the second search, whatever the labels of the remaining
             // nodes.
-            true => self.rival(energy, adjacency, monitor)?.map(|labels| kernel.part_of(&labels)),
-            false => self.rival(open, &inner, monitor)?,
+            true => self.search_from_label_0(problem)?.map(|labels| reduced.part_of(&labels)),
+            false => self.search_from_label_0(open)?,
         };
-        let found = self.descend(open, &inner, rival.as_deref(), monitor)?;
-        let labels = kernel.whole(&found.labels);
+        let found = self.search_from_cheapest(open, second.as_deref())?;
+        let labels = reduced.whole(&found.labels);
         let least = energy.of_watched(&labels, monitor)?;
         // The fixed nodes cost the same in each round; rounding must not make the trace rise.
         let trace = found.trace.iter().map(|round| (round + (least - found.energy)).max(least)).collect();
@@ -163,22 +152,24 @@ impl ExpansionParams {
     }
 }
 
-/// One expansion move: α is offered to all nodes.
-fn offer(search: &mut Search<'_>, alpha: u16, since: u32, monitor: &Monitor) -> Result<Outcome> {
+/// The expansion move of label `alpha`, in which every node may take it.
+fn expansion_move(search: &mut MoveMaking<'_>, alpha: usize, since: u32) -> Result<Outcome> {
+    let alpha = alpha as u16;
     // Only nodes that have changed since the last move to α can give another result, unless there are label costs.
-    let with_hubs = hubs::adjacency(search, alpha, monitor)?;
-    let since = if with_hubs.is_some() { 0 } else { since };
-    let adjacency = with_hubs.as_ref().unwrap_or(search.adjacency);
+    let with_auxiliary = label_costs::adjacency(search, alpha)?;
+    let since = if with_auxiliary.is_some() { 0 } else { since };
+    let adjacency = with_auxiliary.as_ref().unwrap_or(search.problem.adjacency);
+    let problem = Problem { adjacency, ..search.problem };
     search.refresh(since);
-    search.question.ask(&search.energy, adjacency, (&search.labels, alpha), monitor)?;
-    search.pieces.collect(&search.question, adjacency, monitor)?;
-    let mut taken = search.pieces.answer(&search.question, adjacency, monitor)?;
-    taken.extend(search.question.settled(State::Takes));
+    search.binary.set_expansion(&problem, &search.labels, alpha)?;
+    search.components.collect(&search.binary, &problem)?;
+    let mut taken = search.components.minimum_cuts(&search.binary, &problem)?;
+    taken.extend(search.binary.settled(State::Takes));
     let labels = &search.labels;
-    monitor.check()?;
+    problem.monitor.check()?;
     let news = taken.into_iter().filter(|&node| labels.get(node as usize).is_some_and(|&label| label != alpha));
     let moves: Vec<(u32, u16)> = news.map(|node| (node, alpha)).collect();
-    search.apply(&moves, monitor)
+    search.apply(&moves)
 }
 
 #[cfg(test)]
@@ -319,7 +310,9 @@ mod tests {
             let params =
                 ExpansionParams { pairwise: distances(instance.labels, seed >= 28), ..ExpansionParams::default() };
             let energy = instance.energy(&params);
-            let labels = params.rival(energy, &energy.graph.adjacency(), &Monitor::default()).unwrap().unwrap();
+            let adjacency = energy.graph.adjacency();
+            let problem = Problem { energy, adjacency: &adjacency, monitor: &Monitor::default() };
+            let labels = params.search_from_label_0(problem).unwrap().unwrap();
             assert_eq!(energy.of(&labels), f64::from(peer), "seed {seed}");
         }
     }

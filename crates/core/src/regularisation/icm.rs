@@ -3,9 +3,10 @@
 //! J. Besag, *On the statistical analysis of dirty pictures*, Journal of the Royal Statistical Society B 48(3), 1986.
 //! Fast, but stops in poor local minima; a baseline for comparison.
 
+use super::energy::Problem;
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
-use crate::graph::{Adjacency, Graph};
+use crate::graph::Graph;
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
@@ -61,6 +62,7 @@ pub fn iterated_conditional_modes(
     params.validate()?;
     let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?;
     let adjacency = graph.adjacency_watched(monitor)?;
+    let problem = Problem { energy, adjacency: &adjacency, monitor };
     let mut labels = energy.cheapest(monitor)?;
     let mut trace = vec![energy.of_watched(&labels, monitor)?];
     let mut costs = vec![0.0; energy.labels];
@@ -72,7 +74,7 @@ pub fn iterated_conditional_modes(
             if node % BLOCK == 0 {
                 monitor.check()?;
             }
-            let best = best_label(&energy, &adjacency, &labels, node, &mut costs);
+            let best = best_label(&problem, &labels, node, &mut costs);
             converged &= best == labels[node];
             labels[node] = best;
         }
@@ -83,12 +85,14 @@ pub fn iterated_conditional_modes(
     Ok(Labelling { labels, energy, trace, converged })
 }
 
-/// The label of least cost of a node given its neighbours; its current label if none costs less.
-fn best_label(energy: &Energy<'_>, adjacency: &Adjacency, labels: &[u16], node: usize, costs: &mut [f64]) -> u16 {
+/// The label of least cost of a node given its neighbours; its current label if none costs less. `costs` receives the
+/// cost of each label.
+fn best_label(problem: &Problem<'_>, labels: &[u16], node: usize, costs: &mut [f64]) -> u16 {
+    let energy = &problem.energy;
     for (label, cost) in costs.iter_mut().enumerate() {
         *cost = energy.cost(node, label as u16);
     }
-    for (other, edge) in adjacency.of(node) {
+    for (other, edge) in problem.adjacency.of(node) {
         for (label, cost) in costs.iter_mut().enumerate() {
             *cost += energy.edge_cost(edge as usize, label as u16, labels[other as usize]);
         }

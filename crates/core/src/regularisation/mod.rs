@@ -11,17 +11,17 @@
 //! [`alpha_expansion`] gives the lowest energies and is the default. [`alpha_beta_swap`] accepts distances that are not
 //! a metric; [`iterated_conditional_modes`] and [`local_smoothing`] are simpler, and their labellings are worse.
 
+mod binary_move;
+mod cuts;
 mod energy;
 mod expansion;
-mod hubs;
+mod fusion;
 mod icm;
-mod join;
-mod kernel;
-mod known;
+mod label_costs;
 mod local;
-mod reduce;
-mod search;
-mod solve;
+mod move_making;
+mod persistency;
+mod reduced_problem;
 mod swap;
 
 #[cfg(test)]
@@ -41,7 +41,7 @@ pub struct Labelling {
     /// Energy of the labelling.
     pub energy: f64,
     /// Energy after each round over all labels, beginning with the initial labelling (α-expansion with Potts distances:
-    /// once the labels known by partial optimality are set).
+    /// once the persistent labels are set).
     pub trace: Vec<f64>,
     /// True if the last round changed nothing; false if the largest number of rounds was reached.
     pub converged: bool,

@@ -5,8 +5,9 @@
 //! Distances of labels need not be a metric; in return there is no bound on the energy, and the work grows with the
 //! square of the number of labels.
 
-use super::reduce::State;
-use super::search::{Moves, Outcome, Search};
+use super::binary_move::State;
+use super::energy::Problem;
+use super::move_making::{MoveMaking, Moves, Outcome};
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
@@ -71,10 +72,10 @@ pub fn alpha_beta_swap(unary: &[f32], graph: &Graph, params: &SwapParams, monito
     let energy = Energy::new(unary, graph, params.strength, &params.pairwise)?;
     let adjacency = graph.adjacency_watched(monitor)?;
     let pairs = energy.labels * (energy.labels - 1) / 2;
-    let mut search = Search::new(energy, &adjacency, energy.start(monitor)?, monitor)?;
+    let problem = Problem { energy, adjacency: &adjacency, monitor };
+    let mut search = MoveMaking::new(problem, energy.initial_labelling(monitor)?)?;
     let mut swaps = Moves::new(pairs, params.max_rounds);
-    let converged =
-        search.in_turn(&mut swaps, monitor, &mut |search, pair, since| offer(search, pair, since, monitor))?;
+    let converged = search.in_turn(&mut swaps, &mut swap_move)?;
     Ok(search.into_labelling(converged))
 }
 
@@ -88,25 +89,26 @@ fn pair(number: usize, labels: usize) -> [u16; 2] {
     [alpha as u16, (alpha + 1 + rest) as u16]
 }
 
-/// One swap move of a pair of labels.
-fn offer(search: &mut Search<'_>, number: usize, since: u32, monitor: &Monitor) -> Result<Outcome> {
-    let pair = pair(number, search.energy.labels);
+/// The swap move of the pair of labels with a number.
+fn swap_move(search: &mut MoveMaking<'_>, number: usize, since: u32) -> Result<Outcome> {
+    let problem = search.problem;
+    let pair = pair(number, problem.energy.labels);
     if !pair.iter().any(|&label| search.is_used(label)) {
         return Ok(Outcome::Nothing);
     }
     search.refresh(since);
-    search.question.ask_swap(&search.energy, search.adjacency, (&search.labels, pair), monitor)?;
-    search.pieces.collect(&search.question, search.adjacency, monitor)?;
-    let takers = search.pieces.answer(&search.question, search.adjacency, monitor)?;
+    search.binary.set_swap(&problem, &search.labels, pair)?;
+    search.components.collect(&search.binary, &problem)?;
+    let takers = search.components.minimum_cuts(&search.binary, &problem)?;
     let [alpha, beta] = pair;
-    let mut answer: Vec<(u32, u16)> = search.pieces.nodes().iter().map(|&node| (node, beta)).collect();
-    answer.extend(search.question.settled(State::Stays).map(|node| (node, beta)));
-    answer.extend(search.question.settled(State::Takes).chain(takers).map(|node| (node, alpha)));
+    let mut decided: Vec<(u32, u16)> = search.components.nodes().iter().map(|&node| (node, beta)).collect();
+    decided.extend(search.binary.settled(State::Stays).map(|node| (node, beta)));
+    decided.extend(search.binary.settled(State::Takes).chain(takers).map(|node| (node, alpha)));
     // The last entry of a node counts; nodes of other labels and nodes that keep their label are not moved.
-    sort_stable_watched(&mut answer, |a, b| a.0.cmp(&b.0), monitor)?;
-    let mut looks = Looks::at(monitor);
+    sort_stable_watched(&mut decided, |a, b| a.0.cmp(&b.0), problem.monitor)?;
+    let mut looks = Looks::at(problem.monitor);
     let mut moves: Vec<(u32, u16)> = Vec::new();
-    for (node, label) in answer {
+    for (node, label) in decided {
         looks.step()?;
         match moves.last_mut().filter(|last| last.0 == node) {
             Some(last) => last.1 = label,
@@ -115,7 +117,7 @@ fn offer(search: &mut Search<'_>, number: usize, since: u32, monitor: &Monitor) 
     }
     let labels = &search.labels;
     moves.retain(|&(node, label)| pair.contains(&labels[node as usize]) && labels[node as usize] != label);
-    search.apply(&moves, monitor)
+    search.apply(&moves)
 }
 
 #[cfg(test)]

@@ -10,7 +10,8 @@
 //! the open ones form small components.
 
 use super::Energy;
-use super::known::Known;
+use super::energy::Problem;
+use super::persistency::PartialLabelling;
 use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::{Looks, Monitor, watched};
@@ -27,7 +28,7 @@ pub(super) enum State {
 
 /// A binary move; its buffers are reused from label to label.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Question {
+pub(super) struct BinaryMove {
     pub(super) theta: Vec<f64>,
     /// Sum of c over the edges to open neighbours.
     pub(super) slack: Vec<f64>,
@@ -41,28 +42,22 @@ pub(super) struct Question {
     /// Choice between equal cuts: if true, nodes take the label.
     pub(super) eager: bool,
     /// Number of the first auxiliary node (label costs).
-    hubs_from: usize,
+    first_auxiliary: usize,
 }
 
-impl Question {
+impl BinaryMove {
     /// Sets up the expansion of `alpha` and settles nodes; the adjacency may have auxiliary nodes. O(nodes + edges).
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn ask(
-        &mut self,
-        energy: &Energy<'_>,
-        adjacency: &Adjacency,
-        (labels, alpha): (&[u16], u16),
-        monitor: &Monitor,
-    ) -> Result<()> {
-        self.set_nodes(energy, (labels, alpha), monitor)?;
-        self.set_edges(energy, (labels, alpha), monitor)?;
-        if adjacency.offsets.len() > labels.len() + 1 {
-            self.add_hubs(energy, labels, alpha);
+    pub(super) fn set_expansion(&mut self, problem: &Problem<'_>, labels: &[u16], alpha: u16) -> Result<()> {
+        self.set_nodes(problem, labels, alpha)?;
+        self.set_edges(problem, labels, alpha)?;
+        if problem.adjacency.offsets.len() > labels.len() + 1 {
+            self.add_auxiliary_nodes(&problem.energy, labels, alpha);
         }
-        self.hubs_from = labels.len();
-        self.reduce(adjacency, monitor)
+        self.first_auxiliary = labels.len();
+        self.reduce(problem.adjacency, problem.monitor)
     }
 
     /// Sets up the swap of `alpha` and `beta`: `Takes` means `alpha`, `Stays` means `beta`; nodes of other labels take
@@ -70,13 +65,8 @@ impl Question {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn ask_swap(
-        &mut self,
-        energy: &Energy<'_>,
-        adjacency: &Adjacency,
-        (labels, [alpha, beta]): (&[u16], [u16; 2]),
-        monitor: &Monitor,
-    ) -> Result<()> {
+    pub(super) fn set_swap(&mut self, problem: &Problem<'_>, labels: &[u16], [alpha, beta]: [u16; 2]) -> Result<()> {
+        let (energy, monitor) = (&problem.energy, problem.monitor);
         let mut looks = Looks::at(monitor);
         let inside = |node: usize| labels[node] == alpha || labels[node] == beta;
         let difference = |i: usize| if inside(i) { energy.cost(i, alpha) - energy.cost(i, beta) } else { 0.0 };
@@ -103,22 +93,22 @@ impl Question {
                 (false, false) => {}
             }
         }
-        self.hubs_from = labels.len();
-        self.reduce(adjacency, monitor)
+        self.first_auxiliary = labels.len();
+        self.reduce(problem.adjacency, monitor)
     }
 
-    /// Sets up the two-label problem of partial optimality for `alpha` (Potts), where some labels are known already:
-    /// the costs of all other labels are replaced by their minimum.
+    /// Sets up the two-label problem of persistency for `alpha` (Potts), where some labels are known already: the costs
+    /// of all other labels are replaced by their minimum.
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn ask_against(
+    pub(super) fn set_one_against_the_rest(
         &mut self,
-        energy: &Energy<'_>,
-        adjacency: &Adjacency,
-        (known, alpha): (&Known, u16),
-        monitor: &Monitor,
+        problem: &Problem<'_>,
+        known: &PartialLabelling,
+        alpha: u16,
     ) -> Result<()> {
+        let (energy, monitor) = (&problem.energy, problem.monitor);
         let (nodes, mut looks) = (known.labels.len(), Looks::at(monitor));
         self.theta.clear();
         self.state.clear();
@@ -146,8 +136,8 @@ impl Question {
         }
         self.fresh.clear();
         self.fresh.resize(nodes, true);
-        self.hubs_from = nodes;
-        self.reduce(adjacency, monitor)
+        self.first_auxiliary = nodes;
+        self.reduce(problem.adjacency, monitor)
     }
 
     /// Nodes in this state; after the reduction the settled ones.
@@ -169,10 +159,11 @@ impl Question {
         Ok(())
     }
 
-    fn set_nodes(&mut self, energy: &Energy<'_>, (labels, alpha): (&[u16], u16), monitor: &Monitor) -> Result<()> {
+    fn set_nodes(&mut self, problem: &Problem<'_>, labels: &[u16], alpha: u16) -> Result<()> {
+        let energy = &problem.energy;
         self.theta.clear();
         self.state.clear();
-        for piece in watched(labels.len(), monitor) {
+        for piece in watched(labels.len(), problem.monitor) {
             let piece = piece?;
             self.theta.extend(piece.clone().map(|i| energy.cost(i, alpha) - energy.cost(i, labels[i])));
             // A node that already has α is settled as `Takes`; `set_edges` has its edges in favour of α.
@@ -188,8 +179,9 @@ impl Question {
         self.coupling.resize(energy.graph.edges().len(), 0.0);
     }
 
-    fn set_edges(&mut self, energy: &Energy<'_>, (labels, alpha): (&[u16], u16), monitor: &Monitor) -> Result<()> {
-        let mut looks = Looks::at(monitor);
+    fn set_edges(&mut self, problem: &Problem<'_>, labels: &[u16], alpha: u16) -> Result<()> {
+        let energy = &problem.energy;
+        let mut looks = Looks::at(problem.monitor);
         self.clear_edges(energy, labels.len());
         for (e, &[i, j]) in energy.graph.edges().iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
@@ -241,8 +233,8 @@ impl Question {
                 self.theta[neighbour] += sign * coupling;
                 self.slack[neighbour] -= coupling;
                 self.fresh[neighbour] |= self.fresh[node];
-                let hub = neighbour >= self.hubs_from;
-                if hub && self.state[node] == State::Stays {
+                let auxiliary = neighbour >= self.first_auxiliary;
+                if auxiliary && self.state[node] == State::Stays {
                     // One node keeps the label, so that it cannot disappear, whatever rounding says.
                     self.state[neighbour] = State::Stays;
                     self.settled.push(neighbour as u32);

@@ -1,5 +1,4 @@
-//! Label costs: one auxiliary node, here a hub, for each label that may disappear, with an edge to every node of that
-//! label.
+//! Label costs: one auxiliary node for each label that may disappear, with an edge to every node of that label.
 //!
 //! A. Delong, A. Osokin, H. N. Isack, Y. Boykov, *Fast approximate energy minimization with label costs*, IJCV 96,
 //! 2012. If every node of label k takes α, the cost h of k is saved. With the auxiliary variable y = 1 for "k
@@ -8,14 +7,14 @@
 //! depend on which nodes move: the move is accepted only if it saves more than that.
 
 use super::Energy;
-use super::reduce::{Question, State};
-use super::search::Search;
+use super::binary_move::{BinaryMove, State};
+use super::move_making::MoveMaking;
 use crate::error::Result;
 use crate::graph::Adjacency;
-use crate::parallel::{Looks, Monitor};
+use crate::parallel::Looks;
 
 /// The auxiliary node of `label`, if the label may disappear; auxiliary nodes are numbered after those of the graph.
-fn hub(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
+fn auxiliary_node(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
     (label != alpha && energy.label_cost(label) > 0.0).then_some(energy.graph.len() + usize::from(label))
 }
 
@@ -24,25 +23,26 @@ fn hub(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn adjacency(search: &Search<'_>, alpha: u16, monitor: &Monitor) -> Result<Option<Adjacency>> {
-    let energy = &search.energy;
+pub(super) fn adjacency(search: &MoveMaking<'_>, alpha: u16) -> Result<Option<Adjacency>> {
+    let problem = &search.problem;
+    let energy = &problem.energy;
     if energy.label_costs.iter().all(|cost| *cost == 0.0) {
         return Ok(None);
     }
     let (nodes, edges) = (energy.graph.len(), energy.graph.edges().len());
     let mut out = Adjacency { offsets: vec![0], ..Adjacency::default() };
     let mut members = vec![Vec::new(); energy.labels];
-    let mut looks = Looks::at(monitor);
+    let mut looks = Looks::at(problem.monitor);
     for (node, &label) in search.labels.iter().enumerate() {
         looks.step()?;
-        for (other, edge) in search.adjacency.of(node) {
+        for (other, edge) in problem.adjacency.of(node) {
             out.neighbours.push(other);
             out.edges.push(edge);
         }
-        if let Some(hub) = hub(energy, label, alpha) {
-            out.neighbours.push(hub as u32);
+        if let Some(auxiliary) = auxiliary_node(energy, label, alpha) {
+            out.neighbours.push(auxiliary as u32);
             out.edges.push((edges + node) as u32);
-            members[hub - nodes].push(node as u32);
+            members[auxiliary - nodes].push(node as u32);
         }
         out.offsets.push(out.neighbours.len());
     }
@@ -54,27 +54,27 @@ pub(super) fn adjacency(search: &Search<'_>, alpha: u16, monitor: &Monitor) -> R
     Ok(Some(out))
 }
 
-impl Question {
+impl BinaryMove {
     /// Adds the auxiliary nodes to the move to `alpha`. O(nodes).
-    pub(super) fn add_hubs(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
+    pub(super) fn add_auxiliary_nodes(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
         let nodes = labels.len();
         self.slack.resize(nodes + energy.labels, 0.0);
         self.fresh.resize(nodes + energy.labels, true);
         self.coupling.resize(self.coupling.len() + nodes, 0.0);
         let first = self.coupling.len() - nodes;
         for label in 0..energy.labels as u16 {
-            let open = hub(energy, label, alpha).is_some();
+            let open = auxiliary_node(energy, label, alpha).is_some();
             self.theta.push(if open { -energy.label_cost(label) } else { 0.0 });
             self.state.push(if open { State::Open } else { State::Stays });
         }
         for (node, &label) in labels.iter().enumerate() {
-            if let Some(hub) = hub(energy, label, alpha) {
+            if let Some(auxiliary) = auxiliary_node(energy, label, alpha) {
                 let half = 0.5 * energy.label_cost(label);
                 self.coupling[first + node] = half;
                 self.theta[node] -= half;
-                self.theta[hub] += half;
+                self.theta[auxiliary] += half;
                 self.slack[node] += half;
-                self.slack[hub] += half;
+                self.slack[auxiliary] += half;
             }
         }
     }

@@ -1,12 +1,13 @@
-//! State of a search: the labelling, and for each node the last move that changed it or a neighbour.
+//! Move-making search: a labelling, the moves that are tried on it, and for each node the last move that changed it or a
+//! neighbour.
 
-use super::join::better_regions;
-use super::reduce::Question;
-use super::solve::Pieces;
-use super::{Energy, Labelling};
+use super::Labelling;
+use super::binary_move::BinaryMove;
+use super::cuts::Components;
+use super::energy::Problem;
+use super::fusion::fusion_move;
 use crate::error::Result;
-use crate::graph::Adjacency;
-use crate::parallel::{Looks, Monitor};
+use crate::parallel::Looks;
 
 /// Result of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,27 +23,26 @@ pub(super) enum Outcome {
 #[derive(Clone, Debug)]
 pub(super) struct Moves {
     /// For each move the number of its last attempt that was not refused; 0 if there was none.
-    asked: Vec<u32>,
+    attempted: Vec<u32>,
     /// Largest number of rounds over all moves.
     rounds: usize,
 }
 
 impl Moves {
     pub(super) fn new(count: usize, rounds: usize) -> Self {
-        Self { asked: vec![0; count], rounds }
+        Self { attempted: vec![0; count], rounds }
     }
 }
 
-/// Carries out the move of a number; the last argument is the attempt after which changes of nodes matter.
-pub(super) type Offer<'o, 'a> = dyn FnMut(&mut Search<'a>, usize, u32) -> Result<Outcome> + 'o;
+/// Tries the move of a number; the last argument is the attempt after which changes of nodes matter.
+pub(super) type Attempt<'o, 'a> = dyn FnMut(&mut MoveMaking<'a>, usize, u32) -> Result<Outcome> + 'o;
 
 /// A labelling during the search, with the buffers of the moves.
-pub(super) struct Search<'a> {
-    pub(super) energy: Energy<'a>,
-    pub(super) adjacency: &'a Adjacency,
+pub(super) struct MoveMaking<'a> {
+    pub(super) problem: Problem<'a>,
     pub(super) labels: Vec<u16>,
-    pub(super) question: Question,
-    pub(super) pieces: Pieces,
+    pub(super) binary: BinaryMove,
+    pub(super) components: Components,
     /// Number of nodes with each label.
     users: Vec<usize>,
     /// Number of moves so far, and that number when each node or a neighbour of it last changed.
@@ -52,23 +52,21 @@ pub(super) struct Search<'a> {
     trace: Vec<f64>,
 }
 
-impl<'a> Search<'a> {
-    pub(super) fn new(
-        energy: Energy<'a>,
-        adjacency: &'a Adjacency,
-        start: Vec<u16>,
-        monitor: &Monitor,
-    ) -> Result<Self> {
+impl<'a> MoveMaking<'a> {
+    /// From an initial labelling.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn new(problem: Problem<'a>, initial: Vec<u16>) -> Result<Self> {
         Ok(Self {
-            adjacency,
-            users: energy.users(&start),
-            changed: vec![0; start.len()],
-            question: Question::default(),
-            pieces: Pieces::default(),
+            users: problem.energy.users(&initial),
+            changed: vec![0; initial.len()],
+            binary: BinaryMove::default(),
+            components: Components::default(),
             now: 0,
-            trace: vec![energy.of_watched(&start, monitor)?],
-            energy,
-            labels: start,
+            trace: vec![problem.energy.of_watched(&initial, problem.monitor)?],
+            problem,
+            labels: initial,
         })
     }
 
@@ -77,38 +75,31 @@ impl<'a> Search<'a> {
         Labelling { labels: self.labels, energy, trace: self.trace, converged }
     }
 
-    /// Carries out a move and passes on when it was last attempted, so that it can skip nodes that nothing has changed
-    /// for.
-    fn offer(
-        &mut self,
-        moves: &mut Moves,
-        number: usize,
-        monitor: &Monitor,
-        offer: &mut Offer<'_, 'a>,
-    ) -> Result<bool> {
-        monitor.check()?;
+    /// Tries a move and passes on when it was last attempted, so that it can skip nodes that nothing has changed for.
+    fn attempt(&mut self, moves: &mut Moves, number: usize, attempt: &mut Attempt<'_, 'a>) -> Result<bool> {
+        self.problem.monitor.check()?;
         self.now = self.now.saturating_add(1);
-        let outcome = offer(self, number, moves.asked[number])?;
+        let outcome = attempt(self, number, moves.attempted[number])?;
         if outcome != Outcome::Refused {
-            moves.asked[number] = self.now;
+            moves.attempted[number] = self.now;
         }
-        monitor.advance(1);
+        self.problem.monitor.advance(1);
         Ok(outcome == Outcome::Moved)
     }
 
     /// Repeats all moves in turn until each had no effect once (true) or the largest number of rounds is reached.
-    pub(super) fn in_turn(&mut self, moves: &mut Moves, monitor: &Monitor, offer: &mut Offer<'_, 'a>) -> Result<bool> {
-        let count = moves.asked.len();
-        monitor.stage("labels", moves.rounds.saturating_mul(count) as u64);
+    pub(super) fn in_turn(&mut self, moves: &mut Moves, attempt: &mut Attempt<'_, 'a>) -> Result<bool> {
+        let count = moves.attempted.len();
+        self.problem.monitor.stage("labels", moves.rounds.saturating_mul(count) as u64);
         let mut idle = 0;
         for _ in 0..moves.rounds {
             for number in 0..count {
-                idle = if self.offer(moves, number, monitor, offer)? { 0 } else { idle + 1 };
+                idle = if self.attempt(moves, number, attempt)? { 0 } else { idle + 1 };
                 if idle >= count {
                     break;
                 }
             }
-            self.trace.push(self.energy.of_watched(&self.labels, monitor)?);
+            self.record_energy()?;
             if idle >= count {
                 return Ok(true);
             }
@@ -118,9 +109,9 @@ impl<'a> Search<'a> {
 
     /// Repeats moves in the adaptive order of gco: those that had an effect again, the others only when these are
     /// exhausted.
-    pub(super) fn focused(&mut self, moves: &mut Moves, monitor: &Monitor, offer: &mut Offer<'_, 'a>) -> Result<bool> {
-        let mut order: Vec<usize> = (0..moves.asked.len()).collect();
-        monitor.stage("labels", moves.rounds.saturating_mul(order.len()) as u64);
+    pub(super) fn focused(&mut self, moves: &mut Moves, attempt: &mut Attempt<'_, 'a>) -> Result<bool> {
+        let mut order: Vec<usize> = (0..moves.attempted.len()).collect();
+        self.problem.monitor.stage("labels", moves.rounds.saturating_mul(order.len()) as u64);
         // Nested sets of moves, each a prefix of the one before; the innermost is worked through from `first`.
         let mut circles = vec![order.len()];
         let mut first = 0;
@@ -128,14 +119,14 @@ impl<'a> Search<'a> {
             let Some(&circle) = circles.last() else { break };
             let (mut next, mut end) = (first, circle);
             while next < end {
-                if self.offer(moves, order[next], monitor, offer)? {
+                if self.attempt(moves, order[next], attempt)? {
                     next += 1;
                 } else {
                     end -= 1;
                     order.swap(next, end);
                 }
             }
-            self.trace.push(self.energy.of_watched(&self.labels, monitor)?);
+            self.record_energy()?;
             if end == first {
                 circles.pop();
                 first = circle;
@@ -149,19 +140,24 @@ impl<'a> Search<'a> {
         Ok(circles.is_empty())
     }
 
+    fn record_energy(&mut self) -> Result<()> {
+        self.trace.push(self.problem.energy.of_watched(&self.labels, self.problem.monitor)?);
+        Ok(())
+    }
+
     /// Fuses another labelling into this one, region by region; true if that lowers the energy.
-    pub(super) fn join(&mut self, other: &[u16], monitor: &Monitor) -> Result<bool> {
+    pub(super) fn fuse(&mut self, other: &[u16]) -> Result<bool> {
         self.now = self.now.saturating_add(1);
-        let moves = better_regions(self, other, monitor)?;
-        let moved = self.apply(&moves, monitor)? == Outcome::Moved;
-        self.trace.push(self.energy.of_watched(&self.labels, monitor)?);
+        let moves = fusion_move(self, other)?;
+        let moved = self.apply(&moves)? == Outcome::Moved;
+        self.record_energy()?;
         Ok(moved)
     }
 
     /// Marks for the next move which nodes, or neighbours of them, changed after attempt `since`.
     pub(super) fn refresh(&mut self, since: u32) {
-        self.question.fresh.clear();
-        self.question.fresh.extend(self.changed.iter().map(|changed| since == 0 || *changed > since));
+        self.binary.fresh.clear();
+        self.binary.fresh.extend(self.changed.iter().map(|changed| since == 0 || *changed > since));
     }
 
     /// Whether any node has `label`.
@@ -170,12 +166,12 @@ impl<'a> Search<'a> {
     }
 
     /// Changes labels if that lowers the energy; the check prevents endless loops by rounding.
-    pub(super) fn apply(&mut self, moves: &[(u32, u16)], monitor: &Monitor) -> Result<Outcome> {
+    pub(super) fn apply(&mut self, moves: &[(u32, u16)]) -> Result<Outcome> {
         if moves.is_empty() {
             return Ok(Outcome::Nothing);
         }
         let before: Vec<u16> = moves.iter().map(|&(node, _)| self.labels[node as usize]).collect();
-        let (mut rise, mut looks) = (0.0, Looks::at(monitor));
+        let (mut rise, mut looks) = (0.0, Looks::at(self.problem.monitor));
         for &(node, label) in moves {
             looks.step()?;
             rise += self.change(node as usize, label);
@@ -191,7 +187,7 @@ impl<'a> Search<'a> {
         for &(node, _) in moves {
             looks.step()?;
             self.changed[node as usize] = self.now;
-            self.adjacency.of(node as usize).for_each(|(other, _)| self.changed[other as usize] = self.now);
+            self.problem.adjacency.of(node as usize).for_each(|(other, _)| self.changed[other as usize] = self.now);
         }
         Ok(Outcome::Moved)
     }
@@ -199,14 +195,14 @@ impl<'a> Search<'a> {
     /// Changes the label of a node and returns the change of the energy.
     fn change(&mut self, node: usize, label: u16) -> f64 {
         let old = std::mem::replace(&mut self.labels[node], label);
-        let edges = self.adjacency.of(node).map(|(other, edge)| {
+        let edges = self.problem.adjacency.of(node).map(|(other, edge)| {
             let (edge, other) = (edge as usize, self.labels[other as usize]);
-            self.energy.edge_cost(edge, label, other) - self.energy.edge_cost(edge, old, other)
+            self.problem.energy.edge_cost(edge, label, other) - self.problem.energy.edge_cost(edge, old, other)
         });
-        let rise = self.energy.cost(node, label) - self.energy.cost(node, old) + edges.sum::<f64>();
+        let rise = self.problem.energy.cost(node, label) - self.problem.energy.cost(node, old) + edges.sum::<f64>();
         self.users[usize::from(old)] -= 1;
-        let saved = if self.is_used(old) { 0.0 } else { self.energy.label_cost(old) };
-        let paid = if self.is_used(label) { 0.0 } else { self.energy.label_cost(label) };
+        let saved = if self.is_used(old) { 0.0 } else { self.problem.energy.label_cost(old) };
+        let paid = if self.is_used(label) { 0.0 } else { self.problem.energy.label_cost(label) };
         self.users[usize::from(label)] += 1;
         rise + paid - saved
     }

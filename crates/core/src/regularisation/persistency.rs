@@ -1,20 +1,20 @@
-//! Partial optimality (persistency): nodes whose optimal label is known before any search.
+//! Persistency (partial optimality): nodes whose optimal label is known before any move.
 //!
 //! I. Kovtun, *Partial optimal labeling search for a NP-hard subclass of (max,+) problems*, DAGM 2003. For Potts
 //! distances and one label α, give every other label the unary cost of the cheapest of them. The nodes that take α in
 //! the minimum cut with the smallest source side of this two-label problem have α in every labelling of least energy,
 //! and changing them to α never raises the energy of a labelling.
 
-use super::Energy;
-use super::reduce::{Question, State};
-use super::solve::Pieces;
+use super::binary_move::{BinaryMove, State};
+use super::cuts::Components;
+use super::energy::Problem;
 use crate::error::Result;
-use crate::graph::Adjacency;
-use crate::parallel::{Monitor, watched};
+use crate::parallel::watched;
 
-/// The labels that are known, and the two least costs of each node.
+/// The persistent labels, and the two least costs of each node.
 #[derive(Clone, Debug)]
-pub(super) struct Known {
+pub(super) struct PartialLabelling {
+    /// The optimal label of each node where it is proved.
     pub(super) labels: Vec<Option<u16>>,
     least: Vec<TwoLeast>,
 }
@@ -37,25 +37,26 @@ impl TwoLeast {
     }
 }
 
-impl Known {
+impl PartialLabelling {
     /// Solves the two-label problem of every label, for 2 labels or more. O(labels · (nodes + edges)) and the cuts.
-    pub(super) fn find(energy: &Energy<'_>, adjacency: &Adjacency, monitor: &Monitor) -> Result<Self> {
+    pub(super) fn find(problem: &Problem<'_>) -> Result<Self> {
+        let (energy, monitor) = (&problem.energy, problem.monitor);
         let mut least = Vec::with_capacity(energy.graph.len());
         for piece in watched(energy.graph.len(), monitor) {
             least.extend(piece?.map(|node| TwoLeast::of(&energy.unary[node * energy.labels..][..energy.labels])));
         }
-        let mut known = Self { labels: vec![None; energy.graph.len()], least };
-        let (mut question, mut pieces) = (Question::default(), Pieces::default());
+        let mut partial = Self { labels: vec![None; energy.graph.len()], least };
+        let (mut binary, mut components) = (BinaryMove::default(), Components::default());
         monitor.stage("known labels", energy.labels as u64);
         for alpha in 0..energy.labels as u16 {
-            question.ask_against(energy, adjacency, (&known, alpha), monitor)?;
-            pieces.collect(&question, adjacency, monitor)?;
-            let taken = pieces.answer(&question, adjacency, monitor)?;
-            let taken = taken.into_iter().chain(question.settled(State::Takes));
-            taken.for_each(|node| known.labels[node as usize] = Some(alpha));
+            binary.set_one_against_the_rest(problem, &partial, alpha)?;
+            components.collect(&binary, problem)?;
+            let taken = components.minimum_cuts(&binary, problem)?;
+            let taken = taken.into_iter().chain(binary.settled(State::Takes));
+            taken.for_each(|node| partial.labels[node as usize] = Some(alpha));
             monitor.advance(1);
         }
-        Ok(known)
+        Ok(partial)
     }
 
     /// The least unary cost of all labels but `alpha`.
