@@ -4,8 +4,7 @@
 //! values go left at every node. If the samples contain NaN, the first cut is the lowest finite number, so that code 0
 //! stands for NaN only.
 
-use super::descend::Codes;
-use super::quantise::{Rows, TILE, Table, Tiles};
+use super::quantise::{CodeBlock, ROW, Rows, TILE, Table, Tiles};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::random::stream;
@@ -138,23 +137,23 @@ impl Binning {
         Ok(())
     }
 
-    /// Codes of row-major values, row by row, followed by [`compact::WIDTH`](super::compact::WIDTH) zeros as padding.
-    pub(super) fn bin_rows(&self, values: &[f32], codes: &mut Codes<u8>) {
+    /// Codes of row-major values, row by row, followed by [`ROW`] zeros as padding.
+    pub(super) fn bin_rows(&self, values: &[f32], codes: &mut CodeBlock<u8>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
-        codes.by_row.resize(values.len() + super::compact::WIDTH, 0);
+        codes.by_row.resize(values.len() + ROW, 0);
         let codes = codes.by_row.get_mut(..values.len()).unwrap_or_default();
         pulp::Arch::new().dispatch(Rows { tables: &self.tables, values, codes });
     }
 
     /// As [`Binning::bin_rows`], for binnings of any size.
-    pub(super) fn bin_rows_wide(&self, values: &[f32], codes: &mut Codes<u16>) {
+    pub(super) fn bin_rows_wide(&self, values: &[f32], codes: &mut CodeBlock<u16>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
         codes.by_row.resize(values.len(), 0);
         self.bin_wide(values, &mut codes.by_row);
     }
 
     /// Codes of row-major values in whole tiles of [`TILE`] rows, column-major within a tile.
-    pub(super) fn bin_tiles(&self, values: &[f32], codes: &mut Codes<u8>) {
+    pub(super) fn bin_tiles(&self, values: &[f32], codes: &mut CodeBlock<u8>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
         codes.by_tile.resize(codes.rows.next_multiple_of(TILE) * codes.width, 0);
         pulp::Arch::new().dispatch(Tiles { tables: &self.tables, values, codes: &mut codes.by_tile });

@@ -1,7 +1,8 @@
 //! Boosted trees as named arrays; every index is checked when they are read.
 
 use super::boosting::Boosting;
-use super::codec::{Array, Reader, Trees, array, cut_arrays, node_arrays};
+use super::codec::{Array, Reader, array, cut_arrays, node_arrays};
+use super::nodes::Trees;
 use crate::error::Result;
 
 /// The arrays of boosted trees.
@@ -9,7 +10,7 @@ pub(super) fn encode(model: &Boosting) -> Vec<Array> {
     let mut arrays = cut_arrays(&model.binning);
     arrays.extend(node_arrays(&model.nodes, &model.roots));
     arrays.extend([
-        array("answers", model.answers.iter().copied()),
+        array("answers", model.leaf_values.iter().copied()),
         array("importance", model.importance.iter().copied()),
         array("present", model.present.iter().copied()),
         array("start", model.start.iter().copied()),
@@ -30,7 +31,7 @@ impl Reader<'_> {
             start: self.read("start", None)?,
             binning: self.binning(width + twins.len())?,
             roots: self.read("roots", None)?,
-            answers: self.read("answers", Some(nodes.len()))?,
+            leaf_values: self.read("answers", Some(nodes.len()))?,
             importance: self.importance(width)?,
             nodes,
             twins,
@@ -48,7 +49,7 @@ impl Reader<'_> {
         if !model.roots.len().is_multiple_of(groups.max(1)) || (groups == 0 && !model.roots.is_empty()) {
             return Err(self.wrong("roots", model.roots.len(), format!("a multiple of {groups}")));
         }
-        if let Some(x) = model.answers.iter().chain(&model.start).find(|x| !x.is_finite()) {
+        if let Some(x) = model.leaf_values.iter().chain(&model.start).find(|x| !x.is_finite()) {
             return Err(self.wrong("answers", x, "finite numbers"));
         }
         if !model.binning.fits_u8() || model.binning.width() > 65_534 {
@@ -57,8 +58,8 @@ impl Reader<'_> {
         if model.roots.is_empty() && model.nodes.is_empty() {
             return Ok(());
         }
-        let leaf = |i: usize, left: usize| left == i;
-        self.check_trees(&Trees { nodes: &model.nodes, roots: &model.roots, binning: &model.binning, leaf: &leaf })
+        let trees = Trees { nodes: &model.nodes, roots: &model.roots, binning: &model.binning };
+        self.check_trees(&trees, &|i, left| left == i)
     }
 
     /// Numbers below `end`, each larger than the one before.
@@ -107,7 +108,7 @@ mod tests {
         assert!(refused(|m| m.nodes[0].left = 0).contains("node_left"));
         assert!(refused(|m| m.nodes[0].cut = 999).contains("node_cut"));
         assert!(refused(|m| m.nodes[0].feature = 99).contains("node_feature"));
-        assert!(refused(|m| m.answers[1] = f32::NAN).contains("answers"));
+        assert!(refused(|m| m.leaf_values[1] = f32::NAN).contains("answers"));
         assert!(refused(|m| m.present[2] = 3).contains("present"));
         assert!(refused(|m| m.start.push(0.0)).contains("start"));
         assert!(refused(|m| m.twins[0] = 77).contains("twins"));

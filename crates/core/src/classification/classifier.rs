@@ -102,12 +102,12 @@ pub enum Classifier {
     Bagging(Forest),
 }
 
-/// Calls the same method of whichever trees the classifier has.
-macro_rules! ask {
-    ($self:expr, $trees:ident => $answer:expr) => {
+/// Evaluates the same expression for the forest or the boosted trees of a classifier.
+macro_rules! with_trees {
+    ($self:expr, $trees:ident => $value:expr) => {
         match $self {
-            Self::Forest($trees) | Self::Bagging($trees) => $answer,
-            Self::Boosting($trees) => $answer,
+            Self::Forest($trees) | Self::Bagging($trees) => $value,
+            Self::Boosting($trees) => $value,
         }
     };
 }
@@ -155,27 +155,27 @@ impl Classifier {
 
     /// Number of classes.
     pub fn classes(&self) -> usize {
-        ask!(self, trees => trees.classes())
+        with_trees!(self, trees => trees.classes())
     }
 
     /// Number of features of a row.
     pub fn width(&self) -> usize {
-        ask!(self, trees => trees.width())
+        with_trees!(self, trees => trees.width())
     }
 
     /// Number of trees.
     pub fn trees(&self) -> usize {
-        ask!(self, trees => trees.trees())
+        with_trees!(self, trees => trees.trees())
     }
 
     /// Number of nodes of all trees, leaves included.
     pub fn nodes(&self) -> usize {
-        ask!(self, trees => trees.nodes())
+        with_trees!(self, trees => trees.nodes())
     }
 
     /// Share of each feature in the improvement by all splits; sums to 1, or all 0 if no tree has a split.
     pub fn importance(&self) -> &[f64] {
-        ask!(self, trees => trees.importance())
+        with_trees!(self, trees => trees.importance())
     }
 
     /// Removes the features that occur in no split; also returns the features kept. Predictions do not change.
@@ -201,7 +201,7 @@ impl Classifier {
     /// # Errors
     /// If a length does not fit.
     pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
-        ask!(self, trees => trees.predict_block(rows, scratch, out))
+        with_trees!(self, trees => trees.predict_block(rows, scratch, out))
     }
 
     /// As [`Classifier::predict_block`], in parallel over blocks.
@@ -209,7 +209,7 @@ impl Classifier {
     /// # Errors
     /// If a length does not fit.
     pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
-        ask!(self, trees => trees.predict_proba(rows, out))
+        with_trees!(self, trees => trees.predict_proba(rows, out))
     }
 
     /// The most probable class of every row; the smaller class in a tie.

@@ -1,11 +1,8 @@
-//! Forest and fingerprint as named arrays; every index is checked when they are read.
+//! Numbers, cut points, nodes and fingerprints as named arrays of a model file.
 
 use super::binning::Binning;
-use super::boosting_codec;
-pub(super) use super::check_trees::Trees;
-use super::classifier::{Classifier, ClassifierKind};
 use super::fingerprint::Fingerprint;
-use super::forest::{Descent, Forest, Node};
+use super::nodes::Node;
 use crate::error::{Error, Result};
 use safetensors::{Dtype, SafeTensors};
 use std::path::Path;
@@ -65,23 +62,6 @@ pub(super) fn node_arrays(nodes: &[Node], roots: &[u32]) -> Vec<Array> {
     ]
 }
 
-/// The arrays of a classifier.
-pub(crate) fn classifier_arrays(classifier: &Classifier) -> Vec<Array> {
-    match classifier {
-        Classifier::Forest(forest) | Classifier::Bagging(forest) => forest_arrays(forest),
-        Classifier::Boosting(trees) => boosting_codec::encode(trees),
-    }
-}
-
-/// The arrays of a forest.
-pub(super) fn forest_arrays(forest: &Forest) -> Vec<Array> {
-    let mut arrays = cut_arrays(&forest.binning);
-    arrays.extend(node_arrays(&forest.nodes, &forest.roots));
-    arrays.push(array("leaves", forest.leaves.iter().copied()));
-    arrays.push(array("importance", forest.importance.iter().copied()));
-    arrays
-}
-
 /// The arrays of a fingerprint.
 pub(crate) fn print_arrays(print: &Fingerprint) -> Vec<Array> {
     vec![
@@ -131,34 +111,6 @@ impl Reader<'_> {
         }
     }
 
-    /// The classifier of that kind, of `width` features and `classes` classes, every index checked.
-    pub(crate) fn classifier(&self, kind: ClassifierKind, width: usize, classes: usize) -> Result<Classifier> {
-        Ok(match kind {
-            ClassifierKind::Forest => Classifier::Forest(self.forest(width, classes)?),
-            ClassifierKind::Bagging => Classifier::Bagging(self.forest(width, classes)?),
-            ClassifierKind::Boosting => Classifier::Boosting(self.boosting(width, classes)?),
-        })
-    }
-
-    /// The forest of `width` features and `classes` classes, every index checked.
-    pub(super) fn forest(&self, width: usize, classes: usize) -> Result<Forest> {
-        let mut forest = Forest {
-            classes,
-            binning: self.binning(width)?,
-            nodes: self.nodes()?,
-            descent: Descent::default(),
-            roots: self.read("roots", None)?,
-            leaves: self.read("leaves", None)?,
-            importance: self.importance(width)?,
-        };
-        self.check_leaves(&forest)?;
-        let leaf = |_: usize, left: usize| left < forest.leaves.len() / classes;
-        let (nodes, roots, binning) = (&forest.nodes[..], &forest.roots[..], &forest.binning);
-        self.check_trees(&Trees { nodes, roots, binning, leaf: &leaf })?;
-        forest.prepare();
-        Ok(forest)
-    }
-
     /// The nodes of all trees; their indices are not checked.
     pub(super) fn nodes(&self) -> Result<Vec<Node>> {
         let left = self.read::<u32>("node_left", None)?;
@@ -199,20 +151,5 @@ impl Reader<'_> {
         }
         Binning::new(by_feature)
             .map_err(|e| self.wrong("cuts", e, "finite, strictly ascending, at most 65535 a feature"))
-    }
-
-    fn check_leaves(&self, forest: &Forest) -> Result<()> {
-        let rows = forest.leaves.chunks_exact(forest.classes);
-        if !rows.remainder().is_empty() || rows.len() < forest.classes {
-            return Err(self.wrong("leaves", forest.leaves.len(), format!("whole rows of {} classes", forest.classes)));
-        }
-        let fine =
-            |row: &[f32]| row.iter().all(|p| (0.0..=1.0).contains(p)) && (row.iter().sum::<f32>() - 1.0).abs() < 1e-3;
-        match rows.enumerate().find(|(_, row)| !fine(row)) {
-            Some((i, row)) => {
-                Err(self.wrong(&format!("leaves at row {i}"), format!("{row:?}"), "0 to 1, summing to 1"))
-            }
-            None => Ok(()),
-        }
     }
 }

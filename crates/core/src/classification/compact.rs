@@ -3,8 +3,8 @@
 //! A node takes 4 bytes and stores the offset to its children. Every index within a piece of a tree fits into 16 bits,
 //! and every index within a row of codes into 8, so that no bounds check is needed during the descent.
 
-use super::descend::Codes;
-use super::forest::{LEAF_CUT, Node};
+use super::nodes::{LEAF_CUT, Node, Trees};
+use super::quantise::{CodeBlock, ROW};
 use std::ops::Range;
 
 /// Largest number of nodes of a piece.
@@ -12,9 +12,6 @@ pub(super) const WINDOW: usize = 1 << 16;
 
 /// Flag: the number is not a row of probabilities but the piece in which the descent continues.
 const ONWARD: u32 = 1 << 31;
-
-/// Largest number of features of a row.
-pub(super) const WIDTH: usize = 256;
 
 /// Levels that a row descends before the next row is processed, so that the processor works on several rows at once.
 const LEVELS: usize = 3;
@@ -43,19 +40,19 @@ pub(super) struct Compact {
     /// Row of probabilities of every leaf whose number exceeds 254; [`ONWARD`] and the number of a piece where the
     /// descent continues in another piece; 0 elsewhere.
     rows: Vec<u32>,
-    trees: Vec<Pieces>,
+    trees: Vec<TreePieces>,
 }
 
 /// The ranges of a tree's pieces: the top, and those below it.
 #[derive(Clone, Debug, PartialEq)]
-struct Pieces {
+struct TreePieces {
     top: Range<usize>,
     lower: Vec<Range<usize>>,
 }
 
 /// Current node of each row of a block; reused from tree to tree.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Places {
+pub(super) struct CompactWalk {
     at: Vec<u16>,
     /// Rows that have not reached a leaf.
     moving: Vec<u16>,
@@ -87,9 +84,9 @@ impl<'a> Sized<'a> {
 
 impl Compact {
     /// Cuts trees of more than `most` nodes (up to [`WINDOW`]) into pieces. `None` if a row has too many features,
-    /// codes need more than 8 bits, or a tree has too many pieces. Children come after their parents.
-    pub(super) fn new(nodes: &[Node], roots: &[u32], (width, narrow): (usize, bool), most: usize) -> Option<Self> {
-        if width > WIDTH || !narrow {
+    /// codes need more than 8 bits, or a tree has too many pieces.
+    pub(super) fn new(Trees { nodes, roots, binning }: Trees<'_>, most: usize) -> Option<Self> {
+        if binning.width() > ROW || !binning.fits_u8() {
             return None;
         }
         let mut compact = Self { steps: Vec::new(), rows: Vec::new(), trees: Vec::new() };
@@ -99,9 +96,9 @@ impl Compact {
         for (&root, end) in roots.iter().zip(ends) {
             let tree = Sized::new(nodes.get(root as usize..end)?, root);
             let mut below = Vec::new();
-            let top = compact.piece(&tree, (0, if tree.nodes.len() > most { most } else { 0 }), &mut below);
-            let lower = below.into_iter().map(|node| compact.piece(&tree, (node, 0), &mut Vec::new())).collect();
-            compact.trees.push(Pieces { top, lower });
+            let top = compact.piece(&tree, 0, if tree.nodes.len() > most { most } else { 0 }, &mut below);
+            let lower = below.into_iter().map(|node| compact.piece(&tree, node, 0, &mut Vec::new())).collect();
+            compact.trees.push(TreePieces { top, lower });
         }
         let pieces = || compact.trees.iter().flat_map(|tree| tree.lower.iter().chain([&tree.top]));
         if pieces().any(|piece| piece.len() > WINDOW) {
@@ -113,7 +110,7 @@ impl Compact {
 
     /// Lays out the nodes from `start` down; subtrees of at most `cut` nodes are left out and appended to `below`. The
     /// children of a node are adjacent; the larger subtree, which more rows reach, follows immediately.
-    fn piece(&mut self, tree: &Sized<'_>, (start, cut): (usize, usize), below: &mut Vec<usize>) -> Range<usize> {
+    fn piece(&mut self, tree: &Sized<'_>, start: usize, cut: usize, below: &mut Vec<usize>) -> Range<usize> {
         let first = self.steps.len();
         self.steps.push(Step::default());
         let mut open = vec![(start, first)];
@@ -148,26 +145,26 @@ impl Compact {
     }
 
     /// Writes for every row of codes the row of probabilities that it reaches in a tree. `codes.by_row` ends with
-    /// [`WIDTH`] spare codes.
-    pub(super) fn walk(&self, tree: usize, codes: &Codes<u8>, places: &mut Places, leaves: &mut Vec<u32>) {
-        let Some(Pieces { top, lower }) = self.trees.get(tree) else { return };
+    /// [`ROW`] spare codes.
+    pub(super) fn walk(&self, tree: usize, codes: &CodeBlock<u8>, walk: &mut CompactWalk, leaves: &mut Vec<u32>) {
+        let Some(TreePieces { top, lower }) = self.trees.get(tree) else { return };
         let Some((steps, rows)) = self.open(top) else { return };
-        places.at.resize(codes.rows, 0);
+        walk.at.resize(codes.rows, 0);
         leaves.clear();
         for first in (0..codes.rows).step_by(TOGETHER) {
             let own = first..codes.rows.min(first + TOGETHER);
-            places.start(steps, codes, own.clone());
-            places.finish(steps, codes);
-            leaves.extend(places.at.get(own).unwrap_or_default().iter().map(|&at| leaf(steps, rows, at)));
+            walk.start(steps, codes, own.clone());
+            walk.finish(steps, codes);
+            leaves.extend(walk.at.get(own).unwrap_or_default().iter().map(|&at| leaf(steps, rows, at)));
         }
         if !lower.is_empty() {
-            self.go_on(lower, codes, places, leaves);
+            self.go_on(lower, codes, walk, leaves);
         }
     }
 
     /// Continues the descent in the lower pieces, for the rows that have reached the end of the top.
-    fn go_on(&self, lower: &[Range<usize>], codes: &Codes<u8>, places: &mut Places, leaves: &mut [u32]) {
-        let mut onward = std::mem::take(&mut places.onward);
+    fn go_on(&self, lower: &[Range<usize>], codes: &CodeBlock<u8>, walk: &mut CompactWalk, leaves: &mut [u32]) {
+        let mut onward = std::mem::take(&mut walk.onward);
         onward.resize_with(lower.len().max(onward.len()), Vec::new);
         onward.iter_mut().for_each(Vec::clear);
         for (row, &leaf) in leaves.iter().enumerate().filter(|(_, leaf)| **leaf & ONWARD != 0) {
@@ -177,12 +174,12 @@ impl Compact {
         }
         for (piece, own) in lower.iter().zip(&onward).filter(|(_, own)| !own.is_empty()) {
             let Some((steps, rows)) = self.open(piece) else { continue };
-            own.iter().for_each(|&row| places.at[usize::from(row)] = 0);
-            places.moving.extend_from_slice(own);
-            places.finish(steps, codes);
-            own.iter().map(|&row| usize::from(row)).for_each(|row| leaves[row] = leaf(steps, rows, places.at[row]));
+            own.iter().for_each(|&row| walk.at[usize::from(row)] = 0);
+            walk.moving.extend_from_slice(own);
+            walk.finish(steps, codes);
+            own.iter().map(|&row| usize::from(row)).for_each(|row| leaves[row] = leaf(steps, rows, walk.at[row]));
         }
-        places.onward = onward;
+        walk.onward = onward;
     }
 
     /// The nodes of a piece, including those beyond its end that may be read ahead, and its rows of probabilities.
@@ -208,9 +205,9 @@ fn warm(steps: &[Step]) {
     std::hint::black_box(sum);
 }
 
-impl Places {
+impl CompactWalk {
     /// Starts some rows at the root.
-    fn start(&mut self, steps: &[Step; WINDOW], codes: &Codes<u8>, rows: Range<usize>) {
+    fn start(&mut self, steps: &[Step; WINDOW], codes: &CodeBlock<u8>, rows: Range<usize>) {
         self.moving.resize(rows.len(), 0);
         let mut kept = 0usize;
         for row in rows {
@@ -225,7 +222,7 @@ impl Places {
     }
 
     /// Moves the rows until all have reached a leaf.
-    fn finish(&mut self, steps: &[Step; WINDOW], codes: &Codes<u8>) {
+    fn finish(&mut self, steps: &[Step; WINDOW], codes: &CodeBlock<u8>) {
         while !self.moving.is_empty() {
             let mut kept = 0usize;
             for i in 0..self.moving.len() {
@@ -244,12 +241,12 @@ impl Places {
 }
 
 #[inline(always)]
-fn row_of(codes: &Codes<u8>, row: usize) -> Option<&[u8; WIDTH]> {
+fn row_of(codes: &CodeBlock<u8>, row: usize) -> Option<&[u8; ROW]> {
     codes.by_row.get(row.wrapping_mul(codes.width)..).and_then(|codes| codes.first_chunk())
 }
 
 #[inline(always)]
-fn descend(steps: &[Step; WINDOW], mut at: u16, codes: &[u8; WIDTH]) -> u16 {
+fn descend(steps: &[Step; WINDOW], mut at: u16, codes: &[u8; ROW]) -> u16 {
     for _ in 0..LEVELS {
         let step = steps[usize::from(at)];
         let right = u16::from(codes[usize::from(step.feature)] > step.cut);
@@ -260,6 +257,7 @@ fn descend(steps: &[Step; WINDOW], mut at: u16, codes: &[u8; WIDTH]) -> u16 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::binning::Binning;
     use super::super::testing::blobs;
     use super::super::{Forest, ForestParams};
     use super::*;
@@ -270,13 +268,16 @@ mod tests {
         let data = blobs(4000, 9, 300, 0.0);
         let params = ForestParams { trees: 3, ..ForestParams::default() };
         let forest = Forest::fit(&data.samples(), &params, &Monitor::default()).unwrap();
-        let mut codes = Codes::default();
+        let trees = Trees { nodes: &forest.nodes, roots: &forest.roots, binning: &forest.binning };
+        let wide = Binning::new(vec![Vec::new(); 300]).unwrap();
+        let fine = Binning::new(vec![(0..300).map(|cut| cut as f32).collect(); 9]).unwrap();
+        let mut codes = CodeBlock::default();
         forest.binning.bin_rows(&data.features, &mut codes);
-        let (mut places, mut leaves) = (Places::default(), Vec::new());
+        let (mut walk, mut leaves) = (CompactWalk::default(), Vec::new());
         for most in [WINDOW, 1000, 50, 3] {
-            let compact = Compact::new(&forest.nodes, &forest.roots, (9, true), most).unwrap();
+            let compact = Compact::new(trees, most).unwrap();
             for (tree, &root) in forest.roots.iter().enumerate() {
-                compact.walk(tree, &codes, &mut places, &mut leaves);
+                compact.walk(tree, &codes, &mut walk, &mut leaves);
                 for (row, &leaf) in leaves.iter().enumerate() {
                     let wanted = forest.leaf_of(root, |f| u16::from(codes.by_row[row * 9 + f]));
                     assert_eq!(&forest.leaves[leaf as usize * 300..][..300], wanted, "{row}, {most}");
@@ -285,7 +286,7 @@ mod tests {
             assert!(compact.rows.iter().any(|&r| r > 255) && compact.trees() == 3);
             assert!(compact.trees.iter().all(|tree| tree.lower.is_empty() == (most == WINDOW)));
         }
-        assert!(Compact::new(&forest.nodes, &forest.roots, (300, true), WINDOW).is_none());
-        assert!(Compact::new(&forest.nodes, &forest.roots, (9, false), WINDOW).is_none());
+        assert!(Compact::new(Trees { binning: &wide, ..trees }, WINDOW).is_none());
+        assert!(Compact::new(Trees { binning: &fine, ..trees }, WINDOW).is_none());
     }
 }

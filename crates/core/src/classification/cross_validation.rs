@@ -44,7 +44,7 @@ pub fn stratified_folds(labels: &[u16], folds: usize, seed: u64) -> Result<Vec<u
     stream(seed, 0).shuffle(&mut order);
     order.sort_by_key(|&i| labels[i as usize]);
     let mut fold = vec![0; labels.len()];
-    order.iter().enumerate().for_each(|(place, &i)| fold[i as usize] = (place % folds) as u32);
+    order.iter().enumerate().for_each(|(rank, &i)| fold[i as usize] = (rank % folds) as u32);
     Ok(fold)
 }
 
@@ -91,7 +91,8 @@ pub fn cross_validate(
     if present.len() < 2 {
         return Err(Error::input("cross-validation needs samples in at least two folds"));
     }
-    present.into_iter().map(|fold| hold_out(samples, params, (folds, fold), monitor)).collect()
+    let held_out = HeldOut { samples, params, folds, monitor };
+    present.into_iter().map(|fold| held_out.score(fold)).collect()
 }
 
 /// Cross-validates every parameter set of a grid on the same folds; returns scores in the order of the grid.
@@ -113,24 +114,31 @@ pub fn grid_search(
     grid.iter().enumerate().map(score).collect()
 }
 
-/// Trains without one fold (its weights are 0) and evaluates on it.
-fn hold_out(
-    samples: &Samples<'_>,
-    params: &ClassifierParams,
-    (folds, fold): (&[u32], u32),
-    monitor: &Monitor,
-) -> Result<FoldScore> {
-    let weight = |i: usize| if folds[i] == fold { 0.0 } else { samples.weight(i) as f32 };
-    let weights: Vec<f32> = (0..samples.len()).map(weight).collect();
-    let classifier = Classifier::fit(&Samples { weights: Some(&weights), ..*samples }, params, monitor)?;
-    let held: Vec<usize> = (0..samples.len()).filter(|&i| folds[i] == fold && samples.weight(i) > 0.0).collect();
-    let rows: Vec<f32> = held.iter().flat_map(|&i| samples.row(i)).copied().collect();
-    let mut confusion = vec![0u64; samples.classes * samples.classes];
-    for (&i, named) in held.iter().zip(classifier.predict(&rows)?) {
-        confusion[usize::from(samples.labels[i]) * samples.classes + usize::from(named)] += 1;
+/// Samples and their folds, of which one is held out at a time.
+struct HeldOut<'a> {
+    samples: &'a Samples<'a>,
+    params: &'a ClassifierParams,
+    /// Fold of every sample.
+    folds: &'a [u32],
+    monitor: &'a Monitor,
+}
+
+impl HeldOut<'_> {
+    /// Trains without one fold (its weights are 0) and evaluates on it.
+    fn score(&self, fold: u32) -> Result<FoldScore> {
+        let Self { samples, params, folds, monitor } = *self;
+        let weight = |i: usize| if folds[i] == fold { 0.0 } else { samples.weight(i) as f32 };
+        let weights: Vec<f32> = (0..samples.len()).map(weight).collect();
+        let classifier = Classifier::fit(&Samples { weights: Some(&weights), ..*samples }, params, monitor)?;
+        let held: Vec<usize> = (0..samples.len()).filter(|&i| folds[i] == fold && samples.weight(i) > 0.0).collect();
+        let rows: Vec<f32> = held.iter().flat_map(|&i| samples.row(i)).copied().collect();
+        let mut confusion = vec![0u64; samples.classes * samples.classes];
+        for (&i, named) in held.iter().zip(classifier.predict(&rows)?) {
+            confusion[usize::from(samples.labels[i]) * samples.classes + usize::from(named)] += 1;
+        }
+        let (accuracy, mean_f1) = scores(&confusion, samples.classes);
+        Ok(FoldScore { fold, accuracy, mean_f1, confusion })
     }
-    let (accuracy, mean_f1) = scores(&confusion, samples.classes);
-    Ok(FoldScore { fold, accuracy, mean_f1, confusion })
 }
 
 fn scores(confusion: &[u64], classes: usize) -> (f64, f64) {

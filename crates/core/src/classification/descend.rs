@@ -1,19 +1,10 @@
 //! Descent of a block of rows through a tree of any size.
 
-use super::forest::{LEAF_CUT, Node};
+use super::nodes::{LEAF_CUT, Node};
+use super::quantise::CodeBlock;
 
 /// Levels that a row descends before the next row is processed, so that the processor works on several rows at once.
 const LEVELS: usize = 4;
-
-/// The codes of a block of at most 65,536 rows: by row, or in tiles of [`TILE`](super::quantise::TILE) rows,
-/// column-major within a tile.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Codes<C> {
-    pub(super) by_tile: Vec<C>,
-    pub(super) by_row: Vec<C>,
-    pub(super) rows: usize,
-    pub(super) width: usize,
-}
 
 /// Current node of each row of a block; reused from tree to tree.
 #[derive(Clone, Debug, Default)]
@@ -27,7 +18,7 @@ pub(super) struct Walk {
 impl Walk {
     /// Moves all rows of `codes.by_row` from `root` to their leaves, which `at` holds afterwards. A leaf has its own
     /// index in `left`.
-    pub(super) fn tree<C: Copy + Default + Into<u16>>(&mut self, nodes: &[Node], root: u32, codes: &Codes<C>) {
+    pub(super) fn tree<C: Copy + Default + Into<u16>>(&mut self, nodes: &[Node], root: u32, codes: &CodeBlock<C>) {
         self.at.clear();
         self.at.resize(codes.rows, root);
         self.moving.clear();

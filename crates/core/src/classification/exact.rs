@@ -1,9 +1,9 @@
 //! Ranks among the distinct raw values: the slow reference for the histogram splitter.
 
 use super::binning::middle;
-use super::grow::Columns;
-use super::impurity::{Entry, Search, Weight};
+use super::impurity::{BestSplit, Entry, SplitSearch, Weight};
 use super::samples::Samples;
+use super::splitter::{CodeTable, Scan};
 use rayon::prelude::*;
 
 /// Rank of every value among the distinct values of its feature; missing values come first.
@@ -30,7 +30,7 @@ impl Ranks {
     }
 }
 
-impl Columns for Ranks {
+impl CodeTable for Ranks {
     type Code = u32;
 
     fn width(&self) -> usize {
@@ -45,8 +45,9 @@ impl Columns for Ranks {
         None
     }
 
-    fn threshold(&self, feature: usize, gap: (u32, u32), draw: Option<f64>) -> (u32, f32) {
-        let (a, b) = (self.distinct[feature][gap.0 as usize], self.distinct[feature][gap.1 as usize]);
+    fn threshold(&self, split: &BestSplit<u32>, draw: Option<f64>) -> (u32, f32) {
+        let distinct = &self.distinct[split.feature];
+        let (a, b) = (distinct[split.low as usize], distinct[split.high as usize]);
         let drawn = |u: f64| (f64::from(a) + u * (f64::from(b) - f64::from(a))) as f32;
         let threshold = match draw {
             _ if a.is_infinite() => f32::MIN,
@@ -60,7 +61,7 @@ impl Columns for Ranks {
             }
         };
         // The threshold may lie above other values of the feature that do not occur in this node.
-        let cut = self.distinct[feature].partition_point(|&d| d <= threshold).saturating_sub(1);
+        let cut = distinct.partition_point(|&d| d <= threshold).saturating_sub(1);
         (cut as u32, threshold)
     }
 }
@@ -75,8 +76,10 @@ impl<W: Weight> Sorter<W> {
     pub(super) fn new(classes: usize) -> Self {
         Self { order: Vec::new(), weights: vec![W::default(); classes] }
     }
+}
 
-    pub(super) fn scan(&mut self, column: &[u32], entries: &[Entry<W>], search: &mut Search<u32>) {
+impl<W: Weight> Scan<u32, W> for Sorter<W> {
+    fn scan(&mut self, column: &[u32], entries: &[Entry<W>], search: &mut SplitSearch<u32>) {
         self.order.clear();
         self.order.extend(entries.iter().enumerate().map(|(i, e)| (column[e.row as usize], i as u32)));
         self.order.sort_unstable();

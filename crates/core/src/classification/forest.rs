@@ -2,20 +2,9 @@
 
 use super::binning::Binning;
 use super::compact::{Compact, WINDOW};
-use super::grow::{LEAF, Tree};
+use super::grow::{ThresholdSplit, Tree};
+use super::nodes::{GrownNode, LEAF_CUT, Node, Trees};
 use crate::error::{Error, Result};
-
-/// One node in 8 bytes. Samples with a code above `cut` go to `left + 1`, others to `left`; a leaf has `cut` 65535, and
-/// `left` is its row of probabilities.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Node {
-    pub(crate) left: u32,
-    pub(crate) feature: u16,
-    pub(crate) cut: u16,
-}
-
-/// Cut of a leaf.
-pub(super) const LEAF_CUT: u16 = u16::MAX;
 
 /// The trees in the layout that [`Forest::predict_block`] uses.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,10 +85,10 @@ impl Forest {
         if used.is_empty() {
             used.push(0);
         }
-        let mut place = vec![0u16; self.width()];
-        used.iter().enumerate().for_each(|(new, &old)| place[old] = new as u16);
+        let mut position = vec![0u16; self.width()];
+        used.iter().enumerate().for_each(|(new, &old)| position[old] = new as u16);
         for node in self.nodes.iter_mut().filter(|n| n.cut != LEAF_CUT) {
-            node.feature = place[usize::from(node.feature)];
+            node.feature = position[usize::from(node.feature)];
         }
         self.binning = self.binning.select(&used);
         self.importance = used.iter().map(|&f| self.importance[f]).collect();
@@ -130,12 +119,12 @@ impl Forest {
 
     /// Builds the layout for prediction; to be called when nodes or features have changed.
     pub(super) fn prepare(&mut self) {
-        let shape = (self.width(), self.binning.fits_u8());
+        let trees = Trees { nodes: &self.nodes, roots: &self.roots, binning: &self.binning };
         let own = |(i, node): (usize, &Node)| match node.cut {
             LEAF_CUT => Node { left: i as u32, ..*node },
             _ => *node,
         };
-        self.descent = match Compact::new(&self.nodes, &self.roots, shape, WINDOW) {
+        self.descent = match Compact::new(trees, WINDOW) {
             Some(trees) => Descent::Compact(trees),
             None => Descent::Large(self.nodes.iter().enumerate().map(own).collect()),
         };
@@ -146,12 +135,12 @@ impl Forest {
         let own_rows = (self.leaves.len() / self.classes - self.classes) as u32;
         self.roots.push(first);
         for node in &tree.nodes {
-            self.nodes.push(match node.feature {
-                LEAF if (node.left as usize) < self.classes => Node { left: node.left, feature: 0, cut: LEAF_CUT },
-                LEAF => Node { left: node.left + own_rows, feature: 0, cut: LEAF_CUT },
-                feature => {
-                    let cut = self.binning.cuts(usize::from(feature)).partition_point(|&t| t < node.threshold);
-                    Node { left: node.left + first, feature, cut: cut as u16 }
+            self.nodes.push(match *node {
+                GrownNode::Leaf(row) if (row as usize) < self.classes => Node { left: row, feature: 0, cut: LEAF_CUT },
+                GrownNode::Leaf(row) => Node { left: row + own_rows, feature: 0, cut: LEAF_CUT },
+                GrownNode::Split(ThresholdSplit { feature, threshold }, left) => {
+                    let cut = self.binning.cuts(usize::from(feature)).partition_point(|&t| t < threshold);
+                    Node { left: left + first, feature, cut: cut as u16 }
                 }
             });
         }
@@ -165,8 +154,10 @@ fn one_hot(classes: usize) -> Vec<f32> {
 
 fn thresholds(trees: &[Tree], width: usize) -> Result<Binning> {
     let mut cuts = vec![Vec::new(); width];
-    for node in trees.iter().flat_map(|t| &t.nodes).filter(|n| n.feature != LEAF) {
-        cuts[usize::from(node.feature)].push(node.threshold);
+    for node in trees.iter().flat_map(|t| &t.nodes) {
+        if let GrownNode::Split(split, _) = node {
+            cuts[usize::from(split.feature)].push(split.threshold);
+        }
     }
     for cuts in &mut cuts {
         cuts.sort_unstable_by(f32::total_cmp);

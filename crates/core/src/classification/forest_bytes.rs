@@ -2,8 +2,9 @@
 
 use super::boosting::Boosting;
 use super::boosting_codec;
-use super::codec::{Array, Reader, forest_arrays, malformed};
+use super::codec::{Array, Reader, malformed};
 use super::forest::Forest;
+use super::forest_codec;
 use crate::error::{Error, Result};
 use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;
@@ -13,13 +14,20 @@ use std::path::Path;
 const FOREST: &str = "scansion forest";
 const BOOSTING: &str = "scansion boosting";
 
+/// Numbers of features and classes, which the arrays alone do not tell.
+#[derive(Clone, Copy)]
+struct Shape {
+    width: usize,
+    classes: usize,
+}
+
 impl Forest {
     /// The forest as safetensors; the same forest gives the same bytes. Use [`Model`](super::Model) for files to keep.
     ///
     /// # Errors
     /// If the encoder fails, which no valid forest is known to cause.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        write(&forest_arrays(self), FOREST, (self.width(), self.classes()))
+        write(&forest_codec::encode(self), FOREST, Shape { width: self.width(), classes: self.classes() })
     }
 
     /// Reads what [`Forest::to_bytes`] wrote; every index is checked.
@@ -27,7 +35,7 @@ impl Forest {
     /// # Errors
     /// [`Error::Malformed`] naming the field.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let (reader, (width, classes)) = read(bytes, FOREST)?;
+        let (reader, Shape { width, classes }) = read(bytes, FOREST)?;
         reader.forest(width, classes)
     }
 }
@@ -38,7 +46,7 @@ impl Boosting {
     /// # Errors
     /// If the encoder fails, which no valid model is known to cause.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        write(&boosting_codec::encode(self), BOOSTING, (self.width(), self.classes()))
+        write(&boosting_codec::encode(self), BOOSTING, Shape { width: self.width(), classes: self.classes() })
     }
 
     /// Reads what [`Boosting::to_bytes`] wrote; every index is checked.
@@ -46,12 +54,12 @@ impl Boosting {
     /// # Errors
     /// [`Error::Malformed`] naming the field.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let (reader, (width, classes)) = read(bytes, BOOSTING)?;
+        let (reader, Shape { width, classes }) = read(bytes, BOOSTING)?;
         reader.boosting(width, classes)
     }
 }
 
-fn write(arrays: &[Array], key: &str, (width, classes): (usize, usize)) -> Result<Vec<u8>> {
+fn write(arrays: &[Array], key: &str, Shape { width, classes }: Shape) -> Result<Vec<u8>> {
     let refused = |e: &dyn std::fmt::Display| Error::input(format!("classifier cannot be written: {e}"));
     let views = arrays.iter().map(|(name, dtype, len, bytes)| {
         TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
@@ -60,7 +68,7 @@ fn write(arrays: &[Array], key: &str, (width, classes): (usize, usize)) -> Resul
     safetensors::serialize(views.collect::<Result<Vec<_>>>()?, metadata).map_err(|e| refused(&e))
 }
 
-fn read<'a>(bytes: &'a [u8], key: &str) -> Result<(Reader<'a>, (usize, usize))> {
+fn read<'a>(bytes: &'a [u8], key: &str) -> Result<(Reader<'a>, Shape)> {
     let path = Path::new("classifier in memory");
     let wrong = |e: &dyn std::fmt::Display| malformed(path, "header", e, format!("the header of a {key}"));
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| wrong(&e))?;
@@ -70,7 +78,7 @@ fn read<'a>(bytes: &'a [u8], key: &str) -> Result<(Reader<'a>, (usize, usize))> 
         return Err(wrong(shape));
     };
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| wrong(&e))?;
-    Ok((Reader { path, tensors }, (width, classes)))
+    Ok((Reader { path, tensors }, Shape { width, classes }))
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Grows one tree: nodes are split depth-first, and their samples are partitioned stably in place.
 
-use super::exact::Sorter;
-use super::histogram::{Histogram, draw};
-use super::impurity::{Best, Entry, Search, Weight};
-use super::params::ForestParams;
+use super::impurity::{BestSplit, Entry, SplitSearch, Weight};
+use super::nodes::GrownNode;
+use super::params::{ForestParams, Trainer};
+use super::splitter::{CodeTable, Scan};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::random::Stream;
@@ -11,50 +11,17 @@ use crate::random::Stream;
 /// Nodes of at most this many samples are copied into a small table that fits into the cache.
 const LOCAL: usize = 4096;
 
-/// Feature number that marks a leaf.
-pub(super) const LEAF: u16 = u16::MAX;
-
-/// The samples' codes, feature-major: `columns()[f * samples + i]`.
-pub(super) trait Columns: Sync {
-    type Code: Copy + Default + Ord + Send;
-    fn width(&self) -> usize;
-    fn columns(&self) -> &[Self::Code];
-    /// Codes of one sample, if they are kept by row too.
-    fn row(&self, row: usize) -> Option<&[Self::Code]>;
-    /// The code and the value above which samples go right, between the two codes of `gap`; `draw` is the position in
-    /// the gap.
-    fn threshold(&self, feature: usize, gap: (Self::Code, Self::Code), draw: Option<f64>) -> (Self::Code, f32);
-}
-
-/// Passes the groups of equal codes of one column to the search, in ascending order.
-pub(super) trait Scan<C, W> {
-    fn scan(&mut self, column: &[C], entries: &[Entry<W>], search: &mut Search<C>);
-}
-
-impl<W: Weight> Scan<u8, W> for Histogram<W> {
-    fn scan(&mut self, column: &[u8], entries: &[Entry<W>], search: &mut Search<u8>) {
-        Self::scan(self, column, entries, search);
-    }
-}
-
-impl<W: Weight> Scan<u32, W> for Sorter<W> {
-    fn scan(&mut self, column: &[u32], entries: &[Entry<W>], search: &mut Search<u32>) {
-        Self::scan(self, column, entries, search);
-    }
-}
-
-/// A node: samples with value > threshold go to `left + 1`; for a leaf, `left` is its row of probabilities.
+/// A split of a forest: samples with value > threshold go right.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Grown {
+pub(super) struct ThresholdSplit {
     pub(super) feature: u16,
     pub(super) threshold: f32,
-    pub(super) left: u32,
 }
 
-/// One trained tree. Leaf rows `0..classes` stand for pure leaves; `leaves` holds the rows from `classes` on.
+/// One trained tree; the number of a leaf is its row of probabilities. Leaf rows `0..classes` stand for pure leaves; `leaves` holds the rows from `classes` on.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
-    pub(super) nodes: Vec<Grown>,
+    pub(super) nodes: Vec<GrownNode<ThresholdSplit>>,
     pub(super) leaves: Vec<f32>,
     /// Decrease of impurity x weight by every feature.
     pub(super) importance: Vec<f64>,
@@ -71,45 +38,50 @@ struct Task {
 
 /// Codes of the current samples, feature-major.
 #[derive(Clone, Copy)]
-struct Table<'a, C> {
+struct NodeTable<'a, C> {
     codes: &'a [C],
     stride: usize,
     local: bool,
 }
 
-impl<'a, C> Table<'a, C> {
+impl<'a, C> NodeTable<'a, C> {
     fn column(&self, feature: usize) -> &'a [C] {
         &self.codes[feature * self.stride..(feature + 1) * self.stride]
     }
 }
 
-/// Everything that growing a tree needs.
-pub(super) struct Grower<'a, D: Columns, S, W> {
+/// What the trees of a forest have in common.
+pub(super) struct TreeParams<'a, D> {
+    pub(super) columns: &'a D,
+    pub(super) params: &'a ForestParams,
+    /// Number of classes.
+    pub(super) classes: usize,
+    pub(super) monitor: &'a Monitor,
+}
+
+/// A tree that is being grown.
+pub(super) struct Grower<'a, D: CodeTable, S, W> {
     columns: &'a D,
     params: &'a ForestParams,
     monitor: &'a Monitor,
     random: Stream,
     scan: S,
-    search: Search<D::Code>,
+    search: SplitSearch<D::Code>,
     order: Vec<u16>,
     buffer: Vec<Entry<W>>,
     tree: Tree,
 }
 
-impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
-    pub(super) fn new(
-        columns: &'a D,
-        params: &'a ForestParams,
-        monitor: &'a Monitor,
-        (classes, scan, random): (usize, S, Stream),
-    ) -> Self {
+impl<'a, D: CodeTable, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
+    pub(super) fn new(of: TreeParams<'a, D>, scan: S, random: Stream) -> Self {
+        let TreeParams { columns, params, classes, monitor } = of;
         Self {
             columns,
             params,
             monitor,
             random,
             scan,
-            search: Search::new(classes, params.criterion, params.min_samples_leaf),
+            search: SplitSearch::new(classes, params.criterion, params.min_samples_leaf),
             order: (0..columns.width() as u16).collect(),
             buffer: Vec::new(),
             tree: Tree { importance: vec![0.0; columns.width()], ..Tree::default() },
@@ -119,8 +91,8 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
     /// Grows the tree on these samples (at least one; `row` is an index into the columns).
     pub(super) fn grow(mut self, mut entries: Vec<Entry<W>>) -> Result<Tree> {
         let codes = self.columns.columns();
-        let table = Table { codes, stride: codes.len() / self.columns.width(), local: false };
-        self.tree.nodes.push(Grown { feature: LEAF, threshold: 0.0, left: 0 });
+        let table = NodeTable { codes, stride: codes.len() / self.columns.width(), local: false };
+        self.tree.nodes.push(GrownNode::Leaf(0));
         let all = entries.len();
         let weight: f64 = entries.iter().map(|e| e.weight.get()).sum();
         self.search.min_weight = self.params.min_weight_leaf * weight;
@@ -128,7 +100,7 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
         Ok(self.tree)
     }
 
-    fn subtree(&mut self, table: Table<'_, D::Code>, entries: &mut [Entry<W>], top: Task) -> Result<()> {
+    fn subtree(&mut self, table: NodeTable<'_, D::Code>, entries: &mut [Entry<W>], top: Task) -> Result<()> {
         let mut stack = vec![top];
         while let Some(task) = stack.pop() {
             self.monitor.check()?;
@@ -142,7 +114,7 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
                 match self.best(table, here)? {
                     None => self.leaf(task.node),
                     Some(best) => {
-                        let left = self.split(table, here, (task.node, best));
+                        let left = self.split(table, here, task.node, best);
                         let (first, middle) = (self.tree.nodes.len() - 2, task.begin + left);
                         stack.push(Task { node: first + 1, begin: middle, depth: task.depth + 1, ..task });
                         stack.push(Task { node: first, end: middle, depth: task.depth + 1, ..task });
@@ -168,12 +140,12 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
             codes[i..].iter_mut().step_by(count).zip(row).for_each(|(to, &code)| *to = code);
             entry.row = i as u32;
         }
-        let table = Table { codes: &codes, stride: count, local: true };
+        let table = NodeTable { codes: &codes, stride: count, local: true };
         self.subtree(table, entries, Task { begin: 0, end: count, ..task })
     }
 
     /// Tries features in random order: `max_features` of them, and more until one is not constant.
-    fn best(&mut self, table: Table<'_, D::Code>, entries: &[Entry<W>]) -> Result<Option<Best<D::Code>>> {
+    fn best(&mut self, table: NodeTable<'_, D::Code>, entries: &[Entry<W>]) -> Result<Option<BestSplit<D::Code>>> {
         let width = self.order.len();
         let wanted = self.params.max_features.resolve(width);
         let mut varied = false;
@@ -194,17 +166,17 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
     /// Writes the node, appends its children and partitions the samples; returns the number that go left.
     fn split(
         &mut self,
-        table: Table<'_, D::Code>,
+        table: NodeTable<'_, D::Code>,
         entries: &mut [Entry<W>],
-        (node, best): (usize, Best<D::Code>),
+        node: usize,
+        best: BestSplit<D::Code>,
     ) -> usize {
         let draw = draw(self.params.trainer, &mut self.random);
-        let (cut, threshold) = self.columns.threshold(best.feature, (best.low, best.high), draw);
+        let (cut, threshold) = self.columns.threshold(&best, draw);
         self.tree.importance[best.feature] += (best.score - self.search.parent_score()).max(0.0);
         let left = self.tree.nodes.len() as u32;
-        self.tree.nodes[node] = Grown { feature: best.feature as u16, threshold, left };
-        let empty = Grown { feature: LEAF, threshold: 0.0, left: 0 };
-        self.tree.nodes.extend([empty, empty]);
+        self.tree.nodes[node] = GrownNode::Split(ThresholdSplit { feature: best.feature as u16, threshold }, left);
+        self.tree.nodes.extend([GrownNode::Leaf(0); 2]);
         partition(table.column(best.feature), cut, entries, &mut self.buffer)
     }
 
@@ -216,7 +188,15 @@ impl<'a, D: Columns, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
             self.tree.leaves.extend(totals.iter().map(|t| (t / sum) as f32));
             row
         });
-        self.tree.nodes[node] = Grown { feature: LEAF, threshold: 0.0, left: row as u32 };
+        self.tree.nodes[node] = GrownNode::Leaf(row as u32);
+    }
+}
+
+/// A random number in [0, 1) if the trainer draws thresholds at random.
+fn draw(trainer: Trainer, random: &mut Stream) -> Option<f64> {
+    match trainer {
+        Trainer::Breiman => None,
+        Trainer::Ethz => Some(random.uniform()),
     }
 }
 

@@ -1,10 +1,9 @@
 //! Columns of quantised features, and the split search by histograms.
 
 use super::binning::Binning;
-use super::grow::Columns;
-use super::impurity::{Entry, Search, Weight};
-use super::params::Trainer;
+use super::impurity::{BestSplit, Entry, SplitSearch, Weight};
 use super::samples::Samples;
+use super::splitter::{CodeTable, Scan};
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -12,13 +11,13 @@ use rayon::prelude::*;
 const BLOCK: usize = 4096;
 
 /// The samples' codes twice: by feature for large nodes, by row for copies of small ones.
-pub(super) struct Codes {
+pub(super) struct QuantisedSamples {
     binning: Binning,
     rows: Vec<u8>,
     columns: Vec<u8>,
 }
 
-impl Codes {
+impl QuantisedSamples {
     pub(super) fn new(samples: &Samples<'_>, binning: Binning) -> Result<Self> {
         let mut rows = vec![0u8; samples.features.len()];
         rows.par_chunks_mut(BLOCK * samples.width)
@@ -32,7 +31,7 @@ impl Codes {
     }
 }
 
-impl Columns for Codes {
+impl CodeTable for QuantisedSamples {
     type Code = u8;
 
     fn width(&self) -> usize {
@@ -48,13 +47,13 @@ impl Columns for Codes {
         self.rows.get(row * width..(row + 1) * width)
     }
 
-    fn threshold(&self, feature: usize, gap: (u8, u8), draw: Option<f64>) -> (u8, f32) {
-        let (low, high) = (usize::from(gap.0), usize::from(gap.1));
+    fn threshold(&self, split: &BestSplit<u8>, draw: Option<f64>) -> (u8, f32) {
+        let (low, high) = (usize::from(split.low), usize::from(split.high));
         let cut = match draw {
             None => (low + high - 1) / 2,
             Some(u) => low + (u * (high - low) as f64) as usize,
         };
-        (cut as u8, self.binning.cuts(feature)[cut])
+        (cut as u8, self.binning.cuts(split.feature)[cut])
     }
 }
 
@@ -70,9 +69,10 @@ impl<W: Weight> Histogram<W> {
     pub(super) fn new(classes: usize) -> Self {
         Self { classes, weights: vec![W::default(); 256 * classes], rows: [0; 256], occupied: [0; 4] }
     }
+}
 
-    /// Passes the groups of equal codes to the search.
-    pub(super) fn scan(&mut self, column: &[u8], entries: &[Entry<W>], search: &mut Search<u8>) {
+impl<W: Weight> Scan<u8, W> for Histogram<W> {
+    fn scan(&mut self, column: &[u8], entries: &[Entry<W>], search: &mut SplitSearch<u8>) {
         for entry in entries {
             let code = usize::from(column[entry.row as usize]);
             self.weights[code.wrapping_mul(self.classes).wrapping_add(entry.class as usize)] += entry.weight;
@@ -90,13 +90,5 @@ impl<W: Weight> Histogram<W> {
                 self.rows[code] = 0;
             }
         }
-    }
-}
-
-/// A random number in [0, 1) if the trainer draws thresholds at random.
-pub(super) fn draw(trainer: Trainer, random: &mut crate::random::Stream) -> Option<f64> {
-    match trainer {
-        Trainer::Breiman => None,
-        Trainer::Ethz => Some(random.uniform()),
     }
 }

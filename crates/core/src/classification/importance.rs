@@ -4,7 +4,7 @@ use super::forest::Forest;
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
-use crate::random::stream;
+use crate::random::{Stream, stream};
 
 /// Loss of accuracy caused by shuffling one feature, over the repeats.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -13,6 +13,21 @@ pub struct Importance {
     pub mean: f64,
     /// Standard deviation over the repeats (divided by their number).
     pub deviation: f64,
+}
+
+/// Parameters of [`permutation_importance`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PermutationParams {
+    /// Number of shuffles of each feature, 1 or more. More: less random, in proportion slower.
+    pub repeats: usize,
+    /// Seed of the shuffles.
+    pub seed: u64,
+}
+
+impl Default for PermutationParams {
+    fn default() -> Self {
+        Self { repeats: 5, seed: 0 }
+    }
 }
 
 /// Permutation importance of every feature on these samples, which are best held out from training.
@@ -25,9 +40,10 @@ pub struct Importance {
 pub fn permutation_importance(
     forest: &Forest,
     samples: &Samples<'_>,
-    (repeats, seed): (usize, u64),
+    params: PermutationParams,
     monitor: &Monitor,
 ) -> Result<Vec<Importance>> {
+    let PermutationParams { repeats, seed } = params;
     samples.check()?;
     if samples.width != forest.width() || samples.classes != forest.classes() {
         return Err(Error::ModelMismatch(format!(
@@ -48,7 +64,7 @@ pub fn permutation_importance(
         let loss = |r: usize| {
             monitor.check()?;
             let index = (used[u] * repeats + r) as u64;
-            Ok(whole - accuracy(forest, samples, &shuffled(samples, used[u], (seed, index)))?)
+            Ok(whole - accuracy(forest, samples, &shuffled(samples, used[u], stream(seed, index)))?)
         };
         let losses = (0..repeats).map(loss).collect::<Result<Vec<f64>>>()?;
         monitor.advance(1);
@@ -59,9 +75,9 @@ pub fn permutation_importance(
     Ok(all)
 }
 
-fn shuffled(samples: &Samples<'_>, feature: usize, (seed, index): (u64, u64)) -> Vec<f32> {
+fn shuffled(samples: &Samples<'_>, feature: usize, mut random: Stream) -> Vec<f32> {
     let mut column: Vec<f32> = samples.features[feature..].iter().step_by(samples.width).copied().collect();
-    stream(seed, index).shuffle(&mut column);
+    random.shuffle(&mut column);
     let mut features = samples.features.to_vec();
     features[feature..].iter_mut().step_by(samples.width).zip(column).for_each(|(to, value)| *to = value);
     features
@@ -95,8 +111,22 @@ mod tests {
         let mut data = blobs(1500, 3, 2, 0.0);
         data.labels = data.features.chunks(3).map(|row| u16::from(row[2] > 0.3)).collect();
         let forest = Forest::fit(&data.samples(), &ForestParams::default(), &Monitor::default()).unwrap();
-        let importance = permutation_importance(&forest, &data.samples(), (3, 7), &Monitor::default()).unwrap();
+        let importance = permutation_importance(
+            &forest,
+            &data.samples(),
+            PermutationParams { repeats: 3, seed: 7 },
+            &Monitor::default(),
+        )
+        .unwrap();
         assert!(importance[2].mean > 0.2 && importance[0].mean < 0.1 && importance[1].mean < 0.1, "{importance:?}");
-        assert!(permutation_importance(&forest, &data.samples(), (0, 7), &Monitor::default()).is_err());
+        assert!(
+            permutation_importance(
+                &forest,
+                &data.samples(),
+                PermutationParams { repeats: 0, seed: 7 },
+                &Monitor::default()
+            )
+            .is_err()
+        );
     }
 }

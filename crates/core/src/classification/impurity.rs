@@ -34,7 +34,7 @@ pub(super) struct Entry<W> {
 
 /// The best candidate so far: codes up to `low` go left, codes from `high` up go right; no code lies between.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Best<C> {
+pub(super) struct BestSplit<C> {
     pub(super) feature: usize,
     pub(super) low: C,
     pub(super) high: C,
@@ -42,7 +42,7 @@ pub(super) struct Best<C> {
 }
 
 /// Search over the candidates of one node.
-pub(super) struct Search<C> {
+pub(super) struct SplitSearch<C> {
     criterion: Criterion,
     min_leaf: usize,
     /// Least weight of a child.
@@ -56,10 +56,10 @@ pub(super) struct Search<C> {
     feature: usize,
     previous: Option<C>,
     varies: bool,
-    pub(super) best: Option<Best<C>>,
+    pub(super) best: Option<BestSplit<C>>,
 }
 
-impl<C: Copy> Search<C> {
+impl<C: Copy> SplitSearch<C> {
     pub(super) fn new(classes: usize, criterion: Criterion, min_leaf: usize) -> Self {
         Self {
             criterion,
@@ -156,7 +156,7 @@ impl<C: Copy> Search<C> {
             }
         };
         if self.best.as_ref().is_none_or(|best| score > best.score) && score.is_finite() {
-            self.best = Some(Best { feature: self.feature, low, high, score });
+            self.best = Some(BestSplit { feature: self.feature, low, high, score });
         }
     }
 }
@@ -189,7 +189,7 @@ mod tests {
         for criterion in [Criterion::Gini, Criterion::Entropy] {
             let entries: Vec<Entry<u32>> =
                 groups.iter().flat_map(|g| (0..3).map(|c| Entry { row: 0, class: c, weight: g[c as usize] })).collect();
-            let mut search = Search::new(3, criterion, 1);
+            let mut search = SplitSearch::new(3, criterion, 1);
             search.open(&entries);
             search.begin(0);
             groups.iter().enumerate().for_each(|(i, g)| search.group(i, g, 3));

@@ -4,11 +4,21 @@
 use super::forest::Forest;
 use super::predict::largest;
 use super::samples::Samples;
-use super::train::FitReport;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
 
 const BLOCK: usize = 2048;
+
+/// Out-of-bag results of the training.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FitReport {
+    /// Share of samples classified correctly by the trees that were not trained on them; `None` without bootstrap or if
+    /// no sample was left out.
+    pub oob_score: Option<f64>,
+    /// Row-major `samples x classes`: mean over the trees that were not trained on the sample, NaN if all were. Empty
+    /// without bootstrap.
+    pub oob_probabilities: Vec<f32>,
+}
 
 /// The samples of one tree as a bit set.
 pub(super) struct BagSet(Vec<u64>);

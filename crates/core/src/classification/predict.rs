@@ -1,8 +1,10 @@
 //! Prediction: a block of rows is quantised once, then descends each tree.
 
-use super::compact::{Compact, Places};
-use super::descend::{Codes, Walk};
-use super::forest::{Descent, Forest, LEAF_CUT, Node};
+use super::compact::{Compact, CompactWalk};
+use super::descend::Walk;
+use super::forest::{Descent, Forest};
+use super::nodes::{LEAF_CUT, Node};
+use super::quantise::CodeBlock;
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
@@ -12,10 +14,10 @@ const BLOCK: usize = 4096;
 /// Scratch memory of [`Forest::predict_block`], to be reused for the next block.
 #[derive(Clone, Debug, Default)]
 pub struct PredictScratch {
-    pub(super) narrow: Codes<u8>,
-    wide: Codes<u16>,
+    pub(super) narrow: CodeBlock<u8>,
+    wide: CodeBlock<u16>,
     pub(super) walk: Walk,
-    pub(super) places: Places,
+    pub(super) compact_walk: CompactWalk,
     pub(super) leaves: Vec<u32>,
     /// Rows with twin columns, and scores, of boosted trees.
     pub(super) extended: Vec<f32>,
@@ -104,10 +106,10 @@ impl Forest {
     }
 
     fn add_compact(&self, rows: &[f32], trees: &Compact, scratch: &mut PredictScratch, out: &mut [f32]) {
-        let PredictScratch { narrow, places, leaves, .. } = scratch;
+        let PredictScratch { narrow, compact_walk, leaves, .. } = scratch;
         self.binning.bin_rows(rows, narrow);
         for tree in 0..trees.trees() {
-            trees.walk(tree, narrow, places, leaves);
+            trees.walk(tree, narrow, compact_walk, leaves);
             self.add_leaves(leaves, out);
         }
     }
@@ -115,7 +117,7 @@ impl Forest {
     fn add_large<C: Copy + Default + Into<u16>>(
         &self,
         nodes: &[Node],
-        codes: &Codes<C>,
+        codes: &CodeBlock<C>,
         walk: &mut Walk,
         out: &mut [f32],
     ) {

@@ -6,11 +6,25 @@ use pulp::{Simd, bytemuck};
 /// Rows of a tile: two vector registers of codes, so that the processor can work on one while the other waits.
 pub(super) const TILE: usize = 128;
 
+/// Codes that may be read from the beginning of any row of 8-bit codes: those of the widest row of compact trees.
+pub(super) const ROW: usize = 256;
+
 /// Rows whose values stay in the first-level cache while all features are quantised.
 const PART: usize = 64;
 
 /// Values in a cache line.
 const LINE: usize = 16;
+
+/// The codes of a block of at most 65,536 rows: by row, or in tiles of [`TILE`] rows,
+/// column-major within a tile.
+#[derive(Clone, Debug, Default)]
+pub(super) struct CodeBlock<C> {
+    pub(super) by_tile: Vec<C>,
+    /// Row by row; 8-bit codes are followed by [`ROW`] zeros.
+    pub(super) by_row: Vec<C>,
+    pub(super) rows: usize,
+    pub(super) width: usize,
+}
 
 /// 255 cuts and infinity, and every 16th of them again: a code is found by two comparisons with 16 numbers at once; by
 /// one or a few if there are few cuts.

@@ -4,26 +4,16 @@ use super::bag::bag;
 use super::binning::{Binning, BinningParams};
 use super::exact::{Ranks, Sorter};
 use super::forest::Forest;
-use super::grow::{Columns, Grower, Scan, Tree};
-use super::histogram::{Codes, Histogram};
+use super::grow::{Grower, Tree, TreeParams};
+use super::histogram::{Histogram, QuantisedSamples};
 use super::impurity::{Entry, Weight};
-use super::out_of_bag::{self, BagSet};
+use super::out_of_bag::{self, BagSet, FitReport};
 use super::params::{Bootstrap, ClassWeight, ForestParams, Splitter};
 use super::samples::Samples;
+use super::splitter::{CodeTable, Scan};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
 use crate::random::stream;
-
-/// Out-of-bag results of the training.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FitReport {
-    /// Share of samples classified correctly by the trees that were not trained on them; `None` without bootstrap or if
-    /// no sample was left out.
-    pub oob_score: Option<f64>,
-    /// Row-major `samples x classes`: mean over the trees that were not trained on the sample, NaN if all were. Empty
-    /// without bootstrap.
-    pub oob_probabilities: Vec<f32>,
-}
 
 impl Forest {
     /// Trains a forest. The result is the same bytes for any number of threads. O(trees · features tried · samples ·
@@ -51,7 +41,7 @@ impl Forest {
 }
 
 /// The active samples and their weights, before bootstrap sampling.
-struct Lesson<'a> {
+struct ForestData<'a> {
     samples: &'a Samples<'a>,
     params: &'a ForestParams,
     monitor: &'a Monitor,
@@ -65,28 +55,28 @@ fn learn(samples: &Samples<'_>, params: &ForestParams, monitor: &Monitor) -> Res
     samples.check()?;
     let active = samples.active();
     let weights = weights(samples, &active, &params.class_weight)?;
-    let lesson = Lesson { samples, params, monitor, active, weights };
+    let data = ForestData { samples, params, monitor, active, weights };
     monitor.stage("forest", params.trees as u64);
     let grown = match params.splitter {
         Splitter::Histogram => {
             let binning = BinningParams { max_bins: params.max_bins, seed: params.seed, ..BinningParams::default() };
-            let codes = Codes::new(samples, Binning::fit(samples, &binning)?)?;
-            match lesson.weights.is_none() {
-                true => lesson.trees(&codes, |_, times| times, Histogram::<u32>::new)?,
-                false => lesson.trees(&codes, |w, times| w * f64::from(times), Histogram::<f64>::new)?,
+            let codes = QuantisedSamples::new(samples, Binning::fit(samples, &binning)?)?;
+            match data.weights.is_none() {
+                true => data.trees(&codes, |_, times| times, Histogram::<u32>::new)?,
+                false => data.trees(&codes, |w, times| w * f64::from(times), Histogram::<f64>::new)?,
             }
         }
         Splitter::Exact => {
             let ranks = Ranks::new(samples);
-            lesson.trees(&ranks, |w, times| w * f64::from(times), Sorter::<f64>::new)?
+            data.trees(&ranks, |w, times| w * f64::from(times), Sorter::<f64>::new)?
         }
     };
     let (trees, bags): (Vec<_>, Vec<_>) = grown.into_iter().unzip();
     Ok((Forest::assemble(&trees, samples.width, samples.classes)?, bags))
 }
 
-impl Lesson<'_> {
-    fn trees<D: Columns, S: Scan<D::Code, W>, W: Weight>(
+impl ForestData<'_> {
+    fn trees<D: CodeTable, S: Scan<D::Code, W>, W: Weight>(
         &self,
         columns: &D,
         weight: impl Fn(f64, u32) -> W + Sync,
@@ -103,8 +93,8 @@ impl Lesson<'_> {
             });
             let entries: Vec<Entry<W>> = entries.collect();
             let set = BagSet::new(self.samples.len(), entries.iter().map(|e| e.row));
-            let parts = (self.samples.classes, scan(self.samples.classes), random);
-            let tree = Grower::new(columns, self.params, self.monitor, parts).grow(entries)?;
+            let of = TreeParams { columns, params: self.params, classes: self.samples.classes, monitor: self.monitor };
+            let tree = Grower::new(of, scan(self.samples.classes), random).grow(entries)?;
             self.monitor.advance(1);
             Ok((tree, set))
         })

@@ -9,7 +9,7 @@ use super::predict::{PredictScratch, largest};
 const SLACK: f32 = 1e-3;
 
 /// Unfinished rows of a block, and their sums of class shares.
-struct Open {
+struct OpenRows {
     rows: Vec<u32>,
     sums: Vec<f32>,
 }
@@ -20,7 +20,7 @@ impl Forest {
     /// A tree adds at most 1 to a class, so that a lead larger than the number of remaining trees cannot be lost.
     pub(super) fn label_block(&self, rows: &[f32], trees: &Compact, scratch: &mut PredictScratch, out: &mut [u16]) {
         self.binning.bin_rows(rows, &mut scratch.narrow);
-        let mut open = Open { rows: (0..out.len() as u32).collect(), sums: vec![0.0; out.len() * self.classes] };
+        let mut open = OpenRows { rows: (0..out.len() as u32).collect(), sums: vec![0.0; out.len() * self.classes] };
         let count = trees.trees();
         let majority = count / 2 + 1;
         for tree in 0..count {
@@ -41,13 +41,13 @@ impl Forest {
     }
 
     fn add_tree(&self, trees: &Compact, tree: usize, scratch: &mut PredictScratch, sums: &mut [f32]) {
-        let PredictScratch { narrow, places, leaves, .. } = scratch;
-        trees.walk(tree, narrow, places, leaves);
+        let PredictScratch { narrow, compact_walk, leaves, .. } = scratch;
+        trees.walk(tree, narrow, compact_walk, leaves);
         self.add_leaves(leaves, sums);
     }
 
     /// Writes the classes of rows whose lead exceeds `most`; the others are moved together.
-    fn settle(&self, most: f32, open: &mut Open, scratch: &mut PredictScratch, out: &mut [u16]) {
+    fn settle(&self, most: f32, open: &mut OpenRows, scratch: &mut PredictScratch, out: &mut [u16]) {
         let (codes, classes) = (&mut scratch.narrow, self.classes);
         let mut kept = 0;
         for i in 0..open.rows.len() {

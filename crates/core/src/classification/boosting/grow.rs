@@ -3,25 +3,19 @@
 //! H. Shi, *Best-first decision tree learning*, 2007; G. Ke et al., *LightGBM*, NIPS 2017. Only the histograms of the
 //! smaller child are computed; those of the larger one are the parent's minus these.
 
+use super::super::nodes::GrownNode;
 use super::blocks::{Blocks, LANES};
 use super::histogram::{Cell, Cells, accumulate, minus, plus, subtract};
 use super::params::BoostingParams;
-use super::split::{Rules, Split};
+use super::split::{Split, SplitRules};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 
-/// A node: a split and the index of its left child (the right one follows it), or the number of a leaf.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Twig {
-    Split(Split, u32),
-    Leaf(u32),
-}
-
 /// A tree; the samples of each leaf are a range of `rows`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tree {
-    pub(super) twigs: Vec<Twig>,
+    pub(super) nodes: Vec<GrownNode<Split>>,
     pub(super) leaves: Vec<std::ops::Range<usize>>,
     pub(super) rows: Vec<u32>,
 }
@@ -31,9 +25,9 @@ impl Tree {
     pub(super) fn leaf(&self, blocks: &Blocks, row: u32) -> usize {
         let mut at = 0;
         loop {
-            match self.twigs[at] {
-                Twig::Leaf(leaf) => return leaf as usize,
-                Twig::Split(split, left) => {
+            match self.nodes[at] {
+                GrownNode::Leaf(leaf) => return leaf as usize,
+                GrownNode::Split(split, left) => {
                     at = left as usize + usize::from(split.goes_right(blocks.code(split.feature, row)));
                 }
             }
@@ -46,7 +40,7 @@ type Histogram = Vec<Cells>;
 
 /// Histograms for reuse: a tree never holds more than `limit` at a time.
 #[derive(Default)]
-pub(super) struct Pool {
+pub(super) struct HistogramPool {
     free: Vec<Histogram>,
     held: usize,
 }
@@ -54,7 +48,7 @@ pub(super) struct Pool {
 /// Memory limit for the histograms of one tree, in bytes.
 const POOL_BYTES: usize = 256 << 20;
 
-impl Pool {
+impl HistogramPool {
     fn take(&mut self, blocks: usize) -> Histogram {
         self.held += 1;
         self.free.pop().unwrap_or_else(|| vec![[[[0; 2]; 256]; LANES]; blocks])
@@ -73,7 +67,7 @@ impl Pool {
 }
 
 /// A leaf that may still be split.
-struct Open {
+struct OpenLeaf {
     node: usize,
     rows: std::ops::Range<usize>,
     depth: usize,
@@ -84,11 +78,11 @@ struct Open {
 
 /// Everything that growing a tree needs.
 pub(super) struct Grower<'a> {
-    pub(super) rules: Rules<'a>,
+    pub(super) rules: SplitRules<'a>,
     /// Derivatives of every sample as a cell.
     pub(super) samples: &'a [Cell],
     pub(super) monitor: &'a Monitor,
-    pub(super) pool: &'a mut Pool,
+    pub(super) pool: &'a mut HistogramPool,
 }
 
 impl Grower<'_> {
@@ -98,10 +92,10 @@ impl Grower<'_> {
 
     /// Grows the tree on these samples.
     pub(super) fn grow(mut self, rows: Vec<u32>) -> Result<Tree> {
-        let mut tree = Tree { twigs: vec![Twig::Leaf(0)], leaves: Vec::new(), rows };
+        let mut tree = Tree { nodes: vec![GrownNode::Leaf(0)], leaves: Vec::new(), rows };
         let total = tree.rows.iter().fold([0; 2], |sum, &r| plus(sum, self.samples[r as usize]));
         let all = 0..tree.rows.len();
-        let mut root = Open { node: 0, rows: all, depth: 0, total, histogram: None, split: None };
+        let mut root = OpenLeaf { node: 0, rows: all, depth: 0, total, histogram: None, split: None };
         if self.worth(&root) {
             let mut histogram = self.pool.take(self.rules.blocks.len());
             root.split = self.sum(&tree.rows, &mut histogram, total)?;
@@ -109,32 +103,33 @@ impl Grower<'_> {
         }
         let mut open = vec![root];
         while open.len() < self.params().max_leaves {
-            let Some(next) = richest(&open) else { break };
+            let Some(next) = largest_gain(&open) else { break };
             let leaf = open.swap_remove(next);
             let room = open.len() + 2 < self.params().max_leaves;
             open.extend(self.divide(&mut tree, leaf, room)?);
         }
         for leaf in open {
             self.pool.give(leaf.histogram);
-            tree.twigs[leaf.node] = Twig::Leaf(tree.leaves.len() as u32);
+            tree.nodes[leaf.node] = GrownNode::Leaf(tree.leaves.len() as u32);
             tree.leaves.push(leaf.rows);
         }
         Ok(tree)
     }
 
     /// True if the leaf may be split by the limits on depth and samples.
-    fn worth(&self, leaf: &Open) -> bool {
+    fn worth(&self, leaf: &OpenLeaf) -> bool {
         leaf.depth < self.params().depth_limit() && leaf.rows.len() >= self.params().min_samples_leaf.saturating_mul(2)
     }
 
     /// Splits a leaf; the best splits of its children are searched only if there is `room` for more leaves.
-    fn divide(&mut self, tree: &mut Tree, leaf: Open, room: bool) -> Result<[Open; 2]> {
-        let Open { node, rows, depth, total, histogram, split } = leaf;
-        let child = |at: usize, rows| Open { node: at, rows, depth: depth + 1, total, histogram: None, split: None };
-        let first = tree.twigs.len();
+    fn divide(&mut self, tree: &mut Tree, leaf: OpenLeaf, room: bool) -> Result<[OpenLeaf; 2]> {
+        let OpenLeaf { node, rows, depth, total, histogram, split } = leaf;
+        let child =
+            |at: usize, rows| OpenLeaf { node: at, rows, depth: depth + 1, total, histogram: None, split: None };
+        let first = tree.nodes.len();
         let Some(split) = split else { return Ok([child(first, rows.clone()), child(first + 1, rows)]) };
-        tree.twigs[node] = Twig::Split(split, first as u32);
-        tree.twigs.extend([Twig::Leaf(0); 2]);
+        tree.nodes[node] = GrownNode::Split(split, first as u32);
+        tree.nodes.extend([GrownNode::Leaf(0); 2]);
         let here = &mut tree.rows[rows.clone()];
         let (middle, left) = self.partition(here, split);
         let middle = rows.start + middle;
@@ -170,7 +165,7 @@ impl Grower<'_> {
     }
 
     /// Computes histograms and best splits of two siblings.
-    fn search(&mut self, rows: &[u32], children: &mut [Open; 2], parent: Option<Histogram>) -> Result<()> {
+    fn search(&mut self, rows: &[u32], children: &mut [OpenLeaf; 2], parent: Option<Histogram>) -> Result<()> {
         let [a, b] = children;
         let (small, large) = if a.rows.len() <= b.rows.len() { (a, b) } else { (b, a) };
         let mut own = self.pool.take(self.rules.blocks.len());
@@ -225,7 +220,7 @@ fn best(blocks: Vec<Result<Option<Split>>>) -> Result<Option<Split>> {
 }
 
 /// The leaf with the largest gain, the first of equal ones.
-fn richest(open: &[Open]) -> Option<usize> {
+fn largest_gain(open: &[OpenLeaf]) -> Option<usize> {
     let gains = open.iter().enumerate().filter_map(|(i, leaf)| leaf.split.map(|s| (s.gain, leaf.node, i)));
     gains.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, _, i)| i)
 }

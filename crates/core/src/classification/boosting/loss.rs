@@ -39,10 +39,11 @@ impl Loss {
         top + all.map(|s| (s - top).exp()).sum::<f64>().ln()
     }
 
-    /// First and second derivative with respect to the score of `group`, for a sample of class `class` and weight 1.
+    /// First and second derivative with respect to the score of `group`, for a sample of class `class` and weight 1;
+    /// `log_share` is that score minus the log-sum-exp of all scores.
     #[inline]
-    pub(super) fn derivatives(self, (score, norm): (f64, f64), group: usize, class: usize) -> (f64, f64) {
-        let p = (score - norm).exp();
+    pub(super) fn derivatives(self, log_share: f64, group: usize, class: usize) -> (f64, f64) {
+        let p = log_share.exp();
         let (own, stretch) = match self.classes {
             2 => (class == 1, 1.0),
             classes => (class == group, classes as f64 / (classes as f64 - 1.0)),
@@ -81,7 +82,7 @@ mod tests {
                         value(&moved, class)
                     };
                     let norm = loss.norm(scores[..groups].iter().copied());
-                    let (g, h) = loss.derivatives((scores[group], norm), group, class);
+                    let (g, h) = loss.derivatives(scores[group] - norm, group, class);
                     let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
                     let bend = (at(1e-4) - 2.0 * at(0.0) + at(-1e-4)) / 1e-8;
                     let stretch = if classes == 2 { 1.0 } else { classes as f64 / (classes as f64 - 1.0) };
@@ -111,6 +112,6 @@ mod tests {
         let loss = Loss { classes: 3 };
         let norm = loss.norm([1e4, 0.0, -1e4].into_iter());
         assert!((norm - 1e4).abs() < 1e-9 && loss.value(norm, 2, |_| -1e4).is_finite());
-        assert!(loss.derivatives((-1e4, norm), 2, 2).0.abs() <= 1.0);
+        assert!(loss.derivatives(-1e4 - norm, 2, 2).0.abs() <= 1.0);
     }
 }

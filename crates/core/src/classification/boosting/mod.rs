@@ -4,17 +4,18 @@
 //! et al. 2017. Sums are integers, so that the result is the same bytes for any number of threads.
 
 mod blocks;
+mod data;
 mod fit;
 mod grow;
 mod histogram;
-mod lesson;
 mod loss;
 mod model;
 mod params;
 mod predict;
-mod rows;
 mod split;
 mod sweep;
+mod training_rows;
+mod tree;
 
 pub use fit::BoostingReport;
 pub use model::Boosting;

@@ -1,16 +1,17 @@
 //! Boosted trees: quantisation, trees and leaf values.
 
 use super::super::binning::Binning;
-use super::super::forest::{LEAF_CUT, Node};
-use super::grow::Twig;
+use super::super::nodes::{GrownNode, LEAF_CUT, Node};
+use super::data::BoostingData;
 use super::loss::Loss;
+use super::split::Split;
 use crate::error::{Error, Result};
 
 /// One tree and the value of each of its leaves.
 #[derive(Clone, Debug)]
-pub(super) struct Grown {
-    pub(super) twigs: Vec<Twig>,
-    pub(super) answers: Vec<f32>,
+pub(super) struct GrownTree {
+    pub(super) nodes: Vec<GrownNode<Split>>,
+    pub(super) leaf_values: Vec<f32>,
 }
 
 /// Gradient-boosted trees on quantised features.
@@ -36,7 +37,7 @@ pub struct Boosting {
     /// First node of every tree; tree `t` adds to the score of group `t % groups`.
     pub(in super::super) roots: Vec<u32>,
     /// Value of a leaf; 0 at splits.
-    pub(in super::super) answers: Vec<f32>,
+    pub(in super::super) leaf_values: Vec<f32>,
     pub(in super::super) importance: Vec<f64>,
 }
 
@@ -81,11 +82,11 @@ impl Boosting {
             used.push(0);
         }
         let columns: Vec<usize> = used.iter().copied().chain(self.width..self.binning.width()).collect();
-        let place = |old: u16| columns.binary_search(&usize::from(old)).unwrap_or_default() as u16;
+        let position = |old: u16| columns.binary_search(&usize::from(old)).unwrap_or_default() as u16;
         for node in self.nodes.iter_mut().filter(|n| n.cut != LEAF_CUT) {
-            node.feature = place(node.feature);
+            node.feature = position(node.feature);
         }
-        self.twins.iter_mut().for_each(|t| *t = place(*t));
+        self.twins.iter_mut().for_each(|t| *t = position(*t));
         self.binning = self.binning.select(&columns);
         self.importance = used.iter().map(|&f| self.importance[f]).collect();
         self.width = used.len();
@@ -102,22 +103,18 @@ impl Boosting {
     }
 
     /// Assembles grown trees: the thresholds that occur become the quantisation.
-    pub(super) fn assemble(
-        (width, classes): (usize, usize),
-        (present, start): (&[u16], &[f64]),
-        grown: &[Grown],
-        learned: Binning,
-    ) -> Result<Self> {
-        let splits = || {
-            grown.iter().flat_map(|g| &g.twigs).filter_map(|t| if let Twig::Split(s, _) = t { Some(*s) } else { None })
-        };
+    pub(super) fn assemble(data: &BoostingData<'_>, trees: &[GrownTree]) -> Result<Self> {
+        let learned = &data.blocks.binning;
+        let width = learned.width();
+        let split = |node: &GrownNode<Split>| if let GrownNode::Split(s, _) = node { Some(*s) } else { None };
+        let splits = || trees.iter().flat_map(|tree| &tree.nodes).filter_map(split);
         let twins: std::collections::BTreeSet<u16> =
             splits().filter(|s| s.missing_right).map(|s| s.feature as u16).collect();
         let twins: Vec<u16> = twins.into_iter().collect();
         if width + twins.len() > 65_534 {
             return Err(Error::input(format!("{width} features, {} with missing values; too many", twins.len())));
         }
-        let column = |s: &super::split::Split| match s.missing_right {
+        let column = |s: &Split| match s.missing_right {
             true => width + twins.binary_search(&(s.feature as u16)).unwrap_or_default(),
             false => s.feature,
         };
@@ -133,32 +130,33 @@ impl Boosting {
         }
         let total: f64 = importance.iter().sum();
         importance.iter_mut().filter(|_| total > 0.0).for_each(|i| *i /= total);
-        let start = start.iter().map(|&s| s as f32).collect();
+        let start = data.start.iter().map(|&s| s as f32).collect();
         let mut model = Self {
-            classes,
+            classes: data.all_classes,
             width,
-            present: present.to_vec(),
+            present: data.present.clone(),
             start,
             binning: Binning::new(cuts)?,
             nodes: Vec::new(),
             roots: Vec::new(),
-            answers: Vec::new(),
+            leaf_values: Vec::new(),
             importance,
             twins: twins.clone(),
         };
-        grown.iter().for_each(|tree| model.append(tree, &learned, column));
+        trees.iter().for_each(|tree| model.append(tree, learned, column));
         Ok(model)
     }
 
-    fn append(&mut self, tree: &Grown, learned: &Binning, column: impl Fn(&super::split::Split) -> usize) {
+    fn append(&mut self, tree: &GrownTree, learned: &Binning, column: impl Fn(&Split) -> usize) {
         let first = self.nodes.len() as u32;
         self.roots.push(first);
-        for twig in &tree.twigs {
-            let (node, answer) = match twig {
-                Twig::Leaf(leaf) => {
-                    (Node { left: self.nodes.len() as u32, feature: 0, cut: LEAF_CUT }, tree.answers[*leaf as usize])
+        for node in &tree.nodes {
+            let (node, value) = match node {
+                GrownNode::Leaf(leaf) => {
+                    let node = Node { left: self.nodes.len() as u32, feature: 0, cut: LEAF_CUT };
+                    (node, tree.leaf_values[*leaf as usize])
                 }
-                Twig::Split(split, left) => {
+                GrownNode::Split(split, left) => {
                     let column = column(split);
                     let threshold = learned.cuts(split.feature)[usize::from(split.cut)];
                     let cut = self.binning.cuts(column).partition_point(|&t| t < threshold) as u16;
@@ -166,7 +164,7 @@ impl Boosting {
                 }
             };
             self.nodes.push(node);
-            self.answers.push(answer);
+            self.leaf_values.push(value);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::descend::Walk;
 use super::super::predict::{PredictScratch, largest};
-use super::super::quantise::TILE;
+use super::super::quantise::{CodeBlock, TILE};
 use super::model::Boosting;
 use super::sweep::{NARROW, Sweep};
 use crate::error::{Error, Result};
@@ -10,6 +10,12 @@ use rayon::prelude::*;
 
 /// Rows of a block, few enough that their codes and scores stay in the cache.
 const BLOCK: usize = 2048;
+
+/// Scores of a block of rows: a column of `stride` rows for each group of trees.
+struct Scores<'a> {
+    stride: usize,
+    values: &'a [f32],
+}
 
 impl Boosting {
     /// Class probabilities of `rows` (row-major, [`Boosting::width`] values a row), written row-major to `out`
@@ -73,9 +79,9 @@ impl Boosting {
             pulp::Arch::new().dispatch(Sweep { model: self, codes: narrow, stride, scores });
         } else {
             self.binning.bin_rows(rows, narrow);
-            self.add_trees(narrow, walk, (stride, scores));
+            self.add_trees(narrow, walk, scores);
         }
-        self.probabilities((stride, scores), out);
+        self.probabilities(&Scores { stride, values: scores }, out);
     }
 
     /// The rows extended by the twin columns, in which missing values exceed every threshold.
@@ -94,30 +100,27 @@ impl Boosting {
         self.roots.iter().zip(ends).all(|(&root, end)| (end - root) as usize <= NARROW)
     }
 
-    fn add_trees(
-        &self,
-        codes: &super::super::descend::Codes<u8>,
-        walk: &mut Walk,
-        (stride, scores): (usize, &mut [f32]),
-    ) {
+    fn add_trees(&self, codes: &CodeBlock<u8>, walk: &mut Walk, scores: &mut [f32]) {
+        let stride = codes.rows.next_multiple_of(TILE);
         for (tree, &root) in self.roots.iter().enumerate() {
             let column = tree % self.groups() * stride;
             walk.tree(&self.nodes, root, codes);
             let scores = scores[column..].iter_mut();
-            scores.zip(&walk.at).for_each(|(score, &leaf)| *score += self.answers[leaf as usize]);
+            scores.zip(&walk.at).for_each(|(score, &leaf)| *score += self.leaf_values[leaf as usize]);
         }
     }
 
     /// Softmax or logistic function of the scores.
-    fn probabilities(&self, (stride, scores): (usize, &[f32]), out: &mut [f32]) {
+    fn probabilities(&self, scores: &Scores<'_>, out: &mut [f32]) {
+        let Scores { stride, values: scores } = *scores;
         out.fill(0.0);
-        let place = |i: usize| usize::from(self.present[i]);
+        let class = |i: usize| usize::from(self.present[i]);
         for (row, out) in out.chunks_exact_mut(self.classes).enumerate() {
             match self.present.len() {
-                1 => out[place(0)] = 1.0,
+                1 => out[class(0)] = 1.0,
                 2 => {
                     let p = 1.0 / (1.0 + (-scores[row]).exp());
-                    (out[place(0)], out[place(1)]) = (1.0 - p, p);
+                    (out[class(0)], out[class(1)]) = (1.0 - p, p);
                 }
                 groups => {
                     let score = |g: usize| scores[g * stride + row];
@@ -125,7 +128,7 @@ impl Boosting {
                     let mut sum = 0.0;
                     for g in 0..groups {
                         let e = (score(g) - top).exp();
-                        out[place(g)] = e;
+                        out[class(g)] = e;
                         sum += e;
                     }
                     out.iter_mut().for_each(|p| *p /= sum);

@@ -38,7 +38,7 @@ impl Split {
 }
 
 /// The constraints on a split.
-pub(super) struct Rules<'a> {
+pub(super) struct SplitRules<'a> {
     pub(super) blocks: &'a Blocks,
     pub(super) params: &'a BoostingParams,
     pub(super) scale: Scale,
@@ -46,7 +46,7 @@ pub(super) struct Rules<'a> {
     pub(super) allowed: &'a [bool],
 }
 
-impl Rules<'_> {
+impl SplitRules<'_> {
     /// `G^2 / (H + lambda)` of a sum.
     #[inline(always)]
     fn score(&self, cell: Cell) -> f64 {

@@ -1,6 +1,6 @@
 //! Boosting as a whole, compared with brute force, closed forms and itself.
 
-use super::super::forest::LEAF_CUT;
+use super::super::nodes::LEAF_CUT;
 use super::super::testing::{Owned, blobs};
 use super::super::{ClassWeight, Samples};
 use super::*;
@@ -149,7 +149,7 @@ fn slowly(model: &Boosting, row: &[f32]) -> Vec<f32> {
                 if x.is_nan() { column >= width } else { x > model.binning.cuts(column)[usize::from(node.cut)] };
             at = node.left as usize + usize::from(right);
         }
-        scores[tree % groups] += model.answers[at];
+        scores[tree % groups] += model.leaf_values[at];
     }
     let e: Vec<f32> = scores.iter().map(|s| s.exp()).collect();
     e.iter().map(|v| v / e.iter().sum::<f32>()).collect()

@@ -1,22 +1,16 @@
 //! Validation of all indices of trees that are read from a file.
 
-use super::binning::Binning;
 use super::codec::Reader;
-use super::forest::{LEAF_CUT, Node};
+use super::nodes::{LEAF_CUT, Trees};
 use super::params::MAX_DEPTH;
 use crate::error::Result;
 
-/// The trees of any classifier.
-pub(super) struct Trees<'a> {
-    pub(super) nodes: &'a [Node],
-    pub(super) roots: &'a [u32],
-    pub(super) binning: &'a Binning,
-    /// True if the leaf at this index may hold this value.
-    pub(super) leaf: &'a dyn Fn(usize, usize) -> bool,
-}
+/// True if the leaf at an index may have this number in `left`.
+type LeafRule<'a> = &'a dyn Fn(usize, usize) -> bool;
 
 impl Reader<'_> {
-    pub(super) fn check_trees(&self, trees: &Trees<'_>) -> Result<()> {
+    /// Checks roots and nodes of the trees of any classifier.
+    pub(super) fn check_trees(&self, trees: &Trees<'_>, leaf: LeafRule<'_>) -> Result<()> {
         let (roots, count) = (trees.roots, trees.nodes.len());
         let rising = roots.windows(2).all(|w| w[0] < w[1]);
         if roots.first() != Some(&0) || !rising || roots.last().is_none_or(|&r| r as usize >= count) {
@@ -27,16 +21,16 @@ impl Reader<'_> {
             ));
         }
         let ends = roots[1..].iter().map(|&r| r as usize).chain([count]);
-        roots.iter().zip(ends).try_for_each(|(&root, end)| self.check_tree(trees, root as usize..end))
+        roots.iter().zip(ends).try_for_each(|(&root, end)| self.check_tree(trees, leaf, root as usize..end))
     }
 
     /// Checks that children come after their parent, inside the tree, and have one parent each: no cycles, no
     /// unreachable nodes.
-    fn check_tree(&self, trees: &Trees<'_>, range: std::ops::Range<usize>) -> Result<()> {
+    fn check_tree(&self, trees: &Trees<'_>, leaf: LeafRule<'_>, range: std::ops::Range<usize>) -> Result<()> {
         let mut depth = vec![0usize; range.len()];
         for i in range.clone() {
             let node = trees.nodes[i];
-            self.check_node(trees, i, range.end)?;
+            self.check_node(trees, leaf, i, range.end)?;
             let own = depth[i - range.start];
             if own > MAX_DEPTH + 1 || (own == 0 && i > range.start) {
                 let allowed = format!("one parent, depth up to {MAX_DEPTH}");
@@ -62,7 +56,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn check_node(&self, trees: &Trees<'_>, i: usize, end: usize) -> Result<()> {
+    fn check_node(&self, trees: &Trees<'_>, leaf: LeafRule<'_>, i: usize, end: usize) -> Result<()> {
         let node = trees.nodes[i];
         let (feature, left) = (usize::from(node.feature), node.left as usize);
         let wrong = |field: &str, found: usize, allowed: String| {
@@ -72,7 +66,7 @@ impl Reader<'_> {
             return wrong("node_feature", feature, format!("below {}", trees.binning.width()));
         }
         if node.cut == LEAF_CUT {
-            return if (trees.leaf)(i, left) { Ok(()) } else { wrong("node_left", left, "a leaf of the tree".into()) };
+            return if leaf(i, left) { Ok(()) } else { wrong("node_left", left, "a leaf of the tree".into()) };
         }
         if left <= i || left + 1 >= end {
             return wrong("node_left", left, format!("above {i}, below {}", end - 1));

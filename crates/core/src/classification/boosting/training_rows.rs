@@ -12,17 +12,19 @@ use crate::random::stream;
 const HELD: u64 = 1 << 42;
 
 /// The rows of training and validation.
-pub(super) struct Rows {
+pub(super) struct TrainingRows {
     pub(super) labels: Vec<u16>,
     /// Weight in the training, 0 for held-out rows.
     pub(super) weights: Vec<f32>,
     /// Weight in the losses.
-    pub(super) judging: Vec<f32>,
-    pub(super) learned: Vec<u32>,
-    pub(super) judged: Vec<u32>,
+    pub(super) loss_weights: Vec<f32>,
+    /// Rows of the training, ascending.
+    pub(super) training: Vec<u32>,
+    /// Rows of the validation, ascending.
+    pub(super) validation: Vec<u32>,
 }
 
-impl Rows {
+impl TrainingRows {
     pub(super) fn choose(
         samples: &Samples<'_>,
         validation: Option<&Samples<'_>>,
@@ -34,17 +36,17 @@ impl Rows {
         if total > MAX_ROWS {
             return Err(Error::input(format!("{total} samples; boosting takes at most {MAX_ROWS}")));
         }
-        let mut judging = vec![0.0f32; samples.len()];
+        let mut loss_weights = vec![0.0f32; samples.len()];
         match weights(samples, &active, &params.class_weight)? {
-            Some(weights) => active.iter().zip(weights).for_each(|(&r, w)| judging[r as usize] = w as f32),
-            None => active.iter().for_each(|&r| judging[r as usize] = 1.0),
+            Some(weights) => active.iter().zip(weights).for_each(|(&r, w)| loss_weights[r as usize] = w as f32),
+            None => active.iter().for_each(|&r| loss_weights[r as usize] = 1.0),
         }
         let mut rows = Self {
             labels: samples.labels.to_vec(),
-            weights: judging.clone(),
-            judging,
-            learned: active,
-            judged: Vec::new(),
+            weights: loss_weights.clone(),
+            loss_weights,
+            training: active,
+            validation: Vec::new(),
         };
         match validation {
             Some(validation) => rows.append(samples, validation, params)?,
@@ -67,26 +69,26 @@ impl Rows {
             _ => vec![1.0; samples.classes],
         };
         let first = self.labels.len() as u32;
-        self.judged = validation.active().iter().map(|r| first + r).collect();
+        self.validation = validation.active().iter().map(|r| first + r).collect();
         self.labels.extend_from_slice(validation.labels);
         self.weights.resize(self.labels.len(), 0.0);
         let weigh = |i| validation.weight(i) as f32 * by_class[usize::from(validation.labels[i])];
-        self.judging.extend((0..validation.len()).map(weigh));
+        self.loss_weights.extend((0..validation.len()).map(weigh));
         Ok(())
     }
 
     /// Holds out a share of every class that has at least two samples.
     fn hold_out(&mut self, params: &BoostingParams) {
         let mut members = std::collections::BTreeMap::<u16, Vec<u32>>::new();
-        self.learned.iter().for_each(|&r| members.entry(self.labels[r as usize]).or_default().push(r));
+        self.training.iter().for_each(|&r| members.entry(self.labels[r as usize]).or_default().push(r));
         for (class, rows) in members {
             let wanted = (params.validation_fraction * rows.len() as f64).round() as usize;
             let picks = stream(params.seed, HELD + u64::from(class)).choose(rows.len(), wanted.min(rows.len() - 1));
-            self.judged.extend(picks.into_iter().map(|p| rows[p as usize]));
+            self.validation.extend(picks.into_iter().map(|p| rows[p as usize]));
         }
-        self.judged.sort_unstable();
-        self.judged.iter().for_each(|&r| self.weights[r as usize] = 0.0);
-        self.learned.retain(|&r| self.weights[r as usize] > 0.0);
+        self.validation.sort_unstable();
+        self.validation.iter().for_each(|&r| self.weights[r as usize] = 0.0);
+        self.training.retain(|&r| self.weights[r as usize] > 0.0);
     }
 
     pub(super) fn label(&self, row: u32) -> usize {
