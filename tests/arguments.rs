@@ -12,7 +12,7 @@ use syn::{Attribute, FnArg, ImplItemFn, ItemFn, ItemMod, Pat, Signature, TraitIt
 
 /// Of each module: functions with a tuple among their parameters, functions with more than [`MOST`] arguments. Modules
 /// that are not in the table have neither. Lower a number when the test prints a smaller one; never raise it.
-const CEILINGS: [(&str, [usize; 2]); 10] = [
+const CEILINGS: [(&str, [usize; 2]); 9] = [
     ("cloud", [5, 1]),
     ("evaluation", [2, 1]),
     ("features", [11, 15]),
@@ -21,7 +21,6 @@ const CEILINGS: [(&str, [usize; 2]); 10] = [
     ("io", [55, 29]),
     ("neighbours", [19, 16]),
     ("recipes", [32, 28]),
-    ("segmentation", [20, 18]),
     ("terrain", [0, 2]),
 ];
 

@@ -13,7 +13,9 @@ use crate::graph::{Graph, KnnGraphParams, connected_components, knn_graph};
 use crate::neighbours::{OptimalParams, knn};
 use crate::parallel::Monitor;
 use crate::regularisation::{ExpansionParams, Labelling, alpha_expansion, local_smoothing};
-use crate::segmentation::{Intent, Partition, PartitionParams, Scene as Parts, Search, Signal, partition_by_intent};
+use crate::segmentation::{
+    Intent, Partition, PartitionInput as Parts, PartitionParams, Signal, StrengthSearch as Search, partition_by_intent,
+};
 use serde::{Deserialize, Serialize};
 
 /// The method of regularisation.

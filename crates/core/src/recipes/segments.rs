@@ -6,7 +6,8 @@ use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::segmentation::{
-    Intent, Interface, Partition, PartitionParams, Scene as Parts, Search, oracle_accuracy, recut, segment_graph,
+    ChosenSegments, Intent, Interface, Partition, PartitionInput as Parts, PartitionParams, StrengthSearch as Search,
+    oracle_accuracy, recut, segment_graph,
 };
 
 /// A partition and its segment graph.
@@ -44,7 +45,7 @@ impl Segments {
         monitor: &Monitor,
     ) -> Result<()> {
         let params = PartitionParams { intent: Intent::Strength(finer * self.strength), ..params.clone() };
-        self.partition = recut(scene, (&self.partition, chosen), &params, monitor)?;
+        self.partition = recut(scene, ChosenSegments { partition: &self.partition, chosen }, &params, monitor)?;
         self.graph = segment_graph(scene.graph, &self.partition, Interface::Weight, monitor)?;
         Ok(())
     }

@@ -19,8 +19,9 @@ pub use descriptors::{SegmentShape, segment_means, segment_shapes};
 pub use local_graphs::{Combination, LocalGraphParams, SurfaceRule, local_graphs};
 pub use majority::{Majority, majorities, oracle_accuracy};
 pub use minimal_partition::{
-    Aim, Candidate, CutPursuit, CutPursuitParams, Intent, Merge, MergeParams, Method, PartitionParams, Preset, Scene,
-    Search, Signal, Trial, cut_pursuit, merge, partition_by_intent, recut, search_strength,
+    Aim, Candidate, ChosenSegments, CutPursuit, CutPursuitParams, Intent, Merge, MergeParams, Method, PartitionInput,
+    PartitionParams, Preset, Signal, StrengthSearch, Trial, cut_pursuit, merge, partition_by_intent, recut,
+    search_strength,
 };
 pub use object_features::{GEOMETRIC, HEIGHT, ObjectAttributes, SPECTRAL, object_features};
 pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};
@@ -35,6 +36,6 @@ pub use riemannian::{
 };
 pub use segment_graph::{Interface, segment_graph};
 pub use supervoxels::{
-    NO_SUPERVOXEL, Normaliser, PointAttributes, SlicParams, SupervoxelShape, SupervoxelWeights, Supervoxels,
-    VccsParams, slic, vccs,
+    NO_SUPERVOXEL, Normaliser, PointAttributes, SlicParams, SupervoxelLabels, SupervoxelShape, SupervoxelWeights,
+    Supervoxels, VccsParams, slic, vccs,
 };

@@ -9,8 +9,8 @@ use crate::neighbours::knn;
 use crate::parallel::Monitor;
 use crate::recipes::SupervoxelMode;
 use crate::segmentation::{
-    Method, Partition, PartitionParams, Scale, Scene, Signal, StageSeconds, Trial, multi_scale, octree_region_growing,
-    partition_by_intent, region_growing,
+    Method, Partition, PartitionInput, PartitionParams, Scale, Signal, StageSeconds, Trial, multi_scale,
+    octree_region_growing, partition_by_intent, region_growing,
 };
 
 /// A partition, with method-specific results.
@@ -79,7 +79,7 @@ fn on_points(
     let graph = adjacency(points, params, monitor)?;
     monitor.stage("segments", points.len() as u64);
     let signal = Signal::new(&descriptors.values, descriptors.width())?;
-    let scene = Scene { signal, graph: &graph, points: Some(points), labels };
+    let scene = PartitionInput { signal, graph: &graph, points: Some(points), labels };
     let partition = PartitionParams { method, ..params.partition.clone() };
     let found = partition_by_intent(&scene, &partition, monitor)?;
     Ok(Parted {

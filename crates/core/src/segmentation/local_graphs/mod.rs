@@ -146,7 +146,7 @@ fn combine(chosen: &[Vec<u32>], combination: Combination) -> Vec<[u32; 2]> {
 mod tests {
     use super::*;
     use crate::random::stream;
-    use crate::segmentation::PointAttributes;
+    use crate::segmentation::{PointAttributes, SupervoxelLabels};
 
     /// Supervoxels of one point each: a floor, a wall on it, and two that stand alone; in the order of `order`.
     fn scene(order: &[usize]) -> Supervoxels {
@@ -167,7 +167,7 @@ mod tests {
         let normals: Vec<[f32; 3]> = rows.iter().map(|r| r.1).collect();
         let attributes = PointAttributes { normals: Some(&normals), colours: None };
         let labels = (0..rows.len() as u32).collect();
-        Supervoxels::new(&points, &attributes, (labels, 1.0), &Monitor::default()).unwrap()
+        Supervoxels::new(&points, &attributes, SupervoxelLabels { labels, size: 1.0 }, &Monitor::default()).unwrap()
     }
 
     fn in_order() -> Vec<usize> {

@@ -4,7 +4,7 @@ mod params;
 mod search;
 
 pub use params::{Intent, Method, PartitionParams};
-pub use search::{Aim, Candidate, Search, Trial, search_strength};
+pub use search::{Aim, Candidate, StrengthSearch, Trial, search_strength};
 
 use super::Signal;
 use super::cut_pursuit::{CutPursuitParams, cut_pursuit};
@@ -24,7 +24,7 @@ const SMALL_SHARE: f64 = 0.05;
 
 /// The data to be partitioned.
 #[derive(Clone, Copy, Debug)]
-pub struct Scene<'a> {
+pub struct PartitionInput<'a> {
     /// The values that should be nearly constant within a segment.
     pub signal: Signal<'a>,
     /// Which nodes are adjacent.
@@ -42,55 +42,64 @@ pub struct Scene<'a> {
 /// # Errors
 /// If a parameter is out of range, the intent needs positions or labels that are missing, lengths differ, or the work
 /// was cancelled.
-pub fn partition_by_intent(scene: &Scene, params: &PartitionParams, monitor: &Monitor) -> Result<Search> {
+pub fn partition_by_intent(
+    input: &PartitionInput,
+    params: &PartitionParams,
+    monitor: &Monitor,
+) -> Result<StrengthSearch> {
     params.validate()?;
-    let nodes = scene.graph.len();
-    for (found, what) in [(scene.points.map(Points::len), "points"), (scene.labels.map(<[_]>::len), "labels")] {
+    let nodes = input.graph.len();
+    for (found, what) in [(input.points.map(Points::len), "points"), (input.labels.map(<[_]>::len), "labels")] {
         if let Some(found) = found.filter(|found| *found != nodes) {
             return Err(Error::input(format!("{found} {what} for a graph of {nodes} nodes")));
         }
     }
-    let aim = aim(scene, params)?;
-    search_strength(&aim, params.trials, typical_strength(scene), |strength| {
-        let (partition, energy) = solve(scene, params, strength, monitor)?;
-        let oracle_accuracy = match scene.labels {
+    let aim = aim(input, params)?;
+    search_strength(&aim, params.trials, typical_strength(input), |strength| {
+        let (partition, energy) = solve(input, params, strength, monitor)?;
+        let oracle_accuracy = match input.labels {
             Some(labels) => oracle_accuracy(&partition, labels)?,
             None => None,
         };
-        let small_share = small_share(scene, params.intent, &partition);
+        let small_share = small_share(input, params.intent, &partition);
         Ok(Candidate { partition, energy, small_share, oracle_accuracy })
     })
 }
 
-fn solve(scene: &Scene, params: &PartitionParams, strength: f64, monitor: &Monitor) -> Result<(Partition, f64)> {
+fn solve(
+    input: &PartitionInput,
+    params: &PartitionParams,
+    strength: f64,
+    monitor: &Monitor,
+) -> Result<(Partition, f64)> {
     let PartitionParams { cutoff, seed, .. } = *params;
     match params.method {
         Method::CutPursuit => {
             let params = CutPursuitParams { strength, cutoff, seed, ..CutPursuitParams::default() };
-            cut_pursuit(&scene.signal, scene.graph, &params, monitor).map(|found| (found.partition, found.energy))
+            cut_pursuit(&input.signal, input.graph, &params, monitor).map(|found| (found.partition, found.energy))
         }
-        Method::Merge => merge(&scene.signal, scene.graph, &MergeParams { strength, cutoff }, monitor)
+        Method::Merge => merge(&input.signal, input.graph, &MergeParams { strength, cutoff }, monitor)
             .map(|found| (found.partition, found.energy)),
     }
 }
 
-fn aim(scene: &Scene, params: &PartitionParams) -> Result<Aim> {
+fn aim(input: &PartitionInput, params: &PartitionParams) -> Result<Aim> {
     let need = |there: bool, what: &str| {
         if there { Ok(()) } else { Err(Error::input(format!("intent {} needs {what}", params.intent))) }
     };
     match params.intent {
         Intent::Strength(strength) => Ok(Aim::Strength(strength)),
         Intent::SegmentsPerHectare(wanted) => {
-            need(scene.points.is_some(), "the positions of the nodes")?;
-            Ok(Aim::Segments { count: wanted * scene.points.map_or(0.0, covered_hectares), close: CLOSE })
+            need(input.points.is_some(), "the positions of the nodes")?;
+            Ok(Aim::Segments { count: wanted * input.points.map_or(0.0, covered_hectares), close: CLOSE })
         }
         Intent::SmallestObject(_) => {
-            need(scene.points.is_some(), "the positions of the nodes")?;
+            need(input.points.is_some(), "the positions of the nodes")?;
             Ok(Aim::SmallShare(SMALL_SHARE))
         }
         Intent::SmallestObjectPoints(_) => Ok(Aim::SmallShare(SMALL_SHARE)),
         Intent::OracleAccuracy(loss) => {
-            let any = scene.labels.is_some_and(|labels| labels.iter().any(Option::is_some));
+            let any = input.labels.is_some_and(|labels| labels.iter().any(Option::is_some));
             need(any, "at least one label")?;
             Ok(Aim::OracleLoss(loss))
         }
@@ -107,9 +116,9 @@ fn covered_hectares(points: &Points) -> f64 {
 }
 
 /// Share of the weight that lies in segments smaller than the smallest object of the intent; `None` for other intents.
-fn small_share(scene: &Scene, intent: Intent, partition: &Partition) -> Option<f64> {
-    let weight = |members: &[u32]| members.iter().map(|&node| scene.signal.weight(node as usize)).sum::<f64>();
-    let is_small = |members: &[u32]| match (intent, scene.points) {
+fn small_share(input: &PartitionInput, intent: Intent, partition: &Partition) -> Option<f64> {
+    let weight = |members: &[u32]| members.iter().map(|&node| input.signal.weight(node as usize)).sum::<f64>();
+    let is_small = |members: &[u32]| match (intent, input.points) {
         (Intent::SmallestObject(metres), Some(points)) => Some(longest_side(points, members) < metres),
         (Intent::SmallestObjectPoints(count), _) => Some(weight(members) < count),
         _ => None,
@@ -134,12 +143,12 @@ fn longest_side(points: &Points, members: &[u32]) -> f64 {
 }
 
 /// The first strength of the search: the mean over the edges of the squared difference of their ends.
-fn typical_strength(scene: &Scene) -> f64 {
+fn typical_strength(input: &PartitionInput) -> f64 {
     let square = |[a, b]: [u32; 2]| -> f64 {
-        let rows = scene.signal.row(a as usize).iter().zip(scene.signal.row(b as usize));
+        let rows = input.signal.row(a as usize).iter().zip(input.signal.row(b as usize));
         rows.map(|(p, q)| (f64::from(*p) - f64::from(*q)).powi(2)).sum()
     };
-    let mean = scene.graph.edges().iter().map(|&e| square(e)).sum::<f64>() / scene.graph.edges().len().max(1) as f64;
+    let mean = input.graph.edges().iter().map(|&e| square(e)).sum::<f64>() / input.graph.edges().len().max(1) as f64;
     if mean > 0.0 { mean } else { 1.0 }
 }
 
@@ -162,12 +171,12 @@ mod tests {
         (points, values, Graph::new(48 * 48, &pairs, &vec![1.0; pairs.len()]).unwrap(), labels)
     }
 
-    fn search(intent: Intent, method: Method) -> Search {
+    fn search(intent: Intent, method: Method) -> StrengthSearch {
         let (points, values, graph, labels) = fields(12);
         let signal = Signal::new(&values, 1).unwrap();
-        let scene = Scene { signal, graph: &graph, points: Some(&points), labels: Some(&labels) };
+        let input = PartitionInput { signal, graph: &graph, points: Some(&points), labels: Some(&labels) };
         let params = PartitionParams { intent, method, ..PartitionParams::default() };
-        partition_by_intent(&scene, &params, &Monitor::default()).unwrap()
+        partition_by_intent(&input, &params, &Monitor::default()).unwrap()
     }
 
     #[test]
@@ -215,10 +224,10 @@ mod tests {
     fn what_an_intent_needs_must_be_there() {
         let (points, values, graph, _) = fields(12);
         let signal = Signal::new(&values, 1).unwrap();
-        let bare = Scene { signal, graph: &graph, points: None, labels: None };
-        let run = |scene: &Scene, intent| {
+        let bare = PartitionInput { signal, graph: &graph, points: None, labels: None };
+        let run = |input: &PartitionInput, intent| {
             let params = PartitionParams { intent, ..PartitionParams::default() };
-            partition_by_intent(scene, &params, &Monitor::default()).unwrap_err().to_string()
+            partition_by_intent(input, &params, &Monitor::default()).unwrap_err().to_string()
         };
         assert!(run(&bare, Intent::SegmentsPerHectare(3.0)).contains("segments-per-hectare = 3 needs the positions"));
         assert!(run(&bare, Intent::SmallestObject(3.0)).contains("needs the positions"));
@@ -226,10 +235,10 @@ mod tests {
         assert!(run(&bare, Intent::OracleAccuracy(1.0)).contains("below 1"));
         assert!(run(&bare, Intent::SmallestObject(0.0)).contains("above 0"));
         let few = [Some(1)];
-        assert!(run(&Scene { labels: Some(&few), ..bare }, Intent::default()).contains("1 labels"));
+        assert!(run(&PartitionInput { labels: Some(&few), ..bare }, Intent::default()).contains("1 labels"));
         let mut fewer = points.clone();
         fewer.x.pop();
-        assert!(run(&Scene { points: Some(&fewer), ..bare }, Intent::default()).contains("2303 points"));
+        assert!(run(&PartitionInput { points: Some(&fewer), ..bare }, Intent::default()).contains("2303 points"));
     }
 
     #[test]
@@ -237,10 +246,10 @@ mod tests {
         let (points, _, graph, labels) = fields(12);
         let values = vec![0.5; 48 * 48];
         let signal = Signal::new(&values, 1).unwrap();
-        let scene = Scene { signal, graph: &graph, points: Some(&points), labels: Some(&labels) };
+        let input = PartitionInput { signal, graph: &graph, points: Some(&points), labels: Some(&labels) };
         for intent in [Intent::SegmentsPerHectare(100.0), Intent::SmallestObject(1.0), Intent::OracleAccuracy(0.1)] {
             let params = PartitionParams { intent, ..PartitionParams::default() };
-            let found = partition_by_intent(&scene, &params, &Monitor::default()).unwrap();
+            let found = partition_by_intent(&input, &params, &Monitor::default()).unwrap();
             assert_eq!(found.partition.len(), 1);
         }
     }

@@ -24,7 +24,7 @@ pub use params::{CutPursuitParams, Preset};
 use super::Signal;
 use super::cutoff::absorb_small;
 use super::merge::trivial_partition;
-use super::regions::{Regions, energy};
+use super::regions::{Objective, Regions, energy};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
@@ -72,14 +72,15 @@ pub struct CutPursuit {
 pub fn cut_pursuit(signal: &Signal, graph: &Graph, params: &CutPursuitParams, monitor: &Monitor) -> Result<CutPursuit> {
     params.validate()?;
     signal.fits(graph.len())?;
+    let objective = Objective { signal, graph, strength: params.strength };
     let mut found = match trivial_partition(signal, graph, params.strength, monitor)? {
         Some(partition) => {
-            let energy = energy(signal, (graph, params.strength), &partition, monitor)?;
+            let energy = energy(objective, &partition, monitor)?;
             CutPursuit { partition, centroids: vec![], energy, iterations: 0, converged: true, trace: vec![energy] }
         }
         None => in_cycles(signal, graph, params, monitor)?,
     };
-    found.partition = absorb_small((signal, graph), found.partition, (params.strength, params.cutoff), monitor)?;
+    found.partition = absorb_small(objective, found.partition, params.cutoff, monitor)?;
     found.centroids = Regions::of_segments(signal, &found.partition, monitor)?.into_means();
     Ok(found)
 }
@@ -191,11 +192,21 @@ mod tests {
             let signal = Signal::new(&values, 2).unwrap().with_weights(&weights).unwrap();
             let best = partitions
                 .iter()
-                .map(|p| energy(&signal, (&graph, 0.3), p, &Monitor::default()).unwrap())
+                .map(|p| {
+                    energy(Objective { signal: &signal, graph: &graph, strength: 0.3 }, p, &Monitor::default()).unwrap()
+                })
                 .fold(f64::INFINITY, f64::min);
             let params = CutPursuitParams { strength: 0.3, ..Default::default() };
             let found = cut_pursuit(&signal, &graph, &params, &Monitor::default()).unwrap();
-            assert_eq!(found.energy, energy(&signal, (&graph, 0.3), &found.partition, &Monitor::default()).unwrap());
+            assert_eq!(
+                found.energy,
+                energy(
+                    Objective { signal: &signal, graph: &graph, strength: 0.3 },
+                    &found.partition,
+                    &Monitor::default()
+                )
+                .unwrap()
+            );
             assert!(found.energy >= best - 1e-9, "{} {best}", found.energy);
             assert_eq!(found.energy, found.trace.iter().copied().fold(f64::INFINITY, f64::min));
             exact += usize::from(found.energy < best + 1e-9);
@@ -241,7 +252,12 @@ mod tests {
             let other = cut_pursuit(&heavy, &chain(40), &params, &Monitor::default()).unwrap();
             assert_eq!(one.partition.segments()[40], one.partition.segments()[10]);
             let moved = Partition::from_labels(&one.partition.segments()[..40]).unwrap();
-            let same = energy(&heavy, (&chain(40), STRENGTH), &moved, &Monitor::default()).unwrap();
+            let same = energy(
+                Objective { signal: &heavy, graph: &chain(40), strength: STRENGTH },
+                &moved,
+                &Monitor::default(),
+            )
+            .unwrap();
             assert!((same - one.energy).abs() < 1e-9, "{same} {}", one.energy);
             ratios.push(one.energy / other.energy);
         }
@@ -287,7 +303,11 @@ mod tests {
             published.partition.len()
         );
         assert!(coarse.energy <= 1.001 * published.energy);
-        assert_eq!(coarse.energy, energy(&signal, (&graph, 0.5), &coarse.partition, &Monitor::default()).unwrap());
+        assert_eq!(
+            coarse.energy,
+            energy(Objective { signal: &signal, graph: &graph, strength: 0.5 }, &coarse.partition, &Monitor::default())
+                .unwrap()
+        );
         assert!(coarse.trace.windows(2).all(|w| w[1] <= w[0]), "{:?}", coarse.trace);
     }
 
@@ -316,8 +336,12 @@ mod tests {
                 let found = cut_pursuit(&signal, &other, &params, &Monitor::default()).unwrap();
                 let of: Vec<u32> = names.iter().map(|&n| found.partition.segments()[n as usize]).collect();
                 let back = Partition::from_labels(&of).unwrap();
-                let original =
-                    energy(&Signal::new(&values, 2).unwrap(), (&graph, STRENGTH), &back, &Monitor::default()).unwrap();
+                let original = energy(
+                    Objective { signal: &Signal::new(&values, 2).unwrap(), graph: &graph, strength: STRENGTH },
+                    &back,
+                    &Monitor::default(),
+                )
+                .unwrap();
                 assert!((original - found.energy).abs() < 1e-6 * original, "a partition costs the same by any names");
                 found.energy
             })

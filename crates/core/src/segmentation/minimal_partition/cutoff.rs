@@ -1,10 +1,8 @@
 //! Merges segments that are too small into their best neighbour.
 
-use super::Signal;
 use super::links::{EdgeLinks, Link, contract};
-use super::regions::{Regions, compact, renumber};
+use super::regions::{Objective, Regions, compact, renumber};
 use crate::error::Result;
-use crate::graph::Graph;
 use crate::parallel::{Looks, Monitor};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::Sets;
@@ -16,11 +14,12 @@ const PASSES: usize = 50;
 /// Merges every segment whose weight is below `cutoff` into the neighbour of largest gain, even if the gain is
 /// negative; segments without neighbours stay. At most 50 passes of O(m log m).
 pub(super) fn absorb_small(
-    (signal, graph): (&Signal, &Graph),
+    objective: Objective<'_>,
     partition: Partition,
-    (strength, cutoff): (f64, f64),
+    cutoff: f64,
     monitor: &Monitor,
 ) -> Result<Partition> {
+    let Objective { signal, graph, strength } = objective;
     let mut regions = Regions::of_segments(signal, &partition, monitor)?;
     if (0..regions.len() as u32).all(|region| regions.weight(region) >= cutoff) {
         return Ok(partition);
@@ -71,7 +70,9 @@ fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64, monitor: &Mon
 
 #[cfg(test)]
 mod tests {
+    use super::super::Signal;
     use super::*;
+    use crate::graph::Graph;
 
     #[test]
     fn small_segments_join_the_neighbour_most_like_them() {
@@ -79,11 +80,12 @@ mod tests {
         let signal = Signal::new(&values, 1).unwrap();
         let graph = Graph::new(8, &[[0, 1], [1, 2], [2, 3], [3, 4], [4, 5], [5, 6]], &[1.0; 6]).unwrap();
         let partition = Partition::from_labels(&[0, 0, 0, 1, 2, 2, 2, 3]).unwrap();
-        let kept = absorb_small((&signal, &graph), partition.clone(), (1.0, 1.0), &Monitor::default()).unwrap();
+        let objective = Objective { signal: &signal, graph: &graph, strength: 1.0 };
+        let kept = absorb_small(objective, partition.clone(), 1.0, &Monitor::default()).unwrap();
         assert_eq!(kept, partition);
-        let joined = absorb_small((&signal, &graph), partition.clone(), (1.0, 2.0), &Monitor::default()).unwrap();
+        let joined = absorb_small(objective, partition.clone(), 2.0, &Monitor::default()).unwrap();
         assert_eq!(joined.segments(), [0, 0, 0, 0, 1, 1, 1, 2], "the lonely node has nobody to join");
-        let all = absorb_small((&signal, &graph), partition.clone(), (1.0, 5.0), &Monitor::default()).unwrap();
+        let all = absorb_small(objective, partition.clone(), 5.0, &Monitor::default()).unwrap();
         assert_eq!(all.segments(), [0, 0, 0, 0, 0, 0, 0, 1]);
     }
 }

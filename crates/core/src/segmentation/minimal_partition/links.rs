@@ -117,7 +117,7 @@ pub(in crate::segmentation) fn contract(
     }
     ends.pop();
     sort_rows(&mut rows, &ends, 0, monitor)?;
-    joined(links, (&rows, &ends), &mut looks)
+    joined(links, SortedRows { rows: &rows, ends: &ends }, &mut looks)
 }
 
 /// Sorts each row; `rows` is a part of all rows that begins at `begin`.
@@ -139,8 +139,16 @@ fn sort_rows(rows: &mut [u64], ends: &[usize], begin: usize, monitor: &Monitor) 
     Ok(())
 }
 
+/// Links by their smaller end: the larger end in the upper half of a number, the index of the link in the lower.
+struct SortedRows<'a> {
+    rows: &'a [u64],
+    /// End of the row of each smaller end.
+    ends: &'a [usize],
+}
+
 /// Merges parallel links of sorted rows.
-fn joined(links: &(impl Links + ?Sized), (rows, ends): (&[u64], &[usize]), looks: &mut Looks<'_>) -> Result<Vec<Link>> {
+fn joined(links: &(impl Links + ?Sized), sorted: SortedRows<'_>, looks: &mut Looks<'_>) -> Result<Vec<Link>> {
+    let SortedRows { rows, ends } = sorted;
     let parallel = |a: &u64, b: &u64| a >> 32 == b >> 32;
     let (mut start, mut count) = (0, 0);
     for &end in ends {

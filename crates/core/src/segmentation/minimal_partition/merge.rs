@@ -10,7 +10,7 @@ mod greedy;
 use super::Signal;
 use super::cutoff::absorb_small;
 use super::links::{EdgeLinks, Link, Links, contract};
-use super::regions::{Regions, compact, energy, renumber};
+use super::regions::{Objective, Regions, compact, energy, renumber};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::Monitor;
@@ -92,8 +92,9 @@ pub fn merge(signal: &Signal, graph: &Graph, params: &MergeParams, monitor: &Mon
             Partition::from_labels_watched(&merge_nodes(nodes, links, GREEDY_LINKS, monitor)?.became, monitor)?
         }
     };
-    let energy = energy(signal, (graph, params.strength), &partition, monitor)?;
-    let partition = absorb_small((signal, graph), partition, (params.strength, params.cutoff), monitor)?;
+    let objective = Objective { signal, graph, strength: params.strength };
+    let energy = energy(objective, &partition, monitor)?;
+    let partition = absorb_small(objective, partition, params.cutoff, monitor)?;
     let centroids = Regions::of_segments(signal, &partition, monitor)?.into_means();
     Ok(Merge { partition, centroids, energy })
 }
@@ -201,7 +202,11 @@ mod tests {
         let found = merge(&signal, &graph, &params, &Monitor::default()).unwrap();
         let fields: Vec<u32> = (0..256).map(|v| v % 16 / 4 + v / 16 / 4 * 4).collect();
         assert_eq!(found.partition, Partition::from_labels(&fields).unwrap());
-        assert_eq!(found.energy, energy(&signal, (&graph, 0.1), &found.partition, &Monitor::default()).unwrap());
+        assert_eq!(
+            found.energy,
+            energy(Objective { signal: &signal, graph: &graph, strength: 0.1 }, &found.partition, &Monitor::default())
+                .unwrap()
+        );
     }
 
     #[test]
@@ -211,7 +216,12 @@ mod tests {
         let links: Vec<Link> = EdgeLinks::weighted(&graph, 0.03).numbered().map(|(_, link)| link).collect();
         let monitor = Monitor::default();
         let energy_of = |labels: &[u32]| {
-            energy(&signal, (&graph, 0.03), &Partition::from_labels(labels).unwrap(), &monitor).unwrap()
+            energy(
+                Objective { signal: &signal, graph: &graph, strength: 0.03 },
+                &Partition::from_labels(labels).unwrap(),
+                &monitor,
+            )
+            .unwrap()
         };
         let start = energy_of(&(0..1024).collect::<Vec<_>>());
         let nodes = || Regions::of_nodes(&signal, &monitor).unwrap();

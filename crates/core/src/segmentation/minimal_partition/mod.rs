@@ -14,10 +14,11 @@ mod regions;
 mod signal;
 
 pub use by_intent::{
-    Aim, Candidate, Intent, Method, PartitionParams, Scene, Search, Trial, partition_by_intent, search_strength,
+    Aim, Candidate, Intent, Method, PartitionInput, PartitionParams, StrengthSearch, Trial, partition_by_intent,
+    search_strength,
 };
 pub use cut_pursuit::{CutPursuit, CutPursuitParams, Preset, cut_pursuit};
 pub(super) use links::{Cost, EdgeLinks, contract};
 pub use merge::{Merge, MergeParams, merge};
-pub use recut::recut;
+pub use recut::{ChosenSegments, recut};
 pub use signal::Signal;

@@ -1,7 +1,7 @@
 //! Moves boundary nodes to the adjacent segment in which they cost least.
 
 use super::Signal;
-use super::regions::Regions;
+use super::regions::{Objective, Regions};
 use crate::error::Result;
 use crate::graph::{Graph, Incidence};
 use crate::parallel::{Monitor, watched};
@@ -28,11 +28,12 @@ const MOVES_A_NODE: usize = 20;
 /// takes into account how both means shift). A move never empties a segment. Segments that become disconnected are
 /// split. O(moves · degree · (degree + width)).
 pub(super) fn move_boundary_nodes(
-    signal: &Signal,
-    (graph, incidence): (&Graph, &Incidence<'_>),
-    (partition, strength): (&Partition, f64),
+    objective: Objective<'_>,
+    incidence: &Incidence<'_>,
+    partition: &Partition,
     monitor: &Monitor,
 ) -> Result<Partition> {
+    let Objective { signal, graph, strength } = objective;
     let segment = partition.segments().to_vec();
     let regions = Regions::of_segments(signal, partition, monitor)?;
     let mut moves = Moves { signal, graph, incidence, strength, segment, regions, around: Vec::new() };
@@ -133,25 +134,25 @@ mod tests {
                 connected_partition(&graph, |_, [a, b]| labels[a as usize] == labels[b as usize], &Monitor::default())
                     .unwrap()
             };
-            let with_edges = (&graph, &graph.incidence(&Monitor::default()).unwrap());
+            let incidence = graph.incidence(&Monitor::default()).unwrap();
+            let objective = Objective { signal: &signal, graph: &graph, strength: 0.05 };
             let (mut last, mut now) = (Partition::default(), of(&labels));
             // A move shifts means and may make other moves profitable: repeat until nothing moves.
             while now != last {
-                let moved = move_boundary_nodes(&signal, with_edges, (&now, 0.05), &Monitor::default()).unwrap();
-                let fell = energy(&signal, (&graph, 0.05), &now, &Monitor::default()).unwrap()
-                    - energy(&signal, (&graph, 0.05), &moved, &Monitor::default()).unwrap();
+                let moved = move_boundary_nodes(objective, &incidence, &now, &Monitor::default()).unwrap();
+                let fell = energy(objective, &now, &Monitor::default()).unwrap()
+                    - energy(objective, &moved, &Monitor::default()).unwrap();
                 assert!(if moved == now { fell == 0.0 } else { fell > 0.0 });
                 (last, now) = (now, moved);
             }
-            let least = energy(&signal, (&graph, 0.05), &now, &Monitor::default()).unwrap();
+            let least = energy(objective, &now, &Monitor::default()).unwrap();
             for &[a, b] in graph.edges() {
                 for (node, to) in [(a, b), (b, a)] {
                     let mut moved = now.segments().to_vec();
                     let alone = moved.iter().filter(|s| **s == moved[node as usize]).count() == 1;
                     moved[node as usize] = moved[to as usize];
                     let there =
-                        energy(&signal, (&graph, 0.05), &Partition::from_labels(&moved).unwrap(), &Monitor::default())
-                            .unwrap();
+                        energy(objective, &Partition::from_labels(&moved).unwrap(), &Monitor::default()).unwrap();
                     assert!(alone || there >= least - 1e-9);
                 }
             }
@@ -164,9 +165,9 @@ mod tests {
         let graph = Graph::new(3, &[[0, 1], [1, 2]], &[1.0; 2]).unwrap();
         let partition = Partition::from_labels(&[0, 1, 2]).unwrap();
         let moved = move_boundary_nodes(
-            &signal,
-            (&graph, &graph.incidence(&Monitor::default()).unwrap()),
-            (&partition, 10.0),
+            Objective { signal: &signal, graph: &graph, strength: 10.0 },
+            &graph.incidence(&Monitor::default()).unwrap(),
+            &partition,
             &Monitor::default(),
         );
         assert_eq!(moved.unwrap(), partition);

@@ -153,16 +153,23 @@ pub(super) fn renumber(labels: &mut [u32], number: &[u32], monitor: &Monitor) ->
     Ok(())
 }
 
-/// Q = Σ m_i ‖f_i − x_c(i)‖² + strength · Σ w over the edges that join different segments. O((n + m) · width).
+/// What a partition minimises: Q = Σ m_i ‖f_i − x_c(i)‖² + strength · Σ w over the edges that join different segments.
+#[derive(Clone, Copy)]
+pub(super) struct Objective<'a> {
+    /// f and m: the values of the nodes and their weights.
+    pub(super) signal: &'a Signal<'a>,
+    /// The edges and their weights w.
+    pub(super) graph: &'a Graph,
+    /// ρ, 0 or more.
+    pub(super) strength: f64,
+}
+
+/// Q of a partition. O((n + m) · width).
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn energy(
-    signal: &Signal,
-    (graph, strength): (&Graph, f64),
-    partition: &Partition,
-    monitor: &Monitor,
-) -> Result<f64> {
+pub(super) fn energy(objective: Objective<'_>, partition: &Partition, monitor: &Monitor) -> Result<f64> {
+    let Objective { signal, graph, strength } = objective;
     let regions = Regions::of_segments(signal, partition, monitor)?;
     let (mut fit, mut cut) = (0.0, 0.0);
     for piece in watched(signal.len(), monitor) {
@@ -206,7 +213,10 @@ mod tests {
             let mut regions = Regions::of_segments(&signal, &before, &Monitor::default()).unwrap();
             let link = links.iter().find(|l| l.ends == [1, 2]).unwrap();
             let gain = link.boundary - regions.loss(link.ends);
-            let energy = |partition| energy(&signal, (&graph, 0.3), partition, &Monitor::default()).unwrap();
+            let energy = |partition| {
+                energy(Objective { signal: &signal, graph: &graph, strength: 0.3 }, partition, &Monitor::default())
+                    .unwrap()
+            };
             let difference = energy(&before) - energy(&after);
             assert!((gain - difference).abs() < 1e-12, "{gain} {difference}");
             regions.absorb(1, 2);

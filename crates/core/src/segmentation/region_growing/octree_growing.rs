@@ -4,7 +4,7 @@
 //! ISPRS Journal of Photogrammetry and Remote Sensing 104, 2015.
 
 use super::params::{OctreeGrowingParams, Reference};
-use super::refine::refine;
+use super::refine::{Voxels, refine};
 use super::result::GrownRegions;
 use super::voxels::{Patch, Touching, patches};
 use crate::cloud::Points;
@@ -47,7 +47,8 @@ pub fn octree_region_growing(points: &Points, params: &OctreeGrowingParams, moni
     let touching = Touching::new(&tree, monitor)?;
     let (regions, count) = grow(&patches, &touching, params);
     monitor.check()?;
-    let labels = refine(points, (&tree, &touching), (&patches, &regions), params, monitor)?;
+    let voxels = Voxels { tree: &tree, touching: &touching, patches: &patches, regions: &regions };
+    let labels = refine(points, voxels, params, monitor)?;
     GrownRegions::numbered(labels, count, params.min_size..=u32::MAX, monitor)
 }
 

@@ -11,6 +11,18 @@ use crate::segmentation::Octree;
 /// voxel.
 type Taken = (Vec<u32>, Option<(u32, Patch)>);
 
+/// The leaves of an octree after coarse region growing.
+#[derive(Clone, Copy)]
+pub(super) struct Voxels<'a> {
+    pub(super) tree: &'a Octree,
+    /// Which leaves touch each other.
+    pub(super) touching: &'a Touching,
+    /// Plane of each leaf.
+    pub(super) patches: &'a [Patch],
+    /// Region of each leaf; 0 for none.
+    pub(super) regions: &'a [u32],
+}
+
 /// Region of each point from the regions of the voxels; 0 for none.
 ///
 /// Works ring by ring: every point of a voxel without a region that touches a region is compared with the planes of the
@@ -18,11 +30,11 @@ type Taken = (Vec<u32>, Option<(u32, Patch)>);
 /// ring the voxel counts as part of the region that received most of its points, with that region's plane.
 pub(super) fn refine(
     points: &Points,
-    (tree, touching): (&Octree, &Touching),
-    (patches, regions): (&[Patch], &[u32]),
+    voxels: Voxels<'_>,
     params: &OctreeGrowingParams,
     monitor: &Monitor,
 ) -> Result<Vec<u32>> {
+    let Voxels { tree, touching, patches, regions } = voxels;
     let mut labels = vec![0u32; points.len()];
     for (members, &region) in tree.points.groups().zip(regions) {
         members.iter().for_each(|&i| labels[i as usize] = region);
@@ -37,7 +49,8 @@ pub(super) fn refine(
         }
         let found = map_ordered(ring.len(), monitor, |r| {
             let members = tree.points.group(ring[r]);
-            Ok(look_at(points, members, touching.of(ring[r]), (&patches, &regions), params.distance))
+            let near = planes(touching.of(ring[r]), &patches, &regions);
+            Ok(nearest_planes(points, members, &near, params.distance))
         })?;
         for (&l, (own, most)) in ring.iter().zip(found) {
             seen[l] = true;
@@ -50,15 +63,13 @@ pub(super) fn refine(
     Ok(labels)
 }
 
-fn look_at(
-    points: &Points,
-    members: &[u32],
-    around: &[u32],
-    (patches, regions): (&[Patch], &[u32]),
-    distance: f64,
-) -> Taken {
-    let near: Vec<(u32, Patch)> =
-        around.iter().map(|&o| (regions[o as usize], patches[o as usize])).filter(|(region, _)| *region > 0).collect();
+/// Region and plane of those of the voxels `around` that have a region.
+fn planes(around: &[u32], patches: &[Patch], regions: &[u32]) -> Vec<(u32, Patch)> {
+    around.iter().map(|&o| (regions[o as usize], patches[o as usize])).filter(|(region, _)| *region > 0).collect()
+}
+
+/// Compares the points of a voxel with the planes around it, `near`.
+fn nearest_planes(points: &Points, members: &[u32], near: &[(u32, Patch)], distance: f64) -> Taken {
     let mut votes = vec![0u32; near.len()];
     let mut own = Vec::with_capacity(members.len());
     for &i in members {
@@ -99,11 +110,11 @@ mod tests {
         let floor = Patch { centre: [1.0, 0.0, 0.0], normal: [0.0, 0.0, 1.0], residual: 0.0 };
         let wall = Patch { centre: [0.0, 0.0, 1.0], normal: [1.0, 0.0, 0.0], residual: 0.0 };
         let none = Patch { residual: f64::INFINITY, ..Patch::default() };
-        let planes = ([none, wall, floor], [0, 7, 4]);
-        let (own, most) = look_at(&points, &[0, 1, 2, 3, 4], &[0, 1, 2], (&planes.0, &planes.1), 0.06);
+        let near = planes(&[0, 1, 2], &[none, wall, floor], &[0, 7, 4]);
+        let (own, most) = nearest_planes(&points, &[0, 1, 2, 3, 4], &near, 0.06);
         assert_eq!(own, [4, 4, 7, 0, 7]);
         assert_eq!(most, Some((7, wall)), "two votes each: the first");
-        let (own, most) = look_at(&points, &[3], &[0, 1, 2], (&planes.0, &planes.1), 0.06);
+        let (own, most) = nearest_planes(&points, &[3], &near, 0.06);
         assert_eq!((own, most), (vec![0], None));
     }
 }

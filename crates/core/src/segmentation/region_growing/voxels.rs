@@ -70,11 +70,12 @@ impl Touching {
         let deepest = tree.leaves.iter().map(|l| l.depth).max().unwrap_or(0);
         let starts: Vec<u64> =
             tree.leaves.iter().map(|l| morton::encode(l.cell) << (3 * (deepest - l.depth))).collect();
+        let codes = LeafCodes { tree, starts: &starts, deepest };
         let parts = map_ordered(starts.len().div_ceil(BLOCK), monitor, |block| {
             let range = block * BLOCK..((block + 1) * BLOCK).min(starts.len());
             let mut pairs = Vec::new();
             for l in range {
-                around(tree, &starts, (l, deepest), |other| {
+                codes.around(l, |other| {
                     pairs.extend([[l as u32, other], [other, l as u32]]);
                 });
             }
@@ -94,21 +95,32 @@ impl Touching {
     }
 }
 
-/// Calls `found` for the leaves around leaf `l` that are at least as large.
-fn around(tree: &Octree, starts: &[u64], (l, deepest): (usize, u32), mut found: impl FnMut(u32)) {
-    let Leaf { depth, cell } = tree.leaves[l];
-    for step in (0..27).filter(|&s| s != 13) {
-        let moved = |c: u32, by: u32| (c + by).checked_sub(1).filter(|&c| c < 1 << depth);
-        let [Some(x), Some(y), Some(z)] =
-            [(0, step % 3), (1, step / 3 % 3), (2, step / 9)].map(|(a, by)| moved(cell[a], by))
-        else {
-            continue;
-        };
-        let code = morton::encode([x, y, z]) << (3 * (deepest - depth));
-        let Some(other) = starts.partition_point(|&s| s <= code).checked_sub(1) else { continue };
-        let size = tree.leaves[other].depth;
-        if size <= depth && other != l && code >> (3 * (deepest - size)) == starts[other] >> (3 * (deepest - size)) {
-            found(other as u32);
+/// The leaves of an octree by the Morton codes of their first cells on the deepest level.
+struct LeafCodes<'a> {
+    tree: &'a Octree,
+    starts: &'a [u64],
+    deepest: u32,
+}
+
+impl LeafCodes<'_> {
+    /// Calls `found` for the leaves around leaf `l` that are at least as large.
+    fn around(&self, l: usize, mut found: impl FnMut(u32)) {
+        let Self { tree, starts, deepest } = *self;
+        let Leaf { depth, cell } = tree.leaves[l];
+        for step in (0..27).filter(|&s| s != 13) {
+            let moved = |c: u32, by: u32| (c + by).checked_sub(1).filter(|&c| c < 1 << depth);
+            let [Some(x), Some(y), Some(z)] =
+                [(0, step % 3), (1, step / 3 % 3), (2, step / 9)].map(|(a, by)| moved(cell[a], by))
+            else {
+                continue;
+            };
+            let code = morton::encode([x, y, z]) << (3 * (deepest - depth));
+            let Some(other) = starts.partition_point(|&s| s <= code).checked_sub(1) else { continue };
+            let size = tree.leaves[other].depth;
+            if size <= depth && other != l && code >> (3 * (deepest - size)) == starts[other] >> (3 * (deepest - size))
+            {
+                found(other as u32);
+            }
         }
     }
 }

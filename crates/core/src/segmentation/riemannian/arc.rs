@@ -20,12 +20,18 @@ pub(super) fn arc(chord: f64, height: f64) -> f64 {
     if angle < SMALL { chord * (1.0 + angle * angle / 6.0) } else { chord * angle / sine }
 }
 
-/// d_proj of two supervoxels, each a centre (metres) and a unit normal; symmetric.
-pub(super) fn projected_distance(
-    (a, n): ([f32; 3], [f32; 3]),
-    (b, m): ([f32; 3], [f32; 3]),
-    params: &RiemannianGraphParams,
-) -> f64 {
+/// The tangent plane of a supervoxel.
+#[derive(Clone, Copy)]
+pub(super) struct Tangent {
+    /// Centre, metres.
+    pub(super) centre: [f32; 3],
+    /// Unit normal.
+    pub(super) normal: [f32; 3],
+}
+
+/// d_proj of two supervoxels; symmetric.
+pub(super) fn projected_distance(from: Tangent, to: Tangent, params: &RiemannianGraphParams) -> f64 {
+    let (Tangent { centre: a, normal: n }, Tangent { centre: b, normal: m }) = (from, to);
     let between = [0, 1, 2].map(|k| f64::from(b[k]) - f64::from(a[k]));
     let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
     let (n, m) = (n.map(f64::from), m.map(f64::from));
@@ -52,10 +58,10 @@ mod tests {
             assert!((arc(chord, height) - length).abs() < 1e-12, "{length}");
         }
         let (n, m) = ([0.0f32, 0.0, 1.0], [(0.7f32).sin(), 0.0, (0.7f32).cos()]);
-        let place = |n: [f32; 3]| n.map(|c| 2.0 * c);
+        let at = |normal: [f32; 3]| Tangent { centre: normal.map(|c| 2.0 * c), normal };
         for symmetry in [Symmetry::Max, Symmetry::Min] {
             let params = RiemannianGraphParams { symmetry, ..Default::default() };
-            assert!((projected_distance((place(n), n), (place(m), m), &params) - 1.4).abs() < 1e-6);
+            assert!((projected_distance(at(n), at(m), &params) - 1.4).abs() < 1e-6);
         }
     }
 
@@ -75,8 +81,9 @@ mod tests {
             for symmetry in [Symmetry::Max, Symmetry::Min] {
                 for (thin_wall, most) in [(false, 1.0), (true, 3.0)] {
                     let params = RiemannianGraphParams { symmetry, thin_wall, ..Default::default() };
-                    let d = projected_distance((a, n), (b, m), &params);
-                    assert_eq!(d, projected_distance((b, m), (a, n), &params));
+                    let (from, to) = (Tangent { centre: a, normal: n }, Tangent { centre: b, normal: m });
+                    let d = projected_distance(from, to, &params);
+                    assert_eq!(d, projected_distance(to, from, &params));
                     assert!(d >= chord - 1e-6 && d <= most * std::f64::consts::FRAC_PI_2 * chord + 1e-6);
                 }
             }
@@ -85,7 +92,8 @@ mod tests {
 
     #[test]
     fn the_faces_of_a_thin_wall_are_apart_with_the_factor() {
-        let (front, back) = (([0.0, 0.0, 0.0], [0.0, -1.0, 0.0]), ([0.0, 0.1, 0.0], [0.0, 1.0, 0.0]));
+        let front = Tangent { centre: [0.0; 3], normal: [0.0, -1.0, 0.0] };
+        let back = Tangent { centre: [0.0, 0.1, 0.0], normal: [0.0, 1.0, 0.0] };
         let distance =
             |thin_wall| projected_distance(front, back, &RiemannianGraphParams { thin_wall, ..Default::default() });
         assert!((distance(false) - 0.1 * std::f64::consts::FRAC_PI_2).abs() < 1e-6);

@@ -5,8 +5,8 @@
 //! decreases no objective function: the mean does not minimise Σ D.
 
 use super::boxes::{Bounds, Boxes, Visitor};
+use super::describe::OrientedPoints;
 use super::params::{KMeansParams, Sides, Start};
-use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor, concat_watched, map_ordered_with, map_watched, watched};
 use crate::segmentation::Octree;
@@ -36,19 +36,27 @@ pub(super) struct Clusters {
     pub(super) mean_move: f64,
 }
 
+/// Where the clusters start: the leaves of an octree.
+#[derive(Clone, Copy)]
+pub(super) struct Seeds<'a> {
+    pub(super) tree: &'a Octree,
+    /// Edge of the octree's largest leaves, metres.
+    pub(super) cell: f64,
+}
+
 /// Clusters that start from the leaves of an octree.
 ///
 /// The nearest centre is found exactly, ties go to the smaller index. O(n · candidates) an iteration, about 50
 /// candidates.
 pub(super) fn clusters(
-    (points, directions): (&Points, &[[f32; 3]]),
-    tree: &Octree,
-    (params, sides, cell): (&KMeansParams, Sides, f64),
+    oriented: OrientedPoints<'_>,
+    Seeds { tree, cell }: Seeds<'_>,
+    params: &KMeansParams,
     monitor: &Monitor,
 ) -> Result<Clusters> {
-    let rows = Rows::new((points, directions), tree, sides, monitor)?;
+    let rows = SortedPoints::new(oriented, tree, monitor)?;
     let leaves: Vec<Range<usize>> = tree.points.offsets().windows(2).map(|w| w[0] as usize..w[1] as usize).collect();
-    let mut of: Vec<u32> = Vec::with_capacity(points.len());
+    let mut of: Vec<u32> = Vec::with_capacity(oriented.points.len());
     let mut looks = Looks::at(monitor);
     for (leaf, range) in (0u32..).zip(&leaves) {
         looks.steps(range.len())?;
@@ -62,11 +70,11 @@ pub(super) fn clusters(
             centre.iter_mut().zip(tree.centre(leaf)).for_each(|(c, at)| *c = at as f32);
         }
     }
-    let tasks = tasks(&leaves);
+    let leaves = LeafTasks { tasks: tasks(&leaves), leaves };
     let (mut iterations, mut mean_move) = (0, 0.0);
     monitor.stage("supervoxels", (params.max_iterations * of.len()) as u64);
     while iterations < params.max_iterations {
-        of = rows.assign(&of, &centres, (&leaves, &tasks), monitor)?;
+        of = rows.assign(&of, &centres, &leaves, monitor)?;
         mean_move = rows.update(&of, &mut centres, monitor)?;
         iterations += 1;
         if mean_move < params.tolerance * cell {
@@ -97,19 +105,21 @@ fn tasks(leaves: &[Range<usize>]) -> Vec<Range<usize>> {
     tasks
 }
 
+/// The leaves, as ranges of the sorted points, in runs that are a task each.
+struct LeafTasks {
+    leaves: Vec<Range<usize>>,
+    tasks: Vec<Range<usize>>,
+}
+
 /// The points in Morton order.
-struct Rows {
+struct SortedPoints {
     axes: [Vec<f32>; 6],
     sides: Sides,
 }
 
-impl Rows {
-    fn new(
-        (points, directions): (&Points, &[[f32; 3]]),
-        tree: &Octree,
-        sides: Sides,
-        monitor: &Monitor,
-    ) -> Result<Self> {
+impl SortedPoints {
+    fn new(oriented: OrientedPoints<'_>, tree: &Octree, monitor: &Monitor) -> Result<Self> {
+        let OrientedPoints { points, normals: directions, sides } = oriented;
         let order = tree.points.items();
         let place = |axis: &[f32]| map_watched(order.len(), monitor, |i| axis[order[i] as usize]);
         let normal = |a: usize| map_watched(order.len(), monitor, |i| directions[order[i] as usize][a]);
@@ -160,22 +170,17 @@ impl Rows {
 
     /// The nearest centre of every point. `of` holds the previous centres, whose distances bound the search; any centre
     /// would do.
-    fn assign(
-        &self,
-        of: &[u32],
-        centres: &[Row],
-        (leaves, tasks): (&[Range<usize>], &[Range<usize>]),
-        monitor: &Monitor,
-    ) -> Result<Vec<u32>> {
+    fn assign(&self, of: &[u32], centres: &[Row], leaves: &LeafTasks, monitor: &Monitor) -> Result<Vec<u32>> {
         let places: Vec<[f32; 3]> = centres.iter().map(|c| [c[0], c[1], c[2]]).collect();
-        let boxes = Boxes::new(&places);
+        let candidates = Candidates { points: self, of, centres, boxes: Boxes::new(&places) };
+        let LeafTasks { leaves, tasks } = leaves;
         let parts = map_ordered_with(0..tasks.len(), monitor, Vec::new, |found: &mut Vec<(u32, Row)>, t| {
             let leaves = &leaves[tasks[t].clone()];
             let mut out = Vec::with_capacity(leaves.iter().map(ExactSizeIterator::len).sum());
             for leaf in leaves {
                 for first in leaf.clone().step_by(GROUP) {
                     let group = first..(first + GROUP).min(leaf.end);
-                    self.gather(group.clone(), of, (centres, &boxes), found);
+                    candidates.near(group.clone(), found);
                     Arch::new().dispatch(Compare { rows: self, group, centres: found, out: &mut out });
                 }
             }
@@ -184,15 +189,27 @@ impl Rows {
         })?;
         concat_watched(parts, monitor)
     }
+}
 
-    /// The centres that may be nearest to one of the points, ascending. A centre farther from the points' box than any
+/// The centres that points are compared with.
+struct Candidates<'a> {
+    points: &'a SortedPoints,
+    /// Previous centre of every point.
+    of: &'a [u32],
+    centres: &'a [Row],
+    boxes: Boxes,
+}
+
+impl Candidates<'_> {
+    /// The centres that may be nearest to one of the points of a group, ascending. A centre farther from the points' box than any
     /// point is from its previous centre cannot be: D² ≥ D_s² ≥ the squared gap.
-    fn gather(&self, group: Range<usize>, of: &[u32], (centres, boxes): (&[Row], &Boxes), found: &mut Vec<(u32, Row)>) {
+    fn near(&self, group: Range<usize>, found: &mut Vec<(u32, Row)>) {
+        let Self { points, of, centres, boxes } = self;
         let (mut bounds, mut reach) = (Bounds::none(), 0f32);
         for i in group {
-            let row = self.row(i);
+            let row = points.row(i);
             bounds.include(&Bounds::at([row[0], row[1], row[2]]));
-            reach = reach.max(squared_distance(&row, &centres[of[i] as usize], self.sides));
+            reach = reach.max(squared_distance(&row, &centres[of[i] as usize], points.sides));
         }
         found.clear();
         boxes.visit(&mut Within { bounds, reach, centres, found });
@@ -240,7 +257,7 @@ fn squared_distance(p: &Row, c: &Row, sides: Sides) -> f32 {
 
 /// Compares a group with its candidates, compiled for each instruction set.
 struct Compare<'a> {
-    rows: &'a Rows,
+    rows: &'a SortedPoints,
     group: Range<usize>,
     centres: &'a [(u32, Row)],
     out: &'a mut Vec<u32>,
@@ -289,6 +306,7 @@ fn nearest<const UNSIGNED: bool>(at: &[[f32; LANES]; 6], centres: &[(u32, Row)])
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::Points;
     use crate::random::{Stream, stream};
     use crate::segmentation::{OctreeParams, StopRule, octree};
 
@@ -333,9 +351,11 @@ mod tests {
         let tree = tree(&points);
         let leaves: Vec<Range<usize>> =
             tree.points.offsets().windows(2).map(|w| w[0] as usize..w[1] as usize).collect();
+        let tasks = LeafTasks { tasks: tasks(&leaves), leaves: leaves.clone() };
         let mut random = stream(4, 4);
         for sides in [Sides::Signed, Sides::Unsigned] {
-            let rows = Rows::new((&points, &normals), &tree, sides, &Monitor::default()).unwrap();
+            let oriented = OrientedPoints { points: &points, normals: &normals, sides };
+            let rows = SortedPoints::new(oriented, &tree, &Monitor::default()).unwrap();
             let mut centres: Vec<Row> = leaves.iter().map(|l| rows.row(l.start + l.len() / 2)).collect();
             centres[5] = centres[6];
             for start in ["leaf", "anywhere"] {
@@ -343,7 +363,7 @@ mod tests {
                     "leaf" => (0u32..).zip(&leaves).flat_map(|(l, r)| r.clone().map(move |_| l)).collect(),
                     _ => (0..3000).map(|_| random.below(leaves.len()) as u32).collect(),
                 };
-                let found = rows.assign(&of, &centres, (&leaves, &tasks(&leaves)), &Monitor::default()).unwrap();
+                let found = rows.assign(&of, &centres, &tasks, &Monitor::default()).unwrap();
                 for (i, &cluster) in found.iter().enumerate() {
                     let distance = |c: usize| squared_distance(&rows.row(i), &centres[c], sides);
                     let expected = (1..centres.len()).fold(0, |b, c| if distance(c) < distance(b) { c } else { b });
@@ -380,7 +400,8 @@ mod tests {
         let cell = tree.edge(3);
         let run = |start, sides| {
             let params = KMeansParams { start, ..KMeansParams::default() };
-            clusters((&points, &normals), &tree, (&params, sides, cell), &Monitor::default()).unwrap()
+            let oriented = OrientedPoints { points: &points, normals: &normals, sides };
+            clusters(oriented, Seeds { tree: &tree, cell }, &params, &Monitor::default()).unwrap()
         };
         for start in [Start::Centroid, Start::Cube] {
             let signed = run(start, Sides::Signed);
@@ -412,8 +433,8 @@ mod tests {
             normals.iter().enumerate().map(|(i, n)| if i % 3 == 0 { n.map(|c| -c) } else { *n }).collect();
         let params = KMeansParams::default();
         let run = |normals: &[[f32; 3]]| {
-            let setting = (&params, Sides::Unsigned, tree.edge(3));
-            clusters((&points, normals), &tree, setting, &Monitor::default()).unwrap()
+            let oriented = OrientedPoints { points: &points, normals, sides: Sides::Unsigned };
+            clusters(oriented, Seeds { tree: &tree, cell: tree.edge(3) }, &params, &Monitor::default()).unwrap()
         };
         assert_eq!(run(&normals), run(&turned));
     }

@@ -28,16 +28,27 @@ pub(super) struct Nodes {
     pub(super) width: usize,
 }
 
+/// Points with unit normals.
+#[derive(Clone, Copy)]
+pub(super) struct OrientedPoints<'a> {
+    pub(super) points: &'a Points,
+    /// Normal of each point.
+    pub(super) normals: &'a [[f32; 3]],
+    /// Whether the signs of the normals count.
+    pub(super) sides: Sides,
+}
+
 /// Describes each supervoxel; planarity and scattering are multiplied by `shape_weight`. O(n).
 pub(super) fn describe(
-    (points, directions): (&Points, &[[f32; 3]]),
+    oriented: OrientedPoints<'_>,
     supervoxels: &Partition,
-    (sides, shape_weight): (Sides, f64),
+    shape_weight: f64,
     monitor: &Monitor,
 ) -> Result<Nodes> {
+    let sides = oriented.sides;
     let parts = map_ordered(supervoxels.len().div_ceil(BLOCK), monitor, |block| {
         let range = block * BLOCK..((block + 1) * BLOCK).min(supervoxels.len());
-        Ok(range.map(|s| one((points, directions), supervoxels.members(s), sides)).collect::<Vec<_>>())
+        Ok(range.map(|s| one(oriented, supervoxels.members(s))).collect::<Vec<_>>())
     })?;
     let mut nodes = Nodes { width: if sides == Sides::Signed { 5 } else { 8 }, ..Nodes::default() };
     for (centre, normal, [planarity, scattering]) in parts.into_iter().flatten() {
@@ -58,7 +69,9 @@ fn square([x, y, z]: [f32; 3]) -> [f32; 6] {
     [x * x, y * y, z * z, root * x * y, root * x * z, root * y * z]
 }
 
-fn one((points, directions): (&Points, &[[f32; 3]]), members: &[u32], sides: Sides) -> ([f32; 3], [f32; 3], [f64; 2]) {
+/// Centre, mean normal, planarity and scattering of a supervoxel.
+fn one(oriented: OrientedPoints<'_>, members: &[u32]) -> ([f32; 3], [f32; 3], [f64; 2]) {
+    let OrientedPoints { points, normals: directions, sides } = oriented;
     let place = |i: u32| [&points.x, &points.y, &points.z].map(|axis| f64::from(axis[i as usize]));
     let first = members.first().copied().unwrap_or(0);
     let (base, own) = (place(first), directions[first as usize]);
@@ -99,7 +112,8 @@ mod tests {
         let (points, mut normals) = cross();
         let whole = Partition::from_labels(&[0; 6]).unwrap();
         let run = |normals: &[[f32; 3]], sides, weight| {
-            describe((&points, normals), &whole, (sides, weight), &Monitor::default()).unwrap()
+            let oriented = OrientedPoints { points: &points, normals, sides };
+            describe(oriented, &whole, weight, &Monitor::default()).unwrap()
         };
         let nodes = run(&normals, Sides::Signed, 1.0);
         assert_eq!((nodes.centres[0], nodes.width), ([7.0; 3], 5));
@@ -127,7 +141,8 @@ mod tests {
         let (points, mut normals) = cross();
         normals.iter_mut().enumerate().for_each(|(i, n)| *n = [0.0, 0.0, if i % 2 == 0 { 1.0 } else { -1.0 }]);
         let whole = Partition::from_labels(&[0; 6]).unwrap();
-        let nodes = describe((&points, &normals), &whole, (Sides::Signed, 1.0), &Monitor::default()).unwrap();
+        let oriented = OrientedPoints { points: &points, normals: &normals, sides: Sides::Signed };
+        let nodes = describe(oriented, &whole, 1.0, &Monitor::default()).unwrap();
         assert_eq!(nodes.normals[0], [0.0, 0.0, 1.0]);
     }
 }

@@ -3,7 +3,7 @@
 //! Li 2018, section 3.2. By "Kruskal coordinates" the paper means the spanning tree of J. B. Kruskal 1956, not his
 //! multidimensional scaling of 1964: it sorts edges and adds them until all nodes are connected.
 
-use super::arc::projected_distance;
+use super::arc::{Tangent, projected_distance};
 use super::describe::Nodes;
 use super::euclidean_tree::euclidean_tree;
 use super::params::{Nearest, RiemannianGraphParams};
@@ -41,7 +41,7 @@ pub(super) fn riemannian_graph(
     let pairs = candidates(&near, euclidean_tree(&centres, &near, monitor)?, monitor)?;
     let lengths = map_ordered(pairs.len().div_ceil(BLOCK), monitor, |block| {
         let pairs = &pairs[block * BLOCK..((block + 1) * BLOCK).min(pairs.len())];
-        let end = |i: u32| (nodes.centres[i as usize], nodes.normals[i as usize]);
+        let end = |i: u32| Tangent { centre: nodes.centres[i as usize], normal: nodes.normals[i as usize] };
         Ok(pairs.iter().map(|&[a, b]| projected_distance(end(a), end(b), params) as f32).collect::<Vec<_>>())
     })?;
     let lengths: Vec<f32> = concat_watched(lengths, monitor)?;
@@ -163,7 +163,7 @@ mod tests {
     }
 
     fn length(nodes: &Nodes, [a, b]: [u32; 2], params: &RiemannianGraphParams) -> f32 {
-        let end = |i: u32| (nodes.centres[i as usize], nodes.normals[i as usize]);
+        let end = |i: u32| Tangent { centre: nodes.centres[i as usize], normal: nodes.normals[i as usize] };
         projected_distance(end(a), end(b), params) as f32
     }
 

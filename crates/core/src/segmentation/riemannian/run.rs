@@ -1,8 +1,8 @@
 //! The whole method of Li 2018, at one depth or several.
 
-use super::clusters::clusters;
+use super::clusters::{Seeds, clusters};
 use super::connected::connected_clusters;
-use super::describe::describe;
+use super::describe::{OrientedPoints, describe};
 use super::graph::riemannian_graph;
 use super::params::{NodeWeight, RiemannianParams, Sides};
 use crate::cloud::Points;
@@ -174,11 +174,11 @@ impl Surface {
 
 fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &Monitor) -> Result<Riemannian> {
     let start = Instant::now();
-    let oriented = (points, &surface.directions[..]);
+    let oriented = OrientedPoints { points, normals: &surface.directions, sides: params.sides };
     let tree = octree(points, &params.octree, monitor)?;
-    let cell = tree.edge(params.octree.min_depth);
+    let seeds = Seeds { tree: &tree, cell: tree.edge(params.octree.min_depth) };
     monitor.check()?;
-    let grown = clusters(oriented, &tree, (&params.clusters, params.sides, cell), monitor)?;
+    let grown = clusters(oriented, seeds, &params.clusters, monitor)?;
     let labels = match params.clusters.connected {
         true => connected_clusters(&grown.of, &surface.near, params.octree.min_points, monitor)?,
         false => grown.of,
@@ -190,7 +190,7 @@ fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &
 
     monitor.check()?;
     let start = Instant::now();
-    let nodes = describe(oriented, &supervoxels, (params.sides, params.shape_weight), monitor)?;
+    let nodes = describe(oriented, &supervoxels, params.shape_weight, monitor)?;
     let built = riemannian_graph(&nodes, &params.graph, monitor)?;
     seconds.graph = start.elapsed().as_secs_f64();
 
@@ -352,8 +352,8 @@ mod tests {
         let surface = Surface::new(&points, &params(0.1), &Monitor::default()).unwrap();
         let at = |strength| run(&points, &surface, &params(strength), &Monitor::default()).unwrap();
         let found = at(0.1);
-        let oriented = (&points, &surface.directions[..]);
-        let nodes = describe(oriented, &found.supervoxels, (Sides::Signed, 1.0), &Monitor::default()).unwrap();
+        let oriented = OrientedPoints { points: &points, normals: &surface.directions, sides: Sides::Signed };
+        let nodes = describe(oriented, &found.supervoxels, 1.0, &Monitor::default()).unwrap();
         let graph = riemannian_graph(&nodes, &params(0.1).graph, &Monitor::default()).unwrap().graph;
         let segment: Vec<u32> =
             found.supervoxels.iter().map(|members| found.segments.segments()[members[0] as usize]).collect();

@@ -57,18 +57,27 @@ pub struct Supervoxels {
     size: f64,
 }
 
+/// The supervoxel of each point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SupervoxelLabels {
+    /// Supervoxel of each point, numbered in any way below twice the number of points; [`NO_SUPERVOXEL`] for none.
+    pub labels: Vec<u32>,
+    /// Distance of the seeds, metres.
+    pub size: f64,
+}
+
 impl Supervoxels {
-    /// From the supervoxel of each point ([`NO_SUPERVOXEL`] for none), numbered in any way below twice the number of
-    /// points. `size` is the distance of the seeds in metres. O(n).
+    /// From the supervoxel of each point. O(n).
     ///
     /// # Errors
     /// If there is not one label a point, a label is too large, attributes do not fit, or the work was cancelled.
     pub fn new(
         points: &Points,
         attributes: &PointAttributes<'_>,
-        (labels, size): (Vec<u32>, f64),
+        labels: SupervoxelLabels,
         monitor: &Monitor,
     ) -> Result<Self> {
+        let SupervoxelLabels { labels, size } = labels;
         attributes.check(points.len())?;
         if labels.len() != points.len() {
             return Err(Error::input(format!("{} labels for {} points", labels.len(), points.len())));
@@ -179,7 +188,8 @@ mod tests {
         let points = points_of(&[[0.0; 3], [5.0, 0.0, 0.0], [5.1, 0.0, 0.0], [9.0, 0.0, 0.0], [0.1, 0.0, 0.0]]);
         let labels = vec![4, 1, 1, NO_SUPERVOXEL, 4];
         let none = PointAttributes::default();
-        let found = Supervoxels::new(&points, &none, (labels, 1.0), &Monitor::default()).unwrap();
+        let found =
+            Supervoxels::new(&points, &none, SupervoxelLabels { labels, size: 1.0 }, &Monitor::default()).unwrap();
         assert_eq!(found.labels(), [0, 1, 1, NO_SUPERVOXEL, 0]);
         assert_eq!((found.len(), found.members(1)), (2, &[1, 2][..]));
         let joined = Partition::from_labels(&[0, 0]).unwrap();
@@ -194,12 +204,24 @@ mod tests {
         let points = points_of(&[[0.0; 3], [1.0; 3]]);
         let refused = |normals: &[[f32; 3]]| {
             let attributes = PointAttributes { normals: Some(normals), colours: None };
-            Supervoxels::new(&points, &attributes, (vec![0, 0], 1.0), &Monitor::default()).is_err()
+            Supervoxels::new(
+                &points,
+                &attributes,
+                SupervoxelLabels { labels: vec![0, 0], size: 1.0 },
+                &Monitor::default(),
+            )
+            .is_err()
         };
         assert!(refused(&[[0.0; 3]]) && refused(&[[0.0; 3], [f32::NAN; 3]]) && refused(&[[0.0; 3], [7.0; 3]]));
         assert!(!refused(&[[0.0, 0.0, 1.0]; 2]));
         let none = PointAttributes::default();
-        assert!(Supervoxels::new(&points, &none, (vec![0, 4], 1.0), &Monitor::default()).is_err());
-        assert!(Supervoxels::new(&points, &none, (vec![0], 1.0), &Monitor::default()).is_err());
+        assert!(
+            Supervoxels::new(&points, &none, SupervoxelLabels { labels: vec![0, 4], size: 1.0 }, &Monitor::default())
+                .is_err()
+        );
+        assert!(
+            Supervoxels::new(&points, &none, SupervoxelLabels { labels: vec![0], size: 1.0 }, &Monitor::default())
+                .is_err()
+        );
     }
 }

@@ -5,7 +5,7 @@ mod centres;
 mod connect;
 mod sorted;
 
-use super::{NO_SUPERVOXEL, PointAttributes, SlicParams, Supervoxels};
+use super::{NO_SUPERVOXEL, PointAttributes, SlicParams, SupervoxelLabels, Supervoxels};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::nearest_of;
@@ -55,7 +55,8 @@ pub fn slic(
         connect::connect(&scene, params, &mut found.labels, monitor)?;
     }
     let labels = attach(&scene, &found, params.size, monitor)?;
-    Supervoxels::new(points, attributes, (scene.in_order_of_points(&labels, monitor)?, params.size), monitor)
+    let labels = scene.in_order_of_points(&labels, monitor)?;
+    Supervoxels::new(points, attributes, SupervoxelLabels { labels, size: params.size }, monitor)
 }
 
 /// Labels of the sorted points and the centres they refer to.

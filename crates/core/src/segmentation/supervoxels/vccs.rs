@@ -4,7 +4,7 @@ mod flow;
 mod seeds;
 mod voxels;
 
-use super::{NO_SUPERVOXEL, PointAttributes, Supervoxels, VccsParams};
+use super::{NO_SUPERVOXEL, PointAttributes, SupervoxelLabels, Supervoxels, VccsParams};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
@@ -57,7 +57,7 @@ pub fn vccs(
     }
     drop((voxels, owners));
     monitor.advance(points.len() as u64);
-    Supervoxels::new(points, attributes, (labels, params.size), monitor)
+    Supervoxels::new(points, attributes, SupervoxelLabels { labels, size: params.size }, monitor)
 }
 
 #[cfg(test)]

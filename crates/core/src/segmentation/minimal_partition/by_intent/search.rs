@@ -58,7 +58,7 @@ pub struct Trial {
 
 /// The best trial, and all others.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Search {
+pub struct StrengthSearch {
     /// The strength that fulfils the aim best.
     pub strength: f64,
     /// Its segments.
@@ -84,7 +84,7 @@ pub fn search_strength(
     trials: usize,
     typical: f64,
     mut solve: impl FnMut(f64) -> Result<Candidate>,
-) -> Result<Search> {
+) -> Result<StrengthSearch> {
     let mut strength = match *aim {
         Aim::Strength(strength) => strength,
         Aim::OracleLoss(_) => typical / VERY_FINE,
@@ -94,7 +94,7 @@ pub fn search_strength(
     let (mut found, first) = {
         let candidate = solve(strength)?;
         let trial = trial(strength, &candidate);
-        (Search { strength, partition: candidate.partition, trials: vec![trial] }, trial)
+        (StrengthSearch { strength, partition: candidate.partition, trials: vec![trial] }, trial)
     };
     let mut least = aim.loss(&first, &first);
     let mut last = first;

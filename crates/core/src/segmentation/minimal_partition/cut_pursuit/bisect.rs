@@ -35,9 +35,10 @@ impl Scratch {
         let restarts = |attempt| if attempt == 0 { params.restarts } else { 1 };
         let starts = (0..params.attempts).map(|attempt| starts(piece, restarts(attempt), random, monitor).transpose());
         let Some(starts) = starts.collect::<Option<Result<Vec<_>>>>().transpose()? else { return Ok(None) };
+        let cuts = Cuts { piece, steps: params.flow_steps, monitor };
         let attempt = |network: &mut MaxFlow, i: usize| {
             let sides = two_means(piece, &starts[i], params.means_steps, monitor)?;
-            let parts = cut((piece, sides), network, params.flow_steps, monitor)?;
+            let parts = cuts.parts(sides, network)?;
             parts.map(|parts| Ok((piece.energy(&parts, monitor)?, parts))).transpose()
         };
         let attempts = match SHARED.contains(&piece.len()) {
@@ -58,24 +59,30 @@ impl Scratch {
     }
 }
 
-/// The connected parts of the two sides after at most `steps` cuts, each with the means of the cut before.
-fn cut(
-    (piece, mut sides): (&Piece, Vec<bool>),
-    network: &mut MaxFlow,
+/// Minimum cuts of a segment, each with the means of the cut before.
+struct Cuts<'a> {
+    piece: &'a Piece,
+    /// Largest number of cuts.
     steps: usize,
-    monitor: &Monitor,
-) -> Result<Option<Vec<u32>>> {
-    for _ in 0..steps {
-        let Some(means) = means_of_sides(piece, &sides, monitor)? else { return Ok(None) };
-        let next = cheapest_sides(network, piece, &means, monitor)?;
-        let settled = next == sides;
-        sides = next;
-        if settled {
-            break;
+    monitor: &'a Monitor,
+}
+
+impl Cuts<'_> {
+    /// The connected parts of the two sides after the cuts; `None` if one side is empty.
+    fn parts(&self, mut sides: Vec<bool>, network: &mut MaxFlow) -> Result<Option<Vec<u32>>> {
+        let Self { piece, steps, monitor } = *self;
+        for _ in 0..steps {
+            let Some(means) = means_of_sides(piece, &sides, monitor)? else { return Ok(None) };
+            let next = cheapest_sides(network, piece, &means, monitor)?;
+            let settled = next == sides;
+            sides = next;
+            if settled {
+                break;
+            }
         }
+        let parted = sides.iter().any(|s| *s != sides[0]);
+        parted.then(|| piece.parts(&sides, monitor)).transpose()
     }
-    let parted = sides.iter().any(|s| *s != sides[0]);
-    parted.then(|| piece.parts(&sides, monitor)).transpose()
 }
 
 /// The two sides of least energy (fit and boundary) for fixed means; true for the second side.

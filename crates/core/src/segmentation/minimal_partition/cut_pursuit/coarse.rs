@@ -9,7 +9,7 @@ use super::super::Signal;
 use super::super::links::{EdgeLinks, contract};
 use super::super::merge::{merge_further, merge_nodes};
 use super::super::refine::move_boundary_nodes;
-use super::super::regions::{Regions, energy, renumber};
+use super::super::regions::{Objective, Regions, energy, renumber};
 use super::iterate::Pursuit;
 use super::smooth::smoothed;
 use super::{CutPursuit, CutPursuitParams};
@@ -30,7 +30,7 @@ const NODES_A_SEGMENT: usize = 32;
 
 /// A partition problem. The incidence lists of a large graph take much memory and are quick to build: each step that
 /// needs them builds its own.
-struct Problem<'a> {
+struct CoarseToFine<'a> {
     signal: &'a Signal<'a>,
     graph: &'a Graph,
     params: &'a CutPursuitParams,
@@ -46,9 +46,9 @@ pub(super) fn in_cycles(
     params: &CutPursuitParams,
     monitor: &Monitor,
 ) -> Result<CutPursuit> {
-    let problem = Problem { signal, graph, params, monitor };
+    let problem = CoarseToFine { signal, graph, params, monitor };
     let partition = connected_partition(graph, |_, _| true, monitor)?;
-    let start = energy(signal, (graph, params.strength), &partition, monitor)?;
+    let start = energy(problem.objective(), &partition, monitor)?;
     let (centroids, trace) = (Vec::new(), vec![start]);
     let mut best = CutPursuit { partition, centroids, energy: start, iterations: 0, converged: false, trace };
     for cycle in 0..params.cycles {
@@ -57,7 +57,7 @@ pub(super) fn in_cycles(
         let found = if graph.len() > params.coarse_above && !small_segments {
             problem.coarse_cycle(&best.partition, &params)?
         } else {
-            Pursuit::new((signal, graph), best.partition.clone(), &params, monitor)?.run()?
+            Pursuit::new(problem.objective(), best.partition.clone(), &params, monitor)?.run()?
         };
         best.iterations += found.iterations;
         best.converged = found.converged;
@@ -73,14 +73,19 @@ pub(super) fn in_cycles(
     Ok(best)
 }
 
-impl Problem<'_> {
+impl CoarseToFine<'_> {
+    /// Q on the full graph.
+    fn objective(&self) -> Objective<'_> {
+        Objective { signal: self.signal, graph: self.graph, strength: self.params.strength }
+    }
+
     /// One cycle on the coarse graph; the energies are those of the full graph.
     fn coarse_cycle(&self, partition: &Partition, params: &CutPursuitParams) -> Result<CutPursuit> {
-        let Self { signal, graph, monitor, .. } = *self;
+        let (objective, monitor) = (self.objective(), self.monitor);
         let mut found = self.coarse_pursuit(partition, params)?;
         found.partition = self.moved(std::mem::take(&mut found.partition))?;
-        found.energy = energy(signal, (graph, params.strength), &found.partition, monitor)?;
-        found.trace = vec![energy(signal, (graph, params.strength), partition, monitor)?, found.energy];
+        found.energy = energy(objective, &found.partition, monitor)?;
+        found.trace = vec![energy(objective, partition, monitor)?, found.energy];
         Ok(found)
     }
 
@@ -99,7 +104,8 @@ impl Problem<'_> {
         let coarse_signal = Signal::new(&means, signal.width())?.with_weights(&weights)?;
         let whose: Vec<u32> = merged.iter().map(|nodes| partition.segments()[nodes[0] as usize]).collect();
         let start = Partition::from_labels(&whose)?;
-        let mut found = Pursuit::new((&coarse_signal, &coarse), start, params, monitor)?.run()?;
+        let objective = Objective { signal: &coarse_signal, graph: &coarse, strength: params.strength };
+        let mut found = Pursuit::new(objective, start, params, monitor)?.run()?;
         found.partition = merged.coarser(&found.partition, monitor)?;
         Ok(found)
     }
@@ -108,8 +114,8 @@ impl Problem<'_> {
         if !self.params.moves {
             return Ok(partition);
         }
-        let at = (&partition, self.params.strength);
-        move_boundary_nodes(self.signal, (self.graph, &self.graph.incidence(self.monitor)?), at, self.monitor)
+        let incidence = self.graph.incidence(self.monitor)?;
+        move_boundary_nodes(self.objective(), &incidence, &partition, self.monitor)
     }
 
     /// The nodes of the coarse graph: nodes of one segment that merge by their smoothed values.

@@ -1,15 +1,13 @@
 //! The iterations of cut pursuit: split the open segments, merge, compare the energy.
 
-use super::super::Signal;
 use super::super::links::{EdgeLinks, contract};
 use super::super::merge::{GREEDY_LINKS, merge_further};
 use super::super::refine::move_boundary_nodes;
-use super::super::regions::{Regions, energy};
+use super::super::regions::{Objective, Regions, energy};
 use super::bisect::Scratch;
-use super::piece::Source;
+use super::piece::{Segments, Source};
 use super::{CutPursuit, CutPursuitParams};
 use crate::error::Result;
-use crate::graph::Graph;
 use crate::parallel::{Looks, Monitor, map_ordered_with};
 use crate::random::stream;
 use crate::segmentation::Partition;
@@ -27,12 +25,12 @@ pub(super) struct Pursuit<'a> {
 
 impl<'a> Pursuit<'a> {
     pub(super) fn new(
-        (signal, graph): (&'a Signal<'a>, &'a Graph),
+        objective: Objective<'a>,
         partition: Partition,
         params: &'a CutPursuitParams,
         monitor: &'a Monitor,
     ) -> Result<Self> {
-        let energy = energy(signal, (graph, params.strength), &partition, monitor)?;
+        let energy = energy(objective, &partition, monitor)?;
         let found = CutPursuit {
             partition: partition.clone(),
             centroids: Vec::new(),
@@ -42,7 +40,7 @@ impl<'a> Pursuit<'a> {
             trace: vec![energy],
         };
         let saturated = vec![false; partition.len()];
-        let source = Source { signal, graph, incidence: graph.incidence(monitor)?, strength: params.strength };
+        let source = Source { objective, incidence: objective.graph.incidence(monitor)? };
         Ok(Self { source, params, monitor, partition, saturated, found })
     }
 
@@ -71,8 +69,7 @@ impl<'a> Pursuit<'a> {
         if self.params.moves {
             self.move_nodes()?;
         }
-        let Source { signal, graph, strength, .. } = self.source;
-        let energy = energy(signal, (graph, strength), &self.partition, self.monitor)?;
+        let energy = energy(self.source.objective, &self.partition, self.monitor)?;
         let before = self.found.trace.last().copied().unwrap_or(energy);
         self.found.trace.push(energy);
         self.found.iterations += 1;
@@ -87,17 +84,18 @@ impl<'a> Pursuit<'a> {
 
     /// The parts of each open segment, in parallel.
     fn split_open_segments(&self) -> Result<Vec<(usize, Option<Vec<u32>>)>> {
-        let mut place = vec![0u32; self.partition.nodes()];
+        let mut position = vec![0u32; self.partition.nodes()];
         let mut looks = Looks::at(self.monitor);
         for members in self.partition.iter() {
             looks.steps(members.len())?;
-            (0u32..).zip(members).for_each(|(at, &node)| place[node as usize] = at);
+            (0u32..).zip(members).for_each(|(at, &node)| position[node as usize] = at);
         }
         let open: Vec<usize> = (0..self.partition.len()).filter(|&s| !self.saturated[s]).collect();
+        let segments = Segments { partition: &self.partition, position: &position };
         let round = (self.found.iterations as u64) << 32;
         map_ordered_with(0..open.len(), self.monitor, Scratch::default, |scratch, i| {
             let segment = open[i];
-            scratch.piece.gather(&self.source, &self.partition, (segment, &place), self.monitor)?;
+            scratch.piece.gather(&self.source, &segments, segment, self.monitor)?;
             let smallest = self.partition.members(segment).first().copied().unwrap_or_default();
             let mut random = stream(self.params.seed, round | u64::from(smallest));
             Ok((segment, scratch.split(self.params, &mut random, self.monitor)?))
@@ -135,7 +133,7 @@ impl<'a> Pursuit<'a> {
 
     /// Merges segments while the energy falls; merged segments are open again.
     fn merge(&mut self) -> Result<()> {
-        let Source { signal, graph, strength, .. } = self.source;
+        let Objective { signal, graph, strength } = self.source.objective;
         let links = contract(&EdgeLinks::weighted(graph, strength), self.partition.segments(), self.monitor)?;
         let regions = Regions::of_segments(signal, &self.partition, self.monitor)?;
         let became = merge_further(regions, links, GREEDY_LINKS, self.monitor)?.became;
@@ -147,8 +145,8 @@ impl<'a> Pursuit<'a> {
 
     /// Moves boundary nodes; changed segments are open again.
     fn move_nodes(&mut self) -> Result<()> {
-        let Source { signal, graph, ref incidence, strength } = self.source;
-        let moved = move_boundary_nodes(signal, (graph, incidence), (&self.partition, strength), self.monitor)?;
+        let Source { objective, ref incidence } = self.source;
+        let moved = move_boundary_nodes(objective, incidence, &self.partition, self.monitor)?;
         let before = |members: &[u32]| self.partition.segments()[members[0] as usize] as usize;
         let same = |members: &[u32]| self.partition.members(before(members)) == members;
         self.saturated = moved.iter().map(|members| self.saturated[before(members)] && same(members)).collect();

@@ -1,8 +1,8 @@
 //! A segment copied out of the cloud: its values and inner edges lie together in memory, its nodes are numbered from 0.
 
-use super::super::Signal;
+use super::super::regions::Objective;
 use crate::error::Result;
-use crate::graph::{Graph, Incidence};
+use crate::graph::Incidence;
 use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
 use crate::segmentation::connected::Sets;
@@ -20,39 +20,45 @@ pub(super) struct Piece {
 
 /// The problem that segments are copied from.
 pub(super) struct Source<'a> {
-    pub(super) signal: &'a Signal<'a>,
-    pub(super) graph: &'a Graph,
+    pub(super) objective: Objective<'a>,
     pub(super) incidence: Incidence<'a>,
-    pub(super) strength: f64,
+}
+
+/// The segments, and the position of each node among the members of its segment.
+pub(super) struct Segments<'a> {
+    pub(super) partition: &'a Partition,
+    pub(super) position: &'a [u32],
 }
 
 impl Piece {
-    /// Fills the buffers; `place` gives the position of each node among the members of its segment.
+    /// Fills the buffers with one of the segments.
     ///
     /// # Errors
     /// If the work was cancelled.
     pub(super) fn gather(
         &mut self,
         source: &Source,
-        partition: &Partition,
-        (segment, place): (usize, &[u32]),
+        segments: &Segments<'_>,
+        segment: usize,
         monitor: &Monitor,
     ) -> Result<()> {
+        let Objective { signal, graph, strength } = source.objective;
+        let Segments { partition, position } = *segments;
         let mut looks = Looks::at(monitor);
         let Self { width, values, weights, edges, costs } = self;
-        *width = source.signal.width();
+        *width = signal.width();
         values.clear();
         weights.clear();
         edges.clear();
         costs.clear();
         for (here, &node) in (0u32..).zip(partition.members(segment)) {
             looks.step()?;
-            values.extend_from_slice(source.signal.row(node as usize));
-            weights.push(source.signal.weight(node as usize));
+            values.extend_from_slice(signal.row(node as usize));
+            weights.push(signal.weight(node as usize));
             for (other, edge) in source.incidence.larger(node as usize) {
                 if partition.segments()[other as usize] as usize == segment {
-                    edges.push([here, place[other as usize]]);
-                    costs.push(source.strength * f64::from(source.graph.weights()[edge as usize]));
+                    edges.push([here, position[other as usize]]);
+                    costs.push(strength * f64::from(graph.weights()[edge as usize]));
                 }
             }
         }

@@ -86,7 +86,7 @@ impl Block<'_> {
                 let centre = &self.centres[c as usize];
                 if rim.is_within(centre.place, self.distance.reach) {
                     for group in &mut groups {
-                        compete::<NORMALS, COLOURS>(group, (c, centre), self.distance);
+                        compete::<NORMALS, COLOURS>(group, c, centre, self.distance);
                     }
                 }
             }
@@ -168,7 +168,8 @@ fn load(scene: &Sorted, points: Range<usize>, groups: &mut Vec<Group>) -> Rim {
 #[inline(always)]
 fn compete<const NORMALS: bool, const COLOURS: bool>(
     group: &mut Group,
-    (label, centre): (u32, &Centre),
+    label: u32,
+    centre: &Centre,
     distance: &Distance,
 ) {
     let (Distance { reach, spatial, colour, normal }, Centre { place: p, normal: m, colour: c }) = (*distance, *centre);

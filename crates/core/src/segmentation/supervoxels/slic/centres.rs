@@ -45,26 +45,30 @@ pub(super) fn seeds(scene: &Sorted, min_points: usize, monitor: &Monitor) -> Res
 pub(super) fn update(scene: &Sorted, labels: &[u32], centres: &mut [Centre], monitor: &Monitor) -> Result<f64> {
     let mut sums = vec![Sums::default(); centres.len()];
     for piece in watched(labels.len(), monitor) {
-        add(scene, labels, piece?, centres, &mut sums);
+        let piece = piece?;
+        for (i, &label) in piece.clone().zip(&labels[piece]).filter(|(_, l)| **l != NO_SUPERVOXEL) {
+            let (sum, centre) = (&mut sums[label as usize], &centres[label as usize]);
+            sum.add(scene, i, centre.place);
+        }
     }
     let moves: Vec<f64> = centres.par_iter_mut().zip(&sums).map(|(centre, sum)| centre.follow(sum)).collect();
     Ok(moves.iter().sum::<f64>() / moves.len().max(1) as f64)
 }
 
-/// Adds a range of points to the sums of their centres.
-fn add(scene: &Sorted, labels: &[u32], points: std::ops::Range<usize>, centres: &[Centre], sums: &mut [Sums]) {
-    for (i, &label) in points.clone().zip(&labels[points]).filter(|(_, l)| **l != NO_SUPERVOXEL) {
-        let (sum, at) = (&mut sums[label as usize], centres[label as usize].place);
-        sum.count += 1;
+impl Sums {
+    /// Adds point `i`, relative to the position `at`.
+    #[inline]
+    fn add(&mut self, scene: &Sorted, i: usize, at: [f32; 3]) {
+        self.count += 1;
         let p = scene.place(i);
         let d = [0, 1, 2].map(|a| f64::from(p[a]) - f64::from(at[a]));
         for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-            sum.place[a] += d[a];
-            sum.square[a] += d[a] * d[a];
-            sum.mixed[a] += d[a] * d[b];
+            self.place[a] += d[a];
+            self.square[a] += d[a] * d[a];
+            self.mixed[a] += d[a] * d[b];
         }
         if let Some(colour) = scene.colour(i) {
-            (0..3).for_each(|a| sum.colour[a] += f64::from(colour[a]));
+            (0..3).for_each(|a| self.colour[a] += f64::from(colour[a]));
         }
     }
 }
