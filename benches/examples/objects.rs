@@ -15,10 +15,10 @@ use scansion_core::classification::{
 };
 use scansion_core::cloud::{Cloud, Column, Points, Values};
 use scansion_core::evaluation::{
-    Confusion, EmptyCells, OneVsRest, SegmentationErrorParams, oracle_accuracy, segmentation_error,
+    Confusion, EmptyCells, LabelledPartition, OneVsRest, SegmentationErrorParams, oracle_accuracy, segmentation_error,
 };
 use scansion_core::features::normals;
-use scansion_core::graph::{Orientation, orient};
+use scansion_core::graph::Orientation;
 use scansion_core::neighbours::knn;
 use scansion_core::parallel::Monitor;
 use scansion_core::random::stream;
@@ -60,7 +60,7 @@ impl Scene {
         let near = knn(&points, 10, &monitor)?;
         let mut found = normals(&points, &near, &monitor)?;
         let described = start.elapsed().as_secs_f64();
-        orient(&points, &near, &mut found.directions, &Orientation::Up, &monitor)?;
+        Orientation::Up.orient(&points, &near, &mut found.directions, &monitor)?;
         let (colours, truth) = (colours(&cloud, &points), truth(&cloud, &points));
         println!("{}: {} points, neighbours and normals in {described:.2} s", path.display(), points.len());
         let size = setting("SCANSION_SIZE", 1.2)?;
@@ -105,7 +105,11 @@ impl Scene {
 
     fn error(&self, partition: &Partition, empty: EmptyCells) -> Result<scansion_core::evaluation::SegmentationError> {
         let params = SegmentationErrorParams { cell: self.cell, empty };
-        segmentation_error(&self.points, partition, &self.truth, &params, &Monitor::default())
+        segmentation_error(
+            LabelledPartition { points: &self.points, partition, truth: &self.truth },
+            &params,
+            &Monitor::default(),
+        )
     }
 }
 

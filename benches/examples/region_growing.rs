@@ -9,7 +9,7 @@
 
 use scansion_core::cloud::Points;
 use scansion_core::features::{Normals, normals};
-use scansion_core::graph::{Orientation, orient};
+use scansion_core::graph::Orientation;
 use scansion_core::neighbours::{OptimalParams, knn, map_optimal};
 use scansion_core::parallel::Monitor;
 use scansion_core::segmentation::{RegionGrowingParams, region_growing};
@@ -92,7 +92,7 @@ fn grow(points: &Points, rows: &[&[f32]]) -> Outcome<()> {
     }
     if std::env::var("SCANSION_ORIENT").is_ok() {
         let (mut directions, start) = (own.directions, seconds());
-        orient(points, &near, &mut directions, &Orientation::SpanningTree, &monitor)?;
+        Orientation::SpanningTree.orient(points, &near, &mut directions, &monitor)?;
         println!("orient {:.3} s", seconds() - start);
     }
     Ok(())

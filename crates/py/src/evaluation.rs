@@ -8,7 +8,7 @@ use crate::json;
 use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
-use scansion_core::evaluation::{self, Confusion, SegmentationErrorParams, report as texts};
+use scansion_core::evaluation::{self, Confusion, LabelledPartition, SegmentationErrorParams, report as texts};
 use scansion_core::parallel::{Monitor, map_watched};
 use scansion_core::segmentation::Partition;
 use std::sync::Arc;
@@ -88,6 +88,7 @@ pub(crate) fn segmentation_error(
         let truth = codes(truth, monitor)?;
         let partition = Partition::from_labels_watched(labels, monitor)?;
         let points = points(&cloud, None, monitor)?;
-        json::text(&evaluation::segmentation_error(&points, &partition, &truth, &params, monitor)?)
+        let labelled = LabelledPartition { points: &points, partition: &partition, truth: &truth };
+        json::text(&evaluation::segmentation_error(labelled, &params, monitor)?)
     })
 }

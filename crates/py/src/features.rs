@@ -9,7 +9,7 @@ use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use scansion_core::features::{self, FeatureSet, PyramidParams};
-use scansion_core::graph::{Orientation, orient};
+use scansion_core::graph::Orientation;
 use scansion_core::neighbours::knn;
 use std::sync::Arc;
 
@@ -73,7 +73,7 @@ pub(crate) fn normals<'py>(
         let points = points(&cloud, metres_per_unit, monitor)?;
         let near = knn(&points, k, monitor)?;
         let mut found = features::normals(&points, &near, monitor)?;
-        orient(&points, &near, &mut found.directions, &orientation, monitor)?;
+        orientation.orient(&points, &near, &mut found.directions, monitor)?;
         Ok(found)
     })?;
     let directions = to_matrix(py, found.directions.into_flattened(), 3)?;

@@ -10,7 +10,9 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArr
 use pyo3::prelude::*;
 use scansion_core::graph::Graph;
 use scansion_core::parallel::Monitor;
-use scansion_core::segmentation::{self, CutPursuitParams, MergeParams, Partition, PartitionParams, Scene, Signal};
+use scansion_core::segmentation::{
+    self, CutPursuitParams, MergeParams, Partition, PartitionInput, PartitionParams, Signal,
+};
 use scansion_core::{Error, Result};
 use std::sync::Arc;
 
@@ -106,7 +108,7 @@ pub(crate) fn partition<'py>(
     };
     let (found, trials) = solve(py, &valued, n_jobs, |signal, graph, monitor| {
         let points = cloud.as_deref().map(|cloud| points(cloud, None, monitor)).transpose()?;
-        let scene = Scene { signal: *signal, graph, points: points.as_ref(), labels: labels.as_deref() };
+        let scene = PartitionInput { signal: *signal, graph, points: points.as_ref(), labels: labels.as_deref() };
         let found = segmentation::partition_by_intent(&scene, &params, monitor)?;
         let trials = json::text(&found.trials)?;
         Ok((found, trials))

@@ -12,5 +12,6 @@ pub use one_vs_rest::OneVsRest;
 pub use partition::{BoundaryScores, SizeBin, boundary_scores, oracle_accuracy, purities, size_histogram};
 pub use scores::{ClassScores, Scores};
 pub use segmentation_error::{
-    ClassEdges, ClassImage, EmptyCells, SegmentationError, SegmentationErrorParams, compare_edges, segmentation_error,
+    ClassEdges, ClassImage, EmptyCells, LabelledPartition, SegmentationError, SegmentationErrorParams, compare_edges,
+    segmentation_error,
 };

@@ -56,8 +56,8 @@ pub fn boundary_scores(
     Ok(BoundaryScores {
         true_edges: count(&truth),
         found_edges: count(&found),
-        recall: met(graph, (&truth, &found), hops),
-        precision: met(graph, (&found, &truth), hops),
+        recall: met(graph, &truth, &found, hops),
+        precision: met(graph, &found, &truth, hops),
     })
 }
 
@@ -66,7 +66,7 @@ fn count(marks: &[bool]) -> u64 {
 }
 
 /// Share of the wanted edges that match one of the others.
-fn met(graph: &Graph, (wanted, others): (&[bool], &[bool]), hops: usize) -> f64 {
+fn met(graph: &Graph, wanted: &[bool], others: &[bool], hops: usize) -> f64 {
     let near = (hops > 0).then(|| nodes_near(graph, others, hops - 1));
     let is_met = |edge: usize| {
         others[edge] || near.as_ref().is_some_and(|near| graph.edges()[edge].iter().any(|&v| near[v as usize]))

@@ -73,6 +73,17 @@ pub struct ClassImage {
     pub codes: Vec<Option<u8>>,
 }
 
+/// A partition of points whose classes are known.
+#[derive(Clone, Copy, Debug)]
+pub struct LabelledPartition<'a> {
+    /// The points.
+    pub points: &'a Points,
+    /// Their segments.
+    pub partition: &'a Partition,
+    /// True class of each point; `None` if unknown.
+    pub truth: &'a [Option<u8>],
+}
+
 /// Share of the boundaries of the true classes that a partition does not have.
 ///
 /// Hasanpour Zaryabi et al. 2022, Eq. 10 and 11. Truth and result are seen from above: each cell has the class of its
@@ -84,17 +95,16 @@ pub struct ClassImage {
 /// If there is not one segment and one label (or `None`) a point, the cell is not above 0, or the raster would have more
 /// than 2^28 cells, or the work was cancelled.
 pub fn segmentation_error(
-    points: &Points,
-    partition: &Partition,
-    truth: &[Option<u8>],
+    labelled: LabelledPartition<'_>,
     params: &SegmentationErrorParams,
     monitor: &Monitor,
 ) -> Result<SegmentationError> {
+    let LabelledPartition { points, partition, truth } = labelled;
     let majority = majorities(partition, truth)?;
     if truth.len() != points.len() {
         return Err(Error::input(format!("{} labels for {} points", truth.len(), points.len())));
     }
-    let (width, top) = top_points((points, truth), params.cell, monitor)?;
+    let (width, top) = top_points(points, truth, params.cell, monitor)?;
     let image = |code: &(dyn Fn(usize) -> Option<u8> + Sync)| {
         let cell = |cell: usize| if top[cell] == NOTHING { None } else { code(top[cell] as usize) };
         map_watched(top.len(), monitor, cell).map(|codes| ClassImage { width, codes })
@@ -107,7 +117,7 @@ pub fn segmentation_error(
 const NOTHING: u32 = u32::MAX;
 
 /// Number of columns, and the highest labelled point in each cell, the first of equally high ones.
-fn top_points((points, truth): (&Points, &[Option<u8>]), cell: f64, monitor: &Monitor) -> Result<(usize, Vec<u32>)> {
+fn top_points(points: &Points, truth: &[Option<u8>], cell: f64, monitor: &Monitor) -> Result<(usize, Vec<u32>)> {
     let mut looks = Looks::at(monitor);
     let bad = |found: String| Error::parameter("cell", found, "metres, above 0, at most 2^28 cells in all");
     if !cell.is_finite() || cell <= 0.0 {
@@ -282,7 +292,12 @@ mod tests {
         let params = SegmentationErrorParams { cell: 1.0, ..Default::default() };
         let error = |labels: &[u32]| {
             let partition = Partition::from_labels(labels).unwrap();
-            segmentation_error(&points, &partition, &truth, &params, &Monitor::default()).unwrap()
+            segmentation_error(
+                LabelledPartition { points: &points, partition: &partition, truth: &truth },
+                &params,
+                &Monitor::default(),
+            )
+            .unwrap()
         };
         assert_eq!((error(&[0, 0, 1, 0, 0]).error, error(&[0, 1, 2, 3, 4]).error), (0.0, 0.0));
         assert_eq!(error(&[0, 0, 0, 0, 0]).error, 1.0);
@@ -290,7 +305,14 @@ mod tests {
         let partition = Partition::from_labels(&[0; 5]).unwrap();
         for cell in [0.0, f64::NAN, 1e-9] {
             let params = SegmentationErrorParams { cell, ..Default::default() };
-            assert!(segmentation_error(&points, &partition, &truth, &params, &Monitor::default()).is_err());
+            assert!(
+                segmentation_error(
+                    LabelledPartition { points: &points, partition: &partition, truth: &truth },
+                    &params,
+                    &Monitor::default()
+                )
+                .is_err()
+            );
         }
     }
 }

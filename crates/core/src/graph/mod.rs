@@ -15,7 +15,7 @@ pub use components::{Components, connected_components};
 pub use felzenszwalb::{EdgeMeaning, FelzenszwalbMerger, FelzenszwalbParams, felzenszwalb};
 pub use incidence::Incidence;
 pub use max_flow::MaxFlow;
-pub use orientation::{Orientation, orient};
+pub use orientation::Orientation;
 pub use spanning_tree::minimum_spanning_tree;
 pub use weight::EdgeWeight;
 

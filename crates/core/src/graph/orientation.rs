@@ -24,33 +24,35 @@ pub enum Orientation {
     SpanningTree,
 }
 
-/// Flips normals so that they point to one side; only signs change.
-///
-/// `SpanningTree`: H. Hoppe et al., *Surface reconstruction from unorganized points*, SIGGRAPH 1992, section 3.3: the
-/// minimum spanning tree of the graph of nearest neighbours with weights 1 − |n_i · n_j|; the normal of the highest
-/// point is turned up, every other one to the side of its parent in the tree. Each connected component has a highest
-/// point of its own. O(n k log n); memory about 30 bytes a neighbour.
-///
-/// # Errors
-/// If the numbers of points, neighbours and normals differ, the sensor is not finite, or the work was cancelled.
-pub fn orient(
-    points: &Points,
-    neighbours: &Neighbours,
-    directions: &mut [[f32; 3]],
-    orientation: &Orientation,
-    monitor: &Monitor,
-) -> Result<()> {
-    if directions.len() != points.len() {
-        let (normals, n) = (directions.len(), points.len());
-        return Err(Error::input(format!("{normals} normals for {n} points")));
-    }
-    match orientation {
-        Orientation::Up => {
-            directions.iter_mut().filter(|n| n[2] < 0.0).for_each(flip);
-            monitor.check()
+impl Orientation {
+    /// Flips normals so that they point to one side; only signs change.
+    ///
+    /// `SpanningTree`: H. Hoppe et al., *Surface reconstruction from unorganized points*, SIGGRAPH 1992, section 3.3: the
+    /// minimum spanning tree of the graph of nearest neighbours with weights 1 − |n_i · n_j|; the normal of the highest
+    /// point is turned up, every other one to the side of its parent in the tree. Each connected component has a highest
+    /// point of its own. O(n k log n); memory about 30 bytes a neighbour.
+    ///
+    /// # Errors
+    /// If the numbers of points, neighbours and normals differ, the sensor is not finite, or the work was cancelled.
+    pub fn orient(
+        &self,
+        points: &Points,
+        neighbours: &Neighbours,
+        directions: &mut [[f32; 3]],
+        monitor: &Monitor,
+    ) -> Result<()> {
+        if directions.len() != points.len() {
+            let (normals, n) = (directions.len(), points.len());
+            return Err(Error::input(format!("{normals} normals for {n} points")));
         }
-        Orientation::Sensor(at) => towards(points, directions, *at).and_then(|()| monitor.check()),
-        Orientation::SpanningTree => propagate(points, neighbours, directions, monitor),
+        match self {
+            Orientation::Up => {
+                directions.iter_mut().filter(|n| n[2] < 0.0).for_each(flip);
+                monitor.check()
+            }
+            Orientation::Sensor(at) => towards(points, directions, *at).and_then(|()| monitor.check()),
+            Orientation::SpanningTree => propagate(points, neighbours, directions, monitor),
+        }
     }
 }
 
@@ -168,7 +170,7 @@ mod tests {
         let monitor = Monitor::default();
         let near = knn(&points, 10, &monitor).unwrap();
         let mut directions = normals(&points, &near, &monitor).unwrap().directions;
-        orient(&points, &near, &mut directions, orientation, &monitor).unwrap();
+        orientation.orient(&points, &near, &mut directions, &monitor).unwrap();
         let along = |(n, o): &(&[f32; 3], &[f64; 3])| (0..3).map(|a| f64::from(n[a]) * o[a]).sum::<f64>() > 0.0;
         directions.iter().zip(&outward).filter(along).count() as f64 / outward.len() as f64
     }
@@ -199,7 +201,7 @@ mod tests {
         let near = knn(&points, 2, &Monitor::default()).unwrap();
         let mut directions = vec![[0.0, 0.6, -0.8]; 6];
         directions[2] = [0.0, -0.6, 0.8];
-        orient(&points, &near, &mut directions, &Orientation::SpanningTree, &Monitor::default()).unwrap();
+        Orientation::SpanningTree.orient(&points, &near, &mut directions, &Monitor::default()).unwrap();
         assert_eq!(directions, [[0.0, -0.6, 0.8]; 6]);
     }
 
@@ -210,7 +212,7 @@ mod tests {
         let monitor = Monitor::default();
         monitor.cancel();
         for orientation in [Orientation::SpanningTree, Orientation::Up, Orientation::Sensor([0.0; 3])] {
-            let found = orient(&points, &near, &mut vec![[0.0, 0.0, 1.0]; points.len()], &orientation, &monitor);
+            let found = orientation.orient(&points, &near, &mut vec![[0.0, 0.0, 1.0]; points.len()], &monitor);
             assert!(matches!(found, Err(Error::Interrupted)));
         }
     }
@@ -222,7 +224,7 @@ mod tests {
         let near = knn(&points, 10, &monitor).unwrap();
         let mut directions = vec![[0.0, 0.0, 1.0]; points.len()];
         let nowhere = Orientation::Sensor([f64::NAN, 0.0, 0.0]);
-        assert!(orient(&points, &near, &mut directions, &nowhere, &monitor).is_err());
-        assert!(orient(&points, &near, &mut directions[1..], &Orientation::Up, &monitor).is_err());
+        assert!(nowhere.orient(&points, &near, &mut directions, &monitor).is_err());
+        assert!(Orientation::Up.orient(&points, &near, &mut directions[1..], &monitor).is_err());
     }
 }

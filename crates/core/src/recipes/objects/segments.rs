@@ -3,7 +3,7 @@
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::features::{colours, normals};
-use crate::graph::{Orientation, orient};
+use crate::graph::Orientation;
 use crate::neighbours::knn;
 use crate::parallel::Monitor;
 use crate::segmentation::{
@@ -96,7 +96,7 @@ impl ObjectSegments {
         self.validate()?;
         let near = knn(points, self.neighbours, monitor)?;
         let mut directions = normals(points, &near, monitor)?.directions;
-        orient(points, &near, &mut directions, &self.orientation, monitor)?;
+        self.orientation.orient(points, &near, &mut directions, monitor)?;
         drop(near);
         let attributes = PointAttributes { normals: Some(&directions), colours };
         match self.supervoxels {

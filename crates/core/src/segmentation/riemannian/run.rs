@@ -8,7 +8,6 @@ use super::params::{NodeWeight, RiemannianParams, Sides};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::features::normals;
-use crate::graph::orient;
 use crate::neighbours::{Neighbours, knn};
 use crate::parallel::Monitor;
 use crate::segmentation::{CutPursuitParams, Partition, Signal, cut_pursuit, octree};
@@ -166,7 +165,7 @@ impl Surface {
         let near = knn(points, params.neighbours, monitor)?;
         let mut directions = normals(points, &near, monitor)?.directions;
         if params.sides == Sides::Signed {
-            orient(points, &near, &mut directions, &params.orientation, monitor)?;
+            params.orientation.orient(points, &near, &mut directions, monitor)?;
         }
         Ok(Self { near, directions, seconds: start.elapsed().as_secs_f64() })
     }
