@@ -132,11 +132,11 @@ fn copc_boxes_and_levels_are_parts_of_the_whole() {
     assert_eq!((all.len(), octree.points_per_level.iter().sum::<u64>()), (518_862, 518_862));
     let read =
         |bounds, resolution| io::read_with(&path, &ReadOptions { bounds, resolution, ..Default::default() }).unwrap();
-    let (low, high) = all.bounds().unwrap();
-    assert_eq!(read(Some((low, high)), None), all);
+    let [low, high] = all.bounds().unwrap();
+    assert_eq!(read(Some([low, high]), None), all);
     let middle = [0, 1, 2].map(|a| (low[a] + high[a]) / 2.0);
-    for bounds in [(low, middle), (middle, high), (middle, middle)] {
-        let inside = |i: &u32| (0..3).all(|a| (bounds.0[a]..=bounds.1[a]).contains(&all.xyz(*i as usize)[a]));
+    for bounds in [[low, middle], [middle, high], [middle, middle]] {
+        let inside = |i: &u32| (0..3).all(|a| (bounds[0][a]..=bounds[1][a]).contains(&all.xyz(*i as usize)[a]));
         let indices: Vec<u32> = (0..all.len() as u32).filter(inside).collect();
         assert_eq!(read(Some(bounds), None), all.select(&indices));
     }
@@ -145,7 +145,7 @@ fn copc_boxes_and_levels_are_parts_of_the_whole() {
         points += n;
         assert_eq!(read(None, Some(octree.spacing / f64::from(1u32 << level))).len() as u64, points, "level {level}");
     }
-    let coarse = read(Some((low, middle)), Some(octree.spacing));
+    let coarse = read(Some([low, middle]), Some(octree.spacing));
     assert!(!coarse.is_empty() && (coarse.len() as u64) < octree.points_per_level[0]);
 }
 

@@ -104,7 +104,7 @@ fn learn(path: &Path) {
 
 /// A box, a level, blocks, and the last point by its number.
 fn parts(path: &Path) {
-    let part = ReadOptions { bounds: Some(([0.0; 3], [5.0, 3.0, 1e6])), ..Default::default() };
+    let part = ReadOptions { bounds: Some([[0.0; 3], [5.0, 3.0, 1e6]]), ..Default::default() };
     let _ = io::read_with(path, &part);
     let _ = io::read_with(path, &ReadOptions { resolution: Some(1.0), ..Default::default() });
     if let Ok(blocks) = io::blocks(path, 7, &ReadOptions::default()) {

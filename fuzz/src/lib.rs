@@ -44,7 +44,7 @@ pub fn read_all(name: &str, bytes: &[u8]) {
     with_file(name, bytes, |path| {
         let _ = io::read(path);
         let _ = io::inspect(path);
-        let part = ReadOptions { bounds: Some(([0.0; 3], [1e6; 3])), ..ReadOptions::default() };
+        let part = ReadOptions { bounds: Some([[0.0; 3], [1e6; 3]]), ..ReadOptions::default() };
         let _ = io::read_with(path, &part);
         let _ = io::read_with(path, &ReadOptions { resolution: Some(1.0), ..ReadOptions::default() });
         let _ = salvage::examine(path, &Monitor::default());

@@ -127,6 +127,19 @@ fn short_of(what: &str, needed: u64, free: Option<u64>) -> String {
     )
 }
 
+/// A value that was found in a file, and what is allowed there.
+#[derive(Clone, Debug)]
+pub(crate) struct Mismatch {
+    pub(crate) found: String,
+    pub(crate) allowed: String,
+}
+
+impl Mismatch {
+    pub(crate) fn new(found: impl ToString, allowed: impl ToString) -> Self {
+        Self { found: found.to_string(), allowed: allowed.to_string() }
+    }
+}
+
 impl Error {
     /// Shorthand for [`Error::InvalidParameter`].
     pub fn parameter(name: &'static str, value: impl ToString, expected: impl Into<String>) -> Self {

@@ -76,7 +76,8 @@ impl Cloud {
 
     /// Scale and offset with which LAS stores the coordinates.
     fn las_frame(&self, py: Python<'_>) -> PyResult<([f64; 3], [f64; 3])> {
-        py.detach(|| scansion_core::io::las_frame(&self.inner, &WriteOptions::default())).map_err(raise)
+        let frame = py.detach(|| scansion_core::io::las_frame(&self.inner, &WriteOptions::default())).map_err(raise)?;
+        Ok((frame.scale, frame.offset))
     }
 
     /// The reference system as WKT, if it is known.

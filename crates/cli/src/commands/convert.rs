@@ -24,8 +24,8 @@ pub(crate) fn run(args: &Convert, context: &Context<'_>) -> Result<(), Failure> 
 fn bounds(numbers: &[f64]) -> Result<Option<Bounds>, Failure> {
     match *numbers {
         [] => Ok(None),
-        [x, y, to_x, to_y] => Ok(Some(([x, y, f64::NEG_INFINITY], [to_x, to_y, f64::INFINITY]))),
-        [x, y, z, to_x, to_y, to_z] => Ok(Some(([x, y, z], [to_x, to_y, to_z]))),
+        [x, y, to_x, to_y] => Ok(Some([[x, y, f64::NEG_INFINITY], [to_x, to_y, f64::INFINITY]])),
+        [x, y, z, to_x, to_y, to_z] => Ok(Some([[x, y, z], [to_x, to_y, to_z]])),
         _ => Err(Failure::Usage(format!("--bounds: found {} numbers, expected 4 or 6", numbers.len()))),
     }
 }

@@ -140,7 +140,7 @@ fn table(described: &Described) -> String {
     let point_format = info.point_format.map(|f| format!(", point format {f}")).unwrap_or_default();
     line("format", format!("{}{version}{point_format}", info.format));
     line("points", info.points.to_string());
-    if let Some((low, high)) = info.bounds {
+    if let Some([low, high]) = info.bounds {
         for (a, axis) in ["x", "y", "z"].into_iter().enumerate() {
             let places = info.scale.map(|scale| places(scale[a]));
             let shown = |v: f64| places.map_or_else(|| v.to_string(), |places| format!("{v:.places$}"));

@@ -23,6 +23,14 @@ use std::collections::HashMap;
 /// Largest number of columns of a cloud; LAS records have no room for more.
 pub(crate) const MOST_COLUMNS: usize = 65_536;
 
+/// Smallest and largest coordinate of each axis, both included.
+pub type Bounds = [[f64; 3]; 2];
+
+/// The bounds around two boxes.
+pub(crate) fn around([a, b]: Bounds, [c, d]: Bounds) -> Bounds {
+    [[0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i]))]
+}
+
 /// Points of a piece when bounds are computed in parallel.
 const PIECE: usize = 65_536;
 
@@ -162,7 +170,7 @@ impl Cloud {
     }
 
     /// Smallest and largest finite coordinate per axis; `None` if no point is finite.
-    pub fn bounds(&self) -> Option<([f64; 3], [f64; 3])> {
+    pub fn bounds(&self) -> Option<Bounds> {
         self.bounds_of(0..self.len())
     }
 
@@ -170,18 +178,15 @@ impl Cloud {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub fn bounds_watched(&self, monitor: &Monitor) -> Result<Option<([f64; 3], [f64; 3])>> {
+    pub fn bounds_watched(&self, monitor: &Monitor) -> Result<Option<Bounds>> {
         let pieces = self.len().div_ceil(PIECE);
         let boxes = map_ordered(pieces, monitor, |piece| {
             Ok(self.bounds_of(piece * PIECE..((piece + 1) * PIECE).min(self.len())))
         })?;
-        let joined = |(a, b): ([f64; 3], [f64; 3]), (c, d): ([f64; 3], [f64; 3])| {
-            ([0, 1, 2].map(|i| a[i].min(c[i])), [0, 1, 2].map(|i| b[i].max(d[i])))
-        };
-        Ok(boxes.into_iter().flatten().reduce(joined))
+        Ok(boxes.into_iter().flatten().reduce(around))
     }
 
-    fn bounds_of(&self, points: std::ops::Range<usize>) -> Option<([f64; 3], [f64; 3])> {
+    fn bounds_of(&self, points: std::ops::Range<usize>) -> Option<Bounds> {
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
         for i in points {
@@ -193,7 +198,7 @@ impl Cloud {
                 }
             }
         }
-        (low[0] <= high[0]).then_some((low, high))
+        (low[0] <= high[0]).then_some([low, high])
     }
 
     /// All columns, in the order of the file.
@@ -308,7 +313,7 @@ mod tests {
     #[test]
     fn bounds_skip_points_that_are_not_finite() {
         let cloud = Cloud::from_rows(&[[1.0, 2.0, 3.0], [f64::NAN, 0.0, 0.0], [4.0, -1.0, 3.5]]).unwrap();
-        assert_eq!(cloud.bounds(), Some(([1.0, -1.0, 3.0], [4.0, 2.0, 3.5])));
+        assert_eq!(cloud.bounds(), Some([[1.0, -1.0, 3.0], [4.0, 2.0, 3.5]]));
         assert_eq!(Cloud::from_rows(&[]).unwrap().bounds(), None);
         let rows: Vec<[f64; 3]> = (0..200_000).map(|i| [f64::from(i * 7 % 1000), f64::from(-i), f64::NAN]).collect();
         let rows: Vec<[f64; 3]> = rows.iter().map(|r| [r[0], r[1], if r[0] > 900.0 { r[2] } else { 0.5 }]).collect();

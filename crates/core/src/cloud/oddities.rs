@@ -1,6 +1,6 @@
 //! Warnings about a cloud before it is processed.
 
-use super::{Cloud, StrayParams, Strays};
+use super::{Bounds, Cloud, StrayParams, Strays};
 use crate::error::Result;
 use crate::parallel::Monitor;
 
@@ -28,7 +28,7 @@ impl Cloud {
 }
 
 /// Whether the bounding box lies within the range of degrees and is far higher than wide.
-fn looks_like_degrees((low, high): &([f64; 3], [f64; 3])) -> bool {
+fn looks_like_degrees([low, high]: &Bounds) -> bool {
     let [x, y, z] = [0, 1, 2].map(|a| high[a] - low[a]);
     let plan = x.max(y);
     let on_earth = low[0] >= -180.0 && high[0] <= 180.0 && low[1] >= -90.0 && high[1] <= 90.0;

@@ -25,6 +25,13 @@ pub struct Points {
     pub origin: [f64; 3],
 }
 
+/// What becomes of stray points.
+#[derive(Clone, Copy, PartialEq)]
+enum StrayPoints {
+    LeftOut,
+    Kept,
+}
+
 impl Points {
     /// Local points of a cloud: those that are finite and not stray, in metres, relative to the smallest corner rounded
     /// down to whole metres. The corner is subtracted in `f64` before rounding to `f32`.
@@ -38,8 +45,7 @@ impl Points {
     /// # Errors
     /// If the work was cancelled.
     pub fn from_cloud_watched(cloud: &Cloud, metres_per_unit: f64, monitor: &Monitor) -> Result<Self> {
-        let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
-        Self::new(cloud, metres_per_unit, (&strays, &strays.index), monitor)
+        Self::new(cloud, metres_per_unit, StrayPoints::LeftOut, monitor)
     }
 
     /// All finite points of a cloud, including stray ones; the corner is that of the others, so that they keep their
@@ -48,20 +54,16 @@ impl Points {
     /// # Errors
     /// If the work was cancelled.
     pub fn with_strays(cloud: &Cloud, metres_per_unit: f64, monitor: &Monitor) -> Result<Self> {
-        let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
-        Self::new(cloud, metres_per_unit, (&strays, &[]), monitor)
+        Self::new(cloud, metres_per_unit, StrayPoints::Kept, monitor)
     }
 
-    fn new(
-        cloud: &Cloud,
-        metres_per_unit: f64,
-        (strays, without): (&Strays, &[u32]),
-        monitor: &Monitor,
-    ) -> Result<Self> {
-        let Some((low, _)) = strays.bounds else { return Ok(Self::default()) };
+    fn new(cloud: &Cloud, metres_per_unit: f64, stray: StrayPoints, monitor: &Monitor) -> Result<Self> {
+        let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
+        let Some([low, _]) = strays.bounds else { return Ok(Self::default()) };
         let origin = low.map(|v| (v * metres_per_unit).floor());
         let mut points = Self { origin, ..Self::default() };
         points.reserve(cloud.len());
+        let without = if stray == StrayPoints::LeftOut { &strays.index[..] } else { &[] };
         let mut without = without.iter().peekable();
         for piece in watched(cloud.len(), monitor) {
             for i in piece? {

@@ -3,7 +3,7 @@
 //! A record of zeros in a cloud with national coordinates, or an echo kilometres away, would extend every grid and cost
 //! all other points their precision in `f32`. Such points are ignored, like points that are not finite.
 
-use super::Cloud;
+use super::{Bounds, Cloud, around};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
 
@@ -66,9 +66,6 @@ pub struct Strays {
     pub bounds: Option<Bounds>,
 }
 
-/// Smallest and largest coordinate per axis.
-type Bounds = ([f64; 3], [f64; 3]);
-
 impl Strays {
     /// Finds the stray points of a cloud.
     ///
@@ -97,7 +94,7 @@ impl Strays {
         })?;
         let far = far.concat();
         let few = ((params.share * cloud.len() as f64) as usize).max(3);
-        let small = small_groups(cloud, &far, (&core, few));
+        let small = small_groups(cloud, &far, &core, few);
         if small.is_empty() || small.len() as f64 > (MOST * cloud.len() as f64).max(3.0) {
             return Ok(none);
         }
@@ -138,29 +135,29 @@ fn core(cloud: &Cloud) -> Option<Bounds> {
         axis.sort_unstable_by(f64::total_cmp);
         [axis[tail], axis[axis.len() - 1 - tail]]
     });
-    Some((ends.map(|e| e[0]), ends.map(|e| e[1])))
+    Some([ends.map(|e| e[0]), ends.map(|e| e[1])])
 }
 
-fn diagonal((low, high): &Bounds) -> f64 {
+fn diagonal([low, high]: &Bounds) -> f64 {
     (0..3).map(|a| (high[a] - low[a]).powi(2)).sum::<f64>().sqrt()
 }
 
 /// Distance of a position from a box.
-fn away(at: [f64; 3], (low, high): &Bounds) -> f64 {
+fn away(at: [f64; 3], [low, high]: &Bounds) -> f64 {
     (0..3).map(|a| (low[a] - at[a]).max(at[a] - high[a]).max(0.0).powi(2)).sum::<f64>().sqrt()
 }
 
 /// The largest distance of a corner of `outer` from `inner`.
 fn corner_away(outer: &Bounds, inner: &Bounds) -> f64 {
-    (0..3).map(|a| (inner.0[a] - outer.0[a]).max(outer.1[a] - inner.1[a]).max(0.0).powi(2)).sum::<f64>().sqrt()
+    (0..3).map(|a| (inner[0][a] - outer[0][a]).max(outer[1][a] - inner[1][a]).max(0.0).powi(2)).sum::<f64>().sqrt()
 }
 
 /// The points, ascending, whose group has at most `few` points.
-fn small_groups(cloud: &Cloud, far: &[u32], (core, few): (&Bounds, usize)) -> Vec<u32> {
+fn small_groups(cloud: &Cloud, far: &[u32], core: &Bounds, few: usize) -> Vec<u32> {
     let size = diagonal(core);
     let cell = |i: u32| {
         let at = cloud.xyz(i as usize);
-        [0, 1, 2].map(|a| ((at[a] - core.0[a]) / size).floor().clamp(-FARTHEST, FARTHEST) as i64)
+        [0, 1, 2].map(|a| ((at[a] - core[0][a]) / size).floor().clamp(-FARTHEST, FARTHEST) as i64)
     };
     let mut members: Vec<([i64; 3], u32)> = far.iter().map(|&i| (cell(i), i)).collect();
     members.sort_unstable();
@@ -194,7 +191,7 @@ fn bounds_without(cloud: &Cloud, without: &[u32]) -> Option<Bounds> {
     starts.insert(0, 0);
     let ends = without.iter().map(|&i| i as usize).chain([cloud.len()]);
     let parts = starts.iter().zip(ends).filter_map(|(&start, end)| cloud.bounds_of(start..end));
-    parts.reduce(|a, b| ([0, 1, 2].map(|i| a.0[i].min(b.0[i])), [0, 1, 2].map(|i| a.1[i].max(b.1[i]))))
+    parts.reduce(around)
 }
 
 #[cfg(test)]

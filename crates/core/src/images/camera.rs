@@ -2,6 +2,7 @@
 //! viewer.
 
 use super::View;
+use crate::cloud::Bounds;
 
 /// A parallel projection.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +21,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 impl Camera {
-    pub(super) fn new(view: View, (low, high): ([f64; 3], [f64; 3])) -> Self {
+    pub(super) fn new(view: View, [low, high]: Bounds) -> Self {
         let (azimuth, elevation) = match view {
             View::Map => (0.0, 90.0f64),
             View::Oblique { azimuth_deg, elevation_deg } => (azimuth_deg, elevation_deg),

@@ -39,7 +39,7 @@ impl Image {
     }
 
     /// Blends a colour into a pixel; positions outside are ignored.
-    pub(super) fn mix(&mut self, (x, y): (i64, i64), colour: [u8; 3], share: f32) {
+    pub(super) fn mix(&mut self, [x, y]: [i64; 2], colour: [u8; 3], share: f32) {
         if x < 0 || y < 0 || x >= i64::from(self.width) || y >= i64::from(self.height) {
             return;
         }
@@ -49,10 +49,10 @@ impl Image {
         }
     }
 
-    /// Fills a rectangle.
-    pub(super) fn rectangle(&mut self, (x, y): (i64, i64), (width, height): (i64, i64), colour: [u8; 3]) {
+    /// Fills a rectangle: its upper left corner, its width and height.
+    pub(super) fn rectangle(&mut self, [x, y]: [i64; 2], [width, height]: [i64; 2], colour: [u8; 3]) {
         for v in y..y + height {
-            (x..x + width).for_each(|u| self.mix((u, v), colour, 1.0));
+            (x..x + width).for_each(|u| self.mix([u, v], colour, 1.0));
         }
     }
 
@@ -126,28 +126,31 @@ impl Frame {
     }
 }
 
-/// Averages the fine grid into the pixels of the cloud's part.
-pub(super) fn fill(
-    image: &mut Image,
-    (frame, raster): (&Frame, &Raster),
-    colour: impl Fn(usize, u32) -> [f32; 3],
-    monitor: &Monitor,
-) -> Result<()> {
-    for v in 0..frame.h as usize {
-        monitor.check()?;
-        for u in 0..frame.w as usize {
-            let mut sum = [0.0f32; 3];
-            for i in 0..FINER * FINER {
-                let at = (v * FINER + i / FINER) * raster.width + u * FINER + i % FINER;
-                let c = match raster.points[at] {
-                    NOTHING => PAPER,
-                    point => colour(at, point),
-                };
-                (0..3).for_each(|a| sum[a] += c[a].clamp(0.0, 255.0));
+impl Image {
+    /// Averages the fine grid into the pixels of the cloud's part.
+    pub(super) fn fill(
+        &mut self,
+        frame: &Frame,
+        raster: &Raster,
+        colour: impl Fn(usize, u32) -> [f32; 3],
+        monitor: &Monitor,
+    ) -> Result<()> {
+        for v in 0..frame.h as usize {
+            monitor.check()?;
+            for u in 0..frame.w as usize {
+                let mut sum = [0.0f32; 3];
+                for i in 0..FINER * FINER {
+                    let at = (v * FINER + i / FINER) * raster.width + u * FINER + i % FINER;
+                    let c = match raster.points[at] {
+                        NOTHING => PAPER,
+                        point => colour(at, point),
+                    };
+                    (0..3).for_each(|a| sum[a] += c[a].clamp(0.0, 255.0));
+                }
+                let at = 3 * ((v + frame.y as usize) * self.width as usize + u + frame.x as usize);
+                (0..3).for_each(|a| self.rgb[at + a] = (sum[a] / (FINER * FINER) as f32).round() as u8);
             }
-            let at = 3 * ((v + frame.y as usize) * image.width as usize + u + frame.x as usize);
-            (0..3).for_each(|a| image.rgb[at + a] = (sum[a] / (FINER * FINER) as f32).round() as u8);
         }
+        Ok(())
     }
-    Ok(())
 }

@@ -2,8 +2,8 @@
 
 use super::canvas::{Frame, INK, Image, LEGEND, MARGIN};
 use super::palette::{label, ramp, round_step, ticks};
-use super::text;
-use super::values::Paint;
+use super::text::{self, Style};
+use super::values::{LegendEntry, Paint};
 use crate::cloud::Cloud;
 
 const FAINT: [u8; 3] = [105, 110, 116];
@@ -15,41 +15,55 @@ pub(super) fn draw(image: &mut Image, frame: &Frame, paint: &Paint<'_>, cloud: &
     let y = i64::from(frame.y);
     match paint {
         Paint::Ramp { name, low, high, .. } => {
-            colour_bar(image, (x, y), i64::from(frame.h.min(420)), (name, *low, *high))
+            ColourBar { name, range: [*low, *high], corner: [x, y], height: i64::from(frame.h.min(420)) }.draw(image);
         }
-        _ => entries(image, (x, y), &paint.entries()),
+        _ => entries(image, [x, y], &paint.entries()),
     }
     scale_bar(image, frame, cloud);
     let count = format!("{} points", grouped(cloud.len()));
     let width = text::width(16.0, &count);
-    let place = (frame.x as f32 + frame.w as f32 - width, frame.y as f32 + frame.h as f32 + 30.0);
-    text::draw(image, place, 16.0, FAINT, &count);
+    let place = [frame.x as f32 + frame.w as f32 - width, frame.y as f32 + frame.h as f32 + 30.0];
+    text::draw(image, place, Style { size: 16.0, colour: FAINT }, &count);
 }
 
-fn entries(image: &mut Image, (x, y): (i64, i64), entries: &[([u8; 3], String, String)]) {
-    for (line, (colour, name, share)) in (0..).zip(entries) {
+fn entries(image: &mut Image, [x, y]: [i64; 2], entries: &[LegendEntry]) {
+    for (line, LegendEntry { colour, name, share }) in (0..).zip(entries) {
         let top = y + 32 * line;
-        image.rectangle((x, top), (22, 22), *colour);
+        image.rectangle([x, top], [22, 22], *colour);
         let room = LEGEND as f32 - MARGIN as f32 - 32.0 - text::width(16.0, share) - 8.0;
         let mut name = name.clone();
         while text::width(SIZE, &name) > room && name.pop().is_some() {}
-        text::draw(image, (x as f32 + 32.0, top as f32 + 18.0), SIZE, INK, &name);
+        text::draw(image, [x as f32 + 32.0, top as f32 + 18.0], Style { size: SIZE, colour: INK }, &name);
         let right = x as f32 + (LEGEND - MARGIN) as f32 - text::width(16.0, share);
-        text::draw(image, (right, top as f32 + 17.0), 16.0, FAINT, share);
+        text::draw(image, [right, top as f32 + 17.0], Style { size: 16.0, colour: FAINT }, share);
     }
 }
 
-fn colour_bar(image: &mut Image, (x, y): (i64, i64), height: i64, (name, low, high): (&str, f64, f64)) {
-    text::draw(image, (x as f32, y as f32 + 16.0), SIZE, INK, name);
-    let (top, height) = (y + 34, (height - 50).max(80));
-    for v in 0..height {
-        let colour = ramp(1.0 - v as f64 / (height - 1) as f64).map(|c| c as u8);
-        image.rectangle((x, top + v), (22, 1), colour);
-    }
-    for tick in ticks(low, high, 6) {
-        let v = top + ((high - tick) / (high - low) * (height - 1) as f64).round() as i64;
-        image.rectangle((x + 22, v), (6, 1), INK);
-        text::draw(image, (x as f32 + 34.0, v as f32 + 6.0), 16.0, INK, &label(tick));
+/// The colour ramp with its values.
+struct ColourBar<'a> {
+    name: &'a str,
+    /// Values at the lower and the upper end.
+    range: [f64; 2],
+    /// Upper left corner, pixels.
+    corner: [i64; 2],
+    /// Height with the name, pixels.
+    height: i64,
+}
+
+impl ColourBar<'_> {
+    fn draw(&self, image: &mut Image) {
+        let Self { name, range: [low, high], corner: [x, y], height } = *self;
+        text::draw(image, [x as f32, y as f32 + 16.0], Style { size: SIZE, colour: INK }, name);
+        let (top, height) = (y + 34, (height - 50).max(80));
+        for v in 0..height {
+            let colour = ramp(1.0 - v as f64 / (height - 1) as f64).map(|c| c as u8);
+            image.rectangle([x, top + v], [22, 1], colour);
+        }
+        for tick in ticks(low, high, 6) {
+            let v = top + ((high - tick) / (high - low) * (height - 1) as f64).round() as i64;
+            image.rectangle([x + 22, v], [6, 1], INK);
+            text::draw(image, [x as f32 + 34.0, v as f32 + 6.0], Style { size: 16.0, colour: INK }, &label(tick));
+        }
     }
 }
 
@@ -60,11 +74,11 @@ fn scale_bar(image: &mut Image, frame: &Frame, cloud: &Cloud) {
     let length = round_step(most / 2.5);
     let pixels = (length / metres / frame.unit).round() as i64;
     let (x, y) = (i64::from(frame.x), i64::from(frame.y + frame.h) + 22);
-    image.rectangle((x, y), (pixels, 4), INK);
-    image.rectangle((x, y - 5), (2, 9), INK);
-    image.rectangle((x + pixels - 2, y - 5), (2, 9), INK);
+    image.rectangle([x, y], [pixels, 4], INK);
+    image.rectangle([x, y - 5], [2, 9], INK);
+    image.rectangle([x + pixels - 2, y - 5], [2, 9], INK);
     let text = if length >= 1000.0 { format!("{} km", label(length / 1000.0)) } else { format!("{} m", label(length)) };
-    text::draw(image, ((x + pixels) as f32 + 10.0, y as f32 + 8.0), 17.0, INK, &text);
+    text::draw(image, [(x + pixels) as f32 + 10.0, y as f32 + 8.0], Style { size: 17.0, colour: INK }, &text);
 }
 
 /// A number with its digits in groups of three.

@@ -127,7 +127,7 @@ pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monito
     let paint = Paint::new(cloud, classes, params, monitor)?;
     let Some(bounds) = cloud.bounds_watched(monitor)? else {
         let mut image = Image::blank(params.width, params.height.unwrap_or(300));
-        text::draw(&mut image, (40.0, 60.0), 28.0, canvas::INK, "no points");
+        text::draw(&mut image, [40.0, 60.0], text::Style { size: 28.0, colour: canvas::INK }, "no points");
         return Ok(image);
     };
     let camera = Camera::new(params.view, bounds);
@@ -139,9 +139,9 @@ pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monito
         false => raster::filled(raster.points.len(), 1.0, monitor)?,
     };
     let colour = |pixel: usize, point: u32| paint.colour(cloud, point).map(|c| c * light[pixel]);
-    canvas::fill(&mut image, (&frame, &raster), colour, monitor)?;
+    image.fill(&frame, &raster, colour, monitor)?;
     if let Some(title) = &params.title {
-        text::draw(&mut image, (canvas::MARGIN as f32, 40.0), 26.0, canvas::INK, title);
+        text::draw(&mut image, [canvas::MARGIN as f32, 40.0], text::Style { size: 26.0, colour: canvas::INK }, title);
     }
     if params.legend {
         furniture::draw(&mut image, &frame, &paint, cloud);
@@ -195,7 +195,7 @@ mod tests {
             };
             let params = RenderParams { by, ..RenderParams::default() };
             let paint = Paint::new(&cloud, &ClassTable::default(), &params, &Monitor::default()).unwrap();
-            let entries = paint.entries().into_iter().map(|(_, name, share)| format!("{name} {share}"));
+            let entries = paint.entries().into_iter().map(|entry| format!("{} {}", entry.name, entry.share));
             entries.collect::<Vec<_>>()
         };
         // 40,000 points, of them 1,600 of the box and 3,840 of the other class.

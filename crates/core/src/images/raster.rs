@@ -49,7 +49,7 @@ impl Raster {
             depth: filled(width * height, f32::INFINITY, monitor)?,
             unit: unit as f32,
         };
-        let half = raster.splat(cloud, camera, (frame, monitor))?;
+        let half = raster.splat(cloud, camera, frame, monitor)?;
         for points in watched(cloud.len(), monitor) {
             let points = points?;
             monitor.advance(points.len() as u64);
@@ -61,7 +61,7 @@ impl Raster {
                 if p.iter().all(|v| v.is_finite()) {
                     let (u, v, away) = camera.project(p);
                     let place = [(u - frame.corner[0]) / unit, (v - frame.corner[1]) / unit];
-                    raster.put(place, half, (away as f32, i as u32));
+                    raster.put(place, half, away as f32, i as u32);
                 }
             }
         }
@@ -69,7 +69,7 @@ impl Raster {
     }
 
     /// Half edge of the splats that closes the gaps between points, estimated from the number of occupied coarse cells.
-    fn splat(&self, cloud: &Cloud, camera: &Camera, (frame, monitor): (&Frame, &Monitor)) -> Result<i64> {
+    fn splat(&self, cloud: &Cloud, camera: &Camera, frame: &Frame, monitor: &Monitor) -> Result<i64> {
         let block = 16.0 * f64::from(self.unit);
         let (columns, rows) = (self.width / 16 + 1, self.height / 16 + 1);
         let mut counts = vec![0u32; columns * rows];
@@ -89,7 +89,7 @@ impl Raster {
         Ok((0.95 * spacing).ceil().clamp(1.0, MOST) as i64)
     }
 
-    fn put(&mut self, [u, v]: [f64; 2], half: i64, (depth, point): (f32, u32)) {
+    fn put(&mut self, [u, v]: [f64; 2], half: i64, depth: f32, point: u32) {
         let (u, v) = (u.floor() as i64, v.floor() as i64);
         for y in (v - half).max(0)..=(v + half).min(self.height as i64 - 1) {
             for x in (u - half).max(0)..=(u + half).min(self.width as i64 - 1) {

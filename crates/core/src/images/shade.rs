@@ -36,7 +36,7 @@ pub(super) fn light(raster: &Raster, view: View, monitor: &Monitor) -> Result<Ve
             if raster.points[at] != NOTHING {
                 let (x, y) = (x as i64, y as i64);
                 let sun = if lamp { hillshade(raster, x, y) } else { 1.08 };
-                *factor = sun * (1.0 - 0.6 * hidden(raster, (x, y), raster.depth[at]));
+                *factor = sun * (1.0 - 0.6 * hidden(raster, [x, y], raster.depth[at]));
             }
         }
         monitor.check()
@@ -51,7 +51,7 @@ fn depth(raster: &Raster, x: i64, y: i64) -> Option<f32> {
 }
 
 /// Ambient occlusion, 0..1: share of the surroundings that are nearer to the viewer, weighted by how much.
-fn hidden(raster: &Raster, (x, y): (i64, i64), here: f32) -> f32 {
+fn hidden(raster: &Raster, [x, y]: [i64; 2], here: f32) -> f32 {
     let sum: f32 = AROUND
         .iter()
         .filter_map(|&(dx, dy)| {

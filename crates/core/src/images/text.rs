@@ -28,14 +28,21 @@ pub(super) fn width(size: f32, text: &str) -> f32 {
     font().map_or(0.0, |font| layout(&font, size, text).1)
 }
 
+/// Size in pixels and colour of a text.
+#[derive(Clone, Copy)]
+pub(super) struct Style {
+    pub(super) size: f32,
+    pub(super) colour: [u8; 3],
+}
+
 /// Draws a line whose baseline starts at a position.
-pub(super) fn draw(image: &mut Image, (x, y): (f32, f32), size: f32, colour: [u8; 3], text: &str) {
+pub(super) fn draw(image: &mut Image, [x, y]: [f32; 2], Style { size, colour }: Style, text: &str) {
     let Some(font) = font() else { return };
     for glyph in layout(&font, size, text).0 {
         let Some(outline) = font.outline_glyph(glyph) else { continue };
         let bounds = outline.px_bounds();
         outline.draw(|u, v, coverage| {
-            let place = ((x + bounds.min.x) as i64 + i64::from(u), (y + bounds.min.y) as i64 + i64::from(v));
+            let place = [(x + bounds.min.x) as i64 + i64::from(u), (y + bounds.min.y) as i64 + i64::from(v)];
             // A light typeface on a light background is easier to read slightly darker.
             image.mix(place, colour, (coverage * 1.25).min(1.0));
         });

@@ -40,7 +40,7 @@ pub(super) struct Agreement<'a> {
 }
 
 impl<'a> Agreement<'a> {
-    fn new((truth, prediction): (&'a Values, &'a Values), classes: &[u8], monitor: &Monitor) -> Result<Self> {
+    fn new([truth, prediction]: [&'a Values; 2], classes: &[u8], monitor: &Monitor) -> Result<Self> {
         let compared = (0..=255).map(|code| classes.is_empty() || classes.contains(&code)).collect();
         let mut found = Self { truth, prediction, compared, counts: [0; 3] };
         for points in watched(truth.len(), monitor) {
@@ -67,6 +67,14 @@ fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
     })
 }
 
+/// A line of the legend.
+pub(super) struct LegendEntry {
+    pub(super) colour: [u8; 3],
+    pub(super) name: String,
+    /// Share of the points in percent; empty for none.
+    pub(super) share: String,
+}
+
 impl<'a> Paint<'a> {
     pub(super) fn new(
         cloud: &'a Cloud,
@@ -81,7 +89,7 @@ impl<'a> Paint<'a> {
             ColourBy::Segments(name) => Self::segments(column(cloud, name)?, monitor),
             ColourBy::Colour => Self::own(cloud, monitor),
             ColourBy::Agreement { truth, prediction, classes } => {
-                let columns = (column(cloud, truth)?, column(cloud, prediction)?);
+                let columns = [column(cloud, truth)?, column(cloud, prediction)?];
                 Ok(Self::Agreement(Agreement::new(columns, classes, monitor)?))
             }
         }
@@ -157,24 +165,27 @@ impl<'a> Paint<'a> {
         }
     }
 
-    /// Lines of the legend: colour, name, and share of the points in percent.
-    pub(super) fn entries(&self) -> Vec<([u8; 3], String, String)> {
+    /// Lines of the legend.
+    pub(super) fn entries(&self) -> Vec<LegendEntry> {
+        let entry = |colour, name, share| LegendEntry { colour, name, share };
         let percent = |n: u64, all: u64| format!("{:.1} %", 100.0 * n as f64 / all.max(1) as f64);
         match self {
             Self::Classes { table, counts, values: Some(_) } => {
                 let all: u64 = counts.iter().sum();
                 let seen = table.iter().zip(counts).filter(|(_, n)| **n > 0);
-                seen.map(|(class, &n)| (class.colour, format!("{} {}", class.code, class.name), percent(n, all)))
+                seen.map(|(class, &n)| entry(class.colour, format!("{} {}", class.code, class.name), percent(n, all)))
                     .collect()
             }
             Self::Segments { count, .. } => {
-                vec![(segment_colour(1), format!("{count} segments"), String::new())]
+                vec![entry(segment_colour(1), format!("{count} segments"), String::new())]
             }
             Self::Agreement(Agreement { counts: [right, wrong, apart], .. }) => {
                 let share = |n: u64| percent(n, right + wrong);
-                let mut lines =
-                    vec![(RIGHT, "as in the truth".into(), share(*right)), (WRONG, "different".into(), share(*wrong))];
-                lines.extend((*apart > 0).then(|| (APART, "not compared".into(), String::new())));
+                let mut lines = vec![
+                    entry(RIGHT, "as in the truth".into(), share(*right)),
+                    entry(WRONG, "different".into(), share(*wrong)),
+                ];
+                lines.extend((*apart > 0).then(|| entry(APART, "not compared".into(), String::new())));
                 lines
             }
             _ => Vec::new(),

@@ -147,7 +147,7 @@ mod tests {
                 next += block.len();
             }
             assert_eq!(next, n, "{name}");
-            let bounds = Some(([10.0, 0.0, -2.0], [20.0, 50.0, 0.0]));
+            let bounds = Some([[10.0, 0.0, -2.0], [20.0, 50.0, 0.0]]);
             let options = ReadOptions { bounds, ..Default::default() };
             let inside: usize = blocks(&path, 1000, &options).unwrap().map(|b| b.unwrap().len()).sum();
             assert_eq!((inside, io::read_with(&path, &options).unwrap().len()), (11, 11), "{name}");

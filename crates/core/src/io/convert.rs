@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn a_box_keeps_its_records_and_recounts_the_header() {
         let folder = tempfile::tempdir().unwrap();
-        let bounds = Some(([10.0, 0.0, 0.0], [49.75, 4.0, 9.0]));
+        let bounds = Some([[10.0, 0.0, 0.0], [49.75, 4.0, 9.0]]);
         let params = ConvertParams { bounds, ..Default::default() };
         for (from, to) in [("a.las", "b.laz"), ("a.laz", "b.las"), ("a.laz", "b.ply"), ("a.ply", "b.laz")] {
             let (source, target) = (file(folder.path(), from), folder.path().join(to));
@@ -191,7 +191,7 @@ mod tests {
                 assert_eq!(times(&back), times(&part));
             }
         }
-        let nothing = ConvertParams { bounds: Some(([-9.0; 3], [-8.0; 3])), ..Default::default() };
+        let nothing = ConvertParams { bounds: Some([[-9.0; 3], [-8.0; 3]]), ..Default::default() };
         let target = folder.path().join("none.laz");
         assert_eq!(
             convert(&folder.path().join("a.laz"), &target, &nothing, &WriteOptions::default()).unwrap().points,
@@ -199,7 +199,7 @@ mod tests {
         );
         assert!(io::read(&target).unwrap().is_empty());
         for wrong in [
-            ConvertParams { bounds: Some(([1.0; 3], [0.0; 3])), ..Default::default() },
+            ConvertParams { bounds: Some([[1.0; 3], [0.0; 3]]), ..Default::default() },
             ConvertParams { resolution: Some(0.0), ..Default::default() },
             ConvertParams { resolution: Some(1.0), ..Default::default() },
             ConvertParams { point_format: Some(6), ..params.clone() },

@@ -14,7 +14,7 @@ const RATIO: u64 = 64;
 ///
 /// # Errors
 /// If it is implausible for the length of the file, or exceeds the free memory.
-pub(super) fn unpacked(path: &Path, format: &'static str, (length, bytes): (u64, u64)) -> Result<()> {
+pub(super) fn unpacked(path: &Path, format: &'static str, length: u64, bytes: u64) -> Result<()> {
     let most = FREE.saturating_add(RATIO.saturating_mul(length));
     if bytes > most {
         return Err(Error::Malformed {
@@ -68,8 +68,8 @@ mod tests {
     #[test]
     fn a_file_may_unpack_to_many_times_its_length_but_not_to_any_size() {
         let path = Path::new("a.npz");
-        assert!(unpacked(path, "npz", (1 << 20, 128 << 20)).is_ok());
-        let message = unpacked(path, "npz", (1 << 20, 129 << 20)).unwrap_err().to_string();
+        assert!(unpacked(path, "npz", 1 << 20, 128 << 20).is_ok());
+        let message = unpacked(path, "npz", 1 << 20, 129 << 20).unwrap_err().to_string();
         assert!(message.contains("64 times the file"), "{message}");
     }
 }

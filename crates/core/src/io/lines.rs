@@ -69,7 +69,7 @@ pub(super) struct Lines {
 
 impl Lines {
     /// The lines from byte `from` on, preceded by `before` lines.
-    pub(super) fn open((path, format): (&Path, &'static str), from: u64, before: usize) -> Result<Self> {
+    pub(super) fn open(path: &Path, format: &'static str, from: u64, before: usize) -> Result<Self> {
         Ok(Self { pieces: Pieces::open(path, format, from)?, piece: Vec::new(), at: 0, number: before })
     }
 

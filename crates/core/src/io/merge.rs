@@ -42,7 +42,7 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
         let cloud = read_with(input, &read)?;
         merged = Some(match merged {
             None => cloud,
-            Some(before) => append(before, &cloud, (input, &mut notes))?,
+            Some(before) => append(before, &cloud, input, &mut notes)?,
         });
     }
     let cloud = merged.ok_or_else(|| Error::input("nothing to merge"))?;
@@ -50,12 +50,22 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
     Ok(RewriteReport { points: cloud.len() as u64, notes })
 }
 
+/// The reference system of an input, if it tells one.
+#[derive(Clone, Copy)]
+pub(super) struct NamedCrs<'a> {
+    path: &'a Path,
+    crs: Option<&'a str>,
+}
+
+impl<'a> NamedCrs<'a> {
+    pub(super) fn new(path: &'a Path, crs: Option<&'a str>) -> Self {
+        Self { path, crs }
+    }
+}
+
 /// Fails if two files state different reference systems; adds a note if only one states any.
-pub(super) fn check_crs(
-    (first, a): (&Path, Option<&str>),
-    (path, b): (&Path, Option<&str>),
-    notes: &mut Vec<String>,
-) -> Result<()> {
+pub(super) fn check_crs(one: NamedCrs<'_>, other: NamedCrs<'_>, notes: &mut Vec<String>) -> Result<()> {
+    let (NamedCrs { path: first, crs: a }, NamedCrs { path, crs: b }) = (one, other);
     match (a, b) {
         (Some(a), Some(b)) if !same(a, b) => {
             let text = format!("{} lies in another reference system than {}", path.display(), first.display());
@@ -74,8 +84,10 @@ fn shortened(text: &str) -> String {
     text.chars().take(60).collect()
 }
 
-fn append(before: Cloud, cloud: &Cloud, (path, notes): (&Path, &mut Vec<String>)) -> Result<Cloud> {
-    check_crs((Path::new("the first input"), before.crs.as_deref()), (path, cloud.crs.as_deref()), notes)?;
+/// Appends the cloud of a file to those before it.
+fn append(before: Cloud, cloud: &Cloud, path: &Path, notes: &mut Vec<String>) -> Result<Cloud> {
+    let first = NamedCrs::new(Path::new("the first input"), before.crs.as_deref());
+    check_crs(first, NamedCrs::new(path, cloud.crs.as_deref()), notes)?;
     let (m, n) = (before.len(), cloud.len());
     let axes = [0, 1, 2].map(|a| {
         let of = |cloud: &Cloud| (0..cloud.len()).map(|i| cloud.xyz(i)[a]).collect::<Vec<f64>>();
@@ -163,7 +175,7 @@ mod tests {
         }
         assert_eq!(cloud.column("Height").unwrap().values.get(0), 0.0);
         assert_eq!(cloud.column("Height").unwrap().values.get(599), 1.5);
-        let (low, high) = inspect(&target).unwrap().bounds.unwrap();
+        let [low, high] = inspect(&target).unwrap().bounds.unwrap();
         assert_eq!((low[0], high[0]), (100.0, 599.5));
     }
 

@@ -40,7 +40,7 @@ pub use atomic::abandon_outputs;
 pub use atomic::check_output;
 pub use convert::{ConvertParams, convert};
 pub use diff::{Changed, ClassChange, Difference, FieldDifference, diff};
-pub use las::{PointReader, las_frame};
+pub use las::{LasFrame, PointReader, las_frame};
 pub use merge::merge;
 
 use crate::cloud::crs::{Unit, unit_of};
@@ -120,7 +120,7 @@ fn check_resolution(format: Format, options: &ReadOptions) -> Result<()> {
 }
 
 /// The points of a cloud inside a box.
-fn inside(cloud: &Cloud, (low, high): &Bounds) -> Cloud {
+fn inside(cloud: &Cloud, [low, high]: &Bounds) -> Cloud {
     let within = |i: &u32| {
         let p = cloud.xyz(*i as usize);
         (0..3).all(|a| low[a] <= p[a] && p[a] <= high[a])

@@ -96,7 +96,7 @@ pub fn bytes(path: &Path, most: u64) -> Result<Vec<u8>> {
 }
 
 /// Fills `bytes` from offset `at` of a file.
-pub(super) fn fill((path, file): (&Path, &mut File), at: u64, bytes: &mut [u8]) -> Result<()> {
+pub(super) fn fill(path: &Path, file: &mut File, at: u64, bytes: &mut [u8]) -> Result<()> {
     match file.read_exact(bytes) {
         Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Err(Error::Malformed {
             path: path.to_path_buf(),

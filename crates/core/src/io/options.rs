@@ -13,8 +13,7 @@ pub enum Columns {
     Only(Vec<String>),
 }
 
-/// Smallest and largest coordinates, both included, in the unit of the file.
-pub type Bounds = ([f64; 3], [f64; 3]);
+pub use crate::cloud::Bounds;
 
 /// Options of [`read_with`](super::read_with) and [`blocks`](super::blocks()).
 #[derive(Clone, Debug, Default)]
@@ -45,7 +44,7 @@ impl ReadOptions {
         if let Some(metres) = self.metres_per_unit.filter(|m| !(m.is_finite() && *m > 0.0)) {
             return Err(Error::parameter("metres_per_unit", metres, "a number above 0, finite"));
         }
-        if let Some((low, high)) = &self.bounds
+        if let Some([low, high]) = &self.bounds
             && !low.iter().zip(high).all(|(l, h)| l <= h)
         {
             return Err(Error::parameter("bounds", format!("{low:?} to {high:?}"), "low <= high on each axis, no NaN"));

@@ -41,6 +41,17 @@ impl Layout {
     }
 }
 
+/// Where the records of a file lie; the caller has checked them against its size.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PackedRecords {
+    /// Offset of the first record.
+    pub(super) at: u64,
+    /// Number of records.
+    pub(super) count: u64,
+    /// Bytes of a record.
+    pub(super) width: usize,
+}
+
 /// The remaining records of a file.
 #[derive(Debug)]
 pub(super) struct Packed {
@@ -53,13 +64,9 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// `count` records of `width` bytes from offset `at`; the caller has checked them against the size of the file.
-    pub(super) fn open(
-        (path, monitor): (&Path, &Monitor),
-        at: u64,
-        (count, width): (u64, usize),
-        layout: Layout,
-    ) -> Result<Self> {
+    /// These records of a file, of which each has this layout.
+    pub(super) fn open(path: &Path, records: PackedRecords, layout: Layout, monitor: &Monitor) -> Result<Self> {
+        let PackedRecords { at, count, width } = records;
         let mut file = open::file(path)?;
         file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(path, e))?;
         Ok(Self { path: path.to_path_buf(), file, width, left: count, layout, monitor: monitor.clone() })
@@ -76,7 +83,7 @@ impl Packed {
             let now = most.min(wanted);
             let bytes = &mut slab[..now * self.width];
             let at = self.file.stream_position().map_err(|e| Error::io(&self.path, e))?;
-            open::fill((&self.path, &mut self.file), at, bytes)?;
+            open::fill(&self.path, &mut self.file, at, bytes)?;
             self.layout.append(bytes);
             self.left -= now as u64;
             wanted -= now;

@@ -8,21 +8,21 @@ use super::lines::Lines;
 use super::words::Words;
 use super::{FileInfo, ReadOptions};
 use crate::cloud::{Cloud, Column, Values, names};
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use crate::io::table::Table;
 use std::path::Path;
 
 /// Numbers before the points of a scan: 2 of the grid, 12 of the scanner, 16 of the matrix, line by line.
 const HEAD: [usize; 10] = [1, 1, 3, 3, 3, 3, 4, 4, 4, 4];
 
-fn bad(path: &Path, field: &str, line: usize, (found, allowed): (impl ToString, impl ToString)) -> Error {
+fn bad(path: &Path, field: &str, line: usize, mismatch: Mismatch) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "PTX",
         field: field.to_string(),
         place: format!("line {line}"),
-        found: found.to_string(),
-        allowed: allowed.to_string(),
+        found: mismatch.found,
+        allowed: mismatch.allowed,
     }
 }
 
@@ -35,7 +35,8 @@ struct Scan {
 /// The numbers of the next line; `None` at the end.
 fn numbers(path: &Path, lines: &mut Lines) -> Result<Option<(usize, Vec<f64>)>> {
     let Some((number, line)) = lines.next()? else { return Ok(None) };
-    let words = Words::new(line).map(|w| w.value.ok_or_else(|| bad(path, "value", number, (w.string(), "a number"))));
+    let words = Words::new(line)
+        .map(|w| w.value.ok_or_else(|| bad(path, "value", number, Mismatch::new(w.string(), "a number"))));
     words.collect::<Result<_>>().map(|numbers| Some((number, numbers)))
 }
 
@@ -45,14 +46,19 @@ fn head(path: &Path, lines: &mut Lines) -> Result<Option<Scan>> {
     for (i, count) in HEAD.into_iter().enumerate() {
         match numbers(path, lines)? {
             None if i == 0 => return Ok(None),
-            None => return Err(bad(path, "head of a scan", i, ("the end of the file", "10 lines"))),
+            None => return Err(bad(path, "head of a scan", i, Mismatch::new("the end of the file", "10 lines"))),
             Some((line, numbers)) if numbers.len() != count => {
-                return Err(bad(path, "head of a scan", line, (format!("{} numbers", numbers.len()), count)));
+                return Err(bad(
+                    path,
+                    "head of a scan",
+                    line,
+                    Mismatch::new(format!("{} numbers", numbers.len()), count),
+                ));
             }
             Some((line, numbers)) => {
                 if numbers.iter().any(|v| !v.is_finite() || (i < 2 && (v.fract() != 0.0 || !(0.0..1e9).contains(v)))) {
                     let allowed = if i < 2 { "a whole number below 10^9" } else { "finite numbers" };
-                    return Err(bad(path, "head of a scan", line, (format!("{numbers:?}"), allowed)));
+                    return Err(bad(path, "head of a scan", line, Mismatch::new(format!("{numbers:?}"), allowed)));
                 }
                 all.extend(numbers);
             }
@@ -65,7 +71,7 @@ fn head(path: &Path, lines: &mut Lines) -> Result<Option<Scan>> {
 
 /// Reads all scans.
 pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
-    let mut lines = Lines::open((path, "PTX"), 0, 0)?;
+    let mut lines = Lines::open(path, "PTX", 0, 0)?;
     let mut table = Table::default();
     let (mut values, mut scans): ([Vec<f64>; 4], Vec<u32>) = Default::default();
     let mut number = 0;
@@ -79,11 +85,16 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
                     path,
                     "points",
                     0,
-                    ("the end of the file", format!("{} in scan {number}", scan.points)),
+                    Mismatch::new("the end of the file", format!("{} in scan {number}", scan.points)),
                 ));
             };
             if row.len() != 4 && row.len() != 7 {
-                return Err(bad(path, "point", line, (format!("{} numbers", row.len()), "4 or 7: x y z i (r g b)")));
+                return Err(bad(
+                    path,
+                    "point",
+                    line,
+                    Mismatch::new(format!("{} numbers", row.len()), "4 or 7: x y z i (r g b)"),
+                ));
             }
             if row[..3].iter().any(|v| v.abs() > 0.0 || v.is_nan()) {
                 let m = &scan.matrix;
@@ -112,7 +123,7 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
 
 /// Points and scans according to the headers; the lines between them are skipped.
 pub(super) fn inspect(path: &Path) -> Result<FileInfo> {
-    let mut lines = Lines::open((path, "PTX"), 0, 0)?;
+    let mut lines = Lines::open(path, "PTX", 0, 0)?;
     let mut info = FileInfo::new(path, "PTX", 0);
     info.dimensions.push(names::INTENSITY.into());
     let mut scans = 0;
@@ -123,7 +134,7 @@ pub(super) fn inspect(path: &Path) -> Result<FileInfo> {
                     path,
                     "points",
                     0,
-                    ("the end of the file", format!("{} in scan {scans}", scan.points)),
+                    Mismatch::new("the end of the file", format!("{} in scan {scans}", scan.points)),
                 ));
             };
             if scans == 0 && i == 0 && Words::new(line).count() == 7 {

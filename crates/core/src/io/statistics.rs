@@ -95,7 +95,7 @@ fn repeated<T: Ord + Send + Sync>(
 }
 
 fn outside(cloud: &Cloud, info: &FileInfo, monitor: &Monitor) -> Result<u64> {
-    let Some((low, high)) = info.bounds else { return Ok(0) };
+    let Some([low, high]) = info.bounds else { return Ok(0) };
     let slack = info.scale.unwrap_or([0.0; 3]);
     let out = |i: usize| {
         let p = cloud.xyz(i);
@@ -145,7 +145,7 @@ fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo, monitor: &M
 }
 
 /// A warning if the coordinates do not look like their unit.
-fn unit_warning(info: &FileInfo, (low, high): Bounds) -> Option<String> {
+fn unit_warning(info: &FileInfo, [low, high]: Bounds) -> Option<String> {
     let size = [0, 1, 2].map(|a| high[a] - low[a]);
     let plan = size[0].max(size[1]);
     let degrees = low[0] >= -180.0 && high[0] <= 180.0 && low[1] >= -90.0 && high[1] <= 90.0;

@@ -38,7 +38,7 @@ pub(super) fn pad(values: &mut Values, n: usize) {
 }
 
 /// The error if there is no memory for `n` points of `width` bytes and these columns.
-pub(super) fn missing<'a>((n, width): (usize, usize), columns: impl Iterator<Item = &'a Values>) -> Error {
+pub(super) fn missing<'a>(n: usize, width: usize, columns: impl Iterator<Item = &'a Values>) -> Error {
     let width = columns.fold(width, |sum, values| sum + Kind::of(values).size());
     let what = format!("{n} points of {width} bytes");
     Error::Memory { what, needed: (n as u64).saturating_mul(width as u64), free: memory::free() }
@@ -55,7 +55,7 @@ impl Table {
         let axes = self.axes.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
         match axes && self.columns.iter_mut().all(|column| reserve(&mut column.values, n)) {
             true => Ok(()),
-            false => Err(missing((n, 24), self.columns.iter().map(|c| &c.values))),
+            false => Err(missing(n, 24, self.columns.iter().map(|c| &c.values))),
         }
     }
 

@@ -4,7 +4,7 @@ use super::atomic::AtomicFile;
 use super::blocks::Source;
 use super::format::Format;
 use super::{Bounds, Columns, ReadOptions, WriteOptions};
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, around};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -44,21 +44,17 @@ fn again(path: &Path, format: Format, options: &WriteOptions) -> Result<(usize, 
         }
         points += block.len();
         bounds = match (bounds, block.bounds()) {
-            (Some(a), Some(b)) => Some(joined(a, b)),
+            (Some(a), Some(b)) => Some(around(a, b)),
             (a, b) => a.or(b),
         };
     }
-}
-
-fn joined(a: Bounds, b: Bounds) -> Bounds {
-    ([0, 1, 2].map(|i| a.0[i].min(b.0[i])), [0, 1, 2].map(|i| a.1[i].max(b.1[i])))
 }
 
 /// Equal up to the rounding of text output.
 fn alike(a: Option<Bounds>, b: Option<Bounds>) -> bool {
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-7 + 1e-12 * b.abs();
     match (a, b) {
-        (Some(a), Some(b)) => (0..3).all(|i| near(a.0[i], b.0[i]) && near(a.1[i], b.1[i])),
+        (Some(a), Some(b)) => (0..3).all(|i| near(a[0][i], b[0][i]) && near(a[1][i], b[1][i])),
         (a, b) => a.is_none() && b.is_none(),
     }
 }

@@ -77,7 +77,7 @@ impl LabelFile {
 
     /// Fails at the first position outside the cloud's bounding box by more than `within` metres.
     fn check_box(&self, cloud: &Cloud, (metres, within): (f64, f64), monitor: &Monitor) -> Result<()> {
-        let Some((low, high)) = cloud.bounds_watched(monitor)? else { return Ok(()) };
+        let Some([low, high]) = cloud.bounds_watched(monitor)? else { return Ok(()) };
         for LabelRow { line, of: at, .. } in &self.table.positions {
             let beyond = (0..3).map(|a| (low[a] - at[a]).max(at[a] - high[a])).fold(0.0, f64::max) * metres;
             if beyond > within || beyond.is_nan() {

@@ -5,7 +5,7 @@
 //! `cellsize`, `nodata_value`), then the heights, the northernmost row first.
 
 use super::raster::Raster;
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use crate::io::open;
 use std::path::Path;
 
@@ -24,7 +24,12 @@ pub fn read_ascii_grid(path: &Path) -> Result<Raster> {
     };
     let needed = |names: [&'static str; 2]| {
         let (name, value) = field(names).ok_or_else(|| {
-            malformed(path, names[0], "line 1".into(), "no such word", &format!("one of {}", names.join(", ")))
+            malformed(
+                path,
+                names[0],
+                "line 1".into(),
+                Mismatch::new("no such word", format!("one of {}", names.join(", "))),
+            )
         })?;
         Ok::<_, Error>((name, value?))
     };
@@ -33,7 +38,7 @@ pub fn read_ascii_grid(path: &Path) -> Result<Raster> {
         if value.fract() == 0.0 && (1.0..=1e9).contains(&value) {
             Ok(value as usize)
         } else {
-            Err(malformed(path, name, "line 1".into(), &value.to_string(), "a whole number, 1 or more"))
+            Err(malformed(path, name, "line 1".into(), Mismatch::new(value, "a whole number, 1 or more")))
         }
     };
     let (columns, rows) = (count(["ncols", "ncols"])?, count(["nrows", "nrows"])?);
@@ -42,7 +47,7 @@ pub fn read_ascii_grid(path: &Path) -> Result<Raster> {
     let heights = heights(path, body, nodata)?;
     if columns.checked_mul(rows) != Some(heights.len()) {
         let place = format!("line {}", header.len() + 1);
-        return Err(malformed(path, "heights", place, &heights.len().to_string(), &format!("{columns} x {rows}")));
+        return Err(malformed(path, "heights", place, Mismatch::new(heights.len(), format!("{columns} x {rows}"))));
     }
     let corner = |names: [&'static str; 2]| {
         needed(names).map(|(name, v)| if name.eq_ignore_ascii_case(names[1]) { v - 0.5 * cell } else { v })
@@ -79,17 +84,17 @@ fn heights<'a>(path: &Path, body: impl Iterator<Item = (usize, &'a str)>, nodata
 
 fn number(path: &Path, field: &str, word: &str, line: usize) -> Result<f64> {
     let value = word.parse::<f64>().ok().filter(|v| v.is_finite());
-    value.ok_or_else(|| malformed(path, field, format!("line {line}"), word, "a finite number"))
+    value.ok_or_else(|| malformed(path, field, format!("line {line}"), Mismatch::new(word, "a finite number")))
 }
 
-fn malformed(path: &Path, field: &str, place: String, found: &str, allowed: &str) -> Error {
+fn malformed(path: &Path, field: &str, place: String, mismatch: Mismatch) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "ASCII grid",
         field: field.to_owned(),
         place,
-        found: found.to_owned(),
-        allowed: allowed.to_owned(),
+        found: mismatch.found,
+        allowed: mismatch.allowed,
     }
 }
 

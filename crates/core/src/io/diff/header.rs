@@ -70,22 +70,33 @@ pub(super) fn records(a: &mut Records, b: &mut Records, monitor: &Monitor) -> Re
         for (key, place) in &one {
             monitor.check()?;
             match two.iter().find(|(k, _)| k == key) {
-                None => changed.push(Changed::new(name(key), size(a, (extended, *place)), "absent")),
+                None => changed.push(Changed::new(name(key), size(a, extended, *place), "absent")),
                 Some((_, other)) => {
-                    changed.extend(content(key, (&mut *a, *place), (&mut *b, *other), extended)?);
+                    changed.extend(content(
+                        key,
+                        RecordOf { file: a, place: *place },
+                        RecordOf { file: b, place: *other },
+                        extended,
+                    )?);
                 }
             }
         }
         let new = two.iter().filter(|(key, _)| !one.iter().any(|(k, _)| k == key));
-        changed.extend(new.map(|(key, place)| Changed::new(name(key), "absent", size(b, (extended, *place)))));
+        changed.extend(new.map(|(key, place)| Changed::new(name(key), "absent", size(b, extended, *place))));
     }
     Ok(changed)
 }
 
-/// User, number, and how many records with the same precede it.
-type Key = (String, u16, usize);
+/// What identifies a record.
+#[derive(Clone, Debug, PartialEq)]
+struct Key {
+    user: String,
+    id: u16,
+    /// How many records with the same user and number precede it.
+    serial: usize,
+}
 
-fn name((user, id, serial): &Key) -> String {
+fn name(Key { user, id, serial }: &Key) -> String {
     if *serial == 0 { format!("{user} {id}") } else { format!("{user} {id} (no. {})", serial + 1) }
 }
 
@@ -101,8 +112,8 @@ fn keyed(records: &Records, extended: bool) -> Vec<(Key, usize)> {
         if user == "laszip encoded" {
             continue;
         }
-        let serial = keys.iter().filter(|((u, i, _), _)| (u, *i) == (&user, id)).count();
-        keys.push(((user, id, serial), place));
+        let serial = keys.iter().filter(|(key, _)| (&key.user, key.id) == (&user, id)).count();
+        keys.push((Key { user, id, serial }, place));
     }
     keys
 }
@@ -112,27 +123,28 @@ fn length(vlr: &Vlr) -> u64 {
     if vlr.head.len() == 60 { u64_at(&vlr.head, 20) } else { vlr.data.len() as u64 }
 }
 
-fn size(records: &Records, (extended, place): (bool, usize)) -> String {
+fn size(records: &Records, extended: bool, place: usize) -> String {
     format!("{} bytes", list(records, extended).get(place).map_or(0, length))
 }
 
+/// One of the records of a file, by its place among them.
+struct RecordOf<'a> {
+    file: &'a mut Records,
+    place: usize,
+}
+
 /// Compares two records: description and reserved bytes, then the content.
-fn content(
-    key: &Key,
-    (a, one): (&mut Records, usize),
-    (b, two): (&mut Records, usize),
-    extended: bool,
-) -> Result<Option<Changed>> {
-    let (size_a, size_b) = (size(a, (extended, one)), size(b, (extended, two)));
-    let (x, y) = (&list(a, extended)[one], &list(b, extended)[two]);
+fn content(key: &Key, mut one: RecordOf<'_>, mut two: RecordOf<'_>, extended: bool) -> Result<Option<Changed>> {
+    let (size_a, size_b) = (size(one.file, extended, one.place), size(two.file, extended, two.place));
+    let (x, y) = (&list(one.file, extended)[one.place], &list(two.file, extended)[two.place]);
     if length(x) != length(y) {
         return Ok(Some(Changed::new(name(key), size_a, size_b)));
     }
     let at = match x.data.len() as u64 == length(x) {
         true => x.data.iter().zip(&y.data).position(|(p, q)| p != q).map(|p| p as u64),
-        false => first_difference((a, one), (b, two))?,
+        false => first_difference(&mut one, &mut two)?,
     };
-    let (x, y) = (&list(a, extended)[one], &list(b, extended)[two]);
+    let (x, y) = (&list(one.file, extended)[one.place], &list(two.file, extended)[two.place]);
     let said = |p: &str, q: &str| Some(Changed::new(name(key), p, q));
     Ok(match at {
         Some(at) => said(&size_a, &format!("{size_b}, other content from byte {at}")),
@@ -142,12 +154,14 @@ fn content(
 }
 
 /// The first differing byte of two extended records that are too large to be held in memory.
-fn first_difference((a, one): (&mut Records, usize), (b, two): (&mut Records, usize)) -> Result<Option<u64>> {
+fn first_difference(one: &mut RecordOf<'_>, two: &mut RecordOf<'_>) -> Result<Option<u64>> {
     const PIECE: u64 = 1 << 20;
-    let start = |r: &Records, place: usize| {
-        r.header.evlrs_at + r.evlrs.iter().take(place).map(|v| 60 + length(v)).sum::<u64>() + 60
+    let start = |of: &RecordOf<'_>| {
+        let before = of.file.evlrs.iter().take(of.place);
+        of.file.header.evlrs_at + before.map(|v| 60 + length(v)).sum::<u64>() + 60
     };
-    let (from_a, from_b, total) = (start(a, one), start(b, two), length(&a.evlrs[one]));
+    let (from_a, from_b, total) = (start(one), start(two), length(&one.file.evlrs[one.place]));
+    let (a, b) = (&mut *one.file, &mut *two.file);
     let mut done = 0;
     while done < total {
         let now = (total - done).min(PIECE) as usize;

@@ -1,6 +1,6 @@
 //! Checks of an E57 file before and during decoding.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use crate::io::limits;
 use crate::io::open;
 use ::e57::{E57Reader, PointCloud, RecordDataType};
@@ -32,14 +32,14 @@ pub(super) struct E57 {
     size: u64,
 }
 
-pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (impl ToString, impl ToString)) -> Error {
+pub(super) fn bad(path: &Path, field: &str, place: String, mismatch: Mismatch) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "E57",
         field: field.to_string(),
         place,
-        found: found.to_string(),
-        allowed: allowed.to_string(),
+        found: mismatch.found,
+        allowed: mismatch.allowed,
     }
 }
 
@@ -48,25 +48,40 @@ pub(super) fn open(path: &Path) -> Result<E57> {
     let mut file = open::file(path)?;
     let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
     let mut head = [0; 48];
-    file.read_exact(&mut head).map_err(|_| bad(path, "header", "byte 0".into(), (size, "48 bytes")))?;
+    file.read_exact(&mut head).map_err(|_| bad(path, "header", "byte 0".into(), Mismatch::new(size, "48 bytes")))?;
     let number = |at: usize| u64::from_le_bytes(crate::io::number::array(&head, at));
     let [length, xml_at, xml, page] = [16, 24, 32, 40].map(number);
     if page != PAGE {
-        return Err(bad(path, "page size", "byte 40".into(), (page, PAGE)));
+        return Err(bad(path, "page size", "byte 40".into(), Mismatch::new(page, PAGE)));
     }
     if length != size || size % PAGE != 0 {
-        return Err(bad(path, "file length", "byte 16".into(), (length, format!("{size}, and whole pages of {PAGE}"))));
+        return Err(bad(
+            path,
+            "file length",
+            "byte 16".into(),
+            Mismatch::new(length, format!("{size}, and whole pages of {PAGE}")),
+        ));
     }
     if xml_at >= size || xml > (size - xml_at).min(MOST_XML) {
         let allowed = format!("inside the file, at most {MOST_XML} bytes");
-        return Err(bad(path, "XML", "byte 24".into(), (format!("{xml} bytes at byte {xml_at}"), allowed)));
+        return Err(bad(
+            path,
+            "XML",
+            "byte 24".into(),
+            Mismatch::new(format!("{xml} bytes at byte {xml_at}"), allowed),
+        ));
     }
     file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(path, e))?;
     let copy = file.try_clone().map_err(|e| Error::io(path, e))?;
     let text = caught(path, "XML", || E57Reader::raw_xml(BufReader::new(copy)).map_err(|e| e.to_string()))?;
     let depth = depth(&text);
     if depth > DEEPEST {
-        return Err(bad(path, "XML", format!("byte {xml_at}"), (format!("{depth} nested elements"), DEEPEST)));
+        return Err(bad(
+            path,
+            "XML",
+            format!("byte {xml_at}"),
+            Mismatch::new(format!("{depth} nested elements"), DEEPEST),
+        ));
     }
     file.seek(SeekFrom::Start(0)).map_err(|e| Error::io(path, e))?;
     let reader = caught(path, "XML", || E57Reader::new(BufReader::new(file)).map_err(|e| e.to_string()))?;
@@ -92,7 +107,7 @@ fn caught<T>(path: &Path, what: &str, work: impl FnOnce() -> std::result::Result
     let failed = |found: String| {
         // The standard library's message about a truncated file, made readable.
         let found = found.replace("failed to fill whole buffer", "the end of the file too early");
-        bad(path, what, "its bytes".into(), (found, "what an E57 writer writes"))
+        bad(path, what, "its bytes".into(), Mismatch::new(found, "what an E57 writer writes"))
     };
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(result) => result.map_err(failed),
@@ -112,20 +127,20 @@ impl E57 {
                     path,
                     "prototype",
                     format!("scan {number}"),
-                    (found, format!("at most {MOST_FIELDS}")),
+                    Mismatch::new(found, format!("at most {MOST_FIELDS}")),
                 ));
             }
             let (mut bits, mut filled) = (0u64, 0u64);
             for record in &scan.prototype {
                 let own = bits_of(&record.data_type).ok_or_else(|| {
                     let found = format!("{:?}", record.data_type);
-                    bad(path, "prototype", format!("scan {number}"), (found, "minimum <= maximum"))
+                    bad(path, "prototype", format!("scan {number}"), Mismatch::new(found, "minimum <= maximum"))
                 })?;
                 bits += own;
                 filled += u64::from(own == 0);
             }
             if let Some(points) = PACKET.checked_div(bits) {
-                limits::unpacked(path, "E57", (self.size, points * filled * VALUE))?;
+                limits::unpacked(path, "E57", self.size, points * filled * VALUE)?;
             }
             // The bytes of different scans do not overlap.
             let most = match bits {
@@ -134,7 +149,7 @@ impl E57 {
             };
             if scan.records > most {
                 let allowed = format!("at most {most}, as this scan and those before it have room for");
-                return Err(bad(path, "recordCount", format!("scan {number}"), (scan.records, allowed)));
+                return Err(bad(path, "recordCount", format!("scan {number}"), Mismatch::new(scan.records, allowed)));
             }
             match bits {
                 0 => constant += scan.records,
@@ -144,7 +159,12 @@ impl E57 {
         }
         match total < u64::from(u32::MAX) {
             true => Ok(scans),
-            false => Err(bad(path, "recordCount", "all scans".into(), (total, format!("fewer than {}", u32::MAX)))),
+            false => Err(bad(
+                path,
+                "recordCount",
+                "all scans".into(),
+                Mismatch::new(total, format!("fewer than {}", u32::MAX)),
+            )),
         }
     }
 

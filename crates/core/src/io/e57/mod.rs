@@ -24,14 +24,14 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let scans = file.scans(path)?;
     let columns = Columns::of(&scans, options);
     let points: u64 = scans.iter().map(|s| s.records).sum();
-    limits::unpacked(path, "E57", (file.size(), columns.width().saturating_mul(points)))?;
+    limits::unpacked(path, "E57", file.size(), columns.width().saturating_mul(points))?;
     let mut table = Table { columns: columns.empty(), ..Table::default() };
     table.reserve(points as usize)?;
     let mut index = Vec::new();
     memory::reserve(&mut index, points as usize, "the numbers of the scans")?;
     options.monitor.stage("read", points);
     for (number, cloud) in (0..).zip(&scans) {
-        let reader = scan::Scan::new((path, number), cloud, &columns)?;
+        let reader = scan::Scan::new(path, number, cloud, &columns)?;
         file.guarded(path, &format!("scan {number}"), |e57| reader.read(e57, cloud, &mut table, &options.monitor))?;
         index.resize(table.len(), number);
     }

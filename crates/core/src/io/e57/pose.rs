@@ -1,7 +1,7 @@
 //! The pose of a scan.
 
 use super::guard::bad;
-use crate::error::Result;
+use crate::error::{Mismatch, Result};
 use ::e57::Transform;
 use std::path::Path;
 
@@ -26,7 +26,7 @@ impl Pose {
                 path,
                 "pose",
                 "XML".into(),
-                (format!("{q:?} {t:?}"), "finite numbers, a rotation that is not 0"),
+                Mismatch::new(format!("{q:?} {t:?}"), "finite numbers, a rotation that is not 0"),
             ));
         }
         let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(|v| v / length);

@@ -3,7 +3,7 @@
 use super::columns::{self, Columns};
 use super::guard::{Reader, bad};
 use super::pose::Pose;
-use crate::error::Result;
+use crate::error::{Mismatch, Result};
 use crate::io::table::{Table, pad};
 use crate::parallel::{Monitor, watched};
 use ::e57::{PointCloud, Record, RecordDataType, RecordName, RecordValue};
@@ -42,7 +42,7 @@ pub(super) struct Scan {
 impl Scan {
     /// # Errors
     /// If there are no coordinates, or the pose is invalid.
-    pub(super) fn new((path, number): (&Path, u32), scan: &PointCloud, columns: &Columns) -> Result<Self> {
+    pub(super) fn new(path: &Path, number: u32, scan: &PointCloud, columns: &Columns) -> Result<Self> {
         let find = |name: &RecordName| scan.prototype.iter().position(|r| r.name == *name);
         let places = |names: [RecordName; 3]| {
             let found = names.map(|name| find(&name).map(|at| place(&scan.prototype[at], at)));
@@ -57,7 +57,7 @@ impl Scan {
         let axes = cartesian.or_else(|| places([SphericalRange, SphericalAzimuth, SphericalElevation]));
         let axes = axes.ok_or_else(|| {
             let found = scan.prototype.iter().map(|r| format!("{:?}", r.name)).collect::<Vec<_>>().join(" ");
-            bad(path, "coordinates", "prototype".into(), (found, "Cartesian or spherical coordinates"))
+            bad(path, "coordinates", "prototype".into(), Mismatch::new(found, "Cartesian or spherical coordinates"))
         })?;
         let state = match spherical {
             true => find(&RecordName::SphericalInvalidState),
@@ -79,7 +79,12 @@ impl Scan {
     /// Appends the valid points.
     pub(super) fn read(&self, e57: &mut Reader, scan: &PointCloud, table: &mut Table, monitor: &Monitor) -> Result<()> {
         let wrong = |i: u64, e: &::e57::Error| {
-            bad(&self.path, "points", format!("scan {}, point {i}", self.number), (e, "what an E57 writer writes"))
+            bad(
+                &self.path,
+                "points",
+                format!("scan {}, point {i}", self.number),
+                Mismatch::new(e, "what an E57 writer writes"),
+            )
         };
         let constant: Option<Vec<RecordValue>> = scan.prototype.iter().map(constant).collect();
         if let Some(record) = constant {

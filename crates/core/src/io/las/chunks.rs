@@ -3,12 +3,13 @@
 use super::decoder::{guarded, layered};
 use super::header::{Header, RECORD_SIZES, bad, u16_at, u32_at};
 use super::vlr::{Vlr, read_at};
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use laz::laszip::{ChunkTable, ChunkTableEntry, LazItemType};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
 use laz::{LazItem, LazVlr};
 use std::fs::File;
 use std::io::Cursor;
+use std::ops::Range;
 use std::path::Path;
 
 /// A chunk: position of its bytes, and its number of points.
@@ -28,9 +29,17 @@ pub(in crate::io) struct Chunks {
     pub(in crate::io) list: Vec<Chunk>,
 }
 
+/// The header and the records before the points.
+#[derive(Clone, Copy)]
+pub(super) struct LasHead<'a> {
+    pub(super) header: &'a Header,
+    pub(super) vlrs: &'a [Vlr],
+}
+
 /// Reads and checks the LAZ record and the chunk table.
-pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header, &[Vlr]), size: u64) -> Result<Chunks> {
-    let vlr = check_record(path, header, vlrs)?;
+pub(super) fn read_table(path: &Path, file: &mut File, head: LasHead<'_>, size: u64) -> Result<Chunks> {
+    let header = head.header;
+    let vlr = check_record(path, head)?;
     if header.points == 0 {
         return Ok(Chunks { vlr, whole: true, list: Vec::new() });
     }
@@ -42,27 +51,33 @@ pub(super) fn read_table(path: &Path, file: &mut File, (header, vlrs): (&Header,
     // An entry takes at least a few bits, and each chunk at least the bytes of one point.
     if count == 0 || count > header.points || count > table_at - first {
         let most = header.points.min(table_at - first);
-        return Err(bad(path, "number of chunks", table_at + 4, (count, format!("1 to {most}"))));
+        return Err(bad(path, "number of chunks", table_at + 4, Mismatch::new(count, format!("1 to {most}"))));
     }
     let variable = vlr.uses_variable_size_chunks();
     let entries = guarded(path, "chunk table", || ChunkTable::read(&mut Cursor::new(&table), variable))?;
-    list(path, &entries, (&vlr, header.points), (first, table_at)).map(|list| Chunks { vlr, whole: true, list })
+    let declared = DeclaredChunks { vlr: &vlr, points: header.points, bytes: first..table_at };
+    list(path, &entries, declared).map(|list| Chunks { vlr, whole: true, list })
 }
 
 /// The LAZ record, with its items checked against the header.
-pub(super) fn check_record(path: &Path, header: &Header, vlrs: &[Vlr]) -> Result<LazVlr> {
+pub(super) fn check_record(path: &Path, LasHead { header, vlrs }: LasHead<'_>) -> Result<LazVlr> {
     let vlr = vlrs.iter().find(|v| v.is("laszip encoded", 22204));
-    let vlr = vlr.ok_or_else(|| bad(path, "LAZ record", 100, ("none", "a VLR `laszip encoded` 22204")))?;
+    let vlr = vlr.ok_or_else(|| bad(path, "LAZ record", 100, Mismatch::new("none", "a VLR `laszip encoded` 22204")))?;
     check_items(path, header, vlr)
 }
 
+/// What a file says of all its chunks together.
+struct DeclaredChunks<'a> {
+    vlr: &'a LazVlr,
+    /// Number of points.
+    points: u64,
+    /// From the first chunk to the table.
+    bytes: Range<u64>,
+}
+
 /// The positions of consecutive chunks; their total is checked against header and file.
-fn list(
-    path: &Path,
-    table: &ChunkTable,
-    (vlr, points): (&LazVlr, u64),
-    (first, end): (u64, u64),
-) -> Result<Vec<Chunk>> {
+fn list(path: &Path, table: &ChunkTable, declared: DeclaredChunks<'_>) -> Result<Vec<Chunk>> {
+    let DeclaredChunks { vlr, points, bytes: Range { start: first, end } } = declared;
     let mut list = Vec::with_capacity(table.len());
     let (mut at, mut left) = (first, points);
     for (i, entry) in table.into_iter().enumerate() {
@@ -70,7 +85,12 @@ fn list(
             if vlr.uses_variable_size_chunks() { entry.point_count } else { left.min(u64::from(vlr.chunk_size())) };
         let field = |name: &str| format!("{name} of chunk {i}");
         if entry.byte_count > end - at {
-            return Err(bad(path, &field("size"), at, (entry.byte_count, format!("at most {}", end - at))));
+            return Err(bad(
+                path,
+                &field("size"),
+                at,
+                Mismatch::new(entry.byte_count, format!("at most {}", end - at)),
+            ));
         }
         // A compressed point takes at least part of a byte; no real file comes near 4096 points a byte.
         if points > left || points > entry.byte_count.saturating_mul(4096) {
@@ -78,7 +98,7 @@ fn list(
                 path,
                 &field("number of points"),
                 at,
-                (points, format!("at most {}", left.min(4096 * entry.byte_count))),
+                Mismatch::new(points, format!("at most {}", left.min(4096 * entry.byte_count))),
             ));
         }
         list.push(Chunk { at, bytes: entry.byte_count, points });
@@ -87,7 +107,12 @@ fn list(
     }
     match left {
         0 => Ok(list),
-        _ => Err(bad(path, "number of points", 107, (points, format!("{} as the chunks hold", points - left)))),
+        _ => Err(bad(
+            path,
+            "number of points",
+            107,
+            Mismatch::new(points, format!("{} as the chunks hold", points - left)),
+        )),
     }
 }
 
@@ -100,15 +125,25 @@ fn table_offset(path: &Path, file: &mut File, points_at: u64, size: u64) -> Resu
             return Ok(at as u64);
         }
         if at > 0 {
-            return Err(bad(path, "offset to chunk table", place, (at, format!("{} to {}", points_at + 8, size - 8))));
+            return Err(bad(
+                path,
+                "offset to chunk table",
+                place,
+                Mismatch::new(at, format!("{} to {}", points_at + 8, size - 8)),
+            ));
         }
     }
-    Err(bad(path, "offset to chunk table", points_at, ("none", "a table after the chunks; the file is incomplete")))
+    Err(bad(
+        path,
+        "offset to chunk table",
+        points_at,
+        Mismatch::new("none", "a table after the chunks; the file is incomplete"),
+    ))
 }
 
 fn check_items(path: &Path, header: &Header, vlr: &Vlr) -> Result<LazVlr> {
     let wrong = |field: &str, found: String, allowed: &str| {
-        bad(path, field, header.raw.len() as u64, (found, allowed.to_string()))
+        bad(path, field, header.raw.len() as u64, Mismatch::new(found, allowed.to_string()))
     };
     let unsupported = |reason: String| Error::Unsupported { path: path.to_path_buf(), reason };
     if vlr.data.len() < 34 || vlr.data.len() < 34 + 6 * usize::from(u16_at(&vlr.data, 32)) {

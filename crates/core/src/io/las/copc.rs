@@ -4,7 +4,8 @@ use super::chunks::Chunk;
 use super::header::{array, bad, f64_at, u64_at};
 use super::records::Records;
 use super::vlr::read_at;
-use crate::error::Result;
+use crate::cloud::Bounds;
+use crate::error::{Mismatch, Result};
 use crate::io::ReadOptions;
 use crate::io::info::Octree;
 use std::collections::BTreeSet;
@@ -77,9 +78,9 @@ fn info(records: &Records) -> Result<Info> {
     let vlr = records.vlrs.iter().find(|v| v.is("copc", 1));
     let data = vlr.map(|v| &v.data[..]).unwrap_or_default();
     let at = records.header.raw.len() as u64 + 54;
-    let wrong = |field: &str, place: u64, fault: (String, &str)| Err(bad(&records.path, field, at + place, fault));
+    let wrong = |field: &str, place: u64, fault: Mismatch| Err(bad(&records.path, field, at + place, fault));
     if data.len() < 160 {
-        return wrong("COPC info", 0, (format!("{} bytes", data.len()), "160 bytes"));
+        return wrong("COPC info", 0, Mismatch::new(format!("{} bytes", data.len()), "160 bytes"));
     }
     let info = Info {
         centre: [0, 8, 16].map(|a| f64_at(data, a)),
@@ -92,18 +93,18 @@ fn info(records: &Records) -> Result<Info> {
         return wrong(
             "COPC cube",
             0,
-            (format!("{:?} +- {}", info.centre, info.half), "finite numbers, a size above 0"),
+            Mismatch::new(format!("{:?} +- {}", info.centre, info.half), "finite numbers, a size above 0"),
         );
     }
     match positive(info.spacing) {
         true => Ok(info),
-        false => wrong("COPC spacing", 32, (info.spacing.to_string(), "a number above 0")),
+        false => wrong("COPC spacing", 32, Mismatch::new(info.spacing, "a number above 0")),
     }
 }
 
 impl Info {
     /// Whether a node's cube intersects a box. The cube is slightly enlarged, because points can lie on its faces.
-    fn touches(&self, [level, cell @ ..]: Key, (low, high): &([f64; 3], [f64; 3])) -> bool {
+    fn touches(&self, [level, cell @ ..]: Key, [low, high]: &Bounds) -> bool {
         let size = 2.0 * self.half / f64::from(1u32 << level.clamp(0, DEEPEST));
         let hair = 1e-6 * self.half + 1e-3 * size;
         (0..3).all(|a| {
@@ -123,14 +124,19 @@ fn walk(records: &mut Records, info: &Info) -> Result<Vec<Node>> {
         let whole = size % ENTRY as u64 == 0 && size > 0;
         if at > records.size || size > (records.size - at).min(LARGEST_PAGE) || !whole || bytes > records.size {
             let allowed = format!("entries of {ENTRY} bytes inside the file of {}", records.size);
-            return Err(bad(&records.path, "COPC page", at, (format!("{size} bytes"), allowed)));
+            return Err(bad(&records.path, "COPC page", at, Mismatch::new(format!("{size} bytes"), allowed)));
         }
         if !seen.insert(at) {
-            return Err(bad(&records.path, "COPC page", at, ("a page that was read before", "each page once")));
+            return Err(bad(
+                &records.path,
+                "COPC page",
+                at,
+                Mismatch::new("a page that was read before", "each page once"),
+            ));
         }
         let page = read_at(&records.path, &mut records.file, at, size as usize)?;
         for (place, entry) in (at..).step_by(ENTRY).zip(page.chunks_exact(ENTRY)) {
-            match checked(records, (place, entry))? {
+            match checked(records, place, entry)? {
                 (_, None) => pages.push((u64_at(entry, 16), u64::from(u32::from_le_bytes(array(entry, 24))))),
                 (key, Some(chunk)) => {
                     if !keys.insert(key) {
@@ -138,7 +144,7 @@ fn walk(records: &mut Records, info: &Info) -> Result<Vec<Node>> {
                             &records.path,
                             "COPC node",
                             place,
-                            (format!("{key:?} again"), "each node once"),
+                            Mismatch::new(format!("{key:?} again"), "each node once"),
                         ));
                     }
                     points += chunk.points;
@@ -153,25 +159,28 @@ fn walk(records: &mut Records, info: &Info) -> Result<Vec<Node>> {
         true => Ok(nodes),
         false => {
             let allowed = format!("{} as the header says", records.header.points);
-            Err(bad(&records.path, "points of all COPC nodes", info.root.0, (points, allowed)))
+            Err(bad(&records.path, "points of all COPC nodes", info.root.0, Mismatch::new(points, allowed)))
         }
     }
 }
 
 /// Key and chunk of an entry; no chunk if the entry refers to another page.
-fn checked(records: &Records, (place, entry): (u64, &[u8])) -> Result<(Key, Option<Chunk>)> {
+fn checked(records: &Records, place: u64, entry: &[u8]) -> Result<(Key, Option<Chunk>)> {
     let number = |at: usize| i32::from_le_bytes(array(entry, at));
     let (key, at) = ([0, 4, 8, 12].map(number), u64_at(entry, 16));
     let (bytes, points) = (number(24), number(28));
-    let wrong = |field: &str, fault: (String, String)| Err(bad(&records.path, field, place, fault));
+    let wrong = |field: &str, fault: Mismatch| Err(bad(&records.path, field, place, fault));
     let [level, cell @ ..] = key;
     if !(0..=DEEPEST).contains(&level) || cell.iter().any(|c| *c < 0 || i64::from(*c) >= 1 << level) {
-        return wrong("COPC node", (format!("{key:?}"), format!("a level of 0 to {DEEPEST}, a cell of its grid")));
+        return wrong(
+            "COPC node",
+            Mismatch::new(format!("{key:?}"), format!("a level of 0 to {DEEPEST}, a cell of its grid")),
+        );
     }
     if bytes < 0 || points < -1 || (points == -1 && bytes == 0) {
         return wrong(
             "COPC entry",
-            (format!("{bytes} bytes, {points} points"), "positive numbers, or -1 points".into()),
+            Mismatch::new(format!("{bytes} bytes, {points} points"), "positive numbers, or -1 points"),
         );
     }
     if points == -1 {
@@ -184,7 +193,7 @@ fn checked(records: &Records, (place, entry): (u64, &[u8])) -> Result<(Key, Opti
         let found = format!("{points} points in {bytes} bytes at byte {at}");
         return wrong(
             "COPC chunk",
-            (found, format!("bytes {first} to {} and at most 4096 points a byte", records.size)),
+            Mismatch::new(found, format!("bytes {first} to {} and at most 4096 points a byte", records.size)),
         );
     }
     Ok((key, Some(Chunk { at, bytes, points })))
@@ -266,8 +275,8 @@ mod tests {
         let all = read(None, None);
         assert_eq!((all.len(), read(None, Some(4.0)).len(), read(None, Some(2.0)).len()), (300, 100, 300));
         // In this file the node for x above 5 holds the points with z = 2: the box must exclude its chunk.
-        let bounds = ([0.0, 0.0, 0.0], [3.0, 3.0, 9.0]);
-        let inside = |i: &u32| (0..3).all(|a| (bounds.0[a]..=bounds.1[a]).contains(&all.xyz(*i as usize)[a]));
+        let bounds = [[0.0, 0.0, 0.0], [3.0, 3.0, 9.0]];
+        let inside = |i: &u32| (0..3).all(|a| (bounds[0][a]..=bounds[1][a]).contains(&all.xyz(*i as usize)[a]));
         let expected: Vec<u32> = (0..200).filter(inside).collect();
         assert_eq!(read(Some(bounds), None).coordinates(), all.select(&expected).coordinates());
     }

@@ -5,7 +5,7 @@
 
 use super::deep::{Source, on_a_large_stack};
 use super::header::{bad, u32_at};
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use laz::laszip::LazItemType;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LazItem, LazVlr};
@@ -20,6 +20,12 @@ pub(super) struct How<'a> {
     pub(super) selection: DecompressionSelection,
     /// Whether a chunk must end exactly after its last point.
     pub(super) whole: bool,
+}
+
+/// The compressed bytes of a chunk, and its number in the file.
+pub(super) struct ChunkBytes<B> {
+    pub(super) index: usize,
+    pub(super) bytes: B,
 }
 
 /// Whether chunks have one layer per field (LAZ with point formats from 6 on).
@@ -38,9 +44,9 @@ pub(super) struct Decoder<'a, B> {
 }
 
 impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
-    /// A decoder of chunk `index`.
-    pub(super) fn new(path: &Path, how: How<'_>, (index, bytes): (usize, B)) -> Result<Self> {
+    pub(super) fn new(path: &Path, how: How<'_>, chunk: ChunkBytes<B>) -> Result<Self> {
         let How { vlr, selection, whole } = how;
+        let ChunkBytes { index, bytes } = chunk;
         if layered(vlr) {
             check_layers(path, vlr, index, bytes.as_ref())?;
         }
@@ -112,8 +118,13 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
 }
 
 /// Decodes a whole chunk.
-pub(super) fn decode(path: &Path, how: How<'_>, (index, bytes): (usize, &[u8]), out: &mut [u8]) -> Result<()> {
-    let mut decoder = Decoder::new(path, how, (index, bytes))?;
+pub(super) fn decode<B: AsRef<[u8]> + Send + Sync>(
+    path: &Path,
+    how: How<'_>,
+    chunk: ChunkBytes<B>,
+    out: &mut [u8],
+) -> Result<()> {
+    let mut decoder = Decoder::new(path, how, chunk)?;
     decoder.next(out)?;
     decoder.end()
 }
@@ -140,7 +151,7 @@ fn check_layers(path: &Path, vlr: &LazVlr, index: usize, bytes: &[u8]) -> Result
             path,
             &format!("layers of chunk {index}"),
             0,
-            (format!("{declared} bytes"), format!("at most {room}")),
+            Mismatch::new(format!("{declared} bytes"), format!("at most {room}")),
         ));
     }
     Ok(())

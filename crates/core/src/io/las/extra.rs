@@ -77,7 +77,7 @@ impl Extra {
     }
 
     /// Appends the value of every record of `length` bytes, scaled.
-    pub(in crate::io) fn append(&self, (records, length): (&[u8], usize), values: &mut Values) {
+    pub(in crate::io) fn append(&self, records: &[u8], length: usize, values: &mut Values) {
         let slot = Slot { kind: self.kind(), at: self.at, width: length, big: false };
         match (self.scaled, &mut *values) {
             (Some((factor, offset)), Values::F64(v)) => {

@@ -105,7 +105,7 @@ impl Field {
     }
 
     /// Appends the value of every record of `length` bytes to values of the field's type.
-    pub(in crate::io) fn append(self, format: u8, (records, length): (&[u8], usize), values: &mut Values) {
+    pub(in crate::io) fn append(self, format: u8, records: &[u8], length: usize, values: &mut Values) {
         let each = records.chunks_exact(length);
         match values {
             Values::U8(v) => {

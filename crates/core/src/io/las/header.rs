@@ -1,6 +1,6 @@
 //! The public header block of LAS 1.0 to 1.5. Every size in it is checked against the file before it is used.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -62,19 +62,19 @@ pub(in crate::io) fn put(bytes: &mut [u8], at: usize, value: &[u8]) {
 }
 
 /// An error about a LAS field.
-pub(in crate::io) fn bad(path: &Path, field: &str, at: u64, (found, allowed): (impl ToString, impl ToString)) -> Error {
+pub(in crate::io) fn bad(path: &Path, field: &str, at: u64, mismatch: Mismatch) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "LAS",
         field: field.to_string(),
         place: format!("byte {at}"),
-        found: found.to_string(),
-        allowed: allowed.to_string(),
+        found: mismatch.found,
+        allowed: mismatch.allowed,
     }
 }
 
 /// Header size of a version; `None` for unsupported versions.
-pub(in crate::io) fn least_size((major, minor): (u8, u8)) -> Option<usize> {
+pub(in crate::io) fn least_size([major, minor]: [u8; 2]) -> Option<usize> {
     HEADER_SIZES.get(usize::from(minor)).filter(|_| major == 1).copied()
 }
 
@@ -84,17 +84,22 @@ impl Header {
         let mut raw = Vec::new();
         file.take(375).read_to_end(&mut raw).map_err(|e| Error::io(path, e))?;
         if raw.len() < 227 {
-            return Err(bad(path, "header", 0, (format!("{} bytes", raw.len()), "at least 227 bytes")));
+            return Err(bad(path, "header", 0, Mismatch::new(format!("{} bytes", raw.len()), "at least 227 bytes")));
         }
         if &raw[..4] != b"LASF" {
-            return Err(bad(path, "file signature", 0, (format!("{:?}", &raw[..4]), "LASF")));
+            return Err(bad(path, "file signature", 0, Mismatch::new(format!("{:?}", &raw[..4]), "LASF")));
         }
         let (major, minor) = (raw[24], raw[25]);
         let length = usize::from(u16_at(&raw, 94));
-        let least = least_size((major, minor))
-            .ok_or_else(|| bad(path, "version", 24, (format!("{major}.{minor}"), "1.0 to 1.5")))?;
+        let least = least_size([major, minor])
+            .ok_or_else(|| bad(path, "version", 24, Mismatch::new(format!("{major}.{minor}"), "1.0 to 1.5")))?;
         if length < least || length as u64 > size {
-            return Err(bad(path, "header size", 94, (length, format!("{least} to the file's {size} bytes"))));
+            return Err(bad(
+                path,
+                "header size",
+                94,
+                Mismatch::new(length, format!("{least} to the file's {size} bytes")),
+            ));
         }
         let rest = (length as u64).saturating_sub(raw.len() as u64);
         file.take(rest).read_to_end(&mut raw).map_err(|e| Error::io(path, e))?;
@@ -131,25 +136,30 @@ impl Header {
 
     fn check(&self, path: &Path, size: u64) -> Result<()> {
         let Some(&least) = RECORD_SIZES.get(usize::from(self.format)) else {
-            return Err(bad(path, "point format", 104, (self.format, "0 to 10")));
+            return Err(bad(path, "point format", 104, Mismatch::new(self.format, "0 to 10")));
         };
         if self.record_length < least {
             return Err(bad(
                 path,
                 "record length",
                 105,
-                (self.record_length, format!("{least} or more in point format {}", self.format)),
+                Mismatch::new(self.record_length, format!("{least} or more in point format {}", self.format)),
             ));
         }
         if self.points_at < self.raw.len() as u64 || self.points_at > size {
-            return Err(bad(path, "offset to points", 96, (self.points_at, format!("{} to {size}", self.raw.len()))));
+            return Err(bad(
+                path,
+                "offset to points",
+                96,
+                Mismatch::new(self.points_at, format!("{} to {size}", self.raw.len())),
+            ));
         }
         for a in 0..3 {
             if !(self.scale[a].is_finite() && self.scale[a] > 0.0) {
-                return Err(bad(path, "scale", 131 + 8 * a as u64, (self.scale[a], "a positive number")));
+                return Err(bad(path, "scale", 131 + 8 * a as u64, Mismatch::new(self.scale[a], "a positive number")));
             }
             if !self.offset[a].is_finite() {
-                return Err(bad(path, "offset", 155 + 8 * a as u64, (self.offset[a], "a finite number")));
+                return Err(bad(path, "offset", 155 + 8 * a as u64, Mismatch::new(self.offset[a], "a finite number")));
             }
         }
         let bytes = self.points.checked_mul(u64::from(self.record_length));
@@ -161,11 +171,16 @@ impl Header {
                 path,
                 "number of points",
                 place,
-                (self.points, format!("at most {there}, the file ends after them")),
+                Mismatch::new(self.points, format!("at most {there}, the file ends after them")),
             ));
         }
         if self.compressed && self.points > 0 && room < 8 {
-            return Err(bad(path, "number of points", 107, (self.points, "0, the file ends where points begin")));
+            return Err(bad(
+                path,
+                "number of points",
+                107,
+                Mismatch::new(self.points, "0, the file ends where points begin"),
+            ));
         }
         Ok(())
     }

@@ -46,7 +46,7 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
         version: Some(format!("1.{}", header.minor)),
         point_format: Some(header.format),
         points: header.points,
-        bounds: (header.points > 0).then_some((header.low, header.high)),
+        bounds: (header.points > 0).then_some([header.low, header.high]),
         scale: Some(header.scale),
         offset: Some(header.offset),
         crs,

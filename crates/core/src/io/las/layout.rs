@@ -102,12 +102,12 @@ impl Layout {
             Source::Bytes(at, size) => Values::U64(each.map(|r| number(&r[*at..at + size])).collect()),
             Source::Field(field) => {
                 let mut values = field.values();
-                field.append(self.format, (records, self.length), &mut values);
+                field.append(self.format, records, self.length, &mut values);
                 values
             }
             Source::Extra(extra) => {
                 let mut values = extra.values();
-                extra.append((records, self.length), &mut values);
+                extra.append(records, self.length, &mut values);
                 values
             }
         };

@@ -12,7 +12,7 @@ use super::stream::Stream;
 use super::vlr::{Vlr, crs};
 use super::writer::{CHUNK, Front, Writer};
 use crate::error::{Error, Result};
-use crate::io::merge::check_crs;
+use crate::io::merge::{NamedCrs, check_crs};
 use crate::io::{RewriteReport, WriteOptions, run};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -29,8 +29,11 @@ struct Part {
 
 /// Conversion of the records of one input to those of the output.
 struct Mapper {
-    formats: (u8, u8),
+    /// Point format of the input and of the output.
+    formats: [u8; 2],
     old_base: usize,
+    /// Bytes of a record of the output.
+    length: usize,
     /// Source offset, destination offset and length of each extra dimension.
     moves: Vec<(usize, usize, usize)>,
     /// Factor and shift of the coordinates' integers.
@@ -47,19 +50,20 @@ pub(in crate::io) fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOpt
     let mut first = Records::open(&inputs[0])?;
     let mut front = front(&first, &parts, to, output);
     let (extras, length) = extras(&parts, to, &mut front.vlrs, &mut notes)?;
-    fill_header(&mut front.header, &parts, (points, length), &grid)?;
+    put(&mut front.header, 105, &length.to_le_bytes());
+    fill_header(&mut front.header, &parts, points, &grid)?;
     let tail = Tail::of(&mut first, &mut front)?;
     other_records(&parts, &mut front.vlrs, &mut notes);
     let mut writer = Writer::create(output, front)?;
     options.monitor.stage("merge", points);
     for (part, moves) in parts.iter().zip(extras) {
-        let formats = (part.header.format, to);
+        let formats = [part.header.format, to];
         let old_base = usize::from(RECORD_SIZES[usize::from(part.header.format)]);
-        let mapper = Mapper { formats, old_base, moves, ticks: grid.ticks(&part.header) };
+        let mapper = Mapper { formats, old_base, length: usize::from(length), moves, ticks: grid.ticks(&part.header) };
         if mapper.ticks != [(1, 0); 3] {
             notes.push(format!("{}: same positions on another grid of scale and offset", part.path.display()));
         }
-        copy(part, &mapper, &mut writer, (length, options))?;
+        copy(part, &mapper, &mut writer, options)?;
     }
     let old = parts[0].header.clone();
     let monitor = &options.monitor;
@@ -78,7 +82,11 @@ fn part(path: &Path) -> Result<Part> {
 fn check(parts: &[Part], notes: &mut Vec<String>) -> Result<()> {
     let first = &parts[0];
     for part in parts {
-        check_crs((&first.path, first.crs.as_deref()), (&part.path, part.crs.as_deref()), notes)?;
+        check_crs(
+            NamedCrs::new(&first.path, first.crs.as_deref()),
+            NamedCrs::new(&part.path, part.crs.as_deref()),
+            notes,
+        )?;
         let time = |p: &Part| p.header.time();
         if time(part) != time(first) {
             let text = "has another kind of GPS time (global encoding, bits 0 and 6, and time offset) than";
@@ -190,9 +198,8 @@ fn descriptor(part: &Part, name: &str) -> Result<Vec<u8>> {
     found.map(<[u8]>::to_vec).ok_or_else(|| Error::input(format!("dimension {name} has no plain name")))
 }
 
-/// Counts, bounds, scale, offset and record length of the output.
-fn fill_header(raw: &mut [u8], parts: &[Part], (points, length): (u64, u16), grid: &Grid) -> Result<()> {
-    put(raw, 105, &length.to_le_bytes());
+/// Counts, bounds, scale and offset of the output.
+fn fill_header(raw: &mut [u8], parts: &[Part], points: u64, grid: &Grid) -> Result<()> {
     let (new_format, minor) = (raw[104] & 0x3f >= 6, raw[25]);
     let legacy = if new_format { 0 } else { u32::try_from(points).unwrap_or(0) };
     put(raw, 107, &legacy.to_le_bytes());
@@ -248,9 +255,9 @@ fn other_records(parts: &[Part], vlrs: &mut Vec<Vlr>, notes: &mut Vec<String>) {
     }
 }
 
-fn copy(part: &Part, mapper: &Mapper, writer: &mut Writer, (length, options): (u16, &WriteOptions)) -> Result<()> {
+fn copy(part: &Part, mapper: &Mapper, writer: &mut Writer, options: &WriteOptions) -> Result<()> {
     let mut stream = Stream::open(&part.path)?;
-    let (old_length, length) = (stream.record_length(), usize::from(length));
+    let (old_length, length) = (stream.record_length(), mapper.length);
     if stream.len() != part.header.points || old_length != usize::from(part.header.record_length) {
         return Err(Error::input(format!("{}: the file changed while it was read", part.path.display())));
     }
@@ -275,9 +282,10 @@ fn copy(part: &Part, mapper: &Mapper, writer: &mut Writer, (length, options): (u
 impl Mapper {
     fn map(&self, old: &[u8], new: &mut [u8]) -> std::result::Result<(), String> {
         let old_part = &old[..self.old_base];
-        match self.formats.0 == self.formats.1 {
+        let [from, to] = self.formats;
+        match from == to {
             true => new[..self.old_base].copy_from_slice(old_part),
-            false => promote::record(self.formats, old_part, new),
+            false => promote::record(from, to, old_part, new),
         }
         for &(from, to, size) in &self.moves {
             new[to..to + size].copy_from_slice(&old[from..from + size]);

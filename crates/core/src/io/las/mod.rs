@@ -39,6 +39,7 @@ pub use point_reader::PointReader;
 pub(super) use read::{Reader, read, read_records};
 pub(super) use records::Records;
 pub(super) use rewrite::{check_dimensions, convert, rewrite, rewrite_records};
+pub use step::LasFrame;
 pub(super) use stream::Stream;
 pub(super) use vlr::{Vlr, read_at};
 pub use write::las_frame;

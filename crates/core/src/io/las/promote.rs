@@ -35,11 +35,11 @@ pub(super) fn wave(format: u8) -> bool {
 }
 
 /// Converts a record between formats: copies every field, then the extra bytes.
-pub(super) fn record((format, to): (u8, u8), old: &[u8], new: &mut [u8]) {
+pub(super) fn record(format: u8, to: u8, old: &[u8], new: &mut [u8]) {
     new[..14].copy_from_slice(&old[..14]);
     for (field, _) in of_format(format) {
         let mut value = field.values();
-        field.append(format, (old, old.len()), &mut value);
+        field.append(format, old, old.len(), &mut value);
         field.store(to, new, number(&value));
     }
     let (old_base, new_base) =
@@ -122,11 +122,11 @@ mod tests {
             let old: Vec<u8> = (0..size + 3).map(|i| (i * 37 + 11) as u8).collect();
             let to = target(format);
             let mut new = vec![0; usize::from(RECORD_SIZES[usize::from(to)]) + 3];
-            record((format, to), &old, &mut new);
+            record(format, to, &old, &mut new);
             for (field, name) in of_format(format) {
                 let (mut a, mut b) = (field.values(), field.values());
-                field.append(format, (&old, old.len()), &mut a);
-                field.append(to, (&new, new.len()), &mut b);
+                field.append(format, &old, old.len(), &mut a);
+                field.append(to, &new, new.len(), &mut b);
                 let close = (a.get(0) - b.get(0)).abs() < 0.004 || a.get(0).to_bits() == b.get(0).to_bits();
                 assert!(close, "{name} of format {format}: {a:?} {b:?}");
             }

@@ -1,11 +1,11 @@
 //! The raw records of a LAS or LAZ file, slab by slab, in the order of the file.
 
-use super::chunks::{self, Chunk, Chunks};
-use super::decoder::{Decoder, How, decode};
+use super::chunks::{self, Chunk, Chunks, LasHead};
+use super::decoder::{ChunkBytes, Decoder, How, decode};
 use super::extra::{self, Extra};
 use super::header::{Header, bad};
 use super::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use crate::io::open;
 use crate::parallel::{Monitor, map_ordered};
 use laz::DecompressionSelection;
@@ -21,9 +21,6 @@ pub(super) const SLAB: usize = 100_000;
 pub(super) const LARGE: u64 = 200_000;
 /// Largest size of a slab in bytes: records may be 65,535 bytes long.
 const SLAB_BYTES: usize = 32 << 20;
-/// Larger EVLRs are not held in memory.
-pub(super) const MOST_EVLR: u64 = 64 << 20;
-
 /// Number of points of a slab, for records of this length.
 pub(super) fn slab(length: usize) -> usize {
     SLAB.min(SLAB_BYTES / length.max(1)).max(1)
@@ -63,9 +60,9 @@ impl Records {
         let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let header = Header::read(path, &mut file, size)?;
         let (vlrs, gap) = read_vlrs(path, &mut file, &header)?;
-        let evlrs = read_evlrs(path, &mut file, &header, (size, MOST_EVLR))?;
+        let evlrs = read_evlrs(path, &mut file, &header, size)?;
         let chunks = match header.compressed {
-            true => Some(chunks::read_table(path, &mut file, (&header, &vlrs), size)?),
+            true => Some(chunks::read_table(path, &mut file, LasHead { header: &header, vlrs: &vlrs }, size)?),
             false => None,
         };
         let selection = DecompressionSelection::all();
@@ -83,7 +80,7 @@ impl Records {
                 &self.path,
                 "number of points",
                 247,
-                (self.header.points, format!("fewer than {} for one cloud", u32::MAX)),
+                Mismatch::new(self.header.points, format!("fewer than {} for one cloud", u32::MAX)),
             )),
         }
     }
@@ -112,7 +109,7 @@ impl Records {
             let points = first..(first + step).min(total);
             let bytes = &mut slab[..points.len() * length];
             let at = self.header.points_at + (points.start * length) as u64;
-            open::fill((&self.path, &mut self.file), at, bytes)?;
+            open::fill(&self.path, &mut self.file, at, bytes)?;
             work(Slab { points, bytes })?;
         }
         Ok(())
@@ -135,7 +132,7 @@ impl Records {
                 work(Slab { points, bytes: &mut bytes })
             };
             if large(&list[begin], length) {
-                let mut decoder = Decoder::new(path, how, (begin, &packed[0]))?;
+                let mut decoder = Decoder::new(path, how, ChunkBytes { index: begin, bytes: &packed[0] })?;
                 let points = list[begin].points as usize;
                 let step = slab(length);
                 for done in (0..points).step_by(step) {
@@ -149,7 +146,7 @@ impl Records {
                 let decoded = map_ordered(end - begin, monitor, |i| {
                     let mut bytes = vec![0; list[begin + i].points as usize * length];
                     if !bytes.is_empty() {
-                        decode(path, how, (begin + i, &packed[i]), &mut bytes)?;
+                        decode(path, how, ChunkBytes { index: begin + i, bytes: &packed[i] }, &mut bytes)?;
                     }
                     Ok(bytes)
                 })?;

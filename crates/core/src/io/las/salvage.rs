@@ -1,14 +1,14 @@
 //! Opens a damaged LAS or LAZ file: reads what is intact and counts what is missing.
 
-use super::chunks::{self, Chunk, Chunks};
-use super::decoder::{self, Decoder, How};
+use super::chunks::{self, Chunk, Chunks, LasHead};
+use super::decoder::{self, ChunkBytes, Decoder, How};
 use super::header::{Header, RECORD_SIZES, bad, least_size, put, u16_at, u32_at, u64_at};
-use super::records::{MOST_EVLR, Records, slab};
+use super::records::{Records, slab};
 use super::stream::Stream;
 use super::tally::Tally;
-use super::vlr::{Vlr, read_at};
-use super::walk;
-use crate::error::{Error, Result};
+use super::vlr::{MOST_EVLR, Vlr, read_at};
+use super::walk::Walk;
+use crate::error::{Error, Mismatch, Result};
 use crate::io::open;
 use crate::io::salvage::Losses;
 use crate::parallel::{Monitor, map_ordered};
@@ -29,9 +29,16 @@ impl Records {
         let mut header = header(path, &mut file, size, &mut losses)?;
         losses.declared = header.points;
         let (vlrs, gap) = vlrs(path, &mut file, &mut header, &mut losses)?;
-        let (evlrs, end) = evlrs(path, &mut file, &mut header, (size, &mut losses))?;
+        let evlrs = evlrs(path, &mut file, &mut header, size)?;
+        if let Some(note) = evlrs.note {
+            losses.notes.push(note);
+        }
+        let (evlrs, end) = (evlrs.list, evlrs.points_end);
         let chunks = match header.compressed {
-            true => Some(chunk_list(path, &mut file, (&header, &vlrs), (end, &mut losses), monitor)?),
+            true => {
+                let damaged = Damaged { path, file: &mut file, head: LasHead { header: &header, vlrs: &vlrs }, end };
+                Some(damaged.chunks(&mut losses, monitor)?)
+            }
             false => None,
         };
         header.points = match &chunks {
@@ -50,10 +57,15 @@ fn header(path: &Path, file: &mut File, size: u64, losses: &mut Losses) -> Resul
     let mut raw = Vec::new();
     file.take(375).read_to_end(&mut raw).map_err(|e| Error::io(path, e))?;
     if raw.len() < 227 || &raw[..4] != b"LASF" {
-        return Err(bad(path, "header", 0, (format!("{} bytes", raw.len()), "at least the 227 bytes of a LAS header")));
+        return Err(bad(
+            path,
+            "header",
+            0,
+            Mismatch::new(format!("{} bytes", raw.len()), "at least the 227 bytes of a LAS header"),
+        ));
     }
-    let least = least_size((raw[24], raw[25]))
-        .ok_or_else(|| bad(path, "version", 24, (format!("{}.{}", raw[24], raw[25]), "1.0 to 1.5")))?;
+    let least = least_size([raw[24], raw[25]])
+        .ok_or_else(|| bad(path, "version", 24, Mismatch::new(format!("{}.{}", raw[24], raw[25]), "1.0 to 1.5")))?;
     let mut length = usize::from(u16_at(&raw, 94));
     if length < least || length as u64 > size {
         losses.notes.push(format!("header size {length} taken as {least}"));
@@ -71,15 +83,20 @@ fn header(path: &Path, file: &mut File, size: u64, losses: &mut Losses) -> Resul
     raw.resize(length, 0);
     let mut header = Header::parse(raw);
     let Some(&least) = RECORD_SIZES.get(usize::from(header.format)) else {
-        return Err(bad(path, "point format", 104, (header.format, "0 to 10")));
+        return Err(bad(path, "point format", 104, Mismatch::new(header.format, "0 to 10")));
     };
     if header.record_length < least {
-        return Err(bad(path, "record length", 105, (header.record_length, format!("{least} or more"))));
+        return Err(bad(path, "record length", 105, Mismatch::new(header.record_length, format!("{least} or more"))));
     }
     let usable = |v: &[f64; 3]| v.iter().all(|v| v.is_finite());
     if !usable(&header.scale) || header.scale.iter().any(|s| *s <= 0.0) || !usable(&header.offset) {
         let found = format!("{:?} {:?}", header.scale, header.offset);
-        return Err(bad(path, "scale and offset", 131, (found, "numbers, the scale above 0; they cannot be guessed")));
+        return Err(bad(
+            path,
+            "scale and offset",
+            131,
+            Mismatch::new(found, "numbers, the scale above 0; they cannot be guessed"),
+        ));
     }
     if header.points_at < header.raw.len() as u64 || header.points_at > size {
         losses.notes.push(format!("points are said to begin at byte {}, which is not in the file", header.points_at));
@@ -106,13 +123,18 @@ fn vlrs(path: &Path, file: &mut File, header: &mut Header, losses: &mut Losses) 
     Ok((vlrs, bytes[at..].to_vec()))
 }
 
-/// The records after the points, up to the first that does not fit, and the offset before which points end.
-fn evlrs(
-    path: &Path,
-    file: &mut File,
-    header: &mut Header,
-    (size, losses): (u64, &mut Losses),
-) -> Result<(Vec<Vlr>, u64)> {
+/// The intact records after the points.
+struct Evlrs {
+    list: Vec<Vlr>,
+    /// Offset before which the points end.
+    points_end: u64,
+    /// What is missing.
+    note: Option<String>,
+}
+
+/// The records after the points, up to the first that does not fit.
+fn evlrs(path: &Path, file: &mut File, header: &mut Header, size: u64) -> Result<Evlrs> {
+    let mut note = None;
     let (mut list, mut at) = (Vec::new(), header.evlrs_at);
     let there = header.evlrs > 0 && at >= header.points_at && at <= size;
     while there && (list.len() as u64) < u64::from(header.evlrs) && size - at >= 60 {
@@ -127,13 +149,13 @@ fn evlrs(
     }
     let end = if there && !list.is_empty() { header.evlrs_at } else { size };
     if list.len() as u64 != u64::from(header.evlrs) {
-        losses.notes.push(format!("{} of {} EVLRs are there", list.len(), header.evlrs));
+        note = Some(format!("{} of {} EVLRs are there", list.len(), header.evlrs));
         header.evlrs = list.len() as u32;
         header.evlrs_at = if list.is_empty() { 0 } else { header.evlrs_at };
         put(&mut header.raw, 235, &header.evlrs_at.to_le_bytes());
         put(&mut header.raw, 243, &header.evlrs.to_le_bytes());
     }
-    Ok((list, end))
+    Ok(Evlrs { list, points_end: end, note })
 }
 
 /// Number of points of an uncompressed file that are declared and exist. Killed writers leave a count of 0.
@@ -149,58 +171,69 @@ fn plain_points(header: &Header, end: u64, losses: &mut Losses) -> u64 {
     header.points.min(there)
 }
 
-/// The chunks that can be decoded: from the table or, if it is missing or wrong, by decoding one after the other.
-fn chunk_list(
-    path: &Path,
-    file: &mut File,
-    (header, vlrs): (&Header, &[Vlr]),
-    (end, losses): (u64, &mut Losses),
-    monitor: &Monitor,
-) -> Result<Chunks> {
-    let vlr = chunks::check_record(path, header, vlrs)?;
-    let mut chunks = match chunks::read_table(path, file, (header, vlrs), end) {
-        Ok(chunks) => chunks,
-        Err(e) => {
-            losses.notes.push(format!("the chunk table is not usable ({e}); chunks are read one after the other"));
-            let list = walk::chunks(path, file, (header, &vlr), end, monitor)?;
-            Chunks { vlr, whole: false, list }
-        }
-    };
-    let how = How { vlr: &chunks.vlr, selection: DecompressionSelection::all(), whole: chunks.whole };
-    let length = usize::from(header.record_length);
-    let mut good = Vec::with_capacity(chunks.list.len());
-    for (group, list) in chunks.list.chunks(rayon::current_num_threads().max(1)).enumerate() {
-        let first = group * rayon::current_num_threads().max(1);
-        let packed = list.iter().map(|c| read_at(path, file, c.at, c.bytes as usize)).collect::<Result<Vec<_>>>()?;
-        let found = map_ordered(list.len(), monitor, |i| {
-            readable(path, how, (first + i, &packed[i]), (list[i].points, length), monitor)
-        })?;
-        for (i, (chunk, (points, sound))) in list.iter().zip(found).enumerate() {
-            if points == chunk.points && !sound {
-                losses.notes.push(format!("chunk {}: damaged somewhere, some of its points may be wrong", first + i));
-            }
-            if points < chunk.points {
-                losses.notes.push(format!("chunk {}: {points} of {} points can be read", first + i, chunk.points));
-            }
-            good.push(Chunk { points, ..*chunk });
-        }
-    }
-    good.retain(|c| c.points > 0);
-    (chunks.list, chunks.whole) = (good, false);
-    Ok(chunks)
+/// A compressed file that may be damaged.
+struct Damaged<'a> {
+    path: &'a Path,
+    file: &'a mut File,
+    head: LasHead<'a>,
+    /// Offset before which the points end.
+    end: u64,
 }
 
-/// Number of points of a chunk that can be decoded, and whether the chunk ends after them.
-fn readable(
-    path: &Path,
-    how: How<'_>,
-    (index, bytes): (usize, &[u8]),
-    (points, length): (u64, usize),
+impl Damaged<'_> {
+    /// The chunks that can be decoded: from the table or, if it is missing or wrong, by decoding one after the other.
+    fn chunks(self, losses: &mut Losses, monitor: &Monitor) -> Result<Chunks> {
+        let Self { path, file, head, end } = self;
+        let header = head.header;
+        let vlr = chunks::check_record(path, head)?;
+        let mut chunks = match chunks::read_table(path, file, head, end) {
+            Ok(chunks) => chunks,
+            Err(e) => {
+                losses.notes.push(format!("the chunk table is not usable ({e}); chunks are read one after the other"));
+                let list = Walk { path, file, header, vlr: &vlr, end }.chunks(monitor)?;
+                Chunks { vlr, whole: false, list }
+            }
+        };
+        let how = How { vlr: &chunks.vlr, selection: DecompressionSelection::all(), whole: chunks.whole };
+        let length = usize::from(header.record_length);
+        let mut good = Vec::with_capacity(chunks.list.len());
+        for (group, list) in chunks.list.chunks(rayon::current_num_threads().max(1)).enumerate() {
+            let first = group * rayon::current_num_threads().max(1);
+            let packed =
+                list.iter().map(|c| read_at(path, file, c.at, c.bytes as usize)).collect::<Result<Vec<_>>>()?;
+            let found = map_ordered(list.len(), monitor, |i| {
+                match Decoder::new(path, how, ChunkBytes { index: first + i, bytes: &packed[i] }) {
+                    Ok(decoder) => readable(decoder, list[i].points, length, monitor),
+                    Err(_) => Ok((0, false)),
+                }
+            })?;
+            for (i, (chunk, (points, sound))) in list.iter().zip(found).enumerate() {
+                if points == chunk.points && !sound {
+                    losses
+                        .notes
+                        .push(format!("chunk {}: damaged somewhere, some of its points may be wrong", first + i));
+                }
+                if points < chunk.points {
+                    losses.notes.push(format!("chunk {}: {points} of {} points can be read", first + i, chunk.points));
+                }
+                good.push(Chunk { points, ..*chunk });
+            }
+        }
+        good.retain(|c| c.points > 0);
+        (chunks.list, chunks.whole) = (good, false);
+        Ok(chunks)
+    }
+}
+
+/// Number of points of a chunk that can be decoded, and whether the chunk ends after them; `length` is that of a record.
+fn readable<'a, B: AsRef<[u8]> + Send + Sync + 'a>(
+    mut decoder: Decoder<'a, B>,
+    points: u64,
+    length: usize,
     monitor: &Monitor,
 ) -> Result<(u64, bool)> {
     let mut done = 0;
     let mut buffer = vec![0; points.min(slab(length) as u64) as usize * length];
-    let Ok(mut decoder) = Decoder::new(path, how, (index, bytes)) else { return Ok((0, false)) };
     while done < points {
         monitor.check()?;
         let now = (points - done).min(slab(length) as u64) as usize;
@@ -229,7 +262,7 @@ fn recount(records: Records, monitor: &Monitor) -> Result<Records> {
     let header = &mut records.header;
     let mut raw = std::mem::take(&mut header.raw);
     tally.put(header, &mut raw);
-    (header.raw, (header.low, header.high)) = (raw, tally.bounds(header));
+    (header.raw, [header.low, header.high]) = (raw, tally.bounds(header));
     Ok(records)
 }
 

@@ -74,7 +74,7 @@ impl Sink {
         let axes = self.ticks.iter_mut().all(|axis| axis.try_reserve_exact(n).is_ok());
         match axes && self.columns.iter_mut().all(|(_, column)| table::reserve(&mut column.values, n)) {
             true => Ok(()),
-            false => Err(table::missing((n, 12), self.columns.iter().map(|(_, column)| &column.values))),
+            false => Err(table::missing(n, 12, self.columns.iter().map(|(_, column)| &column.values))),
         }
     }
 
@@ -95,8 +95,8 @@ impl Sink {
             axis.extend(piece.chunks_exact(length).map(|record| i32::from_le_bytes(array(record, 4 * a))));
         };
         let column = |source: &Source, column: &mut Column, piece: &[u8]| match source {
-            Source::Field(field) => field.append(format, (piece, length), &mut column.values),
-            Source::Extra(extra) => extra.append((piece, length), &mut column.values),
+            Source::Field(field) => field.append(format, piece, length, &mut column.values),
+            Source::Extra(extra) => extra.append(piece, length, &mut column.values),
         };
         if rayon::current_num_threads() > 1 && records.len() > 4 * PIECE {
             self.ticks.par_iter_mut().enumerate().for_each(|(a, ticks)| axis(a, ticks, records));
@@ -129,7 +129,7 @@ impl Sink {
 }
 
 /// The records inside the box.
-pub(super) fn within(records: &[u8], header: &Header, (low, high): Bounds) -> Vec<u8> {
+pub(super) fn within(records: &[u8], header: &Header, [low, high]: Bounds) -> Vec<u8> {
     let Header { scale, offset, record_length, .. } = header;
     let within = |record: &&[u8]| {
         (0..3).all(|a| {

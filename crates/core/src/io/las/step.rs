@@ -5,8 +5,14 @@ use crate::error::{Error, Result};
 use crate::io::WriteOptions;
 use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
 
-/// Scale and offset per axis.
-pub(in crate::io) type Frame = ([f64; 3], [f64; 3]);
+/// How LAS stores coordinates: as whole numbers t, of which each stands for `scale * t + offset`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LasFrame {
+    /// Step of each axis, above 0.
+    pub scale: [f64; 3],
+    /// Origin of each axis.
+    pub offset: [f64; 3],
+}
 
 /// Number of points handled at a time.
 const PIECE: usize = 1 << 16;
@@ -31,12 +37,12 @@ const COARSER: i32 = 6;
 ///
 /// # Errors
 /// If no step fulfils both, the requested one does not fit the extent, or the work was cancelled.
-pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
+pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<LasFrame> {
     if let (Coordinates::Scaled { scale, offset, .. }, None) = (cloud.coordinates(), options.scale) {
-        return Ok((*scale, *offset));
+        return Ok(LasFrame { scale: *scale, offset: *offset });
     }
     let monitor = &options.monitor;
-    let (low, high) = cloud.bounds_watched(monitor)?.unwrap_or(([0.0; 3], [0.0; 3]));
+    let [low, high] = cloud.bounds_watched(monitor)?.unwrap_or([[0.0; 3]; 2]);
     let axes = [0, 1, 2].map(|a| Axis { a, low: low[a], high: high[a] });
     if let Some(scale) = options.scale {
         let mut offset = [0.0; 3];
@@ -44,12 +50,12 @@ pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
             let fitting = axis.offset(scale[axis.a]).ok_or_else(|| axis.too_long(scale[axis.a]));
             offset[axis.a] = fitting?;
         }
-        return Ok((scale, offset));
+        return Ok(LasFrame { scale, offset });
     }
     let degrees = cloud.is_in_degrees();
     let plan = degrees || may_be_degrees(cloud, &axes);
     let mut spacings = [None, None];
-    let mut frame = ([0.0; 3], [0.0; 3]);
+    let mut frame = LasFrame::default();
     for axis in &axes {
         let (height, usual) = (axis.a == 2, if degrees && axis.a < 2 { DEGREE } else { LENGTH });
         let spacing = || -> Result<f64> {
@@ -63,7 +69,7 @@ pub(super) fn frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
             }
         };
         let (scale, offset) = axis.choose(cloud, usual, spacing, monitor)?;
-        (frame.0[axis.a], frame.1[axis.a]) = (scale, offset);
+        (frame.scale[axis.a], frame.offset[axis.a]) = (scale, offset);
     }
     Ok(frame)
 }
@@ -100,7 +106,7 @@ impl Axis {
             self.offset(scale).filter(|_| wanted).map(|offset| (scale, offset))
         });
         for (scale, offset) in fitting {
-            let loss = self.loss(cloud, (scale, offset), monitor)?;
+            let loss = self.loss(cloud, scale, offset, monitor)?;
             if finest.is_none_or(|(least, _)| loss < least) {
                 finest = Some((loss, scale));
             }
@@ -109,7 +115,7 @@ impl Axis {
             }
         }
         Err(match finest {
-            Some((loss, scale)) => self.too_coarse((loss, scale), spacing()?),
+            Some((loss, scale)) => self.too_coarse(loss, scale, spacing()?),
             None => self.too_long(usual),
         })
     }
@@ -123,7 +129,7 @@ impl Axis {
     }
 
     /// The largest displacement of a coordinate.
-    fn loss(&self, cloud: &Cloud, (scale, offset): (f64, f64), monitor: &Monitor) -> Result<f64> {
+    fn loss(&self, cloud: &Cloud, scale: f64, offset: f64, monitor: &Monitor) -> Result<f64> {
         let moved = |v: f64| (((v - offset) / scale).round().mul_add(scale, offset) - v).abs();
         // Displacements below the precision of the number itself do not count.
         let noise = 2.0 * f64::EPSILON * self.low.abs().max(self.high.abs());
@@ -152,7 +158,7 @@ impl Axis {
         ))
     }
 
-    fn too_coarse(&self, (loss, scale): (f64, f64), spacing: f64) -> Error {
+    fn too_coarse(&self, loss: f64, scale: f64, spacing: f64) -> Error {
         let Self { low, high, .. } = self;
         Error::input(format!(
             "{}: LAS would move points by up to {loss:.1e}, more than a thousandth of their spacing of {spacing:.1e}; a step \
@@ -170,7 +176,7 @@ impl Axis {
 /// distinct positions. Needs one sort of the points' Morton codes.
 fn spacing(cloud: &Cloud, plan: bool, monitor: &Monitor) -> Result<f64> {
     let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
-    let Some((low, high)) = strays.bounds else { return Ok(f64::INFINITY) };
+    let Some([low, high]) = strays.bounds else { return Ok(f64::INFINITY) };
     let axes = if plan { 2 } else { 3 };
     let side = (0..axes).map(|a| high[a] - low[a]).fold(0.0, f64::max);
     if !(side > 0.0 && side.is_finite()) {

@@ -1,7 +1,7 @@
 //! Sequential and random access to records, without the whole file in memory.
 
 use super::chunks::Chunks;
-use super::decoder::{Decoder, How, decode};
+use super::decoder::{ChunkBytes, Decoder, How, decode};
 use super::records::{Records, large, slab};
 use super::vlr::read_at;
 use crate::error::{Error, Result};
@@ -158,14 +158,14 @@ impl Stream {
         self.chunk += packed.len();
         if small == 0 {
             if let (Some(chunk), Some(bytes)) = (list.get(first), packed.pop()) {
-                self.large = Some((Decoder::new(path, how, (first, bytes))?, chunk.points));
+                self.large = Some((Decoder::new(path, how, ChunkBytes { index: first, bytes })?, chunk.points));
             }
             return Ok(());
         }
         let decoded = map_ordered(packed.len(), monitor, |i| {
             let mut bytes = vec![0; list[first + i].points as usize * length];
             if !bytes.is_empty() {
-                decode(path, how, (first + i, &packed[i]), &mut bytes)?;
+                decode(path, how, ChunkBytes { index: first + i, bytes: &packed[i] }, &mut bytes)?;
             }
             Ok(bytes)
         })?;

@@ -1,6 +1,7 @@
 //! Counts and bounds of points, as in a header.
 
 use super::header::{Header, array, put};
+use crate::cloud::Bounds;
 
 /// Counts and bounds of the records so far.
 #[derive(Clone, Debug)]
@@ -40,12 +41,12 @@ impl Tally {
     }
 
     /// Lowest and highest coordinates; those of the header if there is no point.
-    pub(super) fn bounds(&self, header: &Header) -> ([f64; 3], [f64; 3]) {
+    pub(super) fn bounds(&self, header: &Header) -> Bounds {
         if self.points == 0 {
-            return (header.low, header.high);
+            return [header.low, header.high];
         }
         let place = |ticks: [i32; 3]| [0, 1, 2].map(|a| f64::from(ticks[a]).mul_add(header.scale[a], header.offset[a]));
-        (place(self.low), place(self.high))
+        [place(self.low), place(self.high)]
     }
 
     /// Writes counts and bounds into the bytes of a header.
@@ -57,7 +58,7 @@ impl Tally {
             put(raw, 247, &self.points.to_le_bytes());
             (0..15).for_each(|r| put(raw, 255 + 8 * r, &self.returns[r].to_le_bytes()));
         }
-        let (low, high) = self.bounds(header);
+        let [low, high] = self.bounds(header);
         for a in 0..3 {
             put(raw, 187 + 16 * a, &low[a].to_le_bytes());
             put(raw, 179 + 16 * a, &high[a].to_le_bytes());

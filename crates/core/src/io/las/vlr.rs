@@ -2,7 +2,7 @@
 
 use super::header::{Header, array, bad, u16_at, u32_at, u64_at};
 use crate::cloud::crs::{Unit, unit_of, vertical_unit_of};
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use std::fs::File;
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
@@ -55,7 +55,7 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
             path,
             "number of VLRs",
             100,
-            (header.vlrs, format!("at most {}: {room} bytes stand before the points", room / 54)),
+            Mismatch::new(header.vlrs, format!("at most {}: {room} bytes stand before the points", room / 54)),
         ));
     }
     let bytes = read_at(path, file, start as u64, room)?;
@@ -63,7 +63,7 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
     let mut at = 0;
     for _ in 0..header.vlrs {
         let Some(head) = bytes.get(at..at + 54) else {
-            return Err(bad(path, "VLR header", (start + at) as u64, ("the points", "54 bytes")));
+            return Err(bad(path, "VLR header", (start + at) as u64, Mismatch::new("the points", "54 bytes")));
         };
         let length = usize::from(u16_at(head, 20));
         let Some(data) = bytes.get(at + 54..at + 54 + length) else {
@@ -72,7 +72,7 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
                 path,
                 "VLR length",
                 (start + at + 20) as u64,
-                (length, format!("at most {left} bytes before the points")),
+                Mismatch::new(length, format!("at most {left} bytes before the points")),
             ));
         };
         vlrs.push(Vlr { head: head.to_vec(), data: data.to_vec() });
@@ -81,24 +81,27 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
     Ok((vlrs, bytes[at..].to_vec()))
 }
 
-/// Reads the extended records of LAS 1.4; content of more than `most` bytes is skipped (waveforms).
-pub(in crate::io) fn read_evlrs(
-    path: &Path,
-    file: &mut File,
-    header: &Header,
-    (size, most): (u64, u64),
-) -> Result<Vec<Vlr>> {
+/// Larger EVLRs are not held in memory.
+pub(super) const MOST_EVLR: u64 = 64 << 20;
+
+/// Reads the extended records of LAS 1.4; content of more than [`MOST_EVLR`] bytes is skipped (waveforms).
+pub(in crate::io) fn read_evlrs(path: &Path, file: &mut File, header: &Header, size: u64) -> Result<Vec<Vlr>> {
     let mut evlrs = Vec::new();
     let mut at = header.evlrs_at;
     if header.evlrs > 0 && (at < header.points_at || at > size) {
-        return Err(bad(path, "start of EVLRs", 235, (at, format!("{} to {size}", header.points_at))));
+        return Err(bad(path, "start of EVLRs", 235, Mismatch::new(at, format!("{} to {size}", header.points_at))));
     }
     if u64::from(header.evlrs) * 60 > size.saturating_sub(at) && header.evlrs > 0 {
-        return Err(bad(path, "number of EVLRs", 243, (header.evlrs, format!("at most {}", (size - at) / 60))));
+        return Err(bad(
+            path,
+            "number of EVLRs",
+            243,
+            Mismatch::new(header.evlrs, format!("at most {}", (size - at) / 60)),
+        ));
     }
     for _ in 0..header.evlrs {
         if size - at < 60 {
-            return Err(bad(path, "EVLR header", at, (format!("{} bytes", size - at), "60 bytes")));
+            return Err(bad(path, "EVLR header", at, Mismatch::new(format!("{} bytes", size - at), "60 bytes")));
         }
         let head = read_at(path, file, at, 60)?;
         let length = u64_at(&head, 20);
@@ -107,10 +110,10 @@ pub(in crate::io) fn read_evlrs(
                 path,
                 "EVLR length",
                 at + 20,
-                (length, format!("at most the {} bytes that are left", size - at - 60)),
+                Mismatch::new(length, format!("at most the {} bytes that are left", size - at - 60)),
             ));
         }
-        let data = if length <= most { read_at(path, file, at + 60, length as usize)? } else { Vec::new() };
+        let data = if length <= MOST_EVLR { read_at(path, file, at + 60, length as usize)? } else { Vec::new() };
         evlrs.push(Vlr { head, data });
         at += 60 + length;
     }
@@ -121,7 +124,7 @@ pub(in crate::io) fn read_evlrs(
 pub(in crate::io) fn read_at(path: &Path, file: &mut File, at: u64, length: usize) -> Result<Vec<u8>> {
     let mut bytes = vec![0; length];
     file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(path, e))?;
-    crate::io::open::fill((path, file), at, &mut bytes)?;
+    crate::io::open::fill(path, file, at, &mut bytes)?;
     Ok(bytes)
 }
 

@@ -3,7 +3,7 @@
 use super::extra;
 use super::fit::Fit;
 use super::header::{RECORD_SIZES, put};
-use super::step::{Frame, frame};
+use super::step::{LasFrame, frame};
 use super::vlr::Vlr;
 use super::writer::{CHUNK, Front, Writer};
 use crate::cloud::{Cloud, Column, Coordinates, names};
@@ -37,7 +37,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     let laz = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("laz"));
     let vlrs = vlrs(wkt.as_deref(), &extras)?;
     let front = Front {
-        header: header(cloud, (format, length16), &frame, (wkt.is_some(), &options.monitor))?,
+        header: header(cloud, &RecordLayout { format, length: length16, frame, wkt: wkt.is_some() }, &options.monitor)?,
         vlrs,
         gap: Vec::new(),
         chunk: laz.then_some(CHUNK),
@@ -48,7 +48,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         let points = first..(first + SLAB).min(cloud.len());
         let mut records = vec![0; points.len() * length];
         for (record, i) in records.chunks_exact_mut(length).zip(points.clone()) {
-            let ticks = ticks(cloud, i, (&frame, options.scale.is_some()))?;
+            let ticks = ticks(cloud, i, &frame, options.scale.is_some())?;
             (0..3).for_each(|a| put(record, 4 * a, &ticks[a].to_le_bytes()));
             fields
                 .iter()
@@ -69,7 +69,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
 ///
 /// # Errors
 /// If a scale is not above 0, or no step fits the extent and the point spacing.
-pub fn las_frame(cloud: &Cloud, options: &WriteOptions) -> Result<Frame> {
+pub fn las_frame(cloud: &Cloud, options: &WriteOptions) -> Result<LasFrame> {
     options.validate()?;
     frame(cloud, options)
 }
@@ -85,7 +85,9 @@ fn wkt(cloud: &Cloud, options: &WriteOptions) -> Option<String> {
     kept
 }
 
-fn ticks(cloud: &Cloud, i: usize, ((scale, offset), rescaled): (&Frame, bool)) -> Result<[i32; 3]> {
+/// The stored integers of a point: the cloud's own, unless it is `rescaled`.
+fn ticks(cloud: &Cloud, i: usize, frame: &LasFrame, rescaled: bool) -> Result<[i32; 3]> {
+    let LasFrame { scale, offset } = frame;
     if let (Coordinates::Scaled { ticks, .. }, false) = (cloud.coordinates(), rescaled) {
         return Ok([0, 1, 2].map(|a| ticks[a][i]));
     }
@@ -115,12 +117,19 @@ fn vlrs(wkt: Option<&str>, extras: &[Cow<'_, Column>]) -> Result<Vec<Vlr>> {
     Ok(vlrs)
 }
 
-fn header(
-    cloud: &Cloud,
-    (format, length): (u8, u16),
-    (scale, offset): &Frame,
-    (wkt, monitor): (bool, &Monitor),
-) -> Result<Vec<u8>> {
+/// How the points are stored.
+struct RecordLayout {
+    /// Point format.
+    format: u8,
+    /// Bytes of a record.
+    length: u16,
+    frame: LasFrame,
+    /// Whether the reference system is stored as WKT.
+    wkt: bool,
+}
+
+fn header(cloud: &Cloud, layout: &RecordLayout, monitor: &Monitor) -> Result<Vec<u8>> {
+    let RecordLayout { format, length, frame: LasFrame { scale, offset }, wkt } = *layout;
     let mut raw = vec![0; 375];
     put(&mut raw, 0, b"LASF");
     // Adjusted standard GPS time, and WKT if there is one (the only CRS in formats from 6 on).
@@ -133,7 +142,7 @@ fn header(
     raw[104] = format;
     put(&mut raw, 105, &length.to_le_bytes());
     put(&mut raw, 247, &(cloud.len() as u64).to_le_bytes());
-    let (low, high) = cloud.bounds_watched(monitor)?.unwrap_or(([0.0; 3], [0.0; 3]));
+    let [low, high] = cloud.bounds_watched(monitor)?.unwrap_or([[0.0; 3]; 2]);
     for a in 0..3 {
         put(&mut raw, 131 + 8 * a, &scale[a].to_le_bytes());
         put(&mut raw, 155 + 8 * a, &offset[a].to_le_bytes());

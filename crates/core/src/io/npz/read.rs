@@ -3,7 +3,7 @@
 use super::npy::{Element, LONGEST, Npy, half};
 use super::zip::{Archive, Entry, bad};
 use crate::cloud::{Cloud, Column, Values, names};
-use crate::error::Result;
+use crate::error::{Mismatch, Result};
 use crate::io::number::{Kind, Slot, array};
 use crate::io::table::Table;
 use crate::io::{FileInfo, ReadOptions, known, limits};
@@ -68,7 +68,7 @@ const MOST_COLUMNS: u64 = 4096;
 pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let (mut archive, plan) = plan(path)?;
     let (cloud, largest) = plan.bytes(options);
-    limits::unpacked(path, "npz", (archive.length, cloud))?;
+    limits::unpacked(path, "npz", archive.length, cloud)?;
     memory::require(cloud.saturating_add(largest), &format!("the points of {}", path.display()))?;
     options.monitor.stage("read", plan.points);
     let mut table = Table::default();
@@ -138,7 +138,12 @@ fn plan(path: &Path) -> Result<(Archive, Plan)> {
             let Some(at) = arrays.iter().position(|a| a.is(&[axis]) && !a.text() && a.npy.shape.len() == 1) else {
                 let found = arrays.iter().map(|a| format!("{} {:?}", a.name, a.npy.shape)).chain(left_out);
                 let found = found.collect::<Vec<_>>().join(", ");
-                return Err(bad(path, "arrays", "archive".into(), (found, "`xyz` of n rows of 3, or `x`, `y`, `z`")));
+                return Err(bad(
+                    path,
+                    "arrays",
+                    "archive".into(),
+                    Mismatch::new(found, "`xyz` of n rows of 3, or `x`, `y`, `z`"),
+                ));
             };
             axes.push(arrays.remove(at));
         }
@@ -149,7 +154,7 @@ fn plan(path: &Path) -> Result<(Archive, Plan)> {
             path,
             &other.name,
             "shape".into(),
-            (format!("{:?}", other.npy.shape), format!("{points} rows")),
+            Mismatch::new(format!("{:?}", other.npy.shape), format!("{points} rows")),
         ));
     }
     let (about, arrays): (Vec<_>, Vec<_>) = arrays.into_iter().partition(|a| a.is(&ABOUT) && a.npy.shape.is_empty());
@@ -167,7 +172,12 @@ fn check(path: &Path, array: Array) -> Result<Array> {
         true => Ok(array),
         false => {
             let found = format!("{:?} of {} bytes each", array.npy.shape, array.npy.element.size());
-            Err(bad(path, &array.name, "shape".into(), (found, format!("{there} bytes as the archive holds"))))
+            Err(bad(
+                path,
+                &array.name,
+                "shape".into(),
+                Mismatch::new(found, format!("{there} bytes as the archive holds")),
+            ))
         }
     }
 }
@@ -206,7 +216,7 @@ fn numbers(path: &Path, archive: &mut Archive, array: &Array) -> Result<Content>
             body = 0;
             (Kind::F32, false)
         }
-        Element::Text { .. } => return Err(bad(path, &array.name, "type".into(), ("text", "numbers"))),
+        Element::Text { .. } => return Err(bad(path, &array.name, "type".into(), Mismatch::new("text", "numbers"))),
     };
     let columns = npy.shape.get(1).map_or(1, |&k| k as usize);
     let rows = npy.shape.first().map_or(1, |&n| n as usize);

@@ -1,6 +1,6 @@
 //! The parts of ZIP that npz needs (PKWARE, APPNOTE 6.3.10): stored and deflated entries, with 64-bit sizes.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use crate::io::atomic::AtomicFile;
 use crate::io::limits;
 use crate::io::number::array;
@@ -54,14 +54,14 @@ fn u64_at(bytes: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(array(bytes, at))
 }
 
-pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (impl ToString, impl ToString)) -> Error {
+pub(super) fn bad(path: &Path, field: &str, place: String, mismatch: Mismatch) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "npz",
         field: field.to_string(),
         place,
-        found: found.to_string(),
-        allowed: allowed.to_string(),
+        found: mismatch.found,
+        allowed: mismatch.allowed,
     }
 }
 
@@ -77,13 +77,13 @@ impl Archive {
                 path,
                 "list of entries",
                 place,
-                (format!("{count} entries, {size} bytes"), "what fits the file"),
+                Mismatch::new(format!("{count} entries, {size} bytes"), "what fits the file"),
             ));
         }
         let list = archive.bytes(at, size)?;
         archive.entries = entries(path, &list, count)?;
         let sum = archive.entries.iter().fold(0, |sum: u64, e| sum.saturating_add(e.size));
-        limits::unpacked(path, "npz", (length, sum))?;
+        limits::unpacked(path, "npz", length, sum)?;
         Ok(archive)
     }
 
@@ -97,7 +97,7 @@ impl Archive {
                 &self.path,
                 "archive",
                 format!("byte {at}"),
-                ("the end of the file", format!("{length} bytes")),
+                Mismatch::new("the end of the file", format!("{length} bytes")),
             )),
         }
     }
@@ -107,7 +107,9 @@ impl Archive {
         let from = self.length.saturating_sub(65_557);
         let tail = self.bytes(from, self.length - from)?;
         let at = (0..tail.len().saturating_sub(21)).rev().find(|&at| u32_at(&tail, at) == END);
-        let none = || bad(&self.path, "end of archive", "end of the file".into(), ("none", "a complete ZIP archive"));
+        let none = || {
+            bad(&self.path, "end of archive", "end of the file".into(), Mismatch::new("none", "a complete ZIP archive"))
+        };
         let at = at.ok_or_else(none)?;
         let locator = at.checked_sub(20).filter(|&l| u32_at(&tail, l) == LOCATOR);
         let Some(locator) = locator else {
@@ -118,9 +120,12 @@ impl Archive {
         let end = self.bytes(place.min(self.length), 56)?;
         match u32_at(&end, 0) == END64 {
             true => Ok((u64_at(&end, 32), u64_at(&end, 40), u64_at(&end, 48))),
-            false => {
-                Err(bad(&self.path, "end of archive", format!("byte {place}"), ("something else", "its 64-bit form")))
-            }
+            false => Err(bad(
+                &self.path,
+                "end of archive",
+                format!("byte {place}"),
+                Mismatch::new("something else", "its 64-bit form"),
+            )),
         }
     }
 
@@ -130,7 +135,12 @@ impl Archive {
         let start = entry.local + 30 + u64::from(u16_at(&local, 26)) + u64::from(u16_at(&local, 28));
         if u32_at(&local, 0) != LOCAL || start > self.length || entry.packed > self.length - start {
             let place = format!("byte {}", entry.local);
-            return Err(bad(&self.path, &entry.name, place, (format!("{} bytes", entry.packed), "what fits the file")));
+            return Err(bad(
+                &self.path,
+                &entry.name,
+                place,
+                Mismatch::new(format!("{} bytes", entry.packed), "what fits the file"),
+            ));
         }
         self.file.seek(SeekFrom::Start(start)).map_err(|e| Error::io(&self.path, e))?;
         let packed = (&self.file).take(entry.packed);
@@ -150,7 +160,7 @@ impl Archive {
         let mut bytes = Vec::new();
         memory::reserve(&mut bytes, most.min(entry.size) as usize, &entry.name)?;
         let read = self.reader(entry)?.take(most).read_to_end(&mut bytes);
-        read.map_err(|e| bad(&path, &entry.name, "its start".into(), (e, "deflated bytes")))?;
+        read.map_err(|e| bad(&path, &entry.name, "its start".into(), Mismatch::new(e, "deflated bytes")))?;
         Ok(bytes)
     }
 
@@ -162,7 +172,12 @@ impl Archive {
             true => Ok(bytes),
             false => {
                 let say = |(size, crc): (u64, u32)| format!("{size} bytes, checksum {crc:08x}");
-                Err(bad(&self.path, &entry.name, "its content".into(), (say(found), say((entry.size, entry.crc)))))
+                Err(bad(
+                    &self.path,
+                    &entry.name,
+                    "its content".into(),
+                    Mismatch::new(say(found), say((entry.size, entry.crc))),
+                ))
             }
         }
     }
@@ -171,7 +186,8 @@ impl Archive {
 fn entries(path: &Path, list: &[u8], count: u64) -> Result<Vec<Entry>> {
     let (mut entries, mut at) = (Vec::new(), 0);
     for i in 0..count {
-        let short = || bad(path, "list of entries", format!("entry {i}"), ("its end", format!("{count} entries")));
+        let short =
+            || bad(path, "list of entries", format!("entry {i}"), Mismatch::new("its end", format!("{count} entries")));
         let head = list.get(at..at + 46).filter(|head| u32_at(head, 0) == CENTRAL).ok_or_else(short)?;
         let [name, extra, comment] = [28, 30, 32].map(|field| usize::from(u16_at(head, field)));
         let name = list.get(at + 46..at + 46 + name).ok_or_else(short)?;
@@ -275,7 +291,7 @@ impl<'a> Writer<'a> {
         let at = self.at;
         let list: Vec<u8> = self.entries.iter().flat_map(central_header).collect();
         self.put(&list)?;
-        let end = end_records(self.entries.len() as u64, (list.len() as u64, at));
+        let end = end_records(self.entries.len() as u64, list.len() as u64, at);
         self.put(&end)?;
         Ok(self.file)
     }
@@ -310,7 +326,7 @@ fn common_fields(entry: &Entry, extra: u16) -> Vec<u8> {
     bytes
 }
 
-fn end_records(count: u64, (size, at): (u64, u64)) -> Vec<u8> {
+fn end_records(count: u64, size: u64, at: u64) -> Vec<u8> {
     let mut bytes = END64.to_le_bytes().to_vec();
     bytes.extend(44u64.to_le_bytes());
     bytes.extend([45u16, 45].map(u16::to_le_bytes).concat());

@@ -1,6 +1,6 @@
 //! The header of PCD (Point Cloud Library, The PCD file format, versions .5 to .7).
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use crate::io::number::Kind;
 use crate::io::open;
 use std::io::Read;
@@ -56,14 +56,14 @@ pub(super) struct Header {
 
 pub(super) const AT_ORIGIN: [f64; 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
-pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (impl ToString, impl ToString)) -> Error {
+pub(super) fn bad(path: &Path, field: &str, place: String, mismatch: Mismatch) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "PCD",
         field: field.to_string(),
         place,
-        found: found.to_string(),
-        allowed: allowed.to_string(),
+        found: mismatch.found,
+        allowed: mismatch.allowed,
     }
 }
 
@@ -80,7 +80,7 @@ impl<'a> Entries<'a> {
     fn number(&self, path: &Path, key: &str) -> Result<Option<u64>> {
         let Some((words, line)) = self.words(key) else { return Ok(None) };
         let number = words.first().and_then(|w| w.parse().ok());
-        let found = || bad(path, key, format!("line {line}"), (words.join(" "), "a whole number"));
+        let found = || bad(path, key, format!("line {line}"), Mismatch::new(words.join(" "), "a whole number"));
         number.map(Some).ok_or_else(found)
     }
 }
@@ -92,7 +92,12 @@ impl Header {
         let mut bytes = Vec::new();
         file.take(LONGEST).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
         let end = data_line(&bytes).ok_or_else(|| {
-            bad(path, "header", "its end".into(), ("no line `DATA`", "DATA ascii, binary or binary_compressed"))
+            bad(
+                path,
+                "header",
+                "its end".into(),
+                Mismatch::new("no line `DATA`", "DATA ascii, binary or binary_compressed"),
+            )
         })?;
         let text = String::from_utf8_lossy(&bytes[..end]);
         let mut entries = Entries::default();
@@ -146,12 +151,12 @@ fn size_of(path: &Path, entries: &Entries<'_>) -> Result<(u64, u64)> {
         (Some(Some(product)), None) => Ok((product, height.unwrap_or(1))),
         (Some(Some(product)), Some(points)) if product == points => Ok((points, height.unwrap_or(1))),
         (None, Some(points)) => Ok((points, 1)),
-        (None, None) => Err(bad(path, "POINTS", "header".into(), ("none", "POINTS, or WIDTH and HEIGHT"))),
+        (None, None) => Err(bad(path, "POINTS", "header".into(), Mismatch::new("none", "POINTS, or WIDTH and HEIGHT"))),
         (Some(product), points) => Err(bad(
             path,
             "POINTS",
             place(),
-            (
+            Mismatch::new(
                 points.map_or("none".into(), |p| p.to_string()),
                 product.map_or("WIDTH times HEIGHT below 2^64".into(), |p| format!("{p} as WIDTH times HEIGHT")),
             ),
@@ -161,7 +166,9 @@ fn size_of(path: &Path, entries: &Entries<'_>) -> Result<(u64, u64)> {
 
 fn fields(path: &Path, entries: &Entries<'_>) -> Result<Vec<Field>> {
     let needed = |key: &str| {
-        entries.words(key).ok_or_else(|| bad(path, key, "header".into(), ("none", "a line of this keyword")))
+        entries
+            .words(key)
+            .ok_or_else(|| bad(path, key, "header".into(), Mismatch::new("none", "a line of this keyword")))
     };
     let (names, _) = needed("FIELDS")?;
     let (sizes, line) = needed("SIZE")?;
@@ -173,29 +180,34 @@ fn fields(path: &Path, entries: &Entries<'_>) -> Result<Vec<Field>> {
                 path,
                 key,
                 format!("line {line}"),
-                (found, format!("{} as there are FIELDS", names.len())),
+                Mismatch::new(found, format!("{} as there are FIELDS", names.len())),
             ));
         }
     }
     if !counts.is_empty() && counts.len() != names.len() {
         let allowed = format!("{} as there are FIELDS", names.len());
-        return Err(bad(path, "COUNT", format!("line {count_line}"), (counts.len(), allowed)));
+        return Err(bad(path, "COUNT", format!("line {count_line}"), Mismatch::new(counts.len(), allowed)));
     }
     let mut list = Vec::with_capacity(names.len());
     for (i, name) in names.iter().enumerate() {
         let allowed = "I or U of 1, 2, 4 or 8 bytes, F of 4 or 8";
         let kind = kind(types[i], sizes[i]).ok_or_else(|| {
-            bad(path, name, format!("line {line}"), (format!("{} of {}", types[i], sizes[i]), allowed))
+            bad(path, name, format!("line {line}"), Mismatch::new(format!("{} of {}", types[i], sizes[i]), allowed))
         })?;
         let count = counts.get(i).map_or(Ok(1), |c| c.parse());
         let count = count.ok().filter(|c| (1..=MOST_NUMBERS).contains(c)).ok_or_else(|| {
-            bad(path, "COUNT", format!("line {count_line}"), (counts[i], format!("1 to {MOST_NUMBERS}")))
+            bad(path, "COUNT", format!("line {count_line}"), Mismatch::new(counts[i], format!("1 to {MOST_NUMBERS}")))
         })?;
         list.push(Field { name: (*name).to_string(), kind, count });
     }
     match list.iter().map(|f| f.count).sum::<usize>() {
         0..=MOST_NUMBERS => Ok(list),
-        sum => Err(bad(path, "COUNT", format!("line {count_line}"), (sum, format!("{MOST_NUMBERS} numbers a point")))),
+        sum => Err(bad(
+            path,
+            "COUNT",
+            format!("line {count_line}"),
+            Mismatch::new(sum, format!("{MOST_NUMBERS} numbers a point")),
+        )),
     }
 }
 
@@ -219,7 +231,7 @@ fn viewpoint(path: &Path, entries: &Entries<'_>) -> Result<[f64; 7]> {
     let Some((words, line)) = entries.words("VIEWPOINT") else { return Ok(AT_ORIGIN) };
     let numbers: Vec<f64> = words.iter().filter_map(|w| w.parse().ok()).filter(|v: &f64| v.is_finite()).collect();
     <[f64; 7]>::try_from(numbers)
-        .map_err(|_| bad(path, "VIEWPOINT", format!("line {line}"), (words.join(" "), "7 numbers")))
+        .map_err(|_| bad(path, "VIEWPOINT", format!("line {line}"), Mismatch::new(words.join(" "), "7 numbers")))
 }
 
 fn encoding(path: &Path, entries: &Entries<'_>) -> Result<Encoding> {
@@ -228,6 +240,11 @@ fn encoding(path: &Path, entries: &Entries<'_>) -> Result<Encoding> {
         ["ascii"] => Ok(Encoding::Ascii),
         ["binary"] => Ok(Encoding::Binary),
         ["binary_compressed"] => Ok(Encoding::Compressed),
-        _ => Err(bad(path, "DATA", format!("line {line}"), (words.join(" "), "ascii, binary or binary_compressed"))),
+        _ => Err(bad(
+            path,
+            "DATA",
+            format!("line {line}"),
+            Mismatch::new(words.join(" "), "ascii, binary or binary_compressed"),
+        )),
     }
 }

@@ -3,11 +3,11 @@
 use super::header::{AT_ORIGIN, Encoding, Field, Header, bad};
 use super::lzf;
 use crate::cloud::{Cloud, Column, Values, names};
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use crate::io::lines::Lines;
 use crate::io::number::{Kind, Slot};
 use crate::io::open;
-use crate::io::packed::{Layout, Packed, Target};
+use crate::io::packed::{Layout, Packed, PackedRecords, Target};
 use crate::io::words::Words;
 use crate::io::{FileInfo, ReadOptions, known, limits};
 use crate::memory;
@@ -40,17 +40,22 @@ enum Kept {
 impl Reader {
     pub(in crate::io) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
         let header = Header::read(path)?;
-        let (layout, parts) = layout(path, &header, options)?;
+        let fields = layout(path, &header, options)?;
         options.monitor.stage("read", header.points);
         Ok(Self(match header.encoding {
             Encoding::Binary => {
                 let width = header.width();
                 check_room(path, &header, width)?;
-                let layout = slots(layout, &header.fields, &parts);
-                Kept::Binary(Packed::open((path, &options.monitor), header.body, (header.points, width), layout)?)
+                let layout = slots(fields.layout, &header.fields, &fields.parts);
+                Kept::Binary(Packed::open(
+                    path,
+                    PackedRecords { at: header.body, count: header.points, width },
+                    layout,
+                    &options.monitor,
+                )?)
             }
-            Encoding::Ascii => Kept::Ascii(Box::new(Ascii::open(path, (&header, &options.monitor), (layout, parts))?)),
-            Encoding::Compressed => Kept::Whole(compressed(path, &header, (layout, &parts))?),
+            Encoding::Ascii => Kept::Ascii(Box::new(Ascii::open(path, &header, fields, &options.monitor)?)),
+            Encoding::Compressed => Kept::Whole(compressed(path, &header, fields)?),
         }))
     }
 
@@ -72,7 +77,7 @@ pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
 /// Information from the header.
 pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     let header = Header::read(path)?;
-    let (layout, _) = layout(path, &header, &ReadOptions::default())?;
+    let FieldLayout { layout, .. } = layout(path, &header, &ReadOptions::default())?;
     let mut info = FileInfo::new(path, "PCD", header.points);
     info.version = Some(header.version);
     info.dimensions = layout.table.columns.into_iter().map(|c| c.name).collect();
@@ -86,7 +91,12 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
 }
 
 /// The columns of the selected fields, and the use of each number of a point.
-fn layout(path: &Path, header: &Header, options: &ReadOptions) -> Result<(Layout, Vec<Part>)> {
+struct FieldLayout {
+    layout: Layout,
+    parts: Vec<Part>,
+}
+
+fn layout(path: &Path, header: &Header, options: &ReadOptions) -> Result<FieldLayout> {
     let (mut layout, mut parts, mut axes) = (Layout::default(), Vec::new(), [false; 3]);
     for field in &header.fields {
         let axis = ["x", "y", "z"].iter().position(|a| field.name.eq_ignore_ascii_case(a));
@@ -104,14 +114,14 @@ fn layout(path: &Path, header: &Header, options: &ReadOptions) -> Result<(Layout
         parts.resize(parts.len() + field.count, part);
     }
     match axes.iter().position(|found| !found) {
-        None => Ok((layout, parts)),
+        None => Ok(FieldLayout { layout, parts }),
         Some(a) => {
             let found = header.fields.iter().map(|f| &f.name[..]).collect::<Vec<_>>().join(" ");
             Err(bad(
                 path,
                 "FIELDS",
                 "header".into(),
-                (found, format!("x, y and z; there is no {}", ["x", "y", "z"][a])),
+                Mismatch::new(found, format!("x, y and z; there is no {}", ["x", "y", "z"][a])),
             ))
         }
     }
@@ -174,13 +184,14 @@ fn check_room(path: &Path, header: &Header, least: usize) -> Result<()> {
         _ => {
             let most = header.room / least.max(1) as u64;
             let allowed = format!("at most {most} in the {} bytes after the header", header.room);
-            Err(bad(path, "POINTS", "header".into(), (header.points, allowed)))
+            Err(bad(path, "POINTS", "header".into(), Mismatch::new(header.points, allowed)))
         }
     }
 }
 
 /// Unpacks all columns. Padding is not stored in files written by the library itself, but is in others.
-fn compressed(path: &Path, header: &Header, (mut layout, parts): (Layout, &[Part])) -> Result<Layout> {
+fn compressed(path: &Path, header: &Header, fields: FieldLayout) -> Result<Layout> {
+    let FieldLayout { mut layout, parts } = fields;
     if header.points == 0 {
         return Ok(layout);
     }
@@ -193,18 +204,24 @@ fn compressed(path: &Path, header: &Header, (mut layout, parts): (Layout, &[Part
         s if s == whole => true,
         _ => {
             let allowed = format!("{} points of {dense} bytes", header.points);
-            return Err(bad(path, "uncompressed size", place(), (size, allowed)));
+            return Err(bad(path, "uncompressed size", place(), Mismatch::new(size, allowed)));
         }
     };
     if size > packed.len() as u64 * lzf::MOST_RATIO {
         let allowed = format!("at most {} from {} bytes", packed.len() as u64 * lzf::MOST_RATIO, packed.len());
-        return Err(bad(path, "uncompressed size", place(), (size, allowed)));
+        return Err(bad(path, "uncompressed size", place(), Mismatch::new(size, allowed)));
     }
-    let failed =
-        |at| bad(path, "compressed points", format!("byte {}", header.body + 8 + at as u64), ("a wrong code", "LZF"));
+    let failed = |at| {
+        bad(
+            path,
+            "compressed points",
+            format!("byte {}", header.body + 8 + at as u64),
+            Mismatch::new("a wrong code", "LZF"),
+        )
+    };
     let width: u64 = layout.table.columns.iter().map(|c| Kind::of(&c.values).size() as u64).sum();
     let table = header.points.saturating_mul(24 + width);
-    limits::unpacked(path, "PCD", (header.body + header.room, size.saturating_add(table)))?;
+    limits::unpacked(path, "PCD", header.body + header.room, size.saturating_add(table))?;
     let mut bytes = Vec::new();
     memory::reserve(&mut bytes, size as usize, "the unpacked points")?;
     let bytes = lzf::unpack(&packed, size as usize, bytes).map_err(failed)?;
@@ -232,12 +249,12 @@ fn packed_bytes(path: &Path, header: &Header) -> Result<(Vec<u8>, u64)> {
     let mut sizes = [0; 8];
     let start = file.seek(SeekFrom::Start(header.body)).and_then(|_| file.read_exact(&mut sizes));
     start.map_err(|_| {
-        bad(path, "compressed size", format!("byte {}", header.body), ("the end of the file", "8 bytes"))
+        bad(path, "compressed size", format!("byte {}", header.body), Mismatch::new("the end of the file", "8 bytes"))
     })?;
     let [packed, size] = [0, 4].map(|at| u64::from(u32::from_le_bytes(crate::io::number::array(&sizes, at))));
     if packed > header.room - 8 {
         let place = format!("byte {}", header.body);
-        return Err(bad(path, "compressed size", place, (packed, format!("at most {}", header.room - 8))));
+        return Err(bad(path, "compressed size", place, Mismatch::new(packed, format!("at most {}", header.room - 8))));
     }
     let mut bytes = Vec::new();
     file.take(packed).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
@@ -257,10 +274,11 @@ struct Ascii {
 }
 
 impl Ascii {
-    fn open(path: &Path, (header, monitor): (&Header, &Monitor), (layout, parts): (Layout, Vec<Part>)) -> Result<Self> {
+    fn open(path: &Path, header: &Header, fields: FieldLayout, monitor: &Monitor) -> Result<Self> {
+        let FieldLayout { layout, parts } = fields;
         // Each number takes at least a digit and a separator.
         check_room(path, &Header { room: header.room + 1, ..header.clone() }, 2 * parts.len().max(1))?;
-        let lines = Lines::open((path, "PCD"), header.body, header.lines)?;
+        let lines = Lines::open(path, "PCD", header.body, header.lines)?;
         let (path, monitor) = (path.to_path_buf(), monitor.clone());
         Ok(Self { path, monitor, points: header.points, layout, parts, lines, read: 0 })
     }
@@ -279,7 +297,7 @@ impl Ascii {
                     &self.path,
                     "points",
                     format!("point {}", self.read),
-                    ("the end of the file", allowed),
+                    Mismatch::new("the end of the file", allowed),
                 ));
             };
             row(&self.parts, line, &mut self.layout)
@@ -290,16 +308,17 @@ impl Ascii {
     }
 }
 
-type Fault = (&'static str, usize, (String, String));
+/// Field, position in the line, and what is wrong there.
+type Fault = (&'static str, usize, Mismatch);
 
 /// Reads the numbers of a line.
 fn row(parts: &[Part], line: &[u8], layout: &mut Layout) -> std::result::Result<(), Fault> {
     let mut words = Words::new(line);
     let table = &mut layout.table;
     for (i, part) in parts.iter().enumerate() {
-        let short = || ("values", line.len() + 1, (i.to_string(), format!("{} a point", parts.len())));
+        let short = || ("values", line.len() + 1, Mismatch::new(i, format!("{} a point", parts.len())));
         let word = words.next().ok_or_else(short)?;
-        let wrong = || ("value", word.at, (word.string(), "a number that fits the field".to_string()));
+        let wrong = || ("value", word.at, Mismatch::new(word.string(), "a number that fits the field"));
         let value = word.value.ok_or_else(wrong)?;
         match *part {
             Part::To(Target::Axis(a)) => table.axes[a].push(value),
@@ -317,7 +336,7 @@ fn row(parts: &[Part], line: &[u8], layout: &mut Layout) -> std::result::Result<
     }
     match words.next() {
         None => Ok(()),
-        Some(word) => Err(("values", word.at, (word.string(), format!("{} a point", parts.len())))),
+        Some(word) => Err(("values", word.at, Mismatch::new(word.string(), format!("{} a point", parts.len())))),
     }
 }
 

@@ -34,7 +34,8 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     file.write_all(head(&fields, cloud.len(), options.compressed).as_bytes())?;
     options.monitor.stage("write", cloud.len() as u64);
     if options.compressed {
-        compressed(path, (cloud, &fields), &mut file, options)?;
+        let points = Points { cloud, fields: &fields };
+        points.compressed(path, &mut file, options)?;
         return verify::finish(file, Format::Pcd, cloud, options);
     }
     for first in (0..cloud.len()).step_by(SLAB) {
@@ -50,25 +51,30 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     verify::finish(file, Format::Pcd, cloud, options)
 }
 
-fn compressed(
-    path: &Path,
-    (cloud, fields): (&Cloud, &[Field<'_>]),
-    file: &mut AtomicFile,
-    options: &WriteOptions,
-) -> Result<()> {
-    let mut bytes = Vec::new();
-    for field in fields {
-        options.monitor.check()?;
-        (0..cloud.len()).for_each(|i| field.put(cloud, i, &mut bytes));
+/// The points and their fields.
+struct Points<'a> {
+    cloud: &'a Cloud,
+    fields: &'a [Field<'a>],
+}
+
+impl Points<'_> {
+    fn compressed(&self, path: &Path, file: &mut AtomicFile, options: &WriteOptions) -> Result<()> {
+        let Self { cloud, fields } = *self;
+        let mut bytes = Vec::new();
+        for field in fields {
+            options.monitor.check()?;
+            (0..cloud.len()).for_each(|i| field.put(cloud, i, &mut bytes));
+        }
+        let packed = lzf::pack(&bytes);
+        let [Ok(packed_size), Ok(size)] = [packed.len(), bytes.len()].map(u32::try_from) else {
+            let reason =
+                format!("{} bytes do not fit binary_compressed PCD (4 GiB); write it uncompressed", bytes.len());
+            return Err(Error::Unsupported { path: path.to_path_buf(), reason });
+        };
+        file.write_all(&packed_size.to_le_bytes())?;
+        file.write_all(&size.to_le_bytes())?;
+        file.write_all(&packed)
     }
-    let packed = lzf::pack(&bytes);
-    let [Ok(packed_size), Ok(size)] = [packed.len(), bytes.len()].map(u32::try_from) else {
-        let reason = format!("{} bytes do not fit binary_compressed PCD (4 GiB); write it uncompressed", bytes.len());
-        return Err(Error::Unsupported { path: path.to_path_buf(), reason });
-    };
-    file.write_all(&packed_size.to_le_bytes())?;
-    file.write_all(&size.to_le_bytes())?;
-    file.write_all(&packed)
 }
 
 fn fields(cloud: &Cloud) -> Vec<Field<'_>> {

@@ -1,7 +1,7 @@
 //! The header of PLY (G. Turk, *The PLY polygon file format*, 1994).
 
 use crate::cloud::names;
-use crate::error::{Error, Result};
+use crate::error::{Error, Mismatch, Result};
 use crate::io::number::Kind;
 use crate::io::open;
 use std::collections::BTreeSet;
@@ -64,14 +64,14 @@ pub(super) struct Header {
     pub(super) room: u64,
 }
 
-pub(super) fn bad(path: &Path, field: &str, place: String, (found, allowed): (impl ToString, impl ToString)) -> Error {
+pub(super) fn bad(path: &Path, field: &str, place: String, mismatch: Mismatch) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "PLY",
         field: field.to_string(),
         place,
-        found: found.to_string(),
-        allowed: allowed.to_string(),
+        found: mismatch.found,
+        allowed: mismatch.allowed,
     }
 }
 
@@ -100,7 +100,9 @@ impl Header {
         file.take(LONGEST).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
         let (encoding, mut elements, body) = header(path, &bytes)?;
         let at = elements.iter().position(|e| e.name == "vertex");
-        let at = at.ok_or_else(|| bad(path, "element", "header".into(), ("no vertices", "an element `vertex`")))?;
+        let at = at.ok_or_else(|| {
+            bad(path, "element", "header".into(), Mismatch::new("no vertices", "an element `vertex`"))
+        })?;
         elements.truncate(at + 1);
         let vertex = elements.remove(at);
         check_names(path, &vertex)?;
@@ -132,7 +134,7 @@ fn check_names(path: &Path, vertex: &Element) -> Result<()> {
     let count =
         |name: &str| vertex.properties.iter().filter(|p| p.name.eq_ignore_ascii_case(name) && p.list.is_none()).count();
     if let Some(missing) = ["x", "y", "z"].iter().find(|a| count(a) == 0) {
-        return Err(bad(path, "property", "header".into(), (format!("no `{missing}`"), "x, y and z")));
+        return Err(bad(path, "property", "header".into(), Mismatch::new(format!("no `{missing}`"), "x, y and z")));
     }
     let mut names = BTreeSet::new();
     for property in &vertex.properties {
@@ -141,7 +143,7 @@ fn check_names(path: &Path, vertex: &Element) -> Result<()> {
                 path,
                 "property",
                 "header".into(),
-                (format!("`{}` twice", property.name), "each name once"),
+                Mismatch::new(format!("`{}` twice", property.name), "each name once"),
             ));
         }
     }
@@ -150,7 +152,12 @@ fn check_names(path: &Path, vertex: &Element) -> Result<()> {
         let same: Vec<&str> = vertex.properties.iter().map(|p| &p.name[..]).filter(|name| axis(name, a)).collect();
         if same.len() > 1 {
             let found = same.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(" and ");
-            return Err(bad(path, "properties", "header".into(), (found, format!("one `{a}`; rename the others"))));
+            return Err(bad(
+                path,
+                "properties",
+                "header".into(),
+                Mismatch::new(found, format!("one `{a}`; rename the others")),
+            ));
         }
     }
     Ok(())
@@ -171,17 +178,23 @@ fn header(path: &Path, bytes: &[u8]) -> Result<(Encoding, Vec<Element>, usize)> 
             ["format", form, "1.0"] => encoding = Some(encoding_of(path, form, place())?),
             ["comment" | "obj_info", ..] | [] => {}
             ["element", name, count] => {
-                let count =
-                    count.parse().map_err(|_| bad(path, "element count", place(), (count, "a whole number")))?;
+                let count = count
+                    .parse()
+                    .map_err(|_| bad(path, "element count", place(), Mismatch::new(count, "a whole number")))?;
                 elements.push(Element { name: name.into(), count, properties: Vec::new() });
             }
             ["property", ref rest @ ..] => {
                 let property = property(rest).ok_or_else(|| {
-                    bad(path, "property", place(), (&line, "property TYPE NAME or property list TYPE TYPE NAME"))
+                    bad(
+                        path,
+                        "property",
+                        place(),
+                        Mismatch::new(&line, "property TYPE NAME or property list TYPE TYPE NAME"),
+                    )
                 })?;
-                let element = elements
-                    .last_mut()
-                    .ok_or_else(|| bad(path, "property", place(), ("no element before it", "an element first")))?;
+                let element = elements.last_mut().ok_or_else(|| {
+                    bad(path, "property", place(), Mismatch::new("no element before it", "an element first"))
+                })?;
                 element.properties.push(property);
             }
             ["end_header"] => {
@@ -190,15 +203,15 @@ fn header(path: &Path, bytes: &[u8]) -> Result<(Encoding, Vec<Element>, usize)> 
                         path,
                         "format",
                         "header".into(),
-                        ("none", "format ascii, binary_little_endian or binary_big_endian 1.0"),
+                        Mismatch::new("none", "format ascii, binary_little_endian or binary_big_endian 1.0"),
                     )
                 })?;
                 return Ok((encoding, elements, at));
             }
-            _ => return Err(bad(path, "header", place(), (&line, "a PLY keyword"))),
+            _ => return Err(bad(path, "header", place(), Mismatch::new(&line, "a PLY keyword"))),
         }
     }
-    Err(bad(path, "header", "its end".into(), ("no `end_header`", "end_header")))
+    Err(bad(path, "header", "its end".into(), Mismatch::new("no `end_header`", "end_header")))
 }
 
 fn encoding_of(path: &Path, name: &str, place: String) -> Result<Encoding> {
@@ -206,7 +219,9 @@ fn encoding_of(path: &Path, name: &str, place: String) -> Result<Encoding> {
         "ascii" => Ok(Encoding::Ascii),
         "binary_little_endian" => Ok(Encoding::Little),
         "binary_big_endian" => Ok(Encoding::Big),
-        other => Err(bad(path, "format", place, (other, "ascii, binary_little_endian or binary_big_endian"))),
+        other => {
+            Err(bad(path, "format", place, Mismatch::new(other, "ascii, binary_little_endian or binary_big_endian")))
+        }
     }
 }
 

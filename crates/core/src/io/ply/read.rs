@@ -2,11 +2,11 @@
 
 use super::header::{Element, Encoding, Header, bad, column_name};
 use crate::cloud::{Cloud, Column};
-use crate::error::Result;
+use crate::error::{Mismatch, Result};
 use crate::io::lines::Lines;
 use crate::io::number::Slot;
 use crate::io::open;
-use crate::io::packed::{Layout, Packed, Target};
+use crate::io::packed::{Layout, Packed, PackedRecords, Target};
 use crate::io::words::Words;
 use crate::io::{FileInfo, ReadOptions};
 use crate::parallel::Monitor;
@@ -29,21 +29,22 @@ enum Kept {
 impl Reader {
     pub(in crate::io) fn open(path: &Path, options: &ReadOptions) -> Result<Self> {
         let header = Header::read(path)?;
-        let (layout, targets) = layout(&header, options);
+        let vertices = layout(&header, options);
         let monitor = &options.monitor;
         monitor.stage("read", header.vertex.count);
         let skipped = header.before.iter().try_fold(0u64, |sum, e| {
             e.width().and_then(|w| e.count.checked_mul(w as u64)).and_then(|bytes| sum.checked_add(bytes))
         });
         Ok(Self(match (header.encoding, header.vertex.width(), skipped) {
-            (Encoding::Ascii, ..) => Kept::Ascii(Box::new(Ascii::open(path, (header, monitor), (layout, targets))?)),
+            (Encoding::Ascii, ..) => Kept::Ascii(Box::new(Ascii::open(path, header, vertices, monitor)?)),
             (_, Some(width), Some(skipped)) => {
                 let left = header.room.saturating_sub(skipped);
-                check_room(path, &header.vertex, (width, left))?;
-                let count = (header.vertex.count, width);
-                Kept::Packed(Packed::open((path, monitor), header.body + skipped.min(header.room), count, layout)?)
+                check_room(path, &header.vertex, width, left)?;
+                let at = header.body + skipped.min(header.room);
+                let records = PackedRecords { at, count: header.vertex.count, width };
+                Kept::Packed(Packed::open(path, records, vertices.layout, monitor)?)
             }
-            _ => Kept::Whole(whole((path, monitor), &header, (layout, &targets))?),
+            _ => Kept::Whole(whole(path, &header, vertices, monitor)?),
         }))
     }
 
@@ -65,7 +66,7 @@ pub(in crate::io) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
 /// Information from the header.
 pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     let header = Header::read(path)?;
-    let (layout, _) = layout(&header, &ReadOptions::default());
+    let VertexLayout { layout, .. } = layout(&header, &ReadOptions::default());
     let mut info = FileInfo::new(path, "PLY", header.vertex.count);
     info.version = Some("1.0".into());
     info.dimensions = layout.table.columns.into_iter().map(|c| c.name).collect();
@@ -77,7 +78,12 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
 
 /// The columns of the selected properties, their offsets in a record without lists, and the destination of each
 /// property.
-fn layout(header: &Header, options: &ReadOptions) -> (Layout, Vec<Option<Target>>) {
+struct VertexLayout {
+    layout: Layout,
+    targets: Vec<Option<Target>>,
+}
+
+fn layout(header: &Header, options: &ReadOptions) -> VertexLayout {
     let (mut layout, mut targets) = (Layout::default(), Vec::new());
     let (mut at, width) = (0, header.vertex.least().max(1));
     for property in &header.vertex.properties {
@@ -97,27 +103,24 @@ fn layout(header: &Header, options: &ReadOptions) -> (Layout, Vec<Option<Target>
         targets.push(target);
         at += property.least();
     }
-    (layout, targets)
+    VertexLayout { layout, targets }
 }
 
 /// Compares the smallest possible size of an element with the remaining bytes of the file.
-fn check_room(path: &Path, element: &Element, (least, left): (usize, u64)) -> Result<()> {
+fn check_room(path: &Path, element: &Element, least: usize, left: u64) -> Result<()> {
     match element.count.checked_mul(least as u64) {
         Some(bytes) if bytes <= left => Ok(()),
         _ => {
             let field = if element.name == "vertex" { "number of vertices" } else { &element.name };
             let allowed = format!("at most {} in the {left} bytes after the header", left / least.max(1) as u64);
-            Err(bad(path, field, "header".into(), (element.count, allowed)))
+            Err(bad(path, field, "header".into(), Mismatch::new(element.count, allowed)))
         }
     }
 }
 
 /// Reads binary elements up to the vertices, including lists, number by number.
-fn whole(
-    (path, monitor): (&Path, &Monitor),
-    header: &Header,
-    (mut layout, targets): (Layout, &[Option<Target>]),
-) -> Result<Layout> {
+fn whole(path: &Path, header: &Header, vertices: VertexLayout, monitor: &Monitor) -> Result<Layout> {
+    let VertexLayout { mut layout, targets } = vertices;
     let bytes = open::whole(path)?;
     let mut cursor = Cursor { path, bytes: &bytes, at: header.body as usize, big: header.encoding == Encoding::Big };
     for element in &header.before {
@@ -146,7 +149,7 @@ impl Cursor<'_> {
         monitor: &Monitor,
         mut work: impl FnMut(usize, (Slot, &[u8])),
     ) -> Result<()> {
-        check_room(self.path, element, (element.least(), (self.bytes.len() - self.at) as u64))?;
+        check_room(self.path, element, element.least(), (self.bytes.len() - self.at) as u64)?;
         // Elements without properties take no bytes and are skipped at once.
         let count = if element.properties.is_empty() { 0 } else { element.count };
         for i in 0..count {
@@ -157,7 +160,7 @@ impl Cursor<'_> {
                 let kind = property.list.unwrap_or(property.kind);
                 let slot = Slot { kind, at: 0, width: kind.size(), big: self.big };
                 let number = self.bytes.get(self.at..self.at + kind.size()).ok_or_else(|| {
-                    let fault = ("the end of the file", format!("{} records", element.count));
+                    let fault = Mismatch::new("the end of the file", format!("{} records", element.count));
                     bad(self.path, &element.name, format!("record {i}"), fault)
                 })?;
                 self.at += kind.size();
@@ -178,7 +181,7 @@ impl Cursor<'_> {
         let most = (self.bytes.len() - self.at) / size;
         if !(0.0..=most as f64).contains(&length) {
             let place = format!("byte {}", self.at);
-            return Err(bad(self.path, "list length", place, (length, format!("0 to {most}"))));
+            return Err(bad(self.path, "list length", place, Mismatch::new(length, format!("0 to {most}"))));
         }
         self.at += length as usize * size;
         Ok(())
@@ -198,14 +201,11 @@ struct Ascii {
 }
 
 impl Ascii {
-    fn open(
-        path: &Path,
-        (header, monitor): (Header, &Monitor),
-        (layout, targets): (Layout, Vec<Option<Target>>),
-    ) -> Result<Self> {
+    fn open(path: &Path, header: Header, vertices: VertexLayout, monitor: &Monitor) -> Result<Self> {
+        let VertexLayout { layout, targets } = vertices;
         // Each number takes at least a digit and a separator.
-        check_room(path, &header.vertex, (2 * targets.len().max(1), header.room + 1))?;
-        let mut lines = Lines::open((path, "PLY"), header.body, header.lines)?;
+        check_room(path, &header.vertex, 2 * targets.len().max(1), header.room + 1)?;
+        let mut lines = Lines::open(path, "PLY", header.body, header.lines)?;
         let before = header.before.iter().fold(0u64, |sum, e| sum.saturating_add(e.count));
         for i in 0..before {
             if i % STEP == STEP - 1 {
@@ -228,7 +228,7 @@ impl Ascii {
                 self.monitor.advance(STEP);
             }
             let Some((number, line)) = self.lines.next()? else {
-                let fault = ("the end of the file", format!("{} vertices", self.vertex.count));
+                let fault = Mismatch::new("the end of the file", format!("{} vertices", self.vertex.count));
                 return Err(bad(&self.path, "vertex", format!("{}", self.read), fault));
             };
             row(&self.vertex, &self.targets, line, &mut self.layout)
@@ -239,7 +239,8 @@ impl Ascii {
     }
 }
 
-type Fault<'a> = (&'a str, usize, (String, String));
+/// Property, position in the line, and what is wrong there.
+type Fault<'a> = (&'a str, usize, Mismatch);
 
 /// Reads the numbers of a line.
 fn row<'a>(
@@ -251,9 +252,9 @@ fn row<'a>(
     let mut words = Words::new(line);
     let table = &mut layout.table;
     for (property, target) in vertex.properties.iter().zip(targets) {
-        let short = || (&property.name[..], line.len() + 1, ("the end of the line".into(), "a number".into()));
+        let short = || (&property.name[..], line.len() + 1, Mismatch::new("the end of the line", "a number"));
         let word = words.next().ok_or_else(short)?;
-        let wrong = || (&property.name[..], word.at, (word.string(), "a number of the property's type".into()));
+        let wrong = || (&property.name[..], word.at, Mismatch::new(word.string(), "a number of the property's type"));
         let value = word.value.ok_or_else(wrong)?;
         match target {
             _ if property.list.is_some() => {
@@ -268,6 +269,8 @@ fn row<'a>(
     }
     match words.next() {
         None => Ok(()),
-        Some(word) => Err(("vertex", word.at, (word.string(), format!("{} values", vertex.properties.len())))),
+        Some(word) => {
+            Err(("vertex", word.at, Mismatch::new(word.string(), format!("{} values", vertex.properties.len()))))
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Labels of Semantic3D: NAME.labels beside NAME.txt, with one integer 0..=255 a line.
 
 use super::{bad, holds};
-use crate::error::Result;
+use crate::error::{Mismatch, Result};
 use crate::io::lines::{Lines, Pieces, lines};
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ pub(super) fn beside(path: &Path) -> Result<Option<Labels>> {
     if file == path || !file.is_file() {
         return Ok(None);
     }
-    let mut reader = Lines::open((&file, "text"), 0, 0)?;
+    let mut reader = Lines::open(&file, "text", 0, 0)?;
     let mut codes = Vec::new();
     while let Some((number, line)) = reader.next()? {
         let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line).trim_ascii();
@@ -26,7 +26,9 @@ pub(super) fn beside(path: &Path) -> Result<Option<Labels>> {
             continue;
         }
         let word = std::str::from_utf8(line).unwrap_or("\u{fffd}");
-        codes.push(word.parse().map_err(|_| bad(&file, ("label", number, 1), (word, "a whole number 0..255")))?);
+        codes.push(
+            word.parse().map_err(|_| bad(&file, "label", [number, 1], Mismatch::new(word, "a whole number 0..255")))?,
+        );
     }
     Ok(Some(Labels { path: file, codes }))
 }
@@ -48,6 +50,6 @@ impl Labels {
     /// The error about a wrong number of labels.
     pub(super) fn wrong(&self, points: &Path, found: usize) -> crate::error::Error {
         let allowed = format!("{found} as {} has points", points.display());
-        bad(&self.path, ("number of labels", 0, 0), (self.codes.len(), allowed))
+        bad(&self.path, "number of labels", [0, 0], Mismatch::new(self.codes.len(), allowed))
     }
 }

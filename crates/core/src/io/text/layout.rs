@@ -2,7 +2,7 @@
 
 use super::bad;
 use crate::cloud::{MOST_COLUMNS, names};
-use crate::error::Result;
+use crate::error::{Mismatch, Result};
 use crate::io::lines::{Pieces, count, lines};
 use crate::io::words::Words;
 use crate::io::{format, known};
@@ -35,7 +35,7 @@ pub(super) fn find(path: &Path, pieces: &mut Pieces) -> Result<(Layout, Option<V
                 match whole.filter(|_| declared.is_none() && format::extension(path) == "pts") {
                     Some(n) => declared = Some(n),
                     None => {
-                        let (layout, header) = layout(path, (number, line))?;
+                        let (layout, header) = layout(path, number, line)?;
                         let from = if header { next } else { at };
                         let above = if header { number } else { number - 1 };
                         return Ok((Layout { declared, ..layout }, Some(piece[from..].to_vec()), above));
@@ -60,13 +60,13 @@ impl Layout {
 }
 
 /// The layout according to the first line, and whether that line is a header row.
-fn layout(path: &Path, (number, line): (usize, &[u8])) -> Result<(Layout, bool)> {
-    decimal_comma(path, (number, line))?;
+fn layout(path: &Path, number: usize, line: &[u8]) -> Result<(Layout, bool)> {
+    decimal_comma(path, number, line)?;
     let head = line.strip_prefix(b"//").unwrap_or(line);
     let words: Vec<_> = Words::new(head).take(MOST_COLUMNS + 4).collect();
     if words.len() > MOST_COLUMNS + 3 {
         let allowed = format!("at most {MOST_COLUMNS} and x, y, z");
-        return Err(bad(path, ("number of columns", number, 1), (Words::new(head).count(), allowed)));
+        return Err(bad(path, "number of columns", [number, 1], Mismatch::new(Words::new(head).count(), allowed)));
     }
     let is_name = |text: &[u8]| text.first().is_some_and(|b| b.is_ascii_alphabetic() || *b == b'_');
     if words.iter().any(|w| w.value.is_none() && is_name(w.text)) {
@@ -77,22 +77,23 @@ fn layout(path: &Path, (number, line): (usize, &[u8])) -> Result<(Layout, bool)>
             _ => {
                 return Err(bad(
                     path,
-                    ("header row", number, 1),
-                    (names.join(" "), "names with x, y and z among them"),
+                    "header row",
+                    [number, 1],
+                    Mismatch::new(names.join(" "), "names with x, y and z among them"),
                 ));
             }
         };
         return Ok((Layout { names: names.iter().map(|n| known::name(n)).collect(), axes, declared: None }, true));
     }
     match words.len() {
-        0..3 => Err(bad(path, ("number of columns", number, 1), (words.len(), "3 or more: x y z ..."))),
+        0..3 => Err(bad(path, "number of columns", [number, 1], Mismatch::new(words.len(), "3 or more: x y z ..."))),
         n => Ok((Layout { names: usual_names(n), axes: [0, 1, 2], declared: None }, false)),
     }
 }
 
 /// Rejects decimal commas: `1,5 2,5 3,5` would be read as six columns. Detected by commas within numbers of a line that
 /// has another separator.
-fn decimal_comma(path: &Path, (number, line): (usize, &[u8])) -> Result<()> {
+fn decimal_comma(path: &Path, number: usize, line: &[u8]) -> Result<()> {
     let parts = line.split(|&b| b.is_ascii_whitespace() || b == b';').filter(|w| !w.is_empty());
     let inside = |w: &[u8]| {
         let commas = w.iter().filter(|&&b| b == b',').count();
@@ -103,7 +104,12 @@ fn decimal_comma(path: &Path, (number, line): (usize, &[u8])) -> Result<()> {
     let first = parts.peek().map(|w| String::from_utf8_lossy(w).into_owned()).unwrap_or_default();
     match parts.filter(|w| inside(w)).count() {
         0 | 1 => Ok(()),
-        _ => Err(bad(path, ("value", number, 1), (first, "a number; write decimals with a point, not a comma"))),
+        _ => Err(bad(
+            path,
+            "value",
+            [number, 1],
+            Mismatch::new(first, "a number; write decimals with a point, not a comma"),
+        )),
     }
 }
 

@@ -10,24 +10,21 @@ mod read;
 mod rows;
 mod write;
 
-use crate::error::Error;
+use crate::error::{Error, Mismatch};
 use std::path::Path;
 
 pub(super) use read::{Reader, inspect, read};
 pub(super) use write::write;
 
-fn bad(
-    path: &Path,
-    (field, line, column): (&str, usize, usize),
-    (found, allowed): (impl ToString, impl ToString),
-) -> Error {
+/// An error about a word at a line and a column; line 0 stands for the whole file.
+fn bad(path: &Path, field: &str, [line, column]: [usize; 2], mismatch: Mismatch) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "text",
         field: field.to_string(),
         place: if line == 0 { "the whole file".into() } else { format!("line {line}:{column}") },
-        found: found.to_string(),
-        allowed: allowed.to_string(),
+        found: mismatch.found,
+        allowed: mismatch.allowed,
     }
 }
 

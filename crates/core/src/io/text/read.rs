@@ -5,7 +5,7 @@ use super::labels::{self, Labels};
 use super::layout::{self, Layout};
 use super::rows::{self, Fault};
 use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values, names};
-use crate::error::Result;
+use crate::error::{Mismatch, Result};
 use crate::io::lines::{Pieces, count, cut};
 use crate::io::{FileInfo, ReadOptions};
 use crate::memory;
@@ -89,7 +89,7 @@ impl Reader {
     }
 
     fn fault(&self, fault: Fault) -> crate::error::Error {
-        bad(&self.path, (fault.field, self.lines + fault.line, fault.column), (fault.found, fault.allowed))
+        bad(&self.path, fault.field, [self.lines + fault.line, fault.column], Mismatch::new(fault.found, fault.allowed))
     }
 
     /// The next points, at most this many, as 64-bit numbers; an empty cloud at the end.
@@ -130,7 +130,7 @@ impl Reader {
             None => Ok(()),
             Some(n) => {
                 let allowed = format!("{found} as there are lines; renamed to .xyz the file is read as it is");
-                Err(bad(&self.path, ("number of points", 1, 1), (n, allowed)))
+                Err(bad(&self.path, "number of points", [1, 1], Mismatch::new(n, allowed)))
             }
         }
     }

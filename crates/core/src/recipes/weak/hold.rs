@@ -54,7 +54,7 @@ impl WeakLabels {
         if !self.hold || labels.is_empty() {
             return Ok(Vec::new());
         }
-        let Some((low, high)) = scene.cloud.bounds_watched(monitor)? else { return Ok(Vec::new()) };
+        let Some([low, high]) = scene.cloud.bounds_watched(monitor)? else { return Ok(Vec::new()) };
         let rim = self.hold_within / scene.metres;
         let inside = |at: &[f64; 3]| (0..3).all(|a| (low[a] - rim..=high[a] + rim).contains(&at[a]));
         let labels: Vec<&LabelledPosition> = labels.iter().filter(|label| inside(&label.at)).collect();

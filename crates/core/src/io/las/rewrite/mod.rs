@@ -59,7 +59,7 @@ pub(in crate::io) fn rewrite_records(
     let largest = codes.and_then(|c| c.iter().max().copied()).unwrap_or(0);
     let format = records.header.format;
     let to = (format < 6 && largest > 31).then(|| promote::target(format));
-    let mut report = rewrite_as(records, output, (edits, to), options)?;
+    let mut report = rewrite_as(records, output, Changes { edits, format: to }, options)?;
     if let Some(to) = to {
         let note = format!("class codes up to {largest} need LAS 1.4: point format {format} became {to}");
         report.notes.insert(0, note);
@@ -84,18 +84,26 @@ pub(in crate::io) fn convert(
             return Err(Error::Unsupported { path: input.to_path_buf(), reason });
         }
     }
-    let mut report = rewrite_as(records, output, (&[], to), options)?;
+    let mut report = rewrite_as(records, output, Changes { edits: &[], format: to }, options)?;
     report.notes.extend(to.map(|to| format!("point format {from} became {to}; fields that are new are 0")));
     Ok(report)
 }
 
-/// Writes open records with the edits applied, in another point format if one is given.
+/// What is changed in a copy.
+pub(in crate::io) struct Changes<'a> {
+    pub(in crate::io) edits: &'a [Edit],
+    /// Another point format.
+    pub(in crate::io) format: Option<u8>,
+}
+
+/// Writes open records with the changes applied.
 pub(in crate::io) fn rewrite_as(
     mut records: Records,
     output: &Path,
-    (edits, to): (&[Edit], Option<u8>),
+    changes: Changes<'_>,
     options: &WriteOptions,
 ) -> Result<RewriteReport> {
+    let Changes { edits, format: to } = changes;
     let points = records.header.points;
     let mut report = RewriteReport { points, notes: Vec::new() };
     let mut front = front(&records, to, output);

@@ -129,7 +129,7 @@ impl Plan<'_> {
         let pairs = new.par_chunks_exact_mut(self.new_length).zip(old.par_chunks_exact(self.old_length));
         pairs.with_min_len(8192).enumerate().for_each(|(i, (to, from))| {
             match self.to {
-                Some(format) => promote::record((self.format, format), from, to),
+                Some(format) => promote::record(self.format, format, from, to),
                 None => to[..from.len()].copy_from_slice(from),
             }
             self.apply(to, first + i);
