@@ -4,7 +4,7 @@
 //! values go left at every node. If the samples contain NaN, the first cut is the lowest finite number, so that code 0
 //! stands for NaN only.
 
-use super::quantise::{CodeBlock, ROW, Rows, TILE, Table, Tiles};
+use super::quantise::{CodeBlock, CutTable, QuantiseRows, QuantiseTiles, ROW, TILE};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::random::stream;
@@ -50,7 +50,7 @@ pub struct Binning {
     offsets: Vec<u32>,
     cuts: Vec<f32>,
     /// The cuts of each feature padded to 255 with infinity; empty if a feature has more than 255 cuts.
-    tables: Vec<Table>,
+    tables: Vec<CutTable>,
 }
 
 impl Binning {
@@ -92,7 +92,7 @@ impl Binning {
             offsets.push(offsets[f] + cuts.len() as u32);
         }
         let narrow = cuts.iter().all(|c| c.len() <= 255);
-        let tables = if narrow { cuts.iter().map(|c| Table::new(c)).collect() } else { Vec::new() };
+        let tables = if narrow { cuts.iter().map(|c| CutTable::new(c)).collect() } else { Vec::new() };
         Ok(Self { offsets, cuts: cuts.concat(), tables })
     }
 
@@ -133,7 +133,7 @@ impl Binning {
                 self.width()
             )));
         }
-        pulp::Arch::new().dispatch(Rows { tables: &self.tables, values, codes });
+        pulp::Arch::new().dispatch(QuantiseRows { tables: &self.tables, values, codes });
         Ok(())
     }
 
@@ -142,7 +142,7 @@ impl Binning {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
         codes.by_row.resize(values.len() + ROW, 0);
         let codes = codes.by_row.get_mut(..values.len()).unwrap_or_default();
-        pulp::Arch::new().dispatch(Rows { tables: &self.tables, values, codes });
+        pulp::Arch::new().dispatch(QuantiseRows { tables: &self.tables, values, codes });
     }
 
     /// As [`Binning::bin_rows`], for binnings of any size.
@@ -156,13 +156,13 @@ impl Binning {
     pub(super) fn bin_tiles(&self, values: &[f32], codes: &mut CodeBlock<u8>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
         codes.by_tile.resize(codes.rows.next_multiple_of(TILE) * codes.width, 0);
-        pulp::Arch::new().dispatch(Tiles { tables: &self.tables, values, codes: &mut codes.by_tile });
+        pulp::Arch::new().dispatch(QuantiseTiles { tables: &self.tables, values, codes: &mut codes.by_tile });
     }
 
     /// The cuts of these features only.
     pub(super) fn select(&self, features: &[usize]) -> Self {
         let cuts: Vec<Vec<f32>> = features.iter().map(|&f| self.cuts(f).to_vec()).collect();
-        let tables = if self.fits_u8() { cuts.iter().map(|c| Table::new(c)).collect() } else { Vec::new() };
+        let tables = if self.fits_u8() { cuts.iter().map(|c| CutTable::new(c)).collect() } else { Vec::new() };
         let mut offsets = vec![0u32];
         cuts.iter().for_each(|c| offsets.push(offsets.last().copied().unwrap_or(0) + c.len() as u32));
         Self { offsets, cuts: cuts.concat(), tables }

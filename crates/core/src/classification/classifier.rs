@@ -4,7 +4,7 @@ use super::bagging::BaggingParams;
 use super::boosting::{Boosting, BoostingParams};
 use super::forest::Forest;
 use super::params::ForestParams;
-use super::predict::{PredictScratch, largest};
+use super::predict::{PredictScratch, argmax};
 use super::samples::Samples;
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -222,7 +222,7 @@ impl Classifier {
         }
         let mut out = vec![0.0; rows.len() / self.width().max(1) * self.classes()];
         self.predict_proba(rows, &mut out)?;
-        Ok(out.chunks_exact(self.classes().max(1)).map(|row| largest(row) as u16).collect())
+        Ok(out.chunks_exact(self.classes().max(1)).map(|row| argmax(row) as u16).collect())
     }
 }
 

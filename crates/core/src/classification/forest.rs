@@ -2,7 +2,7 @@
 
 use super::binning::Binning;
 use super::compact::{Compact, WINDOW};
-use super::grow::{ThresholdSplit, Tree};
+use super::grow::{ForestTree, ThresholdSplit};
 use super::nodes::{GrownNode, LEAF_CUT, Node, Trees};
 use crate::error::{Error, Result};
 
@@ -97,7 +97,7 @@ impl Forest {
     }
 
     /// Assembles trained trees: the thresholds that occur become the quantisation.
-    pub(super) fn assemble(trees: &[Tree], width: usize, classes: usize) -> Result<Self> {
+    pub(super) fn assemble(trees: &[ForestTree], width: usize, classes: usize) -> Result<Self> {
         let binning = thresholds(trees, width)?;
         let total: usize = trees.iter().map(|t| t.nodes.len()).sum();
         if total > u32::MAX as usize {
@@ -130,7 +130,7 @@ impl Forest {
         };
     }
 
-    fn append(&mut self, tree: &Tree) {
+    fn append(&mut self, tree: &ForestTree) {
         let first = self.nodes.len() as u32;
         let own_rows = (self.leaves.len() / self.classes - self.classes) as u32;
         self.roots.push(first);
@@ -152,7 +152,7 @@ fn one_hot(classes: usize) -> Vec<f32> {
     (0..classes * classes).map(|i| f32::from(u8::from(i % (classes + 1) == 0))).collect()
 }
 
-fn thresholds(trees: &[Tree], width: usize) -> Result<Binning> {
+fn thresholds(trees: &[ForestTree], width: usize) -> Result<Binning> {
     let mut cuts = vec![Vec::new(); width];
     for node in trees.iter().flat_map(|t| &t.nodes) {
         if let GrownNode::Split(split, _) = node {
@@ -166,7 +166,7 @@ fn thresholds(trees: &[Tree], width: usize) -> Result<Binning> {
     Binning::new(cuts)
 }
 
-fn mean_importance(trees: &[Tree], width: usize) -> Vec<f64> {
+fn mean_importance(trees: &[ForestTree], width: usize) -> Vec<f64> {
     let mut mean = vec![0.0; width];
     for tree in trees {
         let sum: f64 = tree.importance.iter().sum();

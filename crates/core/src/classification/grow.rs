@@ -20,7 +20,7 @@ pub(super) struct ThresholdSplit {
 
 /// One trained tree; the number of a leaf is its row of probabilities. Leaf rows `0..classes` stand for pure leaves; `leaves` holds the rows from `classes` on.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Tree {
+pub(super) struct ForestTree {
     pub(super) nodes: Vec<GrownNode<ThresholdSplit>>,
     pub(super) leaves: Vec<f32>,
     /// Decrease of impurity x weight by every feature.
@@ -60,7 +60,7 @@ pub(super) struct TreeParams<'a, D> {
 }
 
 /// A tree that is being grown.
-pub(super) struct Grower<'a, D: CodeTable, S, W> {
+pub(super) struct ForestGrower<'a, D: CodeTable, S, W> {
     columns: &'a D,
     params: &'a ForestParams,
     monitor: &'a Monitor,
@@ -69,10 +69,10 @@ pub(super) struct Grower<'a, D: CodeTable, S, W> {
     search: SplitSearch<D::Code>,
     order: Vec<u16>,
     buffer: Vec<Entry<W>>,
-    tree: Tree,
+    tree: ForestTree,
 }
 
-impl<'a, D: CodeTable, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
+impl<'a, D: CodeTable, S: Scan<D::Code, W>, W: Weight> ForestGrower<'a, D, S, W> {
     pub(super) fn new(of: TreeParams<'a, D>, scan: S, random: Stream) -> Self {
         let TreeParams { columns, params, classes, monitor } = of;
         Self {
@@ -84,12 +84,12 @@ impl<'a, D: CodeTable, S: Scan<D::Code, W>, W: Weight> Grower<'a, D, S, W> {
             search: SplitSearch::new(classes, params.criterion, params.min_samples_leaf),
             order: (0..columns.width() as u16).collect(),
             buffer: Vec::new(),
-            tree: Tree { importance: vec![0.0; columns.width()], ..Tree::default() },
+            tree: ForestTree { importance: vec![0.0; columns.width()], ..ForestTree::default() },
         }
     }
 
     /// Grows the tree on these samples (at least one; `row` is an index into the columns).
-    pub(super) fn grow(mut self, mut entries: Vec<Entry<W>>) -> Result<Tree> {
+    pub(super) fn grow(mut self, mut entries: Vec<Entry<W>>) -> Result<ForestTree> {
         let codes = self.columns.columns();
         let table = NodeTable { codes, stride: codes.len() / self.columns.width(), local: false };
         self.tree.nodes.push(GrownNode::Leaf(0));

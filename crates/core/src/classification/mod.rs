@@ -47,4 +47,5 @@ pub use importance::{Importance, PermutationParams, permutation_importance};
 pub use out_of_bag::FitReport;
 pub use params::{Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Splitter, Trainer};
 pub use predict::PredictScratch;
+pub(crate) use predict::argmax;
 pub use samples::Samples;

@@ -2,7 +2,7 @@
 //! 3.1).
 
 use super::forest::Forest;
-use super::predict::largest;
+use super::predict::argmax;
 use super::samples::Samples;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
@@ -48,7 +48,7 @@ pub(super) fn report(forest: &Forest, samples: &Samples<'_>, bags: &[BagSet], mo
     for (i, row) in oob_probabilities.chunks_exact(classes).enumerate() {
         if samples.weight(i) > 0.0 && !row[0].is_nan() {
             judged += 1;
-            right += u64::from(largest(row) == usize::from(samples.labels[i]));
+            right += u64::from(argmax(row) == usize::from(samples.labels[i]));
         }
     }
     Ok(FitReport { oob_score: (judged > 0).then(|| right as f64 / judged as f64), oob_probabilities })

@@ -86,7 +86,7 @@ impl Forest {
         }
         let mut shares = vec![0.0; out.len() * self.classes];
         self.predict_block(rows, scratch, &mut shares)?;
-        let best = shares.chunks_exact(self.classes).map(|row| largest(row) as u16);
+        let best = shares.chunks_exact(self.classes).map(|row| argmax(row) as u16);
         out.iter_mut().zip(best).for_each(|(label, best)| *label = best);
         Ok(())
     }
@@ -173,6 +173,6 @@ impl Forest {
 }
 
 /// Index of the largest value, the first of equal ones.
-pub(super) fn largest(row: &[f32]) -> usize {
+pub(crate) fn argmax(row: &[f32]) -> usize {
     (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best })
 }

@@ -30,14 +30,14 @@ pub(super) struct CodeBlock<C> {
 /// one or a few if there are few cuts.
 #[derive(Clone, Debug, PartialEq)]
 #[repr(align(64))]
-pub(super) struct Table {
+pub(super) struct CutTable {
     coarse: [f32; 16],
     fine: [[f32; 16]; 16],
     /// Number of cuts.
     cuts: usize,
 }
 
-impl Table {
+impl CutTable {
     pub(super) fn new(cuts: &[f32]) -> Self {
         let cut = |i: usize| cuts.get(i).copied().unwrap_or(f32::INFINITY);
         let fine = std::array::from_fn(|block| std::array::from_fn(|i| cut(16 * block + i)));
@@ -95,13 +95,13 @@ fn count_below<S: Simd>(simd: S, cuts: &[f32; 16], x: S::f32s) -> u32 {
 }
 
 /// Codes of whole rows, compiled for each instruction set.
-pub(super) struct Rows<'a> {
-    pub(super) tables: &'a [Table],
+pub(super) struct QuantiseRows<'a> {
+    pub(super) tables: &'a [CutTable],
     pub(super) values: &'a [f32],
     pub(super) codes: &'a mut [u8],
 }
 
-impl pulp::WithSimd for Rows<'_> {
+impl pulp::WithSimd for QuantiseRows<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -116,13 +116,13 @@ impl pulp::WithSimd for Rows<'_> {
 }
 
 /// Codes of rows in tiles, which hold [`TILE`] codes of one feature after the other; compiled for each instruction set.
-pub(super) struct Tiles<'a> {
-    pub(super) tables: &'a [Table],
+pub(super) struct QuantiseTiles<'a> {
+    pub(super) tables: &'a [CutTable],
     pub(super) values: &'a [f32],
     pub(super) codes: &'a mut [u8],
 }
 
-impl pulp::WithSimd for Tiles<'_> {
+impl pulp::WithSimd for QuantiseTiles<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use super::bag::bag;
 use super::binning::{Binning, BinningParams};
 use super::exact::{Ranks, Sorter};
 use super::forest::Forest;
-use super::grow::{Grower, Tree, TreeParams};
+use super::grow::{ForestGrower, ForestTree, TreeParams};
 use super::histogram::{Histogram, QuantisedSamples};
 use super::impurity::{Entry, Weight};
 use super::out_of_bag::{self, BagSet, FitReport};
@@ -81,7 +81,7 @@ impl ForestData<'_> {
         columns: &D,
         weight: impl Fn(f64, u32) -> W + Sync,
         scan: impl Fn(usize) -> S + Sync,
-    ) -> Result<Vec<(Tree, BagSet)>> {
+    ) -> Result<Vec<(ForestTree, BagSet)>> {
         map_ordered(self.params.trees, self.monitor, |t| {
             let mut random = stream(self.params.seed, t as u64);
             let times = bag(self.params.bootstrap, self.active.len(), &mut random);
@@ -94,7 +94,7 @@ impl ForestData<'_> {
             let entries: Vec<Entry<W>> = entries.collect();
             let set = BagSet::new(self.samples.len(), entries.iter().map(|e| e.row));
             let of = TreeParams { columns, params: self.params, classes: self.samples.classes, monitor: self.monitor };
-            let tree = Grower::new(of, scan(self.samples.classes), random).grow(entries)?;
+            let tree = ForestGrower::new(of, scan(self.samples.classes), random).grow(entries)?;
             self.monitor.advance(1);
             Ok((tree, set))
         })

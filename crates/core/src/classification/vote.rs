@@ -3,7 +3,7 @@
 
 use super::compact::Compact;
 use super::forest::Forest;
-use super::predict::{PredictScratch, largest};
+use super::predict::{PredictScratch, argmax};
 
 /// A lead must exceed what the remaining trees can add by this much: more than the rounding of the sums.
 const SLACK: f32 = 1e-3;
@@ -36,7 +36,7 @@ impl Forest {
         let trees = count.max(1) as f32;
         for (&row, sums) in open.rows.iter().zip(open.sums.chunks_exact_mut(self.classes)) {
             sums.iter_mut().for_each(|p| *p /= trees);
-            out[row as usize] = largest(sums) as u16;
+            out[row as usize] = argmax(sums) as u16;
         }
     }
 
@@ -52,7 +52,7 @@ impl Forest {
         let mut kept = 0;
         for i in 0..open.rows.len() {
             let sums = &open.sums[i * classes..][..classes];
-            let best = largest(sums);
+            let best = argmax(sums);
             let second = (0..classes).filter(|&c| c != best).map(|c| sums[c]).fold(0.0, f32::max);
             if sums[best] - second > most {
                 out[open.rows[i] as usize] = best as u16;
@@ -86,7 +86,7 @@ mod tests {
                 let forest = Forest::fit(&data.samples(), &params, &Monitor::default()).unwrap();
                 let mut all = vec![0.0; 6000 * classes];
                 forest.predict_proba(&data.features, &mut all).unwrap();
-                let expected: Vec<u16> = all.chunks_exact(classes).map(|row| largest(row) as u16).collect();
+                let expected: Vec<u16> = all.chunks_exact(classes).map(|row| argmax(row) as u16).collect();
                 assert_eq!(forest.predict(&data.features).unwrap(), expected, "{classes} classes, {trees} trees");
             }
         }

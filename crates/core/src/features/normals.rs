@@ -120,7 +120,8 @@ fn push(found: &Tensor, lanes: usize, out: &mut Normals) {
     }
 }
 
-/// Whichever of ±v points up; if horizontal, the one whose first nonzero coordinate is positive.
+/// The normal v or its opposite −v: the one that points up, or if both are horizontal the one whose first nonzero
+/// coordinate is positive.
 #[inline(always)]
 fn upward(v: [f32; 3]) -> [f32; 3] {
     let lead = if v[2] != 0.0 {

@@ -33,10 +33,10 @@ pub fn connected_components(graph: &Graph, monitor: &Monitor) -> Result<Componen
     let mut sets = UnionFind::new(graph.len());
     for piece in watched(graph.edges().len(), monitor) {
         for &[a, b] in &graph.edges()[piece?] {
-            sets.join(a, b);
+            sets.unite(a, b);
         }
     }
-    Components::numbered(graph.len(), |node| sets.find(node), monitor)
+    Components::numbered(graph.len(), |node| sets.root(node), monitor)
 }
 
 impl Components {

@@ -1,6 +1,6 @@
 //! Graph-based segmentation of Felzenszwalb and Huttenlocher.
 
-use super::{Components, Graph};
+use super::{Components, Graph, UnionFind};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, sort_stable_watched, watched};
 use serde::{Deserialize, Serialize};
@@ -100,8 +100,10 @@ type Edge = ([u32; 2], f64);
 #[derive(Clone, Debug, Default)]
 pub struct FelzenszwalbMerger {
     edges: Vec<Edge>,
-    parent: Vec<u32>,
+    components: UnionFind,
+    /// Number of nodes of the component of each root.
     size: Vec<u32>,
+    /// Internal difference of the component of each root.
     internal: Vec<f64>,
 }
 
@@ -119,8 +121,7 @@ impl FelzenszwalbMerger {
     /// Starts with every node as a component.
     fn begin(&mut self, nodes: usize, params: &FelzenszwalbParams) {
         let similar = params.meaning == EdgeMeaning::Similarity;
-        self.parent.clear();
-        self.parent.extend(0..nodes as u32);
+        self.components.reset(nodes);
         self.size.clear();
         self.size.resize(nodes, 1);
         self.internal.clear();
@@ -140,23 +141,16 @@ impl FelzenszwalbMerger {
             } else {
                 weight <= (within(a) + share(a)).min(within(b) + share(b))
             };
-            if a != b && joins {
-                let (kept, gone) = if self.size[a as usize] >= self.size[b as usize] { (a, b) } else { (b, a) };
-                self.parent[gone as usize] = kept;
+            if joins && let Some((kept, gone)) = self.components.unite(a, b) {
                 self.size[kept as usize] += self.size[gone as usize];
                 self.internal[kept as usize] = weight;
             }
         }
     }
 
-    /// The representative of a node's component after [`FelzenszwalbMerger::merge`].
-    pub fn component(&mut self, mut node: u32) -> u32 {
-        while self.parent[node as usize] != node {
-            let above = self.parent[self.parent[node as usize] as usize];
-            self.parent[node as usize] = above;
-            node = above;
-        }
-        node
+    /// The smallest node of a node's component after [`FelzenszwalbMerger::merge`].
+    pub fn component(&mut self, node: u32) -> u32 {
+        self.components.root(node)
     }
 }
 

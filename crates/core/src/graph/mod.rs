@@ -17,6 +17,7 @@ pub use incidence::Incidence;
 pub use max_flow::MaxFlow;
 pub use orientation::Orientation;
 pub use spanning_tree::minimum_spanning_tree;
+pub(crate) use union_find::UnionFind;
 pub use weight::EdgeWeight;
 
 use crate::error::{Error, Result};

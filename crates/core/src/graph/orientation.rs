@@ -93,14 +93,14 @@ fn propagate(points: &Points, neighbours: &Neighbours, directions: &mut [[f32; 3
 /// The highest point of each component of a forest, the first of equal ones.
 fn highest(forest: &[[u32; 2]], points: &Points, monitor: &Monitor) -> Result<Vec<u32>> {
     const NONE: u32 = u32::MAX;
-    let mut pieces = UnionFind::new(points.len());
+    let mut components = UnionFind::new(points.len());
     for some in watched(forest.len(), monitor) {
-        forest[some?].iter().for_each(|&[a, b]| _ = pieces.join(a, b));
+        forest[some?].iter().for_each(|&[a, b]| _ = components.unite(a, b));
     }
     let mut top = vec![NONE; points.len()];
     for some in watched(points.len(), monitor) {
         for i in some? {
-            let best = &mut top[pieces.find(i as u32) as usize];
+            let best = &mut top[components.root(i as u32) as usize];
             if *best == NONE || points.z[i].total_cmp(&points.z[*best as usize]).is_gt() {
                 *best = i as u32;
             }

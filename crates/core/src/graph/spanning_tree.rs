@@ -32,7 +32,7 @@ pub fn minimum_spanning_tree(graph: &Graph, monitor: &Monitor) -> Result<Vec<u32
     for piece in watched(order.len(), monitor) {
         for &key in &order[piece?] {
             let [a, b] = graph.edges()[key as u32 as usize];
-            if sets.join(a, b) {
+            if sets.unite(a, b).is_some() {
                 chosen[key as u32 as usize] = true;
                 missing -= 1;
             }

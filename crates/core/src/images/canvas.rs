@@ -2,7 +2,6 @@
 
 use super::RenderParams;
 use super::camera::Camera;
-use super::raster::{NOTHING, Raster};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use std::io::Write;
@@ -123,34 +122,5 @@ impl Frame {
         let v = self.corner[1] + (0.5 - f64::from(self.y)) * self.unit;
         let (x, y) = camera.map_place(u, v);
         [self.unit, 0.0, 0.0, -self.unit, x, y]
-    }
-}
-
-impl Image {
-    /// Averages the fine grid into the pixels of the cloud's part.
-    pub(super) fn fill(
-        &mut self,
-        frame: &Frame,
-        raster: &Raster,
-        colour: impl Fn(usize, u32) -> [f32; 3],
-        monitor: &Monitor,
-    ) -> Result<()> {
-        for v in 0..frame.h as usize {
-            monitor.check()?;
-            for u in 0..frame.w as usize {
-                let mut sum = [0.0f32; 3];
-                for i in 0..FINER * FINER {
-                    let at = (v * FINER + i / FINER) * raster.width + u * FINER + i % FINER;
-                    let c = match raster.points[at] {
-                        NOTHING => PAPER,
-                        point => colour(at, point),
-                    };
-                    (0..3).for_each(|a| sum[a] += c[a].clamp(0.0, 255.0));
-                }
-                let at = 3 * ((v + frame.y as usize) * self.width as usize + u + frame.x as usize);
-                (0..3).for_each(|a| self.rgb[at + a] = (sum[a] / (FINER * FINER) as f32).round() as u8);
-            }
-        }
-        Ok(())
     }
 }

@@ -139,7 +139,7 @@ pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monito
         false => raster::filled(raster.points.len(), 1.0, monitor)?,
     };
     let colour = |pixel: usize, point: u32| paint.colour(cloud, point).map(|c| c * light[pixel]);
-    image.fill(&frame, &raster, colour, monitor)?;
+    raster.fill(&mut image, &frame, colour, monitor)?;
     if let Some(title) = &params.title {
         text::draw(&mut image, [canvas::MARGIN as f32, 40.0], text::Style { size: 26.0, colour: canvas::INK }, title);
     }

@@ -1,7 +1,7 @@
 //! Visibility: the point seen at each cell of the fine grid, by a depth buffer with square splats.
 
 use super::camera::Camera;
-use super::canvas::{FINER, Frame};
+use super::canvas::{FINER, Frame, Image, PAPER};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
@@ -103,5 +103,32 @@ impl Raster {
                 }
             }
         }
+    }
+
+    /// Averages the fine grid into the pixels of the cloud's part.
+    pub(super) fn fill(
+        &self,
+        image: &mut Image,
+        frame: &Frame,
+        colour: impl Fn(usize, u32) -> [f32; 3],
+        monitor: &Monitor,
+    ) -> Result<()> {
+        for v in 0..frame.h as usize {
+            monitor.check()?;
+            for u in 0..frame.w as usize {
+                let mut sum = [0.0f32; 3];
+                for i in 0..FINER * FINER {
+                    let at = (v * FINER + i / FINER) * self.width + u * FINER + i % FINER;
+                    let c = match self.points[at] {
+                        NOTHING => PAPER,
+                        point => colour(at, point),
+                    };
+                    (0..3).for_each(|a| sum[a] += c[a].clamp(0.0, 255.0));
+                }
+                let at = 3 * ((v + frame.y as usize) * image.width as usize + u + frame.x as usize);
+                (0..3).for_each(|a| image.rgb[at + a] = (sum[a] / (FINER * FINER) as f32).round() as u8);
+            }
+        }
+        Ok(())
     }
 }

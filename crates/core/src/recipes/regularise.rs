@@ -320,7 +320,7 @@ pub(super) fn by_largest(probabilities: Vec<f32>, classes: usize) -> Regularised
 
 /// Position of the largest value; the first of equal ones.
 pub(super) fn largest(row: &[f32]) -> u16 {
-    (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best }) as u16
+    crate::classification::argmax(row) as u16
 }
 
 #[cfg(test)]

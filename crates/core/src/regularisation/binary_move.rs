@@ -11,7 +11,6 @@
 
 use super::Energy;
 use super::energy::Problem;
-use super::persistency::PartialLabelling;
 use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::{Looks, Monitor, watched};
@@ -42,7 +41,7 @@ pub(super) struct BinaryMove {
     /// Choice between equal cuts: if true, nodes take the label.
     pub(super) eager: bool,
     /// Number of the first auxiliary node (label costs).
-    first_auxiliary: usize,
+    pub(super) first_auxiliary: usize,
 }
 
 impl BinaryMove {
@@ -97,55 +96,12 @@ impl BinaryMove {
         self.reduce(problem.adjacency, monitor)
     }
 
-    /// Sets up the two-label problem of persistency for `alpha` (Potts), where some labels are known already: the costs
-    /// of all other labels are replaced by their minimum.
-    ///
-    /// # Errors
-    /// If the work was cancelled.
-    pub(super) fn set_one_against_the_rest(
-        &mut self,
-        problem: &Problem<'_>,
-        known: &PartialLabelling,
-        alpha: u16,
-    ) -> Result<()> {
-        let (energy, monitor) = (&problem.energy, problem.monitor);
-        let (nodes, mut looks) = (known.labels.len(), Looks::at(monitor));
-        self.theta.clear();
-        self.state.clear();
-        for piece in watched(nodes, monitor) {
-            let piece = piece?;
-            self.theta.extend(piece.clone().map(|i| energy.cost(i, alpha) - known.least_but(i, alpha)));
-            self.state.extend(piece.map(|i| known.labels[i].map_or(State::Open, |_| State::Stays)));
-        }
-        self.clear_edges(energy, nodes);
-        let edges = energy.graph.edges().iter().zip(energy.graph.weights());
-        for ((&[i, j], &weight), coupling) in edges.zip(&mut self.coupling) {
-            looks.step()?;
-            let (i, j) = (i as usize, j as usize);
-            let cost = energy.strength * f64::from(weight);
-            match (self.state[i], self.state[j]) {
-                (State::Open, State::Open) => {
-                    *coupling = cost;
-                    self.slack[i] += cost;
-                    self.slack[j] += cost;
-                }
-                (State::Open, _) => self.theta[i] += cost,
-                (_, State::Open) => self.theta[j] += cost,
-                _ => {}
-            }
-        }
-        self.fresh.clear();
-        self.fresh.resize(nodes, true);
-        self.first_auxiliary = nodes;
-        self.reduce(problem.adjacency, monitor)
-    }
-
     /// Nodes in this state; after the reduction the settled ones.
     pub(super) fn settled(&self, state: State) -> impl Iterator<Item = u32> + '_ {
         self.state.iter().enumerate().filter(move |(_, s)| **s == state).map(|(node, _)| node as u32)
     }
 
-    fn reduce(&mut self, adjacency: &Adjacency, monitor: &Monitor) -> Result<()> {
+    pub(super) fn reduce(&mut self, adjacency: &Adjacency, monitor: &Monitor) -> Result<()> {
         let mut looks = Looks::at(monitor);
         self.settled.clear();
         for node in 0..self.state.len() {
@@ -172,7 +128,7 @@ impl BinaryMove {
         Ok(())
     }
 
-    fn clear_edges(&mut self, energy: &Energy<'_>, nodes: usize) {
+    pub(super) fn clear_edges(&mut self, energy: &Energy<'_>, nodes: usize) {
         self.slack.clear();
         self.slack.resize(nodes, 0.0);
         self.coupling.clear();

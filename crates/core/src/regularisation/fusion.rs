@@ -4,16 +4,27 @@
 //! 2010. The nodes whose labels differ form regions that are not adjacent to each other, so that each region can take
 //! the cheaper of its two labellings independently. The energy of the result is at most that of the better labelling.
 
-use super::move_making::MoveMaking;
+use super::move_making::{MoveMaking, Outcome};
 use crate::error::Result;
 use crate::parallel::Looks;
+
+impl MoveMaking<'_> {
+    /// Fuses another labelling into this one, region by region; true if that lowers the energy.
+    pub(super) fn fuse(&mut self, other: &[u16]) -> Result<bool> {
+        self.begin_move();
+        let moves = fusion_move(self, other)?;
+        let moved = self.apply(&moves)? == Outcome::Moved;
+        self.record_energy()?;
+        Ok(moved)
+    }
+}
 
 /// The changes to the labels of `other` in all regions where they cost less. Label costs make regions depend on each
 /// other; then all differences are treated as one region. O(nodes + edges).
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn fusion_move(search: &MoveMaking<'_>, other: &[u16]) -> Result<Vec<(u32, u16)>> {
+fn fusion_move(search: &MoveMaking<'_>, other: &[u16]) -> Result<Vec<(u32, u16)>> {
     let mut regions = Regions {
         search,
         other,

@@ -5,7 +5,6 @@ use super::Labelling;
 use super::binary_move::BinaryMove;
 use super::cuts::Components;
 use super::energy::Problem;
-use super::fusion::fusion_move;
 use crate::error::Result;
 use crate::parallel::Looks;
 
@@ -78,7 +77,7 @@ impl<'a> MoveMaking<'a> {
     /// Tries a move and passes on when it was last attempted, so that it can skip nodes that nothing has changed for.
     fn attempt(&mut self, moves: &mut Moves, number: usize, attempt: &mut Attempt<'_, 'a>) -> Result<bool> {
         self.problem.monitor.check()?;
-        self.now = self.now.saturating_add(1);
+        self.begin_move();
         let outcome = attempt(self, number, moves.attempted[number])?;
         if outcome != Outcome::Refused {
             moves.attempted[number] = self.now;
@@ -140,18 +139,15 @@ impl<'a> MoveMaking<'a> {
         Ok(circles.is_empty())
     }
 
-    fn record_energy(&mut self) -> Result<()> {
-        self.trace.push(self.problem.energy.of_watched(&self.labels, self.problem.monitor)?);
-        Ok(())
+    /// Counts one more move.
+    pub(super) fn begin_move(&mut self) {
+        self.now = self.now.saturating_add(1);
     }
 
-    /// Fuses another labelling into this one, region by region; true if that lowers the energy.
-    pub(super) fn fuse(&mut self, other: &[u16]) -> Result<bool> {
-        self.now = self.now.saturating_add(1);
-        let moves = fusion_move(self, other)?;
-        let moved = self.apply(&moves)? == Outcome::Moved;
-        self.record_energy()?;
-        Ok(moved)
+    /// Appends the energy of the labelling to the trace.
+    pub(super) fn record_energy(&mut self) -> Result<()> {
+        self.trace.push(self.problem.energy.of_watched(&self.labels, self.problem.monitor)?);
+        Ok(())
     }
 
     /// Marks for the next move which nodes, or neighbours of them, changed after attempt `since`.

@@ -9,7 +9,7 @@ use super::binary_move::{BinaryMove, State};
 use super::cuts::Components;
 use super::energy::Problem;
 use crate::error::Result;
-use crate::parallel::watched;
+use crate::parallel::{Looks, watched};
 
 /// The persistent labels, and the two least costs of each node.
 #[derive(Clone, Debug)]
@@ -63,5 +63,45 @@ impl PartialLabelling {
     pub(super) fn least_but(&self, node: usize, alpha: u16) -> f64 {
         let TwoLeast { label, first, second } = self.least[node];
         f64::from(if label == alpha { second } else { first })
+    }
+}
+
+impl BinaryMove {
+    /// Sets up the two-label problem of persistency for `alpha` (Potts), where some labels are known already: the costs
+    /// of all other labels are replaced by their minimum.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    fn set_one_against_the_rest(&mut self, problem: &Problem<'_>, known: &PartialLabelling, alpha: u16) -> Result<()> {
+        let (energy, monitor) = (&problem.energy, problem.monitor);
+        let (nodes, mut looks) = (known.labels.len(), Looks::at(monitor));
+        self.theta.clear();
+        self.state.clear();
+        for piece in watched(nodes, monitor) {
+            let piece = piece?;
+            self.theta.extend(piece.clone().map(|i| energy.cost(i, alpha) - known.least_but(i, alpha)));
+            self.state.extend(piece.map(|i| known.labels[i].map_or(State::Open, |_| State::Stays)));
+        }
+        self.clear_edges(energy, nodes);
+        let edges = energy.graph.edges().iter().zip(energy.graph.weights());
+        for ((&[i, j], &weight), coupling) in edges.zip(&mut self.coupling) {
+            looks.step()?;
+            let (i, j) = (i as usize, j as usize);
+            let cost = energy.strength * f64::from(weight);
+            match (self.state[i], self.state[j]) {
+                (State::Open, State::Open) => {
+                    *coupling = cost;
+                    self.slack[i] += cost;
+                    self.slack[j] += cost;
+                }
+                (State::Open, _) => self.theta[i] += cost,
+                (_, State::Open) => self.theta[j] += cost,
+                _ => {}
+            }
+        }
+        self.fresh.clear();
+        self.fresh.resize(nodes, true);
+        self.first_auxiliary = nodes;
+        self.reduce(problem.adjacency, monitor)
     }
 }

@@ -2,53 +2,8 @@
 
 use super::Partition;
 use crate::error::Result;
-use crate::graph::Graph;
+use crate::graph::{Graph, UnionFind};
 use crate::parallel::{Monitor, watched};
-
-/// Disjoint sets (union-find) in which the root is always the smallest member.
-pub(super) struct Sets(Vec<u32>);
-
-impl Sets {
-    pub(super) fn new(len: usize) -> Self {
-        Self((0..len as u32).collect())
-    }
-
-    /// Smallest member of the set of `node`; halves the path on its way.
-    pub(super) fn root(&mut self, mut node: u32) -> u32 {
-        loop {
-            let parent = self.0[node as usize];
-            if parent == node {
-                return node;
-            }
-            let grand = self.0[parent as usize];
-            self.0[node as usize] = grand;
-            node = grand;
-        }
-    }
-
-    /// Merges two sets; returns the roots as (kept, absorbed), or nothing if they are one set already.
-    pub(super) fn unite(&mut self, a: u32, b: u32) -> Option<(u32, u32)> {
-        let (a, b) = (self.root(a), self.root(b));
-        if a == b {
-            return None;
-        }
-        let (kept, gone) = (a.min(b), a.max(b));
-        self.0[gone as usize] = kept;
-        Some((kept, gone))
-    }
-
-    /// Root of every member.
-    ///
-    /// # Errors
-    /// If the work was cancelled.
-    pub(super) fn roots(&mut self, monitor: &Monitor) -> Result<Vec<u32>> {
-        let mut roots = Vec::with_capacity(self.0.len());
-        for piece in watched(self.0.len(), monitor) {
-            roots.extend(piece?.map(|node| self.root(node as u32)));
-        }
-        Ok(roots)
-    }
-}
 
 /// The connected components of the graph that has only the edges for which `kept(edge index, ends)` is true, as
 /// segments. O(n + m).
@@ -60,7 +15,7 @@ pub fn connected_partition(
     mut kept: impl FnMut(usize, [u32; 2]) -> bool,
     monitor: &Monitor,
 ) -> Result<Partition> {
-    let mut sets = Sets::new(graph.len());
+    let mut sets = UnionFind::new(graph.len());
     for piece in watched(graph.edges().len(), monitor) {
         for e in piece? {
             let [a, b] = graph.edges()[e];

@@ -14,13 +14,13 @@ use rayon::prelude::*;
 
 /// A tree; the samples of each leaf are a range of `rows`.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Tree {
+pub(super) struct LeafwiseTree {
     pub(super) nodes: Vec<GrownNode<Split>>,
     pub(super) leaves: Vec<std::ops::Range<usize>>,
     pub(super) rows: Vec<u32>,
 }
 
-impl Tree {
+impl LeafwiseTree {
     /// The leaf that a sample reaches.
     pub(super) fn leaf(&self, blocks: &Blocks, row: u32) -> usize {
         let mut at = 0;
@@ -77,7 +77,7 @@ struct OpenLeaf {
 }
 
 /// Everything that growing a tree needs.
-pub(super) struct Grower<'a> {
+pub(super) struct LeafwiseGrower<'a> {
     pub(super) rules: SplitRules<'a>,
     /// Derivatives of every sample as a cell.
     pub(super) samples: &'a [Cell],
@@ -85,14 +85,14 @@ pub(super) struct Grower<'a> {
     pub(super) pool: &'a mut HistogramPool,
 }
 
-impl Grower<'_> {
+impl LeafwiseGrower<'_> {
     fn params(&self) -> &BoostingParams {
         self.rules.params
     }
 
     /// Grows the tree on these samples.
-    pub(super) fn grow(mut self, rows: Vec<u32>) -> Result<Tree> {
-        let mut tree = Tree { nodes: vec![GrownNode::Leaf(0)], leaves: Vec::new(), rows };
+    pub(super) fn grow(mut self, rows: Vec<u32>) -> Result<LeafwiseTree> {
+        let mut tree = LeafwiseTree { nodes: vec![GrownNode::Leaf(0)], leaves: Vec::new(), rows };
         let total = tree.rows.iter().fold([0; 2], |sum, &r| plus(sum, self.samples[r as usize]));
         let all = 0..tree.rows.len();
         let mut root = OpenLeaf { node: 0, rows: all, depth: 0, total, histogram: None, split: None };
@@ -122,7 +122,7 @@ impl Grower<'_> {
     }
 
     /// Splits a leaf; the best splits of its children are searched only if there is `room` for more leaves.
-    fn divide(&mut self, tree: &mut Tree, leaf: OpenLeaf, room: bool) -> Result<[OpenLeaf; 2]> {
+    fn divide(&mut self, tree: &mut LeafwiseTree, leaf: OpenLeaf, room: bool) -> Result<[OpenLeaf; 2]> {
         let OpenLeaf { node, rows, depth, total, histogram, split } = leaf;
         let child =
             |at: usize, rows| OpenLeaf { node: at, rows, depth: depth + 1, total, histogram: None, split: None };

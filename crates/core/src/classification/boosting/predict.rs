@@ -1,7 +1,7 @@
 //! Prediction: a block of rows is quantised once, then every tree adds its leaf values.
 
 use super::super::descend::Walk;
-use super::super::predict::{PredictScratch, largest};
+use super::super::predict::{PredictScratch, argmax};
 use super::super::quantise::{CodeBlock, TILE};
 use super::model::Boosting;
 use super::sweep::{NARROW, Sweep};
@@ -50,7 +50,7 @@ impl Boosting {
     pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
         let mut probabilities = vec![0.0; rows.len() / self.width * self.classes];
         self.predict_proba(rows, &mut probabilities)?;
-        Ok(probabilities.chunks_exact(self.classes).map(|row| largest(row) as u16).collect())
+        Ok(probabilities.chunks_exact(self.classes).map(|row| argmax(row) as u16).collect())
     }
 
     fn check_lengths(&self, rows: &[f32], out: &[f32]) -> Result<()> {

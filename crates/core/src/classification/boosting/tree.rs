@@ -1,7 +1,7 @@
 //! One tree: derivatives, growth, leaf values, new scores.
 
 use super::data::{BoostingData, CHUNK};
-use super::grow::{Grower, HistogramPool, Tree};
+use super::grow::{HistogramPool, LeafwiseGrower, LeafwiseTree};
 use super::histogram::{Cell, Scale};
 use super::model::GrownTree;
 use super::split::SplitRules;
@@ -32,7 +32,7 @@ impl TreeFit<'_> {
         let samples: Vec<Cell> = derivatives.par_iter().with_min_len(CHUNK).map(|&d| scale.cell(d)).collect();
         let allowed = self.columns();
         let rules = SplitRules { blocks: &data.blocks, params: data.params, scale, allowed: &allowed };
-        let grower = Grower { rules, samples: &samples, monitor: data.monitor, pool };
+        let grower = LeafwiseGrower { rules, samples: &samples, monitor: data.monitor, pool };
         let tree = grower.grow(bag.to_vec())?;
         let leaf_values = self.leaf_values(&tree, &derivatives);
         self.add(&tree, &leaf_values, scores);
@@ -58,7 +58,7 @@ impl TreeFit<'_> {
     }
 
     /// Value of every leaf: -G / (H + lambda) times the learning rate, from the exact derivatives.
-    fn leaf_values(&self, tree: &Tree, derivatives: &[[f32; 2]]) -> Vec<f32> {
+    fn leaf_values(&self, tree: &LeafwiseTree, derivatives: &[[f32; 2]]) -> Vec<f32> {
         let params = self.data.params;
         let value = |leaf: &std::ops::Range<usize>| {
             let rows = tree.rows[leaf.clone()].iter();
@@ -72,7 +72,7 @@ impl TreeFit<'_> {
         tree.leaves.iter().map(value).collect()
     }
 
-    fn add(&self, tree: &Tree, leaf_values: &[f32], scores: &mut [f64]) {
+    fn add(&self, tree: &LeafwiseTree, leaf_values: &[f32], scores: &mut [f64]) {
         let data = self.data;
         for (leaf, &value) in tree.leaves.iter().zip(leaf_values) {
             tree.rows[leaf.clone()].iter().for_each(|&row| scores[row as usize] += f64::from(value));

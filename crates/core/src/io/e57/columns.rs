@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 /// Name and type of each column, in the order in which they first appear.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Columns {
+pub(super) struct ScanColumns {
     list: Vec<(String, Span)>,
     places: HashMap<String, usize>,
 }
@@ -45,7 +45,7 @@ pub(super) fn first(field: &RecordName) -> i64 {
     i64::from(*field == RecordName::ReturnIndex)
 }
 
-impl Columns {
+impl ScanColumns {
     /// The columns of the selected fields of all scans.
     pub(super) fn of(scans: &[PointCloud], options: &ReadOptions) -> Self {
         let mut columns = Self::default();

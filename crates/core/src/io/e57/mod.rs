@@ -15,14 +15,14 @@ use crate::error::Result;
 use crate::io::table::Table;
 use crate::io::{FileInfo, ReadOptions, limits};
 use crate::memory;
-use columns::Columns;
+use columns::ScanColumns;
 use std::path::Path;
 
 /// Reads all scans.
 pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Cloud> {
     let mut file = guard::open(path)?;
     let scans = file.scans(path)?;
-    let columns = Columns::of(&scans, options);
+    let columns = ScanColumns::of(&scans, options);
     let points: u64 = scans.iter().map(|s| s.records).sum();
     limits::unpacked(path, "E57", file.size(), columns.width().saturating_mul(points))?;
     let mut table = Table { columns: columns.empty(), ..Table::default() };
@@ -50,7 +50,7 @@ pub(super) fn inspect(path: &Path) -> Result<FileInfo> {
     let mut info = FileInfo::new(path, "E57", scans.iter().map(|s| s.records).sum());
     info.version = Some("1.0".into());
     (info.crs, info.metres_per_unit) = (file.crs(), Some(1.0));
-    info.dimensions = Columns::of(&scans, &ReadOptions::default()).names();
+    info.dimensions = ScanColumns::of(&scans, &ReadOptions::default()).names();
     if scans.len() > 1 {
         info.dimensions.push("ScanIndex".into());
     }

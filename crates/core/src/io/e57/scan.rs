@@ -1,6 +1,6 @@
 //! The points of one scan.
 
-use super::columns::{self, Columns};
+use super::columns::{self, ScanColumns};
 use super::guard::{Reader, bad};
 use super::pose::Pose;
 use crate::error::{Mismatch, Result};
@@ -42,7 +42,7 @@ pub(super) struct Scan {
 impl Scan {
     /// # Errors
     /// If there are no coordinates, or the pose is invalid.
-    pub(super) fn new(path: &Path, number: u32, scan: &PointCloud, columns: &Columns) -> Result<Self> {
+    pub(super) fn new(path: &Path, number: u32, scan: &PointCloud, columns: &ScanColumns) -> Result<Self> {
         let find = |name: &RecordName| scan.prototype.iter().position(|r| r.name == *name);
         let places = |names: [RecordName; 3]| {
             let found = names.map(|name| find(&name).map(|at| place(&scan.prototype[at], at)));

@@ -1,8 +1,8 @@
 //! Opens a damaged LAS or LAZ file: reads what is intact and counts what is missing.
 
 use super::chunks::{self, Chunk, Chunks, LasHead};
-use super::decoder::{self, ChunkBytes, Decoder, How};
-use super::header::{Header, RECORD_SIZES, bad, least_size, put, u16_at, u32_at, u64_at};
+use super::decoder::{ChunkBytes, Decoder, How};
+use super::header::{Header, RECORD_SIZES, bad, least_size, put, u16_at, u64_at};
 use super::records::{Records, slab};
 use super::stream::Stream;
 use super::tally::Tally;
@@ -264,12 +264,4 @@ fn recount(records: Records, monitor: &Monitor) -> Result<Records> {
     tally.put(header, &mut raw);
     (header.raw, [header.low, header.high]) = (raw, tally.bounds(header));
     Ok(records)
-}
-
-/// Size and number of points stored in a layered chunk; `None` if its head is truncated.
-pub(super) fn layered_size(vlr: &laz::LazVlr, bytes: &[u8]) -> Option<(u64, u64)> {
-    let (start, layers) = (vlr.items_size() as usize, decoder::layers(vlr));
-    let head = bytes.get(start..start + 4 + 4 * layers)?;
-    let sum: u64 = (0..layers).map(|l| u64::from(u32_at(head, 4 + 4 * l))).sum();
-    Some(((start + head.len()) as u64 + sum, u64::from(u32_at(head, 0))))
 }

@@ -2,9 +2,8 @@
 
 use super::chunks::Chunk;
 use super::decoder::{self, ChunkBytes, Decoder, How};
-use super::header::Header;
+use super::header::{Header, u32_at};
 use super::records::slab;
-use super::salvage::layered_size;
 use super::vlr::read_at;
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -81,4 +80,12 @@ impl Walk<'_> {
         }
         Ok(Some(Chunk { at, bytes: decoder.consumed().min(room), points: most }))
     }
+}
+
+/// Size and number of points stored in a layered chunk; `None` if its head is truncated.
+fn layered_size(vlr: &LazVlr, bytes: &[u8]) -> Option<(u64, u64)> {
+    let (start, layers) = (vlr.items_size() as usize, decoder::layers(vlr));
+    let head = bytes.get(start..start + 4 + 4 * layers)?;
+    let sum: u64 = (0..layers).map(|l| u64::from(u32_at(head, 4 + 4 * l))).sum();
+    Some(((start + head.len()) as u64 + sum, u64::from(u32_at(head, 0))))
 }

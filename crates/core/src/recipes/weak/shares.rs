@@ -44,8 +44,7 @@ impl ClassShares {
         }
         let mut counts = vec![1u64; classes];
         for row in values.chunks_exact(classes) {
-            let best = (1..classes).fold(0, |best, c| if row[c] > row[best] { c } else { best });
-            counts[best] += 1;
+            counts[crate::classification::argmax(row)] += 1;
         }
         let points = counts.iter().sum::<u64>() as f64;
         let factors: Vec<f32> = counts

@@ -3,9 +3,9 @@
 use super::links::{EdgeLinks, Link, contract};
 use super::regions::{Objective, Regions, compact, renumber};
 use crate::error::Result;
+use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor};
 use crate::segmentation::Partition;
-use crate::segmentation::connected::Sets;
 
 /// Largest number of passes, as in the reference implementation: a chain of small segments needs several, but never
 /// many.
@@ -38,7 +38,7 @@ pub(super) fn absorb_small(
     Partition::from_labels_watched(&segment, monitor)
 }
 
-fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64, monitor: &Monitor) -> Result<Option<Sets>> {
+fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64, monitor: &Monitor) -> Result<Option<UnionFind>> {
     let mut looks = Looks::at(monitor);
     let mut best: Vec<Option<(f64, u32)>> = vec![None; regions.len()];
     for link in links {
@@ -51,7 +51,7 @@ fn absorb_once(regions: &mut Regions, links: &[Link], cutoff: f64, monitor: &Mon
             }
         }
     }
-    let mut sets = Sets::new(regions.len());
+    let mut sets = UnionFind::new(regions.len());
     let mut any = false;
     for (region, choice) in (0u32..).zip(best) {
         looks.step()?;

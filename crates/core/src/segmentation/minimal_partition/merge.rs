@@ -12,10 +12,10 @@ use super::cutoff::absorb_small;
 use super::links::{EdgeLinks, Link, Links, contract};
 use super::regions::{Objective, Regions, compact, energy, renumber};
 use crate::error::{Error, Result};
-use crate::graph::Graph;
+use crate::graph::{Graph, UnionFind};
 use crate::parallel::Monitor;
 use crate::segmentation::Partition;
-use crate::segmentation::connected::{Sets, connected_partition};
+use crate::segmentation::connected::connected_partition;
 use serde::{Deserialize, Serialize};
 
 /// Up to this many links the pair of largest gain merges first; with more, each region's best pair at once.
@@ -166,7 +166,7 @@ pub(super) fn merge_nodes(
 }
 
 impl Merger {
-    fn unite(&mut self, sets: Sets, monitor: &Monitor) -> Result<()> {
+    fn unite(&mut self, sets: UnionFind, monitor: &Monitor) -> Result<()> {
         let (number, left) = compact(&self.regions, sets, monitor)?;
         self.regions = left;
         renumber(&mut self.became, &number, monitor)?;

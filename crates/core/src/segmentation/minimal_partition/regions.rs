@@ -2,10 +2,9 @@
 
 use super::Signal;
 use crate::error::Result;
-use crate::graph::Graph;
+use crate::graph::{Graph, UnionFind};
 use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
-use crate::segmentation::connected::Sets;
 
 /// Weight M and mean x of each region; f64 throughout, so that thousands of merges lose no accuracy.
 #[derive(Clone, Debug)]
@@ -126,7 +125,7 @@ pub(super) fn weighted_mean<'a>(
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn compact(regions: &Regions, mut sets: Sets, monitor: &Monitor) -> Result<(Vec<u32>, Regions)> {
+pub(super) fn compact(regions: &Regions, mut sets: UnionFind, monitor: &Monitor) -> Result<(Vec<u32>, Regions)> {
     let roots = sets.roots(monitor)?;
     let mut number = vec![0u32; roots.len()];
     let mut left = Regions { width: regions.width, weights: Vec::new(), means: Vec::new() };

@@ -1,9 +1,9 @@
 //! Splits disconnected clusters; small pieces join the cluster that they touch most.
 
 use crate::error::Result;
+use crate::graph::UnionFind;
 use crate::neighbours::Neighbours;
 use crate::parallel::{Looks, Monitor, map_watched, sort_watched, watched};
-use crate::segmentation::connected::Sets;
 use std::ops::Range;
 
 /// Splits clusters into the connected components of the graph of nearest neighbours.
@@ -21,7 +21,7 @@ pub(super) fn connected_clusters(
     min_points: u32,
     monitor: &Monitor,
 ) -> Result<Vec<u32>> {
-    let mut sets = Sets::new(of.len());
+    let mut sets = UnionFind::new(of.len());
     for points in watched(near.len(), monitor) {
         for (a, b) in edges(near, points?).filter(|&(a, b)| of[a as usize] == of[b as usize]) {
             sets.unite(a, b);

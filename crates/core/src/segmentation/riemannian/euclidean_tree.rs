@@ -8,9 +8,9 @@
 use super::boxes::{Bounds, Boxes, Visitor};
 use crate::cloud::Points;
 use crate::error::Result;
+use crate::graph::UnionFind;
 use crate::neighbours::Neighbours;
 use crate::parallel::{Looks, Monitor, map_watched, sort_watched};
-use crate::segmentation::connected::Sets;
 use crate::segmentation::{OctreeParams, octree};
 use std::ops::Range;
 
@@ -33,7 +33,7 @@ pub(super) fn euclidean_tree(points: &Points, near: &Neighbours, monitor: &Monit
     let at = |i: u32| [points.x[i as usize], points.y[i as usize], points.z[i as usize]];
     let places: Vec<[f32; 3]> = map_watched(order.len(), monitor, |i| at(order[i]))?;
     let boxes = Boxes::new(&places);
-    let mut forest = Forest { order: &order, places: &places, boxes: &boxes, near, sets: Sets::new(points.len()) };
+    let mut forest = Forest { order: &order, places: &places, boxes: &boxes, near, sets: UnionFind::new(points.len()) };
     let mut tree = Vec::with_capacity(points.len().saturating_sub(1));
     while tree.len() + 1 < points.len() {
         for (_, a, b) in forest.round(monitor)? {
@@ -53,7 +53,7 @@ struct Forest<'a> {
     places: &'a [[f32; 3]],
     boxes: &'a Boxes,
     near: &'a Neighbours,
-    sets: Sets,
+    sets: UnionFind,
 }
 
 impl Forest<'_> {
@@ -155,7 +155,7 @@ mod tests {
             .map(|(a, b)| (apart(a, b), a as u32, b as u32))
             .collect();
         pairs.sort_unstable();
-        let mut sets = Sets::new(points.len());
+        let mut sets = UnionFind::new(points.len());
         let mut tree: Vec<[u32; 2]> =
             pairs.into_iter().filter(|&(_, a, b)| sets.unite(a, b).is_some()).map(|(_, a, b)| [a, b]).collect();
         tree.sort_unstable();

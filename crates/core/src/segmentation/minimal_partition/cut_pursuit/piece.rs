@@ -2,10 +2,9 @@
 
 use super::super::regions::Objective;
 use crate::error::Result;
-use crate::graph::Incidence;
+use crate::graph::{Incidence, UnionFind};
 use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
-use crate::segmentation::connected::Sets;
 
 /// Buffers of a segment, reused from segment to segment.
 #[derive(Default)]
@@ -79,7 +78,7 @@ impl Piece {
     /// # Errors
     /// If the work was cancelled.
     pub(super) fn parts(&self, sides: &[bool], monitor: &Monitor) -> Result<Vec<u32>> {
-        let mut sets = Sets::new(self.len());
+        let mut sets = UnionFind::new(self.len());
         for piece in watched(self.edges.len(), monitor) {
             for &[a, b] in &self.edges[piece?] {
                 if sides[a as usize] == sides[b as usize] {

@@ -3,8 +3,8 @@
 use super::super::links::Links;
 use super::super::regions::Regions;
 use crate::error::Result;
+use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor, sort_watched_by};
-use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
 /// Most threads that share a pass: each of them reads all links.
@@ -21,13 +21,13 @@ pub(super) fn merge_best_pairs(
     regions: &mut Regions,
     links: &(impl Links + ?Sized),
     monitor: &Monitor,
-) -> Result<Option<Sets>> {
+) -> Result<Option<UnionFind>> {
     let chosen = best_links(regions, links, monitor)?;
     if chosen.is_empty() {
         return Ok(None);
     }
     let mut looks = Looks::at(monitor);
-    let mut sets = Sets::new(regions.len());
+    let mut sets = UnionFind::new(regions.len());
     for (_, link) in chosen {
         looks.step()?;
         let link = links.get(link);

@@ -3,8 +3,8 @@
 use super::super::links::Link;
 use super::super::regions::Regions;
 use crate::error::Result;
+use crate::graph::UnionFind;
 use crate::parallel::Monitor;
-use crate::segmentation::connected::Sets;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -32,7 +32,7 @@ impl PartialOrd for Candidate {
 
 struct Queue<'a> {
     regions: &'a mut Regions,
-    sets: Sets,
+    sets: UnionFind,
     heap: BinaryHeap<Candidate>,
     /// Neighbours of each region with the cost of the boundary; entries may name regions that have been absorbed since.
     neighbours: Vec<Vec<(u32, f64)>>,
@@ -43,11 +43,11 @@ struct Queue<'a> {
 }
 
 /// Merges the pair of largest gain until no merge has a positive gain. O(merges · degree · log m).
-pub(super) fn merge_largest_gain_first(regions: &mut Regions, links: &[Link], monitor: &Monitor) -> Result<Sets> {
+pub(super) fn merge_largest_gain_first(regions: &mut Regions, links: &[Link], monitor: &Monitor) -> Result<UnionFind> {
     let count = regions.len();
     let mut queue = Queue {
         regions,
-        sets: Sets::new(count),
+        sets: UnionFind::new(count),
         heap: BinaryHeap::new(),
         neighbours: vec![Vec::new(); count],
         ages: vec![0; count],

@@ -4,8 +4,8 @@ use super::super::describe::dot;
 use super::super::{NO_SUPERVOXEL, PointAttributes, VccsParams};
 use super::voxels::{Sum, Voxel, Voxels};
 use crate::error::{Error, Result};
+use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor, watched};
-use crate::segmentation::connected::Sets;
 use rayon::prelude::*;
 
 /// Voxels that one task updates.
@@ -163,7 +163,7 @@ impl<'a> Flow<'a> {
     /// The connected component of its supervoxel that each voxel belongs to, named by the component's first voxel.
     fn pieces(&self, monitor: &Monitor) -> Result<Vec<u32>> {
         let owners = &self.owners;
-        let mut sets = Sets::new(owners.len());
+        let mut sets = UnionFind::new(owners.len());
         for piece in watched(owners.len(), monitor) {
             for v in piece?.filter(|&v| owners[v] != NO_SUPERVOXEL) {
                 let near = self.voxels.near.group(v).iter();
