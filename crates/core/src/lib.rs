@@ -23,13 +23,13 @@ pub mod error;
 
 pub mod memory;
 
+pub mod random;
+
 pub mod linalg;
 
 pub mod parallel;
 
 pub mod csr;
-
-pub mod random;
 
 pub mod cloud;
 

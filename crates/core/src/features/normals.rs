@@ -4,6 +4,8 @@ use super::params::{Centre, Divisor};
 use super::tensor::{Batch, Convention, LANES, MOST, Tensor, tensor};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
+use crate::linalg::arithmetic::Exact;
+use crate::linalg::shape::Shape;
 use crate::neighbours::Neighbours;
 use crate::parallel::{Monitor, map_ordered_with};
 use pulp::{Arch, Simd, WithSimd};
@@ -112,11 +114,10 @@ fn gather(points: &Points, near: &[u32], point: usize, lane: usize, batch: &mut 
 #[inline(always)]
 fn push(found: &Tensor, lanes: usize, out: &mut Normals) {
     for l in 0..lanes {
-        let [a, b, c] = [0, 1, 2].map(|i| found.values[i][l]);
-        let sum = a + b + c;
-        out.variation.push(if sum > 0.0 { c / sum } else { 0.0 });
+        let values = [0, 1, 2].map(|i| found.values[i][l]);
+        out.variation.push(Shape::of::<Exact>(values).surface_variation);
         let direction = [0, 1, 2].map(|i| found.normal[i][l]);
-        out.directions.push(if sum > 0.0 { upward(direction) } else { [0.0, 0.0, 1.0] });
+        out.directions.push(if values[0] > 0.0 { upward(direction) } else { [0.0, 0.0, 1.0] });
     }
 }
 

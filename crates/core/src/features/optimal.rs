@@ -5,6 +5,8 @@ use super::table::FeatureTable;
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::linalg::Eigen3;
+use crate::linalg::arithmetic::Exact;
+use crate::linalg::shape::Shape;
 use crate::neighbours::{Eigenvalues, Neighbours, Optimal, OptimalParams, map_optimal, optimal};
 use crate::parallel::Monitor;
 
@@ -86,14 +88,15 @@ pub fn local_descriptors(eigen: &Eigen3, params: &OptimalParams) -> [f32; 4] {
     if values[0] <= 0.0 {
         return [0.0; 4];
     }
-    let [l1, l2, l3] = match params.eigenvalues {
+    let used = match params.eigenvalues {
         Eigenvalues::Raw => *values,
         Eigenvalues::Sqrt => values.map(f64::sqrt),
     };
     let v = [0, 1, 2].map(|m| (0..3).map(|j| values[j] * vectors[j][m].abs()).sum::<f64>());
     let length = v.iter().map(|v| v * v).sum::<f64>().sqrt();
     let verticality = if length > 0.0 { params.verticality_factor * v[2] / length } else { 0.0 };
-    [(l1 - l2) / l1, (l2 - l3) / l1, l3 / l1, verticality].map(|value| value as f32)
+    let shape = Shape::of::<Exact>(used);
+    [shape.linearity, shape.planarity, shape.scattering, verticality].map(|value| value as f32)
 }
 
 #[cfg(test)]

@@ -149,12 +149,12 @@ impl Stage {
             tensor(&scratch.batch, count, convention)
         };
         let covariance = covariance_features(&tensor, params.normalise);
-        store(&covariance, &self.slots[..9], lanes, job, row);
+        store(&covariance.columns(), &self.slots[..9], lanes, job, row);
         if self.surfaces.is_empty() {
             return;
         }
         if params.include_query {
-            own_surface(&tensor, &covariance[6], count - 1, &mut scratch.surfaces);
+            own_surface(&tensor, &covariance.surface_variation, count - 1, &mut scratch.surfaces);
         }
         let near = (params.near_share * count as f64).ceil() as usize;
         let contour = if count == 10 && near == 5 {
@@ -162,7 +162,7 @@ impl Stage {
         } else {
             contour_features(simd, &scratch.batch, &scratch.surfaces, count, &tensor.second, near)
         };
-        store(&contour, &self.slots[9..13], lanes, job, row);
+        store(&contour.each_ref(), &self.slots[9..13], lanes, job, row);
     }
 
     /// Records the queries of the batch that may have nearer neighbours outside the region, or neighbours that do.
@@ -207,7 +207,7 @@ impl Stage {
             features[1][l] = at[2] - low;
             features[2][l] = high - at[2];
         }
-        store(&features, &self.slots[13..], lanes.len(), job, row);
+        store(&features.each_ref(), &self.slots[13..], lanes.len(), job, row);
     }
 }
 
@@ -230,7 +230,7 @@ impl WithSimd for Describe<'_, '_> {
 
 /// Writes the lanes of each selected feature into its column.
 #[inline(always)]
-fn store(features: &[[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job<'_>, row: usize) {
+fn store(features: &[&[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job<'_>, row: usize) {
     for (feature, &slot) in features.iter().zip(slots) {
         if slot != NOWHERE {
             let rows = job.out[row * job.width..].chunks_exact_mut(job.width);

@@ -85,7 +85,7 @@ fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
         } else {
             tensor(&scratch.batch, count, convention)
         };
-        let variation = covariance_features(&found, false)[6];
+        let variation = covariance_features(&found, false).surface_variation;
         for (l, slot) in packed[lanes].iter_mut().enumerate() {
             let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
             *slot = [part(0), part(1), part(2), (variation[l] * 196_605.0).round() as u16];

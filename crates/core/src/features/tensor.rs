@@ -9,6 +9,9 @@
 )]
 
 use super::params::{Centre, Divisor};
+use crate::linalg::arithmetic::Lanes;
+use crate::linalg::jacobi::{LaneEigen, jacobi};
+use crate::linalg::shape::{self, Shape};
 
 /// Number of neighbourhoods computed together.
 pub(super) const LANES: usize = crate::neighbours::LANES;
@@ -59,7 +62,7 @@ pub(super) fn tensor(batch: &Batch, count: usize, convention: Convention) -> Ten
         let factor = count as f32 / (count as f32 - 1.0);
         scale(&mut matrix, factor);
     }
-    eigen(matrix)
+    eigen(&matrix)
 }
 
 /// xx, yy, zz, xy, xz, yz around the mean, divided by the count.
@@ -145,77 +148,10 @@ fn add_medoid(batch: &Batch, count: usize, matrix: &mut [Lane; 6]) {
     }
 }
 
-/// Jacobi's method: four sweeps reduce every off-diagonal entry to below the rounding of `f32`.
+/// Eigenvalues, e2 with a fixed sign, and e3.
 #[inline(always)]
-fn eigen(matrix: [Lane; 6]) -> Tensor {
-    let [xx, yy, zz, xy, xz, yz] = matrix;
-    let mut diagonal = [xx, yy, zz];
-    // off[i] couples the two axes other than i.
-    let mut off = [yz, xz, xy];
-    let one = [1.0; LANES];
-    let zero = [0.0; LANES];
-    let mut vectors = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];
-    for _ in 0..4 {
-        for (p, q, r) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
-            rotate(&mut diagonal, &mut off, &mut vectors, (p, q, r));
-        }
-    }
-    sorted(diagonal, vectors)
-}
-
-/// Jacobi rotation that makes the entry of axes p and q zero; r is the third axis.
-#[inline(always)]
-fn rotate(
-    diagonal: &mut [Lane; 3],
-    off: &mut [Lane; 3],
-    vectors: &mut [[Lane; 3]; 3],
-    (p, q, r): (usize, usize, usize),
-) {
-    for l in 0..LANES {
-        let coupling = off[r][l];
-        let (a, b) = (diagonal[p][l], diagonal[q][l]);
-        let half = 0.5 * (b - a);
-        let root = (half * half + coupling * coupling).sqrt();
-        let denominator = half.abs() + root;
-        let safe = if denominator > 0.0 { denominator } else { 1.0 };
-        let t = if half < 0.0 { -coupling / safe } else { coupling / safe };
-        let c = 1.0 / (1.0 + t * t).sqrt();
-        let s = t * c;
-        diagonal[p][l] = a - t * coupling;
-        diagonal[q][l] = b + t * coupling;
-        off[r][l] = 0.0;
-        // off[q] couples p and r, off[p] couples q and r.
-        let (pr, qr) = (off[q][l], off[p][l]);
-        off[q][l] = c * pr - s * qr;
-        off[p][l] = s * pr + c * qr;
-        for axis in 0..3 {
-            let (u, v) = (vectors[p][axis][l], vectors[q][axis][l]);
-            vectors[p][axis][l] = c * u - s * v;
-            vectors[q][axis][l] = s * u + c * v;
-        }
-    }
-}
-
-#[inline(always)]
-fn sorted(mut values: [Lane; 3], mut vectors: [[Lane; 3]; 3]) -> Tensor {
-    for (a, b) in [(0, 1), (1, 2), (0, 1)] {
-        for l in 0..LANES {
-            let swap = values[a][l] < values[b][l];
-            let (u, v) = (values[a][l], values[b][l]);
-            values[a][l] = if swap { v } else { u };
-            values[b][l] = if swap { u } else { v };
-            for axis in 0..3 {
-                let (u, v) = (vectors[a][axis][l], vectors[b][axis][l]);
-                vectors[a][axis][l] = if swap { v } else { u };
-                vectors[b][axis][l] = if swap { u } else { v };
-            }
-        }
-    }
-    for lane in &mut values {
-        for v in lane {
-            *v = if *v > 0.0 { *v } else { 0.0 };
-        }
-    }
+fn eigen(matrix: &[Lane; 6]) -> Tensor {
+    let LaneEigen { values, vectors } = jacobi(matrix);
     Tensor { values, second: with_fixed_sign(vectors[1]), normal: vectors[2] }
 }
 
@@ -234,56 +170,70 @@ fn with_fixed_sign(mut v: [Lane; 3]) -> [Lane; 3] {
     v
 }
 
-/// The nine covariance features, in the order of the table of definitions.
+/// The covariance features of each lane.
+#[derive(Clone, Debug)]
+pub(super) struct CovarianceFeatures {
+    pub(super) sum: Lane,
+    pub(super) omnivariance: Lane,
+    pub(super) eigenentropy: Lane,
+    pub(super) anisotropy: Lane,
+    pub(super) planarity: Lane,
+    pub(super) linearity: Lane,
+    pub(super) surface_variation: Lane,
+    pub(super) sphericity: Lane,
+    pub(super) verticality: Lane,
+}
+
+impl CovarianceFeatures {
+    /// The features in the order of the table of definitions.
+    #[inline(always)]
+    pub(super) fn columns(&self) -> [&Lane; 9] {
+        [
+            &self.sum,
+            &self.omnivariance,
+            &self.eigenentropy,
+            &self.anisotropy,
+            &self.planarity,
+            &self.linearity,
+            &self.surface_variation,
+            &self.sphericity,
+            &self.verticality,
+        ]
+    }
+}
+
+/// The covariance features; omnivariance and eigenentropy of λ / Σλ if `normalise`, else of λ.
 #[inline(always)]
-pub(super) fn covariance_features(tensor: &Tensor, normalise: bool) -> [Lane; 9] {
-    let mut out = [[0.0; LANES]; 9];
+pub(super) fn covariance_features(tensor: &Tensor, normalise: bool) -> CovarianceFeatures {
+    let zero = [0.0; LANES];
+    let mut out = CovarianceFeatures {
+        sum: zero,
+        omnivariance: zero,
+        eigenentropy: zero,
+        anisotropy: zero,
+        planarity: zero,
+        linearity: zero,
+        surface_variation: zero,
+        sphericity: zero,
+        verticality: zero,
+    };
     for l in 0..LANES {
-        let [a, b, c] = [tensor.values[0][l], tensor.values[1][l], tensor.values[2][l]];
-        let sum = a + b + c;
-        let per_largest = if a > 0.0 { 1.0 / a } else { 0.0 };
-        let per_sum = if sum > 0.0 { 1.0 / sum } else { 0.0 };
-        let unit = if normalise { per_sum } else { 1.0 };
-        let (u, v, w) = (a * unit, b * unit, c * unit);
-        out[0][l] = sum;
-        out[1][l] = cbrt(u * v * w);
-        out[2][l] = -(u * ln(u) + v * ln(v) + w * ln(w));
-        out[3][l] = (a - c) * per_largest;
-        out[4][l] = (b - c) * per_largest;
-        out[5][l] = (a - b) * per_largest;
-        out[6][l] = c * per_sum;
-        out[7][l] = c * per_largest;
+        let values = [tensor.values[0][l], tensor.values[1][l], tensor.values[2][l]];
+        let shares = shape::normalised::<Lanes, f32>(values);
+        let used = if normalise { shares } else { values };
+        let found = Shape::of::<Lanes>(values);
+        out.sum[l] = shape::sum(values);
+        out.omnivariance[l] = shape::omnivariance::<Lanes, f32>(used);
+        out.eigenentropy[l] = shape::eigenentropy::<Lanes, f32>(used);
+        out.anisotropy[l] = found.anisotropy;
+        out.planarity[l] = found.planarity;
+        out.linearity[l] = found.linearity;
+        out.surface_variation[l] = found.surface_variation;
+        out.sphericity[l] = found.scattering;
         let upright = 1.0 - tensor.normal[2][l].abs();
-        out[8][l] = if a > 0.0 && upright > 0.0 { upright } else { 0.0 };
+        out.verticality[l] = if values[0] > 0.0 && upright > 0.0 { upright } else { 0.0 };
     }
     out
-}
-
-/// Natural logarithm of a non-negative number, relative error below 3e-7; 0 for 0 and denormal numbers.
-#[inline(always)]
-pub(super) fn ln(x: f32) -> f32 {
-    let bits = x.to_bits();
-    // Mantissa in sqrt(1/2)..sqrt(2).
-    let shifted = bits.wrapping_sub(0x3f35_04f3);
-    let exponent = (shifted as i32 >> 23) as f32;
-    let m = f32::from_bits((shifted & 0x007f_ffff).wrapping_add(0x3f35_04f3)) - 1.0;
-    // 2 atanh(m / (2 + m)), by its series.
-    let r = m / (2.0 + m);
-    let s = r * r;
-    let series = 2.0 + s * (0.666_666_7 + s * (0.4 + s * (0.285_714_3 + s * 0.222_222_2)));
-    let value = exponent * std::f32::consts::LN_2 + r * series;
-    if x >= f32::MIN_POSITIVE { value } else { 0.0 }
-}
-
-/// Cube root of a non-negative number, relative error below 3e-7.
-#[inline(always)]
-pub(super) fn cbrt(x: f32) -> f32 {
-    let mut y = f32::from_bits((x.to_bits() / 3).wrapping_add(0x2a51_4067));
-    for _ in 0..3 {
-        let cube = y * y * y;
-        y *= (cube + 2.0 * x) / (2.0 * cube + x);
-    }
-    if x >= f32::MIN_POSITIVE { y } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -345,10 +295,10 @@ mod tests {
         let convention = Convention { centre: Centre::Medoid, divisor: Divisor::N };
         let f = covariance_features(&tensor(&batch, 10, convention), true);
         for l in 0..LANES {
-            assert!((f[5][l] + f[4][l] + f[7][l] - 1.0).abs() < 1e-6);
-            assert!((f[3][l] - f[5][l] - f[4][l]).abs() < 1e-6);
-            assert!((0.0..=1.0 / 3.0 + 1e-6).contains(&f[6][l]));
-            assert!((0.0..=3f32.ln() + 1e-5).contains(&f[2][l]));
+            assert!((f.linearity[l] + f.planarity[l] + f.sphericity[l] - 1.0).abs() < 1e-6);
+            assert!((f.anisotropy[l] - f.linearity[l] - f.planarity[l]).abs() < 1e-6);
+            assert!((0.0..=1.0 / 3.0 + 1e-6).contains(&f.surface_variation[l]));
+            assert!((0.0..=3f32.ln() + 1e-5).contains(&f.eigenentropy[l]));
         }
     }
 
@@ -366,23 +316,17 @@ mod tests {
         }
         let convention = Convention { centre: Centre::Mean, divisor: Divisor::N };
         let f = covariance_features(&tensor(&batch, 10, convention), false);
-        assert!((f[0][0] - 2.25).abs() < 1e-6 && f[6][0] == 0.0 && f[8][0] < 1e-6, "horizontal plane: λ = 2, 1/4, 0");
-        assert!((f[5][0] - 0.875).abs() < 1e-6 && (f[4][0] - 0.125).abs() < 1e-6);
+        assert!(
+            (f.sum[0] - 2.25).abs() < 1e-6 && f.surface_variation[0] == 0.0 && f.verticality[0] < 1e-6,
+            "horizontal plane: λ = 2, 1/4, 0"
+        );
+        assert!((f.linearity[0] - 0.875).abs() < 1e-6 && (f.planarity[0] - 0.125).abs() < 1e-6);
         let entropy = -(2.0f32 * 2.0f32.ln() + 0.25 * 0.25f32.ln());
-        assert!((f[2][0] - entropy).abs() < 1e-6);
-        assert!((f[5][1] - 1.0).abs() < 1e-5 && f[4][1] < 1e-5, "a line");
-        assert!((f[8][2] - 1.0).abs() < 1e-6, "a vertical plane");
-        assert!((0..9).all(|i| f[i][3] == 0.0), "all points in one place");
-    }
-
-    #[test]
-    fn logarithm_and_cube_root_are_accurate() {
-        let mut x = 1e-30f32;
-        while x < 1e30 {
-            assert!((ln(x) - x.ln()).abs() <= 3e-7 * x.ln().abs().max(0.1), "ln {x}");
-            assert!((cbrt(x) - x.cbrt()).abs() <= 3e-7 * x.cbrt(), "cbrt {x}");
-            x *= 1.0173;
-        }
-        assert_eq!((ln(0.0), cbrt(0.0), ln(1.0)), (0.0, 0.0, 0.0));
+        assert!((f.eigenentropy[0] - entropy).abs() < 1e-6);
+        assert!((f.linearity[1] - 1.0).abs() < 1e-5 && f.planarity[1] < 1e-5, "a line");
+        assert!((f.verticality[2] - 1.0).abs() < 1e-6, "a vertical plane");
+        let all = [f.sum, f.omnivariance, f.eigenentropy, f.anisotropy, f.planarity, f.linearity];
+        let all = all.into_iter().chain([f.surface_variation, f.sphericity, f.verticality]);
+        assert!(all.into_iter().all(|feature| feature[3] == 0.0), "all points in one place");
     }
 }

@@ -3,11 +3,12 @@
 use super::knn::{Block, blocks};
 use super::knn_tree::Tree;
 use super::nearest::Neighbours;
-use super::optimal_lanes::{Chosen, LANES, Lane, choose, eigen};
+use super::optimal_lanes::{Chosen, LANES, Lane, choose};
 use super::optimal_params::OptimalParams;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::linalg::Eigen3;
+use crate::linalg::jacobi::jacobi;
 use crate::parallel::{Monitor, map_ordered_with};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -153,7 +154,7 @@ impl<'r, F: Fn(usize) -> (usize, &'r [u32])> WithSimd for Choose<'_, F> {
 
 #[inline(always)]
 fn describe(chosen: &Chosen, lanes: usize, out: &mut Vec<Optimal>) {
-    let eigen = eigen(&chosen.matrix);
+    let eigen = jacobi(&chosen.matrix);
     for l in 0..lanes {
         out.push(Optimal {
             k: chosen.rows[l] as u32,

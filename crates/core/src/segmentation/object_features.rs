@@ -4,6 +4,8 @@ use super::Partition;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
+use crate::linalg::arithmetic::Exact;
+use crate::linalg::shape::{self, Shape};
 use crate::linalg::{Sym3, mean};
 use crate::parallel::{Monitor, map_ordered_with};
 
@@ -93,19 +95,16 @@ fn geometric(points: &Points, members: &[u32], places: &mut Vec<[f64; 3]>, row: 
     }));
     let centre = mean(places);
     let scatter = Sym3::scatter(places, centre, places.len().max(1) as f64);
-    let values = scatter.eigen().values;
-    let sum: f64 = values.iter().sum();
-    let [e1, e2, e3] = if sum > f64::MIN_POSITIVE { values.map(|v| v / sum) } else { [0.0; 3] };
-    let share = |v: f64| if e1 > 0.0 { v / e1 } else { 0.0 };
-    let entropy: f64 = [e1, e2, e3].iter().filter(|e| **e > 0.0).map(|e| -e * e.ln()).sum();
+    let e = shape::normalised::<Exact, f64>(scatter.eigen().values);
+    let found = Shape::of::<Exact>(e);
     let features = [
-        share(e1 - e2),
-        share(e2 - e3),
-        share(e3),
-        e3,
-        (e1 * e2 * e3).cbrt(),
-        share(e1 - e3),
-        entropy,
+        found.linearity,
+        found.planarity,
+        found.scattering,
+        e[2],
+        shape::omnivariance::<Exact, f64>(e),
+        found.anisotropy,
+        shape::eigenentropy::<Exact, f64>(e),
         centre[2] + points.origin[2],
         scatter.diagonal[2],
     ];

@@ -1,10 +1,12 @@
 //! Builds the octree from sorted Morton codes: a cell is a run of points with equal leading bits, inner nodes are not
 //! stored.
 
-use super::{Moments, OctreeParams, eigenvalues};
+use super::OctreeParams;
 use crate::cloud::{Points, morton};
 use crate::csr::Csr;
 use crate::error::{Error, Result};
+use crate::linalg::Moments;
+use crate::linalg::closed_form::eigenvalues;
 use crate::parallel::{Monitor, map_ordered, map_watched, sort_watched};
 use crate::segmentation::Partition;
 use std::ops::Range;

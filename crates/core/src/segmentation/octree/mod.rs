@@ -5,8 +5,6 @@
 
 mod build;
 mod params;
-mod spread;
 
 pub use build::{Cube, Leaf, Octree, octree};
 pub use params::{OctreeParams, StopRule};
-pub(super) use spread::{Moments, eigenvalues};

@@ -2,9 +2,8 @@
 
 use crate::cloud::{Points, morton};
 use crate::error::Result;
-use crate::linalg::Sym3;
+use crate::linalg::{Moments, Sym3};
 use crate::parallel::{Monitor, concat_watched, map_ordered, map_watched, sort_watched};
-use crate::segmentation::octree::Moments;
 use crate::segmentation::{Leaf, Octree};
 
 /// Leaves that one task describes.

@@ -6,9 +6,12 @@
 use super::params::Sides;
 use crate::cloud::Points;
 use crate::error::Result;
+use crate::linalg::Moments;
+use crate::linalg::arithmetic::Exact;
+use crate::linalg::closed_form::eigenvalues;
+use crate::linalg::shape::Shape;
 use crate::parallel::{Monitor, map_ordered};
 use crate::segmentation::Partition;
-use crate::segmentation::octree::{Moments, eigenvalues};
 
 /// Supervoxels that one task describes.
 const BLOCK: usize = 256;
@@ -87,9 +90,8 @@ fn one(oriented: OrientedPoints<'_>, members: &[u32]) -> ([f32; 3], [f32; 3], [f
     let centre = [0, 1, 2].map(|a| (base[a] + mean[a]) as f32);
     let length = sum.iter().map(|s| s * s).sum::<f64>().sqrt();
     let normal = if length > NO_DIRECTION * members.len() as f64 { sum.map(|s| (s / length) as f32) } else { own };
-    let [first, second, third] = eigenvalues(&moments.covariance());
-    let shape = if first > 0.0 { [(second - third) / first, third / first] } else { [0.0; 2] };
-    (centre, normal, shape)
+    let shape = Shape::of::<Exact>(eigenvalues(&moments.covariance()));
+    (centre, normal, [shape.planarity, shape.scattering])
 }
 
 #[cfg(test)]

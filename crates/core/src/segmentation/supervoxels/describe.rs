@@ -4,6 +4,8 @@ use super::PointAttributes;
 use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::Result;
+use crate::linalg::arithmetic::Exact;
+use crate::linalg::shape::Shape;
 use crate::linalg::{Sym3, mean};
 use crate::parallel::{Monitor, concat_watched, map_ordered_with};
 use std::ops::Range;
@@ -63,8 +65,8 @@ fn shape(
     }));
     let centroid = mean(places);
     let eigen = Sym3::scatter(places, centroid, places.len().max(1) as f64).eigen();
-    let [l1, l2, l3] = eigen.values;
-    let share = |value: f64, of: f64| if of > f64::MIN_POSITIVE { (value / of) as f32 } else { 0.0 };
+    let [l1, l2, _] = eigen.values;
+    let shape = Shape::of::<Exact>(eigen.values);
     let given = attributes.normals.map(|rows| side(rows, members));
     let plane = eigen.vectors[2].map(|v| v as f32);
     // A second eigenvalue of the size of rounding errors does not define the normal of a plane.
@@ -74,10 +76,10 @@ fn shape(
         centroid: centroid.map(|v| v as f32),
         normal: facing(if has_plane { Some(plane) } else { None }, given),
         colour: attributes.colours.map(|rows| average(rows, members)),
-        linearity: share(l1 - l2, l1),
-        planarity: share(l2 - l3, l1),
-        scattering: share(l3, l1),
-        change_of_curvature: share(l3, l1 + l2 + l3),
+        linearity: shape.linearity as f32,
+        planarity: shape.planarity as f32,
+        scattering: shape.scattering as f32,
+        change_of_curvature: shape.surface_variation as f32,
     }
 }
 

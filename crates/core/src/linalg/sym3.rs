@@ -1,6 +1,4 @@
-//! Linear algebra for neighbourhoods: symmetric 3 x 3 matrices and their eigenvalues and eigenvectors in `f64`.
-//!
-//! The SIMD kernels of `features` have their own `f32` solver; this is the reference in their tests.
+//! One symmetric 3 x 3 matrix in `f64`: scatter of points, and its eigenvalues and eigenvectors.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
@@ -37,7 +35,8 @@ impl Sym3 {
         sum
     }
 
-    /// Eigenvalues and eigenvectors of a matrix that is positive semi-definite up to rounding.
+    /// Eigenvalues and eigenvectors of a matrix that is positive semi-definite up to rounding, by Householder's
+    /// reduction and QR iterations.
     pub fn eigen(&self) -> Eigen3 {
         let [xx, yy, zz] = self.diagonal;
         let [xy, xz, yz] = self.off;
