@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scansion
-from scansion import features
+from scansion import features, segmentation
 
 K = 10
 
@@ -88,7 +88,8 @@ def clusters():
 def one_level(xyz, preset):
     keywords = {**features.preset(preset), "first_scale": 0.001, "levels": 1, "k": 20}
     table = features.multiscale(xyz, **keywords)
-    return {d["name"]: table[:, i] for i, d in enumerate(features.definitions()[:16])}
+    names = [name.rsplit("_r")[0] for name in features.names(first_scale=0.001, levels=1)]
+    return dict(zip(names, table.T, strict=True))
 
 
 def test_jakteristics_agrees_under_its_own_convention():
@@ -172,7 +173,12 @@ def test_features_of_the_point_itself_need_their_columns():
 def test_names_are_unique_and_the_definitions_are_whole():
     names = features.names(colour=True, intensity=True, returns=True)
     assert len(set(names)) == len(names) == 144 + 7
-    assert all(d.keys() >= {"name", "group", "formula", "range"} for d in features.definitions())
+    keys = {"name", "group", "formula", "range", "unit", "missing", "reach"}
+    definitions = features.definitions()
+    assert all(d.keys() == keys and all(d.values()) for d in definitions)
+    assert {name.rsplit("_r")[0] for name in names} <= {d["name"] for d in definitions}
+    _, segments = segmentation.object_features([[0, 0, 0]], [0], colours=[[0, 0, 0]], heights=[0])
+    assert segments == [d["name"] for d in definitions if d["group"].startswith("segment-")]
     assert features.names(first_scale=0.4)[4] == "Planarity_r0p4"
 
 

@@ -43,7 +43,7 @@ pub(crate) fn feature_columns(settings: &str) -> PyResult<Vec<&'static str>> {
     json::settings::<FeatureSet>(settings).map(|set| set.columns())
 }
 
-/// The table of definitions as JSON.
+/// The registry of features as JSON.
 #[pyfunction]
 pub(crate) fn feature_definitions() -> PyResult<String> {
     json::text(&features::definition::ALL).map_err(raise)

@@ -5,7 +5,8 @@ use super::{Context, sources};
 use crate::args::{Features, Format};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{Column, Values};
-use scansion_core::features::{FeatureStream, Wanted, definition};
+use scansion_core::features::definition::{self, Definition};
+use scansion_core::features::{FeatureStream, Wanted};
 use scansion_core::io::{self, Columns, Edit};
 
 pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure> {
@@ -73,23 +74,26 @@ fn npy_header(points: usize, width: usize) -> Vec<u8> {
     bytes
 }
 
-/// The table of definitions, in the requested format.
+/// The registry of features, in the requested format.
 fn list(format: Format) -> String {
     match format {
         Format::Json => serde_json::to_string_pretty(definition::ALL).unwrap_or_default(),
         Format::Csv => {
-            let lines = definition::ALL
-                .iter()
-                .map(|d| format!("{},{},\"{}\",\"{}\"\n", d.name, d.group.name(), d.formula, d.range));
-            std::iter::once("name,group,formula,range\n".to_string()).chain(lines).collect()
+            let line = |d: &Definition| {
+                let texts =
+                    [d.formula, d.range, d.unit, d.missing, d.reach].map(|text| format!("\"{text}\"")).join(",");
+                format!("{},{},{texts}\n", d.name, d.group.name())
+            };
+            let head = "name,group,formula,range,unit,missing,reach\n".to_string();
+            std::iter::once(head).chain(definition::ALL.iter().map(line)).collect()
         }
         Format::Table => {
-            let lines = definition::ALL
-                .iter()
-                .map(|d| format!("{:<22} {:<11} {:<44} {}\n", d.name, d.group.name(), d.formula, d.range));
-            std::iter::once(format!("{:<22} {:<11} {:<44} {}\n", "name", "group", "formula", "range"))
-                .chain(lines)
-                .collect()
+            let line = |[name, group, formula, range, unit, missing]: [&str; 6]| {
+                format!("{name:<22} {group:<15} {formula:<58} {range:<10} {unit:<5} {missing}\n")
+            };
+            let row = |d: &Definition| line([d.name, d.group.name(), d.formula, d.range, d.unit, d.missing]);
+            let head = line(["name", "group", "formula", "range", "unit", "missing"]);
+            std::iter::once(head).chain(definition::ALL.iter().map(row)).collect()
         }
     }
 }

@@ -6,6 +6,7 @@
     reason = "loops over lanes index several arrays at once; iterators hide that from the vectoriser"
 )]
 
+use super::definition::Feature;
 use super::tensor::{Batch, LANES, Lane, MOST};
 use pulp::Simd;
 
@@ -30,25 +31,56 @@ impl Default for Surfaces {
     }
 }
 
-/// O, m2, R and Q from the first `count` rows; `second` is e2, `near` the size of the near set.
+/// 16 neighbourhoods.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Around<'a> {
+    pub(super) batch: &'a Batch,
+    pub(super) surfaces: &'a Surfaces,
+    /// Number of points in a neighbourhood: the first rows.
+    pub(super) count: usize,
+    /// Size of the near set of Q.
+    pub(super) near: usize,
+}
+
+/// The contour features of each lane.
+#[derive(Clone, Debug)]
+pub(super) struct ContourFeatures {
+    /// O.
+    pub(super) first_moment: Lane,
+    /// m2.
+    pub(super) second_moment: Lane,
+    /// R.
+    pub(super) surface_orientation: Lane,
+    /// Q.
+    pub(super) line: Lane,
+}
+
+impl ContourFeatures {
+    /// The features with their keys.
+    #[inline(always)]
+    pub(super) fn keyed(&self) -> [(Feature, &Lane); 4] {
+        [
+            (Feature::FirstMoment, &self.first_moment),
+            (Feature::SecondMoment, &self.second_moment),
+            (Feature::SurfaceOrientation, &self.surface_orientation),
+            (Feature::LineFeature, &self.line),
+        ]
+    }
+}
+
+/// The contour features; `second` is e2.
 #[inline(always)]
-pub(super) fn contour_features<S: Simd>(
-    simd: S,
-    batch: &Batch,
-    surfaces: &Surfaces,
-    count: usize,
-    second: &[Lane; 3],
-    near: usize,
-) -> [Lane; 4] {
+pub(super) fn contour_features<S: Simd>(simd: S, around: Around<'_>, second: &[Lane; 3]) -> ContourFeatures {
+    let Around { batch, surfaces, count, near } = around;
     let mut along = [[0.0; LANES]; MOST];
     for j in 0..count {
         for l in 0..LANES {
             along[j][l] = batch.x[j][l] * second[0][l] + batch.y[j][l] * second[1][l] + batch.z[j][l] * second[2][l];
         }
     }
-    let [first, moment] = moments(batch, &along, count);
-    let orientation = orientation(simd, &along, surfaces, count);
-    [first, moment, orientation, line(&along, surfaces, count, near)]
+    let [first_moment, second_moment] = moments(batch, &along, count);
+    let surface_orientation = orientation(simd, &along, surfaces, count);
+    ContourFeatures { first_moment, second_moment, surface_orientation, line: line(&along, surfaces, count, near) }
 }
 
 /// O = (Σ d)² / Σ d² and m2 = Σ d².
@@ -170,29 +202,24 @@ mod tests {
     /// e2 = y.
     const SECOND: [Lane; 3] = [[0.0; LANES], [1.0; LANES], [0.0; LANES]];
 
-    fn along_y(y: &[f32]) -> Batch {
+    /// The features of neighbours along the y axis.
+    fn along_y(y: &[f32], surfaces: &Surfaces, near: usize) -> ContourFeatures {
         let mut batch = Batch::default();
         y.iter().enumerate().for_each(|(j, &v)| batch.y[j] = [v; LANES]);
-        batch
+        contour_features(Scalar::new(), Around { batch: &batch, surfaces, count: y.len(), near }, &SECOND)
     }
 
     #[test]
     fn points_on_one_side_give_k_minus_one_and_symmetric_ones_zero() {
         let mut y = [0.5; 10];
         y[9] = 0.0;
-        let f = contour_features(Scalar::new(), &along_y(&y), &Surfaces::default(), 10, &SECOND, 5);
-        assert!((f[0][0] - 9.0).abs() < 1e-5 && (f[1][0] - 2.25).abs() < 1e-6);
-        let f = contour_features(
-            Scalar::new(),
-            &along_y(&[1.0, -1.0, 2.0, -2.0, 0.0]),
-            &Surfaces::default(),
-            5,
-            &SECOND,
-            3,
-        );
-        assert!(f[0][0].abs() < 1e-6 && (f[1][0] - 10.0).abs() < 1e-6);
-        let f = contour_features(Scalar::new(), &along_y(&[0.0; 5]), &Surfaces::default(), 5, &SECOND, 3);
-        assert_eq!((f[0][0], f[1][0], f[2][0]), (0.0, 0.0, 1.0), "no spread, one side only");
+        let f = along_y(&y, &Surfaces::default(), 5);
+        assert!((f.first_moment[0] - 9.0).abs() < 1e-5 && (f.second_moment[0] - 2.25).abs() < 1e-6);
+        let f = along_y(&[1.0, -1.0, 2.0, -2.0, 0.0], &Surfaces::default(), 3);
+        assert!(f.first_moment[0].abs() < 1e-6 && (f.second_moment[0] - 10.0).abs() < 1e-6);
+        let f = along_y(&[0.0; 5], &Surfaces::default(), 3);
+        let found = (f.first_moment[0], f.second_moment[0], f.surface_orientation[0]);
+        assert_eq!(found, (0.0, 0.0, 1.0), "no spread, one side only");
     }
 
     #[test]
@@ -207,8 +234,8 @@ mod tests {
                 surfaces.normal[1][j] = [sign * angle.sin(); LANES];
                 surfaces.normal[2][j] = [sign * angle.cos(); LANES];
             }
-            let f = contour_features(Scalar::new(), &along_y(&y), &surfaces, 6, &SECOND, 3);
-            assert!((f[2][5] - degrees.to_radians().cos().abs()).abs() < 1e-6, "{degrees}");
+            let f = along_y(&y, &surfaces, 3);
+            assert!((f.surface_orientation[5] - degrees.to_radians().cos().abs()).abs() < 1e-6, "{degrees}");
         }
     }
 
@@ -218,7 +245,7 @@ mod tests {
         let with = |variation: [f32; 5]| {
             let mut surfaces = Surfaces::default();
             variation.iter().enumerate().for_each(|(j, &v)| surfaces.variation[j] = [v; LANES]);
-            contour_features(Scalar::new(), &along_y(&y), &surfaces, 5, &SECOND, 3)[3][2]
+            along_y(&y, &surfaces, 3).line[2]
         };
         assert_eq!(with([0.0; 5]), 1.0);
         assert_eq!(with([1e-7; 5]), 1.0, "rounding of a plane");

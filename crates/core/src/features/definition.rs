@@ -1,10 +1,24 @@
-//! The table of features: name, group, formula, range. Command line, Python and docs are generated from it.
+//! The registry of features: name, group, formula, range, unit, missing value and reach of each, once.
+//!
+//! The command line's `features --list`, Python's `features.definitions`, the page `docs/features.md`, the columns of
+//! all feature tables and the feature names of model files come from here.
 
 use serde::Serialize;
 
-/// Source of a feature; a group of a level is not computed if none of its features is needed.
+/// What one value describes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scope {
+    /// A point on one level of the pyramid: a value for each level, with the scale in its name.
+    Level,
+    /// A point.
+    Point,
+    /// A segment.
+    Segment,
+}
+
+/// Source of a feature; a group is not computed if none of its features is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Group {
     /// Eigenvalues and eigenvectors of the structure tensor.
     Covariance,
@@ -18,11 +32,36 @@ pub enum Group {
     Intensity,
     /// The point's return number and number of returns.
     Returns,
+    /// Eigenvalues and eigenvectors of the optimal neighbourhood.
+    Optimal,
+    /// Height above the road or ground, and position with respect to the road.
+    Terrain,
+    /// Eigenvalues and heights of the points of a segment.
+    SegmentShape,
+    /// Colours of the points of a segment.
+    SegmentColour,
+    /// Heights above the ground of the points of a segment.
+    SegmentHeight,
 }
 
 impl Group {
+    /// All groups, in the order of the registry.
+    pub const ALL: [Self; 11] = [
+        Self::Covariance,
+        Self::Contour,
+        Self::Height,
+        Self::Colour,
+        Self::Intensity,
+        Self::Returns,
+        Self::Optimal,
+        Self::Terrain,
+        Self::SegmentShape,
+        Self::SegmentColour,
+        Self::SegmentHeight,
+    ];
+
     /// The group's name in lists.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Covariance => "covariance",
             Self::Contour => "contour",
@@ -30,56 +69,171 @@ impl Group {
             Self::Colour => "colour",
             Self::Intensity => "intensity",
             Self::Returns => "returns",
+            Self::Optimal => "optimal",
+            Self::Terrain => "terrain",
+            Self::SegmentShape => "segment-shape",
+            Self::SegmentColour => "segment-colour",
+            Self::SegmentHeight => "segment-height",
         }
+    }
+
+    /// What one value of the group describes.
+    pub const fn scope(self) -> Scope {
+        match self {
+            Self::Covariance | Self::Contour | Self::Height => Scope::Level,
+            Self::Colour | Self::Intensity | Self::Returns | Self::Optimal | Self::Terrain => Scope::Point,
+            Self::SegmentShape | Self::SegmentColour | Self::SegmentHeight => Scope::Segment,
+        }
+    }
+
+    /// The points on which a value of the group depends.
+    pub const fn reach(self) -> &'static str {
+        match self {
+            Self::Covariance => "the k nearest points of the level",
+            Self::Contour => "the k nearest points of the level, and their k nearest",
+            Self::Height => "the points of the level in a vertical column",
+            Self::Colour | Self::Returns => "the point",
+            Self::Intensity => "the point, and the median of the cloud",
+            Self::Optimal => "the k_min..k_max nearest points",
+            Self::Terrain => "the points of the road or ground around",
+            Self::SegmentShape | Self::SegmentColour | Self::SegmentHeight => "the points of the segment",
+        }
+    }
+
+    /// The group's features, in the order of their columns.
+    pub fn definitions(self) -> impl Iterator<Item = &'static Definition> {
+        ALL.iter().filter(move |d| d.group == self)
+    }
+
+    /// Names of the group's features, in the order of their columns.
+    pub fn names(self) -> impl Iterator<Item = String> {
+        self.definitions().map(|d| d.name.to_owned())
     }
 }
 
 /// One feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Definition {
-    /// Name; features of a level have the scale appended, as in `Planarity_r0p4`.
+    /// The feature's key.
+    #[serde(skip)]
+    pub feature: Feature,
+    /// Name; features of a level have the scale appended, as in `Planarity_r0p4`. Unique within a [`Scope`].
     pub name: &'static str,
     /// Source of the feature.
     pub group: Group,
-    /// Formula in the symbols of `docs/pyramid.md`.
+    /// Formula in the symbols of `docs/features.md`.
     pub formula: &'static str,
     /// Range of values.
     pub range: &'static str,
+    /// Unit; `-` if it has none.
+    pub unit: &'static str,
+    /// Value where the formula has none (points that coincide, a side without points, a height that is not known); `-`
+    /// if it always has one. Rows of points that are not finite, or stray, are NaN.
+    pub missing: &'static str,
+    /// The points on which a value depends.
+    pub reach: &'static str,
 }
 
-const fn row(name: &'static str, group: Group, formula: &'static str, range: &'static str) -> Definition {
-    Definition { name, group, formula, range }
+/// Writes the key of each feature and its definition from one list, so that `ALL[feature as usize]` defines `feature`.
+macro_rules! registry {
+    ($($feature:ident $name:literal $group:ident: $formula:literal, $range:literal, $unit:literal, $missing:literal;)*) => {
+        /// Key of a feature.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Feature {
+            $(#[doc = concat!("`", $formula, "`")] $feature,)*
+        }
+
+        /// All features: those of a level (Hackel 2018, Table 4.1), of the point itself, of its optimal neighbourhood
+        /// and of the terrain (Guinard & Landrieu 2017, section 2.1), and of segments (Hasanpour Zaryabi et al. 2022,
+        /// Table 3).
+        pub const ALL: &[Definition] = &[
+            $(Definition {
+                feature: Feature::$feature,
+                name: $name,
+                group: Group::$group,
+                formula: $formula,
+                range: $range,
+                unit: $unit,
+                missing: $missing,
+                reach: Group::$group.reach(),
+            },)*
+        ];
+    };
 }
 
-/// Features of one level of the pyramid.
-pub const PER_LEVEL: usize = 16;
+// key, name, group: formula, range, unit, missing value.
+registry! {
+    Sum "Sum" Covariance: "l1 + l2 + l3", ">= 0", "m2", "0";
+    Omnivariance "Omnivariance" Covariance: "(l1 l2 l3)^(1/3)", ">= 0", "m2", "0";
+    Eigenentropy "Eigenentropy" Covariance: "-sum l ln(l), l in m2", "any", "m2", "0";
+    Anisotropy "Anisotropy" Covariance: "(l1 - l3) / l1", "0..1", "-", "0";
+    Planarity "Planarity" Covariance: "(l2 - l3) / l1", "0..1", "-", "0";
+    Linearity "Linearity" Covariance: "(l1 - l2) / l1", "0..1", "-", "0";
+    SurfaceVariation "SurfaceVariation" Covariance: "l3 / (l1 + l2 + l3)", "0..1/3", "-", "0";
+    Sphericity "Sphericity" Covariance: "l3 / l1", "0..1", "-", "0";
+    Verticality "Verticality" Covariance: "1 - |z . e3|", "0..1", "-", "0";
+    FirstMoment "FirstMoment" Contour: "(sum d)^2 / sum d^2, d = (p_n - p) . e2", "0..k", "-", "0";
+    SecondMoment "SecondMoment" Contour: "sum d^2", ">= 0", "m2", "-";
+    SurfaceOrientation "SurfaceOrientation" Contour: "|med n over d < 0 . med n over d >= 0|", "0..1", "-", "1";
+    LineFeature "LineFeature" Contour: "mean curvature near e1 / mean far from it", "0..1000", "-", "1";
+    VerticalRange "VerticalRange" Height: "z max - z min in the column", ">= 0", "m", "-";
+    HeightBelow "HeightBelow" Height: "z - z min in the column", ">= 0", "m", "-";
+    HeightAbove "HeightAbove" Height: "z max - z in the column", ">= 0", "m", "-";
+    Red "Red" Colour: "red / largest value of the type", "0..1", "-", "-";
+    Green "Green" Colour: "green / largest value of the type", "0..1", "-", "-";
+    Blue "Blue" Colour: "blue / largest value of the type", "0..1", "-", "-";
+    RelativeIntensity "RelativeIntensity" Intensity: "intensity / (intensity + median)", "0..1", "-", "0";
+    ReturnNumber "ReturnNumber" Returns: "number of the return in its pulse", ">= 0", "-", "-";
+    NumberOfReturns "NumberOfReturns" Returns: "returns of the pulse", ">= 0", "-", "-";
+    ReturnRatio "ReturnRatio" Returns: "return number / number of returns", "0..1", "-", "0";
+    OptimalLinearity "OptimalLinearity" Optimal: "(l1 - l2) / l1", "0..1", "-", "0";
+    OptimalPlanarity "OptimalPlanarity" Optimal: "(l2 - l3) / l1", "0..1", "-", "0";
+    OptimalScattering "OptimalScattering" Optimal: "l3 / l1", "0..1", "-", "0";
+    OptimalVerticality "OptimalVerticality" Optimal: "v . z / |v|, v = sum l |e|", "0..factor", "-", "0";
+    Elevation "Elevation" Terrain: "z - ground(x, y)", "any", "m", "-";
+    RoadPosition "RoadPosition" Terrain: "0.5 near the border of the road, else 0 inside, 1 outside", "0, 0.5, 1", "-", "-";
+    SegmentLinearity "Linearity" SegmentShape: "(e1 - e2) / e1", "0..1", "-", "0";
+    SegmentPlanarity "Planarity" SegmentShape: "(e2 - e3) / e1", "0..1", "-", "0";
+    SegmentScattering "Scattering" SegmentShape: "e3 / e1", "0..1", "-", "0";
+    SegmentLocalCurvature "LocalCurvature" SegmentShape: "e3", "0..1/3", "-", "0";
+    SegmentOmnivariance "Omnivariance" SegmentShape: "(e1 e2 e3)^(1/3)", "0..1/3", "-", "0";
+    SegmentAnisotropy "Anisotropy" SegmentShape: "(e1 - e3) / e1", "0..1", "-", "0";
+    SegmentEigenentropy "Eigenentropy" SegmentShape: "-sum e ln(e)", "0..ln 3", "-", "0";
+    SegmentMeanZ "MeanZ" SegmentShape: "mean z", "any", "m", "-";
+    SegmentVarianceZ "VarianceZ" SegmentShape: "mean (z - mean z)^2", ">= 0", "m2", "-";
+    SegmentMeanRed "MeanRed" SegmentColour: "mean red", "0..1", "-", "-";
+    SegmentMeanGreen "MeanGreen" SegmentColour: "mean green", "0..1", "-", "-";
+    SegmentMeanBlue "MeanBlue" SegmentColour: "mean blue", "0..1", "-", "-";
+    SegmentRedRatio "RedRatio" SegmentColour: "mean red / sum of the three means", "0..1", "-", "0";
+    SegmentGreenRatio "GreenRatio" SegmentColour: "mean green / sum of the three means", "0..1", "-", "0";
+    SegmentBlueRatio "BlueRatio" SegmentColour: "mean blue / sum of the three means", "0..1", "-", "0";
+    SegmentRedRange "RedRange" SegmentColour: "red max - red min", "0..1", "-", "-";
+    SegmentGreenRange "GreenRange" SegmentColour: "green max - green min", "0..1", "-", "-";
+    SegmentBlueRange "BlueRange" SegmentColour: "blue max - blue min", "0..1", "-", "-";
+    SegmentMeanHeight "MeanHeight" SegmentHeight: "mean height above ground", "any", "m", "NaN";
+    SegmentMaxHeight "MaxHeight" SegmentHeight: "largest height above ground", "any", "m", "NaN";
+}
 
-/// All features: first the 16 of a level (Hackel 2018, Table 4.1), then those of the point itself.
-pub const ALL: &[Definition] = &[
-    row("Sum", Group::Covariance, "l1 + l2 + l3", ">= 0, square metres"),
-    row("Omnivariance", Group::Covariance, "(l1 l2 l3)^(1/3)", ">= 0, square metres"),
-    row("Eigenentropy", Group::Covariance, "-sum l ln(l)", "any; metres"),
-    row("Anisotropy", Group::Covariance, "(l1 - l3) / l1", "0..1"),
-    row("Planarity", Group::Covariance, "(l2 - l3) / l1", "0..1"),
-    row("Linearity", Group::Covariance, "(l1 - l2) / l1", "0..1"),
-    row("SurfaceVariation", Group::Covariance, "l3 / (l1 + l2 + l3)", "0..1/3"),
-    row("Sphericity", Group::Covariance, "l3 / l1", "0..1"),
-    row("Verticality", Group::Covariance, "1 - |z . e3|", "0..1"),
-    row("FirstMoment", Group::Contour, "(sum d)^2 / sum d^2, d = (p_n - p) . e2", "0..k"),
-    row("SecondMoment", Group::Contour, "sum d^2", ">= 0, square metres"),
-    row("SurfaceOrientation", Group::Contour, "|med n over d < 0 . med n over d >= 0|", "0..1"),
-    row("LineFeature", Group::Contour, "mean curvature near e1 / mean far from it", "0..1000"),
-    row("VerticalRange", Group::Height, "z max - z min in the column", ">= 0, metres"),
-    row("HeightBelow", Group::Height, "z - z min in the column", ">= 0, metres"),
-    row("HeightAbove", Group::Height, "z max - z in the column", ">= 0, metres"),
-    row("Red", Group::Colour, "red / largest value of the type", "0..1"),
-    row("Green", Group::Colour, "green / largest value of the type", "0..1"),
-    row("Blue", Group::Colour, "blue / largest value of the type", "0..1"),
-    row("RelativeIntensity", Group::Intensity, "intensity / (intensity + median)", "0..1"),
-    row("ReturnNumber", Group::Returns, "number of the return in its pulse", ">= 0"),
-    row("NumberOfReturns", Group::Returns, "returns of the pulse", ">= 0"),
-    row("ReturnRatio", Group::Returns, "return number / number of returns", "0..1"),
-];
+impl Feature {
+    /// The feature's definition.
+    pub fn definition(self) -> &'static Definition {
+        &ALL[self as usize]
+    }
+
+    /// The feature of this column name; those of a level with their scale, as in `Planarity_r0p4`.
+    pub fn named(name: &str, scope: Scope) -> Option<Self> {
+        let base = match scope {
+            Scope::Level => name.rsplit_once("_r")?.0,
+            Scope::Point | Scope::Segment => name,
+        };
+        ALL.iter().find(|d| d.group.scope() == scope && d.name == base).map(|d| d.feature)
+    }
+}
+
+/// All features of a scope, in the order of their columns.
+pub fn of_scope(scope: Scope) -> impl Iterator<Item = &'static Definition> {
+    ALL.iter().filter(move |d| d.group.scope() == scope)
+}
 
 /// Name of a feature at a scale: the scale in metres with `p` for the decimal point, as in `Planarity_r0p4`.
 pub fn scaled_name(feature: &Definition, scale: f64) -> String {
@@ -93,21 +247,38 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_unique_short_and_plain() {
-        let mut names: Vec<String> = ALL.iter().map(|d| scaled_name(d, 1638.4)).collect();
-        assert!(names.iter().all(|n| n.len() <= 31 && n.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')));
-        names.sort();
-        names.dedup();
-        assert_eq!(names.len(), ALL.len());
-        assert_eq!(scaled_name(&ALL[4], 0.4), "Planarity_r0p4");
-        assert_eq!(scaled_name(&ALL[4], 0.025), "Planarity_r0p025");
-        assert_eq!(scaled_name(&ALL[4], 64.0), "Planarity_r64");
+    fn names_are_unique_within_a_scope_short_and_plain() {
+        for scope in [Scope::Level, Scope::Point, Scope::Segment] {
+            let mut names: Vec<String> = of_scope(scope).map(|d| scaled_name(d, 1638.4)).collect();
+            assert!(names.iter().all(|n| n.len() <= 31 && n.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')));
+            names.sort();
+            names.dedup();
+            assert_eq!(names.len(), of_scope(scope).count());
+        }
+        let planarity = Feature::Planarity.definition();
+        assert_eq!(scaled_name(planarity, 0.4), "Planarity_r0p4");
+        assert_eq!(scaled_name(planarity, 0.025), "Planarity_r0p025");
+        assert_eq!(scaled_name(planarity, 64.0), "Planarity_r64");
     }
 
     #[test]
-    fn a_level_has_sixteen_features_in_three_groups() {
-        let level = &ALL[..PER_LEVEL];
-        let count = |group| level.iter().filter(|d| d.group == group).count();
-        assert_eq!([Group::Covariance, Group::Contour, Group::Height].map(count), [9, 4, 3]);
+    fn keys_and_names_find_their_definitions() {
+        for definition in ALL {
+            assert_eq!(definition.feature.definition(), definition);
+            let scope = definition.group.scope();
+            let name = if scope == Scope::Level { scaled_name(definition, 0.4) } else { definition.name.to_owned() };
+            assert_eq!(Feature::named(&name, scope), Some(definition.feature));
+        }
+        assert_eq!(Feature::named("Planarity", Scope::Level), None);
+        assert_eq!(Feature::named("Planarity", Scope::Segment), Some(Feature::SegmentPlanarity));
+        assert_eq!(Feature::named("Roughness_r1", Scope::Level), None);
+    }
+
+    #[test]
+    fn groups_stand_together_in_their_order() {
+        let grouped: Vec<&Definition> = Group::ALL.into_iter().flat_map(Group::definitions).collect();
+        assert_eq!(grouped, ALL.iter().collect::<Vec<_>>());
+        let counts = Group::ALL.map(|group| group.definitions().count());
+        assert_eq!(counts, [9, 4, 3, 3, 1, 3, 4, 2, 9, 9, 2]);
     }
 }

@@ -1,10 +1,10 @@
 //! Feature extraction: the pyramid of a cloud, from which features of points are computed block by block.
 
-use super::definition::PER_LEVEL;
 use super::extras::{Source, sources};
 use super::params::FeatureSet;
-use super::pyramid::{Job, NOWHERE, Stage};
+use super::pyramid::{Job, Part, Stage};
 use super::region::Region;
+use super::slots::Slots;
 use super::spacing::{scale_of, spacing};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
@@ -46,7 +46,8 @@ pub(super) struct Plan<'a> {
     pub(super) set: FeatureSet,
     first_scale: f64,
     names: Vec<String>,
-    slots: Vec<usize>,
+    /// Of each level, from the finest.
+    slots: Vec<Slots>,
     own: Vec<(usize, Source<'a>)>,
 }
 
@@ -68,11 +69,21 @@ impl<'a> Plan<'a> {
             Some(scale) => scale,
             None => scale_of(spacing(&points, monitor)?),
         };
-        let all = set.names(first_scale);
+        let offers = set.offers(first_scale);
+        let all: Vec<String> = offers.iter().map(|offer| offer.name.clone()).collect();
         let names = wanted.names(&all)?;
-        let slots = slots(&all, &names)?;
-        let own = sources(cloud, set)?.into_iter().zip(&slots[set.pyramid.levels * PER_LEVEL..]);
-        let own = own.filter(|(_, slot)| **slot != NOWHERE).map(|(source, &slot)| (slot, source)).collect();
+        let sources = sources(cloud, set)?;
+        let (mut slots, mut own) = (vec![Slots::default(); set.pyramid.levels], Vec::new());
+        for (offer, column) in offers.iter().zip(columns(&all, &names)?) {
+            match (column, offer.level) {
+                (Some(column), Some(level)) => slots[level].put(offer.feature, column),
+                (Some(column), None) => {
+                    let of = sources.iter().filter(|(feature, _)| *feature == offer.feature);
+                    own.extend(of.map(|(_, source)| (column, source.clone())));
+                }
+                (None, _) => {}
+            }
+        }
         monitor.stage("pyramid", points.len() as u64);
         let grid = Grid::new(&points, first_scale)?;
         if !Columns::fits(&points, set.pyramid.column_radius * first_scale) {
@@ -91,14 +102,11 @@ impl<'a> Plan<'a> {
         region: Option<Region>,
         monitor: &Monitor,
     ) -> Result<Vec<Arc<Stage>>> {
-        let slots = self.slots.chunks_exact(PER_LEVEL).skip(first);
-        let stage = |(level, slots): (Level, &[usize])| {
+        let stage = |(level, slots): (Level, &Slots)| {
             monitor.check()?;
-            let mut own = [NOWHERE; PER_LEVEL];
-            own.copy_from_slice(slots);
-            Stage::new((level, region), own, &self.set.pyramid, monitor).map(Arc::new)
+            Stage::new(Part { level, region }, slots.clone(), &self.set.pyramid, monitor).map(Arc::new)
         };
-        levels.into_iter().zip(slots).map(stage).collect()
+        levels.into_iter().zip(&self.slots[first..]).map(stage).collect()
     }
 }
 
@@ -201,17 +209,17 @@ fn matching(all: &[String], asked: &[String]) -> Result<Vec<String>> {
     Ok(all.iter().filter(named).cloned().collect())
 }
 
-/// For each feature of the set its column among the selected names.
-fn slots(all: &[String], names: &[String]) -> Result<Vec<usize>> {
-    let mut slots = vec![NOWHERE; all.len()];
+/// For each feature of the set its column among the selected names, if it is one of them.
+fn columns(all: &[String], names: &[String]) -> Result<Vec<Option<usize>>> {
+    let mut columns = vec![None; all.len()];
     for (column, name) in names.iter().enumerate() {
         match all.iter().position(|a| a == name) {
-            Some(i) if slots[i] == NOWHERE => slots[i] = column,
+            Some(i) if columns[i].is_none() => columns[i] = Some(column),
             Some(_) => return Err(Error::parameter("features", name, "each feature once")),
             None => return Err(Error::parameter("features", name, format!("one of {}", all.join(", ")))),
         }
     }
-    Ok(slots)
+    Ok(columns)
 }
 
 /// The points with these cloud indices, in their existing order.

@@ -1,6 +1,6 @@
 //! Features of the point itself: colour, intensity, returns.
 
-use super::definition::Definition;
+use super::definition::Feature;
 use super::params::FeatureSet;
 use crate::cloud::{Cloud, Values, names};
 use crate::error::{Error, Result};
@@ -53,28 +53,28 @@ impl Source<'_> {
     }
 }
 
-/// The sources of all selected features of the points themselves.
+/// The sources of the set's features of the points themselves, with their keys.
 ///
 /// # Errors
 /// If the cloud lacks a column; the message names it and lists the existing ones.
-pub(super) fn sources<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<Source<'a>>> {
-    set.own().map(|definition| source(cloud, definition)).collect()
+pub(super) fn sources<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<(Feature, Source<'a>)>> {
+    set.own().map(|d| Ok((d.feature, source(cloud, d.feature)?))).collect()
 }
 
-fn source<'a>(cloud: &'a Cloud, definition: &Definition) -> Result<Source<'a>> {
+fn source(cloud: &Cloud, feature: Feature) -> Result<Source<'_>> {
     let plain = |name| Ok(Source::One(Own { values: column(cloud, name)?, form: Form::Times(1.0) }));
-    match definition.name {
-        "Red" => colour(cloud, 0),
-        "Green" => colour(cloud, 1),
-        "Blue" => colour(cloud, 2),
-        "RelativeIntensity" => {
+    match feature {
+        Feature::Red => colour(cloud, 0),
+        Feature::Green => colour(cloud, 1),
+        Feature::Blue => colour(cloud, 2),
+        Feature::RelativeIntensity => {
             let values = column(cloud, names::INTENSITY)?;
             Ok(Source::One(Own { values, form: Form::Relative(median(values)) }))
         }
-        "ReturnRatio" => {
+        Feature::ReturnRatio => {
             Ok(Source::Ratio(column(cloud, names::RETURN_NUMBER)?, column(cloud, names::NUMBER_OF_RETURNS)?))
         }
-        name => plain(name),
+        other => plain(other.definition().name),
     }
 }
 
@@ -139,7 +139,7 @@ mod tests {
         cloud.set_column(Column::new("ReturnNumber", Values::U8(vec![1, 1, 0]))).unwrap();
         cloud.set_column(Column::new("NumberOfReturns", Values::U8(vec![1, 2, 0]))).unwrap();
         let features = sources(&cloud, &set).unwrap();
-        let row = |point| features.iter().map(|s| s.get(point)).collect::<Vec<f32>>();
+        let row = |point| features.iter().map(|(_, source)| source.get(point)).collect::<Vec<f32>>();
         assert_eq!(row(1), [0.2, 0.2, 0.2, 0.6, 1.0, 2.0, 0.5]);
         assert_eq!(row(2)[6], 0.0, "no returns at all");
     }

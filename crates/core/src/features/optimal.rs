@@ -1,6 +1,6 @@
 //! The four local descriptors of a point in its optimal neighbourhood (Guinard & Landrieu 2017, section 2.1).
 
-use super::definition::{Definition, Group};
+use super::definition::Group;
 use super::table::FeatureTable;
 use crate::cloud::Points;
 use crate::error::Result;
@@ -10,22 +10,10 @@ use crate::linalg::shape::Shape;
 use crate::neighbours::{Eigenvalues, Neighbours, Optimal, OptimalParams, map_optimal, optimal};
 use crate::parallel::Monitor;
 
-/// The descriptors, in the order of the columns. λ or √λ by [`OptimalParams::eigenvalues`].
-pub const OPTIMAL: &[Definition] = &[
-    row("OptimalLinearity", "(l1 - l2) / l1", "0..1"),
-    row("OptimalPlanarity", "(l2 - l3) / l1", "0..1"),
-    row("OptimalScattering", "l3 / l1", "0..1"),
-    row("OptimalVerticality", "v . z / |v|, v = sum l |e|", "0..factor"),
-];
-
-const fn row(name: &'static str, formula: &'static str, range: &'static str) -> Definition {
-    Definition { name, group: Group::Covariance, formula, range }
-}
-
 /// Descriptors of all points in their optimal neighbourhoods.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OptimalFeatures {
-    /// One row a point, columns as in [`OPTIMAL`].
+    /// One row a point; columns are the features of [`Group::Optimal`].
     pub table: FeatureTable,
     /// Size of the optimal neighbourhood, not counting the point itself.
     pub k: Vec<u32>,
@@ -73,7 +61,7 @@ pub fn optimal_features_of(
 }
 
 fn collect(rows: Vec<([f32; 4], u32)>) -> OptimalFeatures {
-    let names = OPTIMAL.iter().map(|d| d.name.to_owned()).collect();
+    let names = Group::Optimal.names().collect();
     let k = rows.iter().map(|r| r.1).collect();
     let values = rows.into_iter().flat_map(|r| r.0).collect();
     OptimalFeatures { table: FeatureTable { names, values }, k }

@@ -1,6 +1,6 @@
 //! Selection and conventions of features; the defaults are those of Hackel 2018.
 
-use super::definition::{self, ALL, Definition, Group, PER_LEVEL};
+use super::definition::{Definition, Feature, Group, Scope, of_scope, scaled_name};
 use crate::cloud::{Cloud, names};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -140,6 +140,16 @@ mod zero_is_none {
     }
 }
 
+/// A feature of a set.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Offer {
+    /// Name of its column.
+    pub(super) name: String,
+    pub(super) feature: Feature,
+    /// Number of the level, 0 for the finest; `None` for features of the point itself.
+    pub(super) level: Option<usize>,
+}
+
 /// All features that a recipe uses.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -176,9 +186,20 @@ impl FeatureSet {
 
     /// Names of all features: level by level, then those of the point itself.
     pub fn names(&self, first_scale: f64) -> Vec<String> {
-        let scales = self.pyramid.scales(first_scale);
-        let levels = scales.iter().flat_map(|&s| ALL[..PER_LEVEL].iter().map(move |d| definition::scaled_name(d, s)));
-        levels.chain(self.own().map(|d| d.name.to_string())).collect()
+        self.offers(first_scale).into_iter().map(|offer| offer.name).collect()
+    }
+
+    /// All features: level by level, then those of the point itself.
+    pub(super) fn offers(&self, first_scale: f64) -> Vec<Offer> {
+        let levels = self.pyramid.scales(first_scale).into_iter().enumerate().flat_map(|(level, scale)| {
+            of_scope(Scope::Level).map(move |d| Offer {
+                name: scaled_name(d, scale),
+                feature: d.feature,
+                level: Some(level),
+            })
+        });
+        let own = self.own().map(|d| Offer { name: d.name.to_owned(), feature: d.feature, level: None });
+        levels.chain(own).collect()
     }
 
     /// Columns of the cloud that the features need.
@@ -199,7 +220,7 @@ impl FeatureSet {
     /// The selected features of the point itself.
     pub(super) fn own(&self) -> impl Iterator<Item = &'static Definition> {
         let wanted = [(Group::Colour, self.colour), (Group::Intensity, self.intensity), (Group::Returns, self.returns)];
-        ALL[PER_LEVEL..].iter().filter(move |d| wanted.contains(&(d.group, true)))
+        wanted.into_iter().filter(|(_, wanted)| *wanted).flat_map(|(group, _)| group.definitions())
     }
 }
 

@@ -1,11 +1,12 @@
 //! One level of the pyramid prepared for queries, and the 16 features of query points on it.
 
-use super::contour::{Surfaces, contour_features};
-use super::definition::PER_LEVEL;
+use super::contour::{Around, Surfaces, contour_features};
+use super::definition::{Feature, Group};
 use super::params::{Column, PyramidParams};
 use super::region::Region;
+use super::slots::Slots;
 use super::surfaces::{Packed, farthest, surfaces};
-use super::tensor::{Batch, Convention, LANES, MOST, Tensor, covariance_features, tensor};
+use super::tensor::{Batch, Convention, LANES, Lane, MOST, Tensor, covariance_features, tensor};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::neighbours::{ColumnSearch, Columns, Level, Search};
@@ -13,20 +14,22 @@ use crate::parallel::Monitor;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// The output column of each of a level's 16 features, or [`NOWHERE`].
-pub(super) type Slots = [usize; PER_LEVEL];
-/// Marks a feature that is not selected.
-pub(super) const NOWHERE: usize = usize::MAX;
+/// A level, and the region in which it is complete; `None` for everywhere.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    pub(super) level: Level,
+    pub(super) region: Option<Region>,
+}
 
 /// A level, with everything that the selected features need.
 #[derive(Clone, Debug)]
 pub(super) struct Stage {
-    level: Level,
+    part: Part,
     surfaces: Vec<Packed>,
     columns: Option<Columns>,
     slots: Slots,
-    /// The region in which the level is complete; `None` for everywhere.
-    region: Option<Region>,
+    /// Whether covariance or contour features are selected.
+    shapes: bool,
     /// Whether the normal of each level point may differ from that on the complete level; empty if the level is
     /// complete.
     open: Vec<bool>,
@@ -82,141 +85,150 @@ pub(super) struct Job<'a> {
     pub(super) out: &'a mut [f32],
 }
 
+impl<'a> Job<'a> {
+    /// The query points of these rows.
+    #[inline(always)]
+    fn queries(&self, rows: &Range<usize>) -> Queries<'a> {
+        let first = self.range.start;
+        Queries { points: self.points, lanes: first + rows.start..first + rows.end }
+    }
+}
+
+/// A block that is being computed.
+struct Work<'a, 'b> {
+    job: &'a mut Job<'b>,
+    params: &'a PyramidParams,
+    scratch: &'a mut Scratch,
+}
+
+impl Work<'_, '_> {
+    /// Writes the lanes of each selected feature into its column of the rows.
+    #[inline(always)]
+    fn store<const N: usize>(&mut self, features: [(Feature, &Lane); N], slots: &Slots, rows: &Range<usize>) {
+        let width = self.job.width;
+        for (feature, values) in features {
+            if let Some(column) = slots.column(feature) {
+                let rows = self.job.out[rows.start * width..rows.end * width].chunks_exact_mut(width);
+                rows.zip(values).for_each(|(out, &value)| out[column] = value);
+            }
+        }
+    }
+}
+
 impl Stage {
-    /// Prepares a level that is complete in `region`, or everywhere; normals and columns only if a selected feature
-    /// needs them.
-    pub(super) fn new(
-        (level, region): (Level, Option<Region>),
-        slots: Slots,
-        params: &PyramidParams,
-        monitor: &Monitor,
-    ) -> Result<Self> {
-        let wants = |range: Range<usize>| slots[range].iter().any(|&s| s != NOWHERE);
-        let columns = wants(13..16).then(|| Columns::new(&level, params.column_radius * level.size, monitor));
+    /// Prepares a level; normals and columns only if a selected feature needs them.
+    pub(super) fn new(part: Part, slots: Slots, params: &PyramidParams, monitor: &Monitor) -> Result<Self> {
+        let level = &part.level;
+        let columns = slots.any(Group::Height).then(|| Columns::new(level, params.column_radius * level.size, monitor));
         let columns = columns.transpose()?;
-        let (surfaces, open) = match wants(9..13) {
-            true => surfaces(&level, region.as_ref(), params, monitor)?,
+        let (surfaces, open) = match slots.any(Group::Contour) {
+            true => surfaces(level, part.region.as_ref(), params, monitor)?,
             false => (Vec::new(), Vec::new()),
         };
-        Ok(Self { level, surfaces, columns, slots, region, open })
+        let shapes = slots.any(Group::Covariance) || slots.any(Group::Contour);
+        Ok(Self { part, surfaces, columns, slots, shapes, open })
     }
 
     /// Computes the selected features of the queries.
     pub(super) fn describe(&self, job: &mut Job<'_>, params: &PyramidParams, scratch: &mut Scratch) {
-        if self.slots.iter().all(|&s| s == NOWHERE) {
+        if self.columns.is_none() && !self.shapes {
             return;
         }
         scratch.search.reset();
         scratch.columns.reset();
-        Arch::new().dispatch(Describe { stage: self, job, params, scratch });
+        Arch::new().dispatch(Describe { stage: self, work: Work { job, params, scratch } });
     }
 
     #[inline(always)]
-    fn all_batches<S: Simd>(&self, simd: S, job: &mut Job<'_>, params: &PyramidParams, scratch: &mut Scratch) {
-        let points = job.points;
-        for first in job.range.clone().step_by(LANES) {
-            let lanes = first..(first + LANES).min(job.range.end);
-            let row = first - job.range.start;
-            if self.columns.is_some() {
-                self.heights(lanes.clone(), job, row, (params, &mut *scratch));
+    fn all_batches<S: Simd>(&self, simd: S, mut work: Work<'_, '_>) {
+        let count = work.job.range.len();
+        for first in (0..count).step_by(LANES) {
+            let rows = first..(first + LANES).min(count);
+            if let Some(columns) = &self.columns {
+                self.heights(columns, &rows, &mut work);
             }
-            if self.slots[..13].iter().any(|&s| s != NOWHERE) {
-                let count = fill(simd, (&self.level, &self.surfaces), points, lanes.clone(), (params, &mut *scratch));
-                if let Some(region) = &self.region {
-                    self.note_loose(region, points, lanes.clone(), (count, row), (params, &mut *scratch));
+            if self.shapes {
+                let source = Source { level: &self.part.level, packed: &self.surfaces, params: work.params };
+                let count = fill(simd, source, work.job.queries(&rows), work.scratch);
+                if let Some(region) = &self.part.region {
+                    self.note_loose(region, count, &rows, &mut work);
                 }
-                self.shape(simd, count, lanes.len(), job, row, (params, &mut *scratch));
+                self.shape(simd, count, &rows, &mut work);
             }
         }
     }
 
-    /// Covariance and contour features of the filled batch.
+    /// Covariance and contour features of the filled batch, whose neighbourhoods have `count` points.
     #[inline(always)]
-    fn shape<S: Simd>(
-        &self,
-        simd: S,
-        count: usize,
-        lanes: usize,
-        job: &mut Job<'_>,
-        row: usize,
-        (params, scratch): (&PyramidParams, &mut Scratch),
-    ) {
+    fn shape<S: Simd>(&self, simd: S, count: usize, rows: &Range<usize>, work: &mut Work<'_, '_>) {
+        let params = work.params;
         let convention = Convention { centre: params.centre, divisor: params.divisor };
         // The usual size is a compile-time constant, so that its loops are unrolled.
         let tensor = if count == 10 {
-            tensor(&scratch.batch, 10, convention)
+            tensor(&work.scratch.batch, 10, convention)
         } else {
-            tensor(&scratch.batch, count, convention)
+            tensor(&work.scratch.batch, count, convention)
         };
         let covariance = covariance_features(&tensor, params.normalise);
-        store(&covariance.columns(), &self.slots[..9], lanes, job, row);
+        work.store(covariance.keyed(), &self.slots, rows);
         if self.surfaces.is_empty() {
             return;
         }
         if params.include_query {
-            own_surface(&tensor, &covariance.surface_variation, count - 1, &mut scratch.surfaces);
+            own_surface(&tensor, &covariance.surface_variation, count - 1, &mut work.scratch.surfaces);
         }
         let near = (params.near_share * count as f64).ceil() as usize;
+        let (batch, surfaces) = (&work.scratch.batch, &work.scratch.surfaces);
         let contour = if count == 10 && near == 5 {
-            contour_features(simd, &scratch.batch, &scratch.surfaces, 10, &tensor.second, 5)
+            contour_features(simd, Around { batch, surfaces, count: 10, near: 5 }, &tensor.second)
         } else {
-            contour_features(simd, &scratch.batch, &scratch.surfaces, count, &tensor.second, near)
+            contour_features(simd, Around { batch, surfaces, count, near }, &tensor.second)
         };
-        store(&contour.each_ref(), &self.slots[9..13], lanes, job, row);
+        work.store(contour.keyed(), &self.slots, rows);
     }
 
     /// Records the queries of the batch that may have nearer neighbours outside the region, or neighbours that do.
     #[inline(never)]
-    fn note_loose(
-        &self,
-        region: &Region,
-        points: &Points,
-        lanes: Range<usize>,
-        (count, row): (usize, usize),
-        (params, scratch): (&PyramidParams, &mut Scratch),
-    ) {
+    fn note_loose(&self, region: &Region, count: usize, rows: &Range<usize>, work: &mut Work<'_, '_>) {
+        let (params, points) = (work.params, work.job.points);
         let found = count - usize::from(params.include_query);
         let all = found == params.k.min(MOST - 1) - usize::from(params.include_query);
-        for (l, i) in lanes.enumerate() {
+        for (l, row) in rows.clone().enumerate() {
+            let i = work.job.range.start + row;
             let at = [points.x[i], points.y[i], points.z[i]];
-            let open = |rows: &[u32; LANES]| self.open.get(rows[l] as usize).is_some_and(|&open| open);
-            let sure = region.holds(at, farthest(&scratch.batch, found, l), all);
-            if !sure || scratch.found[..found].iter().any(open) {
-                scratch.loose.push((row + l) as u32);
+            let open = |near: &[u32; LANES]| self.open.get(near[l] as usize).is_some_and(|&open| open);
+            let sure = region.holds(at, farthest(&work.scratch.batch, found, l), all);
+            if !sure || work.scratch.found[..found].iter().any(open) {
+                work.scratch.loose.push(row as u32);
             }
         }
     }
 
     #[inline(always)]
-    fn heights(
-        &self,
-        lanes: Range<usize>,
-        job: &mut Job<'_>,
-        row: usize,
-        (params, scratch): (&PyramidParams, &mut Scratch),
-    ) {
-        let Some(columns) = &self.columns else { return };
-        let mut features = [[0.0; LANES]; 3];
-        for (l, i) in lanes.clone().enumerate() {
-            let at = [job.points.x[i], job.points.y[i], job.points.z[i]];
-            let (low, high) = match params.column {
-                Column::Cylinder => scratch.columns.cylinder(&self.level, columns, at),
-                Column::Cell => scratch.columns.grid_cell(&self.level, columns, at),
+    fn heights(&self, columns: &Columns, rows: &Range<usize>, work: &mut Work<'_, '_>) {
+        let (mut range, mut below, mut above) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let points = work.job.points;
+        for (l, row) in rows.clone().enumerate() {
+            let i = work.job.range.start + row;
+            let at = [points.x[i], points.y[i], points.z[i]];
+            let (low, high) = match work.params.column {
+                Column::Cylinder => work.scratch.columns.cylinder(&self.part.level, columns, at),
+                Column::Cell => work.scratch.columns.grid_cell(&self.part.level, columns, at),
             };
-            features[0][l] = high - low;
-            features[1][l] = at[2] - low;
-            features[2][l] = high - at[2];
+            range[l] = high - low;
+            below[l] = at[2] - low;
+            above[l] = high - at[2];
         }
-        store(&features.each_ref(), &self.slots[13..], lanes.len(), job, row);
+        let features =
+            [(Feature::VerticalRange, &range), (Feature::HeightBelow, &below), (Feature::HeightAbove, &above)];
+        work.store(features, &self.slots, rows);
     }
 }
 
 /// Computes a block, compiled for each instruction set. (A closure would not be inlined and would remain scalar.)
 struct Describe<'a, 'b> {
     stage: &'a Stage,
-    job: &'a mut Job<'b>,
-    params: &'a PyramidParams,
-    scratch: &'a mut Scratch,
+    work: Work<'a, 'b>,
 }
 
 impl WithSimd for Describe<'_, '_> {
@@ -224,18 +236,7 @@ impl WithSimd for Describe<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.stage.all_batches(simd, self.job, self.params, self.scratch);
-    }
-}
-
-/// Writes the lanes of each selected feature into its column.
-#[inline(always)]
-fn store(features: &[&[f32; LANES]], slots: &[usize], lanes: usize, job: &mut Job<'_>, row: usize) {
-    for (feature, &slot) in features.iter().zip(slots) {
-        if slot != NOWHERE {
-            let rows = job.out[row * job.width..].chunks_exact_mut(job.width);
-            rows.zip(&feature[..lanes]).for_each(|(out, &value)| out[slot] = value);
-        }
+        self.stage.all_batches(simd, self.work);
     }
 }
 
@@ -246,15 +247,28 @@ fn own_surface(tensor: &Tensor, variation: &[f32; LANES], row: usize, surfaces: 
     surfaces.variation[row] = *variation;
 }
 
-/// Finds the neighbours of up to 16 points, stores them by lanes, and returns the size of a neighbourhood.
+/// Up to 16 points.
+#[derive(Clone, Debug)]
+pub(super) struct Queries<'a> {
+    pub(super) points: &'a Points,
+    /// Their indices.
+    pub(super) lanes: Range<usize>,
+}
+
+/// Where the neighbourhoods of queries are taken from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Source<'a> {
+    pub(super) level: &'a Level,
+    /// Normals and surface variations of the level's points; none if they are not needed.
+    pub(super) packed: &'a [Packed],
+    pub(super) params: &'a PyramidParams,
+}
+
+/// Finds the neighbours of the queries, stores them by lanes, and returns the size of a neighbourhood.
 #[inline(always)]
-pub(super) fn fill<S: Simd>(
-    simd: S,
-    (level, packed): (&Level, &[Packed]),
-    points: &Points,
-    lanes: Range<usize>,
-    (params, scratch): (&PyramidParams, &mut Scratch),
-) -> usize {
+pub(super) fn fill<S: Simd>(simd: S, source: Source<'_>, queries: Queries<'_>, scratch: &mut Scratch) -> usize {
+    let Source { level, packed, params } = source;
+    let Queries { points, lanes } = queries;
     let wanted = params.k.min(MOST - 1) - usize::from(params.include_query);
     let mut at = [[0.0; LANES]; 3];
     for (axis, from) in at.iter_mut().zip([&points.x, &points.y, &points.z]) {
@@ -312,6 +326,7 @@ fn unpack(packed: &[Packed], found: &[[u32; LANES]], surfaces: &mut Surfaces) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::definition::{Scope, of_scope};
     use super::*;
     use crate::cloud::Cloud;
     use crate::neighbours::{Grid, build_levels, sorted};
@@ -326,12 +341,16 @@ mod tests {
         let points = sorted(points, &grid, &Monitor::default()).unwrap();
         let params = PyramidParams::default();
         for level in build_levels(&points, &grid, 5, &Monitor::default()).unwrap() {
-            let stage = Stage::new((level, None), std::array::from_fn(|f| f), &params, &Monitor::default()).unwrap();
+            let mut slots = Slots::default();
+            of_scope(Scope::Level).zip(0..).for_each(|(d, column)| slots.put(d.feature, column));
+            let width = of_scope(Scope::Level).count();
+            let stage = Stage::new(Part { level, region: None }, slots, &params, &Monitor::default()).unwrap();
             let with = |vectors: bool| {
-                let mut out = vec![0.0; points.len() * PER_LEVEL];
-                let mut job = Job { points: &points, range: 0..points.len(), width: PER_LEVEL, out: &mut out };
+                let mut out = vec![0.0; points.len() * width];
+                let mut job = Job { points: &points, range: 0..points.len(), width, out: &mut out };
                 let mut scratch = Scratch::default();
-                let work = Describe { stage: &stage, job: &mut job, params: &params, scratch: &mut scratch };
+                let work = Work { job: &mut job, params: &params, scratch: &mut scratch };
+                let work = Describe { stage: &stage, work };
                 match vectors {
                     true => Arch::new().dispatch(work),
                     false => pulp::Scalar::new().vectorize(work),

@@ -1,7 +1,7 @@
 //! The first pass over a level: normal and surface variation of its points.
 
 use super::params::PyramidParams;
-use super::pyramid::{Scratch, fill};
+use super::pyramid::{Queries, Scratch, Source, fill};
 use super::region::Region;
 use super::tensor::{Batch, Convention, LANES, MOST, covariance_features, tensor};
 use crate::cloud::Points;
@@ -9,7 +9,6 @@ use crate::error::Result;
 use crate::neighbours::Level;
 use crate::parallel::{Monitor, map_ordered};
 use pulp::{Arch, Simd, WithSimd};
-use std::ops::Range;
 
 /// Level points that one task processes.
 const CHUNK: usize = 4096;
@@ -76,9 +75,14 @@ fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
     let convention = Convention { centre: params.centre, divisor: params.divisor };
     for first in (0..points.len()).step_by(LANES) {
         let lanes = first..(first + LANES).min(points.len());
-        let count = fill(simd, (level, &[]), points, lanes.clone(), (params, &mut scratch));
+        let source = Source { level, packed: &[], params };
+        let count = fill(simd, source, Queries { points, lanes: lanes.clone() }, &mut scratch);
         if let Some((region, open)) = &mut open {
-            note_open(region, points, lanes.clone(), (&scratch.batch, count, params), open);
+            let all = count == params.k.min(MOST - 1);
+            for (l, i) in lanes.clone().enumerate() {
+                let at = [points.x[i], points.y[i], points.z[i]];
+                open[i] = !region.holds(at, farthest(&scratch.batch, count, l), all);
+            }
         }
         let found = if count == 10 {
             tensor(&scratch.batch, 10, convention)
@@ -90,21 +94,6 @@ fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
             let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
             *slot = [part(0), part(1), part(2), (variation[l] * 196_605.0).round() as u16];
         }
-    }
-}
-
-/// Flags the level points of the batch that may have nearer neighbours outside the region.
-#[inline(never)]
-fn note_open(
-    region: &Region,
-    points: &Points,
-    lanes: Range<usize>,
-    (batch, count, params): (&Batch, usize, &PyramidParams),
-    open: &mut [bool],
-) {
-    for (l, i) in lanes.enumerate() {
-        let at = [points.x[i], points.y[i], points.z[i]];
-        open[i] = !region.holds(at, farthest(batch, count, l), count == params.k.min(MOST - 1));
     }
 }
 

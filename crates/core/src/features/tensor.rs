@@ -8,6 +8,7 @@
     reason = "loops over lanes index several arrays at once; iterators hide that from the vectoriser"
 )]
 
+use super::definition::Feature;
 use super::params::{Centre, Divisor};
 use crate::linalg::arithmetic::Lanes;
 use crate::linalg::jacobi::{LaneEigen, jacobi};
@@ -185,19 +186,19 @@ pub(super) struct CovarianceFeatures {
 }
 
 impl CovarianceFeatures {
-    /// The features in the order of the table of definitions.
+    /// The features with their keys.
     #[inline(always)]
-    pub(super) fn columns(&self) -> [&Lane; 9] {
+    pub(super) fn keyed(&self) -> [(Feature, &Lane); 9] {
         [
-            &self.sum,
-            &self.omnivariance,
-            &self.eigenentropy,
-            &self.anisotropy,
-            &self.planarity,
-            &self.linearity,
-            &self.surface_variation,
-            &self.sphericity,
-            &self.verticality,
+            (Feature::Sum, &self.sum),
+            (Feature::Omnivariance, &self.omnivariance),
+            (Feature::Eigenentropy, &self.eigenentropy),
+            (Feature::Anisotropy, &self.anisotropy),
+            (Feature::Planarity, &self.planarity),
+            (Feature::Linearity, &self.linearity),
+            (Feature::SurfaceVariation, &self.surface_variation),
+            (Feature::Sphericity, &self.sphericity),
+            (Feature::Verticality, &self.verticality),
         ]
     }
 }
@@ -325,8 +326,6 @@ mod tests {
         assert!((f.eigenentropy[0] - entropy).abs() < 1e-6);
         assert!((f.linearity[1] - 1.0).abs() < 1e-5 && f.planarity[1] < 1e-5, "a line");
         assert!((f.verticality[2] - 1.0).abs() < 1e-6, "a vertical plane");
-        let all = [f.sum, f.omnivariance, f.eigenentropy, f.anisotropy, f.planarity, f.linearity];
-        let all = all.into_iter().chain([f.surface_variation, f.sphericity, f.verticality]);
-        assert!(all.into_iter().all(|feature| feature[3] == 0.0), "all points in one place");
+        assert!(f.keyed().iter().all(|(_, lanes)| lanes[3] == 0.0), "all points in one place");
     }
 }

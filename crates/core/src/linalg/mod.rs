@@ -22,14 +22,11 @@ pub(crate) use moments::Moments;
 pub use sym3::{Eigen3, Sym3, mean, medoid};
 
 #[cfg(test)]
-mod tests {
-    use super::closed_form::{eigenvalues, unit_eigenvalues};
-    use super::jacobi::jacobi;
-    use super::*;
+pub(crate) mod testing {
     use crate::random::stream;
 
     /// Matrices of solids, planes and lines, of every ratio of their eigenvalues down to 0; xx, yy, zz, xy, xz, yz.
-    fn matrices() -> Vec<[f64; 6]> {
+    pub(crate) fn matrices() -> Vec<[f64; 6]> {
         let mut s = stream(2, 2);
         let mut all: Vec<[f64; 6]> = (0..4000)
             .map(|i| {
@@ -45,6 +42,14 @@ mod tests {
         all.extend([[1.0, 1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0, 0.0, 0.0], [3.0, 3.0, 3.0, 0.0, 0.0, 0.0]]);
         all
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::closed_form::{eigenvalues, unit_eigenvalues};
+    use super::jacobi::jacobi;
+    use super::testing::matrices;
+    use super::*;
 
     fn sym3(m: [f64; 6]) -> Sym3 {
         Sym3 { diagonal: [m[0], m[1], m[2]], off: [m[3], m[4], m[5]] }

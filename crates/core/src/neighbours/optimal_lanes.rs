@@ -115,28 +115,11 @@ fn entropy_of(matrix: [f64; 6]) -> f64 {
 mod tests {
     use super::*;
     use crate::linalg::Sym3;
-    use crate::random::stream;
-
-    fn random_matrices() -> Vec<[f64; 6]> {
-        let mut s = stream(2, 2);
-        let mut all: Vec<[f64; 6]> = (0..4000)
-            .map(|i| {
-                let flat = [1.0, 1e-3, 1e-7, 0.0][i % 4];
-                let thin = [1.0, 1e-4, 1.0][i % 3];
-                let unit = [0; 9].map(|_| s.uniform() - 0.5);
-                let row = |a: usize| [unit[a], unit[a + 3] * thin, unit[a + 6] * flat];
-                let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-                let (x, y, z) = (row(0), row(1), row(2));
-                [dot(x, x), dot(y, y), dot(z, z), dot(x, y), dot(x, z), dot(y, z)]
-            })
-            .collect();
-        all.extend([[1.0, 1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0, 0.0, 0.0], [3.0, 3.0, 3.0, 0.0, 0.0, 0.0]]);
-        all
-    }
+    use crate::linalg::testing::matrices;
 
     #[test]
     fn the_entropy_is_that_of_the_iterative_solver() {
-        for m in random_matrices() {
+        for m in matrices() {
             let reference = Sym3 { diagonal: [m[0], m[1], m[2]], off: [m[3], m[4], m[5]] }.eigen();
             let sum: f64 = reference.values.iter().sum();
             let terms = reference.values.map(|v| if v > 0.0 { -v / sum * (v / sum).ln() } else { 0.0 });

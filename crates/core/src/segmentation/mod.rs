@@ -23,7 +23,7 @@ pub use minimal_partition::{
     PartitionParams, Preset, Signal, StrengthSearch, Trial, cut_pursuit, merge, partition_by_intent, recut,
     search_strength,
 };
-pub use object_features::{GEOMETRIC, HEIGHT, ObjectAttributes, SPECTRAL, object_features};
+pub use object_features::{ObjectAttributes, object_features};
 pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};
 pub use oriented_box::OrientedBox;
 pub use partition::Partition;

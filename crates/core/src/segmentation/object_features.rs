@@ -4,32 +4,11 @@ use super::Partition;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
+use crate::features::definition::Group;
 use crate::linalg::arithmetic::Exact;
 use crate::linalg::shape::{self, Shape};
 use crate::linalg::{Sym3, mean};
 use crate::parallel::{Monitor, map_ordered_with};
-
-/// Geometric features, in the order of Hasanpour Zaryabi et al. 2022, Table 3. With e = λ/Σλ of the covariance (divisor
-/// n): (e1 − e2)/e1, (e2 − e3)/e1, e3/e1, e3, (e1 e2 e3)^(1/3), (e1 − e3)/e1, −Σ e ln e, mean of z, mean of (z −
-/// mean)².
-pub const GEOMETRIC: [&str; 9] = [
-    "Linearity",
-    "Planarity",
-    "Scattering",
-    "LocalCurvature",
-    "Omnivariance",
-    "Anisotropy",
-    "Eigenentropy",
-    "MeanZ",
-    "VarianceZ",
-];
-
-/// Spectral features: means, shares of the sum of the three means, and range (largest minus smallest value).
-pub const SPECTRAL: [&str; 9] =
-    ["MeanRed", "MeanGreen", "MeanBlue", "RedRatio", "GreenRatio", "BlueRatio", "RedRange", "GreenRange", "BlueRange"];
-
-/// Mean and largest height above ground, if heights are given.
-pub const HEIGHT: [&str; 2] = ["MeanHeight", "MaxHeight"];
 
 /// Segments that one task describes.
 const BLOCK: usize = 32;
@@ -43,8 +22,9 @@ pub struct ObjectAttributes<'a> {
     pub heights: Option<&'a [f32]>,
 }
 
-/// The features of each segment: [`GEOMETRIC`], then [`SPECTRAL`] if there are colours, then [`HEIGHT`] if there are
-/// heights. Row-major, one row a segment.
+/// The features of each segment: those of [`Group::SegmentShape`], then [`Group::SegmentColour`] if there are colours,
+/// then [`Group::SegmentHeight`] if there are heights. Row-major, one row a segment. e = λ / Σλ of the covariance
+/// (divisor n).
 ///
 /// E. Hasanpour Zaryabi, M. Saadatseresht, E. Ghanbari Parmehr, *An object-based classification framework for ALS point
 /// cloud in urban areas*, ISPRS Annals X-4/W1, 2022, Table 3, with its misprints corrected: the ratios are shares of the
@@ -69,9 +49,9 @@ pub fn object_features(
     if let Some((name, found)) = lengths.into_iter().find(|(_, found)| *found != n) {
         return Err(Error::input(format!("{name} of {found} points for {n} points")));
     }
-    let mut names: Vec<&str> = GEOMETRIC.to_vec();
-    names.extend(colours.iter().flat_map(|_| SPECTRAL));
-    names.extend(heights.iter().flat_map(|_| HEIGHT));
+    let mut names: Vec<String> = Group::SegmentShape.names().collect();
+    names.extend(colours.iter().flat_map(|_| Group::SegmentColour.names()));
+    names.extend(heights.iter().flat_map(|_| Group::SegmentHeight.names()));
     monitor.stage("object features", n as u64);
     let parts = map_ordered_with(0..partition.len().div_ceil(BLOCK), monitor, Vec::new, |places, block| {
         let mut rows = Vec::with_capacity(BLOCK * names.len());
@@ -84,7 +64,7 @@ pub fn object_features(
         }
         Ok(rows)
     })?;
-    Ok(FeatureTable { names: names.into_iter().map(String::from).collect(), values: parts.concat() })
+    Ok(FeatureTable { names, values: parts.concat() })
 }
 
 fn geometric(points: &Points, members: &[u32], places: &mut Vec<[f64; 3]>, row: &mut Vec<f32>) {
@@ -156,7 +136,7 @@ mod tests {
         let entropy: f64 = e.iter().map(|v| -v * v.ln()).sum();
         let expected =
             [0.75, 3.0 / 16.0, 1.0 / 16.0, e[2], (e[0] * e[1] * e[2]).cbrt(), 15.0 / 16.0, entropy, 7.5, 0.25];
-        assert_eq!(table.names, GEOMETRIC);
+        assert_eq!(table.names, Group::SegmentShape.names().collect::<Vec<_>>());
         for (found, expected) in table.row(0).iter().zip(expected) {
             assert!((f64::from(*found) - expected).abs() < 1e-6, "{found} {expected}");
         }
@@ -183,7 +163,7 @@ mod tests {
         let attributes = ObjectAttributes { colours: None, heights: Some(&heights) };
         let halves = Partition::from_labels(&[0, 1, 0, 1, 2, 2, 2, 2]).unwrap();
         let table = object_features(&box_corners(), &halves, &attributes, &Monitor::default()).unwrap();
-        assert_eq!((table.rows(), table.names[9..].to_vec()), (3, HEIGHT.map(String::from).to_vec()));
+        assert_eq!((table.rows(), table.names[9..].to_vec()), (3, Group::SegmentHeight.names().collect()));
         assert_eq!(table.row(0)[9..], [2.0, 3.0]);
         assert!(table.row(1)[9..].iter().all(|v| v.is_nan()));
         assert!(table.row(2)[0] >= 0.0 && table.row(2)[8] == 0.0);

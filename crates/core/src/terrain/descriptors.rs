@@ -6,20 +6,8 @@ use super::elevation::{ElevationModel, ElevationParams};
 use super::position::position;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
-use crate::features::definition::{Definition, Group};
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
-
-/// Definitions of the descriptors of [`Terrain`], in the order of its fields.
-pub const DESCRIPTORS: &[Definition] = &[
-    Definition { name: "Elevation", group: Group::Height, formula: "z - ground(x, y)", range: "any, metres" },
-    Definition {
-        name: "RoadPosition",
-        group: Group::Height,
-        formula: "0.5 near the border of the road, else 0 inside, 1 outside",
-        range: "0, 0.5, 1",
-    },
-];
 
 /// Parameters of the two descriptors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -52,7 +40,7 @@ pub struct Ground<'a> {
     pub model: Option<&'a ElevationModel>,
 }
 
-/// The two descriptors of every point.
+/// The two descriptors of every point: the features of [`Group::Terrain`](crate::features::definition::Group).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Terrain {
     /// Height above the ground, metres.

@@ -14,7 +14,7 @@ mod window;
 
 pub use alpha_shape::{AlphaParams, AlphaShape};
 pub use ascii_grid::read_ascii_grid;
-pub use descriptors::{DESCRIPTORS, Ground, Terrain, TerrainParams, mask_of_classes, terrain};
+pub use descriptors::{Ground, Terrain, TerrainParams, mask_of_classes, terrain};
 pub use elevation::{ElevationModel, ElevationParams};
 pub use ground_filter::{GroundParams, ground_points};
 pub use position::position;

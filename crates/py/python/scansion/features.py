@@ -139,7 +139,9 @@ def names(
 
 
 def definitions() -> list[dict[str, str]]:
-    """All features: name, group, formula and range of each.
+    """All features: name, group, formula, range, unit, missing value and reach of each.
+
+    Features of a level have the scale appended in the tables of `multiscale`; segments have their own groups.
 
     Examples
     --------

@@ -6,10 +6,11 @@ use super::{Descriptors, WeakRecipe};
 use crate::classification::Classifier;
 use crate::cloud::{Cloud, Points};
 use crate::error::Result;
+use crate::features::definition::Group;
 use crate::features::{FeatureSet, FeatureTable, optimal_features, table_at};
 use crate::parallel::Monitor;
 use crate::recipes::predict::{FirstColumns, Predictor};
-use crate::terrain::{DESCRIPTORS, ElevationModel, Terrain};
+use crate::terrain::{ElevationModel, Terrain};
 
 /// Section 2.1: the four local descriptors.
 pub(super) fn local(points: &Points, recipe: &WeakRecipe, monitor: &Monitor) -> Result<FeatureTable> {
@@ -30,7 +31,7 @@ pub(super) fn six(
     let DescribedScene { cloud, points, examples, elevation } = *scene;
     let scene = RoadScene { cloud, points, local: &local, examples, forest: &forest, elevation };
     let Terrain { elevation, position } = recipe.road.describe(&scene, monitor)?;
-    let names = local.names.iter().cloned().chain(DESCRIPTORS.iter().map(|d| d.name.to_string())).collect();
+    let names = local.names.iter().cloned().chain(Group::Terrain.names()).collect();
     let mut values = Vec::with_capacity(points.len() * (local.width() + 2));
     for (row, (height, place)) in local.values.chunks_exact(local.width()).zip(elevation.iter().zip(&position)) {
         values.extend_from_slice(row);
