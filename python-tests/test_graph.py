@@ -25,6 +25,35 @@ def test_the_nearest_are_those_of_scipy():
     assert (indices == near[:, 1:]).mean() > 0.999
 
 
+def test_the_points_within_a_radius_are_those_of_scipy():
+    xyz = cloud().astype(np.float32).astype(np.float64)
+    others = cloud(4, 500).astype(np.float32).astype(np.float64)
+    tree = cKDTree(xyz)
+    for queries, asked in ((xyz, None), (others, others)):
+        for radius in (0.3, 1.7, 6.0):
+            offsets, indices, distances = neighbours.within(xyz, radius, asked)
+            assert indices.dtype == offsets.dtype == np.uint32 and distances.dtype == np.float32
+            groups = [set(part) for part in np.split(indices, offsets[1:-1])]
+            expected = [set(part) for part in tree.query_ball_point(queries, radius)]
+            # Points at the radius itself may fall on either side in float32.
+            differing = sum(len(found ^ wanted) for found, wanted in zip(groups, expected, strict=True))
+            assert differing <= 1e-4 * len(indices), (radius, differing)
+            own = np.repeat(np.arange(len(queries)), np.diff(offsets))
+            np.testing.assert_allclose(
+                distances, np.linalg.norm(queries[own] - xyz[indices], axis=1), rtol=1e-4, atol=1e-4
+            )
+            assert all(np.all(np.diff(part) >= 0) for part in np.split(distances, offsets[1:-1]))
+    with pytest.raises(ValueError, match="radius"):
+        neighbours.within(xyz, -1.0)
+
+
+def test_the_radius_is_in_metres():
+    feet = cloud(1, 100)
+    one = neighbours.within(feet, 3.0, feet[:10], metres_per_unit=1.0)
+    other = neighbours.within(feet, 3.0 * 0.3048, feet[:10], metres_per_unit=0.3048)
+    np.testing.assert_array_equal(one[1], other[1])
+
+
 def test_distances_are_metres():
     feet = cloud(1, 100)
     _, one = neighbours.knn(feet, k=3)

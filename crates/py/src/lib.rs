@@ -43,7 +43,7 @@ mod _core {
     #[pymodule_export]
     use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, settings_text, statistics, write};
     #[pymodule_export]
-    use crate::neighbours::{knn, optimal};
+    use crate::neighbours::{knn, optimal, within};
     #[pymodule_export]
     use crate::partitions::{object_features, octree_region_growing, region_growing, riemannian, supervoxels};
     #[pymodule_export]

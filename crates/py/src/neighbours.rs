@@ -54,6 +54,39 @@ pub(crate) fn knn<'py>(
     Ok((to_matrix(py, indices, k)?, to_matrix(py, distances, k)?))
 }
 
+/// The points within a radius of each query: offsets of the groups `(queries + 1,)`, indices and distances.
+#[pyfunction]
+#[pyo3(signature = (cloud, queries, radius, metres_per_unit = None, n_jobs = None))]
+#[expect(clippy::type_complexity, reason = "three arrays")]
+pub(crate) fn within<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    queries: Option<&Cloud>,
+    radius: f64,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<(Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f32>>)> {
+    let cloud = Arc::clone(&cloud.inner);
+    let queries = queries.map(|queries| Arc::clone(&queries.inner));
+    let (offsets, indices, distances) = call(py, n_jobs, |monitor| {
+        let of = points(&cloud, metres_per_unit, monitor)?;
+        let asked = queries.map(|queries| {
+            // Positions without a unit are in that of the cloud.
+            let own = cloud.metres_per_unit.filter(|_| !queries.is_in_degrees());
+            points(&queries, metres_per_unit.or(queries.metres_per_unit).or(own), monitor)
+        });
+        let asked = asked.transpose()?;
+        let near = scansion_core::neighbours::within(&of, asked.as_ref().unwrap_or(&of), radius, monitor)?;
+        let mut distances = Vec::new();
+        distances.reserve_exact(near.groups().items().len());
+        for piece in watched(near.len(), monitor) {
+            distances.extend(piece?.flat_map(|i| near.squared_distances(i)).map(|d| d.sqrt()));
+        }
+        Ok((near.groups().offsets().to_vec(), near.groups().items().to_vec(), distances))
+    })?;
+    Ok((PyArray1::from_vec(py, offsets), PyArray1::from_vec(py, indices), PyArray1::from_vec(py, distances)))
+}
+
 /// Size of each point's optimal neighbourhood, and its four descriptors.
 #[pyfunction]
 #[pyo3(signature = (cloud, settings, metres_per_unit = None, n_jobs = None))]

@@ -83,16 +83,11 @@ pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor
     let mut index = room(queries.len(), k)?;
     let mut squared_distance = room(queries.len(), k)?;
     monitor.stage("neighbours", queries.len() as u64);
-    let shift = [0, 1, 2].map(|a| queries.origin[a] - points.origin[a]);
-    if !shift.iter().all(|v| v.abs() <= FARTHEST) {
-        let found = format!("origins {:?} and {:?}", points.origin, queries.origin);
-        return Err(Error::input(format!("{found} are too far apart to be compared (allowed: {FARTHEST:e} m)")));
-    }
+    let shift = Shift::to_origin_of(points, queries)?;
     let count = if k > 0 { queries.len().div_ceil(QUERIES) } else { 0 };
     let parts = map_ordered_with(0..count, monitor, Seeker::default, |seeker, block| {
         let range = block * QUERIES..((block + 1) * QUERIES).min(queries.len());
-        let places = range.map(|i| [(queries.x[i], 0), (queries.y[i], 1), (queries.z[i], 2)]);
-        let places: Vec<[f32; 3]> = places.map(|p| p.map(|(v, a)| (f64::from(v) + shift[a]) as f32)).collect();
+        let places: Vec<[f32; 3]> = range.map(|i| shift.place(queries, i)).collect();
         let mut rows = Rows::with_room(places.len() * k);
         Arch::new().dispatch(Places { seeker, tree: &tree, places: &places, k, out: &mut rows });
         monitor.advance(places.len() as u64);
@@ -103,6 +98,28 @@ pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor
         squared_distance.extend(rows.squared.into_iter().map(f32::from_bits));
     }
     Ok(Neighbours::trusted(k, index, squared_distance))
+}
+
+/// The offset of the queries' origin from that of the points, metres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shift([f64; 3]);
+
+impl Shift {
+    /// # Errors
+    /// If the origins are too far apart for `f32`.
+    pub(super) fn to_origin_of(points: &Points, queries: &Points) -> Result<Self> {
+        let shift = [0, 1, 2].map(|a| queries.origin[a] - points.origin[a]);
+        if shift.iter().all(|v| v.abs() <= FARTHEST) {
+            return Ok(Self(shift));
+        }
+        let found = format!("origins {:?} and {:?}", points.origin, queries.origin);
+        Err(Error::input(format!("{found} are too far apart to be compared (allowed: {FARTHEST:e} m)")))
+    }
+
+    /// The position of a query relative to the origin of the points.
+    pub(super) fn place(self, queries: &Points, i: usize) -> [f32; 3] {
+        [(queries.x[i], 0), (queries.y[i], 1), (queries.z[i], 2)].map(|(v, a)| (f64::from(v) + self.0[a]) as f32)
+    }
 }
 
 /// Neighbours of consecutive points: `rows` holds `k` for each of `points` (positions in the tree's order).

@@ -88,6 +88,24 @@ impl Seeker {
         }
     }
 
+    /// Collects all points within a squared distance of a position; returns their number.
+    #[inline(always)]
+    pub(super) fn collect<S: Simd>(&mut self, simd: S, tree: &Tree, at: [f32; 3], limit: f32) -> usize {
+        self.ranking.len = 0;
+        if !tree.nodes.is_empty() {
+            self.walk(simd, tree, at, (tree.index.len(), limit, None));
+        }
+        self.ranking.len
+    }
+
+    /// Appends the nearest `count` of the collected points to `out`.
+    #[inline(always)]
+    pub(super) fn write<S: Simd>(&mut self, simd: S, count: usize, out: &mut Rows) {
+        if count > 0 {
+            self.ranking.write(simd, count, out);
+        }
+    }
+
     /// Solves the queries of a leaf. Returns the last one.
     #[inline(always)]
     fn batch<S: Simd>(

@@ -17,6 +17,7 @@ mod optimal_lanes;
 mod optimal_params;
 mod order;
 mod search;
+mod within;
 
 pub use batch::LANES;
 pub use columns::{ColumnSearch, Columns};
@@ -27,3 +28,4 @@ pub use optimal::{Optimal, map_optimal, optimal};
 pub use optimal_params::{Eigenvalues, OptimalParams};
 pub use order::{Grid, sorted};
 pub use search::{Neighbour, Search};
+pub use within::{Within, within};

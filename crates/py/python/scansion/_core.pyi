@@ -61,6 +61,7 @@ __all__ = [
     "statistics",
     "suggest",
     "supervoxels",
+    "within",
     "write",
 ]
 
@@ -265,6 +266,13 @@ def minimum_spanning_tree(
 def knn(
     cloud: Cloud, k: int, metres_per_unit: float | None = None, n_jobs: int | None = None
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+def within(
+    cloud: Cloud,
+    queries: Cloud | None,
+    radius: float,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]: ...
 def optimal(
     cloud: Cloud, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...

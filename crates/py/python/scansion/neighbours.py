@@ -11,7 +11,7 @@ from scansion import _core
 from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
 
-__all__ = ["knn", "optimal"]
+__all__ = ["knn", "optimal", "within"]
 
 
 def knn(
@@ -45,6 +45,50 @@ def knn(
     ([[1, 2], [0, 2], [1, 0]], [[1.0, 3.0], [1.0, 2.0], [2.0, 3.0]])
     """
     return _core.knn(as_cloud(xyz, columns=[])._core, k, metres_per_unit, n_jobs)
+
+
+def within(
+    xyz: Any,
+    radius: float,
+    queries: Any = None,
+    *,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
+    """All points within a radius of every query, exactly.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    radius : float
+        In metres, 0 or more. A point at this distance is within, up to the rounding of float32.
+    queries : PointCloud, path, laspy.LasData, structured array or array_like of shape (q, 3), optional
+        The positions around which points are sought; by default the points themselves, each of which then finds itself.
+    metres_per_unit : float, optional
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
+    n_jobs : int, optional
+        Number of threads; None and -1 use all. The result does not depend on it.
+
+    Returns
+    -------
+    offsets : array of shape (q + 1,), uint32
+        The points of query i are ``indices[offsets[i] : offsets[i + 1]]``.
+    indices : array of shape (m,), uint32
+        Of each query, nearest first; ties in the order of the index.
+    distances : array of shape (m,), float32
+        In metres.
+
+    Examples
+    --------
+    >>> from scansion import neighbours
+    >>> offsets, indices, distances = neighbours.within([[0, 0, 0], [1, 0, 0], [3, 0, 0]], 2.0)
+    >>> offsets.tolist(), indices.tolist(), distances.tolist()
+    ([0, 2, 5, 7], [0, 1, 1, 0, 2, 2, 1], [0.0, 1.0, 0.0, 1.0, 2.0, 0.0, 2.0])
+    """
+    cloud = as_cloud(xyz, columns=[])
+    others = None if queries is None else as_cloud(queries, columns=[])._core
+    return _core.within(cloud._core, others, radius, metres_per_unit, n_jobs)
 
 
 def optimal(
