@@ -33,6 +33,8 @@ pub mod csr;
 
 pub mod cloud;
 
+pub mod voxels;
+
 pub mod io;
 
 pub mod classes;

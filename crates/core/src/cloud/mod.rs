@@ -3,7 +3,6 @@
 mod column;
 pub mod crs;
 mod density;
-pub mod morton;
 mod oddities;
 mod points;
 mod scheme;

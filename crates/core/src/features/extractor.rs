@@ -8,8 +8,8 @@ use super::slots::Slots;
 use super::spacing::{scale_of, spacing};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
-use crate::neighbours::{Columns, Grid, Level, build_levels, sorted};
 use crate::parallel::{Monitor, watched};
+use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
 use std::sync::Arc;
 
 pub use super::pyramid::Scratch;

@@ -9,8 +9,8 @@ use super::surfaces::{Packed, farthest, surfaces};
 use super::tensor::{Batch, Convention, LANES, Lane, MOST, Tensor, covariance_features, tensor};
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::neighbours::{ColumnSearch, Columns, Level, Search};
 use crate::parallel::Monitor;
+use crate::voxels::{ColumnSearch, Columns, Level, Search};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -329,8 +329,8 @@ mod tests {
     use super::super::definition::{Scope, of_scope};
     use super::*;
     use crate::cloud::Cloud;
-    use crate::neighbours::{Grid, build_levels, sorted};
     use crate::random::stream;
+    use crate::voxels::{Grid, build_levels, sorted};
 
     #[test]
     fn features_have_the_same_bytes_with_and_without_vector_instructions() {

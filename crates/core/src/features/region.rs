@@ -2,8 +2,8 @@
 
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::neighbours::Grid;
 use crate::parallel::{Looks, Monitor, watched};
+use crate::voxels::Grid;
 
 /// A box of voxels of some level, unlimited in height; where it reaches the border of the cloud, it is unlimited too.
 #[derive(Clone, Copy, Debug, PartialEq)]

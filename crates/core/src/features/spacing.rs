@@ -2,8 +2,8 @@
 
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::neighbours::{Grid, Search, build_levels, sorted};
 use crate::parallel::Monitor;
+use crate::voxels::{Grid, Search, build_levels, sorted};
 
 /// Number of points whose neighbours are examined.
 const SAMPLES: usize = 10_000;

@@ -6,8 +6,8 @@ use super::region::Region;
 use super::tensor::{Batch, Convention, LANES, MOST, covariance_features, tensor};
 use crate::cloud::Points;
 use crate::error::Result;
-use crate::neighbours::Level;
 use crate::parallel::{Monitor, map_ordered};
+use crate::voxels::Level;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Level points that one task processes.

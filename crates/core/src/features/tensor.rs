@@ -15,7 +15,7 @@ use crate::linalg::jacobi::{LaneEigen, jacobi};
 use crate::linalg::shape::{self, Shape};
 
 /// Number of neighbourhoods computed together.
-pub(super) const LANES: usize = crate::neighbours::LANES;
+pub(super) const LANES: usize = crate::voxels::LANES;
 /// Largest number of points in a neighbourhood.
 pub(super) const MOST: usize = 33;
 

@@ -10,8 +10,8 @@ use super::params::FeatureSet;
 use super::region::Region;
 use crate::cloud::{Cloud, Points};
 use crate::error::Result;
-use crate::neighbours::{Grid, build_levels, coarse_levels};
 use crate::parallel::{Monitor, map_watched};
+use crate::voxels::{Grid, build_levels, coarse_levels};
 use std::ops::Range;
 use std::sync::Arc;
 

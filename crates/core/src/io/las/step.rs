@@ -1,9 +1,10 @@
 //! Choice of the LAS scale (step of the stored integers) for clouds with floating-point coordinates.
 
-use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, morton};
+use crate::cloud::{Cloud, Coordinates, StrayParams, Strays};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
 use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
+use crate::voxels::morton;
 
 /// How LAS stores coordinates: as whole numbers t, of which each stands for `scale * t + offset`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -2,13 +2,14 @@
 //! stored.
 
 use super::OctreeParams;
-use crate::cloud::{Points, morton};
+use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::linalg::Moments;
 use crate::linalg::closed_form::eigenvalues;
 use crate::parallel::{Monitor, map_ordered, map_watched, sort_watched};
 use crate::segmentation::Partition;
+use crate::voxels::morton;
 use std::ops::Range;
 
 /// Least number of points of a task.

@@ -1,10 +1,11 @@
 //! The leaves of an octree as plane patches, and their adjacency.
 
-use crate::cloud::{Points, morton};
+use crate::cloud::Points;
 use crate::error::Result;
 use crate::linalg::{Moments, Sym3};
 use crate::parallel::{Monitor, concat_watched, map_ordered, map_watched, sort_watched};
 use crate::segmentation::{Leaf, Octree};
+use crate::voxels::morton;
 
 /// Leaves that one task describes.
 const BLOCK: usize = 256;

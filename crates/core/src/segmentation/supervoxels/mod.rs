@@ -4,7 +4,6 @@
 //! cloud in urban areas*, ISPRS Annals X-4/W1, 2022, section 3.1, mixes two methods; both are here: [`slic()`] on
 //! points, as in Achanta et al. (2012), and [`vccs()`] on adjacent voxels, as in Papon et al. (2013).
 
-mod cells;
 mod describe;
 mod params;
 mod slic;

@@ -1,11 +1,11 @@
 //! Assigns points to centres: compares each point with the centres near its cell, many points at once.
 
-use super::super::cells::Cells;
 use super::super::{NO_SUPERVOXEL, SlicParams};
 use super::centres::Centre;
 use super::sorted::Sorted;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered_with};
+use crate::voxels::cells::Cells;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 

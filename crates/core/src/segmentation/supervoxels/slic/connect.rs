@@ -1,6 +1,5 @@
 //! Makes supervoxels connected.
 
-use super::super::cells::{Cells, Grid, adjacency};
 use super::super::{NO_SUPERVOXEL, SlicParams};
 use super::sorted::Sorted;
 use crate::cloud::Points;
@@ -8,6 +7,7 @@ use crate::csr::Csr;
 use crate::error::Result;
 use crate::graph::{Components, Graph, connected_components};
 use crate::parallel::Monitor;
+use crate::voxels::cells::{Cells, RowGrid, adjacency};
 
 /// Edge of the voxels by which connectivity is decided, as a share of S.
 const FINE: f64 = 0.25;
@@ -24,7 +24,7 @@ struct Node {
 /// the adjacent component with most points in adjacent voxels, or none.
 pub(super) fn connect(scene: &Sorted, params: &SlicParams, labels: &mut [u32], monitor: &Monitor) -> Result<()> {
     let points = Points { x: scene.x.clone(), y: scene.y.clone(), z: scene.z.clone(), ..Points::default() };
-    let grid = Grid::new(points.places(), params.size * FINE, "size")?;
+    let grid = RowGrid::new(points.places(), params.size * FINE, "size")?;
     drop(points);
     let voxels = Cells::new(scene.len(), |i| grid.key(scene.place(i)), monitor)?;
     let near = adjacency(&voxels.keys, monitor)?;

@@ -1,14 +1,14 @@
 //! The points sorted by cell, with one array for each coordinate and attribute.
 
 use super::super::PointAttributes;
-use super::super::cells::{Cells, Grid};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, watched};
+use crate::voxels::cells::{Cells, RowGrid};
 
 /// Points sorted by the cells of edge S.
 pub(super) struct Sorted {
-    pub(super) grid: Grid,
+    pub(super) grid: RowGrid,
     /// Items are the original indices of the points.
     pub(super) cells: Cells,
     pub(super) x: Vec<f32>,
@@ -22,7 +22,7 @@ pub(super) struct Sorted {
 
 impl Sorted {
     pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
-        let grid = Grid::new(points.places(), size, "size")?;
+        let grid = RowGrid::new(points.places(), size, "size")?;
         let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
         let items = &cells.items;
         let pick = |axis: &[f32]| map_watched(items.len(), monitor, |i| axis[items[i] as usize]);

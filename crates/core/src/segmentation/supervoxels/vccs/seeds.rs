@@ -1,10 +1,10 @@
 //! Seeds of the supervoxels.
 
 use super::super::VccsParams;
-use super::super::cells::{Cells, Grid};
 use super::voxels::Voxels;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
+use crate::voxels::cells::{Cells, RowGrid};
 
 /// Cells whose seeds one task selects.
 const BLOCK: usize = 1024;
@@ -13,7 +13,7 @@ const BLOCK: usize = 1024;
 /// `min_share` · π (R_seed/2)²/R_voxel² voxels, itself included, lie within R_seed/2 of it.
 pub(super) fn seeds(voxels: &Voxels, params: &VccsParams, monitor: &Monitor) -> Result<Vec<u32>> {
     let place = |v: usize| voxels.voxels[v].place;
-    let grid = Grid::new(voxels.voxels.iter().map(|v| v.place), params.size, "size")?;
+    let grid = RowGrid::new(voxels.voxels.iter().map(|v| v.place), params.size, "size")?;
     let cells = Cells::new(voxels.len(), |v| grid.key(place(v)), monitor)?;
     let radius = params.size / 2.0;
     let least = params.min_share * std::f64::consts::PI * (radius / params.voxel).powi(2);

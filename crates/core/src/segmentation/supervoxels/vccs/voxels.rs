@@ -1,12 +1,12 @@
 //! The occupied voxels and their adjacency.
 
 use super::super::PointAttributes;
-use super::super::cells::{Cells, Grid, adjacency};
 use super::super::describe::dot;
 use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use crate::voxels::cells::{Cells, RowGrid, adjacency};
 use rayon::prelude::*;
 
 /// Voxels that one task describes.
@@ -31,7 +31,7 @@ pub(super) struct Voxels {
 
 impl Voxels {
     pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
-        let grid = Grid::new(points.places(), size, "voxel")?;
+        let grid = RowGrid::new(points.places(), size, "voxel")?;
         let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
         let near = adjacency(&cells.keys, monitor)?;
         let points_of = cells.into_groups(points.len())?;

@@ -1,9 +1,10 @@
 //! The lowest and highest point of a level within a vertical column.
 
 use super::blocks::{Around, Blocks};
+use super::grid::Grid;
 use super::level::Level;
-use super::order::Grid;
-use crate::cloud::{Points, morton};
+use super::morton;
+use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, sort_watched};
 
@@ -129,9 +130,9 @@ impl ColumnSearch {
 mod tests {
     use super::*;
     use crate::cloud::Cloud;
-    use crate::neighbours::{build_levels, sorted};
     use crate::parallel::Monitor;
     use crate::random::stream;
+    use crate::voxels::{build_levels, sorted};
 
     #[test]
     fn columns_equal_brute_force() {

@@ -1,6 +1,7 @@
 //! Items sorted into the cells of a grid. Cells are found by sorted keys instead of a hash table, so that their order
 //! is the same on every machine.
 
+use super::morton;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered, map_watched, sort_watched, watched};
@@ -8,7 +9,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Bits per axis of a cell key.
-const BITS: u32 = 21;
+const BITS: u32 = morton::LIMIT.trailing_zeros();
 /// Empty cells before the first one on each axis, so that neighbours have no negative index.
 const MARGIN: i64 = 2;
 /// Cells whose neighbours one task looks up.
@@ -16,17 +17,17 @@ const BLOCK: usize = 4096;
 
 /// A grid of cubes with a corner at the origin of the coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Grid {
+pub(crate) struct RowGrid {
     size: f64,
     first: [i64; 3],
 }
 
-impl Grid {
+impl RowGrid {
     /// A grid that holds all points. `name` is the parameter that gave the size, for the error message.
     ///
     /// # Errors
     /// If a coordinate is not finite, or the points need 2^21 cells or more along an axis.
-    pub(super) fn new(places: impl Iterator<Item = [f32; 3]>, size: f64, name: &'static str) -> Result<Self> {
+    pub(crate) fn new(places: impl Iterator<Item = [f32; 3]>, size: f64, name: &'static str) -> Result<Self> {
         let (mut low, mut high, mut finite) = ([f32::MAX; 3], [f32::MIN; 3], true);
         for place in places {
             for a in 0..3 {
@@ -61,7 +62,7 @@ impl Grid {
 
     /// Key of the cell that holds a position: sorted by y, then z, then x.
     #[inline(always)]
-    pub(super) fn key(&self, at: [f32; 3]) -> u64 {
+    pub(crate) fn key(&self, at: [f32; 3]) -> u64 {
         let mut cell = [0u64; 3];
         for ((cell, v), first) in cell.iter_mut().zip(at).zip(self.first) {
             *cell = ((f64::from(v) / self.size).floor() as i64).wrapping_sub(first) as u64;
@@ -70,7 +71,7 @@ impl Grid {
     }
 
     /// Centre of the cell of a key.
-    pub(super) fn centre(&self, key: u64) -> [f32; 3] {
+    pub(crate) fn centre(&self, key: u64) -> [f32; 3] {
         let index = |shift: u32| (key >> shift & ((1 << BITS) - 1)) as i64;
         let cell = [index(0), index(2 * BITS), index(BITS)];
         [0, 1, 2].map(|a| (((cell[a] + self.first[a]) as f64 + 0.5) * self.size) as f32)
@@ -84,10 +85,10 @@ fn rows() -> impl Iterator<Item = i64> {
 
 /// Items by occupied cell: cells ascend by key, items within a cell ascend.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Cells {
-    pub(super) keys: Vec<u64>,
+pub(crate) struct Cells {
+    pub(crate) keys: Vec<u64>,
     starts: Vec<u32>,
-    pub(super) items: Vec<u32>,
+    pub(crate) items: Vec<u32>,
 }
 
 impl Cells {
@@ -95,7 +96,7 @@ impl Cells {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn new(len: usize, key: impl Fn(usize) -> u64 + Sync, monitor: &Monitor) -> Result<Self> {
+    pub(crate) fn new(len: usize, key: impl Fn(usize) -> u64 + Sync, monitor: &Monitor) -> Result<Self> {
         let mut rows: Vec<(u64, u32)> = map_watched(len, monitor, |i| (key(i), i as u32))?;
         if rows.windows(2).any(|w| w[0].0 > w[1].0) {
             sort_watched(&mut rows, monitor)?;
@@ -119,27 +120,27 @@ impl Cells {
     ///
     /// # Errors
     /// Never.
-    pub(super) fn into_groups(self, items: usize) -> Result<Csr> {
+    pub(crate) fn into_groups(self, items: usize) -> Result<Csr> {
         Csr::new(self.starts, self.items, items)
     }
 
     /// Number of occupied cells.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.keys.len()
     }
 
     /// Range of a cell in `items`.
-    pub(super) fn range(&self, cell: usize) -> Range<usize> {
+    pub(crate) fn range(&self, cell: usize) -> Range<usize> {
         self.starts[cell] as usize..self.starts[cell + 1] as usize
     }
 
     /// Items of a cell.
-    pub(super) fn of(&self, cell: usize) -> &[u32] {
+    pub(crate) fn of(&self, cell: usize) -> &[u32] {
         &self.items[self.range(cell)]
     }
 
     /// Occupied cells among the 27 around a key (itself included), ascending. Nine binary searches.
-    pub(super) fn around(&self, key: u64) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn around(&self, key: u64) -> impl Iterator<Item = usize> + '_ {
         rows().flat_map(move |row| {
             let first = key.wrapping_add_signed(row);
             let at = self.keys.partition_point(|&k| k < first);
@@ -150,7 +151,7 @@ impl Cells {
 
 /// For each of these cells those of its 26 neighbours that are occupied, ascending; `keys` ascend. O(cells): neighbours are
 /// found twice, first to count and then to store them, so that only the result is in memory.
-pub(super) fn adjacency(keys: &[u64], monitor: &Monitor) -> Result<Csr> {
+pub(crate) fn adjacency(keys: &[u64], monitor: &Monitor) -> Result<Csr> {
     let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(keys.len());
     let counts = map_ordered(keys.len().div_ceil(BLOCK), monitor, |b| {
         let mut counts = vec![0u8; block(b).len()];
@@ -229,7 +230,7 @@ mod tests {
     #[test]
     fn neighbours_of_cells_are_those_of_brute_force() {
         let points = scattered();
-        let grid = Grid::new(points.places(), 0.5, "size").unwrap();
+        let grid = RowGrid::new(points.places(), 0.5, "size").unwrap();
         let cells =
             Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), &Monitor::default())
                 .unwrap();
@@ -248,7 +249,7 @@ mod tests {
     fn items_stand_in_the_cell_that_holds_them() {
         let mut points = scattered();
         points.x.iter_mut().for_each(|x| *x -= 4.0);
-        let grid = Grid::new(points.places(), 0.7, "size").unwrap();
+        let grid = RowGrid::new(points.places(), 0.7, "size").unwrap();
         let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
         let cells = Cells::new(points.len(), |i| grid.key(place(i)), &Monitor::default()).unwrap();
         let held = (0..cells.len()).flat_map(|c| cells.of(c).iter().map(move |&i| (c, i as usize)));
@@ -262,9 +263,9 @@ mod tests {
     #[test]
     fn sizes_without_keys_and_places_that_are_no_numbers_are_refused() {
         let mut points = scattered();
-        assert!(Grid::new(points.places(), 1e-6, "size").unwrap_err().to_string().contains("size"));
+        assert!(RowGrid::new(points.places(), 1e-6, "size").unwrap_err().to_string().contains("size"));
         points.y[7] = f32::NAN;
-        assert!(Grid::new(points.places(), 1.0, "size").is_err());
-        assert!(Grid::new(std::iter::empty(), 1.0, "size").is_ok());
+        assert!(RowGrid::new(points.places(), 1.0, "size").is_err());
+        assert!(RowGrid::new(std::iter::empty(), 1.0, "size").is_ok());
     }
 }

@@ -230,9 +230,9 @@ impl Blocks {
 mod tests {
     use super::*;
     use crate::cloud::{Cloud, Points};
-    use crate::neighbours::{Grid, build_levels, sorted};
     use crate::parallel::Monitor;
     use crate::random::stream;
+    use crate::voxels::{Grid, build_levels, sorted};
     use pulp::{Arch, WithSimd};
 
     struct Batch<'a>(&'a mut Search, &'a Level, [Lane<f32>; 3], usize, &'a mut [Lane<u32>]);

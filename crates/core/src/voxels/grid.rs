@@ -1,6 +1,7 @@
 //! Points in the Morton order of the finest voxels.
 
-use crate::cloud::{Points, morton};
+use super::morton;
+use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_watched, sort_watched};
 

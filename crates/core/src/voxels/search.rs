@@ -7,7 +7,7 @@
 use super::batch::Candidates;
 use super::blocks::Around;
 use super::level::Level;
-use crate::cloud::morton;
+use super::morton;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Squared distance and index of a point of the level.
@@ -275,9 +275,9 @@ fn near<T>(level: &Level, at: [f32; 3], cubes: impl Iterator<Item = (u64, f64, T
 mod tests {
     use super::*;
     use crate::cloud::{Cloud, Points};
-    use crate::neighbours::{Grid, build_levels, sorted};
     use crate::parallel::Monitor;
     use crate::random::stream;
+    use crate::voxels::{Grid, build_levels, sorted};
 
     /// Every point of every level and points between them, against brute force; ties by index.
     fn check(rows: &[[f64; 3]], size: f64, k: usize) {

@@ -4,7 +4,7 @@
 //! the original points (Hackel 2018, chapter 4.4.1).
 
 use super::blocks::Blocks;
-use super::order::Grid;
+use super::grid::Grid;
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
@@ -172,7 +172,7 @@ pub fn coarse_levels(
 mod tests {
     use super::*;
     use crate::cloud::Cloud;
-    use crate::neighbours::sorted;
+    use crate::voxels::sorted;
     use std::collections::BTreeMap;
 
     #[test]
