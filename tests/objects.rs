@@ -101,10 +101,13 @@ fn models_and_segments_are_the_same_for_1_2_3_and_8_threads() {
             let (model, _) =
                 objects(&[SIZE]).train(&[(cloud.clone(), labels.clone())], &TrainOptions::default(), &monitor).unwrap();
             let found = classify(&cloud, &model, &ClassifyParams::default(), &monitor).unwrap();
-            let parted = SegmentMethod::ALL.map(|method| {
-                let params = SegmentParams { method, ..SegmentParams::default() };
-                segment(&cloud, Some(&labels), &params, &monitor).unwrap().clusters
-            });
+            let parted: Vec<_> = SegmentMethod::ALL
+                .iter()
+                .map(|&method| {
+                    let params = SegmentParams { method, ..SegmentParams::default() };
+                    segment(&cloud, Some(&labels), &params, &monitor).unwrap().clusters
+                })
+                .collect();
             (model.to_bytes().unwrap(), found, parted)
         })
     };
@@ -117,7 +120,7 @@ fn models_and_segments_are_the_same_for_1_2_3_and_8_threads() {
 #[test]
 fn every_method_parts_the_village_well() {
     let (cloud, labels) = village(4);
-    for method in SegmentMethod::ALL {
+    for &method in SegmentMethod::ALL {
         let mut params = SegmentParams { method, ..SegmentParams::default() };
         if let Ok(sized) = params.clone().with_size(2.0) {
             params = sized;
@@ -151,7 +154,7 @@ fn odd_clouds_are_parted_or_refused_but_never_break() {
     let far: Vec<[f64; 3]> = plane.iter().copied().chain(plane.iter().map(|p| [p[0] + 5e4, p[1], p[2]])).collect();
     let clouds: [&[[f64; 3]]; 6] =
         [&[[1.0, 2.0, 3.0]], &[[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]], &[[5.0; 3]; 30], &plane, &holes, &far];
-    for (rows, method) in clouds.iter().flat_map(|&rows| SegmentMethod::ALL.map(move |method| (rows, method))) {
+    for (rows, method) in clouds.iter().flat_map(|&rows| SegmentMethod::ALL.iter().map(move |&method| (rows, method))) {
         let cloud = Cloud::from_rows(rows).unwrap();
         let params = SegmentParams { method, ..SegmentParams::default() };
         let found = segment(&cloud, None, &params, &Monitor::default());

@@ -6,7 +6,7 @@ use scansion_core::io;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
     AnyRecipe, ClassifyParams, LabelParams, Labels, Regularise, SegmentParams, System, TrainOptions, WeakRecipe,
-    classify, read_labels, segment,
+    classify, read_labels, segment, statistics,
 };
 use scansion_core::segmentation::{Intent, PartitionParams};
 use scansion_tests::{data, street};
@@ -159,4 +159,36 @@ fn odd_clouds_and_labels_are_named_or_refused_but_never_break() {
         let partition = format!("regularise.partition.intent.strength={strength}");
         assert_eq!(names(&plane, &one, &[&field, &partition]).unwrap().len(), 400);
     }
+}
+
+#[test]
+fn parts_get_the_labels_of_the_whole_if_its_statistics_are_known() {
+    // Sites so far apart that nothing but the class shares joins them, at multiples of the coarsest voxel.
+    let exact = |v: f64| (v * 64.0).round() / 64.0;
+    let site = |seed: u64, east: f64| -> Vec<[f64; 3]> {
+        let cloud = street(30.0, seed);
+        (0..cloud.len()).map(|i| cloud.xyz(i).map(exact)).map(|[x, y, z]| [x + east, y, z]).collect()
+    };
+    // The second site is nearly bare, so that its own shares are far from those of both.
+    let bare: Vec<[f64; 3]> = site(8, 4096.0).into_iter().filter(|p| p[2] < 1.0).collect();
+    let sites = [site(7, 0.0), bare];
+    let scene = street(30.0, 5);
+    let labels = read_labels(&scene, &LabelParams::default()).unwrap();
+    let settings =
+        ["labels.per_class=25", "shares.power=1", "features.pyramid.first_scale=0.5", "regularise.method=none"];
+    let monitor = Monitor::default();
+    let (model, _) = weak(&settings).train(&[(scene, labels)], &TrainOptions::default(), &monitor).unwrap();
+    let params = ClassifyParams::default();
+    let whole = classify(&Cloud::from_rows(&sites.concat()).unwrap(), &model, &params, &monitor).unwrap();
+    let parts = sites.map(|rows| Cloud::from_rows(&rows).unwrap());
+    let of = |part: &Cloud| statistics(part, &model, &params, &monitor).unwrap();
+    let all = of(&parts[0]).with(&of(&parts[1])).unwrap();
+    assert_eq!(all.class_counts.iter().sum::<u64>() as usize, whole.codes.len());
+    let known = ClassifyParams { statistics: Some(all), ..params.clone() };
+    let together = |params: &ClassifyParams| -> Vec<f32> {
+        parts.iter().flat_map(|part| classify(part, &model, params, &monitor).unwrap().confidence).collect()
+    };
+    let differ = |found: &[f32]| found.iter().zip(&whole.confidence).filter(|(a, b)| a != b).count();
+    assert_eq!(differ(&together(&known)), 0);
+    assert!(differ(&together(&params)) > whole.codes.len() / 4, "shares of a part are not those of the whole");
 }

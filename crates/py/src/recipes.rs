@@ -10,11 +10,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classes::{Class, ClassTable, LabelMap};
 use scansion_core::cloud::Cloud as CoreCloud;
+use scansion_core::io::read_ascii_grid;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
     self, AnyRecipe, ClassifyParams, LabelParams, Model as CoreModel, Regularise, TrainOptions, read_labels,
 };
-use scansion_core::terrain::{ElevationModel, read_ascii_grid};
+use scansion_core::terrain::ElevationModel;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -58,10 +59,11 @@ fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<AnyRecipe
 
 /// The method of regularisation with that name.
 fn method(name: Option<&str>) -> PyResult<Option<Regularise>> {
-    let found = name.map(|name| serde_json::from_value(serde_json::Value::from(name)));
-    found.transpose().map_err(|_| {
-        let expected = "'none', 'local', 'point-crf', 'consensus' or 'segment-crf'";
-        PyValueError::new_err(format!("regularize: found {name:?}, expected {expected}"))
+    let Some(name) = name else { return Ok(None) };
+    let found = Regularise::ALL.into_iter().find(|method| method.name() == name);
+    found.map(Some).ok_or_else(|| {
+        let names = Regularise::ALL.map(|method| format!("'{}'", method.name()));
+        PyValueError::new_err(format!("regularize: found {name:?}, expected one of {}", names.join(", ")))
     })
 }
 
@@ -151,7 +153,7 @@ impl Model {
         let regularise = method(regularize)?;
         let found = call(py, n_jobs, |monitor| {
             let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
-            let params = ClassifyParams { probabilities, metres_per_unit, regularise, elevation };
+            let params = ClassifyParams { probabilities, metres_per_unit, regularise, elevation, statistics: None };
             recipes::classify(&cloud, &self.inner, &params, monitor)
         })?;
         let classes = self.inner.classes.len();

@@ -8,8 +8,10 @@ use crate::json;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use scansion_core::cloud::{Cloud as CoreCloud, names};
+use scansion_core::io::atomic;
 use scansion_core::recipes::{self, LabelParams, Labels, SegmentParams, SuggestParams, read_labels};
 use scansion_core::segmentation::Intent;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Segment of each point, from 1 (0: not finite), and the report as JSON.
@@ -59,7 +61,7 @@ pub(crate) fn segment<'py>(
 
 /// Divides a cloud into segments and suggests those whose labels would help most.
 #[pyfunction]
-#[pyo3(signature = (cloud, recipe, settings, aim, wishes, size = None, uncertainty = None, labelled = false, n_jobs = None))]
+#[pyo3(signature = (cloud, recipe, settings, aim, wishes, size = None, uncertainty = None, labelled = false, page = None, n_jobs = None))]
 #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
 pub(crate) fn suggest<'py>(
     py: Python<'py>,
@@ -71,6 +73,7 @@ pub(crate) fn suggest<'py>(
     size: Option<f64>,
     uncertainty: Option<PyReadonlyArray1<'_, f32>>,
     labelled: bool,
+    page: Option<PathBuf>,
     n_jobs: Option<i64>,
 ) -> PyResult<Parted<'py>> {
     let params = params(recipe, &settings, (aim, size))?;
@@ -78,11 +81,16 @@ pub(crate) fn suggest<'py>(
     let uncertainty = uncertainty.as_ref().map(|u| vector(u, "uncertainty").map(<[f32]>::to_vec)).transpose()?;
     let cloud = Arc::clone(&cloud.inner);
     let (clusters, found) = call(py, n_jobs, |monitor| {
+        page.as_deref().map_or(Ok(()), atomic::check_output)?;
         let labels = labels(&cloud)?;
         let mut parted = recipes::segment(&cloud, labels.as_ref(), &params, monitor)?;
         parted.describe(&params.neighbourhood, monitor)?;
         let known = labels.as_ref().filter(|_| labelled);
         let found = recipes::suggest(&parted, uncertainty.as_deref(), known, &wishes)?;
+        if let Some(path) = &page {
+            let text = recipes::suggestion_page(&found, &cloud, &parted, monitor)?;
+            atomic::write_bytes(path, text.as_bytes())?;
+        }
         Ok((parted.clusters, json::text(&found)?))
     })?;
     Ok((PyArray1::from_vec(py, clusters), found))

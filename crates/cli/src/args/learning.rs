@@ -1,7 +1,8 @@
 //! Arguments of the commands that compute features, train, classify and evaluate.
 
+use super::choices::{classifiers, regularisations};
 use super::{LabelArgs, RecipeArgs, ScaleArgs, UnitArgs, examples};
-use clap::{Args as ClapArgs, Subcommand, ValueEnum};
+use clap::{Args as ClapArgs, Subcommand};
 use scansion_core::classification::ClassifierKind;
 use scansion_core::recipes::Regularise;
 use std::path::PathBuf;
@@ -33,27 +34,6 @@ pub(crate) struct Features {
     pub(crate) overwrite: bool,
 }
 
-/// Kind of classifier.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ClassifierName {
-    /// Random forest
-    Rf,
-    /// Gradient-boosted trees
-    Gbt,
-    /// Bagging of unpruned trees
-    Bagging,
-}
-
-impl ClassifierName {
-    pub(crate) fn kind(self) -> ClassifierKind {
-        match self {
-            Self::Rf => ClassifierKind::Forest,
-            Self::Gbt => ClassifierKind::Boosting,
-            Self::Bagging => ClassifierKind::Bagging,
-        }
-    }
-}
-
 /// scansion train LABELLED... -o MODEL
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::TRAIN)]
@@ -71,8 +51,8 @@ pub(crate) struct Train {
     #[command(flatten)]
     pub(crate) unit: UnitArgs,
     /// Classifier: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
-    #[arg(long, value_enum)]
-    pub(crate) classifier: Option<ClassifierName>,
+    #[arg(long, value_parser = classifiers())]
+    pub(crate) classifier: Option<ClassifierKind>,
     /// Train on a few labels per class: the same as --recipe weak
     #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
     pub(crate) weak: bool,
@@ -111,8 +91,8 @@ pub(crate) struct Classify {
     #[arg(short, long)]
     pub(crate) model: Option<PathBuf>,
     /// Regularise the labels with this method [default: the model's own]
-    #[arg(long, visible_alias = "regularise", value_enum)]
-    pub(crate) regularize: Option<RegularizeArg>,
+    #[arg(long, visible_alias = "regularise", value_parser = regularisations())]
+    pub(crate) regularize: Option<Regularise>,
     /// Ground heights to use instead of those of the road: an ESRI ASCII grid (weak recipe)
     #[arg(long, value_name = "FILE")]
     pub(crate) elevation_model: Option<PathBuf>,
@@ -144,33 +124,6 @@ pub(crate) struct Classify {
     /// Allow the output to replace the input
     #[arg(long)]
     pub(crate) overwrite: bool,
-}
-
-/// Method of regularisation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum RegularizeArg {
-    /// No regularisation
-    None,
-    /// Mean of the neighbours' probabilities
-    Local,
-    /// Conditional random field on the points
-    PointCrf,
-    /// The most probable class of each segment, by its mean probabilities
-    Consensus,
-    /// Conditional random field on the segments (Guinard and Landrieu 2017)
-    SegmentCrf,
-}
-
-impl From<RegularizeArg> for Regularise {
-    fn from(arg: RegularizeArg) -> Self {
-        match arg {
-            RegularizeArg::None => Self::None,
-            RegularizeArg::Local => Self::Local,
-            RegularizeArg::PointCrf => Self::PointCrf,
-            RegularizeArg::Consensus => Self::Consensus,
-            RegularizeArg::SegmentCrf => Self::SegmentCrf,
-        }
-    }
 }
 
 /// scansion evaluate TRUTH [PREDICTION]

@@ -1,5 +1,6 @@
 //! The command line arguments.
 
+mod choices;
 mod examples;
 mod files;
 mod learning;

@@ -1,7 +1,8 @@
 //! Arguments of the commands that divide a cloud into segments.
 
+use super::choices::segment_methods;
 use super::{LabelArgs, ScaleArgs, UnitArgs, examples};
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::Args as ClapArgs;
 use scansion_core::recipes::SegmentMethod;
 use std::path::PathBuf;
 
@@ -9,8 +10,8 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct SegmentArgs {
     /// Segmentation method [default: cut-pursuit]
-    #[arg(long, value_enum)]
-    pub(crate) method: Option<MethodArg>,
+    #[arg(long, value_parser = segment_methods())]
+    pub(crate) method: Option<SegmentMethod>,
     /// Cost of a boundary edge (cut-pursuit, merge, riemannian): larger gives fewer, larger segments [default: 0.03;
     /// riemannian: 0.1]
     #[arg(long, value_name = "RHO", group = "intent")]
@@ -45,42 +46,6 @@ pub(crate) struct SegmentArgs {
     /// Seed of all random draws [default: 0]
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-}
-
-/// Segmentation method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum MethodArg {
-    /// l0 cut pursuit on the points (Guinard and Landrieu 2017): lower energy
-    CutPursuit,
-    /// The same energy by greedy merging: faster
-    Merge,
-    /// Supervoxels of an octree, their Riemannian graph, l0 cut pursuit (Li 2018)
-    Riemannian,
-    /// Local graphs of supervoxels (Hasanpour Zaryabi et al. 2022)
-    LocalGraph,
-    /// SLIC supervoxels on points
-    Slic,
-    /// VCCS supervoxels on adjacent voxels
-    Vccs,
-    /// Region growing on points
-    RegionGrowing,
-    /// Octree-based region growing
-    OctreeRegionGrowing,
-}
-
-impl From<MethodArg> for SegmentMethod {
-    fn from(arg: MethodArg) -> Self {
-        match arg {
-            MethodArg::CutPursuit => Self::CutPursuit,
-            MethodArg::Merge => Self::Merge,
-            MethodArg::Riemannian => Self::Riemannian,
-            MethodArg::LocalGraph => Self::LocalGraph,
-            MethodArg::Slic => Self::Slic,
-            MethodArg::Vccs => Self::Vccs,
-            MethodArg::RegionGrowing => Self::RegionGrowing,
-            MethodArg::OctreeRegionGrowing => Self::OctreeRegionGrowing,
-        }
-    }
 }
 
 /// scansion segment IN -o OUT

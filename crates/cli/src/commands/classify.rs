@@ -62,8 +62,9 @@ fn one(
     let params = ClassifyParams {
         probabilities: args.probabilities,
         metres_per_unit: args.unit.unit,
-        regularise: args.regularize.map(Into::into),
+        regularise: args.regularize,
         elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
+        statistics: None,
     };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));

@@ -15,7 +15,6 @@ mod render;
 mod segment;
 mod sources;
 mod suggest;
-mod suggest_page;
 mod train;
 
 use crate::args::{Args, Command};

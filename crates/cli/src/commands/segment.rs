@@ -67,7 +67,7 @@ fn settings(args: &SegmentArgs) -> Result<SegmentParams, Failure> {
         },
     };
     let mut params = base.with_settings(args.set.iter().map(String::as_str))?;
-    params.method = args.method.map_or(params.method, Into::into);
+    params.method = args.method.unwrap_or(params.method);
     if let Some(k_min) = args.k_min {
         params.neighbourhood.k_min = k_min;
         params.neighbourhood.k_max = params.neighbourhood.k_max.max(k_min);

@@ -3,9 +3,10 @@
 use crate::args::RecipeArgs;
 use crate::exit_code::Failure;
 use globset::{GlobBuilder, GlobSet};
+use scansion_core::io::read_ascii_grid;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{AnyRecipe, Model, PyramidRecipe, default_model};
-use scansion_core::terrain::{ElevationModel, read_ascii_grid};
+use scansion_core::terrain::ElevationModel;
 use scansion_core::{Error, Result, io};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

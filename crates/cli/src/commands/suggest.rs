@@ -1,7 +1,6 @@
 //! `scansion suggest`: suggests the segments to label next.
 
 use super::segment::{CLUSTER, parted};
-use super::suggest_page::page;
 use super::{Context, sources};
 use crate::args::{Format, Suggest};
 use crate::exit_code::Failure;
@@ -31,7 +30,10 @@ pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> 
     for (path, kind) in args.output.iter().zip(kinds) {
         match kind {
             Kind::Table => atomic::write_bytes(path, csv(&found, &cloud).as_bytes())?,
-            Kind::Page => atomic::write_bytes(path, page(&found, &cloud, &segmented, context)?.as_bytes())?,
+            Kind::Page => atomic::write_bytes(
+                path,
+                recipes::suggestion_page(&found, &cloud, &segmented, &context.monitor)?.as_bytes(),
+            )?,
             Kind::Cloud => {
                 let column = Column::new(CLUSTER, Values::U32(segmented.clusters.clone()));
                 let report = io::rewrite(&args.input, path, &[Edit::Dimension(column)], &context.write_options())?;

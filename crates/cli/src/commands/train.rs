@@ -36,7 +36,7 @@ fn recipe(args: &Train) -> Result<AnyRecipe, Failure> {
     let weak = args.weak.then(|| "weak".into());
     let named = RecipeArgs { recipe: weak.or_else(|| args.recipe.recipe.clone()), ..args.recipe.clone() };
     let mut recipe = sources::any_recipe(&named)?;
-    let classifier = args.classifier.map(|c| ("--classifier", format!("classifier={}", c.kind().name())));
+    let classifier = args.classifier.map(|c| ("--classifier", format!("classifier={}", c.name())));
     let per_class = args.per_class.map(|n| ("--per-class", format!("labels.per_class={n}")));
     for (flag, setting) in classifier.into_iter().chain(per_class) {
         recipe = recipe.with_settings([setting.as_str()]).map_err(|_| {

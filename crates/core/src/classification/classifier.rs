@@ -38,6 +38,15 @@ impl ClassifierKind {
         }
     }
 
+    /// One line about it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Forest => "Random forest",
+            Self::Boosting => "Gradient-boosted trees",
+            Self::Bagging => "Bagging of unpruned trees",
+        }
+    }
+
     /// Of the given parameters those of this kind.
     pub fn choose(self, forest: &ForestParams, boosting: &BoostingParams, bagging: &BaggingParams) -> ClassifierParams {
         match self {

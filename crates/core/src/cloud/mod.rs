@@ -5,6 +5,7 @@ pub mod crs;
 mod density;
 mod oddities;
 mod points;
+mod raster;
 mod scheme;
 mod stray;
 
@@ -12,6 +13,7 @@ pub(crate) use column::each_values;
 pub use column::{Column, Values};
 pub use density::planar_density;
 pub use points::Points;
+pub use raster::Raster;
 pub use scheme::CodeScheme;
 pub use stray::{StrayParams, Strays};
 

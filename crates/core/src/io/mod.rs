@@ -1,5 +1,6 @@
 //! Reading and writing files: LAS, LAZ, PLY, PCD, E57, npz, text. The format is detected by content, then by name.
 
+mod ascii_grid;
 pub mod atomic;
 mod blocks;
 mod convert;
@@ -36,6 +37,7 @@ pub use info::{FileInfo, Octree};
 pub use label_table::{LabelRow, LabelTable};
 pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
+pub use ascii_grid::read_ascii_grid;
 pub use atomic::abandon_outputs;
 pub use atomic::check_output;
 pub use convert::{ConvertParams, convert};

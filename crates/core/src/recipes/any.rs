@@ -8,6 +8,7 @@ use super::pyramid::PyramidRecipe;
 use super::regularise::{Regularise, RegulariseParams};
 use super::report::Report;
 use super::settings::{explained, set_key};
+use super::statistics::CloudStatistics;
 use super::system::{Fitted, System, TrainOptions};
 use super::weak::WeakRecipe;
 use crate::cloud::Cloud;
@@ -156,6 +157,10 @@ macro_rules! systems {
 
             pub(super) fn lowest_density(&self) -> f64 {
                 match self { $(Self::$name(fitted) => fitted.recipe.lowest_density(),)* }
+            }
+
+            pub(super) fn statistics(&self, job: &Job<'_>, monitor: &Monitor) -> Result<CloudStatistics> {
+                match self { $(Self::$name(fitted) => <$recipe>::statistics(fitted, job, monitor),)* }
             }
 
             pub(super) fn classify(&self, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {

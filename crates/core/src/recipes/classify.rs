@@ -2,6 +2,7 @@
 
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams, Regularised, largest};
+use super::statistics::CloudStatistics;
 use crate::cloud::{Cloud, StrayParams, Strays, planar_density};
 use crate::error::Result;
 use crate::memory;
@@ -23,6 +24,9 @@ pub struct ClassifyParams {
     pub regularise: Option<Regularise>,
     /// Ground heights of this cloud to use instead of those of its road points (weak).
     pub elevation: Option<ElevationModel>,
+    /// Statistics of the whole cloud, if this is a part of it: parts then get the labels that the whole would give them.
+    /// `None`: this is the whole.
+    pub statistics: Option<CloudStatistics>,
 }
 
 /// The classification, one entry a point in the cloud's order. Points that are not finite get code 1 (or

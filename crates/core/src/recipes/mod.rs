@@ -16,6 +16,7 @@ mod report;
 mod segment;
 mod segments;
 mod settings;
+mod statistics;
 mod suggest;
 mod system;
 mod weak;
@@ -32,7 +33,8 @@ pub use regularise::{Posterior, Probabilities, Regularise, RegulariseParams, Reg
 pub use report::{ClassCount, Report};
 pub use segment::{GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment};
 pub use settings::set_key;
-pub use suggest::{SuggestParams, Suggestion, suggest};
+pub use statistics::{CloudStatistics, statistics};
+pub use suggest::{SuggestParams, Suggestion, suggest, suggestion_page};
 pub use system::{Fitted, Nothing, System, TrainOptions};
 pub use weak::{
     ClassShares, Descriptors, Example, LabelledPosition, RoadExample, RoadParams, RoadSource, StrengthScore, WeakKind,

@@ -35,6 +35,33 @@ pub enum Regularise {
     SegmentCrf,
 }
 
+impl Regularise {
+    /// All methods.
+    pub const ALL: [Self; 5] = [Self::None, Self::Local, Self::PointCrf, Self::Consensus, Self::SegmentCrf];
+
+    /// The name as in TOML and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Local => "local",
+            Self::PointCrf => "point-crf",
+            Self::Consensus => "consensus",
+            Self::SegmentCrf => "segment-crf",
+        }
+    }
+
+    /// One line about it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::None => "No regularisation",
+            Self::Local => "Mean of the neighbours' probabilities",
+            Self::PointCrf => "Conditional random field on the points",
+            Self::Consensus => "The most probable class of each segment, by its mean probabilities",
+            Self::SegmentCrf => "Conditional random field on the segments (Guinard and Landrieu 2017)",
+        }
+    }
+}
+
 /// How the probabilities of a segment's points are combined into one cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

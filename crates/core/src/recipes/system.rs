@@ -8,6 +8,7 @@ use super::labels::Labels;
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
 use super::report::Report;
+use super::statistics::CloudStatistics;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -75,6 +76,14 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
         options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<(Model, Self::Report)>;
+
+    /// What classification of a part needs to know of the whole cloud: the first pass over it.
+    ///
+    /// # Errors
+    /// As [`System::classify`].
+    fn statistics(_fitted: &Fitted<Self>, _job: &Job<'_>, _monitor: &Monitor) -> Result<CloudStatistics> {
+        Ok(CloudStatistics::default())
+    }
 
     /// Classifies all points of a cloud.
     ///

@@ -78,7 +78,7 @@ pub fn mask_of_classes<C: Copy + PartialEq>(points: &Points, codes: &[C], ground
 mod tests {
     use super::*;
     use crate::cloud::Cloud;
-    use crate::terrain::Raster;
+    use crate::cloud::Raster;
 
     /// A road 12 m wide and 40 m long, a lawn 2 m lower on both sides, and one point that is not finite.
     fn street() -> (Points, Vec<u8>) {

@@ -1,7 +1,7 @@
 //! Elevation model, and heights of points above it.
 
-use super::raster::Raster;
-use crate::cloud::Points;
+use super::smooth::{fill_holes, median};
+use crate::cloud::{Points, Raster};
 use crate::error::{Error, Result};
 use crate::parallel::{Looks, Monitor, concat_watched, map_ordered, sort_watched};
 use serde::{Deserialize, Serialize};
@@ -88,20 +88,19 @@ impl ElevationModel {
             let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
             raster.values_mut()[index as usize] = f64::from(descended(z)) + points.origin[2];
         }
-        raster.fill_holes(monitor)?;
-        if params.median > 1 {
-            raster.median(params.median, monitor)?;
+        let raster = fill_holes(raster, monitor)?;
+        match params.median {
+            1 => Ok(Self { raster }),
+            width => Ok(Self { raster: median(raster, width, monitor)? }),
         }
-        Ok(Self { raster })
     }
 
     /// An elevation model from given heights; holes (NaN) take the nearest height.
     ///
     /// # Errors
     /// If there is no height at all, or the work was cancelled.
-    pub fn from_raster(mut raster: Raster, monitor: &Monitor) -> Result<Self> {
-        raster.fill_holes(monitor)?;
-        Ok(Self { raster })
+    pub fn from_raster(raster: Raster, monitor: &Monitor) -> Result<Self> {
+        Ok(Self { raster: fill_holes(raster, monitor)? })
     }
 
     /// The raster.

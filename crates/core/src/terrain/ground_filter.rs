@@ -1,10 +1,10 @@
 //! Ground filter: finds the ground points from coordinates alone.
 
 use super::elevation::{ElevationModel, ElevationParams};
-use super::raster::Raster;
 use super::sites::by_site;
 use super::window::Window;
 use crate::cloud::Points;
+use crate::cloud::Raster;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, concat_watched, map_ordered};
 use serde::{Deserialize, Serialize};

@@ -1,23 +1,21 @@
 //! Terrain: road and ground points, elevation model, height above ground, and position with respect to the road.
 
 mod alpha_shape;
-mod ascii_grid;
 mod descriptors;
 mod elevation;
 mod ground_filter;
 mod holes;
 mod position;
-mod raster;
 mod road;
 mod sites;
+mod smooth;
 mod window;
 
 pub use alpha_shape::{AlphaParams, AlphaShape};
-pub use ascii_grid::read_ascii_grid;
 pub use descriptors::{Ground, Terrain, TerrainParams, mask_of_classes, terrain};
 pub use elevation::{ElevationModel, ElevationParams};
 pub use ground_filter::{GroundParams, ground_points};
 pub use position::position;
-pub use raster::Raster;
 pub use road::{is_likely, road_probability};
 pub(crate) use sites::by_site;
+pub use smooth::fill_holes;

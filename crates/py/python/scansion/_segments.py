@@ -124,6 +124,7 @@ def suggest(
     *,
     uncertainty: ArrayLike | None = None,
     labelled: bool = False,
+    page: str | os.PathLike[str] | None = None,
     method: str = "cut-pursuit",
     strength: float | None = None,
     segments_per_hectare: float | None = None,
@@ -146,6 +147,8 @@ def suggest(
         Uncertainty of each point, 0..1: its entropy over ln(classes); all are 1 without it.
     labelled : bool
         Leave out segments that contain a label (a code of 2 or more in the column Classification).
+    page : path, optional
+        Write an HTML page for labelling the segments: pictures of each, a list of classes, a button that saves the table.
     method, strength, segments_per_hectare, smallest_object, size, recipe, k_min, random_state, metres_per_unit, n_jobs
         As in :func:`segment`.
 
@@ -169,7 +172,8 @@ def suggest(
     points = measured(cloud, [_LABELS, *_core.segment_columns(text, settings)], metres_per_unit)
     wishes = json.dumps({"count": count})
     unsure = None if uncertainty is None else np.ascontiguousarray(uncertainty, dtype=np.float32)
-    clusters, found = _core.suggest(points._core, text, settings, aim, wishes, size, unsure, labelled, n_jobs)
+    html = None if page is None else os.fspath(page)
+    clusters, found = _core.suggest(points._core, text, settings, aim, wishes, size, unsure, labelled, html, n_jobs)
     return Suggestions(clusters, json.loads(found))
 
 

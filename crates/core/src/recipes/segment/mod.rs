@@ -1,9 +1,15 @@
 //! Segmentation of a cloud: descriptors, adjacency graph, partition, and its quality.
 
+mod growing;
+mod method;
+mod on_points;
+mod on_supervoxels;
 mod params;
-mod part;
+mod parted;
+mod riemannian;
 
-pub use params::{GrowingParams, SegmentMethod, SegmentParams};
+pub use method::SegmentMethod;
+pub use params::{GrowingParams, SegmentParams};
 
 use super::Labels;
 use super::points::{note_oddities, points_of};
@@ -15,7 +21,9 @@ use crate::graph::Graph;
 use crate::neighbours::OptimalParams;
 use crate::parallel::{Monitor, watched};
 use crate::segmentation::{Partition, StageSeconds, Trial};
-use part::{Level, Parted, adjacency, part};
+use method::SegmentScene;
+use on_points::adjacency;
+use parted::{Level, Parted};
 use serde::Serialize;
 
 /// A segmented cloud.
@@ -105,9 +113,10 @@ pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, m
     note_oddities([cloud], monitor)?;
     let known: Option<Vec<Option<u8>>> =
         labels.map(|labels| points.index.iter().map(|&i| labels.codes.get(i as usize).copied().flatten()).collect());
-    let found = part((cloud, &points), known.as_deref(), params, monitor)?;
+    let scene = SegmentScene { cloud, points: &points, labels: known.as_deref() };
+    let found = params.method.method().part(&scene, params, monitor)?;
     monitor.check()?;
-    let report = judge(&found, (&points, known.as_deref()), params, monitor)?;
+    let report = judge(&found, &scene, params, monitor)?;
     let in_cloud = |partition: &Partition| {
         let mut clusters = vec![0; cloud.len()];
         for piece in watched(points.len(), monitor) {
@@ -120,13 +129,8 @@ pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, m
     Ok(Segmented { clusters, levels, descriptors: found.descriptors, partition: found.partition, points, report })
 }
 
-fn judge(
-    found: &Parted,
-    (points, labels): (&Points, Option<&[Option<u8>]>),
-    params: &SegmentParams,
-    monitor: &Monitor,
-) -> Result<SegmentReport> {
-    let labels = labels.filter(|labels| labels.iter().any(Option::is_some));
+fn judge(found: &Parted, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<SegmentReport> {
+    let labels = scene.labels.filter(|labels| labels.iter().any(Option::is_some));
     let mut report = SegmentReport {
         method: params.method,
         segments: found.partition.len(),
@@ -142,7 +146,7 @@ fn judge(
         let graph = match &found.graph {
             Some(graph) => graph,
             None => {
-                made = adjacency(points, params, monitor)?;
+                made = adjacency(scene.points, params, monitor)?;
                 &made
             }
         };

@@ -1,5 +1,6 @@
 //! Parameters of segmentation: a method, and the parameters of each method.
 
+use super::SegmentMethod;
 use crate::cloud::names;
 use crate::error::{Error, Result};
 use crate::graph::KnnGraphParams;
@@ -10,62 +11,6 @@ use crate::segmentation::{
     Intent, Leftovers, OctreeGrowingParams, PartitionParams, RegionGrowingParams, RiemannianParams,
 };
 use serde::{Deserialize, Serialize};
-
-/// The method of segmentation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SegmentMethod {
-    /// l0 cut pursuit on the points (Guinard & Landrieu 2017): lower energy.
-    #[default]
-    CutPursuit,
-    /// The same energy minimised by greedy merging: faster.
-    Merge,
-    /// Supervoxels of an adaptive octree, their Riemannian graph, and l0 cut pursuit on it (Li 2018).
-    Riemannian,
-    /// Local graphs of supervoxels (Hasanpour Zaryabi et al. 2022).
-    LocalGraph,
-    /// Supervoxels on points: SLIC (Hasanpour Zaryabi et al. 2022).
-    Slic,
-    /// Supervoxels on adjacent voxels: VCCS (Papon et al. 2013).
-    Vccs,
-    /// Region growing on points (Rabbani et al. 2006).
-    RegionGrowing,
-    /// Octree-based region growing (Vo et al. 2015).
-    OctreeRegionGrowing,
-}
-
-impl SegmentMethod {
-    /// All methods.
-    pub const ALL: [Self; 8] = [
-        Self::CutPursuit,
-        Self::Merge,
-        Self::Riemannian,
-        Self::LocalGraph,
-        Self::Slic,
-        Self::Vccs,
-        Self::RegionGrowing,
-        Self::OctreeRegionGrowing,
-    ];
-
-    /// The name as in TOML and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::CutPursuit => "cut-pursuit",
-            Self::Merge => "merge",
-            Self::Riemannian => "riemannian",
-            Self::LocalGraph => "local-graph",
-            Self::Slic => "slic",
-            Self::Vccs => "vccs",
-            Self::RegionGrowing => "region-growing",
-            Self::OctreeRegionGrowing => "octree-region-growing",
-        }
-    }
-
-    /// True for methods based on the four local descriptors and the graph of the points.
-    pub fn is_on_points(self) -> bool {
-        matches!(self, Self::CutPursuit | Self::Merge)
-    }
-}
 
 /// Parameters that both kinds of region growing share.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -135,7 +80,7 @@ impl SegmentParams {
     /// The defaults of the method with that name (for `riemannian` those of Li 2018); `None` if there is no such
     /// method.
     pub fn named(name: &str) -> Option<Self> {
-        let method = SegmentMethod::ALL.into_iter().find(|method| method.name() == name)?;
+        let method = SegmentMethod::ALL.iter().copied().find(|method| method.name() == name)?;
         Some(Self { method, ..Self::default() })
     }
 
@@ -167,52 +112,9 @@ impl SegmentParams {
         Self::from_toml(&table.to_string())
     }
 
-    /// The same parameters with another aim: a strength or an intent.
-    ///
-    /// # Errors
-    /// If the method does not support the aim.
-    pub fn aimed(mut self, aim: Intent) -> Result<Self> {
-        match (aim, self.method) {
-            (aim, method) if method.is_on_points() => self.partition.intent = aim,
-            (Intent::Strength(strength), SegmentMethod::Riemannian) => self.riemannian.strength = strength,
-            (Intent::Strength(_), method) => {
-                return Err(Error::parameter(
-                    "method",
-                    method.name(),
-                    "cut-pursuit, merge or riemannian with a strength",
-                ));
-            }
-            (_, method) => return Err(Error::parameter("method", method.name(), "cut-pursuit or merge with this aim")),
-        }
-        Ok(self)
-    }
-
-    /// The same parameters with another size, metres: of the supervoxels, or of the largest voxels of an octree.
-    ///
-    /// # Errors
-    /// If the method has no size.
-    pub fn with_size(mut self, size: f64) -> Result<Self> {
-        match self.method {
-            SegmentMethod::LocalGraph | SegmentMethod::Slic | SegmentMethod::Vccs => {
-                self.objects.vccs.voxel *= size / self.objects.vccs.size;
-                (self.objects.slic.size, self.objects.vccs.size) = (size, size);
-            }
-            SegmentMethod::OctreeRegionGrowing => {
-                self.octree_region_growing.smallest_voxel *= size / self.octree_region_growing.largest_voxel;
-                self.octree_region_growing.largest_voxel = size;
-            }
-            other => {
-                let expected = "one of local-graph, slic, vccs, octree-region-growing: the others have no size";
-                return Err(Error::parameter("method", other.name(), expected));
-            }
-        }
-        Ok(self)
-    }
-
     /// Columns of a cloud that the method reads, besides labels.
     pub fn columns(&self) -> Vec<String> {
-        let coloured = matches!(self.method, SegmentMethod::LocalGraph | SegmentMethod::Slic | SegmentMethod::Vccs);
-        match coloured && self.objects.colour != Some(false) {
+        match self.method.method().reads_colours() && self.objects.colour != Some(false) {
             true => names::COLOUR.iter().map(ToString::to_string).collect(),
             false => Vec::new(),
         }
@@ -229,8 +131,13 @@ impl SegmentParams {
         if !(2..=32).contains(&self.growing.neighbours) {
             return Err(Error::parameter("growing.neighbours", self.growing.neighbours, "2..=32"));
         }
-        if !self.levels.is_empty() && self.method != SegmentMethod::Riemannian {
-            return Err(Error::parameter("levels", format!("{:?}", self.levels), "the method riemannian, or none"));
+        if !self.levels.is_empty() && !self.method.method().has_levels() {
+            let able = SegmentMethod::those(|method| method.has_levels());
+            return Err(Error::parameter(
+                "levels",
+                format!("{:?}", self.levels),
+                format!("the method {able}, or none"),
+            ));
         }
         self.neighbourhood.validate()?;
         self.adjacency.validate()?;
@@ -258,7 +165,7 @@ mod tests {
 
     #[test]
     fn every_method_goes_by_its_name() {
-        for method in SegmentMethod::ALL {
+        for &method in SegmentMethod::ALL {
             let text = format!("method = \"{}\"", method.name());
             assert_eq!(SegmentParams::from_toml(&text).unwrap().method, method);
             assert_eq!(SegmentParams::named(method.name()).unwrap().method, method);

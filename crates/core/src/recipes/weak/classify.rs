@@ -3,12 +3,15 @@
 use super::WeakRecipe;
 use super::describe::{self, Described, DescribedScene, head};
 use super::hold::{self, Known, LabelScene};
+use super::shares::most_probable;
+use crate::cloud::Points;
 use crate::error::{Error, Result};
+use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::recipes::Fitted;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::points::points_of;
 use crate::recipes::regularise::{Probabilities, Scene};
+use crate::recipes::{CloudStatistics, Fitted};
 
 /// Classifies every finite point of a cloud; the random field decides about all of them together.
 pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
@@ -21,9 +24,52 @@ pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Mon
     // The step that needs most memory comes first, while little else is held.
     let mut segments = Scene::to_be_recut(&points, Some(&local), job.regularise, monitor)?;
     segments.only_recut_at(labels.iter().map(|(point, _)| *point));
+    let (described, mut values) = probabilities(fitted, job, Local { points, table: local }, monitor)?;
+    let counts = match &job.params.statistics {
+        Some(whole) => whole.class_counts.clone(),
+        None => most_probable(&values, model.classes.len()),
+    };
+    if counts.len() != model.classes.len() {
+        let found = format!("{} classes", counts.len());
+        return Err(Error::parameter("statistics", found, format!("{} classes", model.classes.len())));
+    }
+    recipe.shares.apply(&mut values, &counts, &learned.shares);
+    let given = Probabilities { values: &values, classes: model.classes.len() };
+    let Described { points, six, .. } = described;
+    let known = Known { descriptors: head(&six), labels, step: recipe.labels.hold_step };
+    drop(six);
+    let found = hold::decide(segments, given, (&known, job.regularise), monitor)?;
+    job.decided(&points.index, &found, monitor)
+}
+
+/// Number of points by their most probable class, before the adaptation to shares.
+pub(super) fn statistics(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Monitor) -> Result<CloudStatistics> {
+    let recipe = &fitted.recipe;
+    let metres = job.cloud.metres(job.params.metres_per_unit.or(recipe.features.metres_per_unit))?;
+    let points = points_of(job.cloud, Some(metres), monitor)?;
+    let table = describe::local(&points, recipe, monitor)?;
+    let (_, values) = probabilities(fitted, job, Local { points, table }, monitor)?;
+    Ok(CloudStatistics { class_counts: most_probable(&values, job.model.classes.len()) })
+}
+
+/// Points and their four local descriptors.
+struct Local {
+    points: Points,
+    table: FeatureTable,
+}
+
+/// The descriptors of all points and their class probabilities, row-major.
+fn probabilities<'a>(
+    fitted: &Fitted<WeakRecipe>,
+    job: &Job<'a>,
+    local: Local,
+    monitor: &Monitor,
+) -> Result<(Described<'a>, Vec<f32>)> {
+    let (Fitted { recipe, learned }, cloud, model) = (fitted, job.cloud, job.model);
+    let Local { points, table } = local;
     let elevation = job.params.elevation.as_ref();
     let scene = DescribedScene { cloud, points: &points, examples: &learned.road, elevation };
-    let six = describe::six(&scene, local, recipe, monitor)?;
+    let six = describe::six(&scene, table, recipe, monitor)?;
     let more = describe::more(recipe, job.params.metres_per_unit);
     let described = Described { cloud, points, six };
     let names = described.names(more.as_ref());
@@ -34,12 +80,6 @@ pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Mon
             names.join(", ")
         )));
     }
-    let mut values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
-    recipe.shares.apply(&mut values, &learned.shares);
-    let given = Probabilities { values: &values, classes: model.classes.len() };
-    let Described { points, six, .. } = described;
-    let known = Known { descriptors: head(&six), labels, step: recipe.labels.hold_step };
-    drop(six);
-    let found = hold::decide(segments, given, (&known, job.regularise), monitor)?;
-    job.decided(&points.index, &found, monitor)
+    let values = described.probabilities(&model.classifier, more.as_ref(), monitor)?;
+    Ok((described, values))
 }

@@ -35,6 +35,7 @@ use super::classify::{Classified, Job};
 use super::labels::Labels;
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
+use super::statistics::CloudStatistics;
 use super::system::{Fitted, System, TrainOptions};
 use crate::classification::ForestParams;
 use crate::cloud::{Cloud, names};
@@ -161,6 +162,10 @@ impl System for WeakRecipe {
     ) -> Result<(Model, WeakReport)> {
         options.without_depths(Self::NAME)?;
         train::train(self, clouds, options, monitor)
+    }
+
+    fn statistics(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<CloudStatistics> {
+        classify::statistics(fitted, job, monitor)
     }
 
     fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {

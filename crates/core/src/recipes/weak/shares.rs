@@ -1,5 +1,6 @@
 //! Class shares: labels are picked class by class, but in a cloud some classes are much more frequent than others.
 
+use crate::classification::argmax;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -35,22 +36,19 @@ impl ClassShares {
         Ok(())
     }
 
-    /// Adapts the probabilities of all points of a cloud (row-major) to the shares estimated from them; `learned` are
-    /// those of the labels.
-    pub(super) fn apply(&self, values: &mut [f32], learned: &[f64]) {
+    /// Adapts the probabilities of points (row-major) to the shares of the cloud, of which `counts` are the numbers of
+    /// points by their most probable class; `learned` are the shares of the labels.
+    pub(super) fn apply(&self, values: &mut [f32], counts: &[u64], learned: &[f64]) {
         let classes = learned.len();
         if self.power <= 0.0 || classes == 0 {
             return;
         }
-        let mut counts = vec![1u64; classes];
-        for row in values.chunks_exact(classes) {
-            counts[crate::classification::argmax(row)] += 1;
-        }
-        let points = counts.iter().sum::<u64>() as f64;
+        // Every class counts one point more, so that none becomes impossible.
+        let points = counts.iter().map(|count| count + 1).sum::<u64>() as f64;
         let factors: Vec<f32> = counts
             .iter()
             .zip(learned)
-            .map(|(&count, learned)| (count as f64 / points / learned).powf(self.power) as f32)
+            .map(|(&count, learned)| ((count + 1) as f64 / points / learned).powf(self.power) as f32)
             .collect();
         for row in values.chunks_exact_mut(classes) {
             row.iter_mut().zip(&factors).for_each(|(p, factor)| *p *= factor);
@@ -60,6 +58,15 @@ impl ClassShares {
             }
         }
     }
+}
+
+/// Number of points whose most probable class is each of the classes; ties go to the first.
+pub(super) fn most_probable(values: &[f32], classes: usize) -> Vec<u64> {
+    let mut counts = vec![0u64; classes];
+    for row in values.chunks_exact(classes.max(1)) {
+        counts[argmax(row)] += 1;
+    }
+    counts
 }
 
 /// Share of each class among these labels (positions of classes); a class without a label counts as having one.
@@ -78,17 +85,19 @@ mod tests {
         // Nine points of class 0, one of class 1 that is nearly undecided.
         let rows: Vec<f32> = [[0.8, 0.2].repeat(9), vec![0.45, 0.55]].concat();
         let mut even = rows.clone();
-        shares.apply(&mut even, &shares_of(&[0, 1], 2));
+        let counts = most_probable(&rows, 2);
+        assert_eq!(counts, [9, 1]);
+        shares.apply(&mut even, &counts, &shares_of(&[0, 1], 2));
         let odds = |row: &[f32]| row[0] / row[1];
         let change = (10.0f32 / 12.0) / (2.0 / 12.0);
         assert!((odds(&even[18..]) - change * odds(&rows[18..])).abs() < 1e-4);
         assert!(even.chunks_exact(2).all(|row| (row[0] + row[1] - 1.0).abs() < 1e-6));
         let learned = [10.0 / 12.0, 2.0 / 12.0];
         let mut natural = rows.clone();
-        shares.apply(&mut natural, &learned);
+        shares.apply(&mut natural, &counts, &learned);
         assert!(natural.iter().zip(&rows).all(|(a, b)| (a - b).abs() < 1e-6));
         let mut off = rows.clone();
-        ClassShares { power: 0.0 }.apply(&mut off, &learned);
+        ClassShares { power: 0.0 }.apply(&mut off, &counts, &learned);
         assert_eq!(off, rows);
     }
 }

@@ -5,7 +5,7 @@ use super::describe::{self, Described, DescribedScene, head};
 use super::examples::{Example, WeakLabels, examples};
 use super::learned::{LabelledPosition, RoadExample, WeakLearned};
 use super::report::{StrengthScore, WeakReport};
-use super::shares::shares_of;
+use super::shares::{most_probable, shares_of};
 use crate::classes::{Class, ClassTable};
 use crate::classification::cross_validation::stratified_folds;
 use crate::classification::{Classifier, ClassifierParams, Fingerprint, Samples};
@@ -213,7 +213,8 @@ impl Search<'_> {
             let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
             let forest = Classifier::fit(&samples, &seeded(recipe), monitor)?;
             let mut values = described.probabilities(&forest, more.as_ref(), monitor)?;
-            recipe.shares.apply(&mut values, shares);
+            let counts = most_probable(&values, classes);
+            recipe.shares.apply(&mut values, &counts, shares);
             for (s, &strength) in strengths.iter().enumerate() {
                 let params = RegulariseParams { strength, ..recipe.regularise.clone() };
                 params.validate()?;

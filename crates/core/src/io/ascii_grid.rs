@@ -4,9 +4,9 @@
 //! Six keywords, each with a number (`ncols`, `nrows`, `xllcorner` or `xllcenter`, `yllcorner` or `yllcenter`,
 //! `cellsize`, `nodata_value`), then the heights, the northernmost row first.
 
-use super::raster::Raster;
+use super::open;
+use crate::cloud::Raster;
 use crate::error::{Error, Mismatch, Result};
-use crate::io::open;
 use std::path::Path;
 
 /// Reads an ESRI ASCII grid of heights in metres; cells without data are holes.

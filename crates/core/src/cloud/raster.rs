@@ -1,8 +1,6 @@
 //! A raster of heights.
 
-use super::holes::nearest_filled;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, concat_watched, map_ordered};
 
 /// Largest number of cells of a raster.
 const MOST: usize = 100_000_000;
@@ -40,7 +38,7 @@ impl Raster {
     }
 
     /// A raster of holes over an extent, with cells aligned to multiples of `cell`.
-    pub(super) fn over(low: [f64; 2], high: [f64; 2], cell: f64) -> Result<Self> {
+    pub(crate) fn over(low: [f64; 2], high: [f64; 2], cell: f64) -> Result<Self> {
         let first = low.map(|v| (v / cell).floor());
         let count = [0, 1].map(|a| (high[a] / cell).floor() - first[a] + 1.0);
         let cells = count[0] * count[1];
@@ -81,55 +79,20 @@ impl Raster {
         &self.values
     }
 
-    pub(super) fn values_mut(&mut self) -> &mut [f64] {
+    pub(crate) fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }
 
+    /// The same raster with other heights, of the same number.
+    pub(crate) fn with_values(self, values: Vec<f64>) -> Self {
+        debug_assert_eq!(values.len(), self.values.len());
+        Self { values, ..self }
+    }
+
     /// The cell that contains a position; the nearest cell for positions outside.
-    pub(super) fn cell_of(&self, at: [f64; 2]) -> usize {
+    pub(crate) fn cell_of(&self, at: [f64; 2]) -> usize {
         let index = |a: usize, count: usize| (((at[a] - self.origin[a]) / self.cell) as usize).min(count - 1);
         index(1, self.rows()) * self.columns + index(0, self.columns)
-    }
-
-    /// Fills every hole with the nearest height (distance between centres; ties are broken deterministically).
-    /// O(cells).
-    ///
-    /// # Errors
-    /// If there is no height at all, or the work was cancelled.
-    pub fn fill_holes(&mut self, monitor: &Monitor) -> Result<()> {
-        let filled: Vec<bool> = self.values.iter().map(|v| !v.is_nan()).collect();
-        if !filled.contains(&true) {
-            return Err(Error::input("a raster without any height"));
-        }
-        let source = nearest_filled(&filled, self.columns, monitor)?;
-        monitor.check()?;
-        self.values = source.iter().map(|&s| self.values[s as usize]).collect();
-        Ok(())
-    }
-
-    /// Replaces every height by the median of a window of that (odd) width around it. Near the border the window is
-    /// narrower but stays centred, so that a slope is not changed. O(cells width²).
-    ///
-    /// # Errors
-    /// If the work was cancelled.
-    pub(super) fn median(&mut self, width: usize, monitor: &Monitor) -> Result<()> {
-        let (rows, columns, reach) = (self.rows(), self.columns, width / 2);
-        let smooth = map_ordered(rows, monitor, |r| {
-            let up = reach.min(r).min(rows - 1 - r);
-            let mut window = Vec::with_capacity(width * width);
-            let middle = |c: usize| {
-                let aside = reach.min(c).min(columns - 1 - c);
-                window.clear();
-                for row in r - up..=r + up {
-                    window.extend_from_slice(&self.values[row * columns..][c - aside..=c + aside]);
-                }
-                window.sort_unstable_by(f64::total_cmp);
-                window[window.len() / 2]
-            };
-            Ok((0..columns).map(middle).collect::<Vec<f64>>())
-        })?;
-        self.values = concat_watched(smooth, monitor)?;
-        Ok(())
     }
 
     /// Bilinear height between the four nearest centres; beyond the outermost centres the height at the border.
@@ -150,7 +113,6 @@ impl Raster {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::stream;
 
     #[test]
     fn a_bilinear_surface_comes_back_between_the_centres() {
@@ -164,35 +126,6 @@ mod tests {
         assert_eq!(raster.bilinear([-1e9, 1e9]), height(0.5, 3.5));
         let one = Raster::new([0.0; 2], 2.0, 1, vec![7.0]).unwrap();
         assert_eq!(one.bilinear([5.0, -3.0]), 7.0);
-    }
-
-    #[test]
-    fn holes_take_the_nearest_height() {
-        let mut s = stream(4, 4);
-        for (columns, rows) in [(17, 9), (1, 30), (30, 1), (12, 12)] {
-            let value = |i: usize, u: f64| if u < 0.06 || i == 5 { i as f64 } else { f64::NAN };
-            let values: Vec<f64> = (0..columns * rows).map(|i| value(i, s.uniform())).collect();
-            let mut raster = Raster::new([0.0; 2], 1.0, columns, values.clone()).unwrap();
-            raster.fill_holes(&Monitor::default()).unwrap();
-            let apart = |a: usize, b: usize| {
-                let (dx, dy) = ((a % columns).abs_diff(b % columns), (a / columns).abs_diff(b / columns));
-                dx * dx + dy * dy
-            };
-            for i in 0..values.len() {
-                let least = (0..values.len()).filter(|&j| !values[j].is_nan()).map(|j| apart(i, j)).min();
-                assert_eq!(Some(apart(i, raster.values()[i] as usize)), least);
-            }
-        }
-        assert!(Raster::new([0.0; 2], 1.0, 2, vec![f64::NAN; 4]).unwrap().fill_holes(&Monitor::default()).is_err());
-    }
-
-    #[test]
-    fn the_median_takes_spikes_away() {
-        let mut raster = Raster::new([0.0; 2], 1.0, 3, vec![1.0, 1.0, 1.0, 1.0, 90.0, 1.0, 1.0, 1.0, 2.0]).unwrap();
-        raster.median(3, &Monitor::default()).unwrap();
-        assert_eq!(raster.values()[4], 1.0);
-        // A corner has no window, the middle of a side one along that side.
-        assert_eq!((raster.values()[7], raster.values()[8]), (1.0, 2.0));
     }
 
     #[test]

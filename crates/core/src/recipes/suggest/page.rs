@@ -1,13 +1,13 @@
 //! An offline page for labelling segments: two pictures of each, and a table to save.
 
-use super::Context;
+use super::Suggestion;
+use crate::classes::{ClassTable, preset};
+use crate::cloud::{Cloud, Column, Values, names};
+use crate::error::Result;
+use crate::images::{ColourBy, RenderParams, View, render};
+use crate::parallel::Monitor;
+use crate::recipes::Segmented;
 use base64::prelude::{BASE64_STANDARD, Engine};
-use scansion_core::Result;
-use scansion_core::classes::{ClassTable, preset};
-use scansion_core::cloud::{Cloud, Column, Values, names};
-use scansion_core::images::{ColourBy, RenderParams, View, render};
-use scansion_core::parallel::Monitor;
-use scansion_core::recipes::{Segmented, Suggestion};
 use std::fmt::Write;
 
 /// Largest number of points in a picture.
@@ -18,19 +18,23 @@ const OTHER: [u8; 3] = [196, 199, 203];
 /// Class codes offered by the page.
 const CODES: [u8; 14] = [2, 3, 4, 5, 6, 7, 9, 10, 11, 13, 14, 15, 17, 64];
 
-/// The page as text.
-pub(crate) fn page(
+/// An HTML page for labelling the suggested segments without a network: each from above and from the side, a list of
+/// classes, and a button that saves the table `cluster_id,class` for [`LabelFile`](crate::recipes::LabelFile).
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn suggestion_page(
     found: &[Suggestion],
     cloud: &Cloud,
     segmented: &Segmented,
-    context: &Context<'_>,
+    monitor: &Monitor,
 ) -> Result<String> {
-    context.monitor.stage("pictures", found.len() as u64);
+    monitor.stage("pictures", found.len() as u64);
     let mut figures = String::new();
     for suggestion in found {
-        context.monitor.check()?;
-        figures.push_str(&figure(suggestion, cloud, segmented, &context.monitor)?);
-        context.monitor.advance(1);
+        monitor.check()?;
+        figures.push_str(&figure(suggestion, cloud, segmented, monitor)?);
+        monitor.advance(1);
     }
     let options: String =
         CODES.iter().map(|&c| format!("<option value=\"{c}\">{c} {}</option>", preset::asprs(c).name)).collect();

@@ -1,6 +1,10 @@
 //! Active learning: suggests the segments to label next, those that are uncertain, large, and different from the
 //! labelled ones.
 
+mod page;
+
+pub use page::suggestion_page;
+
 use super::Labels;
 use super::segment::Segmented;
 use crate::error::{Error, Result};

@@ -1,0 +1,37 @@
+//! Region growing on points (Rabbani et al. 2006) and on an octree (Vo et al. 2015).
+
+use super::method::{PartitionMethod, SegmentScene};
+use super::{Parted, SegmentParams};
+use crate::error::Result;
+use crate::features::normals;
+use crate::neighbours::knn;
+use crate::parallel::Monitor;
+use crate::segmentation::{octree_region_growing, region_growing};
+
+pub(super) struct RegionGrowing;
+
+pub(super) struct OctreeRegionGrowing;
+
+impl PartitionMethod for RegionGrowing {
+    fn part(&self, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
+        let near = knn(scene.points, params.growing.neighbours, monitor)?;
+        let surface = normals(scene.points, &near, monitor)?;
+        let grown = region_growing(&near, &surface, &params.region_growing, monitor)?;
+        let partition = grown.partition(scene.points, params.growing.leftovers, monitor)?;
+        Ok(Parted { partition, ..Parted::default() })
+    }
+}
+
+impl PartitionMethod for OctreeRegionGrowing {
+    fn part(&self, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
+        let grown = octree_region_growing(scene.points, &params.octree_region_growing, monitor)?;
+        let partition = grown.partition(scene.points, params.growing.leftovers, monitor)?;
+        Ok(Parted { partition, ..Parted::default() })
+    }
+
+    fn set_size(&self, params: &mut SegmentParams, size: f64) -> Option<()> {
+        params.octree_region_growing.smallest_voxel *= size / params.octree_region_growing.largest_voxel;
+        params.octree_region_growing.largest_voxel = size;
+        Some(())
+    }
+}

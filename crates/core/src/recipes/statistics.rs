@@ -1,0 +1,44 @@
+//! What classification needs to know of a whole cloud, when only a part of it is classified.
+
+use super::classify::{ClassifyParams, Job};
+use super::model::Model;
+use super::regularise::RegulariseParams;
+use crate::cloud::Cloud;
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use serde::{Deserialize, Serialize};
+
+/// Statistics of a cloud: those of its parts, added together, are those of the whole.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CloudStatistics {
+    /// Number of points whose most probable class is each class of the model; empty if the model needs none.
+    pub class_counts: Vec<u64>,
+}
+
+impl CloudStatistics {
+    /// The statistics of both parts together.
+    ///
+    /// # Errors
+    /// If they are of models with different numbers of classes.
+    pub fn with(mut self, other: &Self) -> Result<Self> {
+        if self.class_counts.len() != other.class_counts.len() {
+            let (found, expected) = (other.class_counts.len(), self.class_counts.len());
+            return Err(Error::parameter("statistics", format!("{found} classes"), format!("{expected} classes")));
+        }
+        self.class_counts.iter_mut().zip(&other.class_counts).for_each(|(sum, count)| *sum += count);
+        Ok(self)
+    }
+}
+
+/// The first pass over a part of a cloud: what [`ClassifyParams::statistics`] takes, once those of all parts are added.
+/// A model that needs nothing of the whole cloud gives empty statistics at once.
+///
+/// # Errors
+/// As [`classify`](super::classify()).
+pub fn statistics(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<CloudStatistics> {
+    let regularise = model.fitted.regularise();
+    let method = params.regularise.unwrap_or(regularise.method);
+    let regularise = RegulariseParams { method, ..regularise.clone() };
+    model.fitted.statistics(&Job { cloud, model, params, regularise: &regularise }, monitor)
+}
