@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scansion
-from scansion import features, segmentation
+from scansion import features, neighbours, segmentation
 
 K = 10
 
@@ -180,6 +180,38 @@ def test_names_are_unique_and_the_definitions_are_whole():
     _, segments = segmentation.object_features([[0, 0, 0]], [0], colours=[[0, 0, 0]], heights=[0])
     assert segments == [d["name"] for d in definitions if d["group"].startswith("segment-")]
     assert features.names(first_scale=0.4)[4] == "Planarity_r0p4"
+
+
+def limits(text):
+    """Lowest and highest value of a range of the registry; k is 10, the factor of verticality 1."""
+    known = {"any": (-np.inf, np.inf), ">= 0": (0, np.inf), "0, 0.5, 1": (0, 1)}
+    ends = {"1": 1, "1/3": 1 / 3, "1000": 1000, "k": 10, "ln 3": np.log(3), "factor": 1}
+    return known[text] if text in known else (0, ends[text.removeprefix("0..")])
+
+
+def test_values_lie_in_the_ranges_of_the_registry():
+    random = np.random.default_rng(9)
+    ground = np.c_[random.uniform(0, 20, (2000, 2)), np.zeros(2000)]
+    tree, pile = random.uniform(4, 9, (800, 3)), np.full((50, 3), 12.0)
+    xyz = np.concatenate([ground, tree, pile])
+    labels = np.repeat([0, 1, 2], [2000, 800, 50])
+    heights = np.where(labels == 2, np.nan, xyz[:, 2])
+    colours = random.uniform(0, 1, xyz.shape)
+    levels = features.multiscale(xyz, first_scale=0.5, levels=3)
+    shapes = neighbours.optimal(xyz, k_max=30)[1]
+    segments, names = segmentation.object_features(xyz, labels, colours=colours, heights=heights)
+    definitions = features.definitions()
+    of_level = [d for d in definitions if d["group"] in ("covariance", "contour", "height")]
+    optimal = [d for d in definitions if d["group"] == "optimal"]
+    of_segment = [d for d in definitions if d["group"].startswith("segment-")]
+    assert names == [d["name"] for d in of_segment]
+    columns = [*zip(3 * of_level, levels.T, strict=True), *zip(optimal, shapes.T, strict=True)]
+    for d, values in [*columns, *zip(of_segment, segments.T, strict=True)]:
+        low, high = limits(d["range"])
+        missing = np.isnan(values)
+        assert d["missing"] == "NaN" if missing.any() else True, d
+        known = values[~missing]
+        assert known.min() >= low - 1e-5 and known.max() <= high * (1 + 1e-5), (d, known.min(), known.max())
 
 
 def test_the_first_scale_comes_from_the_spacing_if_asked():

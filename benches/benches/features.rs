@@ -7,6 +7,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use scansion_core::Cloud;
+use scansion_core::features::definition::{Feature, Group, Scope};
 use scansion_core::features::{Extractor, FeatureSet, PyramidParams, Scratch, Wanted};
 use scansion_core::parallel::Monitor;
 use scansion_core::random::stream;
@@ -41,9 +42,12 @@ fn own_cloud() -> Result<Option<(Cloud, f64)>, Failure> {
     Ok(Some((Cloud::from_rows(values.as_chunks::<3>().0)?, scale)))
 }
 
-/// Names of the features of these positions among the 16 of each level.
-fn some(set: &FeatureSet, scale: f64, positions: std::ops::Range<usize>) -> Vec<String> {
-    set.names(scale).into_iter().enumerate().filter(|(i, _)| positions.contains(&(i % 16))).map(|(_, n)| n).collect()
+/// Names of the features of these groups on all levels.
+fn some(set: &FeatureSet, scale: f64, groups: &[Group]) -> Vec<String> {
+    let wanted = |name: &String| {
+        Feature::named(name, Scope::Level).is_some_and(|feature| groups.contains(&feature.definition().group))
+    };
+    set.names(scale).into_iter().filter(wanted).collect()
 }
 
 fn measure(criterion: &mut Criterion, name: &str, (cloud, scale): (&Cloud, f64)) -> Result<(), Failure> {
@@ -54,8 +58,14 @@ fn measure(criterion: &mut Criterion, name: &str, (cloud, scale): (&Cloud, f64))
     let monitor = Monitor::default();
     let mut group = criterion.benchmark_group(name);
     group.sample_size(10).throughput(Throughput::Elements((cloud.len() * set.pyramid.levels) as u64));
-    for (part, positions) in [("all", 0..16), ("covariance", 0..9), ("contour", 9..13), ("height", 13..16)] {
-        let names = some(&set, scale, positions);
+    let parts: [(&str, &[Group]); 4] = [
+        ("all", &[Group::Covariance, Group::Contour, Group::Height]),
+        ("covariance", &[Group::Covariance]),
+        ("contour", &[Group::Contour]),
+        ("height", &[Group::Height]),
+    ];
+    for (part, groups) in parts {
+        let names = some(&set, scale, groups);
         let wanted = Wanted::Names(&names);
         group.bench_function(BenchmarkId::new("prepare", part), |b| {
             b.iter(|| Extractor::prepare(cloud, &set, (wanted, None), &monitor).map(|e| e.len()));

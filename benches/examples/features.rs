@@ -6,6 +6,7 @@
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
 use scansion_core::Cloud;
+use scansion_core::features::definition::{Feature, Group, Scope};
 use scansion_core::features::{Extractor, FeatureSet, PyramidParams, Scratch, Wanted};
 use scansion_core::parallel::Monitor;
 use std::time::Instant;
@@ -20,14 +21,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         pyramid: PyramidParams { first_scale: Some(scale), ..PyramidParams::default() },
         ..FeatureSet::default()
     };
-    let part = match std::env::var("SCANSION_PART").as_deref() {
-        Ok("covariance") => 0..9,
-        Ok("contour") => 9..13,
-        Ok("height") => 13..16,
-        _ => 0..16,
+    let part = std::env::var("SCANSION_PART").unwrap_or_default();
+    let only = [Group::Covariance, Group::Contour, Group::Height].into_iter().find(|group| group.name() == part);
+    let wanted = |name: &String| {
+        Feature::named(name, Scope::Level).is_some_and(|f| only.is_none_or(|group| f.definition().group == group))
     };
-    let names: Vec<String> =
-        set.names(scale).into_iter().enumerate().filter(|(i, _)| part.contains(&(i % 16))).map(|n| n.1).collect();
+    let names: Vec<String> = set.names(scale).into_iter().filter(wanted).collect();
     let per = |seconds: f64| seconds * 1e9 / (cloud.len() * set.pyramid.levels) as f64;
     let start = Instant::now();
     let extractor = Extractor::prepare(&cloud, &set, (Wanted::Names(&names), None), &Monitor::default())?;
@@ -40,9 +39,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sum = rows.iter().fold(sum, |s, v| s.rotate_left(5) ^ u64::from(v.to_bits()));
     }
     println!(
-        "{} points, {} levels, {part:?}: prepare {:.1}, blocks {:.1} ns per point and level; checksum {sum:016x}",
+        "{} points, {} levels, {}: prepare {:.1}, blocks {:.1} ns per point and level; checksum {sum:016x}",
         cloud.len(),
         set.pyramid.levels,
+        only.map_or("all", Group::name),
         per(prepare),
         per(blocks)
     );
