@@ -7,7 +7,7 @@ use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns};
-use scansion_core::recipes::{AnyRecipe, ClassCount, LabelFile, Labels, Model, Report, TrainOptions};
+use scansion_core::recipes::{AnyRecipe, ClassCount, LabelFile, Labels, Model, Picking, Report, TrainOptions};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -58,9 +58,9 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
     options.columns = Columns::Only([recipe.columns(), vec![labels.to_string()]].concat());
     let read = |path: &Path| -> Result<(Cloud, Labels), Failure> {
         let cloud = io::read_with(path, &options)?;
-        let metres = cloud.metres_per_unit.unwrap_or(1.0);
+        let picking = Picking { metres: cloud.metres_per_unit.unwrap_or(1.0), within: recipe.label_distance() };
         let labels = match &picked {
-            Some(file) => (file.apply(&cloud, (metres, recipe.label_distance()), &context.monitor))
+            Some(file) => (file.apply(&cloud, &picking, &context.monitor))
                 .map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
             None => source.read(path, &cloud, context)?,
         };

@@ -15,6 +15,15 @@ pub struct LabelFile {
     table: LabelTable,
 }
 
+/// How picked positions find their points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Picking {
+    /// Metres per unit of the coordinates, above 0.
+    pub metres: f64,
+    /// Largest distance of a position from its point, metres.
+    pub within: f64,
+}
+
 impl LabelFile {
     /// Reads a table: [`LabelTable::read`].
     ///
@@ -31,13 +40,13 @@ impl LabelFile {
         Self { table: LabelTable { path: path.to_path_buf(), positions, segments: Vec::new() } }
     }
 
-    /// The labels of a cloud's points. Each position must be within `within` metres of a point.
+    /// The labels of a cloud's points. Each position must be near enough to a point.
     ///
     /// # Errors
     /// If a position is too far from every point, the cloud lacks a segment, or a point gets two classes.
-    pub fn apply(&self, cloud: &Cloud, (metres, within): (f64, f64), monitor: &Monitor) -> Result<Labels> {
+    pub fn apply(&self, cloud: &Cloud, picking: &Picking, monitor: &Monitor) -> Result<Labels> {
         let mut codes: Vec<Option<u8>> = vec![None; cloud.len()];
-        self.apply_places(cloud, (metres, within), &mut codes, monitor)?;
+        self.apply_places(cloud, picking, &mut codes, monitor)?;
         self.apply_segments(cloud, &mut codes)?;
         Ok(Labels::new(codes, cloud.scheme))
     }
@@ -45,29 +54,29 @@ impl LabelFile {
     fn apply_places(
         &self,
         cloud: &Cloud,
-        (metres, within): (f64, f64),
+        picking: &Picking,
         codes: &mut [Option<u8>],
         monitor: &Monitor,
     ) -> Result<()> {
         if self.table.positions.is_empty() {
             return Ok(());
         }
-        self.check_box(cloud, (metres, within), monitor)?;
-        let points = Points::from_cloud_watched(cloud, metres, monitor)?;
+        self.check_box(cloud, picking, monitor)?;
+        let points = Points::from_cloud_watched(cloud, picking.metres, monitor)?;
         let rows: Vec<[f64; 3]> = self.table.positions.iter().map(|row| row.of).collect();
-        let queries = Points::with_strays(&Cloud::from_rows(&rows)?, metres, monitor)?;
+        let queries = Points::with_strays(&Cloud::from_rows(&rows)?, picking.metres, monitor)?;
         if points.is_empty() {
             return Err(Error::input("the cloud has no point with finite coordinates"));
         }
         let near = nearest_of(&points, &queries, 1, monitor)?;
         for (q, LabelRow { line, of: at, code }) in self.table.positions.iter().enumerate() {
             let distance = f64::from(near.squared_distances(q)[0]).sqrt();
-            if distance > within {
+            if distance > picking.within {
                 let found = format!("{at:?} is {distance:.3} m from the nearest point");
                 return Err(self.table.wrong(
                     *line,
                     found,
-                    &format!("at most {within} m; check the coordinate system"),
+                    &format!("at most {} m; check the coordinate system", picking.within),
                 ));
             }
             self.put(*line, &mut codes[points.index[near.of(q)[0] as usize] as usize], *code)?;
@@ -75,17 +84,17 @@ impl LabelFile {
         Ok(())
     }
 
-    /// Fails at the first position outside the cloud's bounding box by more than `within` metres.
-    fn check_box(&self, cloud: &Cloud, (metres, within): (f64, f64), monitor: &Monitor) -> Result<()> {
+    /// Fails at the first position outside the cloud's bounding box by more than the distance allowed.
+    fn check_box(&self, cloud: &Cloud, picking: &Picking, monitor: &Monitor) -> Result<()> {
         let Some([low, high]) = cloud.bounds_watched(monitor)? else { return Ok(()) };
         for LabelRow { line, of: at, .. } in &self.table.positions {
-            let beyond = (0..3).map(|a| (low[a] - at[a]).max(at[a] - high[a])).fold(0.0, f64::max) * metres;
-            if beyond > within || beyond.is_nan() {
+            let beyond = (0..3).map(|a| (low[a] - at[a]).max(at[a] - high[a])).fold(0.0, f64::max) * picking.metres;
+            if beyond > picking.within || beyond.is_nan() {
                 let found = format!("{at:?} is {beyond:.3e} m outside the cloud from {low:?} to {high:?}");
                 return Err(self.table.wrong(
                     *line,
                     found,
-                    &format!("at most {within} m; check the coordinate system"),
+                    &format!("at most {} m; check the coordinate system", picking.within),
                 ));
             }
         }
@@ -136,6 +145,8 @@ mod tests {
     use super::*;
     use crate::cloud::{Column, Values};
 
+    const NEAR: Picking = Picking { metres: 1.0, within: 0.5 };
+
     fn read(text: &str) -> Result<LabelFile> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("labels.csv");
@@ -151,7 +162,7 @@ mod tests {
     }
 
     fn codes(text: &str) -> Vec<Option<u8>> {
-        read(text).unwrap().apply(&cloud(), (1.0, 0.5), &Monitor::default()).unwrap().codes
+        read(text).unwrap().apply(&cloud(), &NEAR, &Monitor::default()).unwrap().codes
     }
 
     #[test]
@@ -165,7 +176,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_told_with_its_line() {
         let message = |text: &str| match read(text) {
-            Ok(file) => file.apply(&cloud(), (1.0, 0.5), &Monitor::default()).unwrap_err().to_string(),
+            Ok(file) => file.apply(&cloud(), &NEAR, &Monitor::default()).unwrap_err().to_string(),
             Err(e) => e.to_string(),
         };
         for (text, expected) in [

@@ -24,7 +24,7 @@ mod weak;
 pub use any::{AnyFitted, AnyRecipe};
 pub use builtin::{BUILTIN_MAP, default_model};
 pub use classify::{Classified, ClassifyParams, Job, classify};
-pub use label_file::LabelFile;
+pub use label_file::{LabelFile, Picking};
 pub use labels::{LabelParams, Labels, read_labels};
 pub use model::Model;
 pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};

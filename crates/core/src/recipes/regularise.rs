@@ -5,7 +5,7 @@
 //! clouds*, ISPRS Archives XLII-1/W1, 2017, doi:10.5194/isprs-archives-XLII-1-W1-151-2017, sections 3 and 4.
 //! `docs/weak.md` has the equations.
 
-use super::segments::Segments;
+use super::segments::{Again, Segments};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::features::{FeatureTable, optimal_features};
@@ -13,9 +13,7 @@ use crate::graph::{Graph, KnnGraphParams, connected_components, knn_graph};
 use crate::neighbours::{OptimalParams, knn};
 use crate::parallel::Monitor;
 use crate::regularisation::{ExpansionParams, Labelling, alpha_expansion, local_smoothing};
-use crate::segmentation::{
-    Intent, Partition, PartitionInput as Parts, PartitionParams, Signal, StrengthSearch as Search, partition_by_intent,
-};
+use crate::segmentation::{Intent, Partition, PartitionInput as Parts, PartitionParams, Signal, partition_by_intent};
 use serde::{Deserialize, Serialize};
 
 /// The method of regularisation.
@@ -211,13 +209,18 @@ impl Scene {
         let near = knn(points, params.neighbours, monitor)?;
         scene.graph = knn_graph(points.len(), near, &params.adjacency, monitor)?;
         if matches!(params.method, Regularise::Consensus | Regularise::SegmentCrf) {
-            let found = match descriptors {
-                Some(table) => segment((points, table), &scene.graph, params, monitor)?,
+            let own;
+            let table = match descriptors {
+                Some(table) => table,
                 None => {
-                    let found = optimal_features(points, &params.neighbourhood, monitor)?;
-                    segment((points, &found.table), &scene.graph, params, monitor)?
+                    own = optimal_features(points, &params.neighbourhood, monitor)?.table;
+                    &own
                 }
             };
+            monitor.stage("segments", table.rows() as u64);
+            let signal = Signal::new(&table.values, table.width())?;
+            let input = Parts { signal, graph: &scene.graph, points: Some(points), labels: None };
+            let found = partition_by_intent(&input, &params.partition, monitor)?;
             scene.segments = Some(Segments::new(found, &scene.graph, monitor)?);
         }
         Ok(scene)
@@ -235,11 +238,11 @@ impl Scene {
         });
     }
 
-    /// Segments some segments again, more finely, with the `finer` share (0..1) of their strength.
+    /// Segments some segments again, more finely.
     pub(super) fn recut(
         &mut self,
         descriptors: &FeatureTable,
-        (chosen, finer): (&[u32], f64),
+        again: &Again<'_>,
         params: &RegulariseParams,
         monitor: &Monitor,
     ) -> Result<()> {
@@ -247,7 +250,7 @@ impl Scene {
         monitor.stage("segments", descriptors.rows() as u64);
         let signal = Signal::new(&descriptors.values, descriptors.width())?;
         let scene = Parts { signal, graph: &self.graph, points: None, labels: None };
-        segments.recut(&scene, (chosen, finer), &params.partition, monitor)
+        segments.recut(&scene, again, &params.partition, monitor)
     }
 
     /// Oracle accuracy, if there are segments and labels.
@@ -276,7 +279,7 @@ impl Scene {
             (Regularise::None, _) => Ok(by_largest(smooth, classes)),
             (Regularise::Local, _) => Ok(by_largest(local_smoothing(&smooth, classes, &self.graph, monitor)?, classes)),
             (Regularise::PointCrf, _) => self.point_field(smooth, classes, params, monitor),
-            (_, Some(segments)) => segments.decide((&smooth, classes), params, monitor),
+            (_, Some(segments)) => segments.decide(Probabilities { values: &smooth, classes }, params, monitor),
             (_, None) => Err(Error::input("segments are needed, but there are none")),
         }
     }
@@ -290,19 +293,23 @@ impl Scene {
     ) -> Result<Regularised> {
         monitor.stage("agree", self.points as u64);
         let costs: Vec<f32> = smooth.iter().map(|p| -p.ln()).collect();
-        let found = field((&costs, classes), &self.graph, params.strength, monitor)?;
+        let costs = Costs { values: &costs, classes };
+        let found = field(&costs, &self.graph, params.strength, monitor)?;
         let energy = Some(found.energy);
         Ok(Regularised { labels: found.labels, probabilities: smooth, partition: None, energy })
     }
 }
 
+/// Unary costs of nodes.
+pub(super) struct Costs<'a> {
+    /// Row-major `nodes x classes`.
+    pub(super) values: &'a [f32],
+    pub(super) classes: usize,
+}
+
 /// The labelling of lowest energy found by α-expansion.
-pub(super) fn field(
-    (costs, classes): (&[f32], usize),
-    graph: &Graph,
-    strength: f64,
-    monitor: &Monitor,
-) -> Result<Labelling> {
+pub(super) fn field(costs: &Costs<'_>, graph: &Graph, strength: f64, monitor: &Monitor) -> Result<Labelling> {
+    let Costs { values: costs, classes } = *costs;
     if strength.is_finite() {
         let expansion = ExpansionParams { strength, ..ExpansionParams::default() };
         return alpha_expansion(costs, graph, &expansion, monitor);
@@ -318,19 +325,6 @@ pub(super) fn field(
     let energy = of_piece.iter().enumerate().map(|(piece, &label)| sums[piece * classes + label]).sum();
     let labels = pieces.of.iter().map(|&piece| of_piece[piece as usize] as u16).collect();
     Ok(Labelling { labels, energy, trace: vec![energy], converged: true })
-}
-
-/// Segments on which the four descriptors are nearly constant.
-fn segment(
-    (points, table): (&Points, &FeatureTable),
-    graph: &Graph,
-    params: &RegulariseParams,
-    monitor: &Monitor,
-) -> Result<Search> {
-    monitor.stage("segments", table.rows() as u64);
-    let signal = Signal::new(&table.values, table.width())?;
-    let scene = Parts { signal, graph, points: Some(points), labels: None };
-    partition_by_intent(&scene, &params.partition, monitor)
 }
 
 /// (1 − α) p + α / classes.

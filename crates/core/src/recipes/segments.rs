@@ -1,7 +1,9 @@
 //! Classification of segments by their mean probabilities and a conditional random field (Guinard & Landrieu 2017,
 //! section 4).
 
-use super::regularise::{Posterior, Regularise, RegulariseParams, Regularised, by_largest, field};
+use super::regularise::{
+    Costs, Posterior, Probabilities, Regularise, RegulariseParams, Regularised, by_largest, field,
+};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
@@ -20,6 +22,13 @@ pub(super) struct Segments {
     strength: f64,
 }
 
+/// Segments to be segmented again, and the share (0..1) of the strength with which that is done.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Again<'a> {
+    pub(super) segments: &'a [u32],
+    pub(super) step: f64,
+}
+
 impl Segments {
     pub(super) fn new(found: Search, points: &Graph, monitor: &Monitor) -> Result<Self> {
         let graph = segment_graph(points, &found.partition, Interface::Weight, monitor)?;
@@ -36,16 +45,17 @@ impl Segments {
         self.partition.segments()
     }
 
-    /// Segments some of them again, more finely, with the `finer` share of the strength.
+    /// Segments some of them again, more finely.
     pub(super) fn recut(
         &mut self,
         scene: &Parts<'_>,
-        (chosen, finer): (&[u32], f64),
+        again: &Again<'_>,
         params: &PartitionParams,
         monitor: &Monitor,
     ) -> Result<()> {
-        let params = PartitionParams { intent: Intent::Strength(finer * self.strength), ..params.clone() };
-        self.partition = recut(scene, ChosenSegments { partition: &self.partition, chosen }, &params, monitor)?;
+        let params = PartitionParams { intent: Intent::Strength(again.step * self.strength), ..params.clone() };
+        self.partition =
+            recut(scene, ChosenSegments { partition: &self.partition, chosen: again.segments }, &params, monitor)?;
         self.graph = segment_graph(scene.graph, &self.partition, Interface::Weight, monitor)?;
         Ok(())
     }
@@ -58,10 +68,11 @@ impl Segments {
     /// One label for each segment, transferred to its points.
     pub(super) fn decide(
         &self,
-        (smooth, classes): (&[f32], usize),
+        given: Probabilities<'_>,
         params: &RegulariseParams,
         monitor: &Monitor,
     ) -> Result<Regularised> {
+        let Probabilities { values: smooth, classes } = given;
         let mean = self.mean(smooth, classes);
         let (labels, energy) = match params.method {
             Regularise::Consensus => (by_largest(mean.clone(), classes).labels, None),
@@ -70,7 +81,8 @@ impl Segments {
                     Posterior::LogOfMean => self.costs(mean.iter().map(|p| -f64::from(*p).ln()), classes),
                     Posterior::MeanOfLogs => self.costs(self.mean_of_logs(smooth, classes).into_iter(), classes),
                 };
-                let found = field((&costs, classes), &self.graph, params.strength, monitor)?;
+                let costs = Costs { values: &costs, classes };
+                let found = field(&costs, &self.graph, params.strength, monitor)?;
                 (found.labels, Some(found.energy))
             }
         };

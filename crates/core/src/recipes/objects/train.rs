@@ -42,8 +42,8 @@ pub(super) fn train(
     let mut recipe = recipe.clone();
     let mut lessons = Vec::new();
     note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
-    for (c, (cloud, labels)) in clouds.iter().enumerate() {
-        let lesson = study((cloud, labels), &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
+    for (c, labelled) in clouds.iter().enumerate() {
+        let lesson = study(labelled, &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
         // The first cloud decides whether the model uses colours.
         let colour = lesson.found.features.names.iter().any(|name| name == "MeanRed");
         recipe.segments.colour = Some(colour);
@@ -57,7 +57,7 @@ pub(super) fn train(
     let samples =
         Samples { features: &rows, width: names.len(), labels: &labels, weights: None, classes: classes.len() };
     let classifier = Classifier::fit(&samples, &recipe.classifier(), monitor)?;
-    let report = report(clouds, &lessons, (&classifier, &classes))?;
+    let report = report(clouds, &lessons, &Answer { classifier: &classifier, classes: &classes })?;
     let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
     let model = Model {
         fingerprint: Fingerprint::of(&samples, density),
@@ -69,7 +69,8 @@ pub(super) fn train(
     Ok((model, report))
 }
 
-fn study((cloud, labels): (&Cloud, &Labels), recipe: &ObjectsRecipe, seed: u64, monitor: &Monitor) -> Result<Lesson> {
+fn study(labelled: &(Cloud, Labels), recipe: &ObjectsRecipe, seed: u64, monitor: &Monitor) -> Result<Lesson> {
+    let (cloud, labels) = labelled;
     let found = objects(cloud, recipe, None, monitor)?;
     let of = |&i: &u32| labels.codes.get(i as usize).copied().flatten();
     let truth: Vec<Option<u8>> = found.points.index.iter().map(of).collect();
@@ -93,6 +94,12 @@ fn middle(found: &Objects, segment: usize) -> [f64; 2] {
     [mean(&found.points.x), mean(&found.points.y)]
 }
 
+/// A classifier and the classes that it tells apart.
+struct Answer<'a> {
+    classifier: &'a Classifier,
+    classes: &'a ClassTable,
+}
+
 /// Feature rows of the training segments, and the positions of their classes.
 fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
     let (mut rows, mut labels) = (Vec::new(), Vec::new());
@@ -107,11 +114,7 @@ fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
     (rows, labels)
 }
 
-fn report(
-    clouds: &[(Cloud, Labels)],
-    lessons: &[Lesson],
-    (classifier, classes): (&Classifier, &ClassTable),
-) -> Result<ObjectsReport> {
+fn report(clouds: &[(Cloud, Labels)], lessons: &[Lesson], answer: &Answer<'_>) -> Result<ObjectsReport> {
     let points = counts_of(clouds);
     let learned = |code| {
         let of = |l: &Lesson| l.codes.iter().zip(&l.learned).filter(|(c, l)| **c == Some(code) && **l).count();
@@ -124,8 +127,8 @@ fn report(
         ClassCount { code: c.code, name: c.name.clone(), points: points[usize::from(c.code)], samples, weight }
     };
     let counts: Vec<ClassCount> = class_table(&codes, clouds).classes().iter().map(count).collect();
-    let warnings = counts.iter().filter(|c| c.samples == 0).map(|c| unlearned(c, classes)).collect();
-    let (by_segment, by_point) = held_out(lessons, (classifier, classes))?;
+    let warnings = counts.iter().filter(|c| c.samples == 0).map(|c| unlearned(c, answer.classes)).collect();
+    let (by_segment, by_point) = held_out(lessons, answer)?;
     Ok(ObjectsReport {
         unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
         segments: lessons.iter().map(|l| l.codes.len()).sum(),
@@ -160,10 +163,8 @@ fn oracle(lessons: &[Lesson]) -> Result<f64> {
 }
 
 /// Scores of the segments that were not used for training, and of their points.
-fn held_out(
-    lessons: &[Lesson],
-    (classifier, classes): (&Classifier, &ClassTable),
-) -> Result<(Option<Scores>, Option<Scores>)> {
+fn held_out(lessons: &[Lesson], answer: &Answer<'_>) -> Result<(Option<Scores>, Option<Scores>)> {
+    let Answer { classifier, classes } = *answer;
     let (mut segments, mut points) = (Confusion::new(classes.clone()), Confusion::new(classes.clone()));
     for lesson in lessons {
         let predicted = classifier.predict(&lesson.found.features.values)?;

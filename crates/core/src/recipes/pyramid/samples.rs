@@ -92,6 +92,14 @@ impl TrainingParams {
     }
 }
 
+/// How the training points of a cloud are selected.
+#[derive(Clone, Copy)]
+pub(super) struct Sampling<'a> {
+    pub(super) params: &'a TrainingParams,
+    /// Metres per unit of the cloud's coordinates.
+    pub(super) metres: f64,
+}
+
 /// A candidate for a training sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Candidate {
@@ -110,9 +118,10 @@ pub(super) struct Candidate {
 pub(super) fn candidates(
     cloud: &Cloud,
     labels: &Labels,
-    (params, metres): (&TrainingParams, f64),
+    sampling: &Sampling<'_>,
     monitor: &Monitor,
 ) -> Result<Vec<Candidate>> {
+    let Sampling { params, metres } = *sampling;
     let points = Points::from_cloud_watched(cloud, metres, monitor)?;
     let mut keyed: Vec<([i32; 3], Candidate)> = Vec::new();
     for piece in watched(points.len(), monitor) {
@@ -155,11 +164,12 @@ fn majority(voxel: &[([i32; 3], Candidate)]) -> Option<Candidate> {
 /// If the work was cancelled.
 pub(super) fn copies(
     cloud: &Cloud,
-    (params, metres): (&TrainingParams, f64),
+    sampling: &Sampling<'_>,
     seed: u64,
     monitor: &Monitor,
 ) -> Result<Vec<Option<Vec<u32>>>> {
     let mut copies = vec![None];
+    let Sampling { params, metres } = *sampling;
     let density = planar_density(cloud, metres, monitor)?;
     for (c, &target) in params.densities.iter().enumerate() {
         if density > 1.25 * target {
@@ -191,13 +201,19 @@ mod tests {
         let rows = [[0.1, 0.1, 0.1], [0.2, 0.2, 0.2], [0.3, 0.1, 0.2], [1.5, 0.0, 0.0]];
         let cloud = Cloud::from_rows(&rows).unwrap();
         let params = TrainingParams { voxel: 1.0, ..TrainingParams::default() };
-        let found = candidates(&cloud, &labels(&[5, 2, 2, 0]), (&params, 1.0), &Monitor::default()).unwrap();
+        let found =
+            candidates(&cloud, &labels(&[5, 2, 2, 0]), &Sampling { params: &params, metres: 1.0 }, &Monitor::default())
+                .unwrap();
         assert_eq!(found, [Candidate { point: 1, code: 2 }]);
         let all = TrainingParams { voxel: 0.0, ..params.clone() };
-        let found = candidates(&cloud, &labels(&[5, 2, 2, 6]), (&all, 1.0), &Monitor::default()).unwrap();
+        let found =
+            candidates(&cloud, &labels(&[5, 2, 2, 6]), &Sampling { params: &all, metres: 1.0 }, &Monitor::default())
+                .unwrap();
         assert_eq!(found.len(), 4);
         let boxed = TrainingParams { exclude: vec![[0.0, 0.0, 1.0, 1.0]], ..params };
-        let found = candidates(&cloud, &labels(&[5, 2, 2, 6]), (&boxed, 1.0), &Monitor::default()).unwrap();
+        let found =
+            candidates(&cloud, &labels(&[5, 2, 2, 6]), &Sampling { params: &boxed, metres: 1.0 }, &Monitor::default())
+                .unwrap();
         assert_eq!(found, [Candidate { point: 3, code: 6 }]);
     }
 
@@ -208,7 +224,7 @@ mod tests {
         let cloud = Cloud::from_rows(&rows).unwrap();
         assert!((planar_density(&cloud, 1.0, &Monitor::default()).unwrap() - 25.0).abs() < 1e-9);
         let params = TrainingParams { densities: vec![5.0, 24.0], ..TrainingParams::default() };
-        let copies = copies(&cloud, (&params, 1.0), 0, &Monitor::default()).unwrap();
+        let copies = copies(&cloud, &Sampling { params: &params, metres: 1.0 }, 0, &Monitor::default()).unwrap();
         assert_eq!(copies.len(), 2);
         let thinned = copies[1].as_ref().unwrap().len();
         assert!((1800..2200).contains(&thinned), "{thinned}");

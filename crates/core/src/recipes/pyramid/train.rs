@@ -2,14 +2,14 @@
 
 use super::PyramidRecipe;
 use super::report::{DepthScore, PyramidReport};
-use super::samples::{Candidate, TrainingParams, candidates, copies};
+use super::samples::{Candidate, Sampling, TrainingParams, candidates, copies};
 use crate::classes::{Class, ClassTable};
 use crate::classification::cross_validation::{grid_search, grouped_folds};
 use crate::classification::sampling::balance;
 use crate::classification::{Classifier, ClassifierParams, Fingerprint, Samples};
 use crate::cloud::{Cloud, planar_density};
 use crate::error::{Error, Result};
-use crate::features;
+use crate::features::{self, FeatureSet};
 use crate::parallel::Monitor;
 use crate::recipes::labels::{check_classes, class_table, counts_of};
 use crate::recipes::points::note_oddities;
@@ -102,21 +102,22 @@ struct Prepared {
 /// Steps 1 to 3.
 fn prepare(clouds: &[(Cloud, Labels)], recipe: &PyramidRecipe, monitor: &Monitor) -> Result<Prepared> {
     recipe.validate()?;
-    let mut recipe = recipe.clone();
     for (cloud, _) in clouds {
         cloud.metres(recipe.features.metres_per_unit)?;
     }
     note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
-    let mut sources = gather(clouds, &recipe, monitor)?;
+    let mut sources = gather(clouds, recipe, monitor)?;
     let offered = tally(&sources);
-    let weights = choose(&mut sources, &recipe)?;
+    let weights = choose(&mut sources, recipe)?;
     let counts = count(clouds, &tally(&sources), &weights);
     let warnings = warnings(&counts, &offered, &recipe.training);
     let codes: Vec<u8> = counts.iter().filter(|c| c.samples > 0).map(|c| c.code).collect();
     let classes = class_table(&codes, clouds);
     check_classes(&classes).map_err(|e| with_reasons(e, &warnings))?;
-    let described = Described { classes, ..Described::default() };
-    let described = describe(clouds, &sources, described, (&mut recipe, &weights), monitor)?;
+    let described = Described { classes, features: recipe.features.clone(), ..Described::default() };
+    let chosen = Chosen { sources: &sources, weights: &weights };
+    let described = describe(clouds, &chosen, described, monitor)?;
+    let recipe = PyramidRecipe { features: described.features.clone(), ..recipe.clone() };
     Ok(Prepared { described, recipe, classes: counts, warnings })
 }
 
@@ -133,11 +134,11 @@ fn gather(clouds: &[(Cloud, Labels)], recipe: &PyramidRecipe, monitor: &Monitor)
     let mut sources = Vec::new();
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let metres = recipe.features.metres(cloud);
-        for copy in copies(cloud, (&recipe.training, metres), recipe.seed.wrapping_add(c as u64), monitor)? {
-            let at = (&recipe.training, metres);
+        let sampling = Sampling { params: &recipe.training, metres };
+        for copy in copies(cloud, &sampling, recipe.seed.wrapping_add(c as u64), monitor)? {
             let candidates = match &copy {
-                None => candidates(cloud, labels, at, monitor)?,
-                Some(kept) => candidates(&cloud.select(kept), &labels.select(kept), at, monitor)?,
+                None => candidates(cloud, labels, &sampling, monitor)?,
+                Some(kept) => candidates(&cloud.select(kept), &labels.select(kept), &sampling, monitor)?,
             };
             sources.push(Source { cloud: c, copy, candidates });
         }
@@ -182,6 +183,8 @@ pub(super) struct Described {
     pub(super) blocks: Vec<u32>,
     pub(super) names: Vec<String>,
     pub(super) classes: ClassTable,
+    /// The features; the first scale is set.
+    pub(super) features: FeatureSet,
 }
 
 impl Described {
@@ -192,14 +195,20 @@ impl Described {
     }
 }
 
-/// Step 3: computes the feature vectors of the chosen points; sets the first scale in the recipe.
+/// The chosen points of all clouds, and the sample weight of each code.
+struct Chosen<'a> {
+    sources: &'a [Source],
+    weights: &'a [f32],
+}
+
+/// Step 3: computes the feature vectors of the chosen points, all with the first scale of the first cloud.
 fn describe(
     clouds: &[(Cloud, Labels)],
-    sources: &[Source],
+    chosen: &Chosen<'_>,
     mut described: Described,
-    (recipe, weights): (&mut PyramidRecipe, &[f32]),
     monitor: &Monitor,
 ) -> Result<Described> {
+    let Chosen { sources, weights } = *chosen;
     let weighted = sources.iter().flat_map(|s| &s.candidates).map(|c| weights[usize::from(c.code)]);
     if weighted.clone().any(|w| w > 1.0) {
         described.weights = weighted.collect();
@@ -209,13 +218,13 @@ fn describe(
         let thinned = source.copy.as_ref().map(|kept| whole.select(kept));
         let cloud = thinned.as_ref().unwrap_or(whole);
         let points: Vec<u32> = source.candidates.iter().map(|c| c.point).collect();
-        let (table, first_scale) = features::table_at(cloud, &recipe.features, &points, monitor)?;
-        recipe.features.pyramid.first_scale = Some(first_scale);
+        let (table, first_scale) = features::table_at(cloud, &described.features, &points, monitor)?;
+        described.features.pyramid.first_scale = Some(first_scale);
         described.values.extend_from_slice(&table.values);
         described
             .labels
             .extend(source.candidates.iter().filter_map(|c| described.classes.position(c.code)).map(|p| p as u16));
-        let metres = recipe.features.metres(cloud);
+        let metres = described.features.metres(cloud);
         described.blocks.extend(points.iter().map(|&p| block_of(source.cloud, cloud.xyz(p as usize), metres)));
         described.names = table.names;
     }

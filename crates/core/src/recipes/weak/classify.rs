@@ -2,7 +2,7 @@
 
 use super::WeakRecipe;
 use super::describe::{self, Described, DescribedScene, head};
-use super::hold::{self, Known, LabelScene};
+use super::hold::{self, Known, LabelScene, Question};
 use super::shares::most_probable;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
@@ -38,7 +38,7 @@ pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Mon
     let Described { points, six, .. } = described;
     let known = Known { descriptors: head(&six), labels, step: recipe.labels.hold_step };
     drop(six);
-    let found = hold::decide(segments, given, (&known, job.regularise), monitor)?;
+    let found = hold::decide(segments, &Question { given, params: job.regularise }, &known, monitor)?;
     job.decided(&points.index, &found, monitor)
 }
 

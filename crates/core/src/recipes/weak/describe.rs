@@ -76,14 +76,21 @@ pub(super) fn select(table: &FeatureTable, at: &[u32]) -> FeatureTable {
     FeatureTable { names: table.names.clone(), values }
 }
 
-/// All feature columns of some points whose six descriptors are known, and the finest scale; `places` are their indices
-/// in the cloud.
+/// Labelled points whose six descriptors are known.
+pub(super) struct LabelledRows<'a> {
+    pub(super) six: FeatureTable,
+    /// Their indices in the cloud.
+    pub(super) places: &'a [u32],
+}
+
+/// All feature columns of some points, and the finest scale.
 pub(super) fn rows(
     cloud: &Cloud,
-    (six, places): (FeatureTable, &[u32]),
+    labelled: LabelledRows<'_>,
     more: Option<&FeatureSet>,
     monitor: &Monitor,
 ) -> Result<(FeatureTable, Option<f64>)> {
+    let LabelledRows { six, places } = labelled;
     let Some(set) = more else { return Ok((six, None)) };
     let (scaled, scale) = table_at(cloud, set, places, monitor)?;
     let names: Vec<String> = six.names.iter().chain(&scaled.names).cloned().collect();

@@ -93,7 +93,7 @@ pub struct Example {
 ///
 /// # Errors
 /// If no point is labelled.
-pub(super) fn examples(labels: &Labels, index: &[u32], (params, seed): (&WeakLabels, u64)) -> Result<Vec<Example>> {
+pub(super) fn examples(labels: &Labels, index: &[u32], params: &WeakLabels, seed: u64) -> Result<Vec<Example>> {
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); 256];
     for (point, &i) in index.iter().enumerate() {
         if let Some(code) = labels.codes.get(i as usize).copied().flatten() {
@@ -128,11 +128,11 @@ mod tests {
         let labels = labels(&[2, 2, 2, 2, 0, 6, 2, 2]);
         let index = [0, 1, 2, 4, 5, 6, 7];
         let params = WeakLabels { per_class: 3, ..WeakLabels::default() };
-        let found = examples(&labels, &index, (&params, 7)).unwrap();
+        let found = examples(&labels, &index, &params, 7).unwrap();
         assert_eq!(found.iter().filter(|e| e.code == 2).count(), 3);
         assert_eq!(found.last(), Some(&Example { code: 6, point: 4 }));
-        let all = examples(&labels, &index, (&WeakLabels::default(), 7)).unwrap();
+        let all = examples(&labels, &index, &WeakLabels::default(), 7).unwrap();
         assert_eq!(all.len(), 6);
-        assert!(examples(&self::labels(&[0, 0]), &[0, 1], (&params, 7)).is_err());
+        assert!(examples(&self::labels(&[0, 0]), &[0, 1], &params, 7).is_err());
     }
 }

@@ -9,6 +9,7 @@ use crate::features::FeatureTable;
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::regularise::{Probabilities, RegulariseParams, Regularised, Scene};
+use crate::recipes::segments::Again;
 
 /// The labels of a cloud that is classified, and what is needed to segment again.
 pub(super) struct Known {
@@ -73,6 +74,13 @@ impl WeakLabels {
     }
 }
 
+/// Probabilities, and how labels follow from them.
+#[derive(Clone, Copy)]
+pub(super) struct Question<'a> {
+    pub(super) given: Probabilities<'a>,
+    pub(super) params: &'a RegulariseParams,
+}
+
 /// The labels for these probabilities. Segments that contradict a label in them are segmented more finely, and
 /// everything is classified again.
 ///
@@ -80,10 +88,11 @@ impl WeakLabels {
 /// As [`Scene::decide`].
 pub(super) fn decide(
     mut scene: Scene,
-    given: Probabilities<'_>,
-    (known, params): (&Known, &RegulariseParams),
+    question: &Question<'_>,
+    known: &Known,
     monitor: &Monitor,
 ) -> Result<Regularised> {
+    let Question { given, params } = *question;
     let found = scene.decide(given, params, monitor)?;
     let against = named_against(&found, &known.labels);
     if against.is_empty() {
@@ -91,7 +100,8 @@ pub(super) fn decide(
     }
     // All segments are classified again; this result holds memory that is needed for them.
     drop(found);
-    scene.recut(&known.descriptors, (&against, known.step), params, monitor)?;
+    let again = Again { segments: &against, step: known.step };
+    scene.recut(&known.descriptors, &again, params, monitor)?;
     scene.decide(given, params, monitor)
 }
 
@@ -146,7 +156,8 @@ mod tests {
         let wrong = |labels: &[(u32, u16)]| {
             let scene = Scene::to_be_recut(&points, Some(&found.table), &params, &monitor).unwrap();
             let known = Known { descriptors: found.table.clone(), labels: labels.to_vec(), step: 0.03 };
-            let found = decide(scene, given, (&known, &params), &monitor).unwrap();
+            let question = Question { given, params: &params };
+            let found = decide(scene, &question, &known, &monitor).unwrap();
             let wrong = found.labels.iter().zip(&truth).filter(|(a, b)| a != b).count();
             (wrong, found.partition.unwrap().len())
         };

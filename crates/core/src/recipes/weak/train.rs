@@ -1,7 +1,7 @@
 //! Training on a few labelled points.
 
 use super::WeakRecipe;
-use super::describe::{self, Described, DescribedScene, head};
+use super::describe::{self, Described, DescribedScene, LabelledRows, head};
 use super::examples::{Example, WeakLabels, examples};
 use super::learned::{LabelledPosition, RoadExample, WeakLearned};
 use super::report::{StrengthScore, WeakReport};
@@ -113,7 +113,7 @@ fn study<'a>(
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let points = points_of(cloud, recipe.features.metres_per_unit, monitor)?;
         let seed = recipe.seed.wrapping_add(c as u64);
-        let examples = examples(labels, &points.index, (&recipe.labels, seed))?;
+        let examples = examples(labels, &points.index, &recipe.labels, seed)?;
         let local = describe::local(&points, recipe, monitor)?;
         drafts.push(Draft { cloud, points, examples, local });
     }
@@ -136,7 +136,7 @@ fn study<'a>(
         let first = !options.strengths.is_empty() && lessons.is_empty();
         let described = first.then_some(Described { cloud, points, six });
         let more = describe::more(&recipe, None);
-        let (rows, scale) = describe::rows(cloud, (own, &places), more.as_ref(), monitor)?;
+        let (rows, scale) = describe::rows(cloud, LabelledRows { six: own, places: &places }, more.as_ref(), monitor)?;
         // The finest scale of the first cloud is used for the others, and for all clouds that the model classifies.
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
         let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0), monitor)?;
