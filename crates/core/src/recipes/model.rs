@@ -5,9 +5,8 @@
 
 use super::any::AnyFitted;
 use crate::classes::ClassTable;
-use crate::classification::classifier_codec;
-use crate::classification::codec::{Reader, malformed, print_arrays};
-use crate::classification::{Classifier, ClassifierKind, Fingerprint};
+use crate::classification::arrays::{Reader, malformed, print_arrays};
+use crate::classification::{Classifier, ClassifierKind, Fingerprint, arrays};
 use crate::error::{Error, Result};
 use crate::io::{atomic, open};
 use safetensors::SafeTensors;
@@ -99,7 +98,7 @@ impl Model {
         };
         let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
-        let mut arrays = classifier_codec::encode(&self.classifier);
+        let mut arrays = arrays::classifier::encode(&self.classifier);
         arrays.extend(print_arrays(&self.fingerprint));
         let views = arrays.iter().map(|(name, dtype, len, bytes)| {
             TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))

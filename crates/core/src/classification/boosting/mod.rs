@@ -4,6 +4,7 @@
 //! et al. 2017. Sums are integers, so that the result is the same bytes for any number of threads.
 
 mod blocks;
+pub(in crate::classification) mod codec;
 mod data;
 mod fit;
 mod grow;

@@ -1,10 +1,10 @@
 //! Prediction: a block of rows is quantised once, then every tree adds its leaf values.
 
-use super::super::descend::Walk;
-use super::super::predict::{PredictScratch, argmax};
 use super::super::quantise::{CodeBlock, TILE};
 use super::model::Boosting;
 use super::sweep::{NARROW, Sweep};
+use crate::classification::forest::descend::Walk;
+use crate::classification::forest::predict::{PredictScratch, argmax};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 

@@ -2,9 +2,9 @@
 
 use super::super::params::ClassWeight;
 use super::super::samples::Samples;
-use super::super::train::weights;
 use super::histogram::MAX_ROWS;
 use super::params::BoostingParams;
+use crate::classification::forest::growing::weights;
 use crate::error::{Error, Result};
 use crate::random::stream;
 

@@ -1,19 +1,19 @@
 //! Ranks among the distinct raw values: the slow reference for the histogram splitter.
 
-use super::binning::middle;
 use super::impurity::{BestSplit, Entry, SplitSearch, Weight};
-use super::samples::Samples;
 use super::splitter::{CodeTable, Scan};
+use crate::classification::binning::middle;
+use crate::classification::samples::Samples;
 use rayon::prelude::*;
 
 /// Rank of every value among the distinct values of its feature; missing values come first.
-pub(super) struct Ranks {
+pub(in crate::classification) struct Ranks {
     distinct: Vec<Vec<f32>>,
     columns: Vec<u32>,
 }
 
 impl Ranks {
-    pub(super) fn new(samples: &Samples<'_>) -> Self {
+    pub(in crate::classification) fn new(samples: &Samples<'_>) -> Self {
         let key = |v: f32| if v.is_nan() { f32::NEG_INFINITY } else { v.clamp(f32::MIN, f32::MAX) + 0.0 };
         let column =
             |f: usize| -> Vec<f32> { samples.features[f..].iter().step_by(samples.width).map(|&v| key(v)).collect() };
@@ -67,13 +67,13 @@ impl CodeTable for Ranks {
 }
 
 /// Sorts the samples by rank and passes the groups of equal ranks to the search.
-pub(super) struct Sorter<W> {
+pub(in crate::classification) struct Sorter<W> {
     order: Vec<(u32, u32)>,
     weights: Vec<W>,
 }
 
 impl<W: Weight> Sorter<W> {
-    pub(super) fn new(classes: usize) -> Self {
+    pub(in crate::classification) fn new(classes: usize) -> Self {
         Self { order: Vec::new(), weights: vec![W::default(); classes] }
     }
 }

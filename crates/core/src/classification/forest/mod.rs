@@ -1,14 +1,22 @@
 //! The forest: quantisation, trees and leaves.
 
-use super::binning::Binning;
-use super::compact::{Compact, WINDOW};
-use super::grow::{ForestTree, ThresholdSplit};
-use super::nodes::{GrownNode, LEAF_CUT, Node, Trees};
+pub(in crate::classification) mod codec;
+pub(in crate::classification) mod compact;
+pub(in crate::classification) mod descend;
+pub(in crate::classification) mod growing;
+pub(in crate::classification) mod importance;
+pub(in crate::classification) mod predict;
+pub(in crate::classification) mod vote;
+
+use self::compact::{Compact, WINDOW};
+use self::growing::tree::{ForestTree, ThresholdSplit};
+use crate::classification::binning::Binning;
+use crate::classification::nodes::{GrownNode, LEAF_CUT, Node, Trees};
 use crate::error::{Error, Result};
 
 /// The trees in the layout that [`Forest::predict_block`] uses.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Descent {
+pub(in crate::classification) enum Descent {
     Compact(Compact),
     /// The nodes, where a leaf has its own index in `left`.
     Large(Vec<Node>),
@@ -27,12 +35,12 @@ impl Default for Descent {
 /// exceeds the threshold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forest {
-    pub(super) classes: usize,
-    pub(super) binning: Binning,
+    pub(in crate::classification) classes: usize,
+    pub(in crate::classification) binning: Binning,
     /// All trees, one after the other; children come after their parents.
     pub(crate) nodes: Vec<Node>,
     /// The same trees in the layout for prediction.
-    pub(super) descent: Descent,
+    pub(in crate::classification) descent: Descent,
     /// First node of every tree.
     pub(crate) roots: Vec<u32>,
     /// Rows of `classes` probabilities; the first `classes` rows are those of pure leaves.
@@ -97,7 +105,7 @@ impl Forest {
     }
 
     /// Assembles trained trees: the thresholds that occur become the quantisation.
-    pub(super) fn assemble(trees: &[ForestTree], width: usize, classes: usize) -> Result<Self> {
+    pub(in crate::classification) fn assemble(trees: &[ForestTree], width: usize, classes: usize) -> Result<Self> {
         let binning = thresholds(trees, width)?;
         let total: usize = trees.iter().map(|t| t.nodes.len()).sum();
         if total > u32::MAX as usize {
@@ -118,7 +126,7 @@ impl Forest {
     }
 
     /// Builds the layout for prediction; to be called when nodes or features have changed.
-    pub(super) fn prepare(&mut self) {
+    pub(in crate::classification) fn prepare(&mut self) {
         let trees = Trees { nodes: &self.nodes, roots: &self.roots, binning: &self.binning };
         let own = |(i, node): (usize, &Node)| match node.cut {
             LEAF_CUT => Node { left: i as u32, ..*node },
@@ -183,9 +191,11 @@ fn mean_importance(trees: &[ForestTree], width: usize) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::blobs;
-    use super::super::{Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Samples, Splitter, Trainer};
     use super::*;
+    use crate::classification::testing::blobs;
+    use crate::classification::{
+        Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Samples, Splitter, Trainer,
+    };
     use crate::parallel::Monitor;
     use crate::random::stream;
 

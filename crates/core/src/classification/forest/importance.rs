@@ -1,7 +1,7 @@
 //! Permutation importance: loss of accuracy when one feature is shuffled (Breiman 2001, section 10).
 
-use super::forest::Forest;
-use super::samples::Samples;
+use super::Forest;
+use crate::classification::samples::Samples;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
 use crate::random::{Stream, stream};
@@ -102,9 +102,9 @@ fn summary(losses: &[f64]) -> Importance {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ForestParams;
-    use super::super::testing::blobs;
     use super::*;
+    use crate::classification::ForestParams;
+    use crate::classification::testing::blobs;
 
     #[test]
     fn only_features_that_tell_something_matter() {

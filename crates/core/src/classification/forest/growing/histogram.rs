@@ -1,9 +1,9 @@
 //! Columns of quantised features, and the split search by histograms.
 
-use super::binning::Binning;
 use super::impurity::{BestSplit, Entry, SplitSearch, Weight};
-use super::samples::Samples;
 use super::splitter::{CodeTable, Scan};
+use crate::classification::binning::Binning;
+use crate::classification::samples::Samples;
 use crate::error::Result;
 use rayon::prelude::*;
 
@@ -11,14 +11,14 @@ use rayon::prelude::*;
 const BLOCK: usize = 4096;
 
 /// The samples' codes twice: by feature for large nodes, by row for copies of small ones.
-pub(super) struct QuantisedSamples {
+pub(in crate::classification) struct QuantisedSamples {
     binning: Binning,
     rows: Vec<u8>,
     columns: Vec<u8>,
 }
 
 impl QuantisedSamples {
-    pub(super) fn new(samples: &Samples<'_>, binning: Binning) -> Result<Self> {
+    pub(in crate::classification) fn new(samples: &Samples<'_>, binning: Binning) -> Result<Self> {
         let mut rows = vec![0u8; samples.features.len()];
         rows.par_chunks_mut(BLOCK * samples.width)
             .zip(samples.features.par_chunks(BLOCK * samples.width))
@@ -58,7 +58,7 @@ impl CodeTable for QuantisedSamples {
 }
 
 /// Weights by code and class, all zero between features, and the occupied codes as a bit set.
-pub(super) struct Histogram<W> {
+pub(in crate::classification) struct Histogram<W> {
     classes: usize,
     weights: Vec<W>,
     rows: [u32; 256],
@@ -66,7 +66,7 @@ pub(super) struct Histogram<W> {
 }
 
 impl<W: Weight> Histogram<W> {
-    pub(super) fn new(classes: usize) -> Self {
+    pub(in crate::classification) fn new(classes: usize) -> Self {
         Self { classes, weights: vec![W::default(); 256 * classes], rows: [0; 256], occupied: [0; 4] }
     }
 }

@@ -1,9 +1,9 @@
 //! Grows one tree: nodes are split depth-first, and their samples are partitioned stably in place.
 
 use super::impurity::{BestSplit, Entry, SplitSearch, Weight};
-use super::nodes::GrownNode;
-use super::params::{ForestParams, Trainer};
 use super::splitter::{CodeTable, Scan};
+use crate::classification::nodes::GrownNode;
+use crate::classification::params::{ForestParams, Trainer};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::random::Stream;
@@ -13,18 +13,18 @@ const LOCAL: usize = 4096;
 
 /// A split of a forest: samples with value > threshold go right.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ThresholdSplit {
-    pub(super) feature: u16,
-    pub(super) threshold: f32,
+pub(in crate::classification) struct ThresholdSplit {
+    pub(in crate::classification) feature: u16,
+    pub(in crate::classification) threshold: f32,
 }
 
 /// One trained tree; the number of a leaf is its row of probabilities. Leaf rows `0..classes` stand for pure leaves; `leaves` holds the rows from `classes` on.
 #[derive(Clone, Debug, Default)]
-pub(super) struct ForestTree {
-    pub(super) nodes: Vec<GrownNode<ThresholdSplit>>,
-    pub(super) leaves: Vec<f32>,
+pub(in crate::classification) struct ForestTree {
+    pub(in crate::classification) nodes: Vec<GrownNode<ThresholdSplit>>,
+    pub(in crate::classification) leaves: Vec<f32>,
     /// Decrease of impurity x weight by every feature.
-    pub(super) importance: Vec<f64>,
+    pub(in crate::classification) importance: Vec<f64>,
 }
 
 /// A node waiting to be split, and its range of samples.
@@ -51,16 +51,16 @@ impl<'a, C> NodeTable<'a, C> {
 }
 
 /// What the trees of a forest have in common.
-pub(super) struct TreeParams<'a, D> {
-    pub(super) columns: &'a D,
-    pub(super) params: &'a ForestParams,
+pub(in crate::classification) struct TreeParams<'a, D> {
+    pub(in crate::classification) columns: &'a D,
+    pub(in crate::classification) params: &'a ForestParams,
     /// Number of classes.
-    pub(super) classes: usize,
-    pub(super) monitor: &'a Monitor,
+    pub(in crate::classification) classes: usize,
+    pub(in crate::classification) monitor: &'a Monitor,
 }
 
 /// A tree that is being grown.
-pub(super) struct ForestGrower<'a, D: CodeTable, S, W> {
+pub(in crate::classification) struct ForestGrower<'a, D: CodeTable, S, W> {
     columns: &'a D,
     params: &'a ForestParams,
     monitor: &'a Monitor,
@@ -73,7 +73,7 @@ pub(super) struct ForestGrower<'a, D: CodeTable, S, W> {
 }
 
 impl<'a, D: CodeTable, S: Scan<D::Code, W>, W: Weight> ForestGrower<'a, D, S, W> {
-    pub(super) fn new(of: TreeParams<'a, D>, scan: S, random: Stream) -> Self {
+    pub(in crate::classification) fn new(of: TreeParams<'a, D>, scan: S, random: Stream) -> Self {
         let TreeParams { columns, params, classes, monitor } = of;
         Self {
             columns,
@@ -89,7 +89,7 @@ impl<'a, D: CodeTable, S: Scan<D::Code, W>, W: Weight> ForestGrower<'a, D, S, W>
     }
 
     /// Grows the tree on these samples (at least one; `row` is an index into the columns).
-    pub(super) fn grow(mut self, mut entries: Vec<Entry<W>>) -> Result<ForestTree> {
+    pub(in crate::classification) fn grow(mut self, mut entries: Vec<Entry<W>>) -> Result<ForestTree> {
         let codes = self.columns.columns();
         let table = NodeTable { codes, stride: codes.len() / self.columns.width(), local: false };
         self.tree.nodes.push(GrownNode::Leaf(0));

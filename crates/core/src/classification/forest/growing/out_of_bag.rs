@@ -1,9 +1,9 @@
 //! The out-of-bag score: every sample is predicted by the trees that were not trained on it (Breiman 2001, section
 //! 3.1).
 
-use super::forest::Forest;
-use super::predict::argmax;
-use super::samples::Samples;
+use crate::classification::forest::Forest;
+use crate::classification::forest::predict::argmax;
+use crate::classification::samples::Samples;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
 
@@ -21,10 +21,10 @@ pub struct FitReport {
 }
 
 /// The samples of one tree as a bit set.
-pub(super) struct BagSet(Vec<u64>);
+pub(in crate::classification) struct BagSet(Vec<u64>);
 
 impl BagSet {
-    pub(super) fn new(samples: usize, members: impl Iterator<Item = u32>) -> Self {
+    pub(in crate::classification) fn new(samples: usize, members: impl Iterator<Item = u32>) -> Self {
         let mut bits = vec![0u64; samples.div_ceil(64)];
         members.for_each(|i| bits[i as usize >> 6] |= 1 << (i & 63));
         Self(bits)
@@ -35,7 +35,12 @@ impl BagSet {
     }
 }
 
-pub(super) fn report(forest: &Forest, samples: &Samples<'_>, bags: &[BagSet], monitor: &Monitor) -> Result<FitReport> {
+pub(in crate::classification) fn report(
+    forest: &Forest,
+    samples: &Samples<'_>,
+    bags: &[BagSet],
+    monitor: &Monitor,
+) -> Result<FitReport> {
     let classes = samples.classes;
     monitor.stage("out-of-bag score", samples.len() as u64);
     let blocks = map_ordered(samples.len().div_ceil(BLOCK), monitor, |b| {

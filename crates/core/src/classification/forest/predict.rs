@@ -2,9 +2,9 @@
 
 use super::compact::{Compact, CompactWalk};
 use super::descend::Walk;
-use super::forest::{Descent, Forest};
-use super::nodes::{LEAF_CUT, Node};
-use super::quantise::CodeBlock;
+use super::{Descent, Forest};
+use crate::classification::nodes::{LEAF_CUT, Node};
+use crate::classification::quantise::CodeBlock;
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
@@ -14,14 +14,14 @@ const BLOCK: usize = 4096;
 /// Scratch memory of [`Forest::predict_block`], to be reused for the next block.
 #[derive(Clone, Debug, Default)]
 pub struct PredictScratch {
-    pub(super) narrow: CodeBlock<u8>,
+    pub(in crate::classification) narrow: CodeBlock<u8>,
     wide: CodeBlock<u16>,
-    pub(super) walk: Walk,
-    pub(super) compact_walk: CompactWalk,
-    pub(super) leaves: Vec<u32>,
+    pub(in crate::classification) walk: Walk,
+    pub(in crate::classification) compact_walk: CompactWalk,
+    pub(in crate::classification) leaves: Vec<u32>,
     /// Rows with twin columns, and scores, of boosted trees.
-    pub(super) extended: Vec<f32>,
-    pub(super) scores: Vec<f32>,
+    pub(in crate::classification) extended: Vec<f32>,
+    pub(in crate::classification) scores: Vec<f32>,
 }
 
 impl Forest {
@@ -129,7 +129,7 @@ impl Forest {
     }
 
     /// Adds the class shares of each row's leaf; compiled for every small number of classes.
-    pub(super) fn add_leaves(&self, leaves: &[u32], out: &mut [f32]) {
+    pub(in crate::classification) fn add_leaves(&self, leaves: &[u32], out: &mut [f32]) {
         match self.classes {
             2 => self.add::<2>(leaves, out),
             3 => self.add::<3>(leaves, out),
@@ -157,12 +157,12 @@ impl Forest {
     }
 
     #[inline]
-    pub(super) fn node(&self, at: u32) -> Node {
+    pub(in crate::classification) fn node(&self, at: u32) -> Node {
         self.nodes[at as usize]
     }
 
     /// The leaf row that one row of codes reaches.
-    pub(super) fn leaf_of(&self, root: u32, code: impl Fn(usize) -> u16) -> &[f32] {
+    pub(in crate::classification) fn leaf_of(&self, root: u32, code: impl Fn(usize) -> u16) -> &[f32] {
         let mut node = self.node(root);
         while node.cut != LEAF_CUT {
             node = self.node(node.left + u32::from(code(usize::from(node.feature)) > node.cut));

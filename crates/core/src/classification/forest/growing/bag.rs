@@ -1,10 +1,10 @@
 //! Bootstrap sampling of one tree.
 
-use super::params::Bootstrap;
+use crate::classification::params::Bootstrap;
 use crate::random::Stream;
 
 /// Number of times each of `count` samples was drawn.
-pub(super) fn bag(bootstrap: Bootstrap, count: usize, random: &mut Stream) -> Vec<u32> {
+pub(in crate::classification) fn bag(bootstrap: Bootstrap, count: usize, random: &mut Stream) -> Vec<u32> {
     let mut times = vec![0u32; count];
     match bootstrap {
         Bootstrap::None => times.fill(1),

@@ -1,8 +1,9 @@
 //! A classifier of any kind as named arrays of a model file.
 
-use super::classifier::{Classifier, ClassifierKind};
-use super::codec::{Array, Reader};
-use super::{boosting_codec, forest_codec};
+use super::{Array, Reader};
+use crate::classification::boosting::codec as boosting_codec;
+use crate::classification::classifier::{Classifier, ClassifierKind};
+use crate::classification::forest::codec as forest_codec;
 use crate::error::Result;
 
 /// The arrays of a classifier.

@@ -3,12 +3,12 @@
 //! A node takes 4 bytes and stores the offset to its children. Every index within a piece of a tree fits into 16 bits,
 //! and every index within a row of codes into 8, so that no bounds check is needed during the descent.
 
-use super::nodes::{LEAF_CUT, Node, Trees};
-use super::quantise::{CodeBlock, ROW};
+use crate::classification::nodes::{LEAF_CUT, Node, Trees};
+use crate::classification::quantise::{CodeBlock, ROW};
 use std::ops::Range;
 
 /// Largest number of nodes of a piece.
-pub(super) const WINDOW: usize = 1 << 16;
+pub(in crate::classification) const WINDOW: usize = 1 << 16;
 
 /// Flag: the number is not a row of probabilities but the piece in which the descent continues.
 const ONWARD: u32 = 1 << 31;
@@ -34,7 +34,7 @@ struct Step {
 
 /// All trees of a forest, each in pieces of at most [`WINDOW`] nodes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Compact {
+pub(in crate::classification) struct Compact {
     /// The pieces, one after the other, and a window of padding.
     steps: Vec<Step>,
     /// Row of probabilities of every leaf whose number exceeds 254; [`ONWARD`] and the number of a piece where the
@@ -52,7 +52,7 @@ struct TreePieces {
 
 /// Current node of each row of a block; reused from tree to tree.
 #[derive(Clone, Debug, Default)]
-pub(super) struct CompactWalk {
+pub(in crate::classification) struct CompactWalk {
     at: Vec<u16>,
     /// Rows that have not reached a leaf.
     moving: Vec<u16>,
@@ -85,7 +85,7 @@ impl<'a> Sized<'a> {
 impl Compact {
     /// Cuts trees of more than `most` nodes (up to [`WINDOW`]) into pieces. `None` if a row has too many features,
     /// codes need more than 8 bits, or a tree has too many pieces.
-    pub(super) fn new(Trees { nodes, roots, binning }: Trees<'_>, most: usize) -> Option<Self> {
+    pub(in crate::classification) fn new(Trees { nodes, roots, binning }: Trees<'_>, most: usize) -> Option<Self> {
         if binning.width() > ROW || !binning.fits_u8() {
             return None;
         }
@@ -140,13 +140,19 @@ impl Compact {
     }
 
     /// Number of trees.
-    pub(super) fn trees(&self) -> usize {
+    pub(in crate::classification) fn trees(&self) -> usize {
         self.trees.len()
     }
 
     /// Writes for every row of codes the row of probabilities that it reaches in a tree. `codes.by_row` ends with
     /// [`ROW`] spare codes.
-    pub(super) fn walk(&self, tree: usize, codes: &CodeBlock<u8>, walk: &mut CompactWalk, leaves: &mut Vec<u32>) {
+    pub(in crate::classification) fn walk(
+        &self,
+        tree: usize,
+        codes: &CodeBlock<u8>,
+        walk: &mut CompactWalk,
+        leaves: &mut Vec<u32>,
+    ) {
         let Some(TreePieces { top, lower }) = self.trees.get(tree) else { return };
         let Some((steps, rows)) = self.open(top) else { return };
         walk.at.resize(codes.rows, 0);
@@ -257,10 +263,10 @@ fn descend(steps: &[Step; WINDOW], mut at: u16, codes: &[u8; ROW]) -> u16 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::binning::Binning;
-    use super::super::testing::blobs;
-    use super::super::{Forest, ForestParams};
     use super::*;
+    use crate::classification::binning::Binning;
+    use crate::classification::testing::blobs;
+    use crate::classification::{Forest, ForestParams};
     use crate::parallel::Monitor;
 
     #[test]

@@ -1,12 +1,12 @@
 //! Boosted trees as named arrays; every index is checked when they are read.
 
-use super::boosting::Boosting;
-use super::codec::{Array, Reader, array, cut_arrays, node_arrays};
-use super::nodes::Trees;
+use crate::classification::arrays::{Array, Reader, array, cut_arrays, node_arrays};
+use crate::classification::boosting::Boosting;
+use crate::classification::nodes::Trees;
 use crate::error::Result;
 
 /// The arrays of boosted trees.
-pub(super) fn encode(model: &Boosting) -> Vec<Array> {
+pub(in crate::classification) fn encode(model: &Boosting) -> Vec<Array> {
     let mut arrays = cut_arrays(&model.binning);
     arrays.extend(node_arrays(&model.nodes, &model.roots));
     arrays.extend([
@@ -21,7 +21,7 @@ pub(super) fn encode(model: &Boosting) -> Vec<Array> {
 
 impl Reader<'_> {
     /// The boosted trees of `width` features and `classes` classes, every index checked.
-    pub(super) fn boosting(&self, width: usize, classes: usize) -> Result<Boosting> {
+    pub(in crate::classification) fn boosting(&self, width: usize, classes: usize) -> Result<Boosting> {
         let twins = self.ascending("twins", width)?;
         let nodes = self.nodes()?;
         let model = Boosting {
@@ -75,8 +75,8 @@ impl Reader<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::blobs;
-    use super::super::{Boosting, BoostingParams};
+    use crate::classification::testing::blobs;
+    use crate::classification::{Boosting, BoostingParams};
     use crate::parallel::Monitor;
 
     fn model() -> Boosting {

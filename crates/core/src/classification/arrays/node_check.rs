@@ -1,8 +1,8 @@
 //! Validation of all indices of trees that are read from a file.
 
-use super::codec::Reader;
-use super::nodes::{LEAF_CUT, Trees};
-use super::params::MAX_DEPTH;
+use super::Reader;
+use crate::classification::nodes::{LEAF_CUT, Trees};
+use crate::classification::params::MAX_DEPTH;
 use crate::error::Result;
 
 /// True if the leaf at an index may have this number in `left`.
@@ -10,7 +10,7 @@ type LeafRule<'a> = &'a dyn Fn(usize, usize) -> bool;
 
 impl Reader<'_> {
     /// Checks roots and nodes of the trees of any classifier.
-    pub(super) fn check_trees(&self, trees: &Trees<'_>, leaf: LeafRule<'_>) -> Result<()> {
+    pub(in crate::classification) fn check_trees(&self, trees: &Trees<'_>, leaf: LeafRule<'_>) -> Result<()> {
         let (roots, count) = (trees.roots, trees.nodes.len());
         let rising = roots.windows(2).all(|w| w[0] < w[1]);
         if roots.first() != Some(&0) || !rising || roots.last().is_none_or(|&r| r as usize >= count) {

@@ -1,16 +1,24 @@
 //! Training: trees in parallel, each with its own random stream.
 
-use super::bag::bag;
-use super::binning::{Binning, BinningParams};
-use super::exact::{Ranks, Sorter};
-use super::forest::Forest;
-use super::grow::{ForestGrower, ForestTree, TreeParams};
-use super::histogram::{Histogram, QuantisedSamples};
-use super::impurity::{Entry, Weight};
-use super::out_of_bag::{self, BagSet, FitReport};
-use super::params::{Bootstrap, ClassWeight, ForestParams, Splitter};
-use super::samples::Samples;
-use super::splitter::{CodeTable, Scan};
+pub(in crate::classification) mod bag;
+pub(in crate::classification) mod exact;
+pub(in crate::classification) mod histogram;
+pub(in crate::classification) mod impurity;
+pub(in crate::classification) mod out_of_bag;
+pub(in crate::classification) mod splitter;
+pub(in crate::classification) mod tree;
+
+use self::bag::bag;
+use self::exact::{Ranks, Sorter};
+use self::histogram::{Histogram, QuantisedSamples};
+use self::impurity::{Entry, Weight};
+use self::out_of_bag::{BagSet, FitReport};
+use self::splitter::{CodeTable, Scan};
+use self::tree::{ForestGrower, ForestTree, TreeParams};
+use crate::classification::binning::{Binning, BinningParams};
+use crate::classification::forest::Forest;
+use crate::classification::params::{Bootstrap, ClassWeight, ForestParams, Splitter};
+use crate::classification::samples::Samples;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
 use crate::random::stream;
@@ -102,7 +110,11 @@ impl ForestData<'_> {
 }
 
 /// Weight of every active sample: its own times that of its class.
-pub(super) fn weights(samples: &Samples<'_>, active: &[u32], class_weight: &ClassWeight) -> Result<Option<Vec<f64>>> {
+pub(in crate::classification) fn weights(
+    samples: &Samples<'_>,
+    active: &[u32],
+    class_weight: &ClassWeight,
+) -> Result<Option<Vec<f64>>> {
     let own = |i: u32| samples.weight(i as usize);
     let label = |i: u32| usize::from(samples.labels[i as usize]);
     let by_class: Vec<f64> = match class_weight {

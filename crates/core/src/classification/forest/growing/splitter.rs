@@ -3,7 +3,7 @@
 use super::impurity::{BestSplit, Entry, SplitSearch};
 
 /// The samples' codes, feature-major: `columns()[f * samples + i]`.
-pub(super) trait CodeTable: Sync {
+pub(in crate::classification) trait CodeTable: Sync {
     type Code: Copy + Default + Ord + Send;
     fn width(&self) -> usize;
     fn columns(&self) -> &[Self::Code];
@@ -15,6 +15,6 @@ pub(super) trait CodeTable: Sync {
 }
 
 /// Passes the groups of equal codes of one column to the search, in ascending order.
-pub(super) trait Scan<C, W> {
+pub(in crate::classification) trait Scan<C, W> {
     fn scan(&mut self, column: &[C], entries: &[Entry<W>], search: &mut SplitSearch<C>);
 }

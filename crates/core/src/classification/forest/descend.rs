@@ -1,16 +1,16 @@
 //! Descent of a block of rows through a tree of any size.
 
-use super::nodes::{LEAF_CUT, Node};
-use super::quantise::CodeBlock;
+use crate::classification::nodes::{LEAF_CUT, Node};
+use crate::classification::quantise::CodeBlock;
 
 /// Levels that a row descends before the next row is processed, so that the processor works on several rows at once.
 const LEVELS: usize = 4;
 
 /// Current node of each row of a block; reused from tree to tree.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Walk {
+pub(in crate::classification) struct Walk {
     /// Node of every row.
-    pub(super) at: Vec<u32>,
+    pub(in crate::classification) at: Vec<u32>,
     /// Rows that have not reached a leaf.
     moving: Vec<u16>,
 }
@@ -18,7 +18,12 @@ pub(super) struct Walk {
 impl Walk {
     /// Moves all rows of `codes.by_row` from `root` to their leaves, which `at` holds afterwards. A leaf has its own
     /// index in `left`.
-    pub(super) fn tree<C: Copy + Default + Into<u16>>(&mut self, nodes: &[Node], root: u32, codes: &CodeBlock<C>) {
+    pub(in crate::classification) fn tree<C: Copy + Default + Into<u16>>(
+        &mut self,
+        nodes: &[Node],
+        root: u32,
+        codes: &CodeBlock<C>,
+    ) {
         self.at.clear();
         self.at.resize(codes.rows, root);
         self.moving.clear();

@@ -1,8 +1,12 @@
 //! Numbers, cut points, nodes and fingerprints as named arrays of a model file.
 
-use super::binning::Binning;
-use super::fingerprint::Fingerprint;
-use super::nodes::Node;
+mod bytes;
+pub(crate) mod classifier;
+mod node_check;
+
+use crate::classification::binning::Binning;
+use crate::classification::fingerprint::Fingerprint;
+use crate::classification::nodes::Node;
 use crate::error::{Error, Result};
 use safetensors::{Dtype, SafeTensors};
 use std::path::Path;
@@ -11,7 +15,7 @@ use std::path::Path;
 pub(crate) type Array = (&'static str, Dtype, usize, Vec<u8>);
 
 /// A number with a fixed little-endian form.
-pub(super) trait Number: Sized + Copy {
+pub(in crate::classification) trait Number: Sized + Copy {
     const DTYPE: Dtype;
     const SIZE: usize;
     fn write(self, to: &mut Vec<u8>);
@@ -37,14 +41,14 @@ macro_rules! number {
 
 number!(u16: U16, u32: U32, u64: U64, f32: F32, f64: F64);
 
-pub(super) fn array<T: Number>(name: &'static str, values: impl IntoIterator<Item = T>) -> Array {
+pub(in crate::classification) fn array<T: Number>(name: &'static str, values: impl IntoIterator<Item = T>) -> Array {
     let mut bytes = Vec::new();
     values.into_iter().for_each(|v| v.write(&mut bytes));
     (name, T::DTYPE, bytes.len() / T::SIZE, bytes)
 }
 
 /// Thresholds.
-pub(super) fn cut_arrays(binning: &Binning) -> Vec<Array> {
+pub(in crate::classification) fn cut_arrays(binning: &Binning) -> Vec<Array> {
     let widths = 0..binning.width();
     vec![
         array("cut_counts", widths.clone().map(|f| binning.cuts(f).len() as u32)),
@@ -53,7 +57,7 @@ pub(super) fn cut_arrays(binning: &Binning) -> Vec<Array> {
 }
 
 /// Nodes and roots.
-pub(super) fn node_arrays(nodes: &[Node], roots: &[u32]) -> Vec<Array> {
+pub(in crate::classification) fn node_arrays(nodes: &[Node], roots: &[u32]) -> Vec<Array> {
     vec![
         array("node_left", nodes.iter().map(|n| n.left)),
         array("node_feature", nodes.iter().map(|n| n.feature)),
@@ -92,11 +96,16 @@ pub(crate) fn malformed(path: &Path, field: &str, found: impl ToString, allowed:
 }
 
 impl Reader<'_> {
-    pub(super) fn wrong(&self, field: &str, found: impl ToString, allowed: impl Into<String>) -> Error {
+    pub(in crate::classification) fn wrong(
+        &self,
+        field: &str,
+        found: impl ToString,
+        allowed: impl Into<String>,
+    ) -> Error {
         malformed(self.path, field, found, allowed)
     }
 
-    pub(super) fn read<T: Number>(&self, name: &str, expected: Option<usize>) -> Result<Vec<T>> {
+    pub(in crate::classification) fn read<T: Number>(&self, name: &str, expected: Option<usize>) -> Result<Vec<T>> {
         let tensor = self.tensors.tensor(name).map_err(|e| self.wrong(name, e, "a one-dimensional array"))?;
         if tensor.dtype() != T::DTYPE || tensor.shape().len() != 1 {
             let found = format!("{:?} {:?}", tensor.dtype(), tensor.shape());
@@ -112,7 +121,7 @@ impl Reader<'_> {
     }
 
     /// The nodes of all trees; their indices are not checked.
-    pub(super) fn nodes(&self) -> Result<Vec<Node>> {
+    pub(in crate::classification) fn nodes(&self) -> Result<Vec<Node>> {
         let left = self.read::<u32>("node_left", None)?;
         let feature = self.read::<u16>("node_feature", Some(left.len()))?;
         let cut = self.read::<u16>("node_cut", Some(left.len()))?;
@@ -121,7 +130,7 @@ impl Reader<'_> {
     }
 
     /// The importance of `width` features.
-    pub(super) fn importance(&self, width: usize) -> Result<Vec<f64>> {
+    pub(in crate::classification) fn importance(&self, width: usize) -> Result<Vec<f64>> {
         let importance: Vec<f64> = self.read("importance", Some(width))?;
         match importance.iter().find(|i| !(i.is_finite() && **i >= 0.0)) {
             Some(i) => Err(self.wrong("importance", i, "finite numbers from 0 up")),
@@ -139,7 +148,7 @@ impl Reader<'_> {
         })
     }
 
-    pub(super) fn binning(&self, width: usize) -> Result<Binning> {
+    pub(in crate::classification) fn binning(&self, width: usize) -> Result<Binning> {
         let counts = self.read::<u32>("cut_counts", Some(width))?;
         let cuts = self.read::<f32>("cuts", Some(counts.iter().map(|&c| c as usize).sum()))?;
         let mut rest = cuts.as_slice();

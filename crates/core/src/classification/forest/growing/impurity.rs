@@ -3,10 +3,12 @@
 //! For class weights `c` and their sum `n`, Gini scores a set by `sum c^2 / n`, entropy by `sum c ln c - n ln n`; both
 //! are `-n x impurity` up to a constant of the node, so that the best split has the largest sum over its two children.
 
-use super::params::Criterion;
+use crate::classification::params::Criterion;
 
 /// Weight of samples: integer counts if possible, for speed.
-pub(super) trait Weight: Copy + Default + std::ops::AddAssign + Send + Sync {
+pub(in crate::classification) trait Weight:
+    Copy + Default + std::ops::AddAssign + Send + Sync
+{
     fn get(self) -> f64;
 }
 
@@ -26,27 +28,27 @@ impl Weight for f64 {
 
 /// One sample of a tree: its row of codes, its class and its weight.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Entry<W> {
-    pub(super) row: u32,
-    pub(super) class: u32,
-    pub(super) weight: W,
+pub(in crate::classification) struct Entry<W> {
+    pub(in crate::classification) row: u32,
+    pub(in crate::classification) class: u32,
+    pub(in crate::classification) weight: W,
 }
 
 /// The best candidate so far: codes up to `low` go left, codes from `high` up go right; no code lies between.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct BestSplit<C> {
-    pub(super) feature: usize,
-    pub(super) low: C,
-    pub(super) high: C,
-    pub(super) score: f64,
+pub(in crate::classification) struct BestSplit<C> {
+    pub(in crate::classification) feature: usize,
+    pub(in crate::classification) low: C,
+    pub(in crate::classification) high: C,
+    pub(in crate::classification) score: f64,
 }
 
 /// Search over the candidates of one node.
-pub(super) struct SplitSearch<C> {
+pub(in crate::classification) struct SplitSearch<C> {
     criterion: Criterion,
     min_leaf: usize,
     /// Least weight of a child.
-    pub(super) min_weight: f64,
+    pub(in crate::classification) min_weight: f64,
     totals: Vec<f64>,
     total: f64,
     rows: usize,
@@ -56,11 +58,11 @@ pub(super) struct SplitSearch<C> {
     feature: usize,
     previous: Option<C>,
     varies: bool,
-    pub(super) best: Option<BestSplit<C>>,
+    pub(in crate::classification) best: Option<BestSplit<C>>,
 }
 
 impl<C: Copy> SplitSearch<C> {
-    pub(super) fn new(classes: usize, criterion: Criterion, min_leaf: usize) -> Self {
+    pub(in crate::classification) fn new(classes: usize, criterion: Criterion, min_leaf: usize) -> Self {
         Self {
             criterion,
             min_leaf,
@@ -79,7 +81,7 @@ impl<C: Copy> SplitSearch<C> {
     }
 
     /// Starts a node.
-    pub(super) fn open<W: Weight>(&mut self, entries: &[Entry<W>]) {
+    pub(in crate::classification) fn open<W: Weight>(&mut self, entries: &[Entry<W>]) {
         self.totals.fill(0.0);
         entries.iter().for_each(|e| self.totals[e.class as usize] += e.weight.get());
         self.total = self.totals.iter().sum();
@@ -88,23 +90,23 @@ impl<C: Copy> SplitSearch<C> {
     }
 
     /// Weight of every class in the node.
-    pub(super) fn totals(&self) -> &[f64] {
+    pub(in crate::classification) fn totals(&self) -> &[f64] {
         &self.totals
     }
 
     /// The only class of a pure node.
-    pub(super) fn only_class(&self) -> Option<usize> {
+    pub(in crate::classification) fn only_class(&self) -> Option<usize> {
         let mut present = (0..self.totals.len()).filter(|&c| self.totals[c] > 0.0);
         present.next().filter(|_| present.next().is_none())
     }
 
     /// Score of the node itself; no split scores less.
-    pub(super) fn parent_score(&self) -> f64 {
+    pub(in crate::classification) fn parent_score(&self) -> f64 {
         score(self.criterion, self.totals.iter().copied(), self.total)
     }
 
     /// Starts a feature.
-    pub(super) fn begin(&mut self, feature: usize) {
+    pub(in crate::classification) fn begin(&mut self, feature: usize) {
         self.left.fill(0.0);
         (self.left_total, self.left_rows) = (0.0, 0);
         self.feature = feature;
@@ -113,13 +115,13 @@ impl<C: Copy> SplitSearch<C> {
     }
 
     /// True if the feature had more than one code.
-    pub(super) fn varies(&self) -> bool {
+    pub(in crate::classification) fn varies(&self) -> bool {
         self.varies
     }
 
     /// Adds the next group of equal codes, in ascending order: weight of every class in it, and its number of rows.
     #[inline]
-    pub(super) fn group<W: Weight>(&mut self, code: C, weights: &[W], rows: usize) {
+    pub(in crate::classification) fn group<W: Weight>(&mut self, code: C, weights: &[W], rows: usize) {
         if let Some(low) = self.previous {
             self.varies = true;
             let (rows, weight) = (self.rows - self.left_rows, self.total - self.left_total);

@@ -1,12 +1,12 @@
 //! A forest as named arrays; every index is checked when they are read.
 
-use super::codec::{Array, Reader, array, cut_arrays, node_arrays};
-use super::forest::{Descent, Forest};
-use super::nodes::Trees;
+use super::{Descent, Forest};
+use crate::classification::arrays::{Array, Reader, array, cut_arrays, node_arrays};
+use crate::classification::nodes::Trees;
 use crate::error::Result;
 
 /// The arrays of a forest.
-pub(super) fn encode(forest: &Forest) -> Vec<Array> {
+pub(in crate::classification) fn encode(forest: &Forest) -> Vec<Array> {
     let mut arrays = cut_arrays(&forest.binning);
     arrays.extend(node_arrays(&forest.nodes, &forest.roots));
     arrays.push(array("leaves", forest.leaves.iter().copied()));
@@ -16,7 +16,7 @@ pub(super) fn encode(forest: &Forest) -> Vec<Array> {
 
 impl Reader<'_> {
     /// The forest of `width` features and `classes` classes, every index checked.
-    pub(super) fn forest(&self, width: usize, classes: usize) -> Result<Forest> {
+    pub(in crate::classification) fn forest(&self, width: usize, classes: usize) -> Result<Forest> {
         let mut forest = Forest {
             classes,
             binning: self.binning(width)?,

@@ -1,10 +1,10 @@
 //! Serialises a classifier alone, without recipe and names: for copies between processes (Python's pickle).
 
-use super::boosting::Boosting;
-use super::boosting_codec;
-use super::codec::{Array, Reader, malformed};
-use super::forest::Forest;
-use super::forest_codec;
+use crate::classification::arrays::{Array, Reader, malformed};
+use crate::classification::boosting::Boosting;
+use crate::classification::boosting::codec as boosting_codec;
+use crate::classification::forest::Forest;
+use crate::classification::forest::codec as forest_codec;
 use crate::error::{Error, Result};
 use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;
@@ -22,7 +22,7 @@ struct Shape {
 }
 
 impl Forest {
-    /// The forest as safetensors; the same forest gives the same bytes. Use [`Model`](super::Model) for files to keep.
+    /// The forest as safetensors; the same forest gives the same bytes. Use [`Model`](crate::classification::Model) for files to keep.
     ///
     /// # Errors
     /// If the encoder fails, which no valid forest is known to cause.
@@ -41,7 +41,7 @@ impl Forest {
 }
 
 impl Boosting {
-    /// The trees as safetensors; the same trees give the same bytes. Use [`Model`](super::Model) for files to keep.
+    /// The trees as safetensors; the same trees give the same bytes. Use [`Model`](crate::classification::Model) for files to keep.
     ///
     /// # Errors
     /// If the encoder fails, which no valid model is known to cause.

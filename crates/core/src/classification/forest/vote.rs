@@ -1,8 +1,8 @@
 //! The most probable class of each row without evaluating all trees: a row is finished once the others cannot change
 //! it.
 
+use super::Forest;
 use super::compact::Compact;
-use super::forest::Forest;
 use super::predict::{PredictScratch, argmax};
 
 /// A lead must exceed what the remaining trees can add by this much: more than the rounding of the sums.
@@ -18,7 +18,13 @@ impl Forest {
     /// The classes of a block of rows, equal to those of the largest probabilities.
     ///
     /// A tree adds at most 1 to a class, so that a lead larger than the number of remaining trees cannot be lost.
-    pub(super) fn label_block(&self, rows: &[f32], trees: &Compact, scratch: &mut PredictScratch, out: &mut [u16]) {
+    pub(in crate::classification) fn label_block(
+        &self,
+        rows: &[f32],
+        trees: &Compact,
+        scratch: &mut PredictScratch,
+        out: &mut [u16],
+    ) {
         self.binning.bin_rows(rows, &mut scratch.narrow);
         let mut open = OpenRows { rows: (0..out.len() as u32).collect(), sums: vec![0.0; out.len() * self.classes] };
         let count = trees.trees();
@@ -71,10 +77,10 @@ impl Forest {
 
 #[cfg(test)]
 mod tests {
-    use super::super::forest::Descent;
-    use super::super::testing::blobs;
-    use super::super::{Forest, ForestParams};
     use super::*;
+    use crate::classification::forest::Descent;
+    use crate::classification::testing::blobs;
+    use crate::classification::{Forest, ForestParams};
     use crate::parallel::Monitor;
 
     #[test]
