@@ -155,8 +155,8 @@ fn every_verb_takes_the_same_points_as_labelled() {
     }
     // Folds are squares of 50 m.
     write_semantic3d(f, "wide", &coded(60.0, 3, [1, 0, 2]));
-    let (_, said) = done(f, &[&["train", "wide.txt", "-o", "m.model", "--cross-validate", "2"], &QUICK[..]].concat());
-    assert!(said.contains("2-fold accuracy"), "{said}");
+    let (shown, _) = done(f, &[&["train", "wide.txt", "-o", "m.model", "--cross-validate", "2"], &QUICK[..]].concat());
+    assert!(shown.contains("2-fold accuracy"), "{shown}");
 }
 
 #[test]

@@ -163,19 +163,21 @@ fn odd_clouds_and_labels_are_named_or_refused_but_never_break() {
 
 #[test]
 fn parts_get_the_labels_of_the_whole_if_its_statistics_are_known() {
-    // Sites so far apart that nothing but the class shares joins them, at multiples of the coarsest voxel.
+    // Sites so far apart that nothing but the class shares joins them.
     let exact = |v: f64| (v * 64.0).round() / 64.0;
     let site = |seed: u64, east: f64| -> Vec<[f64; 3]> {
         let cloud = street(30.0, seed);
-        (0..cloud.len()).map(|i| cloud.xyz(i).map(exact)).map(|[x, y, z]| [x + east, y, z]).collect()
+        let rows = (0..cloud.len()).map(|i| cloud.xyz(i).map(exact));
+        // The corner from which voxels are counted.
+        rows.chain([[0.0, 0.0, -0.5]]).map(|[x, y, z]| [x + east, y, z]).collect()
     };
     // The second site is nearly bare, so that its own shares are far from those of both.
     let bare: Vec<[f64; 3]> = site(8, 4096.0).into_iter().filter(|p| p[2] < 1.0).collect();
     let sites = [site(7, 0.0), bare];
     let scene = street(30.0, 5);
     let labels = read_labels(&scene, &LabelParams::default()).unwrap();
-    let settings =
-        ["labels.per_class=25", "shares.power=1", "features.pyramid.first_scale=0.5", "regularise.method=none"];
+    // The six descriptors alone: the coarse levels of a pyramid reach from one site to the other.
+    let settings = ["labels.per_class=25", "shares.power=1", "descriptors=paper", "regularise.method=none"];
     let monitor = Monitor::default();
     let (model, _) = weak(&settings).train(&[(scene, labels)], &TrainOptions::default(), &monitor).unwrap();
     let params = ClassifyParams::default();
@@ -185,10 +187,16 @@ fn parts_get_the_labels_of_the_whole_if_its_statistics_are_known() {
     let all = of(&parts[0]).with(&of(&parts[1])).unwrap();
     assert_eq!(all.class_counts.iter().sum::<u64>() as usize, whole.codes.len());
     let known = ClassifyParams { statistics: Some(all), ..params.clone() };
-    let together = |params: &ClassifyParams| -> Vec<f32> {
-        parts.iter().flat_map(|part| classify(part, &model, params, &monitor).unwrap().confidence).collect()
+    // Mean difference of the confidences, and number of points with another class.
+    let differ = |params: &ClassifyParams| {
+        let found: Vec<_> = parts.iter().map(|part| classify(part, &model, params, &monitor).unwrap()).collect();
+        let confidence = found.iter().flat_map(|f| &f.confidence).zip(&whole.confidence);
+        let codes = found.iter().flat_map(|f| &f.codes).zip(&whole.codes);
+        let mean = confidence.map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / whole.codes.len() as f64;
+        (mean, codes.filter(|(a, b)| a != b).count())
     };
-    let differ = |found: &[f32]| found.iter().zip(&whole.confidence).filter(|(a, b)| a != b).count();
-    assert_eq!(differ(&together(&known)), 0);
-    assert!(differ(&together(&params)) > whole.codes.len() / 4, "shares of a part are not those of the whole");
+    let (known, alone) = (differ(&known), differ(&params));
+    println!("mean difference of confidence, other classes: {known:?} with, {alone:?} without statistics");
+    assert!(known.0 < 1e-4 && known.1 <= 2, "{known:?}");
+    assert!(alone.0 > 0.01, "the shares of a part are not those of the whole: {alone:?}");
 }

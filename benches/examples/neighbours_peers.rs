@@ -6,6 +6,9 @@
 //! arrays, indices and squared distances, with the threads of rayon's pool (`RAYON_NUM_THREADS`); peers are asked for one
 //! neighbour more, because they return the point itself. Medians of wall and processor seconds are printed.
 //!
+//! The same for all points within a radius (`SCANSION_RADII`, metres, `1`), beside `kiddo` only: `nabo` has no such query.
+//! Ours are sorted by distance, kiddo's are not; the numbers of neighbours must be the same.
+//!
 //! Then the rows of the peers are compared with ours: how many hold another set of points, and how many of these other
 //! distances, that is, not just other points of the same distance.
 
@@ -16,7 +19,7 @@ use nabo::{KDTree, NotNan, Point};
 use rayon::prelude::*;
 use scansion_core::cloud::Points;
 use scansion_core::io::{self, Columns, ReadOptions};
-use scansion_core::neighbours::{Neighbours, knn};
+use scansion_core::neighbours::{Neighbours, knn, within};
 use scansion_core::parallel::Monitor;
 use std::num::NonZero;
 use std::path::Path;
@@ -155,6 +158,39 @@ fn compare(points: &Points, places: &[[f32; 3]], peers: &[&str], k: usize, runs:
     Ok(())
 }
 
+/// Prints times and ratio of a radius search around all points.
+fn compare_radius(points: &Points, places: &[[f32; 3]], radius: f64, runs: usize) -> Outcome<()> {
+    let limit = (radius * radius) as f32;
+    let (mut ours, mut theirs, mut found) = (Vec::new(), Vec::new(), [0, 0]);
+    for _ in 0..runs {
+        ours.push(timed(|| {
+            let near = within(points, points, radius, &Monitor::default())?;
+            found[0] = (0..points.len()).map(|i| near.of(i).len()).sum::<usize>();
+            Ok(near)
+        })?);
+        theirs.push(timed(|| {
+            let Tree::Kiddo(tree) = Tree::build("kiddo", places)? else { return Err("kiddo".into()) };
+            let near = places.par_iter().with_min_len(BLOCK).map(|place| {
+                let all = tree.query(place).within::<SquaredEuclidean<f32>>(limit).execute();
+                all.into_iter().map(|n| (n.item, n.distance)).collect::<Vec<(u32, f32)>>()
+            });
+            let near: Vec<Vec<(u32, f32)>> = near.collect();
+            found[1] = near.iter().map(Vec::len).sum();
+            Ok(near)
+        })?);
+    }
+    let processor = |times: &[Seconds]| median(times.iter().map(|t| t.processor).collect());
+    let (ours, theirs) = (processor(&ours), processor(&theirs));
+    println!(
+        "{} points within {radius} m: ours {ours:.2} s, kiddo {theirs:.2} s processor; ratio {:.2}; {} and {} neighbours",
+        places.len(),
+        theirs / ours,
+        found[0],
+        found[1]
+    );
+    Ok(())
+}
+
 /// Rows of a peer that differ from ours.
 #[derive(Clone, Copy, Debug, Default)]
 struct Differences {
@@ -215,6 +251,9 @@ fn main() -> Outcome<()> {
     for count in numbers("SCANSION_POINTS", "1000000,0")? {
         let points = first(&all, count);
         let places: Vec<[f32; 3]> = (0..points.len()).map(|i| [points.x[i], points.y[i], points.z[i]]).collect();
+        for radius in std::env::var("SCANSION_RADII").unwrap_or_else(|_| "1".into()).split(',') {
+            compare_radius(&points, &places, radius.parse()?, runs)?;
+        }
         for &k in &ks {
             compare(&points, &places, &peers, k, runs)?;
             differences(&points, &places, &peers, k)?;
