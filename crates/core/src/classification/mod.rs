@@ -1,7 +1,7 @@
 //! Classification: classifiers that are trained on labelled samples and predict class probabilities.
 //!
 //! `Samples -> Classifier -> probabilities`. A [`Classifier`] (a [`Forest`], [`Boosting`] or bagging) is trained on
-//! quantised features ([`Binning`]) and becomes arrays in a model file ([`arrays`]).
+//! quantised features ([`Binning`]) and becomes arrays in a model file (`arrays`).
 
 pub(crate) mod arrays;
 mod bagging;

@@ -18,7 +18,7 @@ const CONVENTION: Convention = Convention { centre: Centre::Mean, divisor: Divis
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Normals {
     /// Unit normals (directions of least variance). Their sign carries no information: they point up, or, if
-    /// horizontal, to the side where the first nonzero coordinate is positive; see [`crate::graph::orient`] for
+    /// horizontal, to the side where the first nonzero coordinate is positive; see [`Orientation::orient`](crate::graph::Orientation::orient) for
     /// oriented normals. (0, 0, 1) if there are fewer than three points.
     pub directions: Vec<[f32; 3]>,
     /// λ3 / (λ1 + λ2 + λ3), 0..1/3: 0 on a plane.

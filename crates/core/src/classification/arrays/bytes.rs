@@ -22,7 +22,7 @@ struct Shape {
 }
 
 impl Forest {
-    /// The forest as safetensors; the same forest gives the same bytes. Use [`Model`](crate::classification::Model) for files to keep.
+    /// The forest as safetensors; the same forest gives the same bytes. Use [`Model`](crate::recipes::Model) for files to keep.
     ///
     /// # Errors
     /// If the encoder fails, which no valid forest is known to cause.
@@ -41,7 +41,7 @@ impl Forest {
 }
 
 impl Boosting {
-    /// The trees as safetensors; the same trees give the same bytes. Use [`Model`](crate::classification::Model) for files to keep.
+    /// The trees as safetensors; the same trees give the same bytes. Use [`Model`](crate::recipes::Model) for files to keep.
     ///
     /// # Errors
     /// If the encoder fails, which no valid model is known to cause.

@@ -67,7 +67,7 @@ impl RoadParams {
         if !(self.lowest_cell > 0.0 && self.lowest_cell.is_finite()) {
             return Err(Error::parameter("road.lowest_cell", self.lowest_cell, "metres, above 0"));
         }
-        if !(self.lowest_within >= 0.0) {
+        if self.lowest_within.is_nan() || self.lowest_within < 0.0 {
             return Err(Error::parameter("road.lowest_within", self.lowest_within, "metres, 0 or more"));
         }
         self.terrain.validate()
