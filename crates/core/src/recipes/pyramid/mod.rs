@@ -6,6 +6,7 @@
 mod classify;
 mod report;
 mod samples;
+mod select;
 mod train;
 
 pub use report::{DepthScore, PyramidReport};

@@ -1,12 +1,12 @@
 //! Training. The functions of this file follow the steps of Hackel 2018, chapter 4.4.
 
 use super::PyramidRecipe;
-use super::report::{DepthScore, PyramidReport};
+use super::report::PyramidReport;
 use super::samples::{Candidate, Sampling, TrainingParams, candidates, copies};
+use super::select::chosen_depth;
 use crate::classes::{Class, ClassTable};
-use crate::classification::cross_validation::{grid_search, grouped_folds};
 use crate::classification::sampling::balance;
-use crate::classification::{Classifier, ClassifierParams, Fingerprint, Samples};
+use crate::classification::{Classifier, Fingerprint, Samples};
 use crate::cloud::{Cloud, planar_density};
 use crate::error::{Error, Result};
 use crate::features::{self, FeatureSet};
@@ -36,14 +36,7 @@ pub(super) fn train(
 ) -> Result<(Model, PyramidReport)> {
     options.without_strengths(PyramidRecipe::NAME)?;
     let Prepared { described, recipe, classes, warnings } = prepare(clouds, recipe, monitor)?;
-    let depths = match options.cross_validates() {
-        true => cross_validate(&described, &recipe, options, monitor)?,
-        false => Vec::new(),
-    };
-    let recipe = match depths.iter().rev().max_by(|a, b| a.mean_f1.total_cmp(&b.mean_f1)) {
-        Some(best) => recipe.with_max_depth(best.max_depth),
-        None => recipe,
-    };
+    let (recipe, depths) = chosen_depth(&described, recipe, options, monitor)?;
     let params = recipe.classifier().with_seed(recipe.seed);
     let (classifier, out_of_bag_accuracy) = Classifier::fit_with_score(&described.samples(), &params, monitor)?;
     let (classifier, used) = classifier.retain_used();
@@ -66,29 +59,6 @@ pub(super) fn train(
         classifier,
     };
     Ok((model, report))
-}
-
-/// k-fold cross-validation for each depth (of the recipe's own depth if none is given), on spatially disjoint folds of
-/// whole squares. Fails if there are fewer squares than folds.
-fn cross_validate(
-    described: &Described,
-    recipe: &PyramidRecipe,
-    options: &TrainOptions,
-    monitor: &Monitor,
-) -> Result<Vec<DepthScore>> {
-    let folds = grouped_folds(&described.blocks, options.folds())?;
-    let mut grid = vec![recipe.classifier()];
-    if !options.depths.is_empty() {
-        grid = options.depths.iter().map(|&depth| with_depth(recipe.classifier(), depth)).collect();
-    }
-    let scores = grid_search(&described.samples(), &grid, &folds, monitor)?;
-    let pairs = grid.iter_mut().zip(scores);
-    Ok(pairs.map(|(p, s)| DepthScore { max_depth: *p.max_depth(), accuracy: s.accuracy, mean_f1: s.mean_f1 }).collect())
-}
-
-fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
-    *params.max_depth() = Some(depth);
-    params
 }
 
 /// The training samples, and the recipe with the first scale set.
