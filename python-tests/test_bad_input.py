@@ -188,13 +188,10 @@ def interruptible():
 
 
 def test_ctrl_c_ends_every_room_long_before_it_has_a_result():
-    for name, work in interruptible().items():
-        start = time.monotonic()
-        work()
-        complete = time.monotonic() - start
-        # A function that does not look for signals would wait for nine tenths of it.
-        waited = interrupted_after(complete / 10, work)
-        assert waited < complete / 2, (name, waited, complete)
+    for work in interruptible().values():
+        waited = interrupted_after(0.2, work)
+        # A function that does not look for signals ends by itself: it would be ready long before this second one.
+        interrupted_after(0.2 + 3 * waited, work)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
