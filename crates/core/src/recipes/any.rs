@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use serde::Serialize;
 
-/// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods. The first is meant where a recipe has no name.
+/// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods.
 macro_rules! systems {
     ($($(#[$doc:meta])* $name:ident: $recipe:ty,)*) => {
         /// The recipe of one of the published methods. The key `recipe` at the top of its TOML says which; without it,

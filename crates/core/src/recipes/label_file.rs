@@ -46,12 +46,12 @@ impl LabelFile {
     /// If a position is too far from every point, the cloud lacks a segment, or a point gets two classes.
     pub fn apply(&self, cloud: &Cloud, picking: &Picking, monitor: &Monitor) -> Result<Labels> {
         let mut codes: Vec<Option<u8>> = vec![None; cloud.len()];
-        self.apply_places(cloud, picking, &mut codes, monitor)?;
+        self.apply_positions(cloud, picking, &mut codes, monitor)?;
         self.apply_segments(cloud, &mut codes)?;
         Ok(Labels::new(codes, cloud.scheme))
     }
 
-    fn apply_places(
+    fn apply_positions(
         &self,
         cloud: &Cloud,
         picking: &Picking,
@@ -73,11 +73,7 @@ impl LabelFile {
             let distance = f64::from(near.squared_distances(q)[0]).sqrt();
             if distance > picking.within {
                 let found = format!("{at:?} is {distance:.3} m from the nearest point");
-                return Err(self.table.wrong(
-                    *line,
-                    found,
-                    &format!("at most {} m; check the coordinate system", picking.within),
-                ));
+                return Err(self.too_far(*line, found, picking));
             }
             self.put(*line, &mut codes[points.index[near.of(q)[0] as usize] as usize], *code)?;
         }
@@ -91,14 +87,14 @@ impl LabelFile {
             let beyond = (0..3).map(|a| (low[a] - at[a]).max(at[a] - high[a])).fold(0.0, f64::max) * picking.metres;
             if beyond > picking.within || beyond.is_nan() {
                 let found = format!("{at:?} is {beyond:.3e} m outside the cloud from {low:?} to {high:?}");
-                return Err(self.table.wrong(
-                    *line,
-                    found,
-                    &format!("at most {} m; check the coordinate system", picking.within),
-                ));
+                return Err(self.too_far(*line, found, picking));
             }
         }
         Ok(())
+    }
+
+    fn too_far(&self, line: usize, found: String, picking: &Picking) -> Error {
+        self.table.wrong(line, found, &format!("at most {} m; check the coordinate system", picking.within))
     }
 
     fn apply_segments(&self, cloud: &Cloud, codes: &mut [Option<u8>]) -> Result<()> {

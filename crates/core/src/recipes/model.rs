@@ -132,7 +132,7 @@ impl Model {
         let model = Self {
             classifier: reader.classifier(header.classifier, width, classes)?,
             fingerprint: reader.fingerprint(width, classes)?,
-            fitted: fitted(&header, path)?,
+            fitted: fitted_of(&header, path)?,
             classes: header.classes,
             feature_names: header.features,
         };
@@ -198,7 +198,7 @@ impl Model {
 
 /// The recipe and what was learned, from the header. Weak models before version 3 are refused by name: their recipe held
 /// what was learned.
-fn fitted(header: &Header, path: &Path) -> Result<AnyFitted> {
+fn fitted_of(header: &Header, path: &Path) -> Result<AnyFitted> {
     let before = header.version < 3 && header.recipe.contains("recipe = \"weak\"");
     if before {
         let reason = format!(
@@ -357,6 +357,20 @@ mod tests {
         let mut newer = bytes;
         newer[place] = b'4';
         assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 4")));
+    }
+
+    #[test]
+    fn what_was_learned_comes_back_and_weak_models_before_version_3_are_refused_by_name() {
+        let learned = "shares = [0.5, 0.25, 0.25]\nroad = []\n\n[[labels]]\nat = [0.1, 652000.3, 1e-7]\ncode = 6\n";
+        let fitted = AnyFitted::from_toml("recipe = \"weak\"", learned).unwrap();
+        let model = Model { fitted, ..small() };
+        let bytes = model.to_bytes().unwrap();
+        assert_eq!(read(&bytes).unwrap(), model);
+        let mut header = read_header(&bytes, Path::new("test.model")).unwrap();
+        assert_eq!(header.version, 3);
+        header.version = 1;
+        let error = fitted_of(&header, Path::new("test.model")).unwrap_err();
+        assert!(matches!(&error, Error::Unsupported { reason, .. } if reason.contains("weak")), "{error}");
     }
 
     #[test]

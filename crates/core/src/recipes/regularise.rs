@@ -13,7 +13,7 @@ use crate::graph::{Graph, KnnGraphParams, connected_components, knn_graph};
 use crate::neighbours::{OptimalParams, knn};
 use crate::parallel::Monitor;
 use crate::regularisation::{ExpansionParams, Labelling, alpha_expansion, local_smoothing};
-use crate::segmentation::{Intent, Partition, PartitionInput as Parts, PartitionParams, Signal, partition_by_intent};
+use crate::segmentation::{Intent, Partition, PartitionInput, PartitionParams, Signal, partition_by_intent};
 use serde::{Deserialize, Serialize};
 
 /// The method of regularisation.
@@ -219,7 +219,7 @@ impl Scene {
             };
             monitor.stage("segments", table.rows() as u64);
             let signal = Signal::new(&table.values, table.width())?;
-            let input = Parts { signal, graph: &scene.graph, points: Some(points), labels: None };
+            let input = PartitionInput { signal, graph: &scene.graph, points: Some(points), labels: None };
             let found = partition_by_intent(&input, &params.partition, monitor)?;
             scene.segments = Some(Segments::new(found, &scene.graph, monitor)?);
         }
@@ -249,7 +249,7 @@ impl Scene {
         let Some(segments) = &mut self.segments else { return Ok(()) };
         monitor.stage("segments", descriptors.rows() as u64);
         let signal = Signal::new(&descriptors.values, descriptors.width())?;
-        let scene = Parts { signal, graph: &self.graph, points: None, labels: None };
+        let scene = PartitionInput { signal, graph: &self.graph, points: None, labels: None };
         segments.recut(&scene, again, &params.partition, monitor)
     }
 

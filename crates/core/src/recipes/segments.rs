@@ -8,8 +8,8 @@ use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::segmentation::{
-    ChosenSegments, Intent, Interface, Partition, PartitionInput as Parts, PartitionParams, StrengthSearch as Search,
-    oracle_accuracy, recut, segment_graph,
+    ChosenSegments, Intent, Interface, Partition, PartitionInput, PartitionParams, StrengthSearch, oracle_accuracy,
+    recut, segment_graph,
 };
 
 /// A partition and its segment graph.
@@ -30,7 +30,7 @@ pub(super) struct Again<'a> {
 }
 
 impl Segments {
-    pub(super) fn new(found: Search, points: &Graph, monitor: &Monitor) -> Result<Self> {
+    pub(super) fn new(found: StrengthSearch, points: &Graph, monitor: &Monitor) -> Result<Self> {
         let graph = segment_graph(points, &found.partition, Interface::Weight, monitor)?;
         Ok(Self { partition: found.partition, graph, strength: found.strength })
     }
@@ -48,7 +48,7 @@ impl Segments {
     /// Segments some of them again, more finely.
     pub(super) fn recut(
         &mut self,
-        scene: &Parts<'_>,
+        scene: &PartitionInput<'_>,
         again: &Again<'_>,
         params: &PartitionParams,
         monitor: &Monitor,

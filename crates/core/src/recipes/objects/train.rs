@@ -16,7 +16,7 @@ use crate::recipes::{ClassCount, Fitted, Labels, Model, Nothing, System};
 use crate::segmentation::majorities;
 
 /// The segments of one cloud with their features.
-struct Lesson {
+struct CloudSegments {
     found: Objects,
     /// Class of each segment, if it has one.
     codes: Vec<Option<u8>>,
@@ -40,25 +40,25 @@ pub(super) fn train(
     recipe.validate()?;
     check_labels(clouds)?;
     let mut recipe = recipe.clone();
-    let mut lessons = Vec::new();
+    let mut studied = Vec::new();
     note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
     for (c, labelled) in clouds.iter().enumerate() {
-        let lesson = study(labelled, &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
+        let cloud_segments = study(labelled, &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
         // The first cloud decides whether the model uses colours.
-        let colour = lesson.found.features.names.iter().any(|name| name == "MeanRed");
+        let colour = cloud_segments.found.features.names.iter().any(|name| name == "MeanRed");
         recipe.segments.colour = Some(colour);
-        lessons.push(lesson);
+        studied.push(cloud_segments);
     }
-    let codes: Vec<u8> = lessons.iter().flat_map(|l| l.codes.iter().flatten().copied()).collect();
+    let codes: Vec<u8> = studied.iter().flat_map(|l| l.codes.iter().flatten().copied()).collect();
     let classes = class_table(&codes, clouds);
     check_classes(&classes)?;
-    let (rows, labels) = table(&lessons, &classes);
-    let names = lessons.first().map(|l| l.found.features.names.clone()).unwrap_or_default();
+    let (rows, labels) = table(&studied, &classes);
+    let names = studied.first().map(|l| l.found.features.names.clone()).unwrap_or_default();
     let samples =
         Samples { features: &rows, width: names.len(), labels: &labels, weights: None, classes: classes.len() };
     let classifier = Classifier::fit(&samples, &recipe.classifier(), monitor)?;
-    let report = report(clouds, &lessons, &Answer { classifier: &classifier, classes: &classes })?;
-    let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
+    let report = report(clouds, &studied, &Answer { classifier: &classifier, classes: &classes })?;
+    let density = studied.iter().map(|l| l.density).sum::<f64>() / studied.len().max(1) as f64;
     let model = Model {
         fingerprint: Fingerprint::of(&samples, density),
         fitted: Fitted { recipe, learned: Nothing {} }.into(),
@@ -69,7 +69,7 @@ pub(super) fn train(
     Ok((model, report))
 }
 
-fn study(labelled: &(Cloud, Labels), recipe: &ObjectsRecipe, seed: u64, monitor: &Monitor) -> Result<Lesson> {
+fn study(labelled: &(Cloud, Labels), recipe: &ObjectsRecipe, seed: u64, monitor: &Monitor) -> Result<CloudSegments> {
     let (cloud, labels) = labelled;
     let found = objects(cloud, recipe, None, monitor)?;
     let of = |&i: &u32| labels.codes.get(i as usize).copied().flatten();
@@ -84,7 +84,7 @@ fn study(labelled: &(Cloud, Labels), recipe: &ObjectsRecipe, seed: u64, monitor:
     let mut learned = vec![false; codes.len()];
     named.iter().zip(split(&segments, &recipe.training, seed)).for_each(|(&s, chosen)| learned[s] = chosen);
     let density = planar_density(cloud, recipe.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0), monitor)?;
-    Ok(Lesson { found, codes, learned, truth, density })
+    Ok(CloudSegments { found, codes, learned, truth, density })
 }
 
 /// Mean position of a segment, metres.
@@ -101,12 +101,12 @@ struct Answer<'a> {
 }
 
 /// Feature rows of the training segments, and the positions of their classes.
-fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
+fn table(studied: &[CloudSegments], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
     let (mut rows, mut labels) = (Vec::new(), Vec::new());
-    for lesson in lessons {
-        for s in (0..lesson.codes.len()).filter(|&s| lesson.learned[s]) {
-            if let Some(position) = lesson.codes[s].and_then(|code| classes.position(code)) {
-                rows.extend_from_slice(lesson.found.features.row(s));
+    for cloud_segments in studied {
+        for s in (0..cloud_segments.codes.len()).filter(|&s| cloud_segments.learned[s]) {
+            if let Some(position) = cloud_segments.codes[s].and_then(|code| classes.position(code)) {
+                rows.extend_from_slice(cloud_segments.found.features.row(s));
                 labels.push(position as u16);
             }
         }
@@ -114,11 +114,11 @@ fn table(lessons: &[Lesson], classes: &ClassTable) -> (Vec<f32>, Vec<u16>) {
     (rows, labels)
 }
 
-fn report(clouds: &[(Cloud, Labels)], lessons: &[Lesson], answer: &Answer<'_>) -> Result<ObjectsReport> {
+fn report(clouds: &[(Cloud, Labels)], studied: &[CloudSegments], answer: &Answer<'_>) -> Result<ObjectsReport> {
     let points = counts_of(clouds);
     let learned = |code| {
-        let of = |l: &Lesson| l.codes.iter().zip(&l.learned).filter(|(c, l)| **c == Some(code) && **l).count();
-        lessons.iter().map(of).sum::<usize>() as u64
+        let of = |l: &CloudSegments| l.codes.iter().zip(&l.learned).filter(|(c, l)| **c == Some(code) && **l).count();
+        studied.iter().map(of).sum::<usize>() as u64
     };
     let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
     let count = |c: &Class| {
@@ -128,14 +128,14 @@ fn report(clouds: &[(Cloud, Labels)], lessons: &[Lesson], answer: &Answer<'_>) -
     };
     let counts: Vec<ClassCount> = class_table(&codes, clouds).classes().iter().map(count).collect();
     let warnings = counts.iter().filter(|c| c.samples == 0).map(|c| unlearned(c, answer.classes)).collect();
-    let (by_segment, by_point) = held_out(lessons, answer)?;
+    let (by_segment, by_point) = held_out(studied, answer)?;
     Ok(ObjectsReport {
         unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
-        segments: lessons.iter().map(|l| l.codes.len()).sum(),
-        labelled: lessons.iter().flat_map(|l| &l.codes).flatten().count(),
+        segments: studied.iter().map(|l| l.codes.len()).sum(),
+        labelled: studied.iter().flat_map(|l| &l.codes).flatten().count(),
         learned: counts.iter().map(|c| c.samples as usize).sum(),
         classes: counts,
-        oracle_accuracy: oracle(lessons)?,
+        oracle_accuracy: oracle(studied)?,
         by_segment,
         by_point,
         warnings,
@@ -151,10 +151,10 @@ fn unlearned(class: &ClassCount, classes: &ClassTable) -> String {
     }
 }
 
-fn oracle(lessons: &[Lesson]) -> Result<f64> {
+fn oracle(studied: &[CloudSegments]) -> Result<f64> {
     let (mut right, mut all) = (0u64, 0u64);
-    for lesson in lessons {
-        for majority in majorities(&lesson.found.partition, &lesson.truth)? {
+    for cloud_segments in studied {
+        for majority in majorities(&cloud_segments.found.partition, &cloud_segments.truth)? {
             right += u64::from(majority.votes);
             all += u64::from(majority.labelled);
         }
@@ -163,15 +163,16 @@ fn oracle(lessons: &[Lesson]) -> Result<f64> {
 }
 
 /// Scores of the segments that were not used for training, and of their points.
-fn held_out(lessons: &[Lesson], answer: &Answer<'_>) -> Result<(Option<Scores>, Option<Scores>)> {
+fn held_out(studied: &[CloudSegments], answer: &Answer<'_>) -> Result<(Option<Scores>, Option<Scores>)> {
     let Answer { classifier, classes } = *answer;
     let (mut segments, mut points) = (Confusion::new(classes.clone()), Confusion::new(classes.clone()));
-    for lesson in lessons {
-        let predicted = classifier.predict(&lesson.found.features.values)?;
-        for (s, code) in lesson.codes.iter().enumerate().filter(|(s, _)| !lesson.learned[*s]) {
+    for cloud_segments in studied {
+        let predicted = classifier.predict(&cloud_segments.found.features.values)?;
+        for (s, code) in cloud_segments.codes.iter().enumerate().filter(|(s, _)| !cloud_segments.learned[*s]) {
             let (Some(code), name) = (code, classes.classes()[usize::from(predicted[s])].code) else { continue };
             segments.add(*code, name)?;
-            let known = lesson.found.partition.members(s).iter().filter_map(|&i| lesson.truth[i as usize]);
+            let known =
+                cloud_segments.found.partition.members(s).iter().filter_map(|&i| cloud_segments.truth[i as usize]);
             // A class that is not the majority in any segment is missing in the table; its points cannot be classified
             // correctly.
             for truth in known.filter(|&truth| classes.position(truth).is_some()) {

@@ -20,7 +20,7 @@ use crate::recipes::{ClassCount, Fitted, Labels, Model, System, TrainOptions};
 use crate::segmentation::Intent;
 
 /// The labelled points of one cloud and their features.
-struct Lesson<'a> {
+struct LabelledPoints<'a> {
     /// All points of the first cloud, if strengths are to be tried on it.
     described: Option<Described<'a>>,
     examples: Vec<Example>,
@@ -41,23 +41,23 @@ pub(super) fn train(
 ) -> Result<(Model, WeakReport)> {
     recipe.validate()?;
     check_labels(clouds)?;
-    let Study { mut recipe, lessons, partitions, road, held } = study(clouds, recipe, options, monitor)?;
-    let codes: Vec<u8> = lessons.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
+    let Study { mut recipe, studied, partitions, road, held } = study(clouds, recipe, options, monitor)?;
+    let codes: Vec<u8> = studied.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
     let classes = class_table(&codes, clouds);
     check_classes(&classes)?;
     let labels: Vec<u16> = codes.iter().filter_map(|&code| classes.position(code)).map(|p| p as u16).collect();
     let learned = WeakLearned { shares: shares_of(&labels, classes.len()), road, labels: held };
-    let strengths = match (&options.strengths[..], lessons.first()) {
+    let strengths = match (&options.strengths[..], studied.first()) {
         ([], _) | (_, None) => Vec::new(),
-        (_, Some(lesson)) => {
-            Search { lesson, recipe: &recipe, shares: &learned.shares }.run(&classes, options, monitor)?
+        (_, Some(labelled)) => {
+            Search { labelled, recipe: &recipe, shares: &learned.shares }.run(&classes, options, monitor)?
         }
     };
     if let Some(best) = best_of(&strengths) {
         recipe.regularise.strength = best;
     }
-    let density = lessons.iter().map(|l| l.density).sum::<f64>() / lessons.len().max(1) as f64;
-    let FeatureTable { names: feature_names, values: rows } = table(lessons);
+    let density = studied.iter().map(|l| l.density).sum::<f64>() / studied.len().max(1) as f64;
+    let FeatureTable { names: feature_names, values: rows } = table(studied);
     let (width, count) = (feature_names.len(), classes.len());
     let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: count };
     let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
@@ -93,7 +93,7 @@ struct Draft<'a> {
 /// What all clouds give: labelled points with their features, and the recipe with its open choices made.
 struct Study<'a> {
     recipe: WeakRecipe,
-    lessons: Vec<Lesson<'a>>,
+    studied: Vec<LabelledPoints<'a>>,
     /// Partition strengths that were tried.
     partitions: Vec<StrengthScore>,
     road: Vec<RoadExample>,
@@ -125,7 +125,7 @@ fn study<'a>(
         let position = |point: u32| cloud.xyz(points.index[point as usize] as usize);
         held.extend(recipe.labels.remember(examples, position));
     }
-    let mut lessons = Vec::new();
+    let mut studied = Vec::new();
     for Draft { cloud, points, examples, local } in drafts {
         let elevation = options.elevation.as_ref();
         let scene = DescribedScene { cloud, points: &points, examples: &road, elevation };
@@ -133,21 +133,21 @@ fn study<'a>(
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
         let own = describe::select(&six, &at);
         let places: Vec<u32> = at.iter().map(|&point| points.index[point as usize]).collect();
-        let first = !options.strengths.is_empty() && lessons.is_empty();
+        let first = !options.strengths.is_empty() && studied.is_empty();
         let described = first.then_some(Described { cloud, points, six });
         let more = describe::more(&recipe, None);
         let (rows, scale) = describe::rows(cloud, LabelledRows { six: own, places: &places }, more.as_ref(), monitor)?;
         // The finest scale of the first cloud is used for the others, and for all clouds that the model classifies.
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
         let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0), monitor)?;
-        lessons.push(Lesson { described, examples, rows, density });
+        studied.push(LabelledPoints { described, examples, rows, density });
     }
-    Ok(Study { recipe, lessons, partitions, road, held })
+    Ok(Study { recipe, studied, partitions, road, held })
 }
 
 /// The rows of all clouds; their other data are freed.
-fn table(lessons: Vec<Lesson<'_>>) -> FeatureTable {
-    let mut tables = lessons.into_iter().map(|lesson| lesson.rows);
+fn table(studied: Vec<LabelledPoints<'_>>) -> FeatureTable {
+    let mut tables = studied.into_iter().map(|labelled| labelled.rows);
     let mut all = tables.next().unwrap_or_default();
     tables.for_each(|table| all.values.extend_from_slice(&table.values));
     all
@@ -187,7 +187,7 @@ fn fit_partition(
 
 /// The search for the strength of the random field on the labels of one cloud.
 struct Search<'a> {
-    lesson: &'a Lesson<'a>,
+    labelled: &'a LabelledPoints<'a>,
     recipe: &'a WeakRecipe,
     /// Share of each class in the labels.
     shares: &'a [f64],
@@ -196,20 +196,20 @@ struct Search<'a> {
 impl Search<'_> {
     /// Accuracy of every strength on the held-out labels.
     fn run(&self, classes: &ClassTable, options: &TrainOptions, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
-        let Self { lesson, recipe, shares } = self;
+        let Self { labelled, recipe, shares } = self;
         let labels: Vec<u16> =
-            lesson.examples.iter().filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
+            labelled.examples.iter().filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
         let (strengths, count) = (&options.strengths, options.folds());
         let folds = stratified_folds(&labels, count, recipe.seed)?;
-        let Some(described) = &lesson.described else { return Ok(Vec::new()) };
+        let Some(described) = &labelled.described else { return Ok(Vec::new()) };
         let scene = Scene::new(&described.points, Some(&head(&described.six)), &recipe.regularise, monitor)?;
         let more = describe::more(recipe, None);
         let mut right = vec![0usize; strengths.len()];
         for fold in 0..count as u32 {
             let kept: Vec<usize> = (0..labels.len()).filter(|&i| folds[i] != fold).collect();
-            let rows: Vec<f32> = kept.iter().flat_map(|&i| lesson.rows.row(i)).copied().collect();
+            let rows: Vec<f32> = kept.iter().flat_map(|&i| labelled.rows.row(i)).copied().collect();
             let names: Vec<u16> = kept.iter().map(|&i| labels[i]).collect();
-            let (width, classes) = (lesson.rows.width(), classes.len());
+            let (width, classes) = (labelled.rows.width(), classes.len());
             let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
             let forest = Classifier::fit(&samples, &seeded(recipe), monitor)?;
             let mut values = described.probabilities(&forest, more.as_ref(), monitor)?;
@@ -220,7 +220,7 @@ impl Search<'_> {
                 params.validate()?;
                 let found = scene.decide(Probabilities { values: &values, classes }, &params, monitor)?;
                 let held = (0..labels.len()).filter(|&i| folds[i] == fold);
-                right[s] += held.filter(|&i| found.labels[lesson.examples[i].point as usize] == labels[i]).count();
+                right[s] += held.filter(|&i| found.labels[labelled.examples[i].point as usize] == labels[i]).count();
             }
         }
         let score = |(&strength, right): (&f64, usize)| StrengthScore {
