@@ -90,6 +90,28 @@ def test_segments_and_suggestions(labelled):
         scansion.suggest(labelled.xyz, 5, uncertainty=[0.5])
 
 
+def test_suggestions_are_drawn_on_a_page(labelled, tmp_path):
+    page = tmp_path / "page.html"
+    asked = scansion.suggest(labelled.xyz, 3, page=page)
+    assert page.read_text().count("data:image/png;base64,") == 2 * len(asked.segments) > 0
+    with pytest.raises(OSError, match="absent"):
+        scansion.suggest(labelled.xyz, 3, page=tmp_path / "absent" / "page.html")
+
+
+def test_a_grid_of_ground_heights_takes_the_place_of_the_road(tmp_path):
+    xyz, labels = street(0)
+    grid = tmp_path / "dtm.asc"
+    low = xyz.min(0) - 1
+    grid.write_text(f"ncols 1\nnrows 1\nxllcorner {low[0]}\nyllcorner {low[1]}\ncellsize 500\n{low[2] - 50}\n")
+    model = WeakClassifier(random_state=0).fit(xyz, few(labels))
+    with_grid = model.classify(xyz, elevation_model=grid).confidence
+    assert (with_grid != model.classify(xyz).confidence).any()
+    other = WeakClassifier(random_state=0).fit(xyz, few(labels), elevation_model=grid)
+    assert (other.classify(xyz, elevation_model=grid).codes == labels).mean() > 0.9
+    with pytest.raises(ValueError, match="elevation model"):
+        scansion.PointClassifier.default().classify(xyz, elevation_model=grid)
+
+
 def test_bad_labels_are_refused():
     xyz, labels = street(0)
     with pytest.raises(ValueError, match="no labelled point"):

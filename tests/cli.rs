@@ -169,6 +169,15 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     for way in ["none", "local", "point-crf", "consensus", "segment-crf"] {
         done(f, &["classify", "a.laz", "-o", "r.laz", "--regularize", way, "--set", "regularise.strength=0.5"]);
     }
+    // Picked labels serve every recipe, a grid of ground heights only the weak one.
+    let small = ["--set", "forest.trees=5", "--set", "features.pyramid.first_scale=0.5"];
+    done(f, &[&["train", "l.laz", "--weak-labels", "labels.csv", "-o", "p.model"], &small[..]].concat());
+    std::fs::write(f.join("dtm.asc"), "ncols 1\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 30\n0\n").unwrap();
+    done(f, &["classify", "a.laz", "-m", "m.model", "-o", "e.laz", "--elevation-model", "dtm.asc"]);
+    let bytes = |name: &str| std::fs::read(f.join(name)).unwrap();
+    assert!(bytes("e.laz") != bytes("n.laz"), "the grid has no effect");
+    let text = fails(f, &["classify", "a.laz", "-m", "p.model", "-o", "x.laz", "--elevation-model", "dtm.asc"], 2);
+    assert!(text.contains("elevation model") && text.contains("pyramid"), "{text}");
     std::fs::write(f.join("far.csv"), "x,y,z,class\n9000,0,0,2\n").unwrap();
     let far = fails(f, &["train", "a.laz", "--weak", "--weak-labels", "far.csv", "-o", "x.model"], 4);
     assert!(far.contains("far.csv:2") && far.contains("outside the cloud"), "{far}");
