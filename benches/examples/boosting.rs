@@ -8,7 +8,7 @@
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
 use scansion_benches::{Table, number};
-use scansion_core::classification::{Boosting, BoostingParams, Samples};
+use scansion_core::classification::{Boosting, BoostingParams, Predictor, Samples};
 use scansion_core::parallel::Monitor;
 use std::time::Instant;
 

@@ -7,7 +7,7 @@
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
 use scansion_benches::{Table, number};
-use scansion_core::classification::{Forest, ForestParams, Samples};
+use scansion_core::classification::{Forest, ForestParams, Predictor, Samples};
 use scansion_core::parallel::Monitor;
 use std::time::Instant;
 

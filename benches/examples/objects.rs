@@ -11,7 +11,7 @@
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
 use scansion_core::classification::{
-    BaggingParams, BoostingParams, Classifier, ClassifierParams, ForestParams, Samples,
+    BaggingParams, BoostingParams, ClassifierParams, ForestParams, Predictor, Samples,
 };
 use scansion_core::cloud::{Cloud, Column, Points, Values};
 use scansion_core::evaluation::{
@@ -300,7 +300,7 @@ fn chain(scene: &Scene) -> Outcome {
         ClassifierParams::Bagging(BaggingParams::default()),
     ] {
         let name = params.kind().name();
-        let (model, fit) = timed(|| Classifier::fit(&samples, &params, &Monitor::default()))?;
+        let (model, fit) = timed(|| params.train(&samples, &Monitor::default()))?;
         let (named, predict) = timed(|| model.predict(&table.values))?;
         let mut held = vec![false; table.rows()];
         chosen.iter().for_each(|&s| held[s] = true);

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classification::{
-    BaggingParams, Boosting as CoreBoosting, BoostingParams, Forest as CoreForest, ForestParams, Samples,
+    BaggingParams, Boosting as CoreBoosting, BoostingParams, Forest as CoreForest, ForestParams, Predictor, Samples,
 };
 use scansion_core::parallel::Monitor;
 

@@ -9,6 +9,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classes::{Class, ClassTable, LabelMap};
+use scansion_core::classification::Predictor;
 use scansion_core::cloud::Cloud as CoreCloud;
 use scansion_core::io::read_ascii_grid;
 use scansion_core::parallel::Monitor;

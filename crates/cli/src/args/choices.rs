@@ -11,7 +11,7 @@ pub(crate) fn segment_methods() -> impl TypedValueParser<Value = SegmentMethod> 
 
 /// Kinds of classifiers.
 pub(crate) fn classifiers() -> impl TypedValueParser<Value = ClassifierKind> {
-    choices(&ClassifierKind::ALL, ClassifierKind::name, ClassifierKind::title)
+    choices(ClassifierKind::ALL, ClassifierKind::name, ClassifierKind::title)
 }
 
 /// Methods of regularisation.

@@ -3,6 +3,7 @@
 use super::{Context, sources};
 use crate::args::{Format, Model};
 use crate::exit_code::Failure;
+use scansion_core::classification::Predictor;
 use scansion_core::recipes::Model as ModelFile;
 use std::fmt::Write;
 
@@ -29,11 +30,11 @@ fn ranked(model: &ModelFile) -> Vec<(&str, f64)> {
 }
 
 fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
+    let parts: Vec<String> = model.classifier.parts().iter().map(|p| format!("{} {}", p.count, p.kind)).collect();
     let mut text = format!(
-        "{}: {} trees, {} nodes, {} features, trained at {:.1} points per square metre\n\n{:>5}  {:<20} {:>12}\n",
+        "{}: {}, {} features, trained at {:.1} points per square metre\n\n{:>5}  {:<20} {:>12}\n",
         model.classifier.kind().name(),
-        model.classifier.trees(),
-        model.classifier.nodes(),
+        parts.join(", "),
         model.feature_names.len(),
         model.fingerprint.density,
         "code",
@@ -57,16 +58,15 @@ fn csv(ranked: &[(&str, f64)]) -> String {
 }
 
 fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> Result<String, Failure> {
-    Ok(serde_json::json!({
+    let mut value = serde_json::json!({
         "classifier": model.classifier.kind(),
-        "trees": model.classifier.trees(),
-        "nodes": model.classifier.nodes(),
         "seed": model.fitted.seed(),
         "classes": model.classes.classes(),
         "samples": model.fingerprint.class_counts,
         "density": model.fingerprint.density,
         "features": ranked.iter().map(|(name, importance)| serde_json::json!({"name": name, "importance": importance})).collect::<Vec<_>>(),
         "recipe": model.fitted.recipe().to_toml()?,
-    })
-    .to_string())
+    });
+    model.classifier.parts().iter().for_each(|part| value[part.kind] = part.count.into());
+    Ok(value.to_string())
 }

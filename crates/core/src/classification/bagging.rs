@@ -3,8 +3,12 @@
 //! L. Breiman, *Bagging predictors*, Machine Learning 24, 1996, doi:10.1007/BF00058655. Equal to a random forest
 //! without random choice of features.
 
+use super::forest::Forest;
+use super::learner::Learner;
 use super::params::{Bootstrap, ClassWeight, ForestParams, MaxFeatures, zero_is_none};
+use super::samples::Samples;
 use crate::error::Result;
+use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of bagging: 100 trees grown until their leaves are pure.
@@ -69,5 +73,25 @@ impl BaggingParams {
     /// [`Error::InvalidParameter`](crate::Error::InvalidParameter) naming the field.
     pub fn validate(&self) -> Result<()> {
         self.forest().validate()
+    }
+}
+
+impl Learner for BaggingParams {
+    type Trained = Forest;
+
+    fn seed(&mut self) -> &mut u64 {
+        &mut self.seed
+    }
+
+    fn max_depth(&mut self) -> Option<&mut Option<usize>> {
+        Some(&mut self.max_depth)
+    }
+
+    fn train(&self, samples: &Samples<'_>, monitor: &Monitor) -> Result<Forest> {
+        self.forest().train(samples, monitor)
+    }
+
+    fn train_with_score(&self, samples: &Samples<'_>, monitor: &Monitor) -> Result<(Forest, Option<f64>)> {
+        self.forest().train_with_score(samples, monitor)
     }
 }

@@ -1,238 +1,166 @@
-//! The classifiers behind one type: what a model file holds and a recipe selects.
+//! The classifiers behind one type: what a model file holds and a recipe selects, and the list of all.
 
+use super::arrays::{Array, Reader};
 use super::bagging::BaggingParams;
 use super::boosting::{Boosting, BoostingParams};
 use super::forest::Forest;
+use super::forest::predict::PredictScratch;
+use super::learner::{Learner, PartCount, Predictor, Stored};
 use super::params::ForestParams;
 use super::samples::Samples;
-use crate::classification::forest::predict::{PredictScratch, argmax};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
-/// The kinds of classifiers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum ClassifierKind {
-    /// Random forest.
-    #[default]
-    #[serde(rename = "rf")]
-    Forest,
-    /// Gradient-boosted trees.
-    #[serde(rename = "gbt")]
-    Boosting,
-    /// Bagging.
-    #[serde(rename = "bagging")]
-    Bagging,
-}
-
-impl ClassifierKind {
-    /// Every kind.
-    pub const ALL: [Self; 3] = [Self::Forest, Self::Boosting, Self::Bagging];
-
-    /// Short name, as in recipes and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Forest => "rf",
-            Self::Boosting => "gbt",
-            Self::Bagging => "bagging",
+macro_rules! classifiers {
+    ($($(#[$attribute:meta])* $kind:ident, $name:literal, $title:literal, $params:ty => $trained:ty;)*) => {
+        /// The kinds of classifiers.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum ClassifierKind {
+            $(#[doc = $title] $(#[$attribute])* #[serde(rename = $name)] $kind,)*
         }
-    }
 
-    /// One line about it.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Forest => "Random forest",
-            Self::Boosting => "Gradient-boosted trees",
-            Self::Bagging => "Bagging of unpruned trees",
+        /// Parameters of one kind of classifier.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum ClassifierParams {
+            $(#[doc = $title] $kind($params),)*
         }
-    }
 
-    /// Of the given parameters those of this kind.
-    pub fn choose(self, forest: &ForestParams, boosting: &BoostingParams, bagging: &BaggingParams) -> ClassifierParams {
-        match self {
-            Self::Forest => ClassifierParams::Forest(forest.clone()),
-            Self::Boosting => ClassifierParams::Boosting(boosting.clone()),
-            Self::Bagging => ClassifierParams::Bagging(bagging.clone()),
+        /// A trained classifier of any kind: class probabilities for rows of features.
+        #[derive(Clone, Debug, PartialEq)]
+        pub enum Classifier {
+            $(#[doc = $title] $kind($trained),)*
         }
-    }
-}
 
-/// Parameters of one kind of classifier.
-#[derive(Clone, Debug, PartialEq)]
-pub enum ClassifierParams {
-    /// Random forest.
-    Forest(ForestParams),
-    /// Gradient-boosted trees.
-    Boosting(BoostingParams),
-    /// Bagging.
-    Bagging(BaggingParams),
-}
+        impl ClassifierKind {
+            /// Every kind.
+            pub const ALL: &'static [Self] = &[$(Self::$kind),*];
 
-impl ClassifierParams {
-    /// The same parameters with this added to the seed.
-    #[must_use]
-    pub fn with_seed(mut self, seed: u64) -> Self {
-        let own = match &mut self {
-            Self::Forest(params) => &mut params.seed,
-            Self::Boosting(params) => &mut params.seed,
-            Self::Bagging(params) => &mut params.seed,
-        };
-        *own = own.wrapping_add(seed);
-        self
-    }
+            /// Short name, as in recipes and on the command line.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$kind => $name,)* }
+            }
 
-    /// Limit of the depth of its trees.
-    pub fn max_depth(&mut self) -> &mut Option<usize> {
-        match self {
-            Self::Forest(params) => &mut params.max_depth,
-            Self::Boosting(params) => &mut params.max_depth,
-            Self::Bagging(params) => &mut params.max_depth,
+            /// One line about it.
+            pub fn title(self) -> &'static str {
+                match self { $(Self::$kind => $title,)* }
+            }
         }
-    }
 
-    /// The kind of classifier.
-    pub fn kind(&self) -> ClassifierKind {
-        match self {
-            Self::Forest(_) => ClassifierKind::Forest,
-            Self::Boosting(_) => ClassifierKind::Boosting,
-            Self::Bagging(_) => ClassifierKind::Bagging,
+        impl ClassifierParams {
+            /// The kind of classifier.
+            pub fn kind(&self) -> ClassifierKind {
+                match self { $(Self::$kind(_) => ClassifierKind::$kind,)* }
+            }
+
+            /// The same parameters with this added to the seed.
+            #[must_use]
+            pub fn with_seed(mut self, seed: u64) -> Self {
+                let own = match &mut self { $(Self::$kind(params) => params.seed(),)* };
+                *own = own.wrapping_add(seed);
+                self
+            }
+
+            /// Limit of the depth of its trees; `None` if it has no trees.
+            pub fn max_depth(&mut self) -> Option<&mut Option<usize>> {
+                match self { $(Self::$kind(params) => params.max_depth(),)* }
+            }
+
+            /// Trains a classifier: [`Learner::train`].
+            ///
+            /// # Errors
+            /// As [`Learner::train`].
+            pub fn train(&self, samples: &Samples<'_>, monitor: &Monitor) -> Result<Classifier> {
+                match self { $(Self::$kind(params) => params.train(samples, monitor).map(Classifier::$kind),)* }
+            }
+
+            /// Trains a classifier; also returns the out-of-bag accuracy if there is one: [`Learner::train_with_score`].
+            ///
+            /// # Errors
+            /// As [`Learner::train`].
+            pub fn train_with_score(
+                &self,
+                samples: &Samples<'_>,
+                monitor: &Monitor,
+            ) -> Result<(Classifier, Option<f64>)> {
+                match self {
+                    $(Self::$kind(params) => {
+                        let (trained, score) = params.train_with_score(samples, monitor)?;
+                        Ok((Classifier::$kind(trained), score))
+                    })*
+                }
+            }
         }
-    }
-}
 
-/// A trained classifier: class probabilities for rows of features.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Classifier {
-    /// Random forest.
-    Forest(Forest),
-    /// Gradient-boosted trees.
-    Boosting(Boosting),
-    /// Bagging, stored as a forest.
-    Bagging(Forest),
-}
+        impl Classifier {
+            /// The kind of classifier.
+            pub fn kind(&self) -> ClassifierKind {
+                match self { $(Self::$kind(_) => ClassifierKind::$kind,)* }
+            }
 
-/// Evaluates the same expression for the forest or the boosted trees of a classifier.
-macro_rules! with_trees {
-    ($self:expr, $trees:ident => $value:expr) => {
-        match $self {
-            Self::Forest($trees) | Self::Bagging($trees) => $value,
-            Self::Boosting($trees) => $value,
+            /// Its arrays in a model file.
+            pub(crate) fn arrays(&self) -> Vec<Array> {
+                match self { $(Self::$kind(trained) => trained.arrays(),)* }
+            }
+        }
+
+        impl Predictor for Classifier {
+            fn classes(&self) -> usize {
+                match self { $(Self::$kind(trained) => trained.classes(),)* }
+            }
+
+            fn width(&self) -> usize {
+                match self { $(Self::$kind(trained) => trained.width(),)* }
+            }
+
+            fn parts(&self) -> Vec<PartCount> {
+                match self { $(Self::$kind(trained) => trained.parts(),)* }
+            }
+
+            fn importance(&self) -> &[f64] {
+                match self { $(Self::$kind(trained) => trained.importance(),)* }
+            }
+
+            fn retain_used(self) -> (Self, Vec<usize>) {
+                match self {
+                    $(Self::$kind(trained) => {
+                        let (trained, used) = trained.retain_used();
+                        (Self::$kind(trained), used)
+                    })*
+                }
+            }
+
+            fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
+                match self { $(Self::$kind(trained) => trained.predict_block(rows, scratch, out),)* }
+            }
+
+            fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
+                match self { $(Self::$kind(trained) => trained.predict_proba(rows, out),)* }
+            }
+
+            fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
+                match self { $(Self::$kind(trained) => trained.predict(rows),)* }
+            }
+        }
+
+        impl Reader<'_> {
+            /// The classifier of that kind, of `width` features and `classes` classes, every index checked.
+            pub(crate) fn classifier(&self, kind: ClassifierKind, width: usize, classes: usize) -> Result<Classifier> {
+                match kind {
+                    $(ClassifierKind::$kind => {
+                        <$trained>::from_arrays(self, width, classes).map(Classifier::$kind)
+                    })*
+                }
+            }
         }
     };
 }
 
-impl Classifier {
-    /// Trains a classifier. The result is the same bytes for any number of threads.
-    ///
-    /// # Errors
-    /// If samples are inconsistent, a parameter is out of range, or the work was cancelled.
-    pub fn fit(samples: &Samples<'_>, params: &ClassifierParams, monitor: &Monitor) -> Result<Self> {
-        Ok(match params {
-            ClassifierParams::Forest(params) => Self::Forest(Forest::fit(samples, params, monitor)?),
-            ClassifierParams::Boosting(params) => Self::Boosting(Boosting::fit(samples, params, monitor)?),
-            ClassifierParams::Bagging(params) => Self::Bagging(Forest::fit(samples, &params.forest(), monitor)?),
-        })
-    }
-
-    /// As [`Classifier::fit`]; also returns the out-of-bag accuracy if trees left out samples.
-    ///
-    /// # Errors
-    /// As [`Classifier::fit`].
-    pub fn fit_with_score(
-        samples: &Samples<'_>,
-        params: &ClassifierParams,
-        monitor: &Monitor,
-    ) -> Result<(Self, Option<f64>)> {
-        let forest = |params: &ForestParams| {
-            Forest::fit_with_report(samples, params, monitor).map(|(forest, report)| (forest, report.oob_score))
-        };
-        match params {
-            ClassifierParams::Forest(params) => forest(params).map(|(f, score)| (Self::Forest(f), score)),
-            ClassifierParams::Bagging(params) => forest(&params.forest()).map(|(f, score)| (Self::Bagging(f), score)),
-            ClassifierParams::Boosting(_) => Self::fit(samples, params, monitor).map(|found| (found, None)),
-        }
-    }
-
-    /// The kind of classifier.
-    pub fn kind(&self) -> ClassifierKind {
-        match self {
-            Self::Forest(_) => ClassifierKind::Forest,
-            Self::Boosting(_) => ClassifierKind::Boosting,
-            Self::Bagging(_) => ClassifierKind::Bagging,
-        }
-    }
-
-    /// Number of classes.
-    pub fn classes(&self) -> usize {
-        with_trees!(self, trees => trees.classes())
-    }
-
-    /// Number of features of a row.
-    pub fn width(&self) -> usize {
-        with_trees!(self, trees => trees.width())
-    }
-
-    /// Number of trees.
-    pub fn trees(&self) -> usize {
-        with_trees!(self, trees => trees.trees())
-    }
-
-    /// Number of nodes of all trees, leaves included.
-    pub fn nodes(&self) -> usize {
-        with_trees!(self, trees => trees.nodes())
-    }
-
-    /// Share of each feature in the improvement by all splits; sums to 1, or all 0 if no tree has a split.
-    pub fn importance(&self) -> &[f64] {
-        with_trees!(self, trees => trees.importance())
-    }
-
-    /// Removes the features that occur in no split; also returns the features kept. Predictions do not change.
-    pub fn retain_used(self) -> (Self, Vec<usize>) {
-        match self {
-            Self::Forest(trees) => {
-                let (trees, used) = trees.retain_used();
-                (Self::Forest(trees), used)
-            }
-            Self::Bagging(trees) => {
-                let (trees, used) = trees.retain_used();
-                (Self::Bagging(trees), used)
-            }
-            Self::Boosting(trees) => {
-                let (trees, used) = trees.retain_used();
-                (Self::Boosting(trees), used)
-            }
-        }
-    }
-
-    /// Class probabilities of `rows` (row-major), written row-major to `out`. Runs on the calling thread.
-    ///
-    /// # Errors
-    /// If a length does not fit.
-    pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
-        with_trees!(self, trees => trees.predict_block(rows, scratch, out))
-    }
-
-    /// As [`Classifier::predict_block`], in parallel over blocks.
-    ///
-    /// # Errors
-    /// If a length does not fit.
-    pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
-        with_trees!(self, trees => trees.predict_proba(rows, out))
-    }
-
-    /// The most probable class of every row; the smaller class in a tie.
-    ///
-    /// # Errors
-    /// If the length does not fit.
-    pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
-        if let Self::Forest(trees) | Self::Bagging(trees) = self {
-            return trees.predict(rows);
-        }
-        let mut out = vec![0.0; rows.len() / self.width().max(1) * self.classes()];
-        self.predict_proba(rows, &mut out)?;
-        Ok(out.chunks_exact(self.classes().max(1)).map(|row| argmax(row) as u16).collect())
-    }
+classifiers! {
+    #[default]
+    Forest, "rf", "Random forest", ForestParams => Forest;
+    Boosting, "gbt", "Gradient-boosted trees", BoostingParams => Boosting;
+    Bagging, "bagging", "Bagging of unpruned trees", BaggingParams => Forest;
 }
 
 #[cfg(test)]
@@ -249,10 +177,10 @@ mod tests {
             ClassifierParams::Boosting(BoostingParams { rounds: 20, ..BoostingParams::default() }),
             ClassifierParams::Bagging(BaggingParams { trees: 20, ..BaggingParams::default() }),
         ];
-        for (params, kind) in all.into_iter().zip(ClassifierKind::ALL) {
-            let (found, score) = Classifier::fit_with_score(&half, &params, &Monitor::default()).unwrap();
+        for (params, kind) in all.into_iter().zip(ClassifierKind::ALL.iter().copied()) {
+            let (found, score) = params.train_with_score(&half, &Monitor::default()).unwrap();
             assert_eq!((found.kind(), params.kind()), (kind, kind));
-            assert_eq!(found, Classifier::fit(&half, &params.with_seed(0), &Monitor::default()).unwrap());
+            assert_eq!(found, params.with_seed(0).train(&half, &Monitor::default()).unwrap());
             let named = found.predict(&data.features[1500 * 7..]).unwrap();
             let right = named.iter().zip(&data.labels[1500..]).filter(|(a, b)| a == b).count();
             assert!(right > 900, "{kind:?} {right}");

@@ -1,6 +1,7 @@
 //! Cross-validation: trains on all folds but one and evaluates on that one.
 
-use super::classifier::{Classifier, ClassifierParams};
+use super::classifier::ClassifierParams;
+use super::learner::Predictor;
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -75,7 +76,7 @@ pub fn grouped_folds(groups: &[u32], folds: usize) -> Result<Vec<u32>> {
 /// weight 0 are ignored. Trains once per fold.
 ///
 /// # Errors
-/// If lengths do not fit or there are fewer than two folds, and as [`Classifier::fit`].
+/// If lengths do not fit or there are fewer than two folds, and as [`ClassifierParams::train`].
 pub fn cross_validate(
     samples: &Samples<'_>,
     params: &ClassifierParams,
@@ -129,7 +130,7 @@ impl HeldOut<'_> {
         let Self { samples, params, folds, monitor } = *self;
         let weight = |i: usize| if folds[i] == fold { 0.0 } else { samples.weight(i) as f32 };
         let weights: Vec<f32> = (0..samples.len()).map(weight).collect();
-        let classifier = Classifier::fit(&Samples { weights: Some(&weights), ..*samples }, params, monitor)?;
+        let classifier = params.train(&Samples { weights: Some(&weights), ..*samples }, monitor)?;
         let held: Vec<usize> = (0..samples.len()).filter(|&i| folds[i] == fold && samples.weight(i) > 0.0).collect();
         let rows: Vec<f32> = held.iter().flat_map(|&i| samples.row(i)).copied().collect();
         let mut confusion = vec![0u64; samples.classes * samples.classes];

@@ -3,6 +3,7 @@
 
 mod any;
 mod builtin;
+mod classifiers;
 mod classify;
 mod label_file;
 mod labels;

@@ -6,7 +6,7 @@
 use super::any::AnyFitted;
 use crate::classes::ClassTable;
 use crate::classification::arrays::{Reader, malformed, print_arrays};
-use crate::classification::{Classifier, ClassifierKind, Fingerprint, arrays};
+use crate::classification::{Classifier, ClassifierKind, Fingerprint, Predictor};
 use crate::error::{Error, Result};
 use crate::io::{atomic, open};
 use safetensors::SafeTensors;
@@ -98,7 +98,7 @@ impl Model {
         };
         let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
-        let mut arrays = arrays::classifier::encode(&self.classifier);
+        let mut arrays = self.classifier.arrays();
         arrays.extend(print_arrays(&self.fingerprint));
         let views = arrays.iter().map(|(name, dtype, len, bytes)| {
             TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
@@ -304,7 +304,7 @@ mod tests {
         let boosting = ClassifierParams::Boosting(BoostingParams { rounds: 3, ..BoostingParams::default() });
         let bagging = ClassifierParams::Bagging(BaggingParams { trees: 2, ..BaggingParams::default() });
         for params in [boosting, bagging] {
-            let classifier = Classifier::fit(&data.samples(), &params, &Monitor::default()).unwrap();
+            let classifier = params.train(&data.samples(), &Monitor::default()).unwrap();
             let model = Model { classifier, ..model(&data.samples()) };
             let bytes = model.to_bytes().unwrap();
             assert_eq!(read(&bytes).unwrap(), model);

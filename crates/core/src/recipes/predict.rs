@@ -2,7 +2,7 @@
 //! discarded.
 
 use super::model::Model;
-use crate::classification::{Classifier, PredictScratch};
+use crate::classification::{Classifier, PredictScratch, Predictor};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, FeatureTable, Scratch, Tiles, Wanted};
@@ -15,7 +15,7 @@ const TOGETHER: usize = 8;
 const GROUPS_AT_ONCE: usize = 32;
 
 /// Features of a cloud that are computed while they are classified.
-pub(super) struct Predictor<'a> {
+pub(super) struct CloudPredictor<'a> {
     tiles: Tiles<'a>,
     classifier: &'a Classifier,
     /// Columns before those of the tiles.
@@ -46,7 +46,7 @@ struct Workspace {
     trees: PredictScratch,
 }
 
-impl<'a> Predictor<'a> {
+impl<'a> CloudPredictor<'a> {
     /// Sorts the points of a cloud and prepares the features of the set that the model uses.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Road points: a random forest of two classes on the local descriptors.
 
-use crate::classification::{Forest, ForestParams, Samples};
+use crate::classification::{Forest, ForestParams, Predictor, Samples};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;

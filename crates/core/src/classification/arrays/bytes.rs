@@ -1,84 +1,63 @@
 //! Serialises a classifier alone, without recipe and names: for copies between processes (Python's pickle).
 
-use crate::classification::arrays::{Array, Reader, malformed};
+use crate::classification::arrays::{Reader, malformed};
 use crate::classification::boosting::Boosting;
-use crate::classification::boosting::codec as boosting_codec;
 use crate::classification::forest::Forest;
-use crate::classification::forest::codec as forest_codec;
+use crate::classification::learner::Stored;
 use crate::error::{Error, Result};
 use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;
 use std::collections::HashMap;
 use std::path::Path;
 
-const FOREST: &str = "scansion forest";
-const BOOSTING: &str = "scansion boosting";
+macro_rules! bytes {
+    ($($trained:ty),*) => {$(
+        impl $trained {
+            /// The trees as safetensors; the same trees give the same bytes. Use [`Model`](crate::recipes::Model) for
+            /// files to keep.
+            ///
+            /// # Errors
+            /// If the encoder fails, which no valid trees are known to cause.
+            pub fn to_bytes(&self) -> Result<Vec<u8>> {
+                write(self)
+            }
 
-/// Numbers of features and classes, which the arrays alone do not tell.
-#[derive(Clone, Copy)]
-struct Shape {
-    width: usize,
-    classes: usize,
+            /// Reads what `to_bytes` wrote; every index is checked.
+            ///
+            /// # Errors
+            /// [`Error::Malformed`] naming the field.
+            pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+                read(bytes)
+            }
+        }
+    )*};
 }
 
-impl Forest {
-    /// The forest as safetensors; the same forest gives the same bytes. Use [`Model`](crate::recipes::Model) for files to keep.
-    ///
-    /// # Errors
-    /// If the encoder fails, which no valid forest is known to cause.
-    pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        write(&forest_codec::encode(self), FOREST, Shape { width: self.width(), classes: self.classes() })
-    }
+bytes!(Forest, Boosting);
 
-    /// Reads what [`Forest::to_bytes`] wrote; every index is checked.
-    ///
-    /// # Errors
-    /// [`Error::Malformed`] naming the field.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let (reader, Shape { width, classes }) = read(bytes, FOREST)?;
-        reader.forest(width, classes)
-    }
-}
-
-impl Boosting {
-    /// The trees as safetensors; the same trees give the same bytes. Use [`Model`](crate::recipes::Model) for files to keep.
-    ///
-    /// # Errors
-    /// If the encoder fails, which no valid model is known to cause.
-    pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        write(&boosting_codec::encode(self), BOOSTING, Shape { width: self.width(), classes: self.classes() })
-    }
-
-    /// Reads what [`Boosting::to_bytes`] wrote; every index is checked.
-    ///
-    /// # Errors
-    /// [`Error::Malformed`] naming the field.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let (reader, Shape { width, classes }) = read(bytes, BOOSTING)?;
-        reader.boosting(width, classes)
-    }
-}
-
-fn write(arrays: &[Array], key: &str, Shape { width, classes }: Shape) -> Result<Vec<u8>> {
+/// Arrays, and the number of features and classes, which the arrays alone do not tell.
+fn write<T: Stored>(trained: &T) -> Result<Vec<u8>> {
     let refused = |e: &dyn std::fmt::Display| Error::input(format!("classifier cannot be written: {e}"));
+    let arrays = trained.arrays();
     let views = arrays.iter().map(|(name, dtype, len, bytes)| {
         TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
     });
-    let metadata = Some(HashMap::from([(key.to_string(), format!("{width} {classes}"))]));
+    let shape = format!("{} {}", trained.width(), trained.classes());
+    let metadata = Some(HashMap::from([(T::TITLE.to_string(), shape)]));
     safetensors::serialize(views.collect::<Result<Vec<_>>>()?, metadata).map_err(|e| refused(&e))
 }
 
-fn read<'a>(bytes: &'a [u8], key: &str) -> Result<(Reader<'a>, Shape)> {
+fn read<T: Stored>(bytes: &[u8]) -> Result<T> {
     let path = Path::new("classifier in memory");
-    let wrong = |e: &dyn std::fmt::Display| malformed(path, "header", e, format!("the header of a {key}"));
+    let wrong = |e: &dyn std::fmt::Display| malformed(path, "header", e, format!("the header of a {}", T::TITLE));
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| wrong(&e))?;
-    let shape = metadata.metadata().as_ref().and_then(|m| m.get(key)).ok_or_else(|| wrong(&"no shape"))?;
+    let shape = metadata.metadata().as_ref().and_then(|m| m.get(T::TITLE)).ok_or_else(|| wrong(&"no shape"))?;
     let numbers: Vec<usize> = shape.split(' ').filter_map(|n| n.parse().ok()).collect();
     let (Some(&width @ 1..=65_534), Some(&classes @ 1..=65_535)) = (numbers.first(), numbers.get(1)) else {
         return Err(wrong(shape));
     };
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| wrong(&e))?;
-    Ok((Reader { path, tensors }, Shape { width, classes }))
+    T::from_arrays(&Reader { path, tensors }, width, classes)
 }
 
 #[cfg(test)]

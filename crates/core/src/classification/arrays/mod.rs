@@ -1,7 +1,6 @@
 //! Numbers, cut points, nodes and fingerprints as named arrays of a model file.
 
 mod bytes;
-pub(crate) mod classifier;
 mod node_check;
 
 use crate::classification::binning::Binning;

@@ -2,44 +2,47 @@
 
 use crate::classification::arrays::{Array, Reader, array, cut_arrays, node_arrays};
 use crate::classification::boosting::Boosting;
+use crate::classification::learner::Stored;
 use crate::classification::nodes::Trees;
 use crate::error::Result;
 
-/// The arrays of boosted trees.
-pub(in crate::classification) fn encode(model: &Boosting) -> Vec<Array> {
-    let mut arrays = cut_arrays(&model.binning);
-    arrays.extend(node_arrays(&model.nodes, &model.roots));
-    arrays.extend([
-        array("answers", model.leaf_values.iter().copied()),
-        array("importance", model.importance.iter().copied()),
-        array("present", model.present.iter().copied()),
-        array("start", model.start.iter().copied()),
-        array("twins", model.twins.iter().copied()),
-    ]);
-    arrays
-}
+impl Stored for Boosting {
+    const TITLE: &'static str = "scansion boosting";
 
-impl Reader<'_> {
-    /// The boosted trees of `width` features and `classes` classes, every index checked.
-    pub(in crate::classification) fn boosting(&self, width: usize, classes: usize) -> Result<Boosting> {
-        let twins = self.ascending("twins", width)?;
-        let nodes = self.nodes()?;
-        let model = Boosting {
+    fn arrays(&self) -> Vec<Array> {
+        let mut arrays = cut_arrays(&self.binning);
+        arrays.extend(node_arrays(&self.nodes, &self.roots));
+        arrays.extend([
+            array("answers", self.leaf_values.iter().copied()),
+            array("importance", self.importance.iter().copied()),
+            array("present", self.present.iter().copied()),
+            array("start", self.start.iter().copied()),
+            array("twins", self.twins.iter().copied()),
+        ]);
+        arrays
+    }
+
+    fn from_arrays(reader: &Reader<'_>, width: usize, classes: usize) -> Result<Self> {
+        let twins = reader.ascending("twins", width)?;
+        let nodes = reader.nodes()?;
+        let model = Self {
             classes,
             width,
-            present: self.ascending("present", classes)?,
-            start: self.read("start", None)?,
-            binning: self.binning(width + twins.len())?,
-            roots: self.read("roots", None)?,
-            leaf_values: self.read("answers", Some(nodes.len()))?,
-            importance: self.importance(width)?,
+            present: reader.ascending("present", classes)?,
+            start: reader.read("start", None)?,
+            binning: reader.binning(width + twins.len())?,
+            roots: reader.read("roots", None)?,
+            leaf_values: reader.read("answers", Some(nodes.len()))?,
+            importance: reader.importance(width)?,
             nodes,
             twins,
         };
-        self.check_boosting(&model)?;
+        reader.check_boosting(&model)?;
         Ok(model)
     }
+}
 
+impl Reader<'_> {
     fn check_boosting(&self, model: &Boosting) -> Result<()> {
         let groups = model.groups();
         if model.present.is_empty() || model.start.len() != groups {

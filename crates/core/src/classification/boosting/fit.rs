@@ -6,6 +6,7 @@ use super::grow::HistogramPool;
 use super::model::{Boosting, GrownTree};
 use super::params::BoostingParams;
 use super::tree::TreeFit;
+use crate::classification::learner::Learner;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::random::stream;
@@ -47,6 +48,22 @@ impl Boosting {
         let data = BoostingData::new(samples, validation, params, monitor)?;
         let (trees, report) = Rounds::new(&data).run()?;
         Ok((Self::assemble(&data, &trees)?, report))
+    }
+}
+
+impl Learner for BoostingParams {
+    type Trained = Boosting;
+
+    fn seed(&mut self) -> &mut u64 {
+        &mut self.seed
+    }
+
+    fn max_depth(&mut self) -> Option<&mut Option<usize>> {
+        Some(&mut self.max_depth)
+    }
+
+    fn train(&self, samples: &Samples<'_>, monitor: &Monitor) -> Result<Boosting> {
+        Boosting::fit(samples, self, monitor)
     }
 }
 

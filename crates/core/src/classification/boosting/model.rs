@@ -42,16 +42,6 @@ pub struct Boosting {
 }
 
 impl Boosting {
-    /// Number of classes.
-    pub fn classes(&self) -> usize {
-        self.classes
-    }
-
-    /// Number of features of a row.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
     /// Number of trees.
     pub fn trees(&self) -> usize {
         self.roots.len()
@@ -62,35 +52,10 @@ impl Boosting {
         self.nodes.len()
     }
 
-    /// Share of each feature in the gain of all splits: sums to 1, or all 0 if no tree has a split.
-    pub fn importance(&self) -> &[f64] {
-        &self.importance
-    }
-
     /// Features that occur in at least one split, ascending.
     pub fn used_features(&self) -> Vec<usize> {
         let twin = |f: usize| self.twins.iter().any(|&t| usize::from(t) == f);
         (0..self.width).filter(|&f| !self.binning.cuts(f).is_empty() || twin(f)).collect()
-    }
-
-    /// Removes the features that occur in no split; also returns the features kept. Predictions do not change.
-    ///
-    /// One feature is kept if no tree has a split.
-    pub fn retain_used(mut self) -> (Self, Vec<usize>) {
-        let mut used = self.used_features();
-        if used.is_empty() {
-            used.push(0);
-        }
-        let columns: Vec<usize> = used.iter().copied().chain(self.width..self.binning.width()).collect();
-        let position = |old: u16| columns.binary_search(&usize::from(old)).unwrap_or_default() as u16;
-        for node in self.nodes.iter_mut().filter(|n| n.cut != LEAF_CUT) {
-            node.feature = position(node.feature);
-        }
-        self.twins.iter_mut().for_each(|t| *t = position(*t));
-        self.binning = self.binning.select(&columns);
-        self.importance = used.iter().map(|&f| self.importance[f]).collect();
-        self.width = used.len();
-        (self, used)
     }
 
     /// Number of scores of a sample.

@@ -4,8 +4,10 @@ use super::super::quantise::{CodeBlock, TILE};
 use super::model::Boosting;
 use super::sweep::{NARROW, Sweep};
 use crate::classification::forest::descend::Walk;
-use crate::classification::forest::predict::{PredictScratch, argmax};
-use crate::error::{Error, Result};
+use crate::classification::forest::predict::PredictScratch;
+use crate::classification::learner::{PartCount, Predictor, check_lengths};
+use crate::classification::nodes::LEAF_CUT;
+use crate::error::Result;
 use rayon::prelude::*;
 
 /// Rows of a block, few enough that their codes and scores stay in the cache.
@@ -17,56 +19,59 @@ struct Scores<'a> {
     values: &'a [f32],
 }
 
-impl Boosting {
-    /// Class probabilities of `rows` (row-major, [`Boosting::width`] values a row), written row-major to `out`
-    /// ([`Boosting::classes`] values a row). Runs on the calling thread; for callers that parallelise over blocks.
-    ///
-    /// # Errors
-    /// If a length does not fit.
-    pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
-        self.check_lengths(rows, out)?;
+impl Predictor for Boosting {
+    fn classes(&self) -> usize {
+        self.classes
+    }
+
+    fn width(&self) -> usize {
+        self.width
+    }
+
+    fn parts(&self) -> Vec<PartCount> {
+        vec![PartCount { kind: "trees", count: self.trees() }, PartCount { kind: "nodes", count: self.nodes() }]
+    }
+
+    /// Each feature's share in the gain of all splits.
+    fn importance(&self) -> &[f64] {
+        &self.importance
+    }
+
+    fn retain_used(mut self) -> (Self, Vec<usize>) {
+        let mut used = self.used_features();
+        if used.is_empty() {
+            used.push(0);
+        }
+        let columns: Vec<usize> = used.iter().copied().chain(self.width..self.binning.width()).collect();
+        let position = |old: u16| columns.binary_search(&usize::from(old)).unwrap_or_default() as u16;
+        for node in self.nodes.iter_mut().filter(|n| n.cut != LEAF_CUT) {
+            node.feature = position(node.feature);
+        }
+        self.twins.iter_mut().for_each(|t| *t = position(*t));
+        self.binning = self.binning.select(&columns);
+        self.importance = used.iter().map(|&f| self.importance[f]).collect();
+        self.width = used.len();
+        (self, used)
+    }
+
+    fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
+        check_lengths(self, rows, out)?;
         for (rows, out) in rows.chunks(BLOCK * self.width).zip(out.chunks_mut(BLOCK * self.classes)) {
             self.block(rows, scratch, out);
         }
         Ok(())
     }
 
-    /// As [`Boosting::predict_block`], in parallel over blocks.
-    ///
-    /// # Errors
-    /// If a length does not fit.
-    pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
-        self.check_lengths(rows, out)?;
+    fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
+        check_lengths(self, rows, out)?;
         rows.par_chunks(BLOCK * self.width)
             .zip(out.par_chunks_mut(BLOCK * self.classes))
             .for_each_init(PredictScratch::default, |scratch, (rows, out)| self.block(rows, scratch, out));
         Ok(())
     }
+}
 
-    /// The most probable class of every row; the smaller class in a tie.
-    ///
-    /// # Errors
-    /// If the length does not fit.
-    pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
-        let mut probabilities = vec![0.0; rows.len() / self.width * self.classes];
-        self.predict_proba(rows, &mut probabilities)?;
-        Ok(probabilities.chunks_exact(self.classes).map(|row| argmax(row) as u16).collect())
-    }
-
-    fn check_lengths(&self, rows: &[f32], out: &[f32]) -> Result<()> {
-        let count = rows.len() / self.width;
-        if count * self.width == rows.len() && count * self.classes == out.len() {
-            return Ok(());
-        }
-        Err(Error::ModelMismatch(format!(
-            "{} feature values and {} probabilities do not make whole rows of {} features and {} classes",
-            rows.len(),
-            out.len(),
-            self.width,
-            self.classes
-        )))
-    }
-
+impl Boosting {
     fn block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) {
         let count = rows.len() / self.width;
         let stride = count.next_multiple_of(TILE);

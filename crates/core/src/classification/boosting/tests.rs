@@ -4,6 +4,7 @@ use super::super::nodes::LEAF_CUT;
 use super::super::testing::{Owned, blobs};
 use super::super::{ClassWeight, Samples};
 use super::*;
+use crate::classification::Predictor;
 use crate::parallel::Monitor;
 use crate::random::stream;
 

@@ -2,37 +2,40 @@
 
 use super::{Descent, Forest};
 use crate::classification::arrays::{Array, Reader, array, cut_arrays, node_arrays};
+use crate::classification::learner::Stored;
 use crate::classification::nodes::Trees;
 use crate::error::Result;
 
-/// The arrays of a forest.
-pub(in crate::classification) fn encode(forest: &Forest) -> Vec<Array> {
-    let mut arrays = cut_arrays(&forest.binning);
-    arrays.extend(node_arrays(&forest.nodes, &forest.roots));
-    arrays.push(array("leaves", forest.leaves.iter().copied()));
-    arrays.push(array("importance", forest.importance.iter().copied()));
-    arrays
-}
+impl Stored for Forest {
+    const TITLE: &'static str = "scansion forest";
 
-impl Reader<'_> {
-    /// The forest of `width` features and `classes` classes, every index checked.
-    pub(in crate::classification) fn forest(&self, width: usize, classes: usize) -> Result<Forest> {
-        let mut forest = Forest {
+    fn arrays(&self) -> Vec<Array> {
+        let mut arrays = cut_arrays(&self.binning);
+        arrays.extend(node_arrays(&self.nodes, &self.roots));
+        arrays.push(array("leaves", self.leaves.iter().copied()));
+        arrays.push(array("importance", self.importance.iter().copied()));
+        arrays
+    }
+
+    fn from_arrays(reader: &Reader<'_>, width: usize, classes: usize) -> Result<Self> {
+        let mut forest = Self {
             classes,
-            binning: self.binning(width)?,
-            nodes: self.nodes()?,
+            binning: reader.binning(width)?,
+            nodes: reader.nodes()?,
             descent: Descent::default(),
-            roots: self.read("roots", None)?,
-            leaves: self.read("leaves", None)?,
-            importance: self.importance(width)?,
+            roots: reader.read("roots", None)?,
+            leaves: reader.read("leaves", None)?,
+            importance: reader.importance(width)?,
         };
-        self.check_leaves(&forest)?;
+        reader.check_leaves(&forest)?;
         let trees = Trees { nodes: &forest.nodes, roots: &forest.roots, binning: &forest.binning };
-        self.check_trees(&trees, &|_, left| left < forest.leaves.len() / classes)?;
+        reader.check_trees(&trees, &|_, left| left < forest.leaves.len() / classes)?;
         forest.prepare();
         Ok(forest)
     }
+}
 
+impl Reader<'_> {
     fn check_leaves(&self, forest: &Forest) -> Result<()> {
         let rows = forest.leaves.chunks_exact(forest.classes);
         if !rows.remainder().is_empty() || rows.len() < forest.classes {

@@ -1,6 +1,7 @@
 //! Permutation importance: loss of accuracy when one feature is shuffled (Breiman 2001, section 10).
 
 use super::Forest;
+use crate::classification::learner::Predictor;
 use crate::classification::samples::Samples;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};

@@ -10,6 +10,7 @@ pub(in crate::classification) mod vote;
 
 use self::compact::{Compact, WINDOW};
 use self::growing::tree::{ForestTree, ThresholdSplit};
+use crate::classification::Predictor;
 use crate::classification::binning::Binning;
 use crate::classification::nodes::{GrownNode, LEAF_CUT, Node, Trees};
 use crate::error::{Error, Result};
@@ -49,16 +50,6 @@ pub struct Forest {
 }
 
 impl Forest {
-    /// Number of classes.
-    pub fn classes(&self) -> usize {
-        self.classes
-    }
-
-    /// Number of features of a row.
-    pub fn width(&self) -> usize {
-        self.binning.width()
-    }
-
     /// Number of trees.
     pub fn trees(&self) -> usize {
         self.roots.len()
@@ -74,34 +65,9 @@ impl Forest {
         &self.binning
     }
 
-    /// Share of each feature in the total decrease of impurity (mean decrease in impurity, Breiman 2001): sums to 1, or
-    /// all 0 if no tree has a split.
-    pub fn importance(&self) -> &[f64] {
-        &self.importance
-    }
-
     /// Features that occur in at least one split, ascending.
     pub fn used_features(&self) -> Vec<usize> {
         (0..self.width()).filter(|&f| !self.binning.cuts(f).is_empty()).collect()
-    }
-
-    /// Removes the features that occur in no split; also returns the features kept. Predictions do not change.
-    ///
-    /// One feature is kept if no tree has a split.
-    pub fn retain_used(mut self) -> (Self, Vec<usize>) {
-        let mut used = self.used_features();
-        if used.is_empty() {
-            used.push(0);
-        }
-        let mut position = vec![0u16; self.width()];
-        used.iter().enumerate().for_each(|(new, &old)| position[old] = new as u16);
-        for node in self.nodes.iter_mut().filter(|n| n.cut != LEAF_CUT) {
-            node.feature = position[usize::from(node.feature)];
-        }
-        self.binning = self.binning.select(&used);
-        self.importance = used.iter().map(|&f| self.importance[f]).collect();
-        self.prepare();
-        (self, used)
     }
 
     /// Assembles trained trees: the thresholds that occur become the quantisation.
@@ -194,7 +160,7 @@ mod tests {
     use super::*;
     use crate::classification::testing::blobs;
     use crate::classification::{
-        Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Samples, Splitter, Trainer,
+        Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Predictor, Samples, Splitter, Trainer,
     };
     use crate::parallel::Monitor;
     use crate::random::stream;

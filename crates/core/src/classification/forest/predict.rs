@@ -3,6 +3,7 @@
 use super::compact::{Compact, CompactWalk};
 use super::descend::Walk;
 use super::{Descent, Forest};
+use crate::classification::learner::{PartCount, Predictor, check_lengths};
 use crate::classification::nodes::{LEAF_CUT, Node};
 use crate::classification::quantise::CodeBlock;
 use crate::error::{Error, Result};
@@ -11,7 +12,7 @@ use rayon::prelude::*;
 /// Rows of a block: enough to make up for loading a tree, few enough that codes and tree stay in the cache.
 const BLOCK: usize = 4096;
 
-/// Scratch memory of [`Forest::predict_block`], to be reused for the next block.
+/// Scratch memory of [`Predictor::predict_block`], to be reused for the next block.
 #[derive(Clone, Debug, Default)]
 pub struct PredictScratch {
     pub(in crate::classification) narrow: CodeBlock<u8>,
@@ -24,14 +25,42 @@ pub struct PredictScratch {
     pub(in crate::classification) scores: Vec<f32>,
 }
 
-impl Forest {
-    /// Class probabilities of `rows` (row-major, [`Forest::width`] values a row), written row-major to `out`
-    /// ([`Forest::classes`] values a row). Runs on the calling thread; for callers that parallelise over blocks.
-    ///
-    /// # Errors
-    /// If a length does not fit.
-    pub fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
-        self.check_lengths(rows, out)?;
+impl Predictor for Forest {
+    fn classes(&self) -> usize {
+        self.classes
+    }
+
+    fn width(&self) -> usize {
+        self.binning.width()
+    }
+
+    fn parts(&self) -> Vec<PartCount> {
+        vec![PartCount { kind: "trees", count: self.trees() }, PartCount { kind: "nodes", count: self.nodes() }]
+    }
+
+    /// Mean decrease in impurity (Breiman 2001): each feature's share in the total decrease.
+    fn importance(&self) -> &[f64] {
+        &self.importance
+    }
+
+    fn retain_used(mut self) -> (Self, Vec<usize>) {
+        let mut used = self.used_features();
+        if used.is_empty() {
+            used.push(0);
+        }
+        let mut position = vec![0u16; self.width()];
+        used.iter().enumerate().for_each(|(new, &old)| position[old] = new as u16);
+        for node in self.nodes.iter_mut().filter(|n| n.cut != LEAF_CUT) {
+            node.feature = position[usize::from(node.feature)];
+        }
+        self.binning = self.binning.select(&used);
+        self.importance = used.iter().map(|&f| self.importance[f]).collect();
+        self.prepare();
+        (self, used)
+    }
+
+    fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
+        check_lengths(self, rows, out)?;
         out.fill(0.0);
         for (rows, out) in rows.chunks(BLOCK * self.width()).zip(out.chunks_mut(BLOCK * self.classes)) {
             match &self.descent {
@@ -51,20 +80,15 @@ impl Forest {
         Ok(())
     }
 
-    /// As [`Forest::predict_block`], in parallel over blocks.
-    pub fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
-        self.check_lengths(rows, out)?;
+    fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
+        check_lengths(self, rows, out)?;
         rows.par_chunks(BLOCK * self.width())
             .zip(out.par_chunks_mut(BLOCK * self.classes))
             .try_for_each_init(PredictScratch::default, |scratch, (rows, out)| self.predict_block(rows, scratch, out))
     }
 
-    /// The most probable class of every row; the smaller class in a tie. Faster than [`Forest::predict_proba`]: a row
-    /// skips the remaining trees once they cannot change its class.
-    ///
-    /// # Errors
-    /// If the length does not fit.
-    pub fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
+    /// Faster than the probabilities: a row skips the remaining trees once they cannot change its class.
+    fn predict(&self, rows: &[f32]) -> Result<Vec<u16>> {
         if self.width() == 0 || !rows.len().is_multiple_of(self.width()) {
             return Err(Error::ModelMismatch(format!(
                 "{} values are not whole rows of {} features",
@@ -78,7 +102,9 @@ impl Forest {
             .try_for_each_init(PredictScratch::default, |scratch, (rows, out)| self.label_rows(rows, scratch, out))?;
         Ok(labels)
     }
+}
 
+impl Forest {
     fn label_rows(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [u16]) -> Result<()> {
         if let Descent::Compact(trees) = &self.descent {
             self.label_block(rows, trees, scratch, out);
@@ -89,20 +115,6 @@ impl Forest {
         let best = shares.chunks_exact(self.classes).map(|row| argmax(row) as u16);
         out.iter_mut().zip(best).for_each(|(label, best)| *label = best);
         Ok(())
-    }
-
-    fn check_lengths(&self, rows: &[f32], out: &[f32]) -> Result<()> {
-        let count = rows.len() / self.width().max(1);
-        if count * self.width() == rows.len() && count * self.classes == out.len() {
-            return Ok(());
-        }
-        Err(Error::ModelMismatch(format!(
-            "{} feature values and {} probabilities do not make whole rows of {} features and {} classes",
-            rows.len(),
-            out.len(),
-            self.width(),
-            self.classes
-        )))
     }
 
     fn add_compact(&self, rows: &[f32], trees: &Compact, scratch: &mut PredictScratch, out: &mut [f32]) {

@@ -80,7 +80,7 @@ mod tests {
     use super::*;
     use crate::classification::forest::Descent;
     use crate::classification::testing::blobs;
-    use crate::classification::{Forest, ForestParams};
+    use crate::classification::{Forest, ForestParams, Predictor};
     use crate::parallel::Monitor;
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::ObjectsRecipe;
 use super::describe::objects;
+use crate::classification::Predictor;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::classify::{Classified, Job};

@@ -21,12 +21,13 @@ pub use report::ObjectsReport;
 pub use segments::{ObjectSegments, SupervoxelMode};
 pub use split::ObjectTraining;
 
+use super::classifiers::offers_classifiers;
 use super::classify::{Classified, Job};
 use super::labels::Labels;
 use super::model::Model;
 use super::regularise::RegulariseParams;
 use super::system::{Fitted, Nothing, System, TrainOptions};
-use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams};
+use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
 use crate::cloud::{Cloud, names};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -106,12 +107,7 @@ impl Default for ObjectsRecipe {
     }
 }
 
-impl ObjectsRecipe {
-    /// Parameters of the selected classifier.
-    pub fn classifier(&self) -> ClassifierParams {
-        self.classifier.choose(&self.forest, &self.boosting, &self.bagging).with_seed(self.seed)
-    }
-}
+offers_classifiers!(ObjectsRecipe);
 
 impl System for ObjectsRecipe {
     const NAME: &'static str = "objects";
@@ -126,9 +122,7 @@ impl System for ObjectsRecipe {
         self.ground.validate()?;
         self.elevation.validate()?;
         self.training.validate()?;
-        self.forest.validate()?;
-        self.boosting.validate()?;
-        self.bagging.validate()?;
+        self.validate_classifiers()?;
         self.regularise.validate()
     }
 

@@ -5,7 +5,7 @@ use super::describe::{Objects, objects};
 use super::report::ObjectsReport;
 use super::split::{Labelled, split};
 use crate::classes::{Class, ClassTable};
-use crate::classification::{Classifier, Fingerprint, Samples};
+use crate::classification::{Classifier, Fingerprint, Predictor, Samples};
 use crate::cloud::{Cloud, planar_density};
 use crate::error::Result;
 use crate::evaluation::{Confusion, Scores};
@@ -56,7 +56,7 @@ pub(super) fn train(
     let names = studied.first().map(|l| l.found.features.names.clone()).unwrap_or_default();
     let samples =
         Samples { features: &rows, width: names.len(), labels: &labels, weights: None, classes: classes.len() };
-    let classifier = Classifier::fit(&samples, &recipe.classifier(), monitor)?;
+    let classifier = recipe.classifier().with_seed(recipe.seed).train(&samples, monitor)?;
     let report = report(clouds, &studied, &Answer { classifier: &classifier, classes: &classes })?;
     let density = studied.iter().map(|l| l.density).sum::<f64>() / studied.len().max(1) as f64;
     let model = Model {

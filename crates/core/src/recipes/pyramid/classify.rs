@@ -5,7 +5,7 @@ use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 use crate::recipes::classify::{Classified, Job};
-use crate::recipes::predict::Predictor;
+use crate::recipes::predict::CloudPredictor;
 use crate::recipes::regularise::{Probabilities, Regularise, regularise};
 
 /// Classifies point by point; with regularisation the probabilities of all points are held for it.
@@ -16,7 +16,7 @@ pub(super) fn classify(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor)
     let alone = job.regularise.method == Regularise::None;
     let mut result = Classified::unknown(cloud.len(), job.model, job.params.probabilities || !alone);
     result.warnings = job.warnings(metres, monitor)?;
-    let predictor = Predictor::new(cloud, &set, job.model, monitor)?;
+    let predictor = CloudPredictor::new(cloud, &set, job.model, monitor)?;
     predictor.run(|points, rows| result.place(points, rows, job.model), monitor)?;
     if alone {
         return Ok(result);

@@ -12,12 +12,13 @@ mod train;
 pub use report::{DepthScore, PyramidReport};
 pub use samples::TrainingParams;
 
+use super::classifiers::offers_classifiers;
 use super::classify::{Classified, Job};
 use super::labels::Labels;
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, System, TrainOptions};
-use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams};
+use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::features::FeatureSet;
@@ -57,22 +58,7 @@ pub struct PyramidRecipe {
     pub regularise: RegulariseParams,
 }
 
-impl PyramidRecipe {
-    /// Parameters of the selected classifier.
-    pub fn classifier(&self) -> ClassifierParams {
-        self.classifier.choose(&self.forest, &self.boosting, &self.bagging)
-    }
-
-    /// The same recipe with another limit of the depth of the selected classifier's trees.
-    pub fn with_max_depth(mut self, depth: Option<usize>) -> Self {
-        match self.classifier {
-            ClassifierKind::Forest => self.forest.max_depth = depth,
-            ClassifierKind::Boosting => self.boosting.max_depth = depth,
-            ClassifierKind::Bagging => self.bagging.max_depth = depth,
-        }
-        self
-    }
-}
+offers_classifiers!(PyramidRecipe);
 
 impl System for PyramidRecipe {
     const NAME: &'static str = "pyramid";
@@ -82,9 +68,7 @@ impl System for PyramidRecipe {
     fn validate(&self) -> Result<()> {
         self.features.validate()?;
         self.training.validate()?;
-        self.forest.validate()?;
-        self.boosting.validate()?;
-        self.bagging.validate()?;
+        self.validate_classifiers()?;
         self.regularise.validate()
     }
 

@@ -4,7 +4,7 @@ use super::PyramidRecipe;
 use super::report::DepthScore;
 use super::train::Described;
 use crate::classification::ClassifierParams;
-use crate::classification::cross_validation::{grid_search, grouped_folds};
+use crate::classification::cross_validation::{GridScore, grid_search, grouped_folds};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::TrainOptions;
@@ -20,33 +20,40 @@ pub(super) fn chosen_depth(
     if !options.cross_validates() {
         return Ok((recipe, Vec::new()));
     }
-    let depths = cross_validate(described, &recipe, options, monitor)?;
-    let recipe = match depths.iter().rev().max_by(|a, b| a.mean_f1.total_cmp(&b.mean_f1)) {
-        Some(best) => recipe.with_max_depth(best.max_depth),
-        None => recipe,
-    };
-    Ok((recipe, depths))
+    let (grid, depths) = cross_validate(described, &recipe, options, monitor)?;
+    let scored = grid.into_iter().zip(&depths).rev();
+    match scored.max_by(|(_, a), (_, b)| a.mean_f1.total_cmp(&b.mean_f1)) {
+        Some((best, _)) => Ok((recipe.with_classifier(best), depths)),
+        None => Ok((recipe, depths)),
+    }
 }
 
 /// k-fold cross-validation for each depth (of the recipe's own depth if none is given), on spatially disjoint folds of
-/// whole squares. Fails if there are fewer squares than folds.
+/// whole squares: parameters and scores. Fails if there are fewer squares than folds.
 fn cross_validate(
     described: &Described,
     recipe: &PyramidRecipe,
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<Vec<DepthScore>> {
+) -> Result<(Vec<ClassifierParams>, Vec<DepthScore>)> {
     let folds = grouped_folds(&described.blocks, options.folds())?;
     let mut grid = vec![recipe.classifier()];
     if !options.depths.is_empty() {
         grid = options.depths.iter().map(|&depth| with_depth(recipe.classifier(), depth)).collect();
     }
     let scores = grid_search(&described.samples(), &grid, &folds, monitor)?;
-    let pairs = grid.iter_mut().zip(scores);
-    Ok(pairs.map(|(p, s)| DepthScore { max_depth: *p.max_depth(), accuracy: s.accuracy, mean_f1: s.mean_f1 }).collect())
+    let score = |(params, score): (&mut ClassifierParams, GridScore)| DepthScore {
+        max_depth: params.max_depth().and_then(|depth| *depth),
+        accuracy: score.accuracy,
+        mean_f1: score.mean_f1,
+    };
+    let scores = grid.iter_mut().zip(scores).map(score).collect();
+    Ok((grid, scores))
 }
 
 fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
-    *params.max_depth() = Some(depth);
+    if let Some(limit) = params.max_depth() {
+        *limit = Some(depth);
+    }
     params
 }

@@ -6,7 +6,7 @@ use super::samples::{Candidate, Sampling, TrainingParams, candidates, copies};
 use super::select::chosen_depth;
 use crate::classes::{Class, ClassTable};
 use crate::classification::sampling::balance;
-use crate::classification::{Classifier, Fingerprint, Samples};
+use crate::classification::{Fingerprint, Predictor, Samples};
 use crate::cloud::{Cloud, planar_density};
 use crate::error::{Error, Result};
 use crate::features::{self, FeatureSet};
@@ -38,7 +38,7 @@ pub(super) fn train(
     let Prepared { described, recipe, classes, warnings } = prepare(clouds, recipe, monitor)?;
     let (recipe, depths) = chosen_depth(&described, recipe, options, monitor)?;
     let params = recipe.classifier().with_seed(recipe.seed);
-    let (classifier, out_of_bag_accuracy) = Classifier::fit_with_score(&described.samples(), &params, monitor)?;
+    let (classifier, out_of_bag_accuracy) = params.train_with_score(&described.samples(), monitor)?;
     let (classifier, used) = classifier.retain_used();
     let report = PyramidReport {
         classes,

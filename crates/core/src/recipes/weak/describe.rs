@@ -3,13 +3,13 @@
 use super::learned::RoadExample;
 use super::road::RoadScene;
 use super::{Descriptors, WeakRecipe};
-use crate::classification::Classifier;
+use crate::classification::{Classifier, Predictor};
 use crate::cloud::{Cloud, Points};
 use crate::error::Result;
 use crate::features::definition::Group;
 use crate::features::{FeatureSet, FeatureTable, optimal_features, table_at};
 use crate::parallel::Monitor;
-use crate::recipes::predict::{FirstColumns, Predictor};
+use crate::recipes::predict::{CloudPredictor, FirstColumns};
 use crate::terrain::{ElevationModel, Terrain};
 
 /// Section 2.1: the four local descriptors.
@@ -126,7 +126,7 @@ impl Described<'_> {
         let mut row_of = vec![0u32; self.cloud.len()];
         self.points.index.iter().zip(0..).for_each(|(&place, point)| row_of[place as usize] = point);
         let first = FirstColumns { table: &self.six, row_of: &row_of };
-        let predictor = Predictor::after(first, self.cloud, set, classifier, monitor)?;
+        let predictor = CloudPredictor::after(first, self.cloud, set, classifier, monitor)?;
         let place = |points: &[u32], rows: &[f32]| {
             for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
                 values[row_of[point as usize] as usize * classes..][..classes].copy_from_slice(row);

@@ -2,7 +2,7 @@
 
 use super::examples::Example;
 use super::learned::RoadExample;
-use crate::classification::{ClassWeight, Forest, ForestParams, Samples};
+use crate::classification::{ClassWeight, Forest, ForestParams, Predictor, Samples};
 use crate::cloud::{Cloud, Points, names};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;

@@ -8,7 +8,7 @@ use super::report::{StrengthScore, WeakReport};
 use super::shares::{most_probable, shares_of};
 use crate::classes::{Class, ClassTable};
 use crate::classification::cross_validation::stratified_folds;
-use crate::classification::{Classifier, ClassifierParams, Fingerprint, Samples};
+use crate::classification::{ClassifierParams, Fingerprint, Samples};
 use crate::cloud::{Cloud, Points, planar_density};
 use crate::error::Result;
 use crate::features::FeatureTable;
@@ -60,7 +60,7 @@ pub(super) fn train(
     let FeatureTable { names: feature_names, values: rows } = table(studied);
     let (width, count) = (feature_names.len(), classes.len());
     let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: count };
-    let classifier = Classifier::fit(&samples, &seeded(&recipe), monitor)?;
+    let classifier = seeded(&recipe).train(&samples, monitor)?;
     let (classes_counted, road_examples) =
         (counts(clouds, &codes, &classes), learned.road.iter().filter(|e| e.road).count());
     let report = WeakReport {
@@ -211,7 +211,7 @@ impl Search<'_> {
             let names: Vec<u16> = kept.iter().map(|&i| labels[i]).collect();
             let (width, classes) = (labelled.rows.width(), classes.len());
             let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
-            let forest = Classifier::fit(&samples, &seeded(recipe), monitor)?;
+            let forest = seeded(recipe).train(&samples, monitor)?;
             let mut values = described.probabilities(&forest, more.as_ref(), monitor)?;
             let counts = most_probable(&values, classes);
             recipe.shares.apply(&mut values, &counts, shares);

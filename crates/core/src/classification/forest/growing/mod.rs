@@ -17,6 +17,7 @@ use self::splitter::{CodeTable, Scan};
 use self::tree::{ForestGrower, ForestTree, TreeParams};
 use crate::classification::binning::{Binning, BinningParams};
 use crate::classification::forest::Forest;
+use crate::classification::learner::Learner;
 use crate::classification::params::{Bootstrap, ClassWeight, ForestParams, Splitter};
 use crate::classification::samples::Samples;
 use crate::error::{Error, Result};
@@ -45,6 +46,26 @@ impl Forest {
         }
         let report = out_of_bag::report(&forest, samples, &bags, monitor)?;
         Ok((forest, report))
+    }
+}
+
+impl Learner for ForestParams {
+    type Trained = Forest;
+
+    fn seed(&mut self) -> &mut u64 {
+        &mut self.seed
+    }
+
+    fn max_depth(&mut self) -> Option<&mut Option<usize>> {
+        Some(&mut self.max_depth)
+    }
+
+    fn train(&self, samples: &Samples<'_>, monitor: &Monitor) -> Result<Forest> {
+        Forest::fit(samples, self, monitor)
+    }
+
+    fn train_with_score(&self, samples: &Samples<'_>, monitor: &Monitor) -> Result<(Forest, Option<f64>)> {
+        Forest::fit_with_report(samples, self, monitor).map(|(forest, report)| (forest, report.oob_score))
     }
 }
 
