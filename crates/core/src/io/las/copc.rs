@@ -1,9 +1,9 @@
 //! COPC: the octree of a LAZ file (Cloud Optimized Point Cloud Specification 1.0). Each node is a LAZ chunk.
 
 use super::chunks::Chunk;
+use super::header::vlr::read_at;
 use super::header::{array, bad, f64_at, u64_at};
 use super::records::Records;
-use super::vlr::read_at;
 use crate::cloud::Bounds;
 use crate::error::{Mismatch, Result};
 use crate::io::ReadOptions;
@@ -213,8 +213,8 @@ mod tests {
 
     /// A COPC file with one node for each of these runs of points; `break_it` changes its hierarchy.
     fn copc(path: &Path, break_it: impl Fn(&mut Vec<u8>, u64)) {
-        use crate::io::las::vlr::Vlr;
-        use crate::io::las::writer::{Front, Writer};
+        use crate::io::las::header::vlr::Vlr;
+        use crate::io::las::write::writer::{Front, Writer};
         let rows: Vec<[f64; 3]> =
             (0..300).map(|i| [f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)]).collect();
         let plain = path.with_extension("las");

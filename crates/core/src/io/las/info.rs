@@ -2,8 +2,8 @@
 
 use super::copc;
 use super::fields::of_format;
+use super::header::vlr::{crs, other_vertical_unit};
 use super::records::Records;
-use super::vlr::{crs, other_vertical_unit};
 use crate::error::Result;
 use crate::io::FileInfo;
 use std::path::Path;

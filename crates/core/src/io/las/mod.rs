@@ -2,47 +2,30 @@
 
 mod chunks;
 mod copc;
-mod crop;
-mod decoder;
-mod deep;
-mod extra;
 mod fields;
-mod fit;
-mod grid;
 mod header;
 mod info;
-mod layout;
-mod merge;
-mod outside;
-mod point_reader;
-mod promote;
 mod read;
 mod records;
 mod rewrite;
 mod salvage;
-mod sink;
-mod step;
-mod stream;
-mod tally;
-mod vlr;
 mod walk;
 mod write;
-mod writer;
 
-pub(super) use crop::crop;
+pub(super) use fields::layout::Layout;
+pub(super) use header::vlr::{Vlr, read_at};
 pub(super) use header::{HEADER_SIZES, Header, f64_at, u16_at, u64_at};
 pub(super) use info::inspect;
-pub(super) use layout::Layout;
-pub(super) use merge::merge;
-pub(super) use outside::Outside;
-pub use point_reader::PointReader;
+pub use read::point_reader::PointReader;
 pub(super) use read::{Reader, read, read_records};
 pub(super) use records::Records;
+pub(super) use records::outside::Outside;
+pub(super) use records::stream::Stream;
+pub(super) use rewrite::crop::crop;
+pub(super) use rewrite::merge::merge;
 pub(super) use rewrite::{check_dimensions, convert, rewrite, rewrite_records};
-pub use step::LasFrame;
-pub(super) use stream::Stream;
-pub(super) use vlr::{Vlr, read_at};
 pub use write::las_frame;
+pub use write::step::LasFrame;
 pub(super) use write::write;
 
 /// The warning if heights have a unit of their own.

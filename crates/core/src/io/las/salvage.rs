@@ -1,12 +1,12 @@
 //! Opens a damaged LAS or LAZ file: reads what is intact and counts what is missing.
 
+use super::chunks::decoder::{ChunkBytes, Decoder, How};
 use super::chunks::{self, Chunk, Chunks, LasHead};
-use super::decoder::{ChunkBytes, Decoder, How};
+use super::header::vlr::{MOST_EVLR, Vlr, read_at};
 use super::header::{Header, RECORD_SIZES, bad, least_size, put, u16_at, u64_at};
+use super::records::stream::Stream;
+use super::records::tally::Tally;
 use super::records::{Records, slab};
-use super::stream::Stream;
-use super::tally::Tally;
-use super::vlr::{MOST_EVLR, Vlr, read_at};
 use super::walk::Walk;
 use crate::error::{Error, Mismatch, Result};
 use crate::io::open;

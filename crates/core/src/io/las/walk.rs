@@ -1,10 +1,10 @@
 //! Finds the chunks of a LAZ file without its table, one after the other.
 
 use super::chunks::Chunk;
-use super::decoder::{self, ChunkBytes, Decoder, How};
+use super::chunks::decoder::{self, ChunkBytes, Decoder, How};
+use super::header::vlr::read_at;
 use super::header::{Header, u32_at};
 use super::records::slab;
-use super::vlr::read_at;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use laz::{DecompressionSelection, LazVlr};

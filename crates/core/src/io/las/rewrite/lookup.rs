@@ -1,6 +1,6 @@
 //! The Classification Lookup record (LAS 1.4 R15, `LASF_Spec` 0): names of class codes, 15 bytes each.
 
-use crate::io::las::vlr::Vlr;
+use crate::io::las::header::vlr::Vlr;
 
 const ENTRY: usize = 16;
 

@@ -3,6 +3,11 @@
 //! The raw records are streamed from input to output. Header, VLRs, the bytes between VLRs and points, all fields and
 //! extra bytes of the records, and everything after the points are copied unchanged.
 
+pub(super) mod crop;
+mod grid;
+pub(super) mod merge;
+mod promote;
+
 mod lookup;
 pub(super) mod plan;
 pub(super) mod tail;
@@ -10,13 +15,13 @@ pub(super) mod tail;
 mod tests;
 
 use super::header::put;
-use super::outside::Outside;
-use super::promote;
+use super::records::outside::Outside;
+
+use super::header::vlr::laz_chunk_size;
 use super::read::{check_codes, check_values};
+use super::records::stream::Stream;
 use super::records::{Records, SLAB, par_records};
-use super::stream::Stream;
-use super::vlr::laz_chunk_size;
-use super::writer::{CHUNK, Front, Writer};
+use super::write::writer::{CHUNK, Front, Writer};
 use crate::cloud::Column;
 use crate::error::{Error, Result};
 use crate::io::{Edit, RewriteReport, WriteOptions, run};

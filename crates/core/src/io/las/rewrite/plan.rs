@@ -1,15 +1,15 @@
 //! The destination of each edit in the output record.
 
+use super::promote;
 use crate::cloud::{Column, Values};
 use crate::error::{Error, Result};
 use crate::io::Edit;
-use crate::io::las::extra::{self, Extra};
 use crate::io::las::fields::Field;
+use crate::io::las::fields::extra::{self, Extra};
+use crate::io::las::header::vlr::Vlr;
 use crate::io::las::header::{RECORD_SIZES, put};
-use crate::io::las::promote;
 use crate::io::las::records::Records;
-use crate::io::las::vlr::Vlr;
-use crate::io::las::writer::Front;
+use crate::io::las::write::writer::Front;
 use rayon::prelude::*;
 
 /// The destination of a dimension's values in the output record.

@@ -2,10 +2,10 @@
 
 use crate::error::Result;
 use crate::io::atomic::AtomicFile;
+use crate::io::las::header::vlr::{Vlr, read_at};
 use crate::io::las::header::{Header, put, u64_at};
 use crate::io::las::records::Records;
-use crate::io::las::vlr::{Vlr, read_at};
-use crate::io::las::writer::Front;
+use crate::io::las::write::writer::Front;
 use crate::parallel::Monitor;
 use std::ops::Range;
 

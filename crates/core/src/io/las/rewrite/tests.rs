@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::cloud::{Column, Values};
-use crate::io::las::extra;
+use crate::io::las::fields::extra;
 use crate::io::las::header::put;
-use crate::io::las::vlr::Vlr;
+use crate::io::las::header::vlr::Vlr;
 use crate::io::{self, Columns, ReadOptions};
 use las::{Builder, Color, Point, point::Format};
 use std::path::PathBuf;

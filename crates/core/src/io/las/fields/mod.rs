@@ -1,5 +1,9 @@
 //! The fields of a point record as columns with PDAL's names.
 
+pub(super) mod extra;
+pub(super) mod fit;
+pub(super) mod layout;
+
 use super::header::{array, put};
 use crate::cloud::{Values, names};
 use laz::DecompressionSelection;

@@ -1,10 +1,14 @@
 //! The raw records of a LAS or LAZ file, slab by slab, in the order of the file.
 
+pub(super) mod outside;
+pub(super) mod stream;
+pub(super) mod tally;
+
+use super::chunks::decoder::{ChunkBytes, Decoder, How, decode};
 use super::chunks::{self, Chunk, Chunks, LasHead};
-use super::decoder::{ChunkBytes, Decoder, How, decode};
-use super::extra::{self, Extra};
+use super::fields::extra::{self, Extra};
+use super::header::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
 use super::header::{Header, bad};
-use super::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
 use crate::error::{Error, Mismatch, Result};
 use crate::io::open;
 use crate::parallel::{Monitor, map_ordered};

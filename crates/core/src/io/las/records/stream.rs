@@ -1,10 +1,10 @@
 //! Sequential and random access to records, without the whole file in memory.
 
-use super::chunks::Chunks;
-use super::decoder::{ChunkBytes, Decoder, How, decode};
-use super::records::{Records, large, slab};
-use super::vlr::read_at;
+use super::{Records, large, slab};
 use crate::error::{Error, Result};
+use crate::io::las::chunks::Chunks;
+use crate::io::las::chunks::decoder::{ChunkBytes, Decoder, How, decode};
+use crate::io::las::header::vlr::read_at;
 use crate::parallel::{Monitor, map_ordered};
 use std::collections::VecDeque;
 use std::path::Path;

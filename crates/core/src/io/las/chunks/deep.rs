@@ -18,14 +18,14 @@ const STACK: usize = 32 << 20;
 const DEEPEST: usize = 1 << 20;
 
 /// The bytes of a chunk.
-pub(super) struct Source<B> {
+pub(in crate::io::las) struct Source<B> {
     bytes: Cursor<B>,
     /// Address in the stack where the decoder began.
     top: usize,
 }
 
 impl<B: AsRef<[u8]>> Source<B> {
-    pub(super) fn new(bytes: B) -> Self {
+    pub(in crate::io::las) fn new(bytes: B) -> Self {
         Self { bytes: Cursor::new(bytes), top: here() }
     }
 

@@ -1,9 +1,9 @@
 //! Conversion to a point format that has all fields of the old one; class codes above 31 need formats 6 to 10 of LAS
 //! 1.4.
 
-use super::fields::{Field, of_format};
-use super::header::{Header, RECORD_SIZES, put};
 use crate::cloud::Values;
+use crate::io::las::fields::{Field, of_format};
+use crate::io::las::header::{Header, RECORD_SIZES, put};
 
 /// The LAS 1.4 format that has all fields of a legacy format.
 pub(super) fn target(format: u8) -> u8 {
@@ -57,7 +57,7 @@ fn number(value: &Values) -> f64 {
 }
 
 /// The converted header, LAS 1.4 for formats from 6 on; `wkt` says whether the file has a WKT record.
-pub(super) fn header(old: &Header, to: u8, wkt: bool) -> Vec<u8> {
+pub(in crate::io::las) fn header(old: &Header, to: u8, wkt: bool) -> Vec<u8> {
     let mut raw = old.raw.clone();
     raw[104] = to | old.raw[104] & 0xc0;
     let length = RECORD_SIZES[usize::from(to)] + old.extra() as u16;
@@ -89,7 +89,7 @@ pub(super) fn header(old: &Header, to: u8, wkt: bool) -> Vec<u8> {
     raw[25] = old.minor.max(4);
     let length = raw.len() as u16;
     put(&mut raw, 94, &length.to_le_bytes());
-    let returns: [[u8; 4]; 5] = [0, 1, 2, 3, 4].map(|r| super::header::array(&old.raw, 111 + 4 * r));
+    let returns: [[u8; 4]; 5] = [0, 1, 2, 3, 4].map(|r| crate::io::las::header::array(&old.raw, 111 + 4 * r));
     let counted = old.minor >= 4 && old.raw[255..375].iter().any(|&b| b != 0);
     // The legacy counters are 0 with formats from 6 on.
     raw[107..131].fill(0);

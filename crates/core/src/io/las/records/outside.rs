@@ -1,6 +1,6 @@
 //! Points outside the bounds in the header: the sign of a damaged file that can still be decoded.
 
-use super::header::{Header, array};
+use crate::io::las::header::{Header, array};
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 use std::path::Path;

@@ -8,7 +8,7 @@
 //! - Class codes, return numbers and user data that do not fit are an error, because a wrong code could not be
 //!   repaired.
 
-use super::fields::Field;
+use super::Field;
 use crate::cloud::{Column, Values};
 use crate::error::{Error, Result};
 use std::borrow::Cow;
@@ -18,15 +18,15 @@ const FULL: f64 = 65_535.0;
 
 /// The destination of each column.
 #[derive(Debug, Default)]
-pub(super) struct Fit<'a> {
+pub(in crate::io::las) struct Fit<'a> {
     /// Field, column and the factor of its values.
-    pub(super) fields: Vec<(Field, &'a Column, f64)>,
-    pub(super) extras: Vec<Cow<'a, Column>>,
+    pub(in crate::io::las) fields: Vec<(Field, &'a Column, f64)>,
+    pub(in crate::io::las) extras: Vec<Cow<'a, Column>>,
 }
 
 impl<'a> Fit<'a> {
     /// Chooses the destination of each column.
-    pub(super) fn new(columns: &'a [Column], format: u8) -> Result<Self> {
+    pub(in crate::io::las) fn new(columns: &'a [Column], format: u8) -> Result<Self> {
         let mut fit = Self::default();
         for column in columns {
             let Some(field) = Field::named(&column.name, format) else {

@@ -1,17 +1,20 @@
 //! Writes a cloud as LAS 1.4 or LAZ.
 
-use super::extra;
-use super::fit::Fit;
+pub(super) mod step;
+pub(super) mod writer;
+
+use super::fields::extra;
+use super::fields::fit::Fit;
+use super::header::vlr::Vlr;
 use super::header::{RECORD_SIZES, put};
-use super::step::{LasFrame, frame};
-use super::vlr::Vlr;
-use super::writer::{CHUNK, Front, Writer};
 use crate::cloud::{Cloud, Column, Coordinates, names};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
 use crate::parallel::{Monitor, watched};
 use std::borrow::Cow;
 use std::path::Path;
+use step::{LasFrame, frame};
+use writer::{CHUNK, Front, Writer};
 
 /// Number of points encoded at once.
 const SLAB: usize = 100_000;

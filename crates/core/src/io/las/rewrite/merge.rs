@@ -1,17 +1,17 @@
 //! Merges several LAS or LAZ files by streaming.
 
-use super::extra::{self, Extra};
 use super::grid::Grid;
-use super::header::{Header, RECORD_SIZES, array, f64_at, put, u16_at};
-use super::outside::Outside;
+use super::plan::describe;
 use super::promote;
-use super::records::{Records, slab};
-use super::rewrite::plan::describe;
-use super::rewrite::tail::Tail;
-use super::stream::Stream;
-use super::vlr::{Vlr, crs};
-use super::writer::{CHUNK, Front, Writer};
+use super::tail::Tail;
 use crate::error::{Error, Result};
+use crate::io::las::fields::extra::{self, Extra};
+use crate::io::las::header::vlr::{Vlr, crs};
+use crate::io::las::header::{Header, RECORD_SIZES, array, f64_at, put, u16_at};
+use crate::io::las::records::outside::Outside;
+use crate::io::las::records::stream::Stream;
+use crate::io::las::records::{Records, slab};
+use crate::io::las::write::writer::{CHUNK, Front, Writer};
 use crate::io::merge::{NamedCrs, check_crs};
 use crate::io::{RewriteReport, WriteOptions, run};
 use std::collections::{HashMap, HashSet};

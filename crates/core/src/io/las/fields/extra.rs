@@ -1,9 +1,9 @@
 //! Extra bytes: descriptors of dimensions beyond those of the point format (VLR `LASF_Spec` 4).
 
-use super::header::{Header, f64_at};
-use super::vlr::Vlr;
 use crate::cloud::{Column, Values, each_values};
 use crate::error::{Error, Result};
+use crate::io::las::header::vlr::Vlr;
+use crate::io::las::header::{Header, f64_at};
 use crate::io::number::{Kind, Slot};
 
 /// A described dimension and its position in a record.

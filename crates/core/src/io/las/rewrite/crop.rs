@@ -1,14 +1,15 @@
 //! Writes a part of a LAS, LAZ or COPC file: a box, or the levels of a resolution.
 
-use super::outside::Outside;
-use super::read::open;
-use super::records::slab;
-use super::rewrite::{front, tail::Tail};
-use super::sink::within;
-use super::stream::Stream;
-use super::tally::Tally;
-use super::writer::Writer;
+use super::front;
+use super::tail::Tail;
 use crate::error::Result;
+use crate::io::las::read::open;
+use crate::io::las::read::sink::within;
+use crate::io::las::records::outside::Outside;
+use crate::io::las::records::slab;
+use crate::io::las::records::stream::Stream;
+use crate::io::las::records::tally::Tally;
+use crate::io::las::write::writer::Writer;
 use crate::io::{ReadOptions, RewriteReport, WriteOptions, run};
 use std::path::Path;
 

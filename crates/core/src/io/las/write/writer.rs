@@ -1,31 +1,31 @@
 //! Writes a LAS or LAZ file record by record, atomically.
 
-use super::chunks::{encode, encode_table};
-use super::header::{RECORD_SIZES, put};
-use super::vlr::{Vlr, size_of};
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
+use crate::io::las::chunks::{encode, encode_table};
+use crate::io::las::header::vlr::{Vlr, size_of};
+use crate::io::las::header::{RECORD_SIZES, put};
 use crate::parallel::{Monitor, map_ordered};
 use laz::{LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// Points of a chunk if the input does not define it.
-pub(super) const CHUNK: u32 = 50_000;
+pub(in crate::io::las) const CHUNK: u32 = 50_000;
 
 /// Everything before the points.
-pub(super) struct Front {
+pub(in crate::io::las) struct Front {
     /// The header; counts and offsets in it are set by the writer.
-    pub(super) header: Vec<u8>,
-    pub(super) vlrs: Vec<Vlr>,
+    pub(in crate::io::las) header: Vec<u8>,
+    pub(in crate::io::las) vlrs: Vec<Vlr>,
     /// Bytes between the VLRs and the points.
-    pub(super) gap: Vec<u8>,
+    pub(in crate::io::las) gap: Vec<u8>,
     /// Points of a LAZ chunk; `None` writes LAS.
-    pub(super) chunk: Option<u32>,
+    pub(in crate::io::las) chunk: Option<u32>,
 }
 
 /// A file that is being written.
-pub(super) struct Writer {
+pub(in crate::io::las) struct Writer {
     file: AtomicFile,
     laz: Option<LazVlr>,
     record: usize,
@@ -39,9 +39,9 @@ pub(super) struct Writer {
 
 impl Writer {
     /// Writes header and VLRs.
-    pub(super) fn create(path: &Path, mut front: Front) -> Result<Self> {
+    pub(in crate::io::las) fn create(path: &Path, mut front: Front) -> Result<Self> {
         let format = front.header[104] & 0x3f;
-        let record = usize::from(u16::from_le_bytes(super::header::array(&front.header, 105)));
+        let record = usize::from(u16::from_le_bytes(crate::io::las::header::array(&front.header, 105)));
         let extra = (record - usize::from(RECORD_SIZES[usize::from(format)])) as u16;
         front.vlrs.retain(|v| !v.is("laszip encoded", 22204));
         let laz = match front.chunk {
@@ -87,7 +87,7 @@ impl Writer {
     }
 
     /// Appends records. Chunks are encoded in parallel as soon as there is one for every thread.
-    pub(super) fn push(&mut self, records: &[u8], monitor: &Monitor) -> Result<()> {
+    pub(in crate::io::las) fn push(&mut self, records: &[u8], monitor: &Monitor) -> Result<()> {
         self.points += (records.len() / self.record) as u64;
         match &self.laz {
             None => self.file.write_all(records),
@@ -119,7 +119,7 @@ impl Writer {
     ///
     /// `tail` writes the data after the points and returns their length; `patch` receives their offset and may change
     /// the header.
-    pub(super) fn finish(
+    pub(in crate::io::las) fn finish(
         mut self,
         monitor: &Monitor,
         tail: impl FnOnce(&mut AtomicFile) -> Result<u64>,
@@ -155,7 +155,7 @@ impl Writer {
 
     /// Opens the written file and compares header (with counts and bounds), chunk table and sizes.
     fn verify(&self, header: &[u8], size: u64) -> Result<()> {
-        let written = super::records::Records::open(self.file.partial())?;
+        let written = crate::io::las::records::Records::open(self.file.partial())?;
         let same = written.header.points == self.points && written.header.raw == header;
         match same && written.size == size {
             true => Ok(()),

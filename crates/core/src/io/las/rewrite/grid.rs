@@ -1,7 +1,7 @@
 //! A common scale and offset that represents the coordinates of several files exactly.
 
-use super::header::Header;
 use crate::error::{Error, Result};
+use crate::io::las::header::Header;
 use std::path::Path;
 
 /// Coordinates whose distance from the grid exceeds this, in ticks, are not on it.

@@ -1,11 +1,11 @@
 //! Counts and bounds of points, as in a header.
 
-use super::header::{Header, array, put};
 use crate::cloud::Bounds;
+use crate::io::las::header::{Header, array, put};
 
 /// Counts and bounds of the records so far.
 #[derive(Clone, Debug)]
-pub(super) struct Tally {
+pub(in crate::io::las) struct Tally {
     points: u64,
     returns: [u64; 15],
     low: [i32; 3],
@@ -16,13 +16,13 @@ pub(super) struct Tally {
 
 impl Tally {
     /// For records of that point format.
-    pub(super) fn new(format: u8) -> Self {
+    pub(in crate::io::las) fn new(format: u8) -> Self {
         let mask = if format >= 6 { 15 } else { 7 };
         Self { points: 0, returns: [0; 15], low: [i32::MAX; 3], high: [i32::MIN; 3], mask }
     }
 
     /// Adds whole records.
-    pub(super) fn add(&mut self, records: &[u8], length: usize) {
+    pub(in crate::io::las) fn add(&mut self, records: &[u8], length: usize) {
         for record in records.chunks_exact(length) {
             self.points += 1;
             if let Some(count) = self.returns.get_mut(usize::from((record[14] & self.mask).wrapping_sub(1))) {
@@ -36,12 +36,12 @@ impl Tally {
     }
 
     /// Number of records so far.
-    pub(super) fn points(&self) -> u64 {
+    pub(in crate::io::las) fn points(&self) -> u64 {
         self.points
     }
 
     /// Lowest and highest coordinates; those of the header if there is no point.
-    pub(super) fn bounds(&self, header: &Header) -> Bounds {
+    pub(in crate::io::las) fn bounds(&self, header: &Header) -> Bounds {
         if self.points == 0 {
             return [header.low, header.high];
         }
@@ -50,7 +50,7 @@ impl Tally {
     }
 
     /// Writes counts and bounds into the bytes of a header.
-    pub(super) fn put(&self, header: &Header, raw: &mut [u8]) {
+    pub(in crate::io::las) fn put(&self, header: &Header, raw: &mut [u8]) {
         let narrow = |n: u64| if header.format < 6 { u32::try_from(n).unwrap_or(0) } else { 0 };
         put(raw, 107, &narrow(self.points).to_le_bytes());
         (0..5).for_each(|r| put(raw, 111 + 4 * r, &narrow(self.returns[r]).to_le_bytes()));

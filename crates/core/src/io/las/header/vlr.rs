@@ -1,6 +1,6 @@
 //! Variable length records, before and after the points. Lengths are checked before anything is allocated.
 
-use super::header::{Header, array, bad, u16_at, u32_at, u64_at};
+use super::{Header, array, bad, u16_at, u32_at, u64_at};
 use crate::cloud::crs::{Unit, unit_of, vertical_unit_of};
 use crate::error::{Error, Mismatch, Result};
 use std::fs::File;
@@ -82,7 +82,7 @@ pub(in crate::io) fn read_vlrs(path: &Path, file: &mut File, header: &Header) ->
 }
 
 /// Larger EVLRs are not held in memory.
-pub(super) const MOST_EVLR: u64 = 64 << 20;
+pub(in crate::io::las) const MOST_EVLR: u64 = 64 << 20;
 
 /// Reads the extended records of LAS 1.4; content of more than [`MOST_EVLR`] bytes is skipped (waveforms).
 pub(in crate::io) fn read_evlrs(path: &Path, file: &mut File, header: &Header, size: u64) -> Result<Vec<Vlr>> {
@@ -263,7 +263,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.las");
         crate::io::write(&path, &crate::Cloud::from_rows(&[[1.0; 3]]).unwrap(), &Default::default()).unwrap();
-        let header = super::super::Records::open(&path).unwrap().header;
+        let header = crate::io::las::Records::open(&path).unwrap().header;
         let record = |entries: &[[u16; 4]]| [Vlr::new("LASF_Projection", 34735, "", keys(entries))];
         let feet = record(&[[1024, 0, 1, 1], [3072, 0, 1, 2229], [4099, 0, 1, 9001]]);
         let found = crs(&header, feet.iter());

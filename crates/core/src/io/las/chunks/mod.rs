@@ -1,9 +1,12 @@
 //! LAZ: the LAZ record and the chunk table, checked before anything is allocated, and encoding of chunks in memory.
 
-use super::decoder::{guarded, layered};
+pub(super) mod decoder;
+mod deep;
+
+use super::header::vlr::{Vlr, read_at};
 use super::header::{Header, RECORD_SIZES, bad, u16_at, u32_at};
-use super::vlr::{Vlr, read_at};
 use crate::error::{Error, Mismatch, Result};
+use decoder::{guarded, layered};
 use laz::laszip::{ChunkTable, ChunkTableEntry, LazItemType};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor, SequentialPointRecordCompressor};
 use laz::{LazItem, LazVlr};

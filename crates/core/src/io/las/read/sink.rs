@@ -1,12 +1,12 @@
 //! Conversion of raw records to a cloud: column by column, in pieces that fit into the cache.
 
-use super::extra::Extra;
-use super::fields::{self, Field};
-use super::header::Header;
-use super::records::Records;
-use super::vlr::{crs, other_vertical_unit};
 use crate::cloud::{Cloud, CodeScheme, Column, Coordinates};
 use crate::error::Result;
+use crate::io::las::fields::extra::Extra;
+use crate::io::las::fields::{self, Field};
+use crate::io::las::header::Header;
+use crate::io::las::header::vlr::{crs, other_vertical_unit};
+use crate::io::las::records::Records;
 use crate::io::limits::Names;
 use crate::io::number::array;
 use crate::io::options::Bounds;
@@ -37,7 +37,7 @@ pub(super) struct Sink {
 
 impl Sink {
     /// The selected columns of a file, empty. Also selects the fields to decode in `records`.
-    pub(super) fn new(records: &mut Records, options: &ReadOptions) -> Self {
+    pub(in crate::io::las) fn new(records: &mut Records, options: &ReadOptions) -> Self {
         let header = records.header.clone();
         let (extras, _) = records.extras();
         let fields = fields::of_format(header.format)
@@ -57,14 +57,14 @@ impl Sink {
         let vlrs = records.vlrs.iter().chain(&records.evlrs);
         let (crs, metres_per_unit) = crs(&header, vlrs.clone());
         if let Some(vertical) = other_vertical_unit(&header, vlrs) {
-            let text = super::vertical_warning(metres_per_unit, vertical);
+            let text = crate::io::las::vertical_warning(metres_per_unit, vertical);
             options.monitor.warn(format!("{}: {text}", records.path.display()));
         }
         Self { header, bounds: options.bounds, ticks: Default::default(), columns, crs, metres_per_unit }
     }
 
     /// Number of buffered points.
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::io::las) fn len(&self) -> usize {
         self.ticks[0].len()
     }
 
@@ -79,7 +79,7 @@ impl Sink {
     }
 
     /// Adds records; only those in the box are kept.
-    pub(super) fn push(&mut self, records: &[u8]) {
+    pub(in crate::io::las) fn push(&mut self, records: &[u8]) {
         match self.bounds {
             None => self.append(records),
             Some(bounds) => {
@@ -110,7 +110,7 @@ impl Sink {
     }
 
     /// The first `n` buffered points (or all there are) as a cloud.
-    pub(super) fn take(&mut self, n: usize) -> Result<Cloud> {
+    pub(in crate::io::las) fn take(&mut self, n: usize) -> Result<Cloud> {
         let n = n.min(self.len());
         let mut ticks: [Vec<i32>; 3] = Default::default();
         for (head, axis) in ticks.iter_mut().zip(&mut self.ticks) {
@@ -129,7 +129,7 @@ impl Sink {
 }
 
 /// The records inside the box.
-pub(super) fn within(records: &[u8], header: &Header, [low, high]: Bounds) -> Vec<u8> {
+pub(in crate::io::las) fn within(records: &[u8], header: &Header, [low, high]: Bounds) -> Vec<u8> {
     let Header { scale, offset, record_length, .. } = header;
     let within = |record: &&[u8]| {
         (0..3).all(|a| {

@@ -1,11 +1,11 @@
 //! Random access to points, in files of any size.
 
-use super::layout::Layout;
-use super::stream::Stream;
-use super::vlr::crs;
 use crate::cloud::{Cloud, CodeScheme, Coordinates, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
+use crate::io::las::fields::layout::Layout;
+use crate::io::las::header::vlr::crs;
+use crate::io::las::records::stream::Stream;
 use std::ops::Range;
 use std::path::Path;
 

@@ -1,14 +1,17 @@
 //! Reading a LAS, LAZ or COPC file into clouds.
 
+pub(super) mod point_reader;
+pub(super) mod sink;
+
 use super::copc;
-use super::outside::Outside;
+use super::records::outside::Outside;
+use super::records::stream::Stream;
 use super::records::{Records, Slab, slab};
-use super::sink::Sink;
-use super::stream::Stream;
 use crate::cloud::{Cloud, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
 use crate::parallel::Monitor;
+use sink::Sink;
 use std::path::Path;
 
 /// Opens a file and selects the needed parts of a COPC octree.

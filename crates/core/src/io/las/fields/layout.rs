@@ -1,10 +1,11 @@
 //! The columns of a file's records, covering every byte, and their extraction from raw records.
 
+use super::Field;
 use super::extra::{self, Extra};
-use super::fields::{self, Field};
-use super::header::{Header, RECORD_SIZES};
-use super::vlr::Vlr;
 use crate::cloud::{Column, Values};
+use crate::io::las::fields;
+use crate::io::las::header::vlr::Vlr;
+use crate::io::las::header::{Header, RECORD_SIZES};
 use crate::io::limits::Names;
 use std::collections::HashMap;
 
@@ -97,7 +98,7 @@ impl Layout {
         let each = records.chunks_exact(self.length);
         let values = match source {
             Source::Axis(axis) => {
-                Values::I32(each.map(|r| i32::from_le_bytes(super::header::array(r, 4 * axis))).collect())
+                Values::I32(each.map(|r| i32::from_le_bytes(crate::io::las::header::array(r, 4 * axis))).collect())
             }
             Source::Bytes(at, size) => Values::U64(each.map(|r| number(&r[*at..at + size])).collect()),
             Source::Field(field) => {

@@ -4,8 +4,8 @@
 //! panics become errors.
 
 use super::deep::{Source, on_a_large_stack};
-use super::header::{bad, u32_at};
 use crate::error::{Error, Mismatch, Result};
+use crate::io::las::header::{bad, u32_at};
 use laz::laszip::LazItemType;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LazItem, LazVlr};
@@ -14,27 +14,27 @@ use std::path::{Path, PathBuf};
 
 /// Settings for decoding the chunks of a file.
 #[derive(Clone, Copy)]
-pub(super) struct How<'a> {
-    pub(super) vlr: &'a LazVlr,
+pub(in crate::io::las) struct How<'a> {
+    pub(in crate::io::las) vlr: &'a LazVlr,
     /// Fields outside the selection are not decoded (layered chunks only).
-    pub(super) selection: DecompressionSelection,
+    pub(in crate::io::las) selection: DecompressionSelection,
     /// Whether a chunk must end exactly after its last point.
-    pub(super) whole: bool,
+    pub(in crate::io::las) whole: bool,
 }
 
 /// The compressed bytes of a chunk, and its number in the file.
-pub(super) struct ChunkBytes<B> {
-    pub(super) index: usize,
-    pub(super) bytes: B,
+pub(in crate::io::las) struct ChunkBytes<B> {
+    pub(in crate::io::las) index: usize,
+    pub(in crate::io::las) bytes: B,
 }
 
 /// Whether chunks have one layer per field (LAZ with point formats from 6 on).
-pub(super) fn layered(vlr: &LazVlr) -> bool {
+pub(in crate::io::las) fn layered(vlr: &LazVlr) -> bool {
     vlr.items().first().is_some_and(|item| item.version() >= 3)
 }
 
 /// Decodes one chunk, several records at a time. `B` owns or borrows the bytes of the chunk.
-pub(super) struct Decoder<'a, B> {
+pub(in crate::io::las) struct Decoder<'a, B> {
     path: PathBuf,
     place: String,
     /// Bytes of the chunk.
@@ -44,7 +44,7 @@ pub(super) struct Decoder<'a, B> {
 }
 
 impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
-    pub(super) fn new(path: &Path, how: How<'_>, chunk: ChunkBytes<B>) -> Result<Self> {
+    pub(in crate::io::las) fn new(path: &Path, how: How<'_>, chunk: ChunkBytes<B>) -> Result<Self> {
         let How { vlr, selection, whole } = how;
         let ChunkBytes { index, bytes } = chunk;
         if layered(vlr) {
@@ -66,7 +66,7 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
     }
 
     /// Fills `out`, a whole number of records, with the next ones.
-    pub(super) fn next(&mut self, out: &mut [u8]) -> Result<()> {
+    pub(in crate::io::las) fn next(&mut self, out: &mut [u8]) -> Result<()> {
         let Self { path, place, inner, .. } = self;
         guarded(path, place, || {
             on_a_large_stack(|| {
@@ -77,7 +77,7 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
     }
 
     /// Fills `out`, records of this length, as far as they can be decoded; how many were.
-    pub(super) fn readable(&mut self, out: &mut [u8], length: usize) -> usize {
+    pub(in crate::io::las) fn readable(&mut self, out: &mut [u8], length: usize) -> usize {
         let Self { path, place, inner, .. } = self;
         let mut good = 0;
         // The error says no more than the number of records does.
@@ -96,7 +96,7 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
 
     /// Fails unless the chunk ends exactly after its last decoded point; with damaged bytes the decoder reads too much
     /// or too little.
-    pub(super) fn end(&self) -> Result<()> {
+    pub(in crate::io::las) fn end(&self) -> Result<()> {
         let (found, all) = (self.consumed(), self.bytes);
         match found == all || !self.whole {
             true => Ok(()),
@@ -112,13 +112,13 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
     }
 
     /// Number of bytes of the chunk read so far.
-    pub(super) fn consumed(&self) -> u64 {
+    pub(in crate::io::las) fn consumed(&self) -> u64 {
         self.inner.get().position()
     }
 }
 
 /// Decodes a whole chunk.
-pub(super) fn decode<B: AsRef<[u8]> + Send + Sync>(
+pub(in crate::io::las) fn decode<B: AsRef<[u8]> + Send + Sync>(
     path: &Path,
     how: How<'_>,
     chunk: ChunkBytes<B>,
@@ -130,7 +130,7 @@ pub(super) fn decode<B: AsRef<[u8]> + Send + Sync>(
 }
 
 /// Number of layers of a layered chunk.
-pub(super) fn layers(vlr: &LazVlr) -> usize {
+pub(in crate::io::las) fn layers(vlr: &LazVlr) -> usize {
     let of = |item: &LazItem| match item.item_type() {
         LazItemType::Point14 => 9,
         LazItemType::RGBNIR14 => 2,
