@@ -17,7 +17,8 @@ const DEEPEST: i32 = 31;
 /// Largest page in bytes; those of real files have some hundred kilobytes.
 const LARGEST_PAGE: u64 = 256 << 20;
 
-/// Level and place of a node in the grid of its level.
+/// Level and place of a node in the grid of its level, as the file stores them. No key of `crate::voxels`: those have
+/// 21 bits an axis and the size of their cells for a level; COPC nests 32 levels.
 type Key = [i32; 4];
 
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 
 use super::copc;
 use super::fields::of_format;
-use super::header::vlr::{crs, other_vertical_unit};
+use super::header::crs::{crs, other_vertical_unit};
 use super::records::Records;
 use crate::error::Result;
 use crate::io::FileInfo;

@@ -9,7 +9,6 @@ mod read;
 mod records;
 mod rewrite;
 mod salvage;
-mod walk;
 mod write;
 
 pub(super) use fields::layout::Layout;

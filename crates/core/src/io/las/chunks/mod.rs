@@ -2,6 +2,7 @@
 
 pub(super) mod decoder;
 mod deep;
+pub(super) mod unpack;
 
 use super::header::vlr::{Vlr, read_at};
 use super::header::{Header, RECORD_SIZES, bad, u16_at, u32_at};

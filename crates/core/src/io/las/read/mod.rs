@@ -3,10 +3,11 @@
 pub(super) mod point_reader;
 pub(super) mod sink;
 
+use super::chunks::unpack::slab;
 use super::copc;
 use super::records::outside::Outside;
 use super::records::stream::Stream;
-use super::records::{Records, Slab, slab};
+use super::records::{Records, Slab};
 use crate::cloud::{Cloud, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;

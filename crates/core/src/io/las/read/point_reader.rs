@@ -4,7 +4,7 @@ use crate::cloud::{Cloud, CodeScheme, Coordinates, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
 use crate::io::las::fields::layout::Layout;
-use crate::io::las::header::vlr::crs;
+use crate::io::las::header::crs::crs;
 use crate::io::las::records::stream::Stream;
 use std::ops::Range;
 use std::path::Path;

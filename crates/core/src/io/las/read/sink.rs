@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::io::las::fields::extra::Extra;
 use crate::io::las::fields::{self, Field};
 use crate::io::las::header::Header;
-use crate::io::las::header::vlr::{crs, other_vertical_unit};
+use crate::io::las::header::crs::{crs, other_vertical_unit};
 use crate::io::las::records::Records;
 use crate::io::limits::Names;
 use crate::io::number::array;

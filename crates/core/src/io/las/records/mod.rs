@@ -4,36 +4,20 @@ pub(super) mod outside;
 pub(super) mod stream;
 pub(super) mod tally;
 
-use super::chunks::decoder::{ChunkBytes, Decoder, How, decode};
-use super::chunks::{self, Chunk, Chunks, LasHead};
+use super::chunks::unpack::{Compressed, Unpacker, slab};
+use super::chunks::{self, Chunks, LasHead};
 use super::fields::extra::{self, Extra};
-use super::header::vlr::{Vlr, read_at, read_evlrs, read_vlrs};
+use super::header::vlr::{Vlr, read_evlrs, read_vlrs};
 use super::header::{Header, bad};
 use crate::error::{Error, Mismatch, Result};
 use crate::io::open;
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::Monitor;
 use laz::DecompressionSelection;
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::{Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-/// Number of points of a slab of an uncompressed file, and of a piece of a large chunk.
-pub(super) const SLAB: usize = 100_000;
-/// Chunks with more points than this are decoded in pieces, so that the memory does not depend on the declared size.
-pub(super) const LARGE: u64 = 200_000;
-/// Largest size of a slab in bytes: records may be 65,535 bytes long.
-const SLAB_BYTES: usize = 32 << 20;
-/// Number of points of a slab, for records of this length.
-pub(super) fn slab(length: usize) -> usize {
-    SLAB.min(SLAB_BYTES / length.max(1)).max(1)
-}
-
-/// Whether a chunk is decoded in pieces.
-pub(super) fn large(chunk: &Chunk, length: usize) -> bool {
-    chunk.points > LARGE || chunk.points > 2 * slab(length) as u64
-}
 
 /// An open LAS or LAZ file with checked header, records and chunk table.
 #[derive(Debug)]
@@ -120,52 +104,28 @@ impl Records {
     }
 
     fn for_each_chunk(&mut self, monitor: &Monitor, mut work: impl FnMut(Slab<'_>) -> Result<()>) -> Result<()> {
-        let Some(Chunks { vlr, whole, list }) = &self.chunks else { return Ok(()) };
-        let (path, how) = (&self.path, How { vlr, selection: self.selection, whole: *whole });
         let length = usize::from(self.header.record_length);
-        let (mut first, mut begin) = (0, 0);
-        while begin < list.len() {
-            let end = begin + group(&list[begin..], length);
-            let mut packed = Vec::with_capacity(end - begin);
-            for chunk in &list[begin..end] {
-                packed.push(read_at(path, &mut self.file, chunk.at, chunk.bytes as usize)?);
+        let (mut first, mut unpacker) = (0, Unpacker::default());
+        loop {
+            let decoded = self.unpack(&mut unpacker, rayon::current_num_threads(), monitor)?;
+            if decoded.is_empty() {
+                return Ok(());
             }
-            let mut pass_on = |mut bytes: Vec<u8>| {
+            for mut bytes in decoded {
                 let points = first..first + bytes.len() / length;
                 first = points.end;
-                work(Slab { points, bytes: &mut bytes })
-            };
-            if large(&list[begin], length) {
-                let mut decoder = Decoder::new(path, how, ChunkBytes { index: begin, bytes: &packed[0] })?;
-                let points = list[begin].points as usize;
-                let step = slab(length);
-                for done in (0..points).step_by(step) {
-                    monitor.check()?;
-                    let mut bytes = vec![0; step.min(points - done) * length];
-                    decoder.next(&mut bytes)?;
-                    pass_on(bytes)?;
-                }
-                decoder.end()?;
-            } else {
-                let decoded = map_ordered(end - begin, monitor, |i| {
-                    let mut bytes = vec![0; list[begin + i].points as usize * length];
-                    if !bytes.is_empty() {
-                        decode(path, how, ChunkBytes { index: begin + i, bytes: &packed[i] }, &mut bytes)?;
-                    }
-                    Ok(bytes)
-                })?;
-                decoded.into_iter().try_for_each(pass_on)?;
+                work(Slab { points, bytes: &mut bytes })?;
             }
-            begin = end;
         }
-        Ok(())
     }
-}
 
-/// Number of the next chunks that are decoded at once: one a thread, a large one alone.
-fn group(chunks: &[Chunk], length: usize) -> usize {
-    let small = chunks.iter().take(rayon::current_num_threads()).take_while(|c| !large(c, length)).count();
-    small.max(1)
+    /// The records of the next chunks, at most `most` of them; none after the last chunk or without compression.
+    fn unpack(&mut self, unpacker: &mut Unpacker, most: usize, monitor: &Monitor) -> Result<Vec<Vec<u8>>> {
+        let Some(chunks) = &self.chunks else { return Ok(Vec::new()) };
+        let (path, file, selection) = (&*self.path, &mut self.file, self.selection);
+        let length = usize::from(self.header.record_length);
+        unpacker.next(Compressed { path, file, chunks, selection, length }, most, monitor)
+    }
 }
 
 /// Records from point `first` on, each with its index in the cloud, in parallel if that is faster.

@@ -1,11 +1,10 @@
 //! Sequential and random access to records, without the whole file in memory.
 
-use super::{Records, large, slab};
+use super::Records;
 use crate::error::{Error, Result};
-use crate::io::las::chunks::Chunks;
-use crate::io::las::chunks::decoder::{ChunkBytes, Decoder, How, decode};
+use crate::io::las::chunks::unpack::Unpacker;
 use crate::io::las::header::vlr::read_at;
-use crate::parallel::{Monitor, map_ordered};
+use crate::parallel::Monitor;
 use std::collections::VecDeque;
 use std::path::Path;
 
@@ -16,13 +15,11 @@ pub(in crate::io) struct Stream {
     next: u64,
     /// First point of each chunk, and the number of points at the end; empty if not compressed.
     starts: Vec<u64>,
-    /// Chunk to decode next.
-    chunk: usize,
+    /// The chunks that were not decoded yet.
+    unpacker: Unpacker,
     /// Decoded records that have not been returned; the first is that of point `ready_from`.
     ready: VecDeque<Vec<u8>>,
     ready_from: u64,
-    /// A chunk that is too large to be decoded at once, and its number of remaining points.
-    large: Option<(Decoder<'static, Vec<u8>>, u64)>,
     /// Number of chunks decoded at once: one after a seek, more as sequential reading continues.
     ahead: usize,
 }
@@ -51,7 +48,7 @@ impl Stream {
             }
         }
         let ready = VecDeque::new();
-        Self { records, next: 0, starts, chunk: 0, ready, ready_from: 0, large: None, ahead: 1 }
+        Self { records, next: 0, starts, unpacker: Unpacker::default(), ready, ready_from: 0, ahead: 1 }
     }
 
     /// Number of points.
@@ -77,9 +74,9 @@ impl Stream {
         if self.starts.is_empty() || near {
             return self.drop_delivered();
         }
-        (self.ready, self.large, self.ahead) = (VecDeque::new(), None, 1);
-        self.chunk = self.starts.partition_point(|&s| s <= point).saturating_sub(1);
-        self.ready_from = self.starts[self.chunk];
+        let chunk = self.starts.partition_point(|&s| s <= point).saturating_sub(1);
+        (self.ready, self.unpacker, self.ahead) = (VecDeque::new(), Unpacker::from(chunk), 1);
+        self.ready_from = self.starts[chunk];
         while self.ready_end() <= point && point < self.len() {
             self.decode(monitor)?;
             self.drop_delivered()?;
@@ -134,41 +131,7 @@ impl Stream {
 
     /// Decodes more records: a piece of a large chunk, or a few small chunks in parallel.
     fn decode(&mut self, monitor: &Monitor) -> Result<()> {
-        monitor.check()?;
-        let length = self.record_length();
-        if let Some((decoder, left)) = &mut self.large {
-            let mut bytes = vec![0; (*left).min(slab(length) as u64) as usize * length];
-            decoder.next(&mut bytes)?;
-            *left -= (bytes.len() / length) as u64;
-            self.ready.push_back(bytes);
-            if *left == 0 {
-                decoder.end()?;
-                self.large = None;
-            }
-            return Ok(());
-        }
-        let Some(Chunks { vlr, whole, list }) = &self.records.chunks else { return Ok(()) };
-        let small = list[self.chunk..].iter().take(self.ahead).take_while(|c| !large(c, length)).count();
-        let how = How { vlr, selection: self.records.selection, whole: *whole };
-        let (path, first) = (&self.records.path, self.chunk);
-        let mut packed = Vec::with_capacity(small.max(1));
-        for chunk in list[first..].iter().take(small.max(1)) {
-            packed.push(read_at(path, &mut self.records.file, chunk.at, chunk.bytes as usize)?);
-        }
-        self.chunk += packed.len();
-        if small == 0 {
-            if let (Some(chunk), Some(bytes)) = (list.get(first), packed.pop()) {
-                self.large = Some((Decoder::new(path, how, ChunkBytes { index: first, bytes })?, chunk.points));
-            }
-            return Ok(());
-        }
-        let decoded = map_ordered(packed.len(), monitor, |i| {
-            let mut bytes = vec![0; list[first + i].points as usize * length];
-            if !bytes.is_empty() {
-                decode(path, how, ChunkBytes { index: first + i, bytes: &packed[i] }, &mut bytes)?;
-            }
-            Ok(bytes)
-        })?;
+        let decoded = self.records.unpack(&mut self.unpacker, self.ahead, monitor)?;
         self.ready.extend(decoded);
         Ok(())
     }
@@ -207,5 +170,30 @@ mod tests {
             }
             assert!(stream.seek(320_001, &monitor).is_err());
         }
+    }
+
+    /// Block by block, a file whose chunks are decoded in pieces gives what it gives as a whole.
+    #[test]
+    fn chunks_too_large_to_be_decoded_at_once_are_read_to_their_end() {
+        use crate::io::las::write::writer::{Front, Writer};
+        let folder = tempfile::tempdir().unwrap();
+        let (plain, path) = (folder.path().join("a.las"), folder.path().join("a.laz"));
+        let rows: Vec<[f64; 3]> = (0..450_000).map(|i| [f64::from(i % 997), f64::from(i / 997), 0.5]).collect();
+        io::write(&plain, &Cloud::from_rows(&rows).unwrap(), &WriteOptions::default()).unwrap();
+        let monitor = Monitor::default();
+        let mut records = Records::open(&plain).unwrap();
+        let front = Front {
+            header: records.header.raw.clone(),
+            vlrs: records.vlrs.clone(),
+            gap: Vec::new(),
+            chunk: Some(300_000),
+        };
+        let mut writer = Writer::create(&path, front).unwrap();
+        records.for_each(&monitor, |slab| writer.push(slab.bytes, &monitor)).unwrap();
+        writer.finish(&monitor, |_| Ok(0), |_, _| {}).unwrap();
+        let points: usize =
+            io::blocks(&path, 70_000, &Default::default()).unwrap().map(|block| block.unwrap().len()).sum();
+        assert_eq!(points, rows.len());
+        assert!(io::read(&path).unwrap().coordinates() == io::read(&plain).unwrap().coordinates());
     }
 }

@@ -3,10 +3,10 @@
 use super::front;
 use super::tail::Tail;
 use crate::error::Result;
+use crate::io::las::chunks::unpack::slab;
 use crate::io::las::read::open;
 use crate::io::las::read::sink::within;
 use crate::io::las::records::outside::Outside;
-use crate::io::las::records::slab;
 use crate::io::las::records::stream::Stream;
 use crate::io::las::records::tally::Tally;
 use crate::io::las::write::writer::Writer;

@@ -17,10 +17,11 @@ mod tests;
 use super::header::put;
 use super::records::outside::Outside;
 
+use super::chunks::unpack::SLAB;
 use super::header::vlr::laz_chunk_size;
 use super::read::{check_codes, check_values};
 use super::records::stream::Stream;
-use super::records::{Records, SLAB, par_records};
+use super::records::{Records, par_records};
 use super::write::writer::{CHUNK, Front, Writer};
 use crate::cloud::Column;
 use crate::error::{Error, Result};
