@@ -1,9 +1,9 @@
 //! All points within a radius of positions.
 
 use super::knn::Shift;
-use super::knn_rank::Rows;
-use super::knn_search::Seeker;
-use super::knn_tree::{Tree, check};
+use super::knn::rank::Rows;
+use super::knn::search::Seeker;
+use super::knn::tree::{Tree, check};
 use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::{Error, Result};

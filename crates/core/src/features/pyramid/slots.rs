@@ -1,10 +1,10 @@
 //! The columns of a table that the features of one level fill.
 
-use super::definition::{ALL, Feature, Group};
+use crate::features::definition::{ALL, Feature, Group};
 
 /// The column of each selected feature of one level.
 #[derive(Clone, Debug)]
-pub(super) struct Slots {
+pub(in crate::features) struct Slots {
     /// By key.
     columns: [Option<usize>; ALL.len()],
 }
@@ -17,18 +17,18 @@ impl Default for Slots {
 
 impl Slots {
     /// Selects a feature.
-    pub(super) fn put(&mut self, feature: Feature, column: usize) {
+    pub(in crate::features) fn put(&mut self, feature: Feature, column: usize) {
         self.columns[feature as usize] = Some(column);
     }
 
     /// The feature's column if it is selected.
     #[inline(always)]
-    pub(super) fn column(&self, feature: Feature) -> Option<usize> {
+    pub(in crate::features) fn column(&self, feature: Feature) -> Option<usize> {
         self.columns[feature as usize]
     }
 
     /// Whether a feature of the group is selected.
-    pub(super) fn any(&self, group: Group) -> bool {
+    pub(in crate::features) fn any(&self, group: Group) -> bool {
         group.definitions().any(|d| self.column(d.feature).is_some())
     }
 }

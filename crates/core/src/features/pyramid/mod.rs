@@ -1,18 +1,23 @@
 //! One level of the pyramid prepared for queries, and the 16 features of query points on it.
 
-use super::contour::{Around, Surfaces, contour_features};
+mod contour;
+pub(super) mod region;
+pub(super) mod slots;
+mod surfaces;
+
 use super::definition::{Feature, Group};
 use super::params::{Column, PyramidParams};
-use super::region::Region;
-use super::slots::Slots;
-use super::surfaces::{Packed, farthest, surfaces};
 use super::tensor::{Batch, Convention, LANES, Lane, MOST, Tensor, covariance_features, tensor};
 use crate::cloud::Points;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::voxels::{ColumnSearch, Columns, Level, Search};
+use contour::{Around, Surfaces, contour_features};
 use pulp::{Arch, Simd, WithSimd};
+use region::Region;
+use slots::Slots;
 use std::ops::Range;
+use surfaces::{Packed, farthest, surfaces};
 
 /// A level, and the region in which it is complete; `None` for everywhere.
 #[derive(Clone, Debug)]

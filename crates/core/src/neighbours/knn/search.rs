@@ -4,11 +4,11 @@
 //! follows from the last solved query p: the k nearest of p and p itself lie within r(p) + |pq| of q (triangle
 //! inequality).
 
-use super::knn_build::Bounds;
-use super::knn_lanes::{LANES, append, bits, least};
-use super::knn_list::List;
-use super::knn_rank::{Ranking, Rows};
-use super::knn_tree::{Chunk, Leaf, Tree};
+use super::build::Bounds;
+use super::lanes::{LANES, append, bits, least};
+use super::list::List;
+use super::rank::{Ranking, Rows};
+use super::tree::{Chunk, Leaf, Tree};
 use pulp::Simd;
 
 /// With more leaves than this no list is made: every query walks the tree by itself.
@@ -21,7 +21,7 @@ const IS_LEAF: u32 = 1 << 31;
 
 /// Scratch memory for the searches of one thread. Results do not depend on previous searches.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Seeker {
+pub(in crate::neighbours) struct Seeker {
     ranking: Ranking,
     stack: Vec<(f32, u32)>,
     list: List,
@@ -78,7 +78,13 @@ impl Seeker {
 
     /// Appends to `out` the `k` nearest of every position. The tree holds at least `k` points.
     #[inline(always)]
-    pub(super) fn places<S: Simd>(&mut self, simd: S, tree: &Tree, places: &[[f32; 3]], (k, out): (usize, &mut Rows)) {
+    pub(in crate::neighbours) fn places<S: Simd>(
+        &mut self,
+        simd: S,
+        tree: &Tree,
+        places: &[[f32; 3]],
+        (k, out): (usize, &mut Rows),
+    ) {
         let mut last = Known { place: [0.0; 3], radius: f32::INFINITY };
         for &at in places {
             // The triangle inequality with the last query bounds the search radius.
@@ -90,7 +96,7 @@ impl Seeker {
 
     /// Collects all points within a squared distance of a position; returns their number.
     #[inline(always)]
-    pub(super) fn collect<S: Simd>(&mut self, simd: S, tree: &Tree, at: [f32; 3], limit: f32) -> usize {
+    pub(in crate::neighbours) fn collect<S: Simd>(&mut self, simd: S, tree: &Tree, at: [f32; 3], limit: f32) -> usize {
         self.ranking.len = 0;
         if !tree.nodes.is_empty() {
             self.walk(simd, tree, at, (tree.index.len(), limit, None));
@@ -100,7 +106,7 @@ impl Seeker {
 
     /// Appends the nearest `count` of the collected points to `out`.
     #[inline(always)]
-    pub(super) fn write<S: Simd>(&mut self, simd: S, count: usize, out: &mut Rows) {
+    pub(in crate::neighbours) fn write<S: Simd>(&mut self, simd: S, count: usize, out: &mut Rows) {
         if count > 0 {
             self.ranking.write(simd, count, out);
         }

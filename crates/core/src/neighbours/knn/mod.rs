@@ -1,14 +1,21 @@
 //! The k nearest neighbours of all points, and of other positions.
 
-use super::knn_rank::Rows;
-use super::knn_search::Seeker;
-use super::knn_tree::{Tree, check};
+pub(super) mod build;
+mod lanes;
+mod list;
+pub(super) mod rank;
+pub(super) mod search;
+pub(super) mod tree;
+
 use super::nearest::Neighbours;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered_with, watched};
 use pulp::{Arch, Simd, WithSimd};
+use rank::Rows;
+use search::Seeker;
 use std::ops::Range;
+use tree::{Tree, check};
 
 /// Leaves that one task searches.
 const LEAVES: usize = 64;

@@ -1,9 +1,9 @@
 //! Features of the point itself: colour, intensity, returns.
 
-use super::definition::Feature;
-use super::params::FeatureSet;
 use crate::cloud::{Cloud, Values, names};
 use crate::error::{Error, Result};
+use crate::features::definition::Feature;
+use crate::features::params::FeatureSet;
 
 /// One feature of the points themselves, ready for reading.
 #[derive(Clone, Debug)]

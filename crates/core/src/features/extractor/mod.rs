@@ -1,15 +1,20 @@
 //! Feature extraction: the pyramid of a cloud, from which features of points are computed block by block.
 
-use super::extras::{Source, sources};
+pub(super) mod extras;
+pub(super) mod spacing;
+pub(super) mod stream;
+pub(super) mod tiles;
+
 use super::params::FeatureSet;
+use super::pyramid::region::Region;
+use super::pyramid::slots::Slots;
 use super::pyramid::{Job, Part, Stage};
-use super::region::Region;
-use super::slots::Slots;
-use super::spacing::{scale_of, spacing};
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
 use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
+use extras::{Source, sources};
+use spacing::{scale_of, spacing};
 use std::sync::Arc;
 
 pub use super::pyramid::Scratch;

@@ -1,10 +1,10 @@
 //! A k-d tree for SIMD: leaves of 16 points, nodes of up to 16 boxes.
 //!
-//! The binary nodes of [`super::knn_build`] are collapsed over several levels until a node has 16 children, as I. Wald,
+//! The binary nodes of [`super::build`] are collapsed over several levels until a node has 16 children, as I. Wald,
 //! C. Benthin and S. Boulos do for rays (*Getting rid of packets*, IEEE Symposium on Interactive Ray Tracing 2008).
 
-use super::knn_build::{Bounds, Item, Node, build};
-use super::knn_lanes::{LANES, larger};
+use super::build::{Bounds, Item, Node, build};
+use super::lanes::{LANES, larger};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
@@ -12,11 +12,11 @@ use crate::parallel::{Monitor, watched};
 /// The points of a leaf that can be neighbours, axis by axis, padded with NaN.
 #[derive(Clone, Debug)]
 pub(super) struct Chunk {
-    pub(super) x: [f32; LANES],
-    pub(super) y: [f32; LANES],
-    pub(super) z: [f32; LANES],
+    pub(in crate::neighbours) x: [f32; LANES],
+    pub(in crate::neighbours) y: [f32; LANES],
+    pub(in crate::neighbours) z: [f32; LANES],
     /// Index of each point in the input.
-    pub(super) index: [u32; LANES],
+    pub(in crate::neighbours) index: [u32; LANES],
 }
 
 /// The range of a leaf's points.
@@ -26,7 +26,7 @@ pub(super) struct Leaf {
     /// Index of its first point in the order of the tree.
     first: u32,
     /// Number of points that can be neighbours.
-    pub(super) count: u32,
+    pub(in crate::neighbours) count: u32,
 }
 
 /// Up to 16 boxes, padded with NaN.
@@ -36,15 +36,15 @@ pub(super) struct Wide {
     pub(super) high: [[f32; LANES]; 3],
     /// Child of each box: a leaf or a node.
     pub(super) child: [u32; LANES],
-    pub(super) count: usize,
+    pub(in crate::neighbours) count: usize,
     pub(super) holds_leaves: bool,
 }
 
 /// The points in the order of the leaves, and the nodes; the first node is the root.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Tree {
+pub(in crate::neighbours) struct Tree {
     /// Index of every point in the input.
-    pub(super) index: Vec<u32>,
+    pub(in crate::neighbours) index: Vec<u32>,
     pub(super) chunks: Vec<Chunk>,
     pub(super) leaves: Vec<Leaf>,
     pub(super) nodes: Vec<Wide>,
@@ -55,7 +55,7 @@ impl Tree {
     ///
     /// # Errors
     /// If a coordinate is not finite, or the work was cancelled.
-    pub(super) fn new(points: &Points, k: usize, monitor: &Monitor) -> Result<Self> {
+    pub(in crate::neighbours) fn new(points: &Points, k: usize, monitor: &Monitor) -> Result<Self> {
         check(points)?;
         let axes = points.x.iter().zip(&points.y).zip(&points.z).enumerate();
         let mut items: Vec<Item> = axes.map(|(i, ((&x, &y), &z))| Item { place: [x, y, z], index: i as u32 }).collect();
@@ -96,7 +96,7 @@ impl Chunk {
     }
 
     #[inline(always)]
-    pub(super) fn place(&self, lane: usize) -> [f32; 3] {
+    pub(in crate::neighbours) fn place(&self, lane: usize) -> [f32; 3] {
         [self.x[lane], self.y[lane], self.z[lane]]
     }
 }
@@ -183,7 +183,7 @@ impl Joining<'_> {
 }
 
 /// Checks that all axes have the same length and all coordinates are finite.
-pub(super) fn check(points: &Points) -> Result<()> {
+pub(in crate::neighbours) fn check(points: &Points) -> Result<()> {
     let lengths = [points.y.len(), points.z.len()];
     if lengths != [points.x.len(); 2] || points.len() > (u32::MAX / 2) as usize {
         return Err(Error::input(format!(

@@ -1,10 +1,10 @@
 //! Features of all points, passed on as they are computed, without a complete table in memory.
 
-use super::extractor::{Extractor, Scratch, Wanted};
-use super::params::FeatureSet;
 use super::tiles::Tiles;
+use super::{Extractor, Scratch, Wanted};
 use crate::cloud::Cloud;
 use crate::error::Result;
+use crate::features::params::FeatureSet;
 use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with};
 
@@ -134,7 +134,7 @@ mod tests {
         let mut set = FeatureSet::default();
         (set.pyramid.first_scale, set.pyramid.levels) = (Some(0.2), 4);
         let monitor = Monitor::default();
-        let table = super::super::table(&cloud, &set, &monitor).unwrap();
+        let table = crate::features::table(&cloud, &set, &monitor).unwrap();
         let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         for only in [vec![], vec!["Planarity".to_string(), table.names[5].clone()]] {
             let stream = FeatureStream::prepare(&cloud, &set, Wanted::Asked(&only), &monitor).unwrap();

@@ -1,11 +1,11 @@
 //! The first pass over a level: normal and surface variation of its points.
 
-use super::params::PyramidParams;
-use super::pyramid::{Queries, Scratch, Source, fill};
 use super::region::Region;
-use super::tensor::{Batch, Convention, LANES, MOST, covariance_features, tensor};
+use super::{Queries, Scratch, Source, fill};
 use crate::cloud::Points;
 use crate::error::Result;
+use crate::features::params::PyramidParams;
+use crate::features::tensor::{Batch, Convention, LANES, MOST, covariance_features, tensor};
 use crate::parallel::{Monitor, map_ordered};
 use crate::voxels::Level;
 use pulp::{Arch, Simd, WithSimd};
@@ -18,7 +18,7 @@ pub(super) type Packed = [u16; 4];
 
 /// First pass: normal and surface variation of every point of the level from its k nearest on the level (itself
 /// included), and which of them may differ on the complete level.
-pub(super) fn surfaces(
+pub(in crate::features) fn surfaces(
     level: &Level,
     region: Option<&Region>,
     params: &PyramidParams,

@@ -6,8 +6,8 @@
     reason = "loops over lanes index several arrays at once; iterators hide that from the vectoriser"
 )]
 
-use super::definition::Feature;
-use super::tensor::{Batch, LANES, Lane, MOST};
+use crate::features::definition::Feature;
+use crate::features::tensor::{Batch, LANES, Lane, MOST};
 use pulp::Simd;
 
 /// Surface variations below this are rounding errors of a plane in `f32` and count as 0 in Q.
@@ -35,7 +35,7 @@ impl Default for Surfaces {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Around<'a> {
     pub(super) batch: &'a Batch,
-    pub(super) surfaces: &'a Surfaces,
+    pub(in crate::features) surfaces: &'a Surfaces,
     /// Number of points in a neighbourhood: the first rows.
     pub(super) count: usize,
     /// Size of the near set of Q.

@@ -1,6 +1,6 @@
 //! Sorts the k smallest of a few distances by counting, for each, how many are smaller.
 
-use super::knn_lanes::LANES;
+use super::lanes::LANES;
 use pulp::Simd;
 
 /// Up to this many candidates are ranked by counting, more are sorted.
@@ -13,10 +13,10 @@ type Key = u64;
 
 /// Neighbour rows of points, one after the other.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Rows {
-    pub(super) index: Vec<u32>,
+pub(in crate::neighbours) struct Rows {
+    pub(in crate::neighbours) index: Vec<u32>,
     /// Bit patterns of the squared distances.
-    pub(super) squared: Vec<u32>,
+    pub(in crate::neighbours) squared: Vec<u32>,
 }
 
 impl Rows {
@@ -29,9 +29,9 @@ impl Rows {
 #[derive(Clone, Debug)]
 pub(super) struct Ranking {
     /// Bit patterns of the squared distances; the first `len` are in use.
-    pub(super) squared: Vec<u32>,
-    pub(super) index: Vec<u32>,
-    pub(super) len: usize,
+    pub(in crate::neighbours) squared: Vec<u32>,
+    pub(in crate::neighbours) index: Vec<u32>,
+    pub(in crate::neighbours) len: usize,
     rank: [u32; RANKED],
     ranked: [[u32; RANKED]; 2],
     keys: Vec<Key>,
@@ -47,7 +47,7 @@ impl Default for Ranking {
 impl Ranking {
     /// Appends the `k` nearest, ascending by (distance, index), to the rows. There are at least `k`, and `k` is above 0.
     #[inline(always)]
-    pub(super) fn write<S: Simd>(&mut self, simd: S, k: usize, out: &mut Rows) {
+    pub(in crate::neighbours) fn write<S: Simd>(&mut self, simd: S, k: usize, out: &mut Rows) {
         if self.len <= RANKED {
             self.count::<S, false>(simd);
             if !self.place(k) {

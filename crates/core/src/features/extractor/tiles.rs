@@ -5,11 +5,11 @@
 //! outside the margin is reported and computed again with a wider one. The features are therefore the same bytes as
 //! those of [`Extractor::prepare`].
 
-use super::extractor::{Extractor, Plan, Wanted};
-use super::params::FeatureSet;
-use super::region::Region;
+use super::{Extractor, Plan, Wanted};
 use crate::cloud::{Cloud, Points};
 use crate::error::Result;
+use crate::features::params::FeatureSet;
+use crate::features::pyramid::region::Region;
 use crate::parallel::{Monitor, map_watched};
 use crate::voxels::{Grid, build_levels, coarse_levels};
 use std::ops::Range;
@@ -30,7 +30,7 @@ pub struct Tiles<'a> {
     grid: Grid,
     points: Points,
     fine: usize,
-    coarse: Vec<Arc<super::pyramid::Stage>>,
+    coarse: Vec<Arc<crate::features::pyramid::Stage>>,
     parts: Vec<Range<usize>>,
 }
 
@@ -169,7 +169,7 @@ mod tests {
         let whole = Extractor::prepare(&cloud, &set, (Wanted::All, None), &monitor).unwrap();
         let width = whole.names().len();
         let mut wanted = vec![0.0f32; cloud.len() * width];
-        let (mut scratch, mut block) = (super::super::Scratch::default(), Vec::new());
+        let (mut scratch, mut block) = (crate::features::Scratch::default(), Vec::new());
         for b in 0..whole.blocks() {
             let points = whole.block(b, &mut scratch, &mut block).to_vec();
             assert!(scratch.loose().is_empty());

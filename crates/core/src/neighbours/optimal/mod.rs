@@ -1,15 +1,18 @@
 //! The optimal neighbourhood of a point: the number of neighbours with the lowest eigenentropy.
 
+mod lanes;
+pub(super) mod params;
+
+use super::knn::tree::Tree;
 use super::knn::{Block, blocks};
-use super::knn_tree::Tree;
 use super::nearest::Neighbours;
-use super::optimal_lanes::{Chosen, LANES, Lane, choose};
-use super::optimal_params::OptimalParams;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::linalg::Eigen3;
 use crate::linalg::jacobi::jacobi;
 use crate::parallel::{Monitor, map_ordered_with};
+use lanes::{Chosen, LANES, Lane, choose};
+use params::OptimalParams;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Points of a block, if neighbours are given.

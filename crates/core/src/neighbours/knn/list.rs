@@ -1,8 +1,8 @@
 //! The leaves of a k-d tree that may hold neighbours of the queries of one leaf.
 
-use super::knn_build::Bounds;
-use super::knn_lanes::{LANES, append, bits};
-use super::knn_tree::{Tree, Wide, gaps};
+use super::build::Bounds;
+use super::lanes::{LANES, append, bits};
+use super::tree::{Tree, Wide, gaps};
 use pulp::{Simd, bytemuck};
 
 /// Leaves that may hold neighbours of a leaf's queries, and their bounding boxes axis by axis.
@@ -63,7 +63,13 @@ impl List {
 
     /// Writes which of the leaves lie within the limit of a position; returns their number.
     #[inline(always)]
-    pub(super) fn within<S: Simd>(&self, simd: S, at: [f32; 3], limit: f32, found: &mut Vec<u32>) -> usize {
+    pub(in crate::neighbours) fn within<S: Simd>(
+        &self,
+        simd: S,
+        at: [f32; 3],
+        limit: f32,
+        found: &mut Vec<u32>,
+    ) -> usize {
         let place = Bounds { low: at, high: at };
         let [x, y, z, u, v, w] = &self.corners;
         let [x, y, z, u, v, w] = [groups(x), groups(y), groups(z), groups(u), groups(v), groups(w)];

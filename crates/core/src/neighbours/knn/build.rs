@@ -4,7 +4,7 @@
 //! at the median along the longest edge of their bounding box, by (coordinate, index), so that equal coordinates are no
 //! problem. Of many coincident points only the first few are kept: no other can be among the k nearest of any point.
 
-use super::knn_lanes::LANES;
+use super::lanes::LANES;
 use crate::parallel::Monitor;
 
 /// Subtrees of fewer points are built by a single thread.

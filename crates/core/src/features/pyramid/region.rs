@@ -7,7 +7,7 @@ use crate::voxels::Grid;
 
 /// A box of voxels of some level, unlimited in height; where it reaches the border of the cloud, it is unlimited too.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Region {
+pub(in crate::features) struct Region {
     low: [f64; 3],
     high: [f64; 3],
     /// Largest rounding error of a coordinate in `f32`.
@@ -21,7 +21,7 @@ impl Region {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn around(
+    pub(in crate::features) fn around(
         (points, grid): (&Points, &Grid),
         positions: &[u32],
         (level, margin): (usize, u32),
