@@ -3,16 +3,16 @@
 //! Y. Boykov, O. Veksler, R. Zabih, *Fast approximate energy minimization via graph cuts*, IEEE PAMI 23(11), 2001. For
 //! Potts distances and costs of 0 or more the energy is at most twice the minimum; with two labels it is the minimum.
 //!
-//! Persistency (Kovtun 2003) fixes the labels of many nodes before the search (`persistency.rs`, `reduced_problem.rs`);
-//! a simple form of it reduces each expansion move (`binary_move.rs`). What remains of a move is cut component by
+//! Persistency (Kovtun 2003) fixes the labels of many nodes before the search (`persistency/`);
+//! a simple form of it reduces each expansion move (`moves/binary_move.rs`). What remains of a move is cut component by
 //! component, in parallel, and only where labels have changed since the last move to α. The results of two initial
-//! labellings are fused region by region (`fusion.rs`). Label costs use auxiliary nodes (`label_costs.rs`).
+//! labellings are fused region by region (`moves/fusion.rs`). Label costs use auxiliary nodes (`moves/label_costs.rs`).
 
-use super::binary_move::State;
 use super::energy::Problem;
-use super::label_costs;
-use super::move_making::{MoveMaking, Moves, Outcome};
-use super::reduced_problem::ReducedProblem;
+use super::moves::binary_move::State;
+use super::moves::label_costs;
+use super::moves::move_making::{MoveMaking, Moves, Outcome};
+use super::persistency::reduced_problem::ReducedProblem;
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
 use crate::graph::Graph;

@@ -11,17 +11,12 @@
 //! [`alpha_expansion`] gives the lowest energies and is the default. [`alpha_beta_swap`] accepts distances that are not
 //! a metric; [`iterated_conditional_modes`] and [`local_smoothing`] are simpler, and their labellings are worse.
 
-mod binary_move;
-mod cuts;
 mod energy;
 mod expansion;
-mod fusion;
 mod icm;
-mod label_costs;
 mod local;
-mod move_making;
+mod moves;
 mod persistency;
-mod reduced_problem;
 mod swap;
 
 #[cfg(test)]

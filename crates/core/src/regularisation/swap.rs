@@ -5,9 +5,9 @@
 //! Distances of labels need not be a metric; in return there is no bound on the energy, and the work grows with the
 //! square of the number of labels.
 
-use super::binary_move::State;
 use super::energy::Problem;
-use super::move_making::{MoveMaking, Moves, Outcome};
+use super::moves::binary_move::State;
+use super::moves::move_making::{MoveMaking, Moves, Outcome};
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
 use crate::graph::Graph;

@@ -9,15 +9,15 @@
 //! neighbours, so that one settled node can settle the next. Most nodes of a point cloud are settled in this way, and
 //! the open ones form small components.
 
-use super::Energy;
-use super::energy::Problem;
 use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::{Looks, Monitor, watched};
+use crate::regularisation::Energy;
+use crate::regularisation::energy::Problem;
 
 /// Decision of a node in a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum State {
+pub(in crate::regularisation) enum State {
     Open,
     /// Keeps its label.
     Stays,
@@ -27,21 +27,21 @@ pub(super) enum State {
 
 /// A binary move; its buffers are reused from label to label.
 #[derive(Clone, Debug, Default)]
-pub(super) struct BinaryMove {
-    pub(super) theta: Vec<f64>,
+pub(in crate::regularisation) struct BinaryMove {
+    pub(in crate::regularisation) theta: Vec<f64>,
     /// Sum of c over the edges to open neighbours.
-    pub(super) slack: Vec<f64>,
-    pub(super) state: Vec<State>,
+    pub(in crate::regularisation) slack: Vec<f64>,
+    pub(in crate::regularisation) state: Vec<State>,
     /// c of each edge.
-    pub(super) coupling: Vec<f64>,
+    pub(in crate::regularisation) coupling: Vec<f64>,
     /// Whether the decision of a node may differ from that in the last move to the same label: the node or a neighbour
     /// has changed, or it was affected by a settled node that is fresh.
-    pub(super) fresh: Vec<bool>,
+    pub(in crate::regularisation) fresh: Vec<bool>,
     settled: Vec<u32>,
     /// Choice between equal cuts: if true, nodes take the label.
-    pub(super) eager: bool,
+    pub(in crate::regularisation) eager: bool,
     /// Number of the first auxiliary node (label costs).
-    pub(super) first_auxiliary: usize,
+    pub(in crate::regularisation) first_auxiliary: usize,
 }
 
 impl BinaryMove {
@@ -49,7 +49,12 @@ impl BinaryMove {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn set_expansion(&mut self, problem: &Problem<'_>, labels: &[u16], alpha: u16) -> Result<()> {
+    pub(in crate::regularisation) fn set_expansion(
+        &mut self,
+        problem: &Problem<'_>,
+        labels: &[u16],
+        alpha: u16,
+    ) -> Result<()> {
         self.set_nodes(problem, labels, alpha)?;
         self.set_edges(problem, labels, alpha)?;
         if problem.adjacency.offsets.len() > labels.len() + 1 {
@@ -64,7 +69,12 @@ impl BinaryMove {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn set_swap(&mut self, problem: &Problem<'_>, labels: &[u16], [alpha, beta]: [u16; 2]) -> Result<()> {
+    pub(in crate::regularisation) fn set_swap(
+        &mut self,
+        problem: &Problem<'_>,
+        labels: &[u16],
+        [alpha, beta]: [u16; 2],
+    ) -> Result<()> {
         let (energy, monitor) = (&problem.energy, problem.monitor);
         let mut looks = Looks::at(monitor);
         let inside = |node: usize| labels[node] == alpha || labels[node] == beta;
@@ -97,11 +107,11 @@ impl BinaryMove {
     }
 
     /// Nodes in this state; after the reduction the settled ones.
-    pub(super) fn settled(&self, state: State) -> impl Iterator<Item = u32> + '_ {
+    pub(in crate::regularisation) fn settled(&self, state: State) -> impl Iterator<Item = u32> + '_ {
         self.state.iter().enumerate().filter(move |(_, s)| **s == state).map(|(node, _)| node as u32)
     }
 
-    pub(super) fn reduce(&mut self, adjacency: &Adjacency, monitor: &Monitor) -> Result<()> {
+    pub(in crate::regularisation) fn reduce(&mut self, adjacency: &Adjacency, monitor: &Monitor) -> Result<()> {
         let mut looks = Looks::at(monitor);
         self.settled.clear();
         for node in 0..self.state.len() {
@@ -128,7 +138,7 @@ impl BinaryMove {
         Ok(())
     }
 
-    pub(super) fn clear_edges(&mut self, energy: &Energy<'_>, nodes: usize) {
+    pub(in crate::regularisation) fn clear_edges(&mut self, energy: &Energy<'_>, nodes: usize) {
         self.slack.clear();
         self.slack.resize(nodes, 0.0);
         self.coupling.clear();

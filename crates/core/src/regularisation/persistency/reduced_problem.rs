@@ -3,16 +3,16 @@
 //! The edges to fixed nodes become unary costs of their neighbours. With these more labels are persistent, and so on.
 //! K. Alahari, P. Kohli, P. H. S. Torr, *Reduce, reuse and recycle: efficiently solving multi-label MRFs*, CVPR 2008.
 
-use super::energy::Problem;
-use super::persistency::PartialLabelling;
-use super::{Energy, Pairwise};
+use super::PartialLabelling;
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::{Looks, Monitor, watched};
+use crate::regularisation::energy::Problem;
+use crate::regularisation::{Energy, Pairwise};
 
 /// The remaining nodes as a problem of their own, and the labels of the fixed ones.
 #[derive(Debug)]
-pub(super) struct ReducedProblem {
+pub(in crate::regularisation) struct ReducedProblem {
     /// The remaining nodes, in the numbering of the whole problem.
     nodes: Vec<u32>,
     /// Fixed labels of the whole problem; 0 for the remaining nodes.
@@ -27,7 +27,7 @@ pub(super) struct ReducedProblem {
 impl ReducedProblem {
     /// The reduced problem after as many rounds as pay; `None` for problems without Potts distances, to which the theory does
     /// not apply.
-    pub(super) fn of(problem: &Problem<'_>) -> Result<Option<Self>> {
+    pub(in crate::regularisation) fn of(problem: &Problem<'_>) -> Result<Option<Self>> {
         let (energy, monitor) = (&problem.energy, problem.monitor);
         let potts = *energy.pairwise == Pairwise::Potts && energy.label_costs.iter().all(|cost| *cost == 0.0);
         if !potts || energy.labels < 2 {
@@ -47,20 +47,20 @@ impl ReducedProblem {
     }
 
     /// The remaining nodes as a problem of their own.
-    pub(super) fn energy(&self) -> Energy<'_> {
+    pub(in crate::regularisation) fn energy(&self) -> Energy<'_> {
         let (graph, strength) = (&self.graph, self.strength);
         Energy { unary: &self.unary, labels: self.count, graph, strength, pairwise: &Pairwise::Potts, label_costs: &[] }
     }
 
     /// Labels of the whole problem from those of the remaining nodes.
-    pub(super) fn whole(&self, open: &[u16]) -> Vec<u16> {
+    pub(in crate::regularisation) fn whole(&self, open: &[u16]) -> Vec<u16> {
         let mut labels = self.labels.clone();
         self.nodes.iter().zip(open).for_each(|(&node, &label)| labels[node as usize] = label);
         labels
     }
 
     /// Labels of the remaining nodes from those of the whole problem.
-    pub(super) fn part_of(&self, whole: &[u16]) -> Vec<u16> {
+    pub(in crate::regularisation) fn part_of(&self, whole: &[u16]) -> Vec<u16> {
         self.nodes.iter().map(|&node| whole[node as usize]).collect()
     }
 

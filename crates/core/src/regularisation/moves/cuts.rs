@@ -1,14 +1,14 @@
 //! Solves the open part of a move: one minimum cut for each connected component of open nodes.
 
 use super::binary_move::{BinaryMove, State};
-use super::energy::Problem;
 use crate::error::Result;
 use crate::graph::MaxFlow;
 use crate::parallel::{Looks, map_ordered_with};
+use crate::regularisation::energy::Problem;
 
 /// Connected components of open nodes, in the order of their smallest node.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Components {
+pub(in crate::regularisation) struct Components {
     nodes: Vec<u32>,
     starts: Vec<usize>,
     /// Position of each open node within its component.
@@ -20,7 +20,7 @@ impl Components {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn collect(&mut self, binary: &BinaryMove, problem: &Problem<'_>) -> Result<()> {
+    pub(in crate::regularisation) fn collect(&mut self, binary: &BinaryMove, problem: &Problem<'_>) -> Result<()> {
         let mut looks = Looks::at(problem.monitor);
         const UNSEEN: u32 = u32::MAX;
         self.position.clear();
@@ -55,7 +55,7 @@ impl Components {
     }
 
     /// All nodes of all components.
-    pub(super) fn nodes(&self) -> &[u32] {
+    pub(in crate::regularisation) fn nodes(&self) -> &[u32] {
         &self.nodes
     }
 
@@ -65,7 +65,11 @@ impl Components {
     }
 
     /// The nodes of all components that take the label in the minimum cut of their component.
-    pub(super) fn minimum_cuts(&self, binary: &BinaryMove, problem: &Problem<'_>) -> Result<Vec<u32>> {
+    pub(in crate::regularisation) fn minimum_cuts(
+        &self,
+        binary: &BinaryMove,
+        problem: &Problem<'_>,
+    ) -> Result<Vec<u32>> {
         /// Components that one task solves.
         const BATCH: usize = 64;
         let work = |network: &mut MaxFlow, task: usize| {

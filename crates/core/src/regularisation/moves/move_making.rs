@@ -1,16 +1,16 @@
 //! Move-making search: a labelling, the moves that are tried on it, and for each node the last move that changed it or a
 //! neighbour.
 
-use super::Labelling;
 use super::binary_move::BinaryMove;
 use super::cuts::Components;
-use super::energy::Problem;
 use crate::error::Result;
 use crate::parallel::Looks;
+use crate::regularisation::Labelling;
+use crate::regularisation::energy::Problem;
 
 /// Result of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outcome {
+pub(in crate::regularisation) enum Outcome {
     /// No node wants to change.
     Nothing,
     /// The changes together do not lower the energy.
@@ -20,7 +20,7 @@ pub(super) enum Outcome {
 
 /// A set of moves (expansions or swaps) that a search repeats.
 #[derive(Clone, Debug)]
-pub(super) struct Moves {
+pub(in crate::regularisation) struct Moves {
     /// For each move the number of its last attempt that was not refused; 0 if there was none.
     attempted: Vec<u32>,
     /// Largest number of rounds over all moves.
@@ -28,7 +28,7 @@ pub(super) struct Moves {
 }
 
 impl Moves {
-    pub(super) fn new(count: usize, rounds: usize) -> Self {
+    pub(in crate::regularisation) fn new(count: usize, rounds: usize) -> Self {
         Self { attempted: vec![0; count], rounds }
     }
 }
@@ -37,11 +37,11 @@ impl Moves {
 pub(super) type Attempt<'o, 'a> = dyn FnMut(&mut MoveMaking<'a>, usize, u32) -> Result<Outcome> + 'o;
 
 /// A labelling during the search, with the buffers of the moves.
-pub(super) struct MoveMaking<'a> {
-    pub(super) problem: Problem<'a>,
-    pub(super) labels: Vec<u16>,
-    pub(super) binary: BinaryMove,
-    pub(super) components: Components,
+pub(in crate::regularisation) struct MoveMaking<'a> {
+    pub(in crate::regularisation) problem: Problem<'a>,
+    pub(in crate::regularisation) labels: Vec<u16>,
+    pub(in crate::regularisation) binary: BinaryMove,
+    pub(in crate::regularisation) components: Components,
     /// Number of nodes with each label.
     users: Vec<usize>,
     /// Number of moves so far, and that number when each node or a neighbour of it last changed.
@@ -56,7 +56,7 @@ impl<'a> MoveMaking<'a> {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn new(problem: Problem<'a>, initial: Vec<u16>) -> Result<Self> {
+    pub(in crate::regularisation) fn new(problem: Problem<'a>, initial: Vec<u16>) -> Result<Self> {
         Ok(Self {
             users: problem.energy.users(&initial),
             changed: vec![0; initial.len()],
@@ -69,7 +69,7 @@ impl<'a> MoveMaking<'a> {
         })
     }
 
-    pub(super) fn into_labelling(self, converged: bool) -> Labelling {
+    pub(in crate::regularisation) fn into_labelling(self, converged: bool) -> Labelling {
         let energy = self.trace.last().copied().unwrap_or_default();
         Labelling { labels: self.labels, energy, trace: self.trace, converged }
     }
@@ -87,7 +87,11 @@ impl<'a> MoveMaking<'a> {
     }
 
     /// Repeats all moves in turn until each had no effect once (true) or the largest number of rounds is reached.
-    pub(super) fn in_turn(&mut self, moves: &mut Moves, attempt: &mut Attempt<'_, 'a>) -> Result<bool> {
+    pub(in crate::regularisation) fn in_turn(
+        &mut self,
+        moves: &mut Moves,
+        attempt: &mut Attempt<'_, 'a>,
+    ) -> Result<bool> {
         let count = moves.attempted.len();
         self.problem.monitor.stage("labels", moves.rounds.saturating_mul(count) as u64);
         let mut idle = 0;
@@ -108,7 +112,11 @@ impl<'a> MoveMaking<'a> {
 
     /// Repeats moves in the adaptive order of gco: those that had an effect again, the others only when these are
     /// exhausted.
-    pub(super) fn focused(&mut self, moves: &mut Moves, attempt: &mut Attempt<'_, 'a>) -> Result<bool> {
+    pub(in crate::regularisation) fn focused(
+        &mut self,
+        moves: &mut Moves,
+        attempt: &mut Attempt<'_, 'a>,
+    ) -> Result<bool> {
         let mut order: Vec<usize> = (0..moves.attempted.len()).collect();
         self.problem.monitor.stage("labels", moves.rounds.saturating_mul(order.len()) as u64);
         // Nested sets of moves, each a prefix of the one before; the innermost is worked through from `first`.
@@ -151,18 +159,18 @@ impl<'a> MoveMaking<'a> {
     }
 
     /// Marks for the next move which nodes, or neighbours of them, changed after attempt `since`.
-    pub(super) fn refresh(&mut self, since: u32) {
+    pub(in crate::regularisation) fn refresh(&mut self, since: u32) {
         self.binary.fresh.clear();
         self.binary.fresh.extend(self.changed.iter().map(|changed| since == 0 || *changed > since));
     }
 
     /// Whether any node has `label`.
-    pub(super) fn is_used(&self, label: u16) -> bool {
+    pub(in crate::regularisation) fn is_used(&self, label: u16) -> bool {
         self.users[usize::from(label)] > 0
     }
 
     /// Changes labels if that lowers the energy; the check prevents endless loops by rounding.
-    pub(super) fn apply(&mut self, moves: &[(u32, u16)]) -> Result<Outcome> {
+    pub(in crate::regularisation) fn apply(&mut self, moves: &[(u32, u16)]) -> Result<Outcome> {
         if moves.is_empty() {
             return Ok(Outcome::Nothing);
         }

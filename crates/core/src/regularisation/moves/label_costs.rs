@@ -6,12 +6,12 @@
 //! edges of weight h/2 from the auxiliary node to the nodes of k. The cost of α itself, if no node has it yet, does not
 //! depend on which nodes move: the move is accepted only if it saves more than that.
 
-use super::Energy;
 use super::binary_move::{BinaryMove, State};
 use super::move_making::MoveMaking;
 use crate::error::Result;
 use crate::graph::Adjacency;
 use crate::parallel::Looks;
+use crate::regularisation::Energy;
 
 /// The auxiliary node of `label`, if the label may disappear; auxiliary nodes are numbered after those of the graph.
 fn auxiliary_node(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
@@ -23,7 +23,7 @@ fn auxiliary_node(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> 
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn adjacency(search: &MoveMaking<'_>, alpha: u16) -> Result<Option<Adjacency>> {
+pub(in crate::regularisation) fn adjacency(search: &MoveMaking<'_>, alpha: u16) -> Result<Option<Adjacency>> {
     let problem = &search.problem;
     let energy = &problem.energy;
     if energy.label_costs.iter().all(|cost| *cost == 0.0) {

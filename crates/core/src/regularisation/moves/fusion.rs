@@ -10,7 +10,7 @@ use crate::parallel::Looks;
 
 impl MoveMaking<'_> {
     /// Fuses another labelling into this one, region by region; true if that lowers the energy.
-    pub(super) fn fuse(&mut self, other: &[u16]) -> Result<bool> {
+    pub(in crate::regularisation) fn fuse(&mut self, other: &[u16]) -> Result<bool> {
         self.begin_move();
         let moves = fusion_move(self, other)?;
         let moved = self.apply(&moves)? == Outcome::Moved;

@@ -5,9 +5,11 @@
 //! the minimum cut with the smallest source side of this two-label problem have α in every labelling of least energy,
 //! and changing them to α never raises the energy of a labelling.
 
-use super::binary_move::{BinaryMove, State};
-use super::cuts::Components;
+pub(super) mod reduced_problem;
+
 use super::energy::Problem;
+use super::moves::binary_move::{BinaryMove, State};
+use super::moves::cuts::Components;
 use crate::error::Result;
 use crate::parallel::{Looks, watched};
 
