@@ -17,7 +17,7 @@
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nabo::{KDTree, NotNan, Point};
 use rayon::prelude::*;
-use scansion_core::cloud::Points;
+use scansion_core::cloud::{Points, Positions};
 use scansion_core::io::{self, Columns, ReadOptions};
 use scansion_core::neighbours::{Neighbours, knn, within};
 use scansion_core::parallel::Monitor;
@@ -130,7 +130,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// Prints times and ratios of ours and of the peers.
-fn compare(points: &Points, places: &[[f32; 3]], peers: &[&str], k: usize, runs: usize) -> Outcome<()> {
+fn compare(points: &Positions, places: &[[f32; 3]], peers: &[&str], k: usize, runs: usize) -> Outcome<()> {
     let mut times: Vec<Vec<Seconds>> = vec![Vec::new(); peers.len() + 1];
     for _ in 0..runs {
         times[0].push(timed(|| Ok(knn(points, k, &Monitor::default())?))?);
@@ -159,7 +159,7 @@ fn compare(points: &Points, places: &[[f32; 3]], peers: &[&str], k: usize, runs:
 }
 
 /// Prints times and ratio of a radius search around all points.
-fn compare_radius(points: &Points, places: &[[f32; 3]], radius: f64, runs: usize) -> Outcome<()> {
+fn compare_radius(points: &Positions, places: &[[f32; 3]], radius: f64, runs: usize) -> Outcome<()> {
     let limit = (radius * radius) as f32;
     let (mut ours, mut theirs, mut found) = (Vec::new(), Vec::new(), [0, 0]);
     for _ in 0..runs {
@@ -216,7 +216,7 @@ impl Differences {
 }
 
 /// Prints in how many rows the peers differ; their rows are compared one by one and not kept.
-fn differences(points: &Points, places: &[[f32; 3]], peers: &[&str], k: usize) -> Outcome<()> {
+fn differences(points: &Positions, places: &[[f32; 3]], peers: &[&str], k: usize) -> Outcome<()> {
     let near = knn(points, k, &Monitor::default())?;
     for peer in peers {
         let tree = Tree::build(peer, places)?;
@@ -229,11 +229,9 @@ fn differences(points: &Points, places: &[[f32; 3]], peers: &[&str], k: usize) -
 }
 
 /// The first points of a cloud; all if `count` is 0.
-fn first(all: &Points, count: usize) -> Points {
+fn first(all: &Positions, count: usize) -> Positions {
     let count = if count == 0 { all.len() } else { count.min(all.len()) };
-    let axis = |values: &[f32]| values[..count].to_vec();
-    let index = all.index[..count].to_vec();
-    Points { x: axis(&all.x), y: axis(&all.y), z: axis(&all.z), index, origin: all.origin }
+    all.iter().take(count).collect()
 }
 
 fn numbers(name: &str, other: &str) -> Outcome<Vec<usize>> {
@@ -244,13 +242,13 @@ fn numbers(name: &str, other: &str) -> Outcome<Vec<usize>> {
 fn main() -> Outcome<()> {
     let file = std::env::args().nth(1).ok_or("a file of points")?;
     let options = ReadOptions { columns: Columns::Only(Vec::new()), ..ReadOptions::default() };
-    let all = Points::from_cloud(&io::read_with(Path::new(&file), &options)?, 1.0);
+    let all = Points::from_cloud(&io::read_with(Path::new(&file), &options)?, 1.0).positions;
     let peers = std::env::var("SCANSION_PEERS").unwrap_or_else(|_| "kiddo,nabo".into());
     let peers: Vec<&str> = peers.split(',').collect();
     let (runs, ks) = (scansion_benches::number("SCANSION_RUNS", 3), numbers("SCANSION_K", "10,45")?);
     for count in numbers("SCANSION_POINTS", "1000000,0")? {
         let points = first(&all, count);
-        let places: Vec<[f32; 3]> = (0..points.len()).map(|i| [points.x[i], points.y[i], points.z[i]]).collect();
+        let places: Vec<[f32; 3]> = points.iter().collect();
         for radius in std::env::var("SCANSION_RADII").unwrap_or_else(|_| "1".into()).split(',') {
             compare_radius(&points, &places, radius.parse()?, runs)?;
         }

@@ -57,8 +57,8 @@ impl Scene {
         let start = Instant::now();
         let points = Points::from_cloud(&cloud, metres);
         let monitor = Monitor::default();
-        let near = knn(&points, 10, &monitor)?;
-        let mut found = normals(&points, &near, &monitor)?;
+        let near = knn(&points.positions, 10, &monitor)?;
+        let mut found = normals(&points.positions, &near, &monitor)?;
         let described = start.elapsed().as_secs_f64();
         Orientation::Up.orient(&points, &near, &mut found.directions, &monitor)?;
         let (colours, truth) = (colours(&cloud, &points), truth(&cloud, &points));
@@ -82,12 +82,12 @@ impl Scene {
 
     fn slic(&self, connected: bool) -> Result<Supervoxels> {
         let params = SlicParams { size: self.size, connected, ..SlicParams::default() };
-        slic(&self.points, &self.attributes(), &params, &Monitor::default())
+        slic(&self.points.positions, &self.attributes(), &params, &Monitor::default())
     }
 
     fn vccs(&self, refinements: usize) -> Result<Supervoxels> {
         let params = VccsParams { size: self.size, voxel: self.voxel, refinements, ..VccsParams::default() };
-        vccs(&self.points, &self.attributes(), &params, &Monitor::default())
+        vccs(&self.points.positions, &self.attributes(), &params, &Monitor::default())
     }
 
     /// SLIC, or what `SCANSION_MODE` asks for.
@@ -106,7 +106,7 @@ impl Scene {
     fn error(&self, partition: &Partition, empty: EmptyCells) -> Result<scansion_core::evaluation::SegmentationError> {
         let params = SegmentationErrorParams { cell: self.cell, empty };
         segmentation_error(
-            LabelledPartition { points: &self.points, partition, truth: &self.truth },
+            LabelledPartition { points: &self.points.positions, partition, truth: &self.truth },
             &params,
             &Monitor::default(),
         )
@@ -119,11 +119,11 @@ fn middle(points: &Points, most: usize) -> Vec<u32> {
         let (low, high) = axis.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
         (low + high) / 2.0
     };
-    let (x, y) = (centre(&points.x), centre(&points.y));
-    let far = |i: usize| (points.x[i] - x).abs().max((points.y[i] - y).abs());
+    let (x, y) = (centre(&points.positions.x), centre(&points.positions.y));
+    let far = |i: usize| (points.positions.x[i] - x).abs().max((points.positions.y[i] - y).abs());
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| far(a).total_cmp(&far(b)));
-    let mut kept: Vec<u32> = order.iter().take(most).map(|&i| points.index[i]).collect();
+    let mut kept: Vec<u32> = order.iter().take(most).map(|&i| points.frame.index[i]).collect();
     kept.sort_unstable();
     kept
 }
@@ -133,7 +133,7 @@ fn colours(cloud: &Cloud, points: &Points) -> Option<Vec<[f32; 3]>> {
     let [Some(r), Some(g), Some(b)] = channels else { return None };
     let most = [&r, &g, &b].into_iter().flatten().fold(0.0f32, |m, &v| m.max(v));
     let full = if most < 256.0 { 255.0 } else { 65535.0 };
-    Some(points.index.iter().map(|&i| [&r, &g, &b].map(|c| c[i as usize] / full)).collect())
+    Some(points.frame.index.iter().map(|&i| [&r, &g, &b].map(|c| c[i as usize] / full)).collect())
 }
 
 fn truth(cloud: &Cloud, points: &Points) -> Vec<Option<u8>> {
@@ -148,7 +148,7 @@ fn truth(cloud: &Cloud, points: &Points) -> Vec<Option<u8>> {
     let codes = cloud.column("Classification").map(|c| c.values.to_f32());
     let map = |code: u8| mapped.iter().find(|m| m.0 == code).map_or(code, |m| m.1);
     let code = |i: &u32| codes.as_ref().map(|c| map(c[*i as usize] as u8)).filter(|c| !ignored.contains(c));
-    points.index.iter().map(code).collect()
+    points.frame.index.iter().map(code).collect()
 }
 
 fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
@@ -350,7 +350,7 @@ fn segments(scene: &mut Scene) -> Outcome {
     ] {
         println!("{name}: {}", partition.len());
         let mut column = vec![0; scene.cloud.len()];
-        scene.points.index.iter().zip(partition.segments()).for_each(|(&i, &s)| column[i as usize] = s);
+        scene.points.frame.index.iter().zip(partition.segments()).for_each(|(&i, &s)| column[i as usize] = s);
         scene.cloud.set_column(Column::new("ClusterID", Values::U32(column)))?;
         io::write(Path::new(name), &scene.cloud, &io::WriteOptions::default())?;
     }
@@ -360,7 +360,7 @@ fn segments(scene: &mut Scene) -> Outcome {
 fn dump(scene: &Scene) -> Outcome {
     let mut bytes = Vec::new();
     for i in 0..scene.points.len() {
-        let place = [scene.points.x[i], scene.points.y[i], scene.points.z[i]];
+        let place = scene.points.positions.xyz(i);
         let colour = scene.colours.as_ref().map_or([0.0; 3], |c| c[i]);
         let row = [place, scene.normals[i], colour];
         bytes.extend(row.as_flattened().iter().flat_map(|v| v.to_le_bytes()));

@@ -7,7 +7,7 @@
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
 use scansion_core::Cloud;
-use scansion_core::cloud::Points;
+use scansion_core::cloud::{Points, Positions};
 use scansion_core::features::optimal_features;
 use scansion_core::neighbours::{Neighbours, OptimalParams, knn, optimal};
 use scansion_core::parallel::Monitor;
@@ -16,7 +16,7 @@ use std::time::Instant;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let bytes = std::fs::read(std::env::var("SCANSION_XYZ").map_err(|_| "SCANSION_XYZ is not set")?)?;
     let values: Vec<f64> = bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
-    let points = Points::from_cloud(&Cloud::from_rows(values.as_chunks::<3>().0)?, 1.0);
+    let points = Points::from_cloud(&Cloud::from_rows(values.as_chunks::<3>().0)?, 1.0).positions;
     let wanted = std::env::var("SCANSION_K").unwrap_or_else(|_| "10,100".to_owned());
     let wanted: Vec<usize> = wanted.split(',').map(str::parse).collect::<Result<_, _>>()?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
@@ -36,11 +36,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn rate(points: &Points, start: Instant) -> f64 {
+fn rate(points: &Positions, start: Instant) -> f64 {
     points.len() as f64 / start.elapsed().as_secs_f64()
 }
 
-fn search(points: &Points, k: usize) -> scansion_core::Result<Neighbours> {
+fn search(points: &Positions, k: usize) -> scansion_core::Result<Neighbours> {
     let start = Instant::now();
     let near = knn(points, k, &Monitor::default())?;
     let sum = near.indices().iter().fold(0u64, |s, &v| s.rotate_left(5) ^ u64::from(v));
@@ -48,7 +48,7 @@ fn search(points: &Points, k: usize) -> scansion_core::Result<Neighbours> {
     Ok(near)
 }
 
-fn describe(points: &Points, near: &Neighbours, k: usize) -> scansion_core::Result<Vec<f32>> {
+fn describe(points: &Positions, near: &Neighbours, k: usize) -> scansion_core::Result<Vec<f32>> {
     let params = OptimalParams { k_max: k, ..OptimalParams::default() };
     let start = Instant::now();
     let chosen = optimal(points, near, &params, &Monitor::default())?;

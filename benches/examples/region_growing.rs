@@ -7,7 +7,7 @@
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
-use scansion_core::cloud::Points;
+use scansion_core::cloud::{LocalFrame, Points, Positions};
 use scansion_core::features::{Normals, normals};
 use scansion_core::graph::Orientation;
 use scansion_core::neighbours::{OptimalParams, knn, map_optimal};
@@ -21,14 +21,15 @@ fn main() -> Outcome<()> {
     let bytes = std::fs::read(std::env::var("SCANSION_XYZ").map_err(|_| "SCANSION_XYZ is not set")?)?;
     let values: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     let rows: Vec<&[f32]> = values.chunks_exact(var("SCANSION_ROW", "7").parse()?).collect();
-    let axis = |a: usize| rows.iter().map(|r| r[a]).collect();
-    let (x, y, z) = (axis(0), axis(1), axis(2));
-    let points = Points { x, y, z, index: (0..rows.len() as u32).collect(), origin: [0.0; 3] };
+    let positions: Positions = rows.iter().map(|r| [r[0], r[1], r[2]]).collect();
+    // The orientation of normals takes points with an origin, which is 0 here.
+    let frame = LocalFrame { index: (0..rows.len() as u32).collect(), origin: [0.0; 3] };
+    let points = Points { positions, frame };
     let wanted: Vec<usize> = var("SCANSION_K", "10,30,45").split(',').map(str::parse).collect::<Result<_, _>>()?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     for _ in 0..var("SCANSION_RUNS", "1").parse()? {
         for &k in &wanted {
-            pool.install(|| search(&points, k))?;
+            pool.install(|| search(&points.positions, k))?;
         }
         pool.install(|| grow(&points, &rows))?;
     }
@@ -45,7 +46,7 @@ fn seconds() -> f64 {
     tasks.filter_map(spent).sum::<f64>() * 1e-9
 }
 
-fn search(points: &Points, k: usize) -> Outcome<()> {
+fn search(points: &Positions, k: usize) -> Outcome<()> {
     let start = seconds();
     let near = knn(points, k, &Monitor::default())?;
     let spent = seconds() - start;
@@ -64,9 +65,9 @@ fn search(points: &Points, k: usize) -> Outcome<()> {
 
 fn grow(points: &Points, rows: &[&[f32]]) -> Outcome<()> {
     let (monitor, start) = (Monitor::default(), seconds());
-    let near = knn(points, 29, &monitor)?;
+    let near = knn(&points.positions, 29, &monitor)?;
     let searched = seconds();
-    let own = normals(points, &near, &monitor)?;
+    let own = normals(&points.positions, &near, &monitor)?;
     let described = seconds();
     let given = rows.iter().all(|r| r.len() >= 7).then(|| Normals {
         directions: rows.iter().map(|r| [r[3], r[4], r[5]]).collect(),
@@ -84,8 +85,8 @@ fn grow(points: &Points, rows: &[&[f32]]) -> Outcome<()> {
     println!("with given normals {:.3} s, with own {:.3} s", search + growing, search + normal + growing);
     if let Ok(path) = std::env::var("SCANSION_OUT") {
         let row = |i: usize| {
-            let [u, v, w] = own.directions[i];
-            [points.x[i], points.y[i], points.z[i], u, v, w, own.variation[i]]
+            let ([x, y, z], [u, v, w]) = (points.positions.xyz(i), own.directions[i]);
+            [x, y, z, u, v, w, own.variation[i]]
         };
         let bytes: Vec<u8> = (0..points.len()).flat_map(row).flat_map(f32::to_le_bytes).collect();
         std::fs::write(path, bytes)?;

@@ -93,9 +93,9 @@ fn scales(cloud: &mut Cloud, points: &Points, name: &str) -> Fallible<()> {
 fn growing(cloud: &mut Cloud, points: &Points, name: &str) -> Fallible<()> {
     let monitor = Monitor::default();
     let start = Instant::now();
-    let near = knn(points, 30, &monitor)?;
+    let near = knn(&points.positions, 30, &monitor)?;
     println!("30 neighbours: {:.3} s", start.elapsed().as_secs_f64());
-    let surface = normals(points, &near, &monitor)?;
+    let surface = normals(&points.positions, &near, &monitor)?;
     let residual: f64 = setting("SCANSION_SIGMA", "0.03").parse()?;
     for reference in [Reference::Current, Reference::Seed] {
         let start = Instant::now();
@@ -105,7 +105,7 @@ fn growing(cloud: &mut Cloud, points: &Points, name: &str) -> Fallible<()> {
         let start = Instant::now();
         let params =
             OctreeGrowingParams { residual, distance: 2.0 * residual, reference, ..OctreeGrowingParams::default() };
-        let coarse = octree_region_growing(points, &params, &monitor)?;
+        let coarse = octree_region_growing(&points.positions, &params, &monitor)?;
         let seconds = start.elapsed().as_secs_f64();
         for (found, kind, seconds) in [(plain, "grown", plain_seconds), (coarse, "octree_grown", seconds)] {
             report(cloud, (points, name), (&found, &format!("{kind}_{reference:?}")), seconds)?;
@@ -121,7 +121,7 @@ fn report(
     seconds: f64,
 ) -> Fallible<()> {
     let (found, kind) = found;
-    let partition = found.partition(points, Leftovers::Nearest, &Monitor::default())?;
+    let partition = found.partition(&points.positions, Leftovers::Nearest, &Monitor::default())?;
     let (share, oracle) = (100.0 * found.coverage(), oracle(cloud, points, &partition)?);
     println!("{kind}: {} regions, {share:.1} % of the points, oracle {oracle}, {seconds:.3} s", found.count);
     write(cloud, points, &found.labels, &format!("{name}_{kind}"))
@@ -132,7 +132,8 @@ fn oracle(cloud: &Cloud, points: &Points, partition: &Partition) -> Fallible<Str
     let Some(column) = cloud.column("Classification").or_else(|| cloud.column("label")) else {
         return Ok("no classes".into());
     };
-    let labels: Vec<Option<u8>> = points.index.iter().map(|&i| Some(column.values.get(i as usize) as u8)).collect();
+    let labels: Vec<Option<u8>> =
+        points.frame.index.iter().map(|&i| Some(column.values.get(i as usize) as u8)).collect();
     Ok(oracle_accuracy(partition, &labels)?.map_or("no labels".into(), |a| format!("{:.1} %", 100.0 * a)))
 }
 
@@ -140,7 +141,7 @@ fn oracle(cloud: &Cloud, points: &Points, partition: &Partition) -> Fallible<Str
 fn write(cloud: &mut Cloud, points: &Points, segments: &[u32], name: &str) -> Fallible<()> {
     let Ok(folder) = std::env::var("SCANSION_OUT") else { return Ok(()) };
     let mut column = vec![0u32; cloud.len()];
-    points.index.iter().zip(segments).for_each(|(&i, &s)| column[i as usize] = s);
+    points.frame.index.iter().zip(segments).for_each(|(&i, &s)| column[i as usize] = s);
     cloud.set_column(Column::new("ClusterID", Values::U32(column)))?;
     scansion_core::io::write(&Path::new(&folder).join(format!("{name}.ply")), cloud, &Default::default())?;
     Ok(())

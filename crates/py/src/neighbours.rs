@@ -35,7 +35,7 @@ pub(crate) fn knn<'py>(
 ) -> PyResult<(Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>)> {
     let cloud = Arc::clone(&cloud.inner);
     let (indices, distances) = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, metres_per_unit, monitor)?;
+        let points = points(&cloud, metres_per_unit, monitor)?.positions;
         if k == 0 || k >= points.len() {
             let most = points.len().saturating_sub(1);
             return Err(Error::parameter("k", k, format!("1..{most} for {} points", points.len())));
@@ -73,10 +73,11 @@ pub(crate) fn within<'py>(
         let asked = queries.map(|queries| {
             // Positions without a unit are in that of the cloud.
             let own = cloud.metres_per_unit.filter(|_| !queries.is_in_degrees());
-            points(&queries, metres_per_unit.or(queries.metres_per_unit).or(own), monitor)
+            points(&queries, metres_per_unit.or(queries.metres_per_unit).or(own), monitor)?.moved_to(of.frame.origin)
         });
         let asked = asked.transpose()?;
-        let near = scansion_core::neighbours::within(&of, asked.as_ref().unwrap_or(&of), radius, monitor)?;
+        let asked = asked.as_ref().unwrap_or(&of);
+        let near = scansion_core::neighbours::within(&of.positions, &asked.positions, radius, monitor)?;
         let mut distances = Vec::new();
         distances.reserve_exact(near.groups().items().len());
         for piece in watched(near.len(), monitor) {
@@ -100,8 +101,9 @@ pub(crate) fn optimal<'py>(
 ) -> PyResult<(Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f32>>)> {
     let params: OptimalParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
-    let found =
-        call(py, n_jobs, |monitor| optimal_features(&points(&cloud, metres_per_unit, monitor)?, &params, monitor))?;
+    let found = call(py, n_jobs, |monitor| {
+        optimal_features(&points(&cloud, metres_per_unit, monitor)?.positions, &params, monitor)
+    })?;
     let width = found.table.width();
     Ok((PyArray1::from_vec(py, found.k), to_matrix(py, found.table.values, width)?))
 }

@@ -53,13 +53,13 @@ pub(crate) fn supervoxels<'py>(
         "slic" => {
             let params: SlicParams = json::settings(settings)?;
             call(py, n_jobs, |monitor| {
-                segmentation::slic(&points(&cloud, None, monitor)?, &attributes, &params, monitor)
+                segmentation::slic(&points(&cloud, None, monitor)?.positions, &attributes, &params, monitor)
             })
         }
         _ => {
             let params: VccsParams = json::settings(settings)?;
             call(py, n_jobs, |monitor| {
-                segmentation::vccs(&points(&cloud, None, monitor)?, &attributes, &params, monitor)
+                segmentation::vccs(&points(&cloud, None, monitor)?.positions, &attributes, &params, monitor)
             })
         }
     }?;
@@ -106,7 +106,7 @@ pub(crate) fn region_growing<'py>(
     let params: RegionGrowingParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
     let found = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, None, monitor)?;
+        let points = points(&cloud, None, monitor)?.positions;
         let near = knn(&points, neighbours, monitor)?;
         segmentation::region_growing(&near, &normals(&points, &near, monitor)?, &params, monitor)
     })?;
@@ -124,8 +124,9 @@ pub(crate) fn octree_region_growing<'py>(
 ) -> PyResult<Labels<'py>> {
     let params: OctreeGrowingParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
-    let grow =
-        |monitor: &Monitor| segmentation::octree_region_growing(&points(&cloud, None, monitor)?, &params, monitor);
+    let grow = |monitor: &Monitor| {
+        segmentation::octree_region_growing(&points(&cloud, None, monitor)?.positions, &params, monitor)
+    };
     Ok(PyArray1::from_vec(py, call(py, n_jobs, grow)?.labels))
 }
 

@@ -13,7 +13,7 @@ pub fn planar_density(cloud: &Cloud, metres: f64, monitor: &Monitor) -> Result<f
     let cell = |v: f32| (v / 2.0).floor() as i32;
     let mut cells: Vec<(i32, i32)> = Vec::with_capacity(points.len());
     for piece in watched(points.len(), monitor) {
-        cells.extend(piece?.map(|i| (cell(points.x[i]), cell(points.y[i]))));
+        cells.extend(piece?.map(|i| (cell(points.positions.x[i]), cell(points.positions.y[i]))));
     }
     let n = cells.len();
     sort_watched(&mut cells, monitor)?;

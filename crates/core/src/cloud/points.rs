@@ -1,28 +1,45 @@
-//! Local coordinates in metres, as the algorithms use them.
+//! The points of a cloud in local metres.
 
-use super::{Cloud, StrayParams, Strays};
-use crate::error::Result;
-use crate::parallel::{Monitor, watched};
+use super::{Cloud, Positions, StrayParams, Strays};
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_watched, watched};
 
 /// Largest distance from the origin in metres: three squares of it still fit into `f32`.
 const FARTHEST: f64 = 1e18;
 
-/// `f32` coordinates relative to an origin, axis by axis.
-///
-/// Contains only the finite points of a cloud that are not stray ([`Strays`]) and at most 10^15 km from the origin,
-/// beyond which squares overflow `f32`; `index[i]` is the index in the cloud of local point `i`.
+/// Largest distance of two origins in metres: beyond it squares overflow `f32`.
+const FARTHEST_ORIGIN: f64 = 1e18;
+
+/// Where local positions are from: which points of a cloud they are, and the origin that was subtracted.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Points {
-    /// Metres east of the origin.
-    pub x: Vec<f32>,
-    /// Metres north of the origin.
-    pub y: Vec<f32>,
-    /// Metres above the origin.
-    pub z: Vec<f32>,
-    /// Index in the cloud of each point, ascending.
+pub struct LocalFrame {
+    /// Index in the cloud of each point, ascending unless others were selected.
     pub index: Vec<u32>,
     /// The subtracted origin, in metres.
     pub origin: [f64; 3],
+}
+
+impl LocalFrame {
+    /// The frame of the points in these rows, in their order. O(rows), in parallel.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn select(&self, rows: &[u32], monitor: &Monitor) -> Result<Self> {
+        let index = map_watched(rows.len(), monitor, |i| self.index[rows[i] as usize])?;
+        Ok(Self { index, origin: self.origin })
+    }
+}
+
+/// Points of a cloud: their positions, and where these are in the cloud and in the world.
+///
+/// Contains only the finite points of a cloud that are not stray ([`Strays`]) and at most 10^15 km from the origin,
+/// beyond which squares overflow `f32`. What needs only coordinates takes [`Positions`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// Local coordinates in metres.
+    pub positions: Positions,
+    /// Index in the cloud of each position, and their origin.
+    pub frame: LocalFrame,
 }
 
 /// What becomes of stray points.
@@ -61,8 +78,9 @@ impl Points {
         let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
         let Some([low, _]) = strays.bounds else { return Ok(Self::default()) };
         let origin = low.map(|v| (v * metres_per_unit).floor());
-        let mut points = Self { origin, ..Self::default() };
-        points.reserve(cloud.len());
+        let mut points = Self { frame: LocalFrame { origin, ..LocalFrame::default() }, ..Self::default() };
+        points.positions.reserve(cloud.len());
+        points.frame.index.reserve_exact(cloud.len());
         let without = if stray == StrayPoints::LeftOut { &strays.index[..] } else { &[] };
         let mut without = without.iter().peekable();
         for piece in watched(cloud.len(), monitor) {
@@ -73,10 +91,8 @@ impl Points {
                 let p = cloud.xyz(i);
                 let local = [0, 1, 2].map(|a| p[a] * metres_per_unit - origin[a]);
                 if local.iter().all(|v| v.abs() <= FARTHEST) {
-                    points.x.push(local[0] as f32);
-                    points.y.push(local[1] as f32);
-                    points.z.push(local[2] as f32);
-                    points.index.push(i as u32);
+                    points.positions.push(local.map(|v| v as f32));
+                    points.frame.index.push(i as u32);
                 }
             }
         }
@@ -85,24 +101,41 @@ impl Points {
 
     /// Number of points.
     pub fn len(&self) -> usize {
-        self.x.len()
+        self.positions.len()
     }
 
     /// True if there is no point.
     pub fn is_empty(&self) -> bool {
-        self.x.is_empty()
+        self.positions.is_empty()
     }
 
-    /// The local coordinates of each point.
-    pub(crate) fn places(&self) -> impl Iterator<Item = [f32; 3]> + '_ {
-        self.x.iter().zip(&self.y).zip(&self.z).map(|((&x, &y), &z)| [x, y, z])
+    /// The points in these rows, in their order. O(rows), in parallel.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub fn select(&self, rows: &[u32], monitor: &Monitor) -> Result<Self> {
+        Ok(Self { positions: self.positions.select(rows, monitor)?, frame: self.frame.select(rows, monitor)? })
     }
 
-    fn reserve(&mut self, n: usize) {
-        self.x.reserve_exact(n);
-        self.y.reserve_exact(n);
-        self.z.reserve_exact(n);
-        self.index.reserve_exact(n);
+    /// The same points relative to another origin, in metres: moved in `f64`, rounded to `f32`. Positions of two clouds
+    /// can be compared once they have one origin.
+    ///
+    /// # Errors
+    /// If the origins are too far apart for `f32`.
+    pub fn moved_to(mut self, origin: [f64; 3]) -> Result<Self> {
+        let shift = [0, 1, 2].map(|a| self.frame.origin[a] - origin[a]);
+        if !shift.iter().all(|v| v.abs() <= FARTHEST_ORIGIN) {
+            let found = format!("origins {origin:?} and {:?}", self.frame.origin);
+            return Err(Error::input(format!(
+                "{found} are too far apart to be compared (allowed: {FARTHEST_ORIGIN:e} m)"
+            )));
+        }
+        let Positions { x, y, z } = &mut self.positions;
+        for (axis, shift) in [x, y, z].into_iter().zip(shift) {
+            axis.iter_mut().for_each(|v| *v = (f64::from(*v) + shift) as f32);
+        }
+        self.frame.origin = origin;
+        Ok(self)
     }
 }
 
@@ -113,7 +146,7 @@ mod tests {
     #[test]
     fn what_has_no_place_in_f32_is_not_among_the_points() {
         let cloud = Cloud::from_rows(&[[0.0; 3], [1e300, 0.0, 0.0], [0.0, 1e19, 0.0], [1.0, 2.0, 3.0]]).unwrap();
-        assert_eq!(Points::from_cloud(&cloud, 1.0).index, [0, 3]);
+        assert_eq!(Points::from_cloud(&cloud, 1.0).frame.index, [0, 3]);
         assert!(Points::from_cloud(&Cloud::from_rows(&[[1e300; 3]]).unwrap(), 1e300).is_empty());
     }
 
@@ -126,8 +159,8 @@ mod tests {
         ])
         .unwrap();
         let points = Points::from_cloud(&cloud, 1.0);
-        assert_eq!(points.index, [0, 2]);
-        assert!((points.x[0] - 0.001).abs() < 1e-6 && (points.z[1] - 0.5).abs() < 1e-6);
+        assert_eq!(points.frame.index, [0, 2]);
+        assert!((points.positions.x[0] - 0.001).abs() < 1e-6 && (points.positions.z[1] - 0.5).abs() < 1e-6);
     }
 
     #[test]
@@ -139,7 +172,7 @@ mod tests {
         let cloud = Cloud::from_rows(&rows).unwrap();
         assert_eq!(Points::from_cloud(&cloud, 1.0), clean);
         let all = Points::with_strays(&cloud, 1.0, &Monitor::default()).unwrap();
-        assert_eq!((all.len(), all.origin), (501, clean.origin));
-        assert_eq!((&all.x[..500], all.y[500]), (&clean.x[..], -5.2e6));
+        assert_eq!((all.len(), all.frame.origin), (501, clean.frame.origin));
+        assert_eq!((&all.positions.x[..500], all.positions.y[500]), (&clean.positions.x[..], -5.2e6));
     }
 }

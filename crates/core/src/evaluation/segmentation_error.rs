@@ -1,6 +1,6 @@
 //! Segmentation error: share of the object boundaries that a segmentation misses, in plan.
 
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::parallel::{Looks, Monitor, map_watched};
 use crate::segmentation::{Partition, majorities};
@@ -77,7 +77,7 @@ pub struct ClassImage {
 #[derive(Clone, Copy, Debug)]
 pub struct LabelledPartition<'a> {
     /// The points.
-    pub points: &'a Points,
+    pub points: &'a Positions,
     /// Their segments.
     pub partition: &'a Partition,
     /// True class of each point; `None` if unknown.
@@ -117,7 +117,7 @@ pub fn segmentation_error(
 const NOTHING: u32 = u32::MAX;
 
 /// Number of columns, and the highest labelled point in each cell, the first of equally high ones.
-fn top_points(points: &Points, truth: &[Option<u8>], cell: f64, monitor: &Monitor) -> Result<(usize, Vec<u32>)> {
+fn top_points(points: &Positions, truth: &[Option<u8>], cell: f64, monitor: &Monitor) -> Result<(usize, Vec<u32>)> {
     let mut looks = Looks::at(monitor);
     let bad = |found: String| Error::parameter("cell", found, "metres, above 0, at most 2^28 cells in all");
     if !cell.is_finite() || cell <= 0.0 {
@@ -219,7 +219,7 @@ fn edges_at(image: &ClassImage, cell: usize, empty: EmptyCells) -> Codes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::random::stream;
 
     fn image(rows: &[&str]) -> ClassImage {
@@ -287,7 +287,7 @@ mod tests {
     fn segments_take_the_majority_and_the_highest_point_is_seen() {
         // Two by three cells; the last one holds a low point of another class below.
         let rows = [[0.5, 0.5, 0.0], [1.5, 0.5, 0.0], [2.5, 0.5, 9.0], [2.5, 0.5, 1.0], [0.5, 1.5, 0.0]];
-        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0).positions;
         let truth = [Some(2), Some(2), Some(6), Some(2), None];
         let params = SegmentationErrorParams { cell: 1.0, ..Default::default() };
         let error = |labels: &[u32]| {

@@ -2,7 +2,7 @@
 
 use super::params::{Centre, Divisor};
 use super::tensor::{Batch, Convention, LANES, MOST, Tensor, tensor};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::linalg::arithmetic::Exact;
 use crate::linalg::shape::Shape;
@@ -37,14 +37,14 @@ pub struct Normals {
 /// use scansion_core::{Cloud, cloud::Points, features::normals, neighbours::knn, parallel::Monitor};
 ///
 /// let roof: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), f64::from(i / 10)]).collect();
-/// let points = Points::from_cloud(&Cloud::from_rows(&roof)?, 1.0);
+/// let points = Points::from_cloud(&Cloud::from_rows(&roof)?, 1.0).positions;
 /// let monitor = Monitor::default();
 /// let found = normals(&points, &knn(&points, 8, &monitor)?, &monitor)?;
 /// assert!((found.directions[55][2] - 0.5f32.sqrt()).abs() < 1e-4);
 /// assert!(found.variation[55] < 1e-6);
 /// # Ok::<(), scansion_core::Error>(())
 /// ```
-pub fn normals(points: &Points, neighbours: &Neighbours, monitor: &Monitor) -> Result<Normals> {
+pub fn normals(points: &Positions, neighbours: &Neighbours, monitor: &Monitor) -> Result<Normals> {
     if neighbours.k() >= MOST {
         return Err(Error::parameter("neighbours", neighbours.k(), "1..=32"));
     }
@@ -75,7 +75,7 @@ pub fn normals(points: &Points, neighbours: &Neighbours, monitor: &Monitor) -> R
 
 /// Computes the normals of a block, compiled for each instruction set.
 struct Describe<'a> {
-    points: &'a Points,
+    points: &'a Positions,
     neighbours: &'a Neighbours,
     range: std::ops::Range<usize>,
     batch: &'a mut Batch,
@@ -100,8 +100,8 @@ impl WithSimd for Describe<'_> {
 
 /// The neighbours of a point relative to it; row 0 is the point itself.
 #[inline(always)]
-fn gather(points: &Points, near: &[u32], point: usize, lane: usize, batch: &mut Batch) {
-    let at = [points.x[point], points.y[point], points.z[point]];
+fn gather(points: &Positions, near: &[u32], point: usize, lane: usize, batch: &mut Batch) {
+    let at = points.xyz(point);
     (batch.x[0][lane], batch.y[0][lane], batch.z[0][lane]) = (0.0, 0.0, 0.0);
     for (j, &n) in near.iter().enumerate() {
         let n = n as usize;
@@ -138,13 +138,13 @@ fn upward(v: [f32; 3]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::linalg::{Sym3, mean};
     use crate::neighbours::knn;
     use crate::random::stream;
 
-    fn points(rows: &[[f64; 3]]) -> Points {
-        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+    fn points(rows: &[[f64; 3]]) -> Positions {
+        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0).positions
     }
 
     fn normals_of(rows: &[[f64; 3]], k: usize) -> Normals {

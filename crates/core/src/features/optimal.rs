@@ -2,7 +2,7 @@
 
 use super::definition::Group;
 use super::table::FeatureTable;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::linalg::Eigen3;
 use crate::linalg::arithmetic::Exact;
@@ -34,14 +34,14 @@ pub struct OptimalFeatures {
 /// use scansion_core::{Cloud, cloud::Points, features::optimal_features, parallel::Monitor};
 /// # fn main() -> scansion_core::Result<()> {
 /// let wall: Vec<[f64; 3]> = (0..900).map(|i| [f64::from(i % 30), 0.0, f64::from(i / 30)]).collect();
-/// let points = Points::from_cloud(&Cloud::from_rows(&wall)?, 1.0);
+/// let points = Points::from_cloud(&Cloud::from_rows(&wall)?, 1.0).positions;
 /// let found = optimal_features(&points, &Default::default(), &Monitor::default())?;
 /// let middle = found.table.row(15 * 30 + 15);
 /// assert_eq!(middle[2], 0.0); // no scattering on a plane
 /// # Ok(())
 /// # }
 /// ```
-pub fn optimal_features(points: &Points, params: &OptimalParams, monitor: &Monitor) -> Result<OptimalFeatures> {
+pub fn optimal_features(points: &Positions, params: &OptimalParams, monitor: &Monitor) -> Result<OptimalFeatures> {
     Ok(collect(map_optimal(points, params, monitor, |found| (local_descriptors(&found.eigen, params), found.k))?))
 }
 
@@ -50,7 +50,7 @@ pub fn optimal_features(points: &Points, params: &OptimalParams, monitor: &Monit
 /// # Errors
 /// As [`optimal`].
 pub fn optimal_features_of(
-    points: &Points,
+    points: &Positions,
     neighbours: &Neighbours,
     params: &OptimalParams,
     monitor: &Monitor,
@@ -90,7 +90,7 @@ pub fn local_descriptors(eigen: &Eigen3, params: &OptimalParams) -> [f32; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::linalg::{Sym3, mean};
     use crate::neighbours::knn;
     use crate::random::stream;
@@ -150,7 +150,7 @@ mod tests {
         let mut rows: Vec<[f64; 3]> =
             (0..3000).map(|_| [s.uniform() * 20.0, s.uniform() * 20.0, s.uniform()]).collect();
         rows.extend(vec![[900.0, 900.0, 900.0]; 150]);
-        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0).positions;
         let params = OptimalParams { k_max: 40, ..OptimalParams::default() };
         let found = optimal_features(&points, &params, &Monitor::default()).unwrap();
         for i in 0..3000 {
@@ -160,7 +160,7 @@ mod tests {
         assert!((3000..3150).all(|i| found.table.row(i) == [0.0; 4]));
         let near = knn(&points, 40, &Monitor::default()).unwrap();
         assert!(found == optimal_features_of(&points, &near, &params, &Monitor::default()).unwrap());
-        let none = optimal_features(&Points::default(), &params, &Monitor::default()).unwrap();
+        let none = optimal_features(&Positions::default(), &params, &Monitor::default()).unwrap();
         assert!(none.table.values.is_empty() && none.k.is_empty());
     }
 }

@@ -216,16 +216,16 @@ fn push_row(node: usize, row: &mut [Half], multiplicity: Multiplicity, edges: &m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Points;
+    use crate::cloud::{Cloud, Points, Positions};
     use crate::neighbours::knn;
     use crate::random::stream;
     use std::collections::BTreeMap;
 
-    fn points(seed: u64, count: usize) -> Points {
+    fn points(seed: u64, count: usize) -> Positions {
         let mut random = stream(seed, 1);
         let rows: Vec<[f64; 3]> =
             (0..count).map(|_| std::array::from_fn(|_| (random.uniform() * 9.0).floor())).collect();
-        Points::from_cloud(&crate::Cloud::from_rows(&rows).unwrap(), 1.0)
+        Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0).positions
     }
 
     #[test]

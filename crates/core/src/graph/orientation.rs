@@ -2,7 +2,7 @@
 
 use super::union_find::UnionFind;
 use super::{Adjacency, KnnGraphParams, knn_graph, minimum_spanning_tree};
-use crate::cloud::Points;
+use crate::cloud::{Points, Positions};
 use crate::error::{Error, Result};
 use crate::neighbours::Neighbours;
 use crate::parallel::{Monitor, map_watched, watched};
@@ -51,7 +51,7 @@ impl Orientation {
                 monitor.check()
             }
             Orientation::Sensor(at) => towards(points, directions, *at).and_then(|()| monitor.check()),
-            Orientation::SpanningTree => propagate(points, neighbours, directions, monitor),
+            Orientation::SpanningTree => propagate(&points.positions, neighbours, directions, monitor),
         }
     }
 }
@@ -64,9 +64,13 @@ fn towards(points: &Points, directions: &mut [[f32; 3]], sensor: [f64; 3]) -> Re
     if sensor.iter().any(|c| !c.is_finite()) {
         return Err(Error::input(format!("position {sensor:?} of the sensor is not finite")));
     }
-    let [x, y, z] = [0, 1, 2].map(|a| sensor[a] - points.origin[a]);
+    let [x, y, z] = [0, 1, 2].map(|a| sensor[a] - points.frame.origin[a]);
     for (i, normal) in directions.iter_mut().enumerate() {
-        let sight = [x - f64::from(points.x[i]), y - f64::from(points.y[i]), z - f64::from(points.z[i])];
+        let sight = [
+            x - f64::from(points.positions.x[i]),
+            y - f64::from(points.positions.y[i]),
+            z - f64::from(points.positions.z[i]),
+        ];
         if (0..3).map(|a| sight[a] * f64::from(normal[a])).sum::<f64>() < 0.0 {
             flip(normal);
         }
@@ -74,7 +78,12 @@ fn towards(points: &Points, directions: &mut [[f32; 3]], sensor: [f64; 3]) -> Re
     Ok(())
 }
 
-fn propagate(points: &Points, neighbours: &Neighbours, directions: &mut [[f32; 3]], monitor: &Monitor) -> Result<()> {
+fn propagate(
+    points: &Positions,
+    neighbours: &Neighbours,
+    directions: &mut [[f32; 3]],
+    monitor: &Monitor,
+) -> Result<()> {
     monitor.stage("orientation", points.len() as u64);
     let graph = knn_graph(points.len(), neighbours, &KnnGraphParams::default(), monitor)?;
     let mut weights = Vec::with_capacity(graph.edges().len());
@@ -91,7 +100,7 @@ fn propagate(points: &Points, neighbours: &Neighbours, directions: &mut [[f32; 3
 }
 
 /// The highest point of each component of a forest, the first of equal ones.
-fn highest(forest: &[[u32; 2]], points: &Points, monitor: &Monitor) -> Result<Vec<u32>> {
+fn highest(forest: &[[u32; 2]], points: &Positions, monitor: &Monitor) -> Result<Vec<u32>> {
     const NONE: u32 = u32::MAX;
     let mut components = UnionFind::new(points.len());
     for some in watched(forest.len(), monitor) {
@@ -168,8 +177,8 @@ mod tests {
     fn outward_share(orientation: &Orientation) -> f64 {
         let (points, outward) = ball();
         let monitor = Monitor::default();
-        let near = knn(&points, 10, &monitor).unwrap();
-        let mut directions = normals(&points, &near, &monitor).unwrap().directions;
+        let near = knn(&points.positions, 10, &monitor).unwrap();
+        let mut directions = normals(&points.positions, &near, &monitor).unwrap().directions;
         orientation.orient(&points, &near, &mut directions, &monitor).unwrap();
         let along = |(n, o): &(&[f32; 3], &[f64; 3])| (0..3).map(|a| f64::from(n[a]) * o[a]).sum::<f64>() > 0.0;
         directions.iter().zip(&outward).filter(along).count() as f64 / outward.len() as f64
@@ -197,8 +206,8 @@ mod tests {
             [[0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [1.0, 1.0, 1.0], [9.0, 0.0, 3.0], [9.0, 1.0, 3.0], [9.5, 0.0, 5.0]];
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let forest = [[0, 1], [1, 2], [3, 4], [4, 5]];
-        assert_eq!(highest(&forest, &points, &Monitor::default()).unwrap(), [1, 5]);
-        let near = knn(&points, 2, &Monitor::default()).unwrap();
+        assert_eq!(highest(&forest, &points.positions, &Monitor::default()).unwrap(), [1, 5]);
+        let near = knn(&points.positions, 2, &Monitor::default()).unwrap();
         let mut directions = vec![[0.0, 0.6, -0.8]; 6];
         directions[2] = [0.0, -0.6, 0.8];
         Orientation::SpanningTree.orient(&points, &near, &mut directions, &Monitor::default()).unwrap();
@@ -208,7 +217,7 @@ mod tests {
     #[test]
     fn a_cancelled_orientation_stops() {
         let (points, _) = ball();
-        let near = knn(&points, 10, &Monitor::default()).unwrap();
+        let near = knn(&points.positions, 10, &Monitor::default()).unwrap();
         let monitor = Monitor::default();
         monitor.cancel();
         for orientation in [Orientation::SpanningTree, Orientation::Up, Orientation::Sensor([0.0; 3])] {
@@ -221,7 +230,7 @@ mod tests {
     fn a_sensor_nowhere_and_missing_normals_are_refused() {
         let (points, _) = ball();
         let monitor = Monitor::default();
-        let near = knn(&points, 10, &monitor).unwrap();
+        let near = knn(&points.positions, 10, &monitor).unwrap();
         let mut directions = vec![[0.0, 0.0, 1.0]; points.len()];
         let nowhere = Orientation::Sensor([f64::NAN, 0.0, 0.0]);
         assert!(nowhere.orient(&points, &near, &mut directions, &monitor).is_err());

@@ -1,10 +1,9 @@
 //! All points within a radius of positions.
 
-use super::knn::Shift;
 use super::knn::rank::Rows;
 use super::knn::search::Seeker;
 use super::knn::tree::{Tree, check};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::memory;
@@ -54,33 +53,32 @@ impl Within {
 ///
 /// A point at the position of a query is in its group: with the points themselves as queries, each is in its own. A
 /// point is within the radius if `(dx² + dy²) + dz²` in `f32`, each operation rounded once, is at most the square of
-/// the radius rounded to `f32`: brute force in that order gives the same groups. The clouds may have different origins:
-/// queries are moved to the origin of the points in `f64`. O(n log n + q log n + m log m) expected time for m points in
-/// all groups; memory 8 bytes for each of these.
+/// the radius rounded to `f32`: brute force in that order gives the same groups. Both have the same origin; the points of
+/// another cloud are first [moved to it](crate::cloud::Points::moved_to). O(n log n + q log n + m log m) expected time
+/// for m points in all groups; memory 8 bytes for each of these.
 ///
 /// # Errors
-/// If the radius is negative or not finite, a coordinate is not finite, the origins are too far apart for `f32`, the
-/// groups have more than 2^32 points or do not fit into memory, or the work was cancelled.
+/// If the radius is negative or not finite, a coordinate is not finite, the groups have more than 2^32 points or do not
+/// fit into memory, or the work was cancelled.
 ///
 /// ```
 /// use scansion_core::{Cloud, cloud::Points, neighbours::within, parallel::Monitor};
 /// # fn main() -> scansion_core::Result<()> {
 /// let cloud = Cloud::from_rows(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]])?;
-/// let points = Points::from_cloud(&cloud, 1.0);
+/// let points = Points::from_cloud(&cloud, 1.0).positions;
 /// let near = within(&points, &points, 2.0, &Monitor::default())?;
 /// assert_eq!(near.of(1), [1, 0, 2]);
 /// assert_eq!(near.squared_distances(1), [0.0, 1.0, 4.0]);
 /// # Ok(())
 /// # }
 /// ```
-pub fn within(points: &Points, queries: &Points, radius: f64, monitor: &Monitor) -> Result<Within> {
+pub fn within(points: &Positions, queries: &Positions, radius: f64, monitor: &Monitor) -> Result<Within> {
     if !(radius.is_finite() && radius >= 0.0) {
         return Err(Error::parameter("radius", radius, "metres, 0 or more, finite"));
     }
     check(queries)?;
     // The tree finds any number of coincident points.
     let tree = Tree::new(points, points.len(), monitor)?;
-    let shift = Shift::to_origin_of(points, queries)?;
     let limit = (radius * radius) as f32;
     monitor.stage("neighbours", queries.len() as u64);
     let mut offsets = vec![0u32];
@@ -91,7 +89,7 @@ pub fn within(points: &Points, queries: &Points, radius: f64, monitor: &Monitor)
         let blocks = first..(first + at_once).min(count);
         let parts = map_ordered_with(blocks, monitor, Seeker::default, |seeker, block| {
             let range = block * QUERIES..((block + 1) * QUERIES).min(queries.len());
-            let places: Vec<[f32; 3]> = range.map(|i| shift.place(queries, i)).collect();
+            let places: Vec<[f32; 3]> = range.map(|i| queries.xyz(i)).collect();
             let search = Search { seeker, tree: &tree, places: &places, limit, monitor };
             let found = Arch::new().dispatch(search)?;
             monitor.advance(places.len() as u64);
@@ -161,11 +159,11 @@ fn make_room(rows: &mut Rows, more: usize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::random::stream;
 
-    fn points(rows: &[[f64; 3]]) -> Points {
-        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+    fn points(rows: &[[f64; 3]]) -> Positions {
+        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0).positions
     }
 
     fn random(n: usize, extent: [f64; 3]) -> Vec<[f64; 3]> {
@@ -174,13 +172,12 @@ mod tests {
     }
 
     /// The groups of up to 300 queries against brute force, index for index and bit for bit.
-    fn check_all(points: &Points, queries: &Points, radius: f64) {
+    fn check_all(points: &Positions, queries: &Positions, radius: f64) {
         let found = within(points, queries, radius, &Monitor::default()).unwrap();
         assert_eq!(found.len(), queries.len());
         let limit = (radius * radius) as f32;
         for i in (0..queries.len()).step_by(queries.len().div_ceil(300)) {
-            let at = [(queries.x[i], 0), (queries.y[i], 1), (queries.z[i], 2)]
-                .map(|(v, a)| (f64::from(v) + queries.origin[a] - points.origin[a]) as f32);
+            let at = queries.xyz(i);
             let apart = |j: usize| {
                 let [x, y, z] = [points.x[j] - at[0], points.y[j] - at[1], points.z[j] - at[2]];
                 x * x + y * y + z * z
@@ -210,16 +207,18 @@ mod tests {
 
     #[test]
     fn positions_far_away_and_of_another_origin_find_what_is_near_them() {
-        let cloud = points(&random(3000, [30.0, 30.0, 4.0]));
+        let of = |rows: &[[f64; 3]]| Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
+        let cloud = of(&random(3000, [30.0, 30.0, 4.0]));
         let shifted: Vec<[f64; 3]> = random(400, [50.0, 50.0, 4.0]).iter().map(|p| p.map(|v| v + 1000.0)).collect();
-        let mut queries = points(&shifted);
-        queries.origin = queries.origin.map(|o| o - 1000.0);
+        let mut queries = of(&shifted);
+        queries.frame.origin = queries.frame.origin.map(|o| o - 1000.0);
+        let (queries, cloud) = (queries.moved_to(cloud.frame.origin).unwrap().positions, cloud.positions);
         for radius in [0.7, 5.0, 25.0] {
             check_all(&cloud, &queries, radius);
         }
-        let none = within(&Points::default(), &queries, 3.0, &Monitor::default()).unwrap();
+        let none = within(&Positions::default(), &queries, 3.0, &Monitor::default()).unwrap();
         assert!(none.len() == 400 && none.groups().items().is_empty());
-        assert!(within(&cloud, &Points::default(), 3.0, &Monitor::default()).unwrap().is_empty());
+        assert!(within(&cloud, &Positions::default(), 3.0, &Monitor::default()).unwrap().is_empty());
     }
 
     #[test]

@@ -68,14 +68,15 @@ impl LabelFile {
         if points.is_empty() {
             return Err(Error::input("the cloud has no point with finite coordinates"));
         }
-        let near = nearest_of(&points, &queries, 1, monitor)?;
+        let queries = queries.moved_to(points.frame.origin)?;
+        let near = nearest_of(&points.positions, &queries.positions, 1, monitor)?;
         for (q, LabelRow { line, of: at, code }) in self.table.positions.iter().enumerate() {
             let distance = f64::from(near.squared_distances(q)[0]).sqrt();
             if distance > picking.within {
                 let found = format!("{at:?} is {distance:.3} m from the nearest point");
                 return Err(self.too_far(*line, found, picking));
             }
-            self.put(*line, &mut codes[points.index[near.of(q)[0] as usize] as usize], *code)?;
+            self.put(*line, &mut codes[points.frame.index[near.of(q)[0] as usize] as usize], *code)?;
         }
         Ok(())
     }

@@ -6,7 +6,7 @@
 //! `docs/weak.md` has the equations.
 
 use super::segments::{Again, Segments};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::features::{FeatureTable, optimal_features};
 use crate::graph::{Graph, KnnGraphParams, connected_components, knn_graph};
@@ -161,7 +161,7 @@ pub struct Regularised {
 /// # Errors
 /// If a parameter is out of range, there is not one row of probabilities a point, or the work was cancelled.
 pub fn regularise(
-    points: &Points,
+    points: &Positions,
     given: Probabilities<'_>,
     descriptors: Option<&FeatureTable>,
     params: &RegulariseParams,
@@ -181,7 +181,7 @@ pub(super) struct Scene {
 
 impl Scene {
     pub(super) fn new(
-        points: &Points,
+        points: &Positions,
         descriptors: Option<&FeatureTable>,
         params: &RegulariseParams,
         monitor: &Monitor,
@@ -196,7 +196,7 @@ impl Scene {
 
     /// The same, keeping the graph of the points for [`Scene::recut`].
     pub(super) fn to_be_recut(
-        points: &Points,
+        points: &Positions,
         descriptors: Option<&FeatureTable>,
         params: &RegulariseParams,
         monitor: &Monitor,
@@ -347,11 +347,11 @@ pub(super) fn largest(row: &[f32]) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::random::stream;
 
     /// Two planes that meet, and noisy probabilities: class 0 on the floor, 1 on the wall, 2 nowhere.
-    fn scene() -> (Points, Vec<f32>, Vec<u16>) {
+    fn scene() -> (Positions, Vec<f32>, Vec<u16>) {
         let mut random = stream(3, 1);
         let (mut rows, mut values, mut truth) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..40 {
@@ -367,7 +367,7 @@ mod tests {
                 }
             }
         }
-        (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0), values, truth)
+        (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0).positions, values, truth)
     }
 
     fn run(params: &RegulariseParams) -> (Regularised, Vec<u16>) {

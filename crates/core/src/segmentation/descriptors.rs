@@ -2,7 +2,7 @@
 
 use super::Partition;
 use super::oriented_box::{OrientedBox, span};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::linalg::{Sym3, mean};
 use crate::parallel::{Monitor, map_ordered_with};
@@ -40,7 +40,7 @@ impl SegmentShape {
 ///
 /// # Errors
 /// If the partition is not one of these points.
-pub fn segment_shapes(partition: &Partition, points: &Points) -> Result<Vec<SegmentShape>> {
+pub fn segment_shapes(partition: &Partition, points: &Positions) -> Result<Vec<SegmentShape>> {
     same_length(partition, points.len(), "points")?;
     let place = |&i: &u32| {
         let i = i as usize;
@@ -104,15 +104,13 @@ mod tests {
     use super::super::oriented_box::dot;
     use super::*;
 
-    fn turned_box(sides: [f64; 3], angle: f64) -> Points {
-        let mut points = Points::default();
+    fn turned_box(sides: [f64; 3], angle: f64) -> Positions {
+        let mut points = Positions::default();
         let (s, c) = angle.sin_cos();
         for i in 0..1000 {
             let [u, v, w] = [i % 10, i / 10 % 10, i / 100].map(|k| f64::from(k) / 9.0);
             let [a, b] = [u * sides[0], v * sides[1]];
-            points.x.push((3.0 + c * a - s * b) as f32);
-            points.y.push((5.0 + s * a + c * b) as f32);
-            points.z.push((w * sides[2]) as f32);
+            points.push([3.0 + c * a - s * b, 5.0 + s * a + c * b, w * sides[2]].map(|v| v as f32));
         }
         points
     }
@@ -136,12 +134,7 @@ mod tests {
 
     #[test]
     fn a_point_and_a_pole_have_boxes_too() {
-        let points = Points {
-            x: vec![1.0, 2.0, 2.0, 2.0],
-            y: vec![1.0, 2.0, 2.0, 2.0],
-            z: vec![1.0, 0.0, 1.0, 5.0],
-            ..Points::default()
-        };
+        let points = Positions::from_rows(&[[1.0; 3], [2.0, 2.0, 0.0], [2.0, 2.0, 1.0], [2.0, 2.0, 5.0]]);
         let shapes = segment_shapes(&Partition::from_labels(&[0, 1, 1, 1]).unwrap(), &points).unwrap();
         assert_eq!((shapes[0].oriented.sides, shapes[0].oriented.centre), ([0.0; 3], [1.0; 3]));
         assert_eq!(shapes[1].oriented.sides, [5.0, 0.0, 0.0]);

@@ -71,7 +71,7 @@ fn geometric(points: &Points, members: &[u32], places: &mut Vec<[f64; 3]>, row: 
     places.clear();
     places.extend(members.iter().map(|&i| {
         let i = i as usize;
-        [f64::from(points.x[i]), f64::from(points.y[i]), f64::from(points.z[i])]
+        [f64::from(points.positions.x[i]), f64::from(points.positions.y[i]), f64::from(points.positions.z[i])]
     }));
     let centre = mean(places);
     let scatter = Sym3::scatter(places, centre, places.len().max(1) as f64);
@@ -85,7 +85,7 @@ fn geometric(points: &Points, members: &[u32], places: &mut Vec<[f64; 3]>, row: 
         shape::omnivariance::<Exact, f64>(e),
         found.anisotropy,
         shape::eigenentropy::<Exact, f64>(e),
-        centre[2] + points.origin[2],
+        centre[2] + points.frame.origin[2],
         scatter.diagonal[2],
     ];
     row.extend(features.map(|v| v as f32));

@@ -72,15 +72,15 @@ impl AlphaShape {
     /// If lengths differ, a parameter is out of range, or the work was cancelled. The triangulation itself cannot be cancelled.
     pub fn fit(points: &Points, is_road: &[bool], params: &AlphaParams, monitor: &Monitor) -> Result<Self> {
         params.validate()?;
-        check_mask(points, is_road)?;
-        let place = |i: usize| [f64::from(points.x[i]), f64::from(points.y[i])];
+        check_mask(points.len(), is_road)?;
+        let place = |i: usize| [f64::from(points.positions.x[i]), f64::from(points.positions.y[i])];
         let road: Vec<Place> = (0..points.len()).filter(|&i| is_road[i]).map(place).collect();
         monitor.check()?;
         let road = thinned(&road, params.thinning * params.alpha);
         monitor.check()?;
         let shape = triangulate(&road, params.alpha)?;
         monitor.check()?;
-        Ok(Self { origin: points.origin, ..shape })
+        Ok(Self { origin: points.frame.origin, ..shape })
     }
 
     /// Area in m².

@@ -4,7 +4,7 @@
 use super::alpha_shape::{AlphaParams, AlphaShape};
 use super::elevation::{ElevationModel, ElevationParams};
 use super::position::position;
-use crate::cloud::Points;
+use crate::cloud::{LocalFrame, Points};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
@@ -63,14 +63,14 @@ pub fn terrain(points: &Points, ground: &Ground<'_>, params: &TerrainParams, mon
     Ok(Terrain { elevation: heights, position: position(points, &shape, params.road.rim, monitor)? })
 }
 
-/// Which of the points have a class code in `ground`; `codes` has one code for each point of the cloud the points come
+/// Which points of a frame have a class code in `ground`; `codes` has one code for each point of the cloud they come
 /// from. O(n · codes of the ground).
 ///
 /// # Errors
 /// If a point has no code.
-pub fn mask_of_classes<C: Copy + PartialEq>(points: &Points, codes: &[C], ground: &[C]) -> Result<Vec<bool>> {
+pub fn mask_of_classes<C: Copy + PartialEq>(frame: &LocalFrame, codes: &[C], ground: &[C]) -> Result<Vec<bool>> {
     let known = |&i: &u32| codes.get(i as usize).map(|code| ground.contains(code));
-    let mask: Option<Vec<bool>> = points.index.iter().map(known).collect();
+    let mask: Option<Vec<bool>> = frame.index.iter().map(known).collect();
     mask.ok_or_else(|| Error::input(format!("{} class codes for a cloud of more points", codes.len())))
 }
 
@@ -100,12 +100,12 @@ mod tests {
     #[test]
     fn a_street_has_its_heights_and_positions() {
         let (points, codes) = street();
-        let road = mask_of_classes(&points, &codes, &[11]).unwrap();
+        let road = mask_of_classes(&points.frame, &codes, &[11]).unwrap();
         let ground = Ground { road: &road, model: None };
         let found = terrain(&points, &ground, &TerrainParams::default(), &Monitor::default()).unwrap();
         for (i, &road) in road.iter().enumerate() {
             assert!((found.elevation[i] - if road { 0.0 } else { -2.0 }).abs() < 1e-5);
-            let (x, y) = (f64::from(points.x[i]), f64::from(points.y[i]));
+            let (x, y) = (f64::from(points.positions.x[i]), f64::from(points.positions.y[i]));
             let inwards = (y - 9.0).min(21.0 - y).min(x).min(39.75 - x);
             if inwards.abs() > 1.001 {
                 assert_eq!(found.position[i], if inwards > 0.0 { 0.0 } else { 1.0 }, "{x} {y}");
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn a_mask_needs_a_code_for_every_point() {
         let (points, codes) = street();
-        assert!(mask_of_classes(&points, &codes[..100], &[11]).is_err());
+        assert!(mask_of_classes(&points.frame, &codes[..100], &[11]).is_err());
     }
 
     #[test]

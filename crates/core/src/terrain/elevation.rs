@@ -66,16 +66,23 @@ impl ElevationModel {
     /// cancelled.
     pub fn fit(points: &Points, is_ground: &[bool], params: &ElevationParams, monitor: &Monitor) -> Result<Self> {
         params.validate()?;
-        check_mask(points, is_ground)?;
+        check_mask(points.len(), is_ground)?;
         if !is_ground.contains(&true) {
             return Err(Error::input("no ground point: name a class that is ground, or give an elevation model"));
         }
         monitor.check()?;
-        let low = [&points.x, &points.y].map(|axis| axis.iter().fold(f32::INFINITY, |m, &v| m.min(v)));
-        let high = [&points.x, &points.y].map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
-        let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + points.origin[a]);
+        let low =
+            [&points.positions.x, &points.positions.y].map(|axis| axis.iter().fold(f32::INFINITY, |m, &v| m.min(v)));
+        let high = [&points.positions.x, &points.positions.y]
+            .map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
+        let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + points.frame.origin[a]);
         let mut raster = Raster::over(world(low), world(high), params.cell)?;
-        let key = |i: usize| (raster.cell_of(world([points.x[i], points.y[i]])) as u32, ascending(points.z[i]));
+        let key = |i: usize| {
+            (
+                raster.cell_of(world([points.positions.x[i], points.positions.y[i]])) as u32,
+                ascending(points.positions.z[i]),
+            )
+        };
         let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
             let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
             Ok(range.filter(|&i| is_ground[i]).map(key).collect::<Vec<(u32, u32)>>())
@@ -86,7 +93,7 @@ impl ElevationModel {
         for cell in keys.chunk_by(|a, b| a.0 == b.0) {
             looks.steps(cell.len())?;
             let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
-            raster.values_mut()[index as usize] = f64::from(descended(z)) + points.origin[2];
+            raster.values_mut()[index as usize] = f64::from(descended(z)) + points.frame.origin[2];
         }
         let raster = fill_holes(raster, monitor)?;
         match params.median {
@@ -118,12 +125,12 @@ impl ElevationModel {
     /// # Errors
     /// If the work was cancelled.
     pub fn heights(&self, points: &Points, monitor: &Monitor) -> Result<Vec<f32>> {
-        let [ox, oy, oz] = points.origin;
+        let [ox, oy, oz] = points.frame.origin;
         let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
             let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
             let above = |i: usize| {
-                let at = [f64::from(points.x[i]) + ox, f64::from(points.y[i]) + oy];
-                (f64::from(points.z[i]) + oz - self.ground(at)) as f32
+                let at = [f64::from(points.positions.x[i]) + ox, f64::from(points.positions.y[i]) + oy];
+                (f64::from(points.positions.z[i]) + oz - self.ground(at)) as f32
             };
             Ok(range.map(above).collect::<Vec<f32>>())
         })?;
@@ -132,12 +139,8 @@ impl ElevationModel {
 }
 
 /// Checks that a mask has one value a point.
-pub(super) fn check_mask(points: &Points, mask: &[bool]) -> Result<()> {
-    if mask.len() == points.len() {
-        Ok(())
-    } else {
-        Err(Error::input(format!("{} marks for {} points", mask.len(), points.len())))
-    }
+pub(super) fn check_mask(points: usize, mask: &[bool]) -> Result<()> {
+    if mask.len() == points { Ok(()) } else { Err(Error::input(format!("{} marks for {points} points", mask.len()))) }
 }
 
 /// Bit patterns that sort like the numbers.
@@ -186,7 +189,7 @@ mod tests {
     #[test]
     fn holes_take_the_nearest_ground_and_spikes_are_smoothed() {
         let (points, ground) = street(0.0);
-        let west: Vec<bool> = (0..points.len()).map(|i| ground[i] && points.x[i] < 20.0).collect();
+        let west: Vec<bool> = (0..points.len()).map(|i| ground[i] && points.positions.x[i] < 20.0).collect();
         let model = ElevationModel::fit(&points, &west, &ElevationParams::default(), &Monitor::default()).unwrap();
         assert!((model.ground([600_059.0, 5e6 + 3.0]) - 250.0).abs() < 1e-4);
         assert!(model.raster().values().iter().all(|v| (v - 250.0).abs() < 1e-4));

@@ -23,10 +23,11 @@ pub fn position(points: &Points, shape: &AlphaShape, rim: f64, monitor: &Monitor
         return Err(Error::parameter("rim", rim, "metres, 0..1e9"));
     }
     let index = Index::new(shape, rim);
-    let shift = [0, 1].map(|a| points.origin[a] - shape.origin[a]);
+    let shift = [0, 1].map(|a| points.frame.origin[a] - shape.origin[a]);
     let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
         let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
-        let place = |i: usize| [f64::from(points.x[i]) + shift[0], f64::from(points.y[i]) + shift[1]];
+        let place =
+            |i: usize| [f64::from(points.positions.x[i]) + shift[0], f64::from(points.positions.y[i]) + shift[1]];
         Ok(range.map(|i| index.position(place(i))).collect::<Vec<f32>>())
     })?;
     Ok(parts.concat())

@@ -101,9 +101,9 @@ mod tests {
         let cloud = crate::io::read(&path).unwrap();
         let points = Points::from_cloud(&cloud, 1.0);
         let codes = cloud.column(names::CLASSIFICATION).unwrap();
-        let road: Vec<bool> = points.index.iter().map(|&i| codes.values.get(i as usize) == 2.0).collect();
+        let road: Vec<bool> = points.frame.index.iter().map(|&i| codes.values.get(i as usize) == 2.0).collect();
         let params = crate::neighbours::OptimalParams { k_step: 10, ..Default::default() };
-        let features = optimal_features(&points, &params, &Monitor::default()).unwrap().table;
+        let features = optimal_features(&points.positions, &params, &Monitor::default()).unwrap().table;
         let mut s = stream(1, 0);
         let examples: Vec<(u32, bool)> = (0..100).map(|_| s.below(points.len())).map(|i| (i as u32, road[i])).collect();
         let found = road_probability(&features, &examples, &ForestParams::breiman(), &Monitor::default()).unwrap();

@@ -29,7 +29,7 @@ pub(crate) fn by_site<T: Clone + Default>(
     }
     let mut values = vec![T::default(); points.len()];
     for site in sites {
-        let found = work(&pick(points, &site))?;
+        let found = work(&points.select(&site, monitor)?)?;
         site.iter().zip(found).for_each(|(&i, value)| values[i as usize] = value);
     }
     Ok(values)
@@ -37,7 +37,7 @@ pub(crate) fn by_site<T: Clone + Default>(
 
 /// The points of each site, ascending; empty if the cloud should not be divided.
 fn sites(points: &Points, cell: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>> {
-    let size = [&points.x, &points.y].map(|axis| {
+    let size = [&points.positions.x, &points.positions.y].map(|axis| {
         let (low, high) = axis.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
         (f64::from(high) - f64::from(low)) / cell + 1.0
     });
@@ -46,7 +46,9 @@ fn sites(points: &Points, cell: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>>
     if !(cells > LARGE && cells > SPARSE * points.len() as f64 && cells.is_finite()) {
         return Ok(Vec::new());
     }
-    let tile = |i: usize| [points.x[i], points.y[i]].map(|v| (f64::from(v) / (TILE * cell)).floor() as i64);
+    let tile = |i: usize| {
+        [points.positions.x[i], points.positions.y[i]].map(|v| (f64::from(v) / (TILE * cell)).floor() as i64)
+    };
     let mut members: Vec<([i64; 2], u32)> = (0..points.len()).map(|i| (tile(i), i as u32)).collect();
     sort_watched(&mut members, monitor)?;
     let tiles: Vec<&[([i64; 2], u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
@@ -70,17 +72,6 @@ fn sites(points: &Points, cell: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>>
         sites.push(site);
     }
     Ok(sites)
-}
-
-fn pick(points: &Points, site: &[u32]) -> Points {
-    let axis = |from: &[f32]| site.iter().map(|&i| from[i as usize]).collect();
-    Points {
-        x: axis(&points.x),
-        y: axis(&points.y),
-        z: axis(&points.z),
-        index: site.iter().map(|&i| points.index[i as usize]).collect(),
-        origin: points.origin,
-    }
 }
 
 #[cfg(test)]

@@ -249,7 +249,7 @@ mod tests {
     fn check(rows: &[[f64; 3]], size: f64, k: usize) {
         let points = Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
         let grid = Grid::new(&points, size).unwrap();
-        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        let points = sorted(points, &grid, &Monitor::default()).unwrap().positions;
         for level in build_levels(&points, &grid, 4, &Monitor::default()).unwrap() {
             let (mut search, mut scalar) = (Search::default(), Search::default());
             for first in (0..points.len()).step_by(LANES * points.len().div_ceil(600)) {

@@ -217,23 +217,21 @@ fn neighbours(keys: &[u64], range: Range<usize>, mut found: impl FnMut(usize, u3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::{Cloud, Points};
+    use crate::cloud::{Cloud, Points, Positions};
     use crate::random::stream;
 
-    fn scattered() -> Points {
+    fn scattered() -> Positions {
         let mut s = stream(5, 0);
         let rows: Vec<[f64; 3]> =
             (0..4000).map(|_| [s.uniform() * 9.0, s.uniform() * 7.0, s.uniform() * 2.0]).collect();
-        Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0)
+        Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0).positions
     }
 
     #[test]
     fn neighbours_of_cells_are_those_of_brute_force() {
         let points = scattered();
-        let grid = RowGrid::new(points.places(), 0.5, "size").unwrap();
-        let cells =
-            Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), &Monitor::default())
-                .unwrap();
+        let grid = RowGrid::new(points.iter(), 0.5, "size").unwrap();
+        let cells = Cells::new(points.len(), |i| grid.key(points.xyz(i)), &Monitor::default()).unwrap();
         let near = adjacency(&cells.keys, &Monitor::default()).unwrap();
         let centre = |c: usize| grid.centre(cells.keys[c]);
         for a in 0..cells.len() {
@@ -249,23 +247,22 @@ mod tests {
     fn items_stand_in_the_cell_that_holds_them() {
         let mut points = scattered();
         points.x.iter_mut().for_each(|x| *x -= 4.0);
-        let grid = RowGrid::new(points.places(), 0.7, "size").unwrap();
-        let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
-        let cells = Cells::new(points.len(), |i| grid.key(place(i)), &Monitor::default()).unwrap();
+        let grid = RowGrid::new(points.iter(), 0.7, "size").unwrap();
+        let cells = Cells::new(points.len(), |i| grid.key(points.xyz(i)), &Monitor::default()).unwrap();
         let held = (0..cells.len()).flat_map(|c| cells.of(c).iter().map(move |&i| (c, i as usize)));
         assert_eq!(cells.items.len(), points.len());
         for (c, i) in held {
             let centre = grid.centre(cells.keys[c]);
-            assert!((0..3).all(|a| (centre[a] - place(i)[a]).abs() <= 0.35001));
+            assert!((0..3).all(|a| (centre[a] - points.xyz(i)[a]).abs() <= 0.35001));
         }
     }
 
     #[test]
     fn sizes_without_keys_and_places_that_are_no_numbers_are_refused() {
         let mut points = scattered();
-        assert!(RowGrid::new(points.places(), 1e-6, "size").unwrap_err().to_string().contains("size"));
+        assert!(RowGrid::new(points.iter(), 1e-6, "size").unwrap_err().to_string().contains("size"));
         points.y[7] = f32::NAN;
-        assert!(RowGrid::new(points.places(), 1.0, "size").is_err());
+        assert!(RowGrid::new(points.iter(), 1.0, "size").is_err());
         assert!(RowGrid::new(std::iter::empty(), 1.0, "size").is_ok());
     }
 }

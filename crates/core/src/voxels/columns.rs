@@ -4,7 +4,7 @@ use super::blocks::{Around, Blocks};
 use super::grid::Grid;
 use super::level::Level;
 use super::morton;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, sort_watched};
 
@@ -24,7 +24,7 @@ impl Columns {
     /// If the work was cancelled.
     pub fn new(level: &Level, radius: f64, monitor: &Monitor) -> Result<Self> {
         let grid = Grid { size: radius };
-        let key = |i: usize| (grid.code(level.x[i], level.y[i], 0.0), i as u32);
+        let key = |i: usize| (grid.code([level.x[i], level.y[i], 0.0]), i as u32);
         let mut keyed: Vec<(u64, u32)> = map_watched(level.len(), monitor, key)?;
         sort_watched(&mut keyed, monitor)?;
         let order = map_watched(keyed.len(), monitor, |i| keyed[i].1)?;
@@ -34,7 +34,7 @@ impl Columns {
     }
 
     /// Whether the indices of all cells fit into a key.
-    pub fn fits(points: &Points, radius: f64) -> bool {
+    pub fn fits(points: &Positions, radius: f64) -> bool {
         let far = points.x.iter().chain(&points.y).fold(0.0f32, |m, &v| m.max(v));
         f64::from(far) / radius < f64::from(morton::LIMIT - 64)
     }
@@ -129,7 +129,7 @@ impl ColumnSearch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::parallel::Monitor;
     use crate::random::stream;
     use crate::voxels::{build_levels, sorted};
@@ -141,13 +141,13 @@ mod tests {
             (0..3000).map(|_| [s.uniform() * 30.0, s.uniform() * 20.0, s.uniform() * 9.0]).collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.5).unwrap();
-        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        let points = sorted(points, &grid, &Monitor::default()).unwrap().positions;
         for level in build_levels(&points, &grid, 4, &Monitor::default()).unwrap() {
             for radius in [level.size, 1.7 * level.size] {
                 let columns = Columns::new(&level, radius, &Monitor::default()).unwrap();
                 let mut search = ColumnSearch::default();
                 for i in (0..points.len()).step_by(11) {
-                    let at = [points.x[i], points.y[i], points.z[i]];
+                    let at = points.xyz(i);
                     let inside = |j: &usize| {
                         let (dx, dy) = (level.x[*j] - at[0], level.y[*j] - at[1]);
                         dx * dx + dy * dy <= (radius * radius) as f32

@@ -21,7 +21,8 @@ impl Grid {
         if !(size.is_finite() && size > 0.0) {
             return Err(Error::parameter("first_scale", size, "a voxel size in metres, above 0"));
         }
-        let far = [&points.x, &points.y, &points.z].map(|axis| axis.iter().fold(0.0f32, |m, &v| m.max(v)));
+        let far = [&points.positions.x, &points.positions.y, &points.positions.z]
+            .map(|axis| axis.iter().fold(0.0f32, |m, &v| m.max(v)));
         let cells = f64::from(far[0].max(far[1]).max(far[2])) / size;
         if cells >= f64::from(morton::LIMIT - 64) {
             let expected = format!(
@@ -37,24 +38,28 @@ impl Grid {
 
     /// Cell indices of a position.
     #[inline(always)]
-    pub fn cell(&self, x: f32, y: f32, z: f32) -> [u32; 3] {
-        [x, y, z].map(|v| (f64::from(v) / self.size) as u32)
+    pub fn cell(&self, at: [f32; 3]) -> [u32; 3] {
+        at.map(|v| (f64::from(v) / self.size) as u32)
     }
 
     /// Morton code of a position's cell.
     #[inline(always)]
-    pub fn code(&self, x: f32, y: f32, z: f32) -> u64 {
-        morton::encode(self.cell(x, y, z))
+    pub fn code(&self, at: [f32; 3]) -> u64 {
+        morton::encode(self.cell(at))
     }
 }
 
 /// The point with the largest coordinate on an axis, for a message.
 fn farthest(points: &Points) -> String {
-    let reach = |i: usize| points.x[i].max(points.y[i]).max(points.z[i]);
+    let reach = |i: usize| points.positions.x[i].max(points.positions.y[i]).max(points.positions.z[i]);
     let Some(i) = (0..points.len()).max_by(|&a, &b| reach(a).total_cmp(&reach(b))) else { return "it".into() };
-    let at = [points.x[i], points.y[i], points.z[i]];
-    let [x, y, z] = [0, 1, 2].map(|a| f64::from(at[a]) + points.origin[a]);
-    format!("point {} at {x:.1}, {y:.1}, {z:.1} m, {:.0} m from the other end of the cloud,", points.index[i], reach(i))
+    let at = points.positions.xyz(i);
+    let [x, y, z] = [0, 1, 2].map(|a| f64::from(at[a]) + points.frame.origin[a]);
+    format!(
+        "point {} at {x:.1}, {y:.1}, {z:.1} m, {:.0} m from the other end of the cloud,",
+        points.frame.index[i],
+        reach(i)
+    )
 }
 
 /// Sorts the points by (Morton code, index). O(n log n) time, 16 temporary bytes a point.
@@ -62,15 +67,12 @@ fn farthest(points: &Points) -> String {
 /// # Errors
 /// If the work was cancelled.
 pub fn sorted(points: Points, grid: &Grid, monitor: &Monitor) -> Result<Points> {
-    let key = |i: usize| (grid.code(points.x[i], points.y[i], points.z[i]), i as u32);
+    let key = |i: usize| (grid.code(points.positions.xyz(i)), i as u32);
     let mut order: Vec<(u64, u32)> = map_watched(points.len(), monitor, key)?;
     sort_watched(&mut order, monitor)?;
-    let Points { x, y, z, index, origin } = points;
-    // Each old axis is freed as soon as its sorted copy is complete.
-    let pick = |axis: Vec<f32>| map_watched(order.len(), monitor, |i| axis[order[i].1 as usize]);
-    let (x, y, z) = (pick(x)?, pick(y)?, pick(z)?);
-    let index = map_watched(order.len(), monitor, |i| index[order[i].1 as usize])?;
-    Ok(Points { x, y, z, index, origin })
+    let rows = map_watched(order.len(), monitor, |i| order[i].1)?;
+    drop(order);
+    points.select(&rows, monitor)
 }
 
 #[cfg(test)]
@@ -85,10 +87,9 @@ mod tests {
             .collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.25).unwrap();
-        let sorted = sorted(points.clone(), &grid, &Monitor::default()).unwrap();
+        let sorted = sorted(points.clone(), &grid, &Monitor::default()).unwrap().positions;
         for level in 0..5 {
-            let codes: Vec<u64> =
-                (0..sorted.len()).map(|i| grid.code(sorted.x[i], sorted.y[i], sorted.z[i]) >> (3 * level)).collect();
+            let codes: Vec<u64> = (0..sorted.len()).map(|i| grid.code(sorted.xyz(i)) >> (3 * level)).collect();
             assert!(codes.windows(2).all(|w| w[0] <= w[1]));
         }
     }

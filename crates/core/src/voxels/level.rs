@@ -5,7 +5,7 @@
 
 use super::blocks::Blocks;
 use super::grid::Grid;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 
@@ -133,7 +133,7 @@ impl Voxels {
 ///
 /// # Errors
 /// If the work was cancelled.
-pub fn build_levels(points: &Points, grid: &Grid, count: usize, monitor: &Monitor) -> Result<Vec<Level>> {
+pub fn build_levels(points: &Positions, grid: &Grid, count: usize, monitor: &Monitor) -> Result<Vec<Level>> {
     Ok(coarse_levels(points, grid, (count, usize::MAX), monitor)?.1)
 }
 
@@ -142,13 +142,12 @@ pub fn build_levels(points: &Points, grid: &Grid, count: usize, monitor: &Monito
 /// # Errors
 /// If the work was cancelled.
 pub fn coarse_levels(
-    points: &Points,
+    points: &Positions,
     grid: &Grid,
     (count, most): (usize, usize),
     monitor: &Monitor,
 ) -> Result<(usize, Vec<Level>)> {
-    let place = |i: usize| [points.x[i], points.y[i], points.z[i]];
-    let finest = (0..points.len()).map(|i| (grid.code(points.x[i], points.y[i], points.z[i]), place(i), 1));
+    let finest = (0..points.len()).map(|i| (grid.code(points.xyz(i)), points.xyz(i), 1));
     let (mut voxels, mut means) = Voxels::unite(finest, monitor)?;
     let (mut fine, mut levels) = (0, Vec::<Level>::new());
     for l in 0..count {
@@ -171,7 +170,7 @@ pub fn coarse_levels(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::voxels::sorted;
     use std::collections::BTreeMap;
 
@@ -182,11 +181,11 @@ mod tests {
             .collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.1).unwrap();
-        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        let points = sorted(points, &grid, &Monitor::default()).unwrap().positions;
         for (l, level) in build_levels(&points, &grid, 6, &Monitor::default()).unwrap().iter().enumerate() {
             let mut voxels: BTreeMap<[i64; 3], (f64, [f64; 3])> = BTreeMap::new();
             for i in 0..points.len() {
-                let p = [points.x[i], points.y[i], points.z[i]].map(f64::from);
+                let p = points.xyz(i).map(f64::from);
                 let voxel = voxels.entry(p.map(|v| (v / (0.1 * f64::from(1 << l))).floor() as i64)).or_default();
                 voxel.0 += 1.0;
                 (0..3).for_each(|a| voxel.1[a] += p[a]);

@@ -283,11 +283,11 @@ mod tests {
     fn check(rows: &[[f64; 3]], size: f64, k: usize) {
         let points = Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0);
         let grid = Grid::new(&points, size).unwrap();
-        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        let points = sorted(points, &grid, &Monitor::default()).unwrap().positions;
         for level in build_levels(&points, &grid, 4, &Monitor::default()).unwrap() {
             let mut search = Search::default();
             for i in (0..points.len()).step_by(points.len().div_ceil(300)) {
-                let at = [points.x[i], points.y[i], points.z[i]];
+                let at = points.xyz(i);
                 let mut found = vec![0; k];
                 let n = search.nearest(&level, at, &mut found);
                 let mut all: Vec<Neighbour> = (0..level.len())

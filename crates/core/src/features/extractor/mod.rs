@@ -91,7 +91,7 @@ impl<'a> Plan<'a> {
         }
         monitor.stage("pyramid", points.len() as u64);
         let grid = Grid::new(&points, first_scale)?;
-        if !Columns::fits(&points, set.pyramid.column_radius * first_scale) {
+        if !Columns::fits(&points.positions, set.pyramid.column_radius * first_scale) {
             let expected = "a wider column, or a larger first scale: the columns of this extent are too many";
             return Err(Error::parameter("column_radius", set.pyramid.column_radius, expected));
         }
@@ -143,9 +143,10 @@ impl<'a> Extractor<'a> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
-        let stages = plan.stages(0, build_levels(&points, &grid, set.pyramid.levels, monitor)?, None, monitor)?;
+        let stages =
+            plan.stages(0, build_levels(&points.positions, &grid, set.pyramid.levels, monitor)?, None, monitor)?;
         let queries = match at {
-            Some(at) => subset(points, at, cloud.len(), monitor)?,
+            Some(at) => subset(&points, at, cloud.len(), monitor)?,
             None => points,
         };
         Ok(Self { plan, stages, queries })
@@ -188,13 +189,14 @@ impl<'a> Extractor<'a> {
         let range = first..(first + Self::BLOCK).min(self.queries.len());
         rows.clear();
         rows.resize(range.len() * self.plan.names.len(), 0.0);
-        let mut job = Job { points: &self.queries, range: range.clone(), width: self.plan.names.len(), out: rows };
+        let mut job =
+            Job { points: &self.queries.positions, range: range.clone(), width: self.plan.names.len(), out: rows };
         scratch.begin();
         for stage in &self.stages {
             stage.describe(&mut job, &self.plan.set.pyramid, scratch);
         }
         scratch.finish();
-        let points = &self.queries.index[range];
+        let points = &self.queries.frame.index[range];
         for (slot, source) in &self.plan.own {
             let column = rows.chunks_exact_mut(self.plan.names.len());
             column.zip(points).for_each(|(row, &point)| row[*slot] = source.get(point));
@@ -228,7 +230,7 @@ fn columns(all: &[String], names: &[String]) -> Result<Vec<Option<usize>>> {
 }
 
 /// The points with these cloud indices, in their existing order.
-fn subset(points: Points, at: &[u32], cloud: usize, monitor: &Monitor) -> Result<Points> {
+fn subset(points: &Points, at: &[u32], cloud: usize, monitor: &Monitor) -> Result<Points> {
     let mut wanted = vec![false; cloud];
     for &index in at {
         match wanted.get_mut(index as usize) {
@@ -239,16 +241,9 @@ fn subset(points: Points, at: &[u32], cloud: usize, monitor: &Monitor) -> Result
             None => return Err(Error::input(format!("point {index} of a cloud of {cloud}"))),
         }
     }
-    let mut kept: Vec<usize> = Vec::with_capacity(at.len());
+    let mut kept: Vec<u32> = Vec::with_capacity(at.len());
     for piece in watched(points.len(), monitor) {
-        kept.extend(piece?.filter(|&i| wanted[points.index[i] as usize]));
+        kept.extend(piece?.filter(|&i| wanted[points.frame.index[i] as usize]).map(|i| i as u32));
     }
-    let pick = |axis: &[f32]| kept.iter().map(|&i| axis[i]).collect();
-    Ok(Points {
-        x: pick(&points.x),
-        y: pick(&points.y),
-        z: pick(&points.z),
-        index: kept.iter().map(|&i| points.index[i]).collect(),
-        origin: points.origin,
-    })
+    points.select(&kept, monitor)
 }

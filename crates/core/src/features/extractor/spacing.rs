@@ -17,16 +17,19 @@ const NEIGHBOUR: usize = 4;
 /// # Errors
 /// If the work was cancelled.
 pub fn spacing(points: &Points, monitor: &Monitor) -> Result<f64> {
-    let far = [&points.x, &points.y, &points.z].into_iter().flatten().fold(0.0f32, |m, &v| m.max(v));
+    let far = [&points.positions.x, &points.positions.y, &points.positions.z]
+        .into_iter()
+        .flatten()
+        .fold(0.0f32, |m, &v| m.max(v));
     let grid = Grid::new(points, f64::from(far).max(1e-3) / f64::from(1u32 << 20))?;
     let points = sorted(points.clone(), &grid, monitor)?;
-    let levels = build_levels(&points, &grid, 1, monitor)?;
+    let levels = build_levels(&points.positions, &grid, 1, monitor)?;
     let (Some(level), true) = (levels.first(), points.len() > NEIGHBOUR) else { return Ok(0.0) };
     let mut search = Search::default();
     let mut found = [0; NEIGHBOUR + 1];
     let mut distances = Vec::new();
     for i in (0..points.len()).step_by(points.len().div_ceil(SAMPLES)) {
-        let at = [points.x[i], points.y[i], points.z[i]];
+        let at = points.positions.xyz(i);
         let n = search.nearest(level, at, &mut found);
         let distance = |&j: &u32| {
             let d = [level.x[j as usize] - at[0], level.y[j as usize] - at[1], level.z[j as usize] - at[2]];

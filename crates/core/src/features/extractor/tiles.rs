@@ -6,11 +6,11 @@
 //! those of [`Extractor::prepare`].
 
 use super::{Extractor, Plan, Wanted};
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{Cloud, Points, Positions};
 use crate::error::Result;
 use crate::features::params::FeatureSet;
 use crate::features::pyramid::region::Region;
-use crate::parallel::{Monitor, map_watched};
+use crate::parallel::Monitor;
 use crate::voxels::{Grid, build_levels, coarse_levels};
 use std::ops::Range;
 use std::sync::Arc;
@@ -53,10 +53,10 @@ impl<'a> Tiles<'a> {
     ) -> Result<Self> {
         let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
         let most = if points.len() <= part { usize::MAX } else { points.len() / COARSE_SHARE };
-        let (fine, levels) = coarse_levels(&points, &grid, (set.pyramid.levels, most), monitor)?;
+        let (fine, levels) = coarse_levels(&points.positions, &grid, (set.pyramid.levels, most), monitor)?;
         let coarse = plan.stages(fine, levels, None, monitor)?;
         let mut parts = Vec::new();
-        divide(&points, &grid, (0..points.len(), 63), part, &mut parts);
+        divide(&points.positions, &grid, (0..points.len(), 63), part, &mut parts);
         Ok(Self { plan, grid, points, fine, coarse, parts })
     }
 
@@ -77,7 +77,7 @@ impl<'a> Tiles<'a> {
 
     /// Index in the cloud of each sorted point.
     pub(super) fn indices(&self) -> &[u32] {
-        &self.points.index
+        &self.points.frame.index
     }
 
     /// Number of parts.
@@ -100,35 +100,25 @@ impl<'a> Tiles<'a> {
         if self.fine > 0 {
             let columns = (4.0 * self.plan.set.pyramid.column_radius).ceil() as u32;
             let margin = MARGIN.max(columns).saturating_mul(4u32.saturating_pow(attempt));
-            let (region, held) = Region::around((&self.points, &self.grid), places, (self.fine - 1, margin), monitor)?;
-            let held = pick(&self.points, &held, monitor)?;
+            let (region, held) =
+                Region::around((&self.points.positions, &self.grid), places, (self.fine - 1, margin), monitor)?;
+            let held = self.points.positions.select(&held, monitor)?;
             stages = self.plan.stages(0, build_levels(&held, &self.grid, self.fine, monitor)?, region, monitor)?;
         }
         stages.extend(self.coarse.iter().cloned());
-        Ok(Extractor::from_parts(self.plan.clone(), stages, pick(&self.points, places, monitor)?))
+        Ok(Extractor::from_parts(self.plan.clone(), stages, self.points.select(places, monitor)?))
     }
-}
-
-fn pick(points: &Points, places: &[u32], monitor: &Monitor) -> Result<Points> {
-    let axis = |from: &[f32]| map_watched(places.len(), monitor, |i| from[places[i] as usize]);
-    Ok(Points {
-        x: axis(&points.x)?,
-        y: axis(&points.y)?,
-        z: axis(&points.z)?,
-        index: map_watched(places.len(), monitor, |i| points.index[places[i] as usize])?,
-        origin: points.origin,
-    })
 }
 
 /// Splits a range of sorted points by the three bits below `bits` of their codes, until no part has too many points.
 fn divide(
-    points: &Points,
+    points: &Positions,
     grid: &Grid,
     (range, bits): (Range<usize>, u32),
     most: usize,
     parts: &mut Vec<Range<usize>>,
 ) {
-    let code = |i: usize| grid.code(points.x[i], points.y[i], points.z[i]);
+    let code = |i: usize| grid.code(points.xyz(i));
     if range.is_empty() {
         return;
     }

@@ -8,7 +8,7 @@ mod surfaces;
 use super::definition::{Feature, Group};
 use super::params::{Column, PyramidParams};
 use super::tensor::{Batch, Convention, LANES, Lane, MOST, Tensor, covariance_features, tensor};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::voxels::{ColumnSearch, Columns, Level, Search};
@@ -84,7 +84,7 @@ impl Default for Scratch {
 
 /// Query points and the output: row `r` of `out` belongs to point `range.start + r`.
 pub(super) struct Job<'a> {
-    pub(super) points: &'a Points,
+    pub(super) points: &'a Positions,
     pub(super) range: Range<usize>,
     pub(super) width: usize,
     pub(super) out: &'a mut [f32],
@@ -200,7 +200,7 @@ impl Stage {
         let all = found == params.k.min(MOST - 1) - usize::from(params.include_query);
         for (l, row) in rows.clone().enumerate() {
             let i = work.job.range.start + row;
-            let at = [points.x[i], points.y[i], points.z[i]];
+            let at = points.xyz(i);
             let open = |near: &[u32; LANES]| self.open.get(near[l] as usize).is_some_and(|&open| open);
             let sure = region.holds(at, farthest(&work.scratch.batch, found, l), all);
             if !sure || work.scratch.found[..found].iter().any(open) {
@@ -215,7 +215,7 @@ impl Stage {
         let points = work.job.points;
         for (l, row) in rows.clone().enumerate() {
             let i = work.job.range.start + row;
-            let at = [points.x[i], points.y[i], points.z[i]];
+            let at = points.xyz(i);
             let (low, high) = match work.params.column {
                 Column::Cylinder => work.scratch.columns.cylinder(&self.part.level, columns, at),
                 Column::Cell => work.scratch.columns.grid_cell(&self.part.level, columns, at),
@@ -255,7 +255,7 @@ fn own_surface(tensor: &Tensor, variation: &[f32; LANES], row: usize, surfaces: 
 /// Up to 16 points.
 #[derive(Clone, Debug)]
 pub(super) struct Queries<'a> {
-    pub(super) points: &'a Points,
+    pub(super) points: &'a Positions,
     /// Their indices.
     pub(super) lanes: Range<usize>,
 }
@@ -333,7 +333,7 @@ fn unpack(packed: &[Packed], found: &[[u32; LANES]], surfaces: &mut Surfaces) {
 mod tests {
     use super::super::definition::{Scope, of_scope};
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::random::stream;
     use crate::voxels::{Grid, build_levels, sorted};
 
@@ -343,7 +343,7 @@ mod tests {
         let rows: Vec<[f64; 3]> = (0..2000).map(|_| [s.uniform() * 20.0, s.uniform() * 20.0, s.uniform()]).collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let grid = Grid::new(&points, 0.2).unwrap();
-        let points = sorted(points, &grid, &Monitor::default()).unwrap();
+        let points = sorted(points, &grid, &Monitor::default()).unwrap().positions;
         let params = PyramidParams::default();
         for level in build_levels(&points, &grid, 5, &Monitor::default()).unwrap() {
             let mut slots = Slots::default();

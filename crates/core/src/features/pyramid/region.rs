@@ -1,6 +1,6 @@
 //! The loaded part of a cloud: whole vertical columns of voxels.
 
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor, watched};
 use crate::voxels::Grid;
@@ -22,12 +22,12 @@ impl Region {
     /// # Errors
     /// If the work was cancelled.
     pub(in crate::features) fn around(
-        (points, grid): (&Points, &Grid),
+        (points, grid): (&Positions, &Grid),
         positions: &[u32],
         (level, margin): (usize, u32),
         monitor: &Monitor,
     ) -> Result<(Option<Self>, Vec<u32>)> {
-        let cell = |i: usize| grid.cell(points.x[i], points.y[i], points.z[i]).map(|c| c >> level);
+        let cell = |i: usize| grid.cell(points.xyz(i)).map(|c| c >> level);
         let bounds = |all: &mut dyn Iterator<Item = usize>| {
             let mut looks = Looks::at(monitor);
             all.map(cell).try_fold(([u32::MAX; 3], [0; 3]), |(low, high), c| {

@@ -2,7 +2,7 @@
 
 use super::region::Region;
 use super::{Queries, Scratch, Source, fill};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::features::params::PyramidParams;
 use crate::features::tensor::{Batch, Convention, LANES, MOST, covariance_features, tensor};
@@ -27,11 +27,10 @@ pub(in crate::features) fn surfaces(
     let params = PyramidParams { include_query: false, ..params.clone() };
     let chunks = map_ordered(level.len().div_ceil(CHUNK), monitor, |c| {
         let range = c * CHUNK..((c + 1) * CHUNK).min(level.len());
-        let points = Points {
+        let points = Positions {
             x: level.x[range.clone()].to_vec(),
             y: level.y[range.clone()].to_vec(),
             z: level.z[range.clone()].to_vec(),
-            ..Points::default()
         };
         let mut packed = vec![[0; 4]; range.len()];
         let mut open = vec![false; if region.is_some() { range.len() } else { 0 }];
@@ -52,7 +51,7 @@ pub(in crate::features) fn surfaces(
 /// The first pass over a chunk of a level, compiled for each instruction set.
 struct Pack<'a> {
     level: &'a Level,
-    points: &'a Points,
+    points: &'a Positions,
     params: &'a PyramidParams,
     packed: &'a mut [Packed],
     /// The region in which the level is complete, and a flag for points whose neighbours may lie outside.
@@ -80,7 +79,7 @@ fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
         if let Some((region, open)) = &mut open {
             let all = count == params.k.min(MOST - 1);
             for (l, i) in lanes.clone().enumerate() {
-                let at = [points.x[i], points.y[i], points.z[i]];
+                let at = points.xyz(i);
                 open[i] = !region.holds(at, farthest(&scratch.batch, count, l), all);
             }
         }

@@ -8,7 +8,7 @@ pub(super) mod search;
 pub(super) mod tree;
 
 use super::nearest::Neighbours;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered_with, watched};
 use pulp::{Arch, Simd, WithSimd};
@@ -19,8 +19,6 @@ use tree::{Tree, check};
 
 /// Leaves that one task searches.
 const LEAVES: usize = 64;
-/// Largest distance of two origins in metres: beyond it squares overflow `f32`.
-const FARTHEST: f64 = 1e18;
 /// Queries that one task searches.
 const QUERIES: usize = 512;
 
@@ -38,13 +36,13 @@ const QUERIES: usize = 512;
 /// use scansion_core::{Cloud, cloud::Points, neighbours::knn, parallel::Monitor};
 /// # fn main() -> scansion_core::Result<()> {
 /// let cloud = Cloud::from_rows(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]])?;
-/// let near = knn(&Points::from_cloud(&cloud, 1.0), 2, &Monitor::default())?;
+/// let near = knn(&Points::from_cloud(&cloud, 1.0).positions, 2, &Monitor::default())?;
 /// assert_eq!(near.of(2), [1, 0]);
 /// assert_eq!(near.squared_distances(2), [4.0, 9.0]);
 /// # Ok(())
 /// # }
 /// ```
-pub fn knn(points: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
+pub fn knn(points: &Positions, k: usize, monitor: &Monitor) -> Result<Neighbours> {
     let k = k.min(points.len().saturating_sub(1));
     let tree = Tree::new(points, k, monitor)?;
     let mut index = room(points.len(), k)?;
@@ -76,25 +74,23 @@ pub fn knn(points: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
 
 /// The `k` nearest of `points` to each of `queries`, ascending by (squared distance, index): row i belongs to query i.
 ///
-/// A point at the position of a query is among its nearest points. The clouds may have different origins: queries are
-/// moved to the origin of the points in `f64`. `k` is reduced to at most the number of points. O((n + q) log n)
-/// expected time.
+/// A point at the position of a query is among its nearest points. Both have the same origin; the points of another
+/// cloud are first [moved to it](crate::cloud::Points::moved_to). `k` is reduced to at most the number of points.
+/// O((n + q) log n) expected time.
 ///
 /// # Errors
-/// If a coordinate is not finite, the origins are too far apart for `f32`, the result does not fit into memory, or the
-/// work was cancelled.
-pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor) -> Result<Neighbours> {
+/// If a coordinate is not finite, the result does not fit into memory, or the work was cancelled.
+pub fn nearest_of(points: &Positions, queries: &Positions, k: usize, monitor: &Monitor) -> Result<Neighbours> {
     let k = k.min(points.len());
     let tree = Tree::new(points, k, monitor)?;
     check(queries)?;
     let mut index = room(queries.len(), k)?;
     let mut squared_distance = room(queries.len(), k)?;
     monitor.stage("neighbours", queries.len() as u64);
-    let shift = Shift::to_origin_of(points, queries)?;
     let count = if k > 0 { queries.len().div_ceil(QUERIES) } else { 0 };
     let parts = map_ordered_with(0..count, monitor, Seeker::default, |seeker, block| {
         let range = block * QUERIES..((block + 1) * QUERIES).min(queries.len());
-        let places: Vec<[f32; 3]> = range.map(|i| shift.place(queries, i)).collect();
+        let places: Vec<[f32; 3]> = range.map(|i| queries.xyz(i)).collect();
         let mut rows = Rows::with_room(places.len() * k);
         Arch::new().dispatch(Places { seeker, tree: &tree, places: &places, k, out: &mut rows });
         monitor.advance(places.len() as u64);
@@ -105,28 +101,6 @@ pub fn nearest_of(points: &Points, queries: &Points, k: usize, monitor: &Monitor
         squared_distance.extend(rows.squared.into_iter().map(f32::from_bits));
     }
     Ok(Neighbours::trusted(k, index, squared_distance))
-}
-
-/// The offset of the queries' origin from that of the points, metres.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shift([f64; 3]);
-
-impl Shift {
-    /// # Errors
-    /// If the origins are too far apart for `f32`.
-    pub(super) fn to_origin_of(points: &Points, queries: &Points) -> Result<Self> {
-        let shift = [0, 1, 2].map(|a| queries.origin[a] - points.origin[a]);
-        if shift.iter().all(|v| v.abs() <= FARTHEST) {
-            return Ok(Self(shift));
-        }
-        let found = format!("origins {:?} and {:?}", points.origin, queries.origin);
-        Err(Error::input(format!("{found} are too far apart to be compared (allowed: {FARTHEST:e} m)")))
-    }
-
-    /// The position of a query relative to the origin of the points.
-    pub(super) fn place(self, queries: &Points, i: usize) -> [f32; 3] {
-        [(queries.x[i], 0), (queries.y[i], 1), (queries.z[i], 2)].map(|(v, a)| (f64::from(v) + self.0[a]) as f32)
-    }
 }
 
 /// Neighbours of consecutive points: `rows` holds `k` for each of `points` (positions in the tree's order).
@@ -212,14 +186,14 @@ fn room<T>(rows: usize, k: usize) -> Result<Vec<T>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::random::stream;
 
-    fn points(rows: &[[f64; 3]]) -> Points {
-        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+    fn points(rows: &[[f64; 3]]) -> Positions {
+        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0).positions
     }
 
-    fn brute_force(points: &Points, at: [f32; 3], but: Option<usize>) -> Vec<(f32, u32)> {
+    fn brute_force(points: &Positions, at: [f32; 3], but: Option<usize>) -> Vec<(f32, u32)> {
         let apart = |j: usize| {
             let [x, y, z] = [points.x[j] - at[0], points.y[j] - at[1], points.z[j] - at[2]];
             x * x + y * y + z * z
@@ -236,7 +210,7 @@ mod tests {
         let found = knn(&points, k, &Monitor::default()).unwrap();
         assert_eq!(found.k(), k.min(points.len() - 1));
         for i in (0..points.len()).step_by(points.len().div_ceil(500)) {
-            let mut expected = brute_force(&points, [points.x[i], points.y[i], points.z[i]], Some(i));
+            let mut expected = brute_force(&points, points.xyz(i), Some(i));
             expected.truncate(k);
             let row: Vec<(f32, u32)> =
                 found.squared_distances(i).iter().copied().zip(found.of(i).iter().copied()).collect();
@@ -304,7 +278,7 @@ mod tests {
         for n in 1..20 {
             check(&random(n, [5.0, 5.0, 5.0]), 10);
         }
-        let none = knn(&Points::default(), 10, &Monitor::default()).unwrap();
+        let none = knn(&Positions::default(), 10, &Monitor::default()).unwrap();
         assert!(none.is_empty() && none.k() == 0);
         let zero = knn(&points(&random(9, [1.0; 3])), 0, &Monitor::default()).unwrap();
         assert!(zero.is_empty() && zero.k() == 0);
@@ -313,26 +287,28 @@ mod tests {
     #[test]
     fn other_places_find_their_nearest_points_across_origins() {
         let rows = random(3000, [30.0, 30.0, 4.0]);
-        let cloud = points(&rows);
+        let cloud = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let mut asked: Vec<[f64; 3]> = random(400, [50.0, 50.0, 4.0]);
         asked.extend_from_slice(&rows[..50]);
         let shifted = asked.iter().map(|p| p.map(|v| v + 1000.0)).collect::<Vec<_>>();
-        let mut queries = points(&shifted);
-        queries.origin = queries.origin.map(|o| o - 1000.0);
+        let mut queries = Points::from_cloud(&Cloud::from_rows(&shifted).unwrap(), 1.0);
+        queries.frame.origin = queries.frame.origin.map(|o| o - 1000.0);
+        let moved = queries.clone().moved_to(cloud.frame.origin).unwrap().positions;
         for k in [1, 7, 5000] {
-            let found = nearest_of(&cloud, &queries, k, &Monitor::default()).unwrap();
+            let found = nearest_of(&cloud.positions, &moved, k, &Monitor::default()).unwrap();
             assert_eq!((found.len(), found.k()), (450, k.min(3000)));
             for i in 0..450 {
-                let at = [(queries.x[i], 0), (queries.y[i], 1), (queries.z[i], 2)]
-                    .map(|(v, a)| (f64::from(v) + queries.origin[a] - cloud.origin[a]) as f32);
-                let mut expected = brute_force(&cloud, at, None);
+                let own = queries.positions.xyz(i);
+                let at =
+                    [0, 1, 2].map(|a| (f64::from(own[a]) + queries.frame.origin[a] - cloud.frame.origin[a]) as f32);
+                let mut expected = brute_force(&cloud.positions, at, None);
                 expected.truncate(k);
                 assert!(found.of(i).iter().eq(expected.iter().map(|e| &e.1)));
                 assert!(found.squared_distances(i).iter().eq(expected.iter().map(|e| &e.0)));
             }
         }
-        assert!(nearest_of(&Points::default(), &queries, 3, &Monitor::default()).unwrap().is_empty());
-        assert!(nearest_of(&cloud, &Points::default(), 3, &Monitor::default()).unwrap().is_empty());
+        assert!(nearest_of(&Positions::default(), &moved, 3, &Monitor::default()).unwrap().is_empty());
+        assert!(nearest_of(&cloud.positions, &Positions::default(), 3, &Monitor::default()).unwrap().is_empty());
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 use super::build::{Bounds, Item, Node, build};
 use super::lanes::{LANES, larger};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
 
@@ -55,7 +55,7 @@ impl Tree {
     ///
     /// # Errors
     /// If a coordinate is not finite, or the work was cancelled.
-    pub(in crate::neighbours) fn new(points: &Points, k: usize, monitor: &Monitor) -> Result<Self> {
+    pub(in crate::neighbours) fn new(points: &Positions, k: usize, monitor: &Monitor) -> Result<Self> {
         check(points)?;
         let axes = points.x.iter().zip(&points.y).zip(&points.z).enumerate();
         let mut items: Vec<Item> = axes.map(|(i, ((&x, &y), &z))| Item { place: [x, y, z], index: i as u32 }).collect();
@@ -183,7 +183,7 @@ impl Joining<'_> {
 }
 
 /// Checks that all axes have the same length and all coordinates are finite.
-pub(in crate::neighbours) fn check(points: &Points) -> Result<()> {
+pub(in crate::neighbours) fn check(points: &Positions) -> Result<()> {
     let lengths = [points.y.len(), points.z.len()];
     if lengths != [points.x.len(); 2] || points.len() > (u32::MAX / 2) as usize {
         return Err(Error::input(format!(

@@ -6,7 +6,7 @@ pub(super) mod params;
 use super::knn::tree::Tree;
 use super::knn::{Block, blocks};
 use super::nearest::Neighbours;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::linalg::Eigen3;
 use crate::linalg::jacobi::jacobi;
@@ -46,7 +46,7 @@ pub struct Optimal {
 /// If a parameter is out of range, the neighbours do not belong to these points, there are fewer than `k_max` of them
 /// although there are more points, or the work was cancelled.
 pub fn optimal(
-    points: &Points,
+    points: &Positions,
     neighbours: &Neighbours,
     params: &OptimalParams,
     monitor: &Monitor,
@@ -88,7 +88,7 @@ pub fn optimal(
 /// # Errors
 /// If a parameter is out of range, a coordinate is not finite, or the work was cancelled.
 pub fn map_optimal<T: Copy + Default + Send>(
-    points: &Points,
+    points: &Positions,
     params: &OptimalParams,
     monitor: &Monitor,
     describe: impl Fn(&Optimal) -> T + Sync + Send,
@@ -121,7 +121,7 @@ pub fn map_optimal<T: Copy + Default + Send>(
 /// Finds the optimal neighbourhoods of a block, compiled for each instruction set. `row` gives a point and its
 /// neighbours.
 struct Choose<'a, F> {
-    points: &'a Points,
+    points: &'a Positions,
     row: F,
     count: usize,
     wanted: &'a [u32],
@@ -134,7 +134,7 @@ impl<'r, F: Fn(usize) -> (usize, &'r [u32])> WithSimd for Choose<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Points { x, y, z, .. } = self.points;
+        let Positions { x, y, z } = self.points;
         for first in (0..self.count).step_by(LANES) {
             let lanes = LANES.min(self.count - first);
             for l in 0..LANES {
@@ -173,16 +173,16 @@ fn describe(chosen: &Chosen, lanes: usize, out: &mut Vec<Optimal>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::linalg::{Sym3, mean};
     use crate::neighbours::knn;
     use crate::random::stream;
 
-    fn points(rows: &[[f64; 3]]) -> Points {
-        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+    fn points(rows: &[[f64; 3]]) -> Positions {
+        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0).positions
     }
 
-    fn find(points: &Points, params: &OptimalParams) -> Vec<Optimal> {
+    fn find(points: &Positions, params: &OptimalParams) -> Vec<Optimal> {
         let near = knn(points, params.k_max, &Monitor::default()).unwrap();
         let found = optimal(points, &near, params, &Monitor::default()).unwrap();
         let streamed = map_optimal(points, params, &Monitor::default(), |o| Some(*o)).unwrap();
@@ -191,8 +191,8 @@ mod tests {
     }
 
     /// Reference: two passes in f64 over the point and its `k` nearest.
-    fn twin(points: &Points, i: usize, row: &[u32]) -> (f64, Eigen3) {
-        let at = |j: usize| [points.x[j], points.y[j], points.z[j]].map(f64::from);
+    fn twin(points: &Positions, i: usize, row: &[u32]) -> (f64, Eigen3) {
+        let at = |j: usize| points.xyz(j).map(f64::from);
         let members: Vec<[f64; 3]> = [i].into_iter().chain(row.iter().map(|&j| j as usize)).map(at).collect();
         let eigen = Sym3::scatter(&members, mean(&members), members.len() as f64).eigen();
         let sum: f64 = eigen.values.iter().sum();
@@ -259,7 +259,7 @@ mod tests {
         let cloud = points(&scene(300));
         let times = |factor: f32| {
             let axis = |v: &[f32]| v.iter().map(|v| v * factor).collect();
-            Points { x: axis(&cloud.x), y: axis(&cloud.y), z: axis(&cloud.z), ..cloud.clone() }
+            Positions { x: axis(&cloud.x), y: axis(&cloud.y), z: axis(&cloud.z) }
         };
         let params = OptimalParams::default();
         let (one, other) = (find(&cloud, &params), find(&times(1024.0), &params));

@@ -30,7 +30,7 @@ pub(super) fn classify(recipe: &ObjectsRecipe, job: &Job<'_>, monitor: &Monitor)
         let labels = of.iter().map(|&s| best[s as usize]).collect();
         Regularised { labels, probabilities: values, partition: Some(found.partition), energy: None }
     } else {
-        regularise(&found.points, Probabilities { values: &values, classes }, None, job.regularise, monitor)?
+        regularise(&found.points.positions, Probabilities { values: &values, classes }, None, job.regularise, monitor)?
     };
-    job.decided(&found.points.index, &decided, monitor)
+    job.decided(&found.points.frame.index, &decided, monitor)
 }

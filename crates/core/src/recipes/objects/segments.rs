@@ -76,7 +76,7 @@ impl ObjectSegments {
     /// # Errors
     /// If they are requested and the cloud has none.
     pub(in crate::recipes) fn colours(&self, cloud: &Cloud, points: &Points) -> Result<Option<Vec<[f32; 3]>>> {
-        match (self.colour, colours(cloud, &points.index)) {
+        match (self.colour, colours(cloud, &points.frame.index)) {
             (Some(false), _) => Ok(None),
             (None, found) => Ok(found.ok()),
             (Some(true), found) => found.map(Some),
@@ -94,14 +94,14 @@ impl ObjectSegments {
         monitor: &Monitor,
     ) -> Result<Supervoxels> {
         self.validate()?;
-        let near = knn(points, self.neighbours, monitor)?;
-        let mut directions = normals(points, &near, monitor)?.directions;
+        let near = knn(&points.positions, self.neighbours, monitor)?;
+        let mut directions = normals(&points.positions, &near, monitor)?.directions;
         self.orientation.orient(points, &near, &mut directions, monitor)?;
         drop(near);
         let attributes = PointAttributes { normals: Some(&directions), colours };
         match self.supervoxels {
-            SupervoxelMode::Slic => slic(points, &attributes, &self.slic, monitor),
-            SupervoxelMode::Vccs => vccs(points, &attributes, &self.vccs, monitor),
+            SupervoxelMode::Slic => slic(&points.positions, &attributes, &self.slic, monitor),
+            SupervoxelMode::Vccs => vccs(&points.positions, &attributes, &self.vccs, monitor),
         }
     }
 

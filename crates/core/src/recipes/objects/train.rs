@@ -73,7 +73,7 @@ fn study(labelled: &(Cloud, Labels), recipe: &ObjectsRecipe, seed: u64, monitor:
     let (cloud, labels) = labelled;
     let found = objects(cloud, recipe, None, monitor)?;
     let of = |&i: &u32| labels.codes.get(i as usize).copied().flatten();
-    let truth: Vec<Option<u8>> = found.points.index.iter().map(of).collect();
+    let truth: Vec<Option<u8>> = found.points.frame.index.iter().map(of).collect();
     let votes = majorities(&found.partition, &truth)?;
     let pure = |votes: f64, labelled: f64| votes >= recipe.training.purity * labelled;
     let codes: Vec<Option<u8>> =
@@ -91,7 +91,7 @@ fn study(labelled: &(Cloud, Labels), recipe: &ObjectsRecipe, seed: u64, monitor:
 fn middle(found: &Objects, segment: usize) -> [f64; 2] {
     let members = found.partition.members(segment);
     let mean = |axis: &[f32]| members.iter().map(|&i| f64::from(axis[i as usize])).sum::<f64>() / members.len() as f64;
-    [mean(&found.points.x), mean(&found.points.y)]
+    [mean(&found.points.positions.x), mean(&found.points.positions.y)]
 }
 
 /// A classifier and the classes that it tells apart.

@@ -27,12 +27,13 @@ pub(super) fn classify(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor)
     let all = result.probabilities.take().unwrap_or_default();
     let values = match points.len() == cloud.len() {
         true => all,
-        false => rows_of(&all, classes, &points.index, monitor)?,
+        false => rows_of(&all, classes, &points.frame.index, monitor)?,
     };
-    let found = regularise(&points, Probabilities { values: &values, classes }, None, job.regularise, monitor)?;
+    let found =
+        regularise(&points.positions, Probabilities { values: &values, classes }, None, job.regularise, monitor)?;
     let warnings = std::mem::take(&mut result.warnings);
     result = Classified { warnings, ..Classified::unknown(cloud.len(), job.model, job.params.probabilities) };
-    result.adopt(&points.index, &found, job.model, monitor)?;
+    result.adopt(&points.frame.index, &found, job.model, monitor)?;
     Ok(result)
 }
 

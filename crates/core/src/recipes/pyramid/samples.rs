@@ -126,11 +126,11 @@ pub(super) fn candidates(
     let mut keyed: Vec<([i32; 3], Candidate)> = Vec::new();
     for piece in watched(points.len(), monitor) {
         for i in piece? {
-            let point = points.index[i];
+            let point = points.frame.index[i];
             let xyz = cloud.xyz(point as usize);
             let kept = |_: &u8| !params.excludes(xyz[0], xyz[1]);
             let Some(code) = labels.codes[point as usize].filter(kept) else { continue };
-            let key = [points.x[i], points.y[i], points.z[i]].map(|v| cell(v, params.voxel, point));
+            let key = points.positions.xyz(i).map(|v| cell(v, params.voxel, point));
             keyed.push((key, Candidate { point, code }));
         }
     }

@@ -14,18 +14,18 @@ pub(super) struct OctreeRegionGrowing;
 
 impl PartitionMethod for RegionGrowing {
     fn part(&self, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
-        let near = knn(scene.points, params.growing.neighbours, monitor)?;
-        let surface = normals(scene.points, &near, monitor)?;
+        let near = knn(&scene.points.positions, params.growing.neighbours, monitor)?;
+        let surface = normals(&scene.points.positions, &near, monitor)?;
         let grown = region_growing(&near, &surface, &params.region_growing, monitor)?;
-        let partition = grown.partition(scene.points, params.growing.leftovers, monitor)?;
+        let partition = grown.partition(&scene.points.positions, params.growing.leftovers, monitor)?;
         Ok(Parted { partition, ..Parted::default() })
     }
 }
 
 impl PartitionMethod for OctreeRegionGrowing {
     fn part(&self, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
-        let grown = octree_region_growing(scene.points, &params.octree_region_growing, monitor)?;
-        let partition = grown.partition(scene.points, params.growing.leftovers, monitor)?;
+        let grown = octree_region_growing(&scene.points.positions, &params.octree_region_growing, monitor)?;
+        let partition = grown.partition(&scene.points.positions, params.growing.leftovers, monitor)?;
         Ok(Parted { partition, ..Parted::default() })
     }
 

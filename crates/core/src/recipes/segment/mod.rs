@@ -53,7 +53,7 @@ impl Segmented {
     pub fn describe(&mut self, params: &OptimalParams, monitor: &Monitor) -> Result<()> {
         if self.descriptors.names.is_empty() {
             monitor.stage("describe", self.points.len() as u64);
-            self.descriptors = optimal_features(&self.points, params, monitor)?.table;
+            self.descriptors = optimal_features(&self.points.positions, params, monitor)?.table;
         }
         Ok(())
     }
@@ -111,8 +111,8 @@ pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, m
     params.validate()?;
     let points = points_of(cloud, None, monitor)?;
     note_oddities([cloud], monitor)?;
-    let known: Option<Vec<Option<u8>>> =
-        labels.map(|labels| points.index.iter().map(|&i| labels.codes.get(i as usize).copied().flatten()).collect());
+    let known: Option<Vec<Option<u8>>> = labels
+        .map(|labels| points.frame.index.iter().map(|&i| labels.codes.get(i as usize).copied().flatten()).collect());
     let scene = SegmentScene { cloud, points: &points, labels: known.as_deref() };
     let found = params.method.method().part(&scene, params, monitor)?;
     monitor.check()?;
@@ -120,7 +120,7 @@ pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, m
     let in_cloud = |partition: &Partition| {
         let mut clusters = vec![0; cloud.len()];
         for piece in watched(points.len(), monitor) {
-            piece?.for_each(|i| clusters[points.index[i] as usize] = partition.segments()[i] + 1);
+            piece?.for_each(|i| clusters[points.frame.index[i] as usize] = partition.segments()[i] + 1);
         }
         Ok(clusters)
     };
@@ -146,7 +146,7 @@ fn judge(found: &Parted, scene: &SegmentScene<'_>, params: &SegmentParams, monit
         let graph = match &found.graph {
             Some(graph) => graph,
             None => {
-                made = adjacency(scene.points, params, monitor)?;
+                made = adjacency(&scene.points.positions, params, monitor)?;
                 &made
             }
         };

@@ -2,7 +2,7 @@
 
 use super::method::{PartitionMethod, SegmentScene};
 use super::{Parted, SegmentParams};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::features::optimal_features;
 use crate::graph::{Graph, knn_graph};
@@ -15,7 +15,7 @@ pub(super) struct OnPoints(pub(super) Method);
 
 impl PartitionMethod for OnPoints {
     fn part(&self, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
-        let points = scene.points;
+        let points = &scene.points.positions;
         monitor.stage("describe", points.len() as u64);
         let descriptors = optimal_features(points, &params.neighbourhood, monitor)?.table;
         let graph = adjacency(points, params, monitor)?;
@@ -41,7 +41,7 @@ impl PartitionMethod for OnPoints {
 }
 
 /// The graph of nearest neighbours of the points.
-pub(super) fn adjacency(points: &Points, params: &SegmentParams, monitor: &Monitor) -> Result<Graph> {
+pub(super) fn adjacency(points: &Positions, params: &SegmentParams, monitor: &Monitor) -> Result<Graph> {
     let near = knn(points, params.neighbours, monitor)?;
     knn_graph(points.len(), near, &params.adjacency, monitor)
 }

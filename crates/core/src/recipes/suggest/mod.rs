@@ -117,7 +117,7 @@ pub fn suggest(
 fn embed(segmented: &Segmented) -> Result<Vec<[f64; 8]>> {
     let partition = &segmented.partition;
     let means = segment_means(partition, &segmented.descriptors.values, segmented.descriptors.width())?;
-    let shapes = segment_shapes(partition, &segmented.points)?;
+    let shapes = segment_shapes(partition, &segmented.points.positions)?;
     let mut places: Vec<[f64; 8]> = Vec::with_capacity(partition.len());
     for (mean, shape) in means.chunks_exact(segmented.descriptors.width()).zip(&shapes) {
         let side = shape.oriented.sides.map(|s| (s + 0.05).ln());
@@ -140,7 +140,7 @@ fn unsure(segmented: &Segmented, uncertainty: Option<&[f32]>) -> Result<Vec<f64>
         return Err(Error::input(format!("{} uncertainties for {} points", values.len(), segmented.clusters.len())));
     }
     let mean = |members: &[u32]| {
-        let of = |&node: &u32| f64::from(values[segmented.points.index[node as usize] as usize]);
+        let of = |&node: &u32| f64::from(values[segmented.points.frame.index[node as usize] as usize]);
         members.iter().map(of).sum::<f64>() / members.len().max(1) as f64
     };
     Ok((0..segmented.partition.len()).map(|s| mean(segmented.partition.members(s)).clamp(0.0, 1.0)).collect())
@@ -150,7 +150,7 @@ fn unsure(segmented: &Segmented, uncertainty: Option<&[f32]>) -> Result<Vec<f64>
 fn labelled(segmented: &Segmented, labels: Option<&Labels>) -> Result<Vec<bool>> {
     let Some(labels) = labels else { return Ok(vec![false; segmented.partition.len()]) };
     let of = |&i: &u32| labels.codes.get(i as usize).copied().flatten();
-    let known: Vec<Option<u8>> = segmented.points.index.iter().map(of).collect();
+    let known: Vec<Option<u8>> = segmented.points.frame.index.iter().map(of).collect();
     Ok(majorities(&segmented.partition, &known)?.iter().map(|m| m.labelled > 0).collect())
 }
 
@@ -165,12 +165,14 @@ fn approach(diversity: &mut [f64], places: &[[f64; 8]], to: usize) {
 /// Index in the cloud of the point of a segment that is nearest to its mean.
 fn middle(segmented: &Segmented, s: usize) -> u32 {
     let (points, members) = (&segmented.points, segmented.partition.members(s));
-    let at = |i: usize| [f64::from(points.x[i]), f64::from(points.y[i]), f64::from(points.z[i])];
+    let at = |i: usize| {
+        [f64::from(points.positions.x[i]), f64::from(points.positions.y[i]), f64::from(points.positions.z[i])]
+    };
     let count = members.len().max(1) as f64;
     let mean = [0, 1, 2].map(|a| members.iter().map(|&i| at(i as usize)[a]).sum::<f64>() / count);
     let distance = |i: u32| (0..3).map(|a| (at(i as usize)[a] - mean[a]).powi(2)).sum::<f64>();
     let nearest = members.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)));
-    nearest.map_or(0, |i| points.index[i as usize])
+    nearest.map_or(0, |i| points.frame.index[i as usize])
 }
 
 #[cfg(test)]

@@ -70,7 +70,7 @@ fn figure(suggestion: &Suggestion, cloud: &Cloud, segmented: &Segmented, monitor
 /// The segment in colour and its surroundings in grey, thinned if there are many points.
 fn around(suggestion: &Suggestion, cloud: &Cloud, segmented: &Segmented) -> Result<Cloud> {
     let own = |i: &u32| segmented.clusters[*i as usize] == suggestion.cluster_id;
-    let finite = segmented.points.index.iter().copied();
+    let finite = segmented.points.frame.index.iter().copied();
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for i in finite.clone().filter(own) {
         let p = cloud.xyz(i as usize);

@@ -20,9 +20,9 @@ pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Mon
     let points = points_of(cloud, Some(metres), monitor)?;
     let scene = LabelScene { cloud, points: &points, metres };
     let labels = recipe.labels.found(&learned.labels, &scene, &model.classes, monitor)?;
-    let local = describe::local(&points, recipe, monitor)?;
+    let local = describe::local(&points.positions, recipe, monitor)?;
     // The step that needs most memory comes first, while little else is held.
-    let mut segments = Scene::to_be_recut(&points, Some(&local), job.regularise, monitor)?;
+    let mut segments = Scene::to_be_recut(&points.positions, Some(&local), job.regularise, monitor)?;
     segments.only_recut_at(labels.iter().map(|(point, _)| *point));
     let (described, mut values) = probabilities(fitted, job, Local { points, table: local }, monitor)?;
     let counts = match &job.params.statistics {
@@ -39,7 +39,7 @@ pub(super) fn classify(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &Mon
     let known = Known { descriptors: head(&six), labels, step: recipe.labels.hold_step };
     drop(six);
     let found = hold::decide(segments, &Question { given, params: job.regularise }, &known, monitor)?;
-    job.decided(&points.index, &found, monitor)
+    job.decided(&points.frame.index, &found, monitor)
 }
 
 /// Number of points by their most probable class, before the adaptation to shares.
@@ -47,7 +47,7 @@ pub(super) fn statistics(fitted: &Fitted<WeakRecipe>, job: &Job<'_>, monitor: &M
     let recipe = &fitted.recipe;
     let metres = job.cloud.metres(job.params.metres_per_unit.or(recipe.features.metres_per_unit))?;
     let points = points_of(job.cloud, Some(metres), monitor)?;
-    let table = describe::local(&points, recipe, monitor)?;
+    let table = describe::local(&points.positions, recipe, monitor)?;
     let (_, values) = probabilities(fitted, job, Local { points, table }, monitor)?;
     Ok(CloudStatistics { class_counts: most_probable(&values, job.model.classes.len()) })
 }

@@ -4,7 +4,7 @@ use super::learned::RoadExample;
 use super::road::RoadScene;
 use super::{Descriptors, WeakRecipe};
 use crate::classification::{Classifier, Predictor};
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{Cloud, Points, Positions};
 use crate::error::Result;
 use crate::features::definition::Group;
 use crate::features::{FeatureSet, FeatureTable, optimal_features, table_at};
@@ -13,7 +13,7 @@ use crate::recipes::predict::{CloudPredictor, FirstColumns};
 use crate::terrain::{ElevationModel, Terrain};
 
 /// Section 2.1: the four local descriptors.
-pub(super) fn local(points: &Points, recipe: &WeakRecipe, monitor: &Monitor) -> Result<FeatureTable> {
+pub(super) fn local(points: &Positions, recipe: &WeakRecipe, monitor: &Monitor) -> Result<FeatureTable> {
     monitor.stage("describe", points.len() as u64);
     Ok(optimal_features(points, &recipe.neighbourhood, monitor)?.table)
 }
@@ -124,7 +124,7 @@ impl Described<'_> {
             return Ok(values);
         };
         let mut row_of = vec![0u32; self.cloud.len()];
-        self.points.index.iter().zip(0..).for_each(|(&place, point)| row_of[place as usize] = point);
+        self.points.frame.index.iter().zip(0..).for_each(|(&place, point)| row_of[place as usize] = point);
         let first = FirstColumns { table: &self.six, row_of: &row_of };
         let predictor = CloudPredictor::after(first, self.cloud, set, classifier, monitor)?;
         let place = |points: &[u32], rows: &[f32]| {

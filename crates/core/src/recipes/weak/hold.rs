@@ -64,7 +64,8 @@ impl WeakLabels {
         }
         let rows: Vec<[f64; 3]> = labels.iter().map(|label| label.at).collect();
         let places = Points::with_strays(&Cloud::from_rows(&rows)?, scene.metres, monitor)?;
-        let near = nearest_of(scene.points, &places, 1, monitor)?;
+        let places = places.moved_to(scene.points.frame.origin)?.positions;
+        let near = nearest_of(&scene.points.positions, &places, 1, monitor)?;
         let close = (0..labels.len()).filter(|&q| f64::from(near.squared_distances(q)[0]).sqrt() <= self.hold_within);
         let named = close.filter_map(|q| Some((near.of(q)[0], classes.position(labels[q].code)? as u16)));
         let mut found: Vec<(u32, u16)> = named.collect();
@@ -151,10 +152,10 @@ mod tests {
             partition: PartitionParams { intent: Intent::Strength(30.0), ..PartitionParams::default() },
             ..RegulariseParams::default()
         };
-        let found = optimal_features(&points, &params.neighbourhood, &monitor).unwrap();
+        let found = optimal_features(&points.positions, &params.neighbourhood, &monitor).unwrap();
         let given = Probabilities { values: &values, classes: 2 };
         let wrong = |labels: &[(u32, u16)]| {
-            let scene = Scene::to_be_recut(&points, Some(&found.table), &params, &monitor).unwrap();
+            let scene = Scene::to_be_recut(&points.positions, Some(&found.table), &params, &monitor).unwrap();
             let known = Known { descriptors: found.table.clone(), labels: labels.to_vec(), step: 0.03 };
             let question = Question { given, params: &params };
             let found = decide(scene, &question, &known, &monitor).unwrap();

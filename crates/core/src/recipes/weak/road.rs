@@ -3,7 +3,7 @@
 use super::examples::Example;
 use super::learned::RoadExample;
 use crate::classification::{ClassWeight, Forest, ForestParams, Predictor, Samples};
-use crate::cloud::{Cloud, Points, names};
+use crate::cloud::{Cloud, Points, Positions, names};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
@@ -91,7 +91,7 @@ impl RoadParams {
     pub(super) fn describe(&self, scene: &RoadScene<'_>, monitor: &Monitor) -> Result<Terrain> {
         let mut road = self.mask(scene, monitor)?;
         if !road.contains(&true) {
-            road = self.lowest(scene.points);
+            road = self.lowest(&scene.points.positions);
         }
         terrain(scene.points, &Ground { road: &road, model: scene.elevation }, &self.terrain, monitor)
     }
@@ -105,15 +105,15 @@ impl RoadParams {
                 })?;
                 let codes: Vec<u16> = (0..scene.cloud.len()).map(|i| column.values.get(i) as u16).collect();
                 let road: Vec<u16> = self.codes.iter().map(|&c| u16::from(c)).collect();
-                mask_of_classes(scene.points, &codes, &road)
+                mask_of_classes(&scene.points.frame, &codes, &road)
             }
             RoadSource::Learned if both => learned(scene.examples, scene.local, scene.forest, monitor),
-            _ => Ok(self.lowest(scene.points)),
+            _ => Ok(self.lowest(&scene.points.positions)),
         }
     }
 
     /// Points near the lowest one of their square.
-    fn lowest(&self, points: &Points) -> Vec<bool> {
+    fn lowest(&self, points: &Positions) -> Vec<bool> {
         let edge = self.lowest_cell as f32;
         let cell = |i: usize| ((points.x[i] / edge) as i32, (points.y[i] / edge) as i32);
         let mut order: Vec<((i32, i32), u32)> = (0..points.len()).map(|i| (cell(i), i as u32)).collect();
@@ -196,6 +196,6 @@ mod tests {
     fn the_lowest_points_of_a_cell_are_ground() {
         let rows = [[0.5, 0.5, 0.0], [1.0, 1.0, 0.1], [1.5, 0.5, 3.0], [2.5, 0.5, 3.0]];
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
-        assert_eq!(RoadParams::default().lowest(&points), [true, true, false, true]);
+        assert_eq!(RoadParams::default().lowest(&points.positions), [true, true, false, true]);
     }
 }

@@ -113,8 +113,8 @@ fn study<'a>(
     for (c, (cloud, labels)) in clouds.iter().enumerate() {
         let points = points_of(cloud, recipe.features.metres_per_unit, monitor)?;
         let seed = recipe.seed.wrapping_add(c as u64);
-        let examples = examples(labels, &points.index, &recipe.labels, seed)?;
-        let local = describe::local(&points, recipe, monitor)?;
+        let examples = examples(labels, &points.frame.index, &recipe.labels, seed)?;
+        let local = describe::local(&points.positions, recipe, monitor)?;
         drafts.push(Draft { cloud, points, examples, local });
     }
     // The step that needs most memory comes first, while little else is held.
@@ -122,7 +122,7 @@ fn study<'a>(
     let (mut road, mut held) = (Vec::new(), Vec::new());
     for Draft { cloud, points, examples, local } in &drafts {
         road.extend(recipe.road.learn(examples, local));
-        let position = |point: u32| cloud.xyz(points.index[point as usize] as usize);
+        let position = |point: u32| cloud.xyz(points.frame.index[point as usize] as usize);
         held.extend(recipe.labels.remember(examples, position));
     }
     let mut studied = Vec::new();
@@ -132,7 +132,7 @@ fn study<'a>(
         let six = describe::six(&scene, local, &recipe, monitor)?;
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
         let own = describe::select(&six, &at);
-        let places: Vec<u32> = at.iter().map(|&point| points.index[point as usize]).collect();
+        let places: Vec<u32> = at.iter().map(|&point| points.frame.index[point as usize]).collect();
         let first = !options.strengths.is_empty() && studied.is_empty();
         let described = first.then_some(Described { cloud, points, six });
         let more = describe::more(&recipe, None);
@@ -173,7 +173,7 @@ fn fit_partition(
     let mut labels = vec![None; draft.points.len()];
     draft.examples.iter().for_each(|e| labels[e.point as usize] = Some(e.code));
     while let Intent::Strength(strength) = recipe.regularise.partition.intent {
-        let scene = Scene::new(&draft.points, Some(&draft.local), &recipe.regularise, monitor)?;
+        let scene = Scene::new(&draft.points.positions, Some(&draft.local), &recipe.regularise, monitor)?;
         let accuracy = scene.oracle_accuracy(&labels)?.unwrap_or(1.0);
         tried.push(StrengthScore { strength, accuracy });
         let WeakLabels { fit_accuracy, fit_trials, fit_step, .. } = recipe.labels;
@@ -202,7 +202,7 @@ impl Search<'_> {
         let (strengths, count) = (&options.strengths, options.folds());
         let folds = stratified_folds(&labels, count, recipe.seed)?;
         let Some(described) = &labelled.described else { return Ok(Vec::new()) };
-        let scene = Scene::new(&described.points, Some(&head(&described.six)), &recipe.regularise, monitor)?;
+        let scene = Scene::new(&described.points.positions, Some(&head(&described.six)), &recipe.regularise, monitor)?;
         let more = describe::more(recipe, None);
         let mut right = vec![0usize; strengths.len()];
         for fold in 0..count as u32 {

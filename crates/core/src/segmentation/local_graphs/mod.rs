@@ -7,7 +7,7 @@ mod params;
 pub use params::{Combination, LocalGraphParams, SurfaceRule};
 
 use super::{Partition, SupervoxelShape, Supervoxels, connected_partition};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::graph::{EdgeMeaning, FelzenszwalbMerger, FelzenszwalbParams, Graph};
 use crate::neighbours::{Neighbours, knn};
@@ -38,9 +38,7 @@ const BLOCK: usize = 256;
 pub fn local_graphs(supervoxels: &Supervoxels, params: &LocalGraphParams, monitor: &Monitor) -> Result<Partition> {
     params.validate()?;
     let shapes = supervoxels.shapes();
-    let axis = |a: usize| shapes.iter().map(|s| s.centroid[a]).collect();
-    let centroids =
-        Points { x: axis(0), y: axis(1), z: axis(2), index: (0..shapes.len() as u32).collect(), origin: [0.0; 3] };
+    let centroids: Positions = shapes.iter().map(|s| s.centroid).collect();
     let near = knn(&centroids, params.neighbours, monitor)?;
     monitor.stage("local graphs", shapes.len() as u64);
     let local = Local { shapes, near: &near, size: supervoxels.size(), params };
@@ -162,8 +160,7 @@ mod tests {
         rows.push(([50.0, 50.0, 0.0], [0.0, 0.0, 1.0]));
         rows.push(([4.5, 4.5, 0.9], [1.0, 0.0, 0.0]));
         let rows: Vec<_> = order.iter().map(|&i| rows[i]).collect();
-        let axis = |a: usize| rows.iter().map(|r| r.0[a]).collect();
-        let points = Points { x: axis(0), y: axis(1), z: axis(2), ..Points::default() };
+        let points: Positions = rows.iter().map(|r| r.0).collect();
         let normals: Vec<[f32; 3]> = rows.iter().map(|r| r.1).collect();
         let attributes = PointAttributes { normals: Some(&normals), colours: None };
         let labels = (0..rows.len() as u32).collect();

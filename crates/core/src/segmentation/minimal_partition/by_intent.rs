@@ -9,7 +9,7 @@ pub use search::{Aim, Candidate, StrengthSearch, Trial, search_strength};
 use super::Signal;
 use super::cut_pursuit::{CutPursuitParams, cut_pursuit};
 use super::merge::{MergeParams, merge};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::Monitor;
@@ -30,7 +30,7 @@ pub struct PartitionInput<'a> {
     /// Which nodes are adjacent.
     pub graph: &'a Graph,
     /// Position of each node, for intents in metres and hectares.
-    pub points: Option<&'a Points>,
+    pub points: Option<&'a Positions>,
     /// Label of each node where it is known, for the oracle accuracy.
     pub labels: Option<&'a [Option<u8>]>,
 }
@@ -49,7 +49,7 @@ pub fn partition_by_intent(
 ) -> Result<StrengthSearch> {
     params.validate()?;
     let nodes = input.graph.len();
-    for (found, what) in [(input.points.map(Points::len), "points"), (input.labels.map(<[_]>::len), "labels")] {
+    for (found, what) in [(input.points.map(Positions::len), "points"), (input.labels.map(<[_]>::len), "labels")] {
         if let Some(found) = found.filter(|found| *found != nodes) {
             return Err(Error::input(format!("{found} {what} for a graph of {nodes} nodes")));
         }
@@ -107,7 +107,7 @@ fn aim(input: &PartitionInput, params: &PartitionParams) -> Result<Aim> {
 }
 
 /// Area in plan that holds points, in hectares: the occupied cells of 2 m.
-fn covered_hectares(points: &Points) -> f64 {
+fn covered_hectares(points: &Positions) -> f64 {
     let mut cells: Vec<[i32; 2]> =
         points.x.iter().zip(&points.y).map(|(x, y)| [(x / CELL).floor() as i32, (y / CELL).floor() as i32]).collect();
     cells.sort_unstable();
@@ -133,7 +133,7 @@ fn small_share(input: &PartitionInput, intent: Intent, partition: &Partition) ->
 }
 
 /// Longest side of the box around some points, in metres.
-fn longest_side(points: &Points, members: &[u32]) -> f64 {
+fn longest_side(points: &Positions, members: &[u32]) -> f64 {
     let side = |axis: &[f32]| {
         let values = members.iter().map(|&i| axis[i as usize]);
         let (low, high) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -158,7 +158,7 @@ mod tests {
     use crate::random::stream;
 
     /// Squares of side `field` metres with different values, one point a metre, 48 x 48 m.
-    fn fields(field: u32) -> (Points, Vec<f32>, Graph, Vec<Option<u8>>) {
+    fn fields(field: u32) -> (Positions, Vec<f32>, Graph, Vec<Option<u8>>) {
         let number = |v: u32| v % 48 / field + v / 48 / field * (48 / field);
         let mut random = stream(1, 0);
         let mean = |v: u32| (number(v) * 7 % 16) as f32 / 16.0;
@@ -166,7 +166,7 @@ mod tests {
         let across = (0..48 * 48u32).filter(|v| v % 48 < 47).map(|v| [v, v + 1]);
         let pairs: Vec<[u32; 2]> = across.chain((0..48 * 47).map(|v| [v, v + 48])).collect();
         let axis = |of: &dyn Fn(u32) -> u32| (0..48 * 48).map(|v| of(v) as f32).collect();
-        let points = Points { x: axis(&|v| v % 48), y: axis(&|v| v / 48), z: axis(&|_| 0), ..Points::default() };
+        let points = Positions { x: axis(&|v| v % 48), y: axis(&|v| v / 48), z: axis(&|_| 0) };
         let labels = (0..48 * 48).map(|v| (v % 7 == 0).then_some((number(v) % 5) as u8)).collect();
         (points, values, Graph::new(48 * 48, &pairs, &vec![1.0; pairs.len()]).unwrap(), labels)
     }

@@ -2,7 +2,7 @@
 //! stored.
 
 use super::OctreeParams;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::linalg::Moments;
@@ -46,7 +46,7 @@ pub struct Octree {
 
 impl Cube {
     /// The smallest cube that holds all points and shares the smallest corner of their bounding box.
-    pub fn around(points: &Points) -> Self {
+    pub fn around(points: &Positions) -> Self {
         let ends = |axis: &[f32]| {
             let (low, high) = axis.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
             (f64::from(low), f64::from(high))
@@ -105,7 +105,7 @@ impl Octree {
 /// use scansion_core::{Cloud, cloud::Points, parallel::Monitor, segmentation::{OctreeParams, octree}};
 /// # fn main() -> scansion_core::Result<()> {
 /// let rows: Vec<[f64; 3]> = (0..1024).map(|i| [f64::from(i % 32), f64::from(i / 32), 0.0]).collect();
-/// let points = Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0);
+/// let points = Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0).positions;
 /// let params = OctreeParams { min_depth: 3, ..OctreeParams::default() };
 /// let tree = octree(&points, &params, &Monitor::default())?;
 /// assert_eq!((tree.leaves.len(), tree.points.group(0).len()), (64, 16));
@@ -115,14 +115,14 @@ impl Octree {
 ///
 /// # Errors
 /// If a parameter is outside its range, a coordinate is not finite, or the work was cancelled.
-pub fn octree(points: &Points, params: &OctreeParams, monitor: &Monitor) -> Result<Octree> {
+pub fn octree(points: &Positions, params: &OctreeParams, monitor: &Monitor) -> Result<Octree> {
     params.validate()?;
     let root = Cube::around(points);
     if !(root.edge.is_finite() && root.low.iter().all(|v| v.is_finite())) || not_finite(points) {
         return Err(Error::input("a coordinate is not finite (allowed: finite coordinates)"));
     }
     let deepest = params.max_depth();
-    let code = |i: usize| morton::encode(root.cell([points.x[i], points.y[i], points.z[i]], deepest));
+    let code = |i: usize| morton::encode(root.cell(points.xyz(i), deepest));
     let mut keys: Vec<(u64, u32)> = map_watched(points.len(), monitor, |i| (code(i), i as u32))?;
     sort_watched(&mut keys, monitor)?;
     let division = Division { points, params, keys: &keys, monitor };
@@ -142,13 +142,13 @@ pub fn octree(points: &Points, params: &OctreeParams, monitor: &Monitor) -> Resu
     Ok(Octree { root, leaves, points: Csr::new(offsets, order, points.len())? })
 }
 
-fn not_finite(points: &Points) -> bool {
+fn not_finite(points: &Positions) -> bool {
     [&points.x, &points.y, &points.z].iter().any(|axis| axis.iter().any(|v| !v.is_finite()))
 }
 
 /// The points in Morton order while their cells are divided.
 struct Division<'a> {
-    points: &'a Points,
+    points: &'a Positions,
     params: &'a OctreeParams,
     /// (Morton code at the greatest depth, index), ascending.
     keys: &'a [(u64, u32)],
@@ -225,12 +225,12 @@ fn run<T>(items: &[T], inside: impl Fn(&T) -> bool) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::{Cloud, Points};
     use crate::random::stream;
     use crate::segmentation::StopRule;
 
-    fn from_rows(rows: &[[f64; 3]]) -> Points {
-        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+    fn from_rows(rows: &[[f64; 3]]) -> Positions {
+        Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0).positions
     }
 
     /// A floor, a wall and a ball of foliage; coordinates are multiples of 2^-8 m.
@@ -254,7 +254,7 @@ mod tests {
     }
 
     /// λ of the points inside a cell, computed directly.
-    fn values(points: &Points, members: &[u32]) -> [f64; 3] {
+    fn values(points: &Positions, members: &[u32]) -> [f64; 3] {
         let axes = [&points.x, &points.y, &points.z];
         let rows: Vec<[f64; 3]> = members.iter().map(|&i| axes.map(|axis| f64::from(axis[i as usize]))).collect();
         let centre = crate::linalg::mean(&rows);
@@ -273,7 +273,7 @@ mod tests {
             let inside = |leaf: &Leaf, depth: u32| -> Vec<u32> {
                 let cell = leaf.cell.map(|c| c >> (leaf.depth - depth));
                 let here = |&i: &u32| {
-                    let at = [points.x[i as usize], points.y[i as usize], points.z[i as usize]];
+                    let at = points.xyz(i as usize);
                     tree.root.cell(at, depth) == cell
                 };
                 (0..4000).filter(here).collect()
@@ -303,7 +303,7 @@ mod tests {
         for (members, leaf) in partition.iter().zip(&leaves) {
             let (centre, half) = (tree.centre(leaf), tree.edge(leaf.depth) / 2.0 + 1e-9);
             for &i in members {
-                let at = [points.x[i as usize], points.y[i as usize], points.z[i as usize]].map(f64::from);
+                let at = points.xyz(i as usize).map(f64::from);
                 assert!((0..3).all(|a| (at[a] - centre[a]).abs() <= half));
             }
         }
@@ -312,7 +312,7 @@ mod tests {
     #[test]
     fn moving_the_cloud_or_scaling_it_with_the_threshold_changes_nothing() {
         let rows = scene(3000);
-        let tree = |points: &Points, stop| octree(points, &params(stop), &Monitor::default()).unwrap();
+        let tree = |points: &Positions, stop| octree(points, &params(stop), &Monitor::default()).unwrap();
         let here = tree(&from_rows(&rows), StopRule::Absolute(0.002));
         let mut moved = from_rows(&rows);
         [&mut moved.x, &mut moved.y, &mut moved.z]
@@ -339,8 +339,8 @@ mod tests {
 
     #[test]
     fn few_points_and_equal_points_are_fine_and_nonsense_is_refused() {
-        let run = |points: &Points| octree(points, &OctreeParams::default(), &Monitor::default());
-        let none = run(&Points::default()).unwrap();
+        let run = |points: &Positions| octree(points, &OctreeParams::default(), &Monitor::default());
+        let none = run(&Positions::default()).unwrap();
         assert!(none.leaves.is_empty() && none.partition().unwrap().0.is_empty());
         let same = run(&from_rows(&[[3.0, 2.0, 1.0]; 40])).unwrap();
         assert_eq!((same.leaves.len(), same.points.group(0).len()), (1, 40));

@@ -29,7 +29,7 @@ const STEP: u64 = 1 << 16;
 ///     .map(|i| (f64::from(i % 20) / 10.0, f64::from(i / 20 % 20) / 10.0, i / 400))
 ///     .map(|(a, b, wall)| if wall == 1 { [a, -0.5, b] } else { [a, b, 0.0] })
 ///     .collect();
-/// let (points, monitor) = (Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0), Monitor::default());
+/// let (points, monitor) = (Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0).positions, Monitor::default());
 /// let near = knn(&points, 12, &monitor)?;
 /// let found = region_growing(&near, &normals(&points, &near, &monitor)?, &RegionGrowingParams::default(), &monitor)?;
 /// assert_eq!((found.count, found.labels[0], found.labels[799]), (2, 1, 2));
@@ -126,18 +126,17 @@ impl Growth<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Points;
+    use crate::cloud::Positions;
     use crate::features::normals;
     use crate::neighbours::knn;
     use crate::random::stream;
 
-    fn points(rows: &[[f32; 3]]) -> Points {
-        let axis = |a: usize| rows.iter().map(|r| r[a]).collect();
-        Points { x: axis(0), y: axis(1), z: axis(2), index: (0..rows.len() as u32).collect(), origin: [0.0; 3] }
+    fn points(rows: &[[f32; 3]]) -> Positions {
+        Positions::from_rows(rows)
     }
 
     /// A floor, a wall on it, and a cylinder far away, in random order; and the surface of each point.
-    fn scene(count: usize) -> (Points, Vec<u8>) {
+    fn scene(count: usize) -> (Positions, Vec<u8>) {
         let mut random = stream(6, 3);
         let (rows, kinds): (Vec<[f32; 3]>, Vec<u8>) = (0..count)
             .map(|_| {
@@ -155,7 +154,7 @@ mod tests {
         (points(&rows), kinds)
     }
 
-    fn run(points: &Points, params: &RegionGrowingParams) -> GrownRegions {
+    fn run(points: &Positions, params: &RegionGrowingParams) -> GrownRegions {
         let monitor = Monitor::default();
         let near = knn(points, 15, &monitor).unwrap();
         region_growing(&near, &normals(points, &near, &monitor).unwrap(), params, &monitor).unwrap()

@@ -7,7 +7,7 @@ use super::params::{OctreeGrowingParams, Reference};
 use super::refine::{Voxels, refine};
 use super::result::GrownRegions;
 use super::voxels::{Patch, Touching, patches};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::segmentation::octree::Cube;
@@ -31,7 +31,7 @@ const DEEPEST: u32 = 21;
 ///     .map(|i| (f64::from(i % 100) / 25.0, f64::from(i / 100 % 100) / 25.0, i / 10_000))
 ///     .map(|(a, b, wall)| if wall == 1 { [a, 0.0, b] } else { [a, b, 0.0] })
 ///     .collect();
-/// let points = Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0);
+/// let points = Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0).positions;
 /// let found = octree_region_growing(&points, &OctreeGrowingParams::default(), &Monitor::default())?;
 /// assert_eq!(found.count, 2);
 /// # Ok(())
@@ -40,7 +40,11 @@ const DEEPEST: u32 = 21;
 ///
 /// # Errors
 /// If a parameter is outside its range, a coordinate is not finite, or the work was cancelled.
-pub fn octree_region_growing(points: &Points, params: &OctreeGrowingParams, monitor: &Monitor) -> Result<GrownRegions> {
+pub fn octree_region_growing(
+    points: &Positions,
+    params: &OctreeGrowingParams,
+    monitor: &Monitor,
+) -> Result<GrownRegions> {
     params.validate()?;
     let tree = octree(points, &division(points, params), monitor)?;
     let patches = patches(points, &tree, params.min_points, monitor)?;
@@ -53,7 +57,7 @@ pub fn octree_region_growing(points: &Points, params: &OctreeGrowingParams, moni
 }
 
 /// Depths of the octree whose cells have the requested sizes.
-fn division(points: &Points, params: &OctreeGrowingParams) -> OctreeParams {
+fn division(points: &Positions, params: &OctreeGrowingParams) -> OctreeParams {
     let depth = |size: f64| (Cube::around(points).edge / size).log2().ceil().clamp(0.0, f64::from(DEEPEST)) as u32;
     let (min_depth, deepest) = (depth(params.largest_voxel), depth(params.smallest_voxel));
     OctreeParams {
@@ -103,9 +107,9 @@ mod tests {
     use crate::random::stream;
 
     /// A rough floor, two walls on it that meet, and a thin bush; and the surface of each point.
-    fn scene(count: usize) -> (Points, Vec<u32>) {
+    fn scene(count: usize) -> (Positions, Vec<u32>) {
         let mut random = stream(4, 2);
-        let (mut points, mut kinds) = (Points::default(), Vec::new());
+        let (mut points, mut kinds) = (Positions::default(), Vec::new());
         for i in 0..count {
             let [a, b, c] = [0; 3].map(|_| random.uniform() as f32);
             let noise = 0.02 * (c - 0.5);
@@ -115,10 +119,7 @@ mod tests {
                 5 | 6 => [noise, 8.0 * a, 4.0 * b],
                 _ => [4.0 + 2.0 * a, 4.0 + 2.0 * b, 1.0 + 2.0 * c],
             };
-            points.x.push(at[0]);
-            points.y.push(at[1]);
-            points.z.push(at[2]);
-            points.index.push(i as u32);
+            points.push(at);
             kinds.push([0, 0, 0, 1, 1, 2, 2, 3][i % 8]);
         }
         (points, kinds)

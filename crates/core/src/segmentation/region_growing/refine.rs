@@ -2,7 +2,7 @@
 
 use super::params::OctreeGrowingParams;
 use super::voxels::{Patch, Touching, place};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
 use crate::segmentation::Octree;
@@ -29,7 +29,7 @@ pub(super) struct Voxels<'a> {
 /// adjacent voxels, and joins the region of the nearest plane within `distance` (ties: the first voxel). For the next
 /// ring the voxel counts as part of the region that received most of its points, with that region's plane.
 pub(super) fn refine(
-    points: &Points,
+    points: &Positions,
     voxels: Voxels<'_>,
     params: &OctreeGrowingParams,
     monitor: &Monitor,
@@ -69,7 +69,7 @@ fn planes(around: &[u32], patches: &[Patch], regions: &[u32]) -> Vec<(u32, Patch
 }
 
 /// Compares the points of a voxel with the planes around it, `near`.
-fn nearest_planes(points: &Points, members: &[u32], near: &[(u32, Patch)], distance: f64) -> Taken {
+fn nearest_planes(points: &Positions, members: &[u32], near: &[(u32, Patch)], distance: f64) -> Taken {
     let mut votes = vec![0u32; near.len()];
     let mut own = Vec::with_capacity(members.len());
     for &i in members {
@@ -100,13 +100,7 @@ mod tests {
     #[test]
     fn points_join_the_nearest_plane_within_reach() {
         let x = vec![0.1, 0.5, 0.02, 0.9, 0.03];
-        let points = Points {
-            y: vec![0.0; 5],
-            z: vec![0.05, 0.01, 0.5, 0.9, 0.04],
-            index: (0..5).collect(),
-            x,
-            origin: [0.0; 3],
-        };
+        let points = Positions { x, y: vec![0.0; 5], z: vec![0.05, 0.01, 0.5, 0.9, 0.04] };
         let floor = Patch { centre: [1.0, 0.0, 0.0], normal: [0.0, 0.0, 1.0], residual: 0.0 };
         let wall = Patch { centre: [0.0, 0.0, 1.0], normal: [1.0, 0.0, 0.0], residual: 0.0 };
         let none = Patch { residual: f64::INFINITY, ..Patch::default() };

@@ -1,9 +1,9 @@
 //! The grown regions, and the treatment of points without a region.
 
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::neighbours::nearest_of;
-use crate::parallel::{Looks, Monitor, map_watched, watched};
+use crate::parallel::{Looks, Monitor, watched};
 use crate::segmentation::Partition;
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +68,7 @@ impl GrownRegions {
     ///
     /// # Errors
     /// If there are not as many points as labels, a coordinate is not finite, or the work was cancelled.
-    pub fn partition(&self, points: &Points, leftovers: Leftovers, monitor: &Monitor) -> Result<Partition> {
+    pub fn partition(&self, points: &Positions, leftovers: Leftovers, monitor: &Monitor) -> Result<Partition> {
         if points.len() != self.labels.len() {
             let (labels, n) = (self.labels.len(), points.len());
             return Err(Error::input(format!("labels of {labels} points for a cloud of {n}")));
@@ -77,12 +77,12 @@ impl GrownRegions {
         if leftovers == Leftovers::Nearest && self.count > 0 {
             let (mut inside, mut outside) = (Vec::new(), Vec::new());
             for piece in watched(points.len(), monitor) {
-                piece?.for_each(|i| if self.labels[i] > 0 { inside.push(i) } else { outside.push(i) });
+                piece?.for_each(|i| if self.labels[i] > 0 { inside.push(i as u32) } else { outside.push(i as u32) });
             }
-            let (held, left) = (select(points, &inside, monitor)?, select(points, &outside, monitor)?);
+            let (held, left) = (points.select(&inside, monitor)?, points.select(&outside, monitor)?);
             let nearest = nearest_of(&held, &left, 1, monitor)?;
             for (&i, &j) in outside.iter().zip(nearest.indices()) {
-                labels[i] = self.labels[inside[j as usize]];
+                labels[i as usize] = self.labels[inside[j as usize] as usize];
             }
         }
         let mut next = self.count;
@@ -92,17 +92,6 @@ impl GrownRegions {
         }
         Partition::from_labels_watched(&labels, monitor)
     }
-}
-
-fn select(points: &Points, chosen: &[usize], monitor: &Monitor) -> Result<Points> {
-    let axis = |axis: &[f32]| map_watched(chosen.len(), monitor, |i| axis[chosen[i]]);
-    Ok(Points {
-        x: axis(&points.x)?,
-        y: axis(&points.y)?,
-        z: axis(&points.z)?,
-        index: (0..chosen.len() as u32).collect(),
-        origin: points.origin,
-    })
 }
 
 #[cfg(test)]
@@ -120,7 +109,7 @@ mod tests {
     #[test]
     fn leftovers_are_alone_or_join_the_nearest_region() {
         let x = vec![0.0, 1.0, 2.2, 5.0, 6.0, 3.9];
-        let points = Points { y: vec![0.0; 6], z: vec![0.0; 6], index: (0..6).collect(), x, origin: [0.0; 3] };
+        let points = Positions { x, y: vec![0.0; 6], z: vec![0.0; 6] };
         let found = GrownRegions { labels: vec![1, 1, 0, 2, 2, 0], count: 2 };
         let segments =
             |found: &GrownRegions, how| found.partition(&points, how, &Monitor::default()).unwrap().segments().to_vec();
@@ -128,6 +117,6 @@ mod tests {
         assert_eq!(segments(&found, Leftovers::Nearest), [0, 0, 0, 1, 1, 1]);
         let nothing = GrownRegions { labels: vec![0; 6], count: 0 };
         assert_eq!(segments(&nothing, Leftovers::Nearest), [0, 1, 2, 3, 4, 5]);
-        assert!(found.partition(&Points::default(), Leftovers::Nearest, &Monitor::default()).is_err());
+        assert!(found.partition(&Positions::default(), Leftovers::Nearest, &Monitor::default()).is_err());
     }
 }

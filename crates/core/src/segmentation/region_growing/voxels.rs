@@ -1,6 +1,6 @@
 //! The leaves of an octree as plane patches, and their adjacency.
 
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::linalg::{Moments, Sym3};
 use crate::parallel::{Monitor, concat_watched, map_ordered, map_watched, sort_watched};
@@ -29,7 +29,7 @@ impl Patch {
 }
 
 /// The patch of each leaf with at least `min_points` points. O(n).
-pub(super) fn patches(points: &Points, tree: &Octree, min_points: u32, monitor: &Monitor) -> Result<Vec<Patch>> {
+pub(super) fn patches(points: &Positions, tree: &Octree, min_points: u32, monitor: &Monitor) -> Result<Vec<Patch>> {
     let count = tree.leaves.len();
     let parts = map_ordered(count.div_ceil(BLOCK), monitor, |block| {
         let leaves = block * BLOCK..((block + 1) * BLOCK).min(count);
@@ -38,7 +38,7 @@ pub(super) fn patches(points: &Points, tree: &Octree, min_points: u32, monitor: 
     concat_watched(parts, monitor)
 }
 
-fn patch(points: &Points, members: &[u32], min_points: u32) -> Patch {
+fn patch(points: &Positions, members: &[u32], min_points: u32) -> Patch {
     if members.len() < min_points as usize {
         return Patch { residual: f64::INFINITY, ..Patch::default() };
     }
@@ -54,7 +54,7 @@ fn patch(points: &Points, members: &[u32], min_points: u32) -> Patch {
 }
 
 /// Position of a point, metres.
-pub(super) fn place(points: &Points, i: u32) -> [f64; 3] {
+pub(super) fn place(points: &Positions, i: u32) -> [f64; 3] {
     [&points.x, &points.y, &points.z].map(|axis| f64::from(axis[i as usize]))
 }
 
@@ -131,21 +131,18 @@ mod tests {
     use crate::random::stream;
     use crate::segmentation::{OctreeParams, StopRule, octree};
 
-    fn scene(count: usize) -> Points {
+    fn scene(count: usize) -> Positions {
         let mut random = stream(1, 4);
-        let mut points = Points::default();
+        let mut points = Positions::default();
         for i in 0..count {
             let [a, b, c] = [0; 3].map(|_| random.uniform() as f32);
             let at = if i % 2 == 0 { [4.0 * a, 4.0 * b, 0.25 * a] } else { [3.0 + a, 3.0 + b, 1.0 + c] };
-            points.x.push(at[0]);
-            points.y.push(at[1]);
-            points.z.push(at[2]);
-            points.index.push(i as u32);
+            points.push(at);
         }
         points
     }
 
-    fn tree(points: &Points) -> Octree {
+    fn tree(points: &Positions) -> Octree {
         let params = OctreeParams { min_depth: 1, extra_depth: 3, min_points: 8, stop: StopRule::Sigma(0.05) };
         octree(points, &params, &Monitor::default()).unwrap()
     }
@@ -174,12 +171,9 @@ mod tests {
 
     #[test]
     fn patches_are_planes_with_their_residual() {
-        let mut points = Points::default();
+        let mut points = Positions::default();
         for (x, y, d) in [(0.0, 0.0, 1.0), (2.0, 0.0, -1.0), (2.0, 2.0, 1.0), (0.0, 2.0, -1.0)] {
-            points.x.push(x);
-            points.y.push(y);
-            points.z.push(x + 0.1 * d);
-            points.index.push(0);
+            points.push([x, y, x + 0.1 * d]);
         }
         let found = patch(&points, &[0, 1, 2, 3], 3);
         let root = 0.5f64.sqrt();

@@ -306,7 +306,7 @@ fn nearest<const UNSIGNED: bool>(at: &[[f32; LANES]; 6], centres: &[(u32, Row)])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Points;
+    use crate::cloud::Positions;
     use crate::random::{Stream, stream};
     use crate::segmentation::{OctreeParams, StopRule, octree};
 
@@ -317,9 +317,9 @@ mod tests {
     }
 
     /// The two faces of a wall, a floor and a bush, with random normals.
-    fn scene(count: usize) -> (Points, Vec<[f32; 3]>) {
+    fn scene(count: usize) -> (Positions, Vec<[f32; 3]>) {
         let mut random = stream(3, 9);
-        let mut points = Points::default();
+        let mut points = Positions::default();
         let mut normals = Vec::new();
         for i in 0..count {
             let [a, b, c] = [0; 3].map(|_| random.uniform() as f32);
@@ -331,16 +331,13 @@ mod tests {
             };
             let bent: [f32; 3] = std::array::from_fn(|k| normal[k] + 0.2 * unit(&mut random)[k]);
             let length = bent.iter().map(|c| c * c).sum::<f32>().sqrt();
-            points.x.push(at[0]);
-            points.y.push(at[1]);
-            points.z.push(at[2]);
-            points.index.push(i as u32);
+            points.push(at);
             normals.push(bent.map(|c| c / length));
         }
         (points, normals)
     }
 
-    fn tree(points: &Points) -> Octree {
+    fn tree(points: &Positions) -> Octree {
         let params = OctreeParams { min_depth: 3, stop: StopRule::Sigma(0.02), ..OctreeParams::default() };
         octree(points, &params, &Monitor::default()).unwrap()
     }

@@ -4,7 +4,7 @@
 //! of the covariance (divisor n) of its points.
 
 use super::params::Sides;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::linalg::Moments;
 use crate::linalg::arithmetic::Exact;
@@ -34,7 +34,7 @@ pub(super) struct Nodes {
 /// Points with unit normals.
 #[derive(Clone, Copy)]
 pub(super) struct OrientedPoints<'a> {
-    pub(super) points: &'a Points,
+    pub(super) points: &'a Positions,
     /// Normal of each point.
     pub(super) normals: &'a [[f32; 3]],
     /// Whether the signs of the normals count.
@@ -98,13 +98,11 @@ fn one(oriented: OrientedPoints<'_>, members: &[u32]) -> ([f32; 3], [f32; 3], [f
 mod tests {
     use super::*;
 
-    fn cross() -> (Points, Vec<[f32; 3]>) {
+    fn cross() -> (Positions, Vec<[f32; 3]>) {
         let rows =
             [[2.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 0.5], [0.0, 0.0, -0.5]];
-        let axis = |a: usize| rows.iter().map(|r: &[f32; 3]| r[a] + 7.0).collect();
-        let points = Points { x: axis(0), y: axis(1), z: axis(2), index: (0..6).collect(), origin: [0.0; 3] };
         (
-            points,
+            rows.iter().map(|row: &[f32; 3]| row.map(|v| v + 7.0)).collect(),
             vec![[0.0, 0.0, 1.0], [0.0, 0.6, 0.8], [0.0, -0.6, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]],
         )
     }

@@ -6,7 +6,7 @@
 //! distance, ends), so that no two are equal.
 
 use super::boxes::{Bounds, Boxes, Visitor};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::graph::UnionFind;
 use crate::neighbours::Neighbours;
@@ -27,10 +27,10 @@ const STEP: usize = 1024;
 /// The edges of the tree as `[smaller, larger]`, ascending: one less than there are points.
 ///
 /// `near` are the nearest neighbours of the points, any number of them. O(n log² n) for points of even density.
-pub(super) fn euclidean_tree(points: &Points, near: &Neighbours, monitor: &Monitor) -> Result<Vec<[u32; 2]>> {
+pub(super) fn euclidean_tree(points: &Positions, near: &Neighbours, monitor: &Monitor) -> Result<Vec<[u32; 2]>> {
     let fine = OctreeParams { min_depth: 20, extra_depth: 0, ..OctreeParams::default() };
     let order = octree(points, &fine, monitor)?.points.items().to_vec();
-    let at = |i: u32| [points.x[i as usize], points.y[i as usize], points.z[i as usize]];
+    let at = |i: u32| points.xyz(i as usize);
     let places: Vec<[f32; 3]> = map_watched(order.len(), monitor, |i| at(order[i]))?;
     let boxes = Boxes::new(&places);
     let mut forest = Forest { order: &order, places: &places, boxes: &boxes, near, sets: UnionFind::new(points.len()) };
@@ -139,13 +139,12 @@ mod tests {
     use crate::neighbours::knn;
     use crate::random::stream;
 
-    fn points(rows: &[[f32; 3]]) -> Points {
-        let axis = |a: usize| rows.iter().map(|r| r[a]).collect();
-        Points { x: axis(0), y: axis(1), z: axis(2), index: (0..rows.len() as u32).collect(), origin: [0.0; 3] }
+    fn points(rows: &[[f32; 3]]) -> Positions {
+        Positions::from_rows(rows)
     }
 
     /// Kruskal on all pairs, in the same order of edges.
-    fn kruskal(points: &Points) -> Vec<[u32; 2]> {
+    fn kruskal(points: &Positions) -> Vec<[u32; 2]> {
         let apart = |a: usize, b: usize| {
             let (x, y, z) = (points.x[a] - points.x[b], points.y[a] - points.y[b], points.z[a] - points.z[b]);
             (x * x + y * y + z * z).to_bits()

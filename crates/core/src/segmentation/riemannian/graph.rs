@@ -7,7 +7,7 @@ use super::arc::{Tangent, projected_distance};
 use super::describe::Nodes;
 use super::euclidean_tree::euclidean_tree;
 use super::params::{Nearest, RiemannianGraphParams};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::graph::{Graph, minimum_spanning_tree};
 use crate::neighbours::{Neighbours, knn};
@@ -34,9 +34,7 @@ pub(super) fn riemannian_graph(
     params: &RiemannianGraphParams,
     monitor: &Monitor,
 ) -> Result<RiemannianGraph> {
-    let axis = |a: usize| nodes.centres.iter().map(|c| c[a]).collect();
-    let index = (0..nodes.centres.len() as u32).collect();
-    let centres = Points { x: axis(0), y: axis(1), z: axis(2), index, origin: [0.0; 3] };
+    let centres = Positions::from_rows(&nodes.centres);
     let near = knn(&centres, params.candidates, monitor)?;
     let pairs = candidates(&near, euclidean_tree(&centres, &near, monitor)?, monitor)?;
     let lengths = map_ordered(pairs.len().div_ceil(BLOCK), monitor, |block| {
@@ -197,8 +195,7 @@ mod tests {
     fn on_a_plane_the_tree_is_the_euclidean_one() {
         let (nodes, params) = (nodes(200, false), RiemannianGraphParams { nearest: 0, ..Default::default() });
         let found = riemannian_graph(&nodes, &params, &Monitor::default()).unwrap();
-        let axis = |a: usize| nodes.centres.iter().map(|c| c[a]).collect();
-        let centres = Points { x: axis(0), y: axis(1), z: axis(2), index: (0..200).collect(), origin: [0.0; 3] };
+        let centres = Positions::from_rows(&nodes.centres);
         let tree = euclidean_tree(&centres, &Neighbours::default(), &Monitor::default()).unwrap();
         assert_eq!(found.graph.edges(), tree);
     }
@@ -215,8 +212,7 @@ mod tests {
             assert!((0..300).all(|i| adjacency.of(i).count() >= 8));
         }
         let params = RiemannianGraphParams::default();
-        let (axis, index) = (|a: usize| nodes.centres.iter().map(|c| c[a]).collect(), (0..300).collect());
-        let centres = Points { x: axis(0), y: axis(1), z: axis(2), index, origin: [0.0; 3] };
+        let centres = Positions::from_rows(&nodes.centres);
         let near = knn(&centres, 16, &Monitor::default()).unwrap();
         let pairs = candidates(&near, vec![], &Monitor::default()).unwrap();
         let graph = riemannian_graph(&nodes, &params, &Monitor::default()).unwrap().graph;

@@ -5,7 +5,7 @@ use super::connected::connected_clusters;
 use super::describe::{OrientedPoints, describe};
 use super::graph::riemannian_graph;
 use super::params::{NodeWeight, RiemannianParams, Sides};
-use crate::cloud::Points;
+use crate::cloud::{Points, Positions};
 use crate::error::{Error, Result};
 use crate::features::normals;
 use crate::neighbours::{Neighbours, knn};
@@ -103,7 +103,7 @@ pub struct Scale {
 pub fn riemannian(points: &Points, params: &RiemannianParams, monitor: &Monitor) -> Result<Riemannian> {
     params.validate()?;
     let surface = Surface::new(points, params, monitor)?;
-    run(points, &surface, params, monitor)
+    run(&points.positions, &surface, params, monitor)
 }
 
 /// [`riemannian`] with given unit normals of the points, for instance oriented towards the scanner.
@@ -111,7 +111,7 @@ pub fn riemannian(points: &Points, params: &RiemannianParams, monitor: &Monitor)
 /// # Errors
 /// As [`riemannian`], and if there is not a finite normal for each point.
 pub fn riemannian_with_normals(
-    points: &Points,
+    points: &Positions,
     directions: Vec<[f32; 3]>,
     params: &RiemannianParams,
     monitor: &Monitor,
@@ -146,7 +146,7 @@ pub fn multi_scale(
             Some(surface) => surface,
             none => none.insert(Surface::new(points, &params, monitor)?),
         };
-        scales.push(Scale { min_depth, found: run(points, surface, &params, monitor)? });
+        scales.push(Scale { min_depth, found: run(&points.positions, surface, &params, monitor)? });
         surface.seconds = 0.0;
     }
     Ok(scales)
@@ -162,8 +162,8 @@ struct Surface {
 impl Surface {
     fn new(points: &Points, params: &RiemannianParams, monitor: &Monitor) -> Result<Self> {
         let start = Instant::now();
-        let near = knn(points, params.neighbours, monitor)?;
-        let mut directions = normals(points, &near, monitor)?.directions;
+        let near = knn(&points.positions, params.neighbours, monitor)?;
+        let mut directions = normals(&points.positions, &near, monitor)?.directions;
         if params.sides == Sides::Signed {
             params.orientation.orient(points, &near, &mut directions, monitor)?;
         }
@@ -171,7 +171,7 @@ impl Surface {
     }
 }
 
-fn run(points: &Points, surface: &Surface, params: &RiemannianParams, monitor: &Monitor) -> Result<Riemannian> {
+fn run(points: &Positions, surface: &Surface, params: &RiemannianParams, monitor: &Monitor) -> Result<Riemannian> {
     let start = Instant::now();
     let oriented = OrientedPoints { points, normals: &surface.directions, sides: params.sides };
     let tree = octree(points, &params.octree, monitor)?;
@@ -217,11 +217,12 @@ fn node_weights(supervoxels: &Partition, weight: NodeWeight) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::Cloud;
     use crate::random::stream;
 
     /// The faces of a cube of 4 m without noise, with outward normals; and the face of each point.
-    fn cube(side: usize) -> (Points, Vec<[f32; 3]>, Vec<u32>) {
-        let (mut points, mut normals, mut faces) = (Points::default(), Vec::new(), Vec::new());
+    fn cube(side: usize) -> (Positions, Vec<[f32; 3]>, Vec<u32>) {
+        let (mut points, mut normals, mut faces) = (Positions::default(), Vec::new(), Vec::new());
         let place = |i: usize| 4.0 * (i as f32 + 0.5) / side as f32;
         for i in 0..6 * side * side {
             let (face, a, b) = (i % 6, place(i / 6 % side), place(i / 6 / side));
@@ -232,10 +233,7 @@ mod tests {
             at[(axis + 2) % 3] = b;
             let mut normal = [0.0; 3];
             normal[axis] = if far { 1.0 } else { -1.0 };
-            points.x.push(at[0]);
-            points.y.push(at[1]);
-            points.z.push(at[2]);
-            points.index.push(i as u32);
+            points.push(at);
             normals.push(normal);
             faces.push(face as u32);
         }
@@ -249,20 +247,18 @@ mod tests {
     }
 
     /// The cube without points near its edges: no leaf of depth 3 holds points of two faces.
-    fn faces_apart() -> (Points, Vec<[f32; 3]>, Vec<u32>) {
+    fn faces_apart() -> (Positions, Vec<[f32; 3]>, Vec<u32>) {
         let (points, normals, faces) = cube(64);
         let rim = |v: f32| (0.01..0.5).contains(&v) || (3.5..3.99).contains(&v);
-        let inner = |i: &usize| ![points.x[*i], points.y[*i], points.z[*i]].into_iter().any(rim);
+        let inner = |i: &usize| !points.xyz(*i).into_iter().any(rim);
         let keep: Vec<usize> = (0..points.len()).filter(inner).collect();
-        let axis = |axis: &[f32]| keep.iter().map(|&i| axis[i]).collect();
-        let (x, y, z) = (axis(&points.x), axis(&points.y), axis(&points.z));
-        let part = Points { x, y, z, index: (0..keep.len() as u32).collect(), origin: [0.0; 3] };
+        let part = keep.iter().map(|&i| points.xyz(i)).collect();
         (part, keep.iter().map(|&i| normals[i]).collect(), keep.iter().map(|&i| faces[i]).collect())
     }
 
     #[test]
     fn a_cube_has_six_segments_for_a_range_of_strengths() {
-        let run = |(points, normals, faces): (Points, Vec<[f32; 3]>, Vec<u32>), strength| {
+        let run = |(points, normals, faces): (Positions, Vec<[f32; 3]>, Vec<u32>), strength| {
             let mut params = params(strength);
             params.octree.stop = crate::segmentation::StopRule::Absolute(0.5);
             let found = riemannian_with_normals(&points, normals, &params, &Monitor::default()).unwrap();
@@ -282,8 +278,7 @@ mod tests {
     /// A rough floor, two walls that meet, and a ball above.
     fn room(count: usize) -> Points {
         let mut random = stream(9, 1);
-        let mut points = Points::default();
-        for i in 0..count {
+        let row = |i: usize| {
             let [a, b, c] = [0; 3].map(|_| random.uniform() as f32);
             let noise = 0.02 * (c - 0.5);
             let at = match i % 4 {
@@ -297,13 +292,13 @@ mod tests {
                 }
             };
             // Multiples of 2^-9 m, so that moving and scaling are exact.
-            let [x, y, z] = at.map(|v| (v * 512.0).round() / 512.0 + 0.0);
-            points.x.push(x);
-            points.y.push(y);
-            points.z.push(z);
-            points.index.push(i as u32);
-        }
-        points
+            at.map(|v| f64::from((v * 512.0).round() / 512.0 + 0.0))
+        };
+        of_rows((0..count).map(row))
+    }
+
+    fn of_rows(rows: impl Iterator<Item = [f64; 3]>) -> Points {
+        Points::from_cloud(&Cloud::from_rows(&rows.collect::<Vec<_>>()).unwrap(), 1.0)
     }
 
     #[test]
@@ -336,7 +331,8 @@ mod tests {
         let points = room(8000);
         let by = |factor: f32| {
             let mut points = points.clone();
-            [&mut points.x, &mut points.y, &mut points.z].into_iter().flatten().for_each(|v| *v *= factor);
+            let Positions { x, y, z } = &mut points.positions;
+            [x, y, z].into_iter().flatten().for_each(|v| *v *= factor);
             let mut params = params(0.1);
             params.octree.stop = crate::segmentation::StopRule::Absolute(0.001 * f64::from(factor).powi(2));
             riemannian(&points, &params, &Monitor::default()).unwrap()
@@ -349,9 +345,9 @@ mod tests {
     fn the_energy_is_that_of_the_segments_and_a_strength_without_bounds_leaves_one() {
         let points = room(8000);
         let surface = Surface::new(&points, &params(0.1), &Monitor::default()).unwrap();
-        let at = |strength| run(&points, &surface, &params(strength), &Monitor::default()).unwrap();
+        let at = |strength| run(&points.positions, &surface, &params(strength), &Monitor::default()).unwrap();
         let found = at(0.1);
-        let oriented = OrientedPoints { points: &points, normals: &surface.directions, sides: Sides::Signed };
+        let oriented = OrientedPoints { points: &points.positions, normals: &surface.directions, sides: Sides::Signed };
         let nodes = describe(oriented, &found.supervoxels, 1.0, &Monitor::default()).unwrap();
         let graph = riemannian_graph(&nodes, &params(0.1).graph, &Monitor::default()).unwrap().graph;
         let segment: Vec<u32> =
@@ -414,7 +410,8 @@ mod tests {
             let found = riemannian(&room(count), &params(0.1), &Monitor::default()).unwrap();
             assert_eq!(found.segments.nodes(), count);
         }
-        let one = riemannian(&cube(1).0, &params(0.1), &Monitor::default()).unwrap();
+        let one = of_rows(cube(1).0.iter().map(|at| at.map(f64::from)));
+        let one = riemannian(&one, &params(0.1), &Monitor::default()).unwrap();
         assert_eq!(one.supervoxels.nodes(), 6);
         let (points, mut normals, _) = cube(2);
         normals[3][1] = f32::NAN;
@@ -422,6 +419,6 @@ mod tests {
         assert!(riemannian_with_normals(&points, vec![], &params(0.1), &Monitor::default()).is_err());
         let cancelled = Monitor::default();
         cancelled.cancel();
-        assert!(riemannian(&points, &params(0.1), &cancelled).is_err());
+        assert!(riemannian(&room(5), &params(0.1), &cancelled).is_err());
     }
 }

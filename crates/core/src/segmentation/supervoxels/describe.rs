@@ -1,7 +1,7 @@
 //! Centroid, normal, colour and eigenvalue features of supervoxels.
 
 use super::PointAttributes;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::csr::Csr;
 use crate::error::Result;
 use crate::linalg::arithmetic::Exact;
@@ -39,7 +39,7 @@ pub struct SupervoxelShape {
 
 /// Shapes of groups of points, one entry a group.
 pub(super) fn shapes(
-    points: &Points,
+    points: &Positions,
     attributes: &PointAttributes<'_>,
     groups: &Csr,
     monitor: &Monitor,
@@ -53,7 +53,7 @@ pub(super) fn shapes(
 }
 
 fn shape(
-    points: &Points,
+    points: &Positions,
     attributes: &PointAttributes<'_>,
     members: &[u32],
     places: &mut Vec<[f64; 3]>,

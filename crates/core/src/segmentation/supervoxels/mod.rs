@@ -15,7 +15,7 @@ pub use slic::slic;
 pub use vccs::vccs;
 
 use super::Partition;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::parallel::{Looks, Monitor, map_watched};
@@ -71,7 +71,7 @@ impl Supervoxels {
     /// # Errors
     /// If there is not one label a point, a label is too large, attributes do not fit, or the work was cancelled.
     pub fn new(
-        points: &Points,
+        points: &Positions,
         attributes: &PointAttributes<'_>,
         labels: SupervoxelLabels,
         monitor: &Monitor,

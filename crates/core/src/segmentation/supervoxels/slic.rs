@@ -6,10 +6,10 @@ mod connect;
 mod sorted;
 
 use super::{NO_SUPERVOXEL, PointAttributes, SlicParams, SupervoxelLabels, Supervoxels};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::neighbours::nearest_of;
-use crate::parallel::{Looks, Monitor, watched};
+use crate::parallel::{Monitor, watched};
 use assign::Distance;
 use centres::Centre;
 use sorted::Sorted;
@@ -35,13 +35,13 @@ use sorted::Sorted;
 /// use scansion_core::{Cloud, cloud::Points, parallel::Monitor};
 ///
 /// let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10) * 0.3, f64::from(i / 10) * 0.3, 0.0]).collect();
-/// let points = Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0);
+/// let points = Points::from_cloud(&Cloud::from_rows(&rows)?, 1.0).positions;
 /// let found = slic(&points, &PointAttributes::default(), &SlicParams::default(), &Monitor::default())?;
 /// assert_eq!(found.len(), 9);
 /// # Ok::<(), scansion_core::Error>(())
 /// ```
 pub fn slic(
-    points: &Points,
+    points: &Positions,
     attributes: &PointAttributes<'_>,
     params: &SlicParams,
     monitor: &Monitor,
@@ -92,26 +92,17 @@ fn attach(scene: &Sorted, found: &Clusters, size: f64, monitor: &Monitor) -> Res
             }
         }
     }
-    let places = |of: &mut dyn Iterator<Item = (u32, [f32; 3])>| {
-        let (mut points, mut looks) = (Points::default(), Looks::at(monitor));
-        for (index, [x, y, z]) in of {
-            looks.step()?;
-            points.x.push(x);
-            points.y.push(y);
-            points.z.push(z);
-            points.index.push(index);
-        }
-        Ok(points)
-    };
-    let lost = (0..labels.len()).filter(|&i| labels[i] == NO_SUPERVOXEL);
-    let lost = places(&mut lost.map(|i| (i as u32, scene.place(i))))?;
-    let kept = found.centres.iter().zip(0u32..).filter(|(_, c)| held[*c as usize]);
-    let kept = places(&mut kept.map(|(centre, c)| (c, centre.place)))?;
-    let near = nearest_of(&kept, &lost, 1, monitor)?;
+    let mut lost: Vec<u32> = Vec::new();
+    for piece in watched(labels.len(), monitor) {
+        lost.extend(piece?.filter(|&i| labels[i] == NO_SUPERVOXEL).map(|i| i as u32));
+    }
+    let kept: Vec<u32> = (0..found.centres.len() as u32).filter(|&c| held[c as usize]).collect();
+    let centres: Positions = kept.iter().map(|&c| found.centres[c as usize].place).collect();
+    let near = nearest_of(&centres, &scene.positions.select(&lost, monitor)?, 1, monitor)?;
     let reach = 2.0 * 3.0f64.sqrt() * size;
-    for (row, &point) in lost.index.iter().enumerate().take(near.len()) {
+    for (row, &point) in lost.iter().enumerate().take(near.len()) {
         if f64::from(near.squared_distances(row)[0]) <= reach * reach {
-            labels[point as usize] = kept.index[near.of(row)[0] as usize];
+            labels[point as usize] = kept[near.of(row)[0] as usize];
         }
     }
     Ok(labels)

@@ -1,17 +1,17 @@
 //! Scenes for the tests of this folder.
 
 use super::PointAttributes;
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{Cloud, Points, Positions};
 use crate::random::stream;
 
 /// Points from rows, in local coordinates.
-pub(super) fn points_of(rows: &[[f64; 3]]) -> Points {
-    Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+pub(super) fn points_of(rows: &[[f64; 3]]) -> Positions {
+    Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0).positions
 }
 
 /// Points with all attributes that supervoxels use.
 pub(super) struct TestScene {
-    pub(super) points: Points,
+    pub(super) points: Positions,
     pub(super) normals: Vec<[f32; 3]>,
     pub(super) colours: Vec<[f32; 3]>,
 }

@@ -5,7 +5,7 @@ mod seeds;
 mod voxels;
 
 use super::{NO_SUPERVOXEL, PointAttributes, SupervoxelLabels, Supervoxels, VccsParams};
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Monitor, watched};
 use flow::{Flow, Metric};
@@ -30,7 +30,7 @@ use voxels::Voxels;
 /// If a parameter is outside its range, attributes do not fit the points, a coordinate is not finite, the points need
 /// 2^21 voxels or more along an axis, or the work was cancelled.
 pub fn vccs(
-    points: &Points,
+    points: &Positions,
     attributes: &PointAttributes<'_>,
     params: &VccsParams,
     monitor: &Monitor,
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn no_points_make_no_supervoxels() {
-        let found = vccs(&Points::default(), &PointAttributes::default(), &params(), &Monitor::default()).unwrap();
+        let found = vccs(&Positions::default(), &PointAttributes::default(), &params(), &Monitor::default()).unwrap();
         assert!(found.is_empty() && found.labels().is_empty());
     }
 }

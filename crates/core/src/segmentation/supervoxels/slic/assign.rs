@@ -146,7 +146,7 @@ fn load(scene: &Sorted, points: Range<usize>, groups: &mut Vec<Group>) -> Rim {
     groups.clear();
     groups.resize(points.len().div_ceil(LANES), EMPTY);
     let mut rim = Rim { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
-    for (a, axis) in [&scene.x, &scene.y, &scene.z].into_iter().enumerate() {
+    for (a, axis) in [&scene.positions.x, &scene.positions.y, &scene.positions.z].into_iter().enumerate() {
         let axis = &axis[points.clone()];
         for (group, values) in groups.iter_mut().zip(axis.chunks(LANES)) {
             group.place[a][..values.len()].copy_from_slice(values);

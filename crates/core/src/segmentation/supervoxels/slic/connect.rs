@@ -2,7 +2,6 @@
 
 use super::super::{NO_SUPERVOXEL, SlicParams};
 use super::sorted::Sorted;
-use crate::cloud::Points;
 use crate::csr::Csr;
 use crate::error::Result;
 use crate::graph::{Components, Graph, connected_components};
@@ -23,9 +22,7 @@ struct Node {
 /// label, the first of equal ones; components of at least `min_points` get new labels; smaller ones take the label of
 /// the adjacent component with most points in adjacent voxels, or none.
 pub(super) fn connect(scene: &Sorted, params: &SlicParams, labels: &mut [u32], monitor: &Monitor) -> Result<()> {
-    let points = Points { x: scene.x.clone(), y: scene.y.clone(), z: scene.z.clone(), ..Points::default() };
-    let grid = RowGrid::new(points.places(), params.size * FINE, "size")?;
-    drop(points);
+    let grid = RowGrid::new(scene.positions.iter(), params.size * FINE, "size")?;
     let voxels = Cells::new(scene.len(), |i| grid.key(scene.place(i)), monitor)?;
     let near = adjacency(&voxels.keys, monitor)?;
     let (nodes, of_voxel, of_point) = nodes(&voxels, labels);

@@ -1,7 +1,7 @@
 //! The points sorted by cell, with one array for each coordinate and attribute.
 
 use super::super::PointAttributes;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, watched};
 use crate::voxels::cells::{Cells, RowGrid};
@@ -11,9 +11,7 @@ pub(super) struct Sorted {
     pub(super) grid: RowGrid,
     /// Items are the original indices of the points.
     pub(super) cells: Cells,
-    pub(super) x: Vec<f32>,
-    pub(super) y: Vec<f32>,
-    pub(super) z: Vec<f32>,
+    pub(super) positions: Positions,
     /// Empty if there are none.
     pub(super) normals: [Vec<f32>; 3],
     /// Empty if there are none.
@@ -21,11 +19,15 @@ pub(super) struct Sorted {
 }
 
 impl Sorted {
-    pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
-        let grid = RowGrid::new(points.places(), size, "size")?;
-        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
+    pub(super) fn new(
+        points: &Positions,
+        attributes: &PointAttributes<'_>,
+        size: f64,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let grid = RowGrid::new(points.iter(), size, "size")?;
+        let cells = Cells::new(points.len(), |i| grid.key(points.xyz(i)), monitor)?;
         let items = &cells.items;
-        let pick = |axis: &[f32]| map_watched(items.len(), monitor, |i| axis[items[i] as usize]);
         let rows = |rows: Option<&[[f32; 3]]>| {
             let rows = rows.unwrap_or_default();
             let column = |a: usize| match rows.len() {
@@ -34,19 +36,19 @@ impl Sorted {
             };
             Ok([column(0)?, column(1)?, column(2)?])
         };
-        let (x, y, z) = (pick(&points.x)?, pick(&points.y)?, pick(&points.z)?);
+        let positions = points.select(items, monitor)?;
         let (normals, colours) = (rows(attributes.normals)?, rows(attributes.colours)?);
-        Ok(Self { grid, cells, x, y, z, normals, colours })
+        Ok(Self { grid, cells, positions, normals, colours })
     }
 
     /// Number of points.
     pub(super) fn len(&self) -> usize {
-        self.x.len()
+        self.positions.len()
     }
 
     /// Position of a sorted point.
     pub(super) fn place(&self, i: usize) -> [f32; 3] {
-        [self.x[i], self.y[i], self.z[i]]
+        self.positions.xyz(i)
     }
 
     /// Colour of a sorted point, if there are colours.

@@ -2,7 +2,7 @@
 
 use super::super::PointAttributes;
 use super::super::describe::dot;
-use crate::cloud::Points;
+use crate::cloud::Positions;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -30,9 +30,14 @@ pub(super) struct Voxels {
 }
 
 impl Voxels {
-    pub(super) fn new(points: &Points, attributes: &PointAttributes<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
-        let grid = RowGrid::new(points.places(), size, "voxel")?;
-        let cells = Cells::new(points.len(), |i| grid.key([points.x[i], points.y[i], points.z[i]]), monitor)?;
+    pub(super) fn new(
+        points: &Positions,
+        attributes: &PointAttributes<'_>,
+        size: f64,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let grid = RowGrid::new(points.iter(), size, "voxel")?;
+        let cells = Cells::new(points.len(), |i| grid.key(points.xyz(i)), monitor)?;
         let near = adjacency(&cells.keys, monitor)?;
         let points_of = cells.into_groups(points.len())?;
         let mut voxels = vec![Voxel::default(); points_of.len()];
@@ -51,12 +56,12 @@ impl Voxels {
     }
 }
 
-fn voxel(points: &Points, attributes: &PointAttributes<'_>, members: &[u32]) -> Voxel {
+fn voxel(points: &Positions, attributes: &PointAttributes<'_>, members: &[u32]) -> Voxel {
     let mut sum = Sum::default();
     for &i in members {
         let i = i as usize;
         sum.add(&Voxel {
-            place: [points.x[i], points.y[i], points.z[i]],
+            place: points.xyz(i),
             normal: attributes.normals.map_or([0.0; 3], |n| n[i]),
             colour: attributes.colours.map_or([0.0; 3], |c| c[i]),
         });
