@@ -6,9 +6,9 @@ use crate::convert::{values, vector};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use scansion_core::cloud::Column;
-use scansion_core::cloud::planar_density;
 use scansion_core::io::{self, Bounds, Columns, ConvertParams, Edit, ReadOptions, WriteOptions};
 use scansion_core::parallel::Monitor;
+use scansion_core::voxels::planar_density;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 

@@ -2,7 +2,6 @@
 
 mod column;
 pub mod crs;
-mod density;
 mod oddities;
 mod points;
 mod positions;
@@ -12,7 +11,6 @@ mod stray;
 
 pub(crate) use column::each_values;
 pub use column::{Column, Values};
-pub use density::planar_density;
 pub use points::{LocalFrame, Points};
 pub use positions::Positions;
 pub use raster::Raster;

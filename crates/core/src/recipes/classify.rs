@@ -3,11 +3,12 @@
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams, Regularised, largest};
 use super::statistics::CloudStatistics;
-use crate::cloud::{Cloud, StrayParams, Strays, planar_density};
+use crate::cloud::{Cloud, StrayParams, Strays};
 use crate::error::Result;
 use crate::memory;
 use crate::parallel::{Monitor, watched};
 use crate::terrain::ElevationModel;
+use crate::voxels::planar_density;
 
 /// Factor between the densities of cloud and training data that causes a warning.
 const OTHER: f64 = 8.0;

@@ -4,7 +4,7 @@ use super::elevation::check_mask;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
-use rayon::prelude::*;
+use crate::voxels::cells::{Cells, cell_of};
 use serde::{Deserialize, Serialize};
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
@@ -76,7 +76,7 @@ impl AlphaShape {
         let place = |i: usize| [f64::from(points.positions.x[i]), f64::from(points.positions.y[i])];
         let road: Vec<Place> = (0..points.len()).filter(|&i| is_road[i]).map(place).collect();
         monitor.check()?;
-        let road = thinned(&road, params.thinning * params.alpha);
+        let road = thinned(&road, params.thinning * params.alpha, monitor)?;
         monitor.check()?;
         let shape = triangulate(&road, params.alpha)?;
         monitor.check()?;
@@ -101,17 +101,16 @@ impl AlphaShape {
 
 /// The westernmost, easternmost, southernmost and northernmost point of every square with that edge; all points if it
 /// is 0.
-fn thinned(road: &[Place], edge: f64) -> Vec<Place> {
+fn thinned(road: &[Place], edge: f64, monitor: &Monitor) -> Result<Vec<Place>> {
     if edge <= 0.0 {
-        return road.to_vec();
+        return Ok(road.to_vec());
     }
-    let cell = |p: &Place| p.map(|v| (v / edge).floor() as i64);
-    let mut keyed: Vec<([i64; 2], u32)> = (0..road.len()).into_par_iter().map(|i| (cell(&road[i]), i as u32)).collect();
-    keyed.par_sort_unstable();
+    let squares = Cells::new(road.len(), |i| cell_of(road[i].map(|v| v / edge)), monitor)?;
     let mut kept = Vec::new();
-    for group in keyed.chunk_by(|a, b| a.0 == b.0) {
-        let mut outermost = [group[0].1; 4];
-        for &(_, i) in group {
+    for square in 0..squares.len() {
+        let members = squares.of(square);
+        let mut outermost = [members[0]; 4];
+        for &i in members {
             for (side, best) in outermost.iter_mut().enumerate() {
                 let along = |i: u32| road[i as usize][side / 2] * if side % 2 == 0 { 1.0 } else { -1.0 };
                 if along(i) < along(*best) {
@@ -122,7 +121,7 @@ fn thinned(road: &[Place], edge: f64) -> Vec<Place> {
         outermost.sort_unstable();
         kept.extend(outermost.chunk_by(|a, b| a == b).map(|same| road[same[0] as usize]));
     }
-    kept
+    Ok(kept)
 }
 
 fn triangulate(road: &[Place], alpha: f64) -> Result<AlphaShape> {

@@ -1,9 +1,10 @@
 //! Separate sites: processes distant parts of a cloud one after the other, so that rasters cover the occupied ground
 //! and not the bounding box of all parts.
 
-use crate::cloud::Points;
+use crate::cloud::{Points, Positions};
 use crate::error::Result;
-use crate::parallel::{Monitor, sort_watched};
+use crate::parallel::Monitor;
+use crate::voxels::cells::{Cells, cell_of};
 
 /// Rasters with at least this many cells, and many cells a point, are divided.
 const LARGE: f64 = 16e6;
@@ -23,7 +24,7 @@ pub(crate) fn by_site<T: Clone + Default>(
     monitor: &Monitor,
     work: impl Fn(&Points) -> Result<Vec<T>>,
 ) -> Result<Vec<T>> {
-    let sites = sites(points, cell, monitor)?;
+    let sites = sites(&points.positions, cell, monitor)?;
     if sites.len() < 2 {
         return work(points);
     }
@@ -36,8 +37,8 @@ pub(crate) fn by_site<T: Clone + Default>(
 }
 
 /// The points of each site, ascending; empty if the cloud should not be divided.
-fn sites(points: &Points, cell: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>> {
-    let size = [&points.positions.x, &points.positions.y].map(|axis| {
+fn sites(points: &Positions, cell: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>> {
+    let size = [&points.x, &points.y].map(|axis| {
         let (low, high) = axis.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
         (f64::from(high) - f64::from(low)) / cell + 1.0
     });
@@ -46,12 +47,8 @@ fn sites(points: &Points, cell: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>>
     if !(cells > LARGE && cells > SPARSE * points.len() as f64 && cells.is_finite()) {
         return Ok(Vec::new());
     }
-    let tile = |i: usize| {
-        [points.positions.x[i], points.positions.y[i]].map(|v| (f64::from(v) / (TILE * cell)).floor() as i64)
-    };
-    let mut members: Vec<([i64; 2], u32)> = (0..points.len()).map(|i| (tile(i), i as u32)).collect();
-    sort_watched(&mut members, monitor)?;
-    let tiles: Vec<&[([i64; 2], u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
+    let tile = |i: usize| cell_of([points.x[i], points.y[i]].map(|v| f64::from(v) / (TILE * cell)));
+    let tiles = Cells::new(points.len(), tile, monitor)?;
     let mut seen = vec![false; tiles.len()];
     let mut sites = Vec::new();
     for start in 0..tiles.len() {
@@ -59,10 +56,10 @@ fn sites(points: &Points, cell: f64, monitor: &Monitor) -> Result<Vec<Vec<u32>>>
         let mut open = if std::mem::replace(&mut seen[start], true) { continue } else { vec![start] };
         let mut site = Vec::new();
         while let Some(t) = open.pop() {
-            site.extend(tiles[t].iter().map(|m| m.1));
+            site.extend_from_slice(tiles.of(t));
             for offset in (0..9).map(|i| [i % 3 - 1, i / 3 - 1]) {
-                let near = [0, 1].map(|a| tiles[t][0].0[a].saturating_add(offset[a]));
-                match tiles.binary_search_by_key(&near, |tile| tile[0].0) {
+                let near = [0, 1].map(|a| tiles.keys[t][a].saturating_add(offset[a]));
+                match tiles.keys.binary_search(&near) {
                     Ok(found) if !std::mem::replace(&mut seen[found], true) => open.push(found),
                     _ => {}
                 }

@@ -1,10 +1,14 @@
 //! Voxels: keys of cells, sparse grids, and the levels of a pyramid with exact searches on them.
 //!
-//! Cells have 21 bits an axis in a 64-bit key, of one of two orders. In Morton order ([`morton`], [`Grid`]) the key of a
-//! cell shifted right by 3 is that of the cell of twice the size, so that levels nest: the pyramid, the octree and the
-//! steps of LAS files use it. In rows (`cells`) the three cells side by side along x have consecutive keys, so that the
-//! 27 cells around one are nine searches: supervoxels use it. Labels depend on the order of cells, so that neither
-//! replaces the other.
+//! Cells of three dimensions have 21 bits an axis in a 64-bit key, of one of two orders. In Morton order ([`morton`],
+//! [`Grid`]) the key of a cell shifted right by 3 is that of the cell of twice the size, so that levels nest: the
+//! pyramid, the octree and the steps of LAS files use it. In rows (`rows`) the three cells side by side along x have
+//! consecutive keys, so that the 27 cells around one are nine searches: supervoxels use it. Squares in plan, and the
+//! voxels of training samples, have the plain numbers of a cell as their key (`cells`), because they may be too many for
+//! 21 bits: the sites of a terrain, the lowest points and the outline of a road, and covered ground use it. Labels and
+//! samples depend on the order of cells, so that none replaces another.
+//!
+//! Only stray points are found by cells of their own in [`cloud`](crate::cloud): without them there is no extent yet.
 
 mod batch;
 mod blocks;
@@ -13,10 +17,14 @@ mod columns;
 mod grid;
 mod level;
 pub mod morton;
+pub(crate) mod rows;
 mod search;
+mod squares;
 
 pub use batch::LANES;
 pub use columns::{ColumnSearch, Columns};
 pub use grid::{Grid, sorted};
 pub use level::{Level, build_levels, coarse_levels};
 pub use search::{Neighbour, Search};
+pub(crate) use squares::covered_area;
+pub use squares::planar_density;

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::random::stream;
+use crate::voxels::cells::cell_of;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of the division.
@@ -78,7 +79,7 @@ fn by_class(segments: &[Labelled], share: f64, seed: u64) -> Vec<bool> {
 }
 
 fn by_square(segments: &[Labelled], params: &ObjectTraining, seed: u64) -> Vec<bool> {
-    let square = |s: &Labelled| s.at.map(|v| (v / params.square).floor() as i64);
+    let square = |s: &Labelled| cell_of(s.at.map(|v| v / params.square));
     let mut squares: Vec<[i64; 2]> = segments.iter().map(square).collect();
     squares.sort_unstable();
     squares.dedup();

@@ -6,7 +6,7 @@ use super::report::ObjectsReport;
 use super::split::{Labelled, split};
 use crate::classes::{Class, ClassTable};
 use crate::classification::{Classifier, Fingerprint, Predictor, Samples};
-use crate::cloud::{Cloud, planar_density};
+use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::evaluation::{Confusion, Scores};
 use crate::parallel::Monitor;
@@ -14,6 +14,7 @@ use crate::recipes::labels::{check_classes, check_labels, class_table, counts_of
 use crate::recipes::points::note_oddities;
 use crate::recipes::{ClassCount, Fitted, Labels, Model, Nothing, System};
 use crate::segmentation::majorities;
+use crate::voxels::planar_density;
 
 /// The segments of one cloud with their features.
 struct CloudSegments {

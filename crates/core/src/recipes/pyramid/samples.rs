@@ -6,11 +6,13 @@
 //! [`balance`](crate::classification::sampling::balance).
 
 use crate::classification::sampling::{BalanceParams, Rare};
-use crate::cloud::{Cloud, Points, planar_density};
+use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, sort_watched_by, watched};
 use crate::random::{Stream, stream};
 use crate::recipes::Labels;
+use crate::voxels::cells::cell_of;
+use crate::voxels::planar_density;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of the selection.
@@ -111,7 +113,7 @@ pub(super) struct Candidate {
 
 /// One candidate for each voxel: its first point with the most frequent label of the voxel (ties: smallest code).
 ///
-/// O(n log n) time, 28 bytes a labelled point.
+/// O(n log n) time, 40 bytes a labelled point.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -123,33 +125,32 @@ pub(super) fn candidates(
 ) -> Result<Vec<Candidate>> {
     let Sampling { params, metres } = *sampling;
     let points = Points::from_cloud_watched(cloud, metres, monitor)?;
-    let mut keyed: Vec<([i32; 3], Candidate)> = Vec::new();
+    let mut keyed: Vec<([i64; 3], Candidate)> = Vec::new();
     for piece in watched(points.len(), monitor) {
         for i in piece? {
             let point = points.frame.index[i];
             let xyz = cloud.xyz(point as usize);
             let kept = |_: &u8| !params.excludes(xyz[0], xyz[1]);
             let Some(code) = labels.codes[point as usize].filter(kept) else { continue };
-            let key = points.positions.xyz(i).map(|v| cell(v, params.voxel, point));
-            keyed.push((key, Candidate { point, code }));
+            let voxel = match params.voxel > 0.0 {
+                true => cell_of(points.positions.xyz(i).map(|v| f64::from(v) / params.voxel)),
+                // Every point has a voxel of its own.
+                false => [i64::from(point); 3],
+            };
+            keyed.push((voxel, Candidate { point, code }));
         }
     }
     drop(points);
-    let order = |(key, c): &([i32; 3], Candidate)| (*key, c.code, c.point);
+    let order = |(key, c): &([i64; 3], Candidate)| (*key, c.code, c.point);
     sort_watched_by(&mut keyed, |a, b| order(a).cmp(&order(b)), monitor)?;
     monitor.check()?;
     Ok(keyed.chunk_by(|a, b| a.0 == b.0).filter_map(majority).collect())
 }
 
-/// Cell index of a coordinate; with voxel 0 every point has its own cell.
-fn cell(value: f32, voxel: f64, point: u32) -> i32 {
-    if voxel > 0.0 { (f64::from(value) / voxel).floor() as i32 } else { point as i32 }
-}
-
 /// The candidate of a voxel, whose members are sorted by code, then by point.
-fn majority(voxel: &[([i32; 3], Candidate)]) -> Option<Candidate> {
+fn majority(voxel: &[([i64; 3], Candidate)]) -> Option<Candidate> {
     let runs = voxel.chunk_by(|a, b| a.1.code == b.1.code);
-    runs.fold(None, |best: Option<&[([i32; 3], Candidate)]>, run| match best {
+    runs.fold(None, |best: Option<&[([i64; 3], Candidate)]>, run| match best {
         Some(b) if b.len() >= run.len() => Some(b),
         _ => Some(run),
     })

@@ -7,13 +7,15 @@ use super::select::chosen_depth;
 use crate::classes::{Class, ClassTable};
 use crate::classification::sampling::balance;
 use crate::classification::{Fingerprint, Predictor, Samples};
-use crate::cloud::{Cloud, planar_density};
+use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::features::{self, FeatureSet};
 use crate::parallel::Monitor;
 use crate::recipes::labels::{check_classes, class_table, counts_of};
 use crate::recipes::points::note_oddities;
 use crate::recipes::{ClassCount, Fitted, Labels, Model, Nothing, System, TrainOptions};
+use crate::voxels::cells::cell_of;
+use crate::voxels::planar_density;
 
 /// Edge of the squares that cross-validation holds out together, metres.
 pub(super) const BLOCK: f64 = 50.0;
@@ -203,7 +205,7 @@ fn describe(
 
 /// A number for the 50 m square that contains a point (hash collisions only merge squares).
 fn block_of(cloud: usize, xyz: [f64; 3], metres: f64) -> u32 {
-    let [x, y] = [xyz[0], xyz[1]].map(|v| (v * metres / BLOCK).floor() as i64 as u32);
+    let [x, y] = cell_of([xyz[0], xyz[1]].map(|v| v * metres / BLOCK)).map(|v| v as u32);
     let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ (cloud as u32).wrapping_mul(0xc2b2_ae3d);
     mixed.wrapping_mul(0x27d4_eb2f) >> 8
 }

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
 use crate::terrain::{ElevationModel, Ground, Terrain, TerrainParams, mask_of_classes, terrain};
+use crate::voxels::cells::{Cells, cell_of};
 use serde::{Deserialize, Serialize};
 
 /// Source of the road points.
@@ -91,7 +92,7 @@ impl RoadParams {
     pub(super) fn describe(&self, scene: &RoadScene<'_>, monitor: &Monitor) -> Result<Terrain> {
         let mut road = self.mask(scene, monitor)?;
         if !road.contains(&true) {
-            road = self.lowest(&scene.points.positions);
+            road = self.lowest(&scene.points.positions, monitor)?;
         }
         terrain(scene.points, &Ground { road: &road, model: scene.elevation }, &self.terrain, monitor)
     }
@@ -108,24 +109,23 @@ impl RoadParams {
                 mask_of_classes(&scene.points.frame, &codes, &road)
             }
             RoadSource::Learned if both => learned(scene.examples, scene.local, scene.forest, monitor),
-            _ => Ok(self.lowest(&scene.points.positions)),
+            _ => self.lowest(&scene.points.positions, monitor),
         }
     }
 
     /// Points near the lowest one of their square.
-    fn lowest(&self, points: &Positions) -> Vec<bool> {
+    fn lowest(&self, points: &Positions, monitor: &Monitor) -> Result<Vec<bool>> {
         let edge = self.lowest_cell as f32;
-        let cell = |i: usize| ((points.x[i] / edge) as i32, (points.y[i] / edge) as i32);
-        let mut order: Vec<((i32, i32), u32)> = (0..points.len()).map(|i| (cell(i), i as u32)).collect();
-        order.sort_unstable();
+        let square = |i: usize| cell_of([points.x[i] / edge, points.y[i] / edge].map(f64::from));
+        let squares = Cells::new(points.len(), square, monitor)?;
         let mut mask = vec![false; points.len()];
-        for group in order.chunk_by(|a, b| a.0 == b.0) {
-            let z = |&(_, i): &((i32, i32), u32)| points.z[i as usize];
-            let low = group.iter().map(z).fold(f32::INFINITY, f32::min);
+        for members in (0..squares.len()).map(|square| squares.of(square)) {
+            let z = |&i: &u32| points.z[i as usize];
+            let low = members.iter().map(z).fold(f32::INFINITY, f32::min);
             let near = low + self.lowest_within as f32;
-            group.iter().filter(|p| z(p) <= near).for_each(|&(_, i)| mask[i as usize] = true);
+            members.iter().filter(|i| z(i) <= near).for_each(|&i| mask[i as usize] = true);
         }
-        mask
+        Ok(mask)
     }
 }
 
@@ -196,6 +196,7 @@ mod tests {
     fn the_lowest_points_of_a_cell_are_ground() {
         let rows = [[0.5, 0.5, 0.0], [1.0, 1.0, 0.1], [1.5, 0.5, 3.0], [2.5, 0.5, 3.0]];
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
-        assert_eq!(RoadParams::default().lowest(&points.positions), [true, true, false, true]);
+        let lowest = RoadParams::default().lowest(&points.positions, &Monitor::default()).unwrap();
+        assert_eq!(lowest, [true, true, false, true]);
     }
 }

@@ -9,7 +9,7 @@ use super::shares::{most_probable, shares_of};
 use crate::classes::{Class, ClassTable};
 use crate::classification::cross_validation::stratified_folds;
 use crate::classification::{ClassifierParams, Fingerprint, Samples};
-use crate::cloud::{Cloud, Points, planar_density};
+use crate::cloud::{Cloud, Points};
 use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
@@ -18,6 +18,7 @@ use crate::recipes::points::{note_oddities, points_of};
 use crate::recipes::regularise::{Probabilities, Regularise, RegulariseParams, Scene};
 use crate::recipes::{ClassCount, Fitted, Labels, Model, System, TrainOptions};
 use crate::segmentation::Intent;
+use crate::voxels::planar_density;
 
 /// The labelled points of one cloud and their features.
 struct LabelledPoints<'a> {

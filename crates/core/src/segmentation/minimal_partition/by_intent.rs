@@ -14,9 +14,10 @@ use crate::error::{Error, Result};
 use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::segmentation::{Partition, oracle_accuracy};
+use crate::voxels::covered_area;
 
-/// Side of the cells in plan that decide which ground is covered, in metres.
-const CELL: f32 = 2.0;
+/// Square metres of a hectare.
+const HECTARE: f64 = 10_000.0;
 /// A number of segments within this factor of the wanted one is accepted.
 const CLOSE: f64 = 1.05;
 /// Share of the nodes that may lie in segments that are too small.
@@ -54,7 +55,7 @@ pub fn partition_by_intent(
             return Err(Error::input(format!("{found} {what} for a graph of {nodes} nodes")));
         }
     }
-    let aim = aim(input, params)?;
+    let aim = aim(input, params, monitor)?;
     search_strength(&aim, params.trials, typical_strength(input), |strength| {
         let (partition, energy) = solve(input, params, strength, monitor)?;
         let oracle_accuracy = match input.labels {
@@ -83,7 +84,7 @@ fn solve(
     }
 }
 
-fn aim(input: &PartitionInput, params: &PartitionParams) -> Result<Aim> {
+fn aim(input: &PartitionInput, params: &PartitionParams, monitor: &Monitor) -> Result<Aim> {
     let need = |there: bool, what: &str| {
         if there { Ok(()) } else { Err(Error::input(format!("intent {} needs {what}", params.intent))) }
     };
@@ -91,7 +92,8 @@ fn aim(input: &PartitionInput, params: &PartitionParams) -> Result<Aim> {
         Intent::Strength(strength) => Ok(Aim::Strength(strength)),
         Intent::SegmentsPerHectare(wanted) => {
             need(input.points.is_some(), "the positions of the nodes")?;
-            Ok(Aim::Segments { count: wanted * input.points.map_or(0.0, covered_hectares), close: CLOSE })
+            let area = input.points.map_or(Ok(0.0), |points| covered_area(points, monitor))?;
+            Ok(Aim::Segments { count: wanted * (area / HECTARE), close: CLOSE })
         }
         Intent::SmallestObject(_) => {
             need(input.points.is_some(), "the positions of the nodes")?;
@@ -104,15 +106,6 @@ fn aim(input: &PartitionInput, params: &PartitionParams) -> Result<Aim> {
             Ok(Aim::OracleLoss(loss))
         }
     }
-}
-
-/// Area in plan that holds points, in hectares: the occupied cells of 2 m.
-fn covered_hectares(points: &Positions) -> f64 {
-    let mut cells: Vec<[i32; 2]> =
-        points.x.iter().zip(&points.y).map(|(x, y)| [(x / CELL).floor() as i32, (y / CELL).floor() as i32]).collect();
-    cells.sort_unstable();
-    cells.dedup();
-    cells.len() as f64 * f64::from(CELL * CELL) / 10_000.0
 }
 
 /// Share of the weight that lies in segments smaller than the smallest object of the intent; `None` for other intents.

@@ -51,7 +51,7 @@ pub(super) fn assign(scene: &Sorted, centres: &[Centre], distance: &Distance, mo
 struct Block<'a> {
     scene: &'a Sorted,
     centres: &'a [Centre],
-    by_cell: &'a Cells,
+    by_cell: &'a Cells<u64>,
     distance: &'a Distance,
     cells: Range<usize>,
     near: &'a mut Vec<u32>,
@@ -99,7 +99,7 @@ impl Block<'_> {
 
 /// The centres in the 27 cells around a key, ascending.
 #[inline(never)]
-fn gather(by_cell: &Cells, key: u64, near: &mut Vec<u32>) {
+fn gather(by_cell: &Cells<u64>, key: u64, near: &mut Vec<u32>) {
     near.clear();
     by_cell.around(key).for_each(|cell| near.extend_from_slice(by_cell.of(cell)));
     near.sort_unstable();

@@ -6,7 +6,8 @@ use crate::csr::Csr;
 use crate::error::Result;
 use crate::graph::{Components, Graph, connected_components};
 use crate::parallel::Monitor;
-use crate::voxels::cells::{Cells, RowGrid, adjacency};
+use crate::voxels::cells::Cells;
+use crate::voxels::rows::{RowGrid, adjacency};
 
 /// Edge of the voxels by which connectivity is decided, as a share of S.
 const FINE: f64 = 0.25;
@@ -54,7 +55,7 @@ pub(super) fn connect(scene: &Sorted, params: &SlicParams, labels: &mut [u32], m
 
 /// The nodes voxel by voxel, the first node of each voxel, and the node of each point; points without a label have
 /// none.
-fn nodes(voxels: &Cells, labels: &[u32]) -> (Vec<Node>, Vec<u32>, Vec<u32>) {
+fn nodes(voxels: &Cells<u64>, labels: &[u32]) -> (Vec<Node>, Vec<u32>, Vec<u32>) {
     let (mut nodes, mut of_voxel) = (Vec::<Node>::new(), vec![0u32]);
     let mut of_point = vec![NO_SUPERVOXEL; labels.len()];
     for voxel in 0..voxels.len() {

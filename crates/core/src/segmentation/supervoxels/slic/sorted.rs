@@ -4,13 +4,14 @@ use super::super::PointAttributes;
 use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, watched};
-use crate::voxels::cells::{Cells, RowGrid};
+use crate::voxels::cells::Cells;
+use crate::voxels::rows::RowGrid;
 
 /// Points sorted by the cells of edge S.
 pub(super) struct Sorted {
     pub(super) grid: RowGrid,
     /// Items are the original indices of the points.
-    pub(super) cells: Cells,
+    pub(super) cells: Cells<u64>,
     pub(super) positions: Positions,
     /// Empty if there are none.
     pub(super) normals: [Vec<f32>; 3],

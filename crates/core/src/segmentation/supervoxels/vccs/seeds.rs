@@ -4,7 +4,8 @@ use super::super::VccsParams;
 use super::voxels::Voxels;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
-use crate::voxels::cells::{Cells, RowGrid};
+use crate::voxels::cells::Cells;
+use crate::voxels::rows::RowGrid;
 
 /// Cells whose seeds one task selects.
 const BLOCK: usize = 1024;

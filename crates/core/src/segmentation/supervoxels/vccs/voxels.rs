@@ -6,7 +6,8 @@ use crate::cloud::Positions;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
-use crate::voxels::cells::{Cells, RowGrid, adjacency};
+use crate::voxels::cells::Cells;
+use crate::voxels::rows::{RowGrid, adjacency};
 use rayon::prelude::*;
 
 /// Voxels that one task describes.
