@@ -4,7 +4,8 @@ use scansion_core::features::{self, FeatureSet};
 use scansion_core::io::{self, WriteOptions};
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, PyramidRecipe, System, TrainOptions, classify, default_model, read_labels,
+    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, PyramidRecipe, System, TrainOptions, classify,
+    default_model, read_labels,
 };
 use scansion_tests::street;
 
@@ -29,7 +30,7 @@ fn small_recipe() -> PyramidRecipe {
 fn features_models_labels_and_files_are_the_same_for_1_2_3_and_8_threads() {
     let (scene, other) = (street(40.0, 1), street(30.0, 2));
     let labels = read_labels(&scene, &LabelParams::default()).unwrap();
-    let pair = [(scene.clone(), labels)];
+    let pair = [LabelledCloud { cloud: scene.clone(), labels }];
     let folder = tempfile::tempdir().unwrap();
     let run = |threads: usize| {
         with(threads, || {
@@ -66,7 +67,8 @@ fn a_model_learned_on_one_street_names_another() {
     let monitor = Monitor::default();
     let scene = street(40.0, 1);
     let labels = read_labels(&scene, &LabelParams::default()).unwrap();
-    let (model, _) = small_recipe().train(&[(scene, labels)], &TrainOptions::default(), &monitor).unwrap();
+    let (model, _) =
+        small_recipe().train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor).unwrap();
     let other = street(40.0, 7);
     let truth = other.column("Classification").unwrap().values.to_f64();
     let named = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();

@@ -11,7 +11,7 @@ use scansion_core::io::{self, PointReader, ReadOptions, WriteOptions, salvage};
 use scansion_core::parallel::Monitor;
 use scansion_core::random::{Stream, stream};
 use scansion_core::recipes::{
-    AnyRecipe, LabelParams, SegmentParams, SuggestParams, TrainOptions, read_labels, segment, suggest,
+    AnyRecipe, LabelParams, LabelledCloud, SegmentParams, SuggestParams, TrainOptions, read_labels, segment, suggest,
 };
 use scansion_tests::data;
 use scansion_tests::samples::{self, FORMATS, Sample, seal};
@@ -99,7 +99,7 @@ fn learn(path: &Path) {
     }
     let few =
         AnyRecipe::named("pyramid").unwrap().with_settings(["forest.trees=3", "training.keep_samples=50"]).unwrap();
-    let _ = few.train(&[(cloud, labels)], &TrainOptions::default(), &monitor);
+    let _ = few.train(&[LabelledCloud { cloud, labels }], &TrainOptions::default(), &monitor);
 }
 
 /// A box, a level, blocks, and the last point by its number.
@@ -268,8 +268,13 @@ fn corpus_of_the_fuzz_targets_is_written_on_demand() {
     for classifier in ["forest", "boosting"] {
         let settings = [format!("classifier=\"{classifier}\""), "forest.trees=3".into(), "boosting.rounds=3".into()];
         let recipe = AnyRecipe::named("pyramid").unwrap().with_settings(settings.iter().map(String::as_str)).unwrap();
-        let (model, _) =
-            recipe.train(&[(cloud.clone(), labels.clone())], &TrainOptions::default(), &Monitor::default()).unwrap();
+        let (model, _) = recipe
+            .train(
+                &[LabelledCloud { cloud: cloud.clone(), labels: labels.clone() }],
+                &TrainOptions::default(),
+                &Monitor::default(),
+            )
+            .unwrap();
         model.save(&corpus.join("model").join(classifier)).unwrap();
     }
 }

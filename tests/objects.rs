@@ -5,8 +5,8 @@ use scansion_core::evaluation::Confusion;
 use scansion_core::parallel::Monitor;
 use scansion_core::random::stream;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, Labels, ObjectsRecipe, SegmentMethod, SegmentParams, System, TrainOptions,
-    classify, read_labels, segment,
+    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, ObjectsRecipe, SegmentMethod, SegmentParams, System,
+    TrainOptions, classify, read_labels, segment,
 };
 
 fn objects(settings: &[&str]) -> ObjectsRecipe {
@@ -17,7 +17,7 @@ fn objects(settings: &[&str]) -> ObjectsRecipe {
 }
 
 /// A labelled field of 60 x 60 m on a slope with flat-roofed houses (6) and round trees (5), two points a metre.
-fn village(seed: u64) -> (Cloud, Labels) {
+fn village(seed: u64) -> LabelledCloud {
     let mut random = stream(seed, 1);
     let mut spot = |low: f64, high: f64| low + (high - low) * random.uniform();
     let houses: Vec<[f64; 3]> = (0..4)
@@ -42,11 +42,11 @@ fn village(seed: u64) -> (Cloud, Labels) {
     labelled(&rows, &codes)
 }
 
-fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> (Cloud, Labels) {
+fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> LabelledCloud {
     let mut cloud = Cloud::from_rows(rows).unwrap();
     cloud.set_column(Column::new("Classification", Values::U8(codes.to_vec()))).unwrap();
     let labels = read_labels(&cloud, &LabelParams { unlabelled: Some(vec![0]), ..LabelParams::default() }).unwrap();
-    (cloud, labels)
+    LabelledCloud { cloud, labels }
 }
 
 const SIZE: &str = "segments.slic.size=2";
@@ -54,7 +54,7 @@ const SIZE: &str = "segments.slic.size=2";
 #[test]
 fn a_village_is_named_by_the_segments_of_others() {
     let monitor = Monitor::default();
-    let (other, truth) = village(2);
+    let LabelledCloud { cloud: other, labels: truth } = village(2);
     for classifier in ["rf", "gbt", "bagging"] {
         let kind = format!("classifier={classifier}");
         // Each village has one large ground segment, so that a single village would not show the variation.
@@ -93,7 +93,7 @@ fn squares_that_are_learned_from_and_purity_reach_the_report() {
 
 #[test]
 fn models_and_segments_are_the_same_for_1_2_3_and_8_threads() {
-    let (cloud, labels) = village(3);
+    let LabelledCloud { cloud, labels } = village(3);
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -119,7 +119,7 @@ fn models_and_segments_are_the_same_for_1_2_3_and_8_threads() {
 
 #[test]
 fn every_method_parts_the_village_well() {
-    let (cloud, labels) = village(4);
+    let LabelledCloud { cloud, labels } = village(4);
     for &method in SegmentMethod::ALL {
         let mut params = SegmentParams { method, ..SegmentParams::default() };
         if let Ok(sized) = params.clone().with_size(2.0) {
@@ -137,7 +137,7 @@ fn every_method_parts_the_village_well() {
 
 #[test]
 fn levels_are_parted_too() {
-    let (cloud, labels) = village(5);
+    let LabelledCloud { cloud, labels } = village(5);
     let params = SegmentParams { method: SegmentMethod::Riemannian, levels: vec![4, 5], ..SegmentParams::default() };
     let found = segment(&cloud, Some(&labels), &params, &Monitor::default()).unwrap();
     assert_eq!((found.levels.len(), found.report.levels.len()), (2, 2));

@@ -1,7 +1,7 @@
 //! The features of the pyramid against a simple `f64` reference that shares only the eigen-solver of `linalg` with the
 //! kernels, and their symmetries and edge cases.
 
-use scansion_core::Cloud;
+use scansion_core::cloud::{Cloud, MetricCloud};
 use scansion_core::features::definition::{Feature, Group, Scope, of_scope};
 use scansion_core::features::{
     Centre, Column, Divisor, Extractor, FeatureSet, FeatureTable, PyramidParams, Scratch, Wanted, table, table_at,
@@ -381,11 +381,12 @@ fn features_at_some_points_are_the_rows_of_the_table() {
     let monitor = Monitor::default();
     let all = table(&cloud, &set, &monitor).unwrap();
     let at: Vec<u32> = (0..500).map(|i| i * 7919 % 4002).collect();
-    let (some, scale) = table_at(&cloud, &set, &at, &monitor).unwrap();
+    let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+    let (some, scale) = table_at(&scene, &set, &at, &monitor).unwrap();
     assert_eq!(scale, 0.5);
     at.iter().enumerate().for_each(|(r, &i)| assert_eq!(some.row(r), all.row(i as usize), "point {i}"));
-    assert!(table_at(&cloud, &set, &[1, 2, 1], &monitor).unwrap_err().to_string().contains('1'));
-    assert!(table_at(&cloud, &set, &[4002], &monitor).unwrap_err().to_string().contains("4002"));
+    assert!(table_at(&scene, &set, &[1, 2, 1], &monitor).unwrap_err().to_string().contains('1'));
+    assert!(table_at(&scene, &set, &[4002], &monitor).unwrap_err().to_string().contains("4002"));
 }
 
 #[test]
@@ -396,7 +397,9 @@ fn wanted_features_are_the_columns_of_the_table() {
     for step in [1, 3, 5, 16, 40] {
         let columns: Vec<usize> = (0..64).rev().step_by(step).collect();
         let names: Vec<String> = columns.iter().map(|&c| all.names[c].clone()).collect();
-        let extractor = Extractor::prepare(&cloud, &set, (Wanted::Names(&names), None), &Monitor::default()).unwrap();
+        let monitor = Monitor::default();
+        let scene = MetricCloud::new(&cloud, set.metres_per_unit, &monitor).unwrap();
+        let extractor = Extractor::prepare(&scene, &set, (Wanted::Names(&names), None), &monitor).unwrap();
         let (mut scratch, mut rows) = (Scratch::default(), Vec::new());
         for block in 0..extractor.blocks() {
             let points = extractor.block(block, &mut scratch, &mut rows);

@@ -5,8 +5,8 @@ use scansion_core::evaluation::Confusion;
 use scansion_core::io;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, Labels, Regularise, SegmentParams, System, TrainOptions, WeakRecipe,
-    classify, read_labels, segment, statistics,
+    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, Labels, Regularise, SegmentParams, System, TrainOptions,
+    WeakRecipe, classify, read_labels, segment, statistics,
 };
 use scansion_core::segmentation::{Intent, PartitionParams};
 use scansion_tests::{data, street};
@@ -80,7 +80,9 @@ fn models_labels_and_segments_are_the_same_for_1_2_3_and_8_threads() {
             let monitor = Monitor::default();
             let recipe = weak(&["labels.per_class=20", "forest.trees=20"]);
             let options = TrainOptions { strengths: vec![0.3, 1.0], ..TrainOptions::default() };
-            let (model, report) = recipe.train(&[(scene.clone(), labels.clone())], &options, &monitor).unwrap();
+            let (model, report) = recipe
+                .train(&[LabelledCloud { cloud: scene.clone(), labels: labels.clone() }], &options, &monitor)
+                .unwrap();
             let named = classify(&scene, &model, &ClassifyParams::default(), &monitor).unwrap();
             let intent = Intent::SegmentsPerHectare(500.0);
             let params = SegmentParams {
@@ -107,8 +109,9 @@ fn a_model_with_a_field_names_another_street_and_any_model_can_have_one() {
         let hits = codes.iter().zip(&truth.codes).filter(|(c, t)| Some(**c) == **t).count();
         hits as f64 / codes.len() as f64
     };
-    let (model, _) =
-        weak(&["labels.per_class=25"]).train(&[(scene, labels)], &TrainOptions::default(), &monitor).unwrap();
+    let (model, _) = weak(&["labels.per_class=25"])
+        .train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor)
+        .unwrap();
     let named = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();
     assert!(right(&named.codes) > 0.9, "{}", right(&named.codes));
     let pyramid = scansion_core::recipes::default_model().unwrap();
@@ -120,18 +123,18 @@ fn a_model_with_a_field_names_another_street_and_any_model_can_have_one() {
 }
 
 /// A cloud with a code for each point; 0 is unlabelled.
-fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> (Cloud, Labels) {
+fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> LabelledCloud {
     let mut cloud = Cloud::from_rows(rows).unwrap();
     cloud.set_column(Column::new("Classification", Values::U8(codes.to_vec()))).unwrap();
     let labels = read_labels(&cloud, &LabelParams { unlabelled: Some(vec![0]), ..LabelParams::default() }).unwrap();
-    (cloud, labels)
+    LabelledCloud { cloud, labels }
 }
 
 fn names(rows: &[[f64; 3]], codes: &[u8], settings: &[&str]) -> Result<Vec<u8>, String> {
     let pair = [labelled(rows, codes)];
     let monitor = Monitor::default();
     let (model, _) = weak(settings).train(&pair, &TrainOptions::default(), &monitor).map_err(|e| e.to_string())?;
-    Ok(classify(&pair[0].0, &model, &ClassifyParams::default(), &monitor).map_err(|e| e.to_string())?.codes)
+    Ok(classify(&pair[0].cloud, &model, &ClassifyParams::default(), &monitor).map_err(|e| e.to_string())?.codes)
 }
 
 #[test]
@@ -179,7 +182,8 @@ fn parts_get_the_labels_of_the_whole_if_its_statistics_are_known() {
     // The six descriptors alone: the coarse levels of a pyramid reach from one site to the other.
     let settings = ["labels.per_class=25", "shares.power=1", "descriptors=paper", "regularise.method=none"];
     let monitor = Monitor::default();
-    let (model, _) = weak(&settings).train(&[(scene, labels)], &TrainOptions::default(), &monitor).unwrap();
+    let (model, _) =
+        weak(&settings).train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor).unwrap();
     let params = ClassifyParams::default();
     let whole = classify(&Cloud::from_rows(&sites.concat()).unwrap(), &model, &params, &monitor).unwrap();
     let parts = sites.map(|rows| Cloud::from_rows(&rows).unwrap());

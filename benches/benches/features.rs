@@ -7,6 +7,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use scansion_core::Cloud;
+use scansion_core::cloud::MetricCloud;
 use scansion_core::features::definition::{Feature, Group, Scope};
 use scansion_core::features::{Extractor, FeatureSet, PyramidParams, Scratch, Wanted};
 use scansion_core::parallel::Monitor;
@@ -64,13 +65,14 @@ fn measure(criterion: &mut Criterion, name: &str, (cloud, scale): (&Cloud, f64))
         ("contour", &[Group::Contour]),
         ("height", &[Group::Height]),
     ];
+    let scene = MetricCloud::new(cloud, set.metres_per_unit, &monitor)?;
     for (part, groups) in parts {
         let names = some(&set, scale, groups);
         let wanted = Wanted::Names(&names);
         group.bench_function(BenchmarkId::new("prepare", part), |b| {
-            b.iter(|| Extractor::prepare(cloud, &set, (wanted, None), &monitor).map(|e| e.len()));
+            b.iter(|| Extractor::prepare(&scene, &set, (wanted, None), &monitor).map(|e| e.len()));
         });
-        let extractor = Extractor::prepare(cloud, &set, (wanted, None), &monitor)?;
+        let extractor = Extractor::prepare(&scene, &set, (wanted, None), &monitor)?;
         group.bench_function(BenchmarkId::new("blocks", part), |b| {
             let (mut scratch, mut rows) = (Scratch::default(), Vec::new());
             b.iter(|| {

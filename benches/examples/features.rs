@@ -6,6 +6,7 @@
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
 use scansion_core::Cloud;
+use scansion_core::cloud::MetricCloud;
 use scansion_core::features::definition::{Feature, Group, Scope};
 use scansion_core::features::{Extractor, FeatureSet, PyramidParams, Scratch, Wanted};
 use scansion_core::parallel::Monitor;
@@ -29,7 +30,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let names: Vec<String> = set.names(scale).into_iter().filter(wanted).collect();
     let per = |seconds: f64| seconds * 1e9 / (cloud.len() * set.pyramid.levels) as f64;
     let start = Instant::now();
-    let extractor = Extractor::prepare(&cloud, &set, (Wanted::Names(&names), None), &Monitor::default())?;
+    let monitor = Monitor::default();
+    let scene = MetricCloud::new(&cloud, set.metres_per_unit, &monitor)?;
+    let extractor = Extractor::prepare(&scene, &set, (Wanted::Names(&names), None), &monitor)?;
     let prepare = start.elapsed().as_secs_f64();
     let (mut scratch, mut rows, mut sum, mut blocks) = (Scratch::default(), Vec::new(), 0u64, 0.0);
     for block in 0..extractor.blocks() {

@@ -87,7 +87,7 @@ pub(crate) fn segmentation_error(
     call(py, Some(1), |monitor| {
         let truth = codes(truth, monitor)?;
         let partition = Partition::from_labels_watched(labels, monitor)?;
-        let points = points(&cloud, None, monitor)?;
+        let points = points(&cloud, None, monitor)?.positions;
         let labelled = LabelledPartition { points: &points, partition: &partition, truth: &truth };
         json::text(&evaluation::segmentation_error(labelled, &params, monitor)?)
     })

@@ -71,8 +71,8 @@ pub(crate) fn normals<'py>(
     let cloud = Arc::clone(&cloud.inner);
     let found = call(py, n_jobs, |monitor| {
         let points = points(&cloud, metres_per_unit, monitor)?;
-        let near = knn(&points, k, monitor)?;
-        let mut found = features::normals(&points, &near, monitor)?;
+        let near = knn(&points.positions, k, monitor)?;
+        let mut found = features::normals(&points.positions, &near, monitor)?;
         orientation.orient(&points, &near, &mut found.directions, monitor)?;
         Ok(found)
     })?;

@@ -56,7 +56,7 @@ pub(crate) fn knn_graph<'py>(
     let params: KnnGraphParams = json::settings(settings)?;
     let cloud = Arc::clone(&cloud.inner);
     let graph = call(py, n_jobs, |monitor| {
-        let points = points(&cloud, metres_per_unit, monitor)?;
+        let points = points(&cloud, metres_per_unit, monitor)?.positions;
         graph::knn_graph(points.len(), knn(&points, k, monitor)?, &params, monitor)
     })?;
     give(py, graph)

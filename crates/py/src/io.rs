@@ -5,7 +5,7 @@ use crate::cloud::Cloud;
 use crate::convert::{values, vector};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
-use scansion_core::cloud::Column;
+use scansion_core::cloud::{Column, MetricCloud};
 use scansion_core::io::{self, Bounds, Columns, ConvertParams, Edit, ReadOptions, WriteOptions};
 use scansion_core::parallel::Monitor;
 use scansion_core::voxels::planar_density;
@@ -70,7 +70,8 @@ pub(crate) fn statistics(py: Python<'_>, path: PathBuf, n_jobs: Option<i64>) -> 
         let options = ReadOptions { monitor: monitor.clone(), ..Default::default() };
         let (found, cloud) = io::statistics::statistics(&path, &options)?;
         let unit = cloud.metres_per_unit.unwrap_or(1.0);
-        let density = planar_density(&cloud, unit, monitor)?;
+        let points = MetricCloud::new(&cloud, Some(unit), monitor)?.points(monitor)?;
+        let density = planar_density(&points.positions, monitor)?;
         crate::json::text(&(found, density, cloud.bounds_watched(monitor)?))
     })
 }

@@ -6,7 +6,7 @@ use crate::convert::to_matrix;
 use crate::json;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use scansion_core::cloud::Points;
+use scansion_core::cloud::{MetricCloud, Points};
 use scansion_core::features::optimal_features;
 use scansion_core::neighbours::OptimalParams;
 use scansion_core::parallel::{Monitor, watched};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// All points of a cloud in metres, including stray ones, so that indices are those of the cloud.
 pub(crate) fn points(cloud: &CoreCloud, metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Points> {
-    let points = Points::with_strays(cloud, cloud.metres(metres_per_unit)?, monitor)?;
+    let points = MetricCloud::new(cloud, metres_per_unit, monitor)?.points_and_strays(monitor)?;
     match cloud.len() - points.len() {
         0 => Ok(points),
         lost => Err(Error::input(format!("{lost} of {} points have NaN or infinite coordinates", cloud.len()))),

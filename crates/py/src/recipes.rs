@@ -14,7 +14,8 @@ use scansion_core::cloud::Cloud as CoreCloud;
 use scansion_core::io::read_ascii_grid;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    self, AnyRecipe, ClassifyParams, LabelParams, Model as CoreModel, Regularise, TrainOptions, read_labels,
+    self, AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, Model as CoreModel, Regularise, TrainOptions,
+    read_labels,
 };
 use scansion_core::terrain::ElevationModel;
 use std::path::{Path, PathBuf};
@@ -97,12 +98,13 @@ impl Model {
         let train = |monitor: &Monitor| {
             let read = |cloud: Arc<CoreCloud>| {
                 let labels = read_labels(&cloud, &labels)?;
-                Ok((Arc::try_unwrap(cloud).or_else(|shared| shared.copied(monitor))?, labels))
+                let cloud = Arc::try_unwrap(cloud).or_else(|shared| shared.copied(monitor))?;
+                Ok(LabelledCloud { cloud, labels })
             };
-            let pairs = clouds.into_iter().map(read).collect::<scansion_core::Result<Vec<_>>>()?;
+            let clouds = clouds.into_iter().map(read).collect::<scansion_core::Result<Vec<_>>>()?;
             let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
             let options = TrainOptions { strengths, elevation, ..TrainOptions::default() };
-            let (model, report) = recipe.train(&pairs, &options, monitor)?;
+            let (model, report) = recipe.train(&clouds, &options, monitor)?;
             Ok((model, report.json()?))
         };
         let (mut inner, report) = call(py, n_jobs, train)?;

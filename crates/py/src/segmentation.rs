@@ -108,7 +108,8 @@ pub(crate) fn partition<'py>(
     };
     let (found, trials) = solve(py, &valued, n_jobs, |signal, graph, monitor| {
         let points = cloud.as_deref().map(|cloud| points(cloud, None, monitor)).transpose()?;
-        let scene = PartitionInput { signal: *signal, graph, points: points.as_ref(), labels: labels.as_deref() };
+        let points = points.as_ref().map(|points| &points.positions);
+        let scene = PartitionInput { signal: *signal, graph, points, labels: labels.as_deref() };
         let found = segmentation::partition_by_intent(&scene, &params, monitor)?;
         let trials = json::text(&found.trials)?;
         Ok((found, trials))

@@ -5,6 +5,7 @@ use crate::args::{Format, Info};
 use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::classes::preset;
+use scansion_core::cloud::MetricCloud;
 use scansion_core::cloud::crs::{Unit, unit_of};
 use scansion_core::io::salvage::{self, Losses};
 use scansion_core::io::{self, FileInfo, statistics};
@@ -110,7 +111,8 @@ fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stat
     info.warnings.extend(found.warnings);
     // Headers of formats other than LAS have no bounds.
     info.bounds = info.bounds.or_else(|| cloud.bounds());
-    let density = planar_density(&cloud, info.metres_per_unit.unwrap_or(1.0), &context.monitor)?;
+    let scene = MetricCloud::new(&cloud, Some(info.metres_per_unit.unwrap_or(1.0)), &context.monitor)?;
+    let density = planar_density(&scene.points(&context.monitor)?.positions, &context.monitor)?;
     Ok(Stats {
         points_per_square_metre: density,
         spacing_metres: if density > 0.0 { 1.0 / density.sqrt() } else { 0.0 },

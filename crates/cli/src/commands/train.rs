@@ -5,9 +5,8 @@ use super::{Context, sources};
 use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
 use scansion_core::Error;
-use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns};
-use scansion_core::recipes::{AnyRecipe, ClassCount, LabelFile, Labels, Model, Picking, Report, TrainOptions};
+use scansion_core::recipes::{AnyRecipe, ClassCount, LabelFile, LabelledCloud, Model, Picking, Report, TrainOptions};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -49,14 +48,14 @@ fn recipe(args: &Train) -> Result<AnyRecipe, Failure> {
 }
 
 /// Reads all inputs and their labels.
-fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<Vec<(Cloud, Labels)>, Failure> {
+fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<Vec<LabelledCloud>, Failure> {
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
     let source = LabelSource::new(&args.labels, &[&inputs[..], args.weak_labels.as_deref().as_slice()].concat())?;
     let picked = args.weak_labels.as_deref().map(|path| picked(path, &source, context)).transpose()?;
     let labels = if picked.is_some() { "ClusterID" } else { args.labels.label_dimension.as_str() };
     let mut options = context.read_options();
     options.columns = Columns::Only([recipe.columns(), vec![labels.to_string()]].concat());
-    let read = |path: &Path| -> Result<(Cloud, Labels), Failure> {
+    let read = |path: &Path| -> Result<LabelledCloud, Failure> {
         let cloud = io::read_with(path, &options)?;
         let picking = Picking { metres: cloud.metres_per_unit.unwrap_or(1.0), within: recipe.label_distance() };
         let labels = match &picked {
@@ -64,10 +63,10 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
                 .map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
             None => source.read(path, &cloud, context)?,
         };
-        Ok((cloud, labels))
+        Ok(LabelledCloud { cloud, labels })
     };
     let clouds = inputs.into_iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
-    match source.absent(clouds.iter().map(|(_, labels)| labels)) {
+    match source.absent(clouds.iter().map(|labelled| &labelled.labels)) {
         Some(text) if picked.is_none() => Err(Error::input(text).into()),
         _ => Ok(clouds),
     }

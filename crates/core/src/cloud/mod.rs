@@ -2,7 +2,7 @@
 
 mod column;
 pub mod crs;
-mod oddities;
+mod metric;
 mod points;
 mod positions;
 mod raster;
@@ -11,6 +11,7 @@ mod stray;
 
 pub(crate) use column::each_values;
 pub use column::{Column, Values};
+pub use metric::MetricCloud;
 pub use points::{LocalFrame, Points};
 pub use positions::Positions;
 pub use raster::Raster;

@@ -1,6 +1,6 @@
 //! The points of a cloud in local metres.
 
-use super::{Cloud, Positions, StrayParams, Strays};
+use super::{Cloud, MetricCloud, Positions};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_watched, watched};
 
@@ -20,6 +20,13 @@ pub struct LocalFrame {
 }
 
 impl LocalFrame {
+    /// The row of each point of a cloud of `points` points; 0 for points that have none.
+    pub(crate) fn rows(&self, points: usize) -> Vec<u32> {
+        let mut rows = vec![0; points];
+        self.index.iter().zip(0..).for_each(|(&point, row)| rows[point as usize] = row);
+        rows
+    }
+
     /// The frame of the points in these rows, in their order. O(rows), in parallel.
     ///
     /// # Errors
@@ -32,7 +39,7 @@ impl LocalFrame {
 
 /// Points of a cloud: their positions, and where these are in the cloud and in the world.
 ///
-/// Contains only the finite points of a cloud that are not stray ([`Strays`]) and at most 10^15 km from the origin,
+/// Contains only the finite points of a cloud that are not stray ([`Strays`](super::Strays)) and at most 10^15 km from the origin,
 /// beyond which squares overflow `f32`. What needs only coordinates takes [`Positions`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
@@ -42,47 +49,24 @@ pub struct Points {
     pub frame: LocalFrame,
 }
 
-/// What becomes of stray points.
-#[derive(Clone, Copy, PartialEq)]
-enum StrayPoints {
-    LeftOut,
-    Kept,
-}
-
 impl Points {
-    /// Local points of a cloud: those that are finite and not stray, in metres, relative to the smallest corner rounded
-    /// down to whole metres. The corner is subtracted in `f64` before rounding to `f32`.
+    /// The points of a small cloud, for tests and examples: [`MetricCloud::points`] without errors. Empty if the unit is
+    /// not positive.
     pub fn from_cloud(cloud: &Cloud, metres_per_unit: f64) -> Self {
-        // A new monitor cannot have been cancelled.
-        Self::from_cloud_watched(cloud, metres_per_unit, &Monitor::default()).unwrap_or_default()
+        let monitor = Monitor::default();
+        let scene = MetricCloud::new(cloud, Some(metres_per_unit), &monitor);
+        scene.and_then(|scene| scene.points(&monitor)).unwrap_or_default()
     }
 
-    /// Like [`Points::from_cloud`], and can be cancelled.
-    ///
-    /// # Errors
-    /// If the work was cancelled.
-    pub fn from_cloud_watched(cloud: &Cloud, metres_per_unit: f64, monitor: &Monitor) -> Result<Self> {
-        Self::new(cloud, metres_per_unit, StrayPoints::LeftOut, monitor)
-    }
-
-    /// All finite points of a cloud, including stray ones; the corner is that of the others, so that they keep their
-    /// precision.
-    ///
-    /// # Errors
-    /// If the work was cancelled.
-    pub fn with_strays(cloud: &Cloud, metres_per_unit: f64, monitor: &Monitor) -> Result<Self> {
-        Self::new(cloud, metres_per_unit, StrayPoints::Kept, monitor)
-    }
-
-    fn new(cloud: &Cloud, metres_per_unit: f64, stray: StrayPoints, monitor: &Monitor) -> Result<Self> {
-        let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
+    /// The finite points of a cloud but for those with these indices (ascending).
+    pub(super) fn without(scene: &MetricCloud<'_>, indices: &[u32], monitor: &Monitor) -> Result<Self> {
+        let MetricCloud { cloud, metres: metres_per_unit, ref strays } = *scene;
         let Some([low, _]) = strays.bounds else { return Ok(Self::default()) };
         let origin = low.map(|v| (v * metres_per_unit).floor());
         let mut points = Self { frame: LocalFrame { origin, ..LocalFrame::default() }, ..Self::default() };
         points.positions.reserve(cloud.len());
         points.frame.index.reserve_exact(cloud.len());
-        let without = if stray == StrayPoints::LeftOut { &strays.index[..] } else { &[] };
-        let mut without = without.iter().peekable();
+        let mut without = indices.iter().peekable();
         for piece in watched(cloud.len(), monitor) {
             for i in piece? {
                 if without.next_if(|&&stray| stray as usize == i).is_some() {
@@ -167,11 +151,11 @@ mod tests {
     fn a_point_at_zero_costs_the_others_no_precision() {
         let mut rows: Vec<[f64; 3]> =
             (0..500).map(|i| [500_000.0 + f64::from(i % 20) * 0.3, 5.2e6 + f64::from(i / 20) * 0.3, 400.0]).collect();
-        let clean = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let (clean, monitor) = (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0), Monitor::default());
         rows.push([0.0; 3]);
         let cloud = Cloud::from_rows(&rows).unwrap();
         assert_eq!(Points::from_cloud(&cloud, 1.0), clean);
-        let all = Points::with_strays(&cloud, 1.0, &Monitor::default()).unwrap();
+        let all = MetricCloud::new(&cloud, None, &monitor).unwrap().points_and_strays(&monitor).unwrap();
         assert_eq!((all.len(), all.frame.origin), (501, clean.frame.origin));
         assert_eq!((&all.positions.x[..500], all.positions.y[500]), (&clean.positions.x[..], -5.2e6));
     }

@@ -2,7 +2,7 @@
 
 use super::extractor::{Extractor, Scratch, Wanted};
 use super::params::FeatureSet;
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, MetricCloud};
 use crate::error::Result;
 use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with};
@@ -27,6 +27,23 @@ impl FeatureTable {
         if self.names.is_empty() { 0 } else { self.values.len() / self.names.len() }
     }
 
+    /// The rows with these numbers, in their order.
+    pub(crate) fn select(&self, rows: &[u32]) -> Self {
+        let values = rows.iter().flat_map(|&row| self.row(row as usize)).copied().collect();
+        Self { names: self.names.clone(), values }
+    }
+
+    /// This table's columns, then those of another with as many rows.
+    pub(crate) fn beside(&self, other: &Self) -> Self {
+        let names: Vec<String> = self.names.iter().chain(&other.names).cloned().collect();
+        let mut values = Vec::with_capacity(self.values.len() + other.values.len());
+        for row in 0..self.rows() {
+            values.extend_from_slice(self.row(row));
+            values.extend_from_slice(other.row(row));
+        }
+        Self { names, values }
+    }
+
     /// Values of one row.
     pub fn row(&self, row: usize) -> &[f32] {
         &self.values[row * self.width()..(row + 1) * self.width()]
@@ -40,8 +57,9 @@ impl FeatureTable {
 /// # Errors
 /// As [`Extractor::prepare`], or if the table does not fit into memory.
 pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<FeatureTable> {
-    let extractor = Extractor::prepare(cloud, set, (Wanted::All, None), monitor)?;
-    cloud.oddities(monitor)?.into_iter().for_each(|text| monitor.warn(text));
+    let scene = MetricCloud::new(cloud, set.metres_per_unit, monitor)?;
+    let extractor = Extractor::prepare(&scene, set, (Wanted::All, None), monitor)?;
+    scene.oddities().into_iter().for_each(|text| monitor.warn(text));
     collect(&extractor, cloud.len(), |point| point as usize, monitor)
 }
 
@@ -50,9 +68,14 @@ pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<Featu
 ///
 /// # Errors
 /// As [`table`], or if an index is not that of a point.
-pub fn table_at(cloud: &Cloud, set: &FeatureSet, at: &[u32], monitor: &Monitor) -> Result<(FeatureTable, f64)> {
-    let extractor = Extractor::prepare(cloud, set, (Wanted::All, Some(at)), monitor)?;
-    let mut row = vec![0u32; cloud.len()];
+pub fn table_at(
+    scene: &MetricCloud<'_>,
+    set: &FeatureSet,
+    at: &[u32],
+    monitor: &Monitor,
+) -> Result<(FeatureTable, f64)> {
+    let extractor = Extractor::prepare(scene, set, (Wanted::All, Some(at)), monitor)?;
+    let mut row = vec![0u32; scene.cloud.len()];
     at.iter().zip(0..).for_each(|(&point, r)| row[point as usize] = r);
     let table = collect(&extractor, at.len(), |point| row[point as usize] as usize, monitor)?;
     Ok((table, extractor.first_scale()))

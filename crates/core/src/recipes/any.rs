@@ -1,7 +1,9 @@
 //! Any recipe, and any trained one: the list of the published methods.
 
 use super::classify::{Classified, Job};
-use super::labels::Labels;
+#[cfg(test)]
+use super::height::HeightRecipe;
+use super::labels::LabelledCloud;
 use super::model::Model;
 use super::objects::ObjectsRecipe;
 use super::pyramid::PyramidRecipe;
@@ -11,34 +13,33 @@ use super::settings::{explained, set_key};
 use super::statistics::CloudStatistics;
 use super::system::{Fitted, System, TrainOptions};
 use super::weak::WeakRecipe;
-use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use serde::Serialize;
 
-/// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods.
+/// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods; one that is `only in test` is compiled for tests only.
 macro_rules! systems {
-    ($($(#[$doc:meta])* $name:ident: $recipe:ty,)*) => {
+    ($($(#[$doc:meta])* $name:ident: $recipe:ty $(, only in $cfg:ident)?;)*) => {
         /// The recipe of one of the published methods. The key `recipe` at the top of its TOML says which; without it,
         /// the pyramid recipe.
         #[derive(Clone, Debug, PartialEq)]
         pub enum AnyRecipe {
-            $($(#[$doc])* $name(Box<$recipe>),)*
+            $($(#[cfg($cfg)])? $(#[$doc])* $name(Box<$recipe>),)*
         }
 
         /// A recipe of one of the published methods, with what was learned.
         #[derive(Clone, Debug, PartialEq)]
         pub enum AnyFitted {
-            $($(#[$doc])* $name(Box<Fitted<$recipe>>),)*
+            $($(#[cfg($cfg)])? $(#[$doc])* $name(Box<Fitted<$recipe>>),)*
         }
 
         impl AnyRecipe {
             /// The names of the recipes.
-            pub const NAMES: &'static [&'static str] = &[$(<$recipe>::NAME),*];
+            pub const NAMES: &'static [&'static str] = &[$($(#[cfg($cfg)])? <$recipe>::NAME),*];
 
             /// Its name.
             pub fn name(&self) -> &'static str {
-                match self { $(Self::$name(_) => <$recipe>::NAME,)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(_) => <$recipe>::NAME,)* }
             }
 
             /// The recipe with that name, with all defaults.
@@ -46,8 +47,10 @@ macro_rules! systems {
             /// # Errors
             /// If the name is not in [`AnyRecipe::NAMES`].
             pub fn named(name: &str) -> Result<Self> {
-                $(if name == <$recipe>::NAME {
-                    return Ok(Self::$name(Box::default()));
+                $($(#[cfg($cfg)])? {
+                    if name == <$recipe>::NAME {
+                        return Ok(Self::$name(Box::default()));
+                    }
                 })*
                 Err(unknown(name))
             }
@@ -58,8 +61,10 @@ macro_rules! systems {
             /// If the text is not TOML, or a recipe, key or value is unknown.
             pub fn from_toml(text: &str) -> Result<Self> {
                 let name = recipe_of(text)?;
-                $(if name == <$recipe>::NAME {
-                    return Ok(Self::$name(Box::new(explained(text)?)));
+                $($(#[cfg($cfg)])? {
+                    if name == <$recipe>::NAME {
+                        return Ok(Self::$name(Box::new(explained(text)?)));
+                    }
                 })*
                 Err(unknown(&name))
             }
@@ -69,7 +74,7 @@ macro_rules! systems {
             /// # Errors
             /// Never for values that pass [`AnyRecipe::validate`].
             pub fn to_toml(&self) -> Result<String> {
-                match self { $(Self::$name(recipe) => written(recipe),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(recipe) => written(recipe),)* }
             }
 
             /// Checks all parts.
@@ -77,22 +82,22 @@ macro_rules! systems {
             /// # Errors
             /// Names the field, its value and what is allowed.
             pub fn validate(&self) -> Result<()> {
-                match self { $(Self::$name(recipe) => recipe.validate(),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.validate(),)* }
             }
 
             /// The same recipe with another seed.
             pub fn with_seed(self, seed: u64) -> Self {
-                match self { $(Self::$name(recipe) => Self::$name(Box::new(recipe.with_seed(seed))),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(recipe) => Self::$name(Box::new(recipe.with_seed(seed))),)* }
             }
 
             /// Columns of a cloud that the recipe reads, besides labels.
             pub fn columns(&self) -> Vec<String> {
-                match self { $(Self::$name(recipe) => recipe.columns(),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.columns(),)* }
             }
 
             /// Largest distance, metres, between a label picked by hand and the nearest point.
             pub fn label_distance(&self) -> f64 {
-                match self { $(Self::$name(recipe) => recipe.label_distance(),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.label_distance(),)* }
             }
 
             /// Trains a model on labelled clouds: [`System::train`].
@@ -101,12 +106,12 @@ macro_rules! systems {
             /// As [`System::train`].
             pub fn train(
                 &self,
-                clouds: &[(Cloud, Labels)],
+                clouds: &[LabelledCloud],
                 options: &TrainOptions,
                 monitor: &Monitor,
             ) -> Result<(Model, Box<dyn Report>)> {
                 match self {
-                    $(Self::$name(recipe) => {
+                    $($(#[cfg($cfg)])? Self::$name(recipe) => {
                         check_elevation::<$recipe>(options.elevation.is_some())?;
                         let (model, report) = recipe.train(clouds, options, monitor)?;
                         Ok((model, Box::new(report)))
@@ -118,18 +123,28 @@ macro_rules! systems {
         impl AnyFitted {
             /// The settings in use.
             pub fn recipe(&self) -> AnyRecipe {
-                match self { $(Self::$name(fitted) => AnyRecipe::$name(Box::new(fitted.recipe.clone())),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => AnyRecipe::$name(Box::new(fitted.recipe.clone())),)* }
             }
 
             /// What was learned besides the classifier, as TOML; empty if nothing.
             pub(super) fn learned_toml(&self) -> Result<String> {
-                match self { $(Self::$name(fitted) => written(&fitted.learned),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => written(&fitted.learned),)* }
             }
 
-            /// Puts a recipe and what was learned together again.
+            /// What was learned, with other settings of the same recipe.
+            fn with_recipe(&self, recipe: AnyRecipe) -> Result<Self> {
+                match (self, recipe) {
+                    $($(#[cfg($cfg)])? (Self::$name(own), AnyRecipe::$name(recipe)) => {
+                        Ok(Self::$name(Box::new(Fitted { recipe: *recipe, learned: own.learned.clone() })))
+                    })*
+                    (_, other) => Err(Error::parameter("recipe", other.name(), self.recipe().name())),
+                }
+            }
+
+            /// Combines a recipe and what was learned, as read from a model file.
             pub(super) fn from_toml(recipe: &str, learned: &str) -> Result<Self> {
                 match AnyRecipe::from_toml(recipe)? {
-                    $(AnyRecipe::$name(recipe) => {
+                    $($(#[cfg($cfg)])? AnyRecipe::$name(recipe) => {
                         let learned = explained(learned)?;
                         Ok(Self::$name(Box::new(Fitted { recipe: *recipe, learned })))
                     })*
@@ -138,34 +153,38 @@ macro_rules! systems {
 
             /// Seed of all random draws.
             pub fn seed(&self) -> u64 {
-                match self { $(Self::$name(fitted) => fitted.recipe.seed(),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.seed(),)* }
             }
 
             /// Regularisation of the labels.
             pub fn regularise(&self) -> &RegulariseParams {
-                match self { $(Self::$name(fitted) => fitted.recipe.regularise(),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.regularise(),)* }
             }
 
             /// Columns of a cloud that classification reads.
             pub fn columns(&self) -> Vec<String> {
-                match self { $(Self::$name(fitted) => fitted.recipe.columns(),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.columns(),)* }
             }
 
             pub(super) fn bytes_a_point(&self, method: Regularise) -> u64 {
-                match self { $(Self::$name(fitted) => fitted.recipe.bytes_a_point(method),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.bytes_a_point(method),)* }
+            }
+
+            pub(super) fn metres_per_unit(&self) -> Option<f64> {
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.metres_per_unit(),)* }
             }
 
             pub(super) fn lowest_density(&self) -> f64 {
-                match self { $(Self::$name(fitted) => fitted.recipe.lowest_density(),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.lowest_density(),)* }
             }
 
             pub(super) fn statistics(&self, job: &Job<'_>, monitor: &Monitor) -> Result<CloudStatistics> {
-                match self { $(Self::$name(fitted) => <$recipe>::statistics(fitted, job, monitor),)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => <$recipe>::statistics(fitted, job, monitor),)* }
             }
 
             pub(super) fn classify(&self, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
                 match self {
-                    $(Self::$name(fitted) => {
+                    $($(#[cfg($cfg)])? Self::$name(fitted) => {
                         check_elevation::<$recipe>(job.params.elevation.is_some())?;
                         <$recipe>::classify(fitted, job, monitor)
                     })*
@@ -173,13 +192,13 @@ macro_rules! systems {
             }
         }
 
-        $(impl From<$recipe> for AnyRecipe {
+        $($(#[cfg($cfg)])? impl From<$recipe> for AnyRecipe {
             fn from(recipe: $recipe) -> Self {
                 Self::$name(Box::new(recipe))
             }
         }
 
-        impl From<Fitted<$recipe>> for AnyFitted {
+        $(#[cfg($cfg)])? impl From<Fitted<$recipe>> for AnyFitted {
             fn from(fitted: Fitted<$recipe>) -> Self {
                 Self::$name(Box::new(fitted))
             }
@@ -189,11 +208,13 @@ macro_rules! systems {
 
 systems! {
     /// Hackel 2018, chapter 4.4: multi-scale features and a random forest.
-    Pyramid: PyramidRecipe,
+    Pyramid: PyramidRecipe;
     /// Guinard & Landrieu 2017: few labels, segments and a conditional random field.
-    Weak: WeakRecipe,
+    Weak: WeakRecipe;
     /// Hasanpour Zaryabi et al. 2022: classifies segments instead of points.
-    Objects: ObjectsRecipe,
+    Objects: ObjectsRecipe;
+    /// The example of CONTRIBUTING.md.
+    Height: HeightRecipe, only in test;
 }
 
 impl AnyRecipe {
@@ -218,7 +239,7 @@ impl AnyFitted {
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
         let recipe = self.recipe().with_settings(settings)?;
         recipe.validate()?;
-        Self::from_toml(&recipe.to_toml()?, &self.learned_toml()?)
+        self.with_recipe(recipe)
     }
 }
 

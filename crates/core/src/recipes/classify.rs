@@ -1,9 +1,10 @@
 //! Classifies every point of a cloud with a model of any recipe.
 
 use super::model::Model;
-use super::regularise::{Regularise, RegulariseParams, Regularised, largest};
+use super::regularise::{Regularise, RegulariseParams, Regularised};
 use super::statistics::CloudStatistics;
-use crate::cloud::{Cloud, StrayParams, Strays};
+use crate::classification::argmax;
+use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::Result;
 use crate::memory;
 use crate::parallel::{Monitor, watched};
@@ -32,7 +33,7 @@ pub struct ClassifyParams {
 
 /// The classification, one entry a point in the cloud's order. Points that are not finite get code 1 (or
 /// [`ClassTable::free_code`](crate::classes::ClassTable::free_code) if 1 is a class of the model), confidence 0 and
-/// entropy ln(classes). So do stray points ([`Strays`]), except that a model with ASPRS codes gives them code 7
+/// entropy ln(classes). So do stray points ([`Strays`](crate::cloud::Strays)), except that a model with ASPRS codes gives them code 7
 /// (noise).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Classified {
@@ -56,21 +57,32 @@ pub struct Classified {
 /// # Errors
 /// If the model needs a feature that this version or this cloud does not have.
 pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<Classified> {
-    let regularise = model.fitted.regularise();
-    let method = params.regularise.unwrap_or(regularise.method);
-    forecast(cloud.len(), model.fitted.bytes_a_point(method))?;
-    let regularise = RegulariseParams { method, ..regularise.clone() };
-    let mut result = model.fitted.classify(&Job { cloud, model, params, regularise: &regularise }, monitor)?;
-    let strays = Strays::find(cloud, &StrayParams::default(), monitor)?;
-    strays.index.iter().for_each(|&i| result.codes[i as usize] = stray_code(model));
+    let regularise = params.regularise_of(model);
+    forecast(cloud.len(), model.fitted.bytes_a_point(regularise.method))?;
+    let scene = params.scene(cloud, model, monitor)?;
+    let mut result = model.fitted.classify(&Job { scene: &scene, model, params, regularise: &regularise }, monitor)?;
+    scene.strays.index.iter().for_each(|&i| result.codes[i as usize] = stray_code(model));
     Ok(result)
+}
+
+impl ClassifyParams {
+    /// The model's regularisation with the method that the caller asks for.
+    pub(super) fn regularise_of(&self, model: &Model) -> RegulariseParams {
+        let own = model.fitted.regularise();
+        RegulariseParams { method: self.regularise.unwrap_or(own.method), ..own.clone() }
+    }
+
+    /// The cloud in metres: the unit is the caller's, else that of the recipe, else the cloud's own.
+    pub(super) fn scene<'a>(&self, cloud: &'a Cloud, model: &Model, monitor: &Monitor) -> Result<MetricCloud<'a>> {
+        MetricCloud::new(cloud, self.metres_per_unit.or(model.fitted.metres_per_unit()), monitor)
+    }
 }
 
 /// A cloud to classify.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
-    /// The cloud.
-    pub cloud: &'a Cloud,
+    /// The cloud in metres.
+    pub scene: &'a MetricCloud<'a>,
     /// The model, with classes, feature names and classifier.
     pub model: &'a Model,
     /// What the caller asks for.
@@ -80,18 +92,23 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// The result of a method that decides about all points together; row i of `found` belongs to point `index[i]`.
-    pub(super) fn decided(&self, index: &[u32], found: &Regularised, monitor: &Monitor) -> Result<Classified> {
-        let mut result = Classified::unknown(self.cloud.len(), self.model, self.params.probabilities);
-        let metres = self.params.metres_per_unit.or(self.cloud.metres_per_unit).unwrap_or(1.0);
-        result.warnings = self.warnings(metres, monitor)?;
-        result.adopt(index, found, self.model, monitor)?;
+    /// The result of a method that decides about all points of the cloud together.
+    pub(super) fn decided(&self, points: &Points, found: &Regularised, monitor: &Monitor) -> Result<Classified> {
+        let mut result = Classified::unknown(self.scene.cloud.len(), self.model, self.params.probabilities);
+        result.warnings = self.warnings(planar_density(&points.positions, monitor)?, monitor)?;
+        let (index, classes) = (&points.frame.index, self.model.classes.len());
+        for piece in watched(points.len(), monitor) {
+            for i in piece? {
+                result.set(index[i] as usize, usize::from(found.labels[i]), found.row(i, classes), self.model);
+            }
+        }
         Ok(result)
     }
 
-    /// Warnings about differences between this cloud and the training data.
-    pub(super) fn warnings(&self, metres: f64, monitor: &Monitor) -> Result<Vec<String>> {
-        let Self { cloud, model, .. } = self;
+    /// Warnings about differences between this cloud and the training data. `here` is its density, points per square
+    /// metre.
+    pub(super) fn warnings(&self, here: f64, monitor: &Monitor) -> Result<Vec<String>> {
+        let Self { scene: MetricCloud { cloud, .. }, model, .. } = self;
         let mut warnings = Vec::new();
         let mut finite = 0;
         for piece in watched(cloud.len(), monitor) {
@@ -104,15 +121,15 @@ impl Job<'_> {
                 model.classes.free_code()
             ));
         }
-        warnings.extend(cloud.oddities(monitor)?);
-        let (here, there) = (planar_density(cloud, metres, monitor)?, model.fingerprint.density);
+        warnings.extend(self.scene.oddities());
+        let there = model.fingerprint.density;
         let thinnest = model.fitted.lowest_density().min(there);
         if finite > 1000 && there > 0.0 && (here > OTHER * there || here * OTHER < thinnest) {
             let mut text = format!(
                 "{here:.1} points per square metre here, {there:.1} in training: check the unit of the coordinates and the result"
             );
             if here < there && cloud.metres_per_unit.is_none() && cloud.crs.is_none() {
-                text += " (the file tells no unit: if it is feet, say --unit 0.3048)";
+                text += " (the file states no unit; for feet use --unit 0.3048)";
             }
             warnings.push(text);
         }
@@ -133,7 +150,7 @@ fn stray_code(model: &Model) -> u8 {
 fn forecast(points: usize, bytes_a_point: u64) -> Result<()> {
     // The fine levels are held for only a part of the points.
     let needed = bytes_a_point * points as u64 + 150 * points.min(1 << 20) as u64;
-    memory::require(needed, &format!("naming {points} points"))
+    memory::require(needed, &format!("classifying {points} points"))
 }
 
 impl Classified {
@@ -152,20 +169,8 @@ impl Classified {
     /// Gives some points their most probable class; row i of `probabilities` belongs to point `points[i]`.
     pub(super) fn place(&mut self, points: &[u32], probabilities: &[f32], model: &Model) {
         for (&point, row) in points.iter().zip(probabilities.chunks_exact(model.classes.len())) {
-            self.set(point as usize, usize::from(largest(row)), row, model);
+            self.set(point as usize, argmax(row), row, model);
         }
-    }
-
-    /// Replaces the labels by the regularised ones; row i belongs to point `index[i]`.
-    pub(super) fn adopt(&mut self, index: &[u32], found: &Regularised, model: &Model, monitor: &Monitor) -> Result<()> {
-        let classes = model.classes.len();
-        for piece in watched(index.len(), monitor) {
-            for i in piece? {
-                let row = &found.probabilities[i * classes..][..classes];
-                self.set(index[i] as usize, usize::from(found.labels[i]), row, model);
-            }
-        }
-        Ok(())
     }
 
     fn set(&mut self, point: usize, label: usize, row: &[f32], model: &Model) {

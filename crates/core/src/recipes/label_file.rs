@@ -1,7 +1,8 @@
 //! Labels picked by hand, for the points of a cloud.
 
 use super::Labels;
-use crate::cloud::{Cloud, Points};
+use super::points::points_of;
+use crate::cloud::{Cloud, MetricCloud};
 use crate::error::{Error, Result};
 use crate::io::{LabelRow, LabelTable};
 use crate::neighbours::nearest_of;
@@ -62,12 +63,10 @@ impl LabelFile {
             return Ok(());
         }
         self.check_box(cloud, picking, monitor)?;
-        let points = Points::from_cloud_watched(cloud, picking.metres, monitor)?;
+        let points = points_of(&MetricCloud::new(cloud, Some(picking.metres), monitor)?, monitor)?;
         let rows: Vec<[f64; 3]> = self.table.positions.iter().map(|row| row.of).collect();
-        let queries = Points::with_strays(&Cloud::from_rows(&rows)?, picking.metres, monitor)?;
-        if points.is_empty() {
-            return Err(Error::input("the cloud has no point with finite coordinates"));
-        }
+        let rows = Cloud::from_rows(&rows)?;
+        let queries = MetricCloud::new(&rows, Some(picking.metres), monitor)?.points_and_strays(monitor)?;
         let queries = queries.moved_to(points.frame.origin)?;
         let near = nearest_of(&points.positions, &queries.positions, 1, monitor)?;
         for (q, LabelRow { line, of: at, code }) in self.table.positions.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Labels of a cloud as class codes; unlabelled points are counted.
 
-use crate::classes::{ClassTable, LabelMap};
+use crate::classes::LabelMap;
 use crate::cloud::{Cloud, CodeScheme, names};
 use crate::error::{Error, Result};
 
@@ -75,6 +75,11 @@ impl Labels {
         Self::new(codes, self.scheme)
     }
 
+    /// The labels of these points, as they are known.
+    pub(super) fn of(&self, points: &[u32]) -> Vec<Option<u8>> {
+        points.iter().map(|&i| self.codes.get(i as usize).copied().flatten()).collect()
+    }
+
     /// Labels from codes; counts the unlabelled points.
     pub fn new(codes: Vec<Option<u8>>, scheme: CodeScheme) -> Self {
         let unlabelled = codes.iter().filter(|c| c.is_none()).count() as u64;
@@ -110,41 +115,13 @@ pub fn read_labels(cloud: &Cloud, params: &LabelParams) -> Result<Labels> {
     Ok(Labels::new(codes, params.scheme(cloud)))
 }
 
-/// Number of points with each code, over all clouds.
-pub(super) fn counts_of(clouds: &[(Cloud, Labels)]) -> [u64; 256] {
-    let mut points = [0u64; 256];
-    for (_, labels) in clouds {
-        labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
-    }
-    points
-}
-
-/// The classes with these codes, with the names of the only known list among the labels.
-pub(super) fn class_table(codes: &[u8], clouds: &[(Cloud, Labels)]) -> ClassTable {
-    let mut known = clouds.iter().map(|(_, labels)| labels.scheme).filter(|&s| s != CodeScheme::Own);
-    let first = known.next().unwrap_or_default();
-    let scheme = if known.all(|s| s == first) { first } else { CodeScheme::Own };
-    ClassTable::of_scheme(codes, scheme)
-}
-
-/// Fails if the labels of the clouds have fewer than two classes, before anything is computed.
-pub(super) fn check_labels(clouds: &[(Cloud, Labels)]) -> Result<()> {
-    let points = counts_of(clouds);
-    let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
-    check_classes(&class_table(&codes, clouds))
-}
-
-/// Fails if there are fewer than two classes.
-pub(super) fn check_classes(classes: &ClassTable) -> Result<()> {
-    let advice = "check the label dimension, and which codes are mapped, asked for and count as unlabelled";
-    match classes.classes() {
-        [] => Err(Error::input(format!("no labelled point to learn from; {advice}"))),
-        [one] => Err(Error::input(format!(
-            "only one class to learn, code {} ({}): a model needs two or more; {advice}",
-            one.code, one.name
-        ))),
-        _ => Ok(()),
-    }
+/// A cloud and its labels.
+#[derive(Clone, Debug)]
+pub struct LabelledCloud {
+    /// The cloud.
+    pub cloud: Cloud,
+    /// One label for each of its points.
+    pub labels: Labels,
 }
 
 fn code_of(value: f64, point: usize, dimension: &str) -> Result<Option<u8>> {

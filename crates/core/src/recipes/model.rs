@@ -168,6 +168,18 @@ impl Model {
         check_replaced(path)
     }
 
+    /// Fails unless these are the features of the classifier, in their order.
+    pub(super) fn check_features(&self, names: &[String]) -> Result<()> {
+        match names == self.feature_names {
+            true => Ok(()),
+            false => Err(Error::ModelMismatch(format!(
+                "it needs the features {}; its recipe gives {}",
+                self.feature_names.join(", "),
+                names.join(", ")
+            ))),
+        }
+    }
+
     fn check_shape(&self) -> Result<()> {
         let (width, classes) = (self.classifier.width(), self.classifier.classes());
         let print = &self.fingerprint;

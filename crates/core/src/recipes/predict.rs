@@ -3,7 +3,7 @@
 
 use super::model::Model;
 use crate::classification::{Classifier, PredictScratch, Predictor};
-use crate::cloud::Cloud;
+use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, FeatureTable, Scratch, Tiles, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
@@ -51,7 +51,7 @@ impl<'a> CloudPredictor<'a> {
     ///
     /// # Errors
     /// If the set does not have a feature of the model, or as [`Tiles::prepare`].
-    pub(super) fn new(cloud: &'a Cloud, set: &FeatureSet, model: &'a Model, monitor: &Monitor) -> Result<Self> {
+    pub(super) fn new(scene: &MetricCloud<'a>, set: &FeatureSet, model: &'a Model, monitor: &Monitor) -> Result<Self> {
         let known = set.names(set.pyramid.first_scale.unwrap_or_default());
         if let Some(name) = model.feature_names.iter().find(|name| !known.contains(name)) {
             return Err(Error::ModelMismatch(format!(
@@ -59,7 +59,7 @@ impl<'a> CloudPredictor<'a> {
                 known.len()
             )));
         }
-        let tiles = Tiles::prepare(cloud, set, Wanted::Names(&model.feature_names), monitor)?;
+        let tiles = Tiles::prepare(scene, set, Wanted::Names(&model.feature_names), monitor)?;
         Ok(Self { tiles, classifier: &model.classifier, first: None })
     }
 
@@ -69,17 +69,33 @@ impl<'a> CloudPredictor<'a> {
     /// As [`Tiles::prepare`].
     pub(super) fn after(
         first: FirstColumns<'a>,
-        cloud: &'a Cloud,
+        scene: &MetricCloud<'a>,
         set: &FeatureSet,
         classifier: &'a Classifier,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let tiles = Tiles::prepare(cloud, set, Wanted::All, monitor)?;
+        let tiles = Tiles::prepare(scene, set, Wanted::All, monitor)?;
         Ok(Self { tiles, classifier, first: Some(first) })
     }
 
+    /// Class probabilities of `rows` points, row-major; `row_of` is the row of each point of the cloud.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn of_points(&self, row_of: &[u32], rows: usize, monitor: &Monitor) -> Result<Vec<f32>> {
+        let classes = self.classifier.classes();
+        let mut values = vec![0.0; rows * classes];
+        let place = |points: &[u32], rows: &[f32]| {
+            for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
+                values[row_of[point as usize] as usize * classes..][..classes].copy_from_slice(row);
+            }
+        };
+        self.run(place, monitor)?;
+        Ok(values)
+    }
+
     /// Gives `sink` the points of each group, as indices in the cloud, and their class probabilities, row-major. A point
-    /// may come again; the last time counts.
+    /// may be given more than once; its last probabilities are the valid ones.
     ///
     /// # Errors
     /// If the work was cancelled.

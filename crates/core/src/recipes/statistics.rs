@@ -1,8 +1,7 @@
-//! What classification needs to know of a whole cloud, when only a part of it is classified.
+//! Statistics of a whole cloud, which are needed to classify a part of it.
 
 use super::classify::{ClassifyParams, Job};
 use super::model::Model;
-use super::regularise::RegulariseParams;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -37,8 +36,7 @@ impl CloudStatistics {
 /// # Errors
 /// As [`classify`](super::classify()).
 pub fn statistics(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<CloudStatistics> {
-    let regularise = model.fitted.regularise();
-    let method = params.regularise.unwrap_or(regularise.method);
-    let regularise = RegulariseParams { method, ..regularise.clone() };
-    model.fitted.statistics(&Job { cloud, model, params, regularise: &regularise }, monitor)
+    let regularise = params.regularise_of(model);
+    let scene = params.scene(cloud, model, monitor)?;
+    model.fitted.statistics(&Job { scene: &scene, model, params, regularise: &regularise }, monitor)
 }

@@ -4,12 +4,11 @@
 //! in `docs/`. Models, command line and Python know methods only through this trait.
 
 use super::classify::{Classified, Job};
-use super::labels::Labels;
+use super::labels::LabelledCloud;
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
 use super::report::Report;
 use super::statistics::CloudStatistics;
-use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::terrain::ElevationModel;
@@ -46,6 +45,11 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     /// Regularisation of the labels.
     fn regularise(&self) -> &RegulariseParams;
 
+    /// Metres per unit of the coordinates that the recipe prescribes; `None`: what each cloud says, else 1.
+    fn metres_per_unit(&self) -> Option<f64> {
+        None
+    }
+
     /// Columns of a cloud that it reads, besides labels.
     fn columns(&self) -> Vec<String>;
 
@@ -72,7 +76,7 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     /// is absent, or the work was cancelled.
     fn train(
         &self,
-        clouds: &[(Cloud, Labels)],
+        clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<(Model, Self::Report)>;

@@ -1,20 +1,20 @@
 //! The squares in plan that hold points: the ground that a scan covers, and its density.
 
 use super::cells::cell_of;
-use crate::cloud::{Cloud, Points, Positions};
+use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, sort_watched};
 
 /// Edge in metres of the squares by which covered ground is measured.
 const EDGE: f64 = 2.0;
 
-/// Points per occupied square metre, measured on squares of 2 m. 0 for an empty cloud.
+/// Points per occupied square metre, measured on squares of 2 m. 0 if there is no point. O(n log n), 16 temporary bytes
+/// a point.
 ///
 /// # Errors
 /// If the work was cancelled.
-pub fn planar_density(cloud: &Cloud, metres: f64, monitor: &Monitor) -> Result<f64> {
-    let points = Points::from_cloud_watched(cloud, metres, monitor)?;
-    let area = covered_area(&points.positions, monitor)?;
+pub fn planar_density(points: &Positions, monitor: &Monitor) -> Result<f64> {
+    let area = covered_area(points, monitor)?;
     Ok(if area > 0.0 { points.len() as f64 / area } else { 0.0 })
 }
 

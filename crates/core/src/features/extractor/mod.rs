@@ -9,7 +9,7 @@ use super::params::FeatureSet;
 use super::pyramid::region::Region;
 use super::pyramid::slots::Slots;
 use super::pyramid::{Job, Part, Stage};
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{MetricCloud, Points};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
 use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
@@ -63,13 +63,13 @@ impl<'a> Plan<'a> {
 
     /// Makes the plan, and sorts the cloud's finite and non-stray points into the order of the grid.
     pub(super) fn new(
-        cloud: &'a Cloud,
+        scene: &MetricCloud<'a>,
         set: &FeatureSet,
         wanted: Wanted<'_>,
         monitor: &Monitor,
     ) -> Result<(Self, Grid, Points)> {
         set.validate()?;
-        let points = Points::from_cloud_watched(cloud, cloud.metres(set.metres_per_unit)?, monitor)?;
+        let points = scene.points(monitor)?;
         let first_scale = match set.pyramid.first_scale {
             Some(scale) => scale,
             None => scale_of(spacing(&points, monitor)?),
@@ -77,7 +77,7 @@ impl<'a> Plan<'a> {
         let offers = set.offers(first_scale);
         let all: Vec<String> = offers.iter().map(|offer| offer.name.clone()).collect();
         let names = wanted.names(&all)?;
-        let sources = sources(cloud, set)?;
+        let sources = sources(scene.cloud, set)?;
         let (mut slots, mut own) = (vec![Slots::default(); set.pyramid.levels], Vec::new());
         for (offer, column) in offers.iter().zip(columns(&all, &names)?) {
             match (column, offer.level) {
@@ -137,16 +137,16 @@ impl<'a> Extractor<'a> {
     /// If a parameter is out of range, a feature name is unknown, the cloud lacks a required column, or voxels are too
     /// small for the extent.
     pub fn prepare(
-        cloud: &'a Cloud,
+        scene: &MetricCloud<'a>,
         set: &FeatureSet,
         (wanted, at): (Wanted<'_>, Option<&[u32]>),
         monitor: &Monitor,
     ) -> Result<Self> {
-        let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
+        let (plan, grid, points) = Plan::new(scene, set, wanted, monitor)?;
         let stages =
             plan.stages(0, build_levels(&points.positions, &grid, set.pyramid.levels, monitor)?, None, monitor)?;
         let queries = match at {
-            Some(at) => subset(&points, at, cloud.len(), monitor)?,
+            Some(at) => subset(&points, at, scene.cloud.len(), monitor)?,
             None => points,
         };
         Ok(Self { plan, stages, queries })

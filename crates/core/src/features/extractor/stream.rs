@@ -2,7 +2,7 @@
 
 use super::tiles::Tiles;
 use super::{Extractor, Scratch, Wanted};
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, MetricCloud};
 use crate::error::Result;
 use crate::features::params::FeatureSet;
 use crate::memory;
@@ -39,7 +39,8 @@ impl<'a> FeatureStream<'a> {
     pub fn prepare(cloud: &'a Cloud, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
         let needed = 40 * cloud.len() as u64 + 150 * cloud.len().min(1 << 20) as u64;
         memory::require(needed, &format!("the features of {} points", cloud.len()))?;
-        Ok(Self { tiles: Tiles::prepare(cloud, set, wanted, monitor)?, points: cloud.len() })
+        let scene = MetricCloud::new(cloud, set.metres_per_unit, monitor)?;
+        Ok(Self { tiles: Tiles::prepare(&scene, set, wanted, monitor)?, points: cloud.len() })
     }
 
     /// Names of the columns.

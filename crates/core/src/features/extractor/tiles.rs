@@ -6,7 +6,7 @@
 //! those of [`Extractor::prepare`].
 
 use super::{Extractor, Plan, Wanted};
-use crate::cloud::{Cloud, Points, Positions};
+use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::Result;
 use crate::features::params::FeatureSet;
 use crate::features::pyramid::region::Region;
@@ -41,17 +41,17 @@ impl<'a> Tiles<'a> {
     ///
     /// # Errors
     /// As [`Extractor::prepare`].
-    pub fn prepare(cloud: &'a Cloud, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
-        Self::with_parts(cloud, set, wanted, (PART, monitor))
+    pub fn prepare(scene: &MetricCloud<'a>, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
+        Self::with_parts(scene, set, wanted, (PART, monitor))
     }
 
     fn with_parts(
-        cloud: &'a Cloud,
+        scene: &MetricCloud<'a>,
         set: &FeatureSet,
         wanted: Wanted<'_>,
         (part, monitor): (usize, &Monitor),
     ) -> Result<Self> {
-        let (plan, grid, points) = Plan::new(cloud, set, wanted, monitor)?;
+        let (plan, grid, points) = Plan::new(scene, set, wanted, monitor)?;
         let most = if points.len() <= part { usize::MAX } else { points.len() / COARSE_SHARE };
         let (fine, levels) = coarse_levels(&points.positions, &grid, (set.pyramid.levels, most), monitor)?;
         let coarse = plan.stages(fine, levels, None, monitor)?;
@@ -142,6 +142,7 @@ fn divide(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::Cloud;
     use crate::random::stream;
 
     #[test]
@@ -156,7 +157,8 @@ mod tests {
         let mut set = FeatureSet::default();
         (set.pyramid.levels, set.pyramid.first_scale) = (6, Some(0.1));
         let monitor = Monitor::default();
-        let whole = Extractor::prepare(&cloud, &set, (Wanted::All, None), &monitor).unwrap();
+        let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+        let whole = Extractor::prepare(&scene, &set, (Wanted::All, None), &monitor).unwrap();
         let width = whole.names().len();
         let mut wanted = vec![0.0f32; cloud.len() * width];
         let (mut scratch, mut block) = (crate::features::Scratch::default(), Vec::new());
@@ -167,7 +169,7 @@ mod tests {
                 wanted[p as usize * width..][..width].copy_from_slice(row);
             });
         }
-        let tiles = Tiles::with_parts(&cloud, &set, Wanted::All, (2000, &monitor)).unwrap();
+        let tiles = Tiles::with_parts(&scene, &set, Wanted::All, (2000, &monitor)).unwrap();
         assert!(tiles.parts() > 16 && tiles.fine > 1 && tiles.fine < 6, "{} {}", tiles.parts(), tiles.fine);
         let (mut seen, mut again) = (0, 0);
         for part in 0..tiles.parts() {

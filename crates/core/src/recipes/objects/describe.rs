@@ -1,7 +1,7 @@
 //! The segments of a cloud and their features (Hasanpour Zaryabi et al. 2022, section 3.4).
 
 use super::{Heights, ObjectsRecipe};
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{MetricCloud, Points};
 use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
@@ -14,17 +14,14 @@ pub(super) struct Objects {
     pub(super) points: Points,
     pub(super) partition: Partition,
     pub(super) features: FeatureTable,
+    /// Whether colours were used.
+    pub(super) coloured: bool,
 }
 
 /// Segments a cloud and computes the features of its segments.
-pub(super) fn objects(
-    cloud: &Cloud,
-    recipe: &ObjectsRecipe,
-    metres: Option<f64>,
-    monitor: &Monitor,
-) -> Result<Objects> {
-    let points = points_of(cloud, metres.or(recipe.metres_per_unit), monitor)?;
-    let colours = recipe.segments.colours(cloud, &points)?;
+pub(super) fn objects(scene: &MetricCloud<'_>, recipe: &ObjectsRecipe, monitor: &Monitor) -> Result<Objects> {
+    let points = points_of(scene, monitor)?;
+    let colours = recipe.segments.colours(scene.cloud, &points)?;
     let partition = recipe.segments.partition(&points, colours.as_deref(), monitor)?;
     let heights = match recipe.heights {
         Heights::AboveGround => Some(above_ground(&points, recipe, monitor)?),
@@ -35,7 +32,7 @@ pub(super) fn objects(
     if heights.is_some() {
         features = without(&features, "MeanZ");
     }
-    Ok(Objects { points, partition, features })
+    Ok(Objects { points, partition, features, coloured: colours.is_some() })
 }
 
 fn above_ground(points: &Points, recipe: &ObjectsRecipe, monitor: &Monitor) -> Result<Vec<f32>> {

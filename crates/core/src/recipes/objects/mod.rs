@@ -23,12 +23,12 @@ pub use split::ObjectTraining;
 
 use super::classifiers::offers_classifiers;
 use super::classify::{Classified, Job};
-use super::labels::Labels;
+use super::labels::LabelledCloud;
 use super::model::Model;
 use super::regularise::RegulariseParams;
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
-use crate::cloud::{Cloud, names};
+use crate::cloud::names;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::terrain::{ElevationParams, GroundParams};
@@ -134,6 +134,10 @@ impl System for ObjectsRecipe {
         Self { seed, ..self }
     }
 
+    fn metres_per_unit(&self) -> Option<f64> {
+        self.metres_per_unit
+    }
+
     fn regularise(&self) -> &RegulariseParams {
         &self.regularise
     }
@@ -147,7 +151,7 @@ impl System for ObjectsRecipe {
 
     fn train(
         &self,
-        clouds: &[(Cloud, Labels)],
+        clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<(Model, ObjectsReport)> {

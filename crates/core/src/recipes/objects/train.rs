@@ -4,21 +4,21 @@ use super::ObjectsRecipe;
 use super::describe::{Objects, objects};
 use super::report::ObjectsReport;
 use super::split::{Labelled, split};
-use crate::classes::{Class, ClassTable};
+use crate::classes::ClassTable;
 use crate::classification::{Classifier, Fingerprint, Predictor, Samples};
-use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::evaluation::{Confusion, Scores};
 use crate::parallel::Monitor;
-use crate::recipes::labels::{check_classes, check_labels, class_table, counts_of};
-use crate::recipes::points::note_oddities;
-use crate::recipes::{ClassCount, Fitted, Labels, Model, Nothing, System};
-use crate::segmentation::majorities;
+use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
+use crate::recipes::{ClassCount, Fitted, LabelledCloud, Model, Nothing, System};
+use crate::segmentation::{Majority, majorities};
 use crate::voxels::planar_density;
 
 /// The segments of one cloud with their features.
 struct CloudSegments {
     found: Objects,
+    /// The most frequent label of each segment.
+    votes: Vec<Majority>,
     /// Class of each segment, if it has one.
     codes: Vec<Option<u8>>,
     learned: Vec<bool>,
@@ -35,31 +35,30 @@ struct CloudSegments {
 /// work was cancelled.
 pub(super) fn train(
     recipe: &ObjectsRecipe,
-    clouds: &[(Cloud, Labels)],
+    clouds: &[LabelledCloud],
     monitor: &Monitor,
 ) -> Result<(Model, ObjectsReport)> {
     recipe.validate()?;
-    check_labels(clouds)?;
+    let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
+    check_classes(&data.labelled_classes())?;
     let mut recipe = recipe.clone();
     let mut studied = Vec::new();
-    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
-    for (c, labelled) in clouds.iter().enumerate() {
-        let cloud_segments = study(labelled, &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
+    for (c, scene) in data.scenes.iter().enumerate() {
+        let cloud_segments = study(scene, &recipe, recipe.seed.wrapping_add(c as u64), monitor)?;
         // The first cloud decides whether the model uses colours.
-        let colour = cloud_segments.found.features.names.iter().any(|name| name == "MeanRed");
-        recipe.segments.colour = Some(colour);
+        recipe.segments.colour = Some(cloud_segments.found.coloured);
         studied.push(cloud_segments);
     }
     let codes: Vec<u8> = studied.iter().flat_map(|l| l.codes.iter().flatten().copied()).collect();
-    let classes = class_table(&codes, clouds);
+    let classes = data.class_table(&codes);
     check_classes(&classes)?;
     let (rows, labels) = table(&studied, &classes);
     let names = studied.first().map(|l| l.found.features.names.clone()).unwrap_or_default();
     let samples =
         Samples { features: &rows, width: names.len(), labels: &labels, weights: None, classes: classes.len() };
     let classifier = recipe.classifier().with_seed(recipe.seed).train(&samples, monitor)?;
-    let report = report(clouds, &studied, &Answer { classifier: &classifier, classes: &classes })?;
-    let density = studied.iter().map(|l| l.density).sum::<f64>() / studied.len().max(1) as f64;
+    let report = report(&data, &studied, &Answer { classifier: &classifier, classes: &classes })?;
+    let density = mean_density(studied.iter().map(|l| l.density));
     let model = Model {
         fingerprint: Fingerprint::of(&samples, density),
         fitted: Fitted { recipe, learned: Nothing {} }.into(),
@@ -70,22 +69,19 @@ pub(super) fn train(
     Ok((model, report))
 }
 
-fn study(labelled: &(Cloud, Labels), recipe: &ObjectsRecipe, seed: u64, monitor: &Monitor) -> Result<CloudSegments> {
-    let (cloud, labels) = labelled;
-    let found = objects(cloud, recipe, None, monitor)?;
-    let of = |&i: &u32| labels.codes.get(i as usize).copied().flatten();
-    let truth: Vec<Option<u8>> = found.points.frame.index.iter().map(of).collect();
+fn study(scene: &LabelledScene<'_>, recipe: &ObjectsRecipe, seed: u64, monitor: &Monitor) -> Result<CloudSegments> {
+    let found = objects(&scene.metric, recipe, monitor)?;
+    let truth = scene.labels.of(&found.points.frame.index);
     let votes = majorities(&found.partition, &truth)?;
-    let pure = |votes: f64, labelled: f64| votes >= recipe.training.purity * labelled;
-    let codes: Vec<Option<u8>> =
-        votes.iter().map(|m| m.code.filter(|_| pure(f64::from(m.votes), f64::from(m.labelled)))).collect();
+    let pure = |m: &Majority| f64::from(m.votes) >= recipe.training.purity * f64::from(m.labelled);
+    let codes: Vec<Option<u8>> = votes.iter().map(|m| m.code.filter(|_| pure(m))).collect();
     let named: Vec<usize> = (0..codes.len()).filter(|&s| codes[s].is_some()).collect();
     let segments: Vec<Labelled> =
         named.iter().map(|&s| Labelled { code: codes[s].unwrap_or_default(), at: middle(&found, s) }).collect();
     let mut learned = vec![false; codes.len()];
     named.iter().zip(split(&segments, &recipe.training, seed)).for_each(|(&s, chosen)| learned[s] = chosen);
-    let density = planar_density(cloud, recipe.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0), monitor)?;
-    Ok(CloudSegments { found, codes, learned, truth, density })
+    let density = planar_density(&found.points.positions, monitor)?;
+    Ok(CloudSegments { found, votes, codes, learned, truth, density })
 }
 
 /// Mean position of a segment, metres.
@@ -95,7 +91,7 @@ fn middle(found: &Objects, segment: usize) -> [f64; 2] {
     [mean(&found.points.positions.x), mean(&found.points.positions.y)]
 }
 
-/// A classifier and the classes that it tells apart.
+/// A classifier and its classes.
 struct Answer<'a> {
     classifier: &'a Classifier,
     classes: &'a ClassTable,
@@ -115,28 +111,21 @@ fn table(studied: &[CloudSegments], classes: &ClassTable) -> (Vec<f32>, Vec<u16>
     (rows, labels)
 }
 
-fn report(clouds: &[(Cloud, Labels)], studied: &[CloudSegments], answer: &Answer<'_>) -> Result<ObjectsReport> {
-    let points = counts_of(clouds);
-    let learned = |code| {
+fn report(data: &TrainingData<'_>, studied: &[CloudSegments], answer: &Answer<'_>) -> Result<ObjectsReport> {
+    let counts = data.class_counts(|code| {
         let of = |l: &CloudSegments| l.codes.iter().zip(&l.learned).filter(|(c, l)| **c == Some(code) && **l).count();
-        studied.iter().map(of).sum::<usize>() as u64
-    };
-    let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
-    let count = |c: &Class| {
-        let samples = learned(c.code);
-        let weight = if samples > 0 { 1.0 } else { 0.0 };
-        ClassCount { code: c.code, name: c.name.clone(), points: points[usize::from(c.code)], samples, weight }
-    };
-    let counts: Vec<ClassCount> = class_table(&codes, clouds).classes().iter().map(count).collect();
+        let count = studied.iter().map(of).sum::<usize>() as u64;
+        ClassSamples { count, weight: if count > 0 { 1.0 } else { 0.0 } }
+    });
     let warnings = counts.iter().filter(|c| c.samples == 0).map(|c| unlearned(c, answer.classes)).collect();
     let (by_segment, by_point) = held_out(studied, answer)?;
     Ok(ObjectsReport {
-        unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
+        unlabelled: data.unlabelled(),
         segments: studied.iter().map(|l| l.codes.len()).sum(),
         labelled: studied.iter().flat_map(|l| &l.codes).flatten().count(),
         learned: counts.iter().map(|c| c.samples as usize).sum(),
         classes: counts,
-        oracle_accuracy: oracle(studied)?,
+        oracle_accuracy: oracle(studied),
         by_segment,
         by_point,
         warnings,
@@ -152,15 +141,11 @@ fn unlearned(class: &ClassCount, classes: &ClassTable) -> String {
     }
 }
 
-fn oracle(studied: &[CloudSegments]) -> Result<f64> {
-    let (mut right, mut all) = (0u64, 0u64);
-    for cloud_segments in studied {
-        for majority in majorities(&cloud_segments.found.partition, &cloud_segments.truth)? {
-            right += u64::from(majority.votes);
-            all += u64::from(majority.labelled);
-        }
-    }
-    Ok(right as f64 / all.max(1) as f64)
+fn oracle(studied: &[CloudSegments]) -> f64 {
+    let votes = || studied.iter().flat_map(|l| &l.votes);
+    let right: u64 = votes().map(|m| u64::from(m.votes)).sum();
+    let all: u64 = votes().map(|m| u64::from(m.labelled)).sum();
+    right as f64 / all.max(1) as f64
 }
 
 /// Scores of the segments that were not used for training, and of their points.

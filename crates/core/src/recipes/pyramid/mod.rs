@@ -14,12 +14,11 @@ pub use samples::TrainingParams;
 
 use super::classifiers::offers_classifiers;
 use super::classify::{Classified, Job};
-use super::labels::Labels;
+use super::labels::LabelledCloud;
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
-use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::features::FeatureSet;
 use crate::parallel::Monitor;
@@ -80,6 +79,10 @@ impl System for PyramidRecipe {
         Self { seed, ..self }
     }
 
+    fn metres_per_unit(&self) -> Option<f64> {
+        self.features.metres_per_unit
+    }
+
     fn regularise(&self) -> &RegulariseParams {
         &self.regularise
     }
@@ -99,7 +102,7 @@ impl System for PyramidRecipe {
 
     fn train(
         &self,
-        clouds: &[(Cloud, Labels)],
+        clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<(Model, PyramidReport)> {

@@ -6,7 +6,7 @@
 //! [`balance`](crate::classification::sampling::balance).
 
 use crate::classification::sampling::{BalanceParams, Rare};
-use crate::cloud::{Cloud, Points};
+use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, sort_watched_by, watched};
 use crate::random::{Stream, stream};
@@ -94,14 +94,6 @@ impl TrainingParams {
     }
 }
 
-/// How the training points of a cloud are selected.
-#[derive(Clone, Copy)]
-pub(super) struct Sampling<'a> {
-    pub(super) params: &'a TrainingParams,
-    /// Metres per unit of the cloud's coordinates.
-    pub(super) metres: f64,
-}
-
 /// A candidate for a training sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Candidate {
@@ -118,13 +110,12 @@ pub(super) struct Candidate {
 /// # Errors
 /// If the work was cancelled.
 pub(super) fn candidates(
-    cloud: &Cloud,
+    scene: &MetricCloud<'_>,
     labels: &Labels,
-    sampling: &Sampling<'_>,
+    params: &TrainingParams,
     monitor: &Monitor,
 ) -> Result<Vec<Candidate>> {
-    let Sampling { params, metres } = *sampling;
-    let points = Points::from_cloud_watched(cloud, metres, monitor)?;
+    let (cloud, points) = (scene.cloud, scene.points(monitor)?);
     let mut keyed: Vec<([i64; 3], Candidate)> = Vec::new();
     for piece in watched(points.len(), monitor) {
         for i in piece? {
@@ -164,18 +155,17 @@ fn majority(voxel: &[([i64; 3], Candidate)]) -> Option<Candidate> {
 /// # Errors
 /// If the work was cancelled.
 pub(super) fn copies(
-    cloud: &Cloud,
-    sampling: &Sampling<'_>,
+    scene: &MetricCloud<'_>,
+    params: &TrainingParams,
     seed: u64,
     monitor: &Monitor,
 ) -> Result<Vec<Option<Vec<u32>>>> {
     let mut copies = vec![None];
-    let Sampling { params, metres } = *sampling;
-    let density = planar_density(cloud, metres, monitor)?;
+    let density = planar_density(&scene.points(monitor)?.positions, monitor)?;
     for (c, &target) in params.densities.iter().enumerate() {
         if density > 1.25 * target {
             let mut random = stream(seed, 0x7468_696e ^ (c as u64) << 32);
-            copies.push(Some(thin(cloud.len(), target / density, &mut random, monitor)?));
+            copies.push(Some(thin(scene.cloud.len(), target / density, &mut random, monitor)?));
         }
     }
     Ok(copies)
@@ -192,6 +182,7 @@ fn thin(points: usize, share: f64, random: &mut Stream, monitor: &Monitor) -> Re
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::Cloud;
 
     fn labels(codes: &[u8]) -> Labels {
         Labels { codes: codes.iter().map(|&c| (c > 0).then_some(c)).collect(), ..Labels::default() }
@@ -201,20 +192,16 @@ mod tests {
     fn a_voxel_gives_its_first_point_of_the_majority_label() {
         let rows = [[0.1, 0.1, 0.1], [0.2, 0.2, 0.2], [0.3, 0.1, 0.2], [1.5, 0.0, 0.0]];
         let cloud = Cloud::from_rows(&rows).unwrap();
+        let monitor = Monitor::default();
+        let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
         let params = TrainingParams { voxel: 1.0, ..TrainingParams::default() };
-        let found =
-            candidates(&cloud, &labels(&[5, 2, 2, 0]), &Sampling { params: &params, metres: 1.0 }, &Monitor::default())
-                .unwrap();
+        let found = candidates(&scene, &labels(&[5, 2, 2, 0]), &params, &monitor).unwrap();
         assert_eq!(found, [Candidate { point: 1, code: 2 }]);
         let all = TrainingParams { voxel: 0.0, ..params.clone() };
-        let found =
-            candidates(&cloud, &labels(&[5, 2, 2, 6]), &Sampling { params: &all, metres: 1.0 }, &Monitor::default())
-                .unwrap();
+        let found = candidates(&scene, &labels(&[5, 2, 2, 6]), &all, &monitor).unwrap();
         assert_eq!(found.len(), 4);
         let boxed = TrainingParams { exclude: vec![[0.0, 0.0, 1.0, 1.0]], ..params };
-        let found =
-            candidates(&cloud, &labels(&[5, 2, 2, 6]), &Sampling { params: &boxed, metres: 1.0 }, &Monitor::default())
-                .unwrap();
+        let found = candidates(&scene, &labels(&[5, 2, 2, 6]), &boxed, &monitor).unwrap();
         assert_eq!(found, [Candidate { point: 3, code: 6 }]);
     }
 
@@ -223,9 +210,11 @@ mod tests {
         let rows: Vec<[f64; 3]> =
             (0..10_000).map(|i| [f64::from(i % 100) * 0.2, f64::from(i / 100) * 0.2, 0.0]).collect();
         let cloud = Cloud::from_rows(&rows).unwrap();
-        assert!((planar_density(&cloud, 1.0, &Monitor::default()).unwrap() - 25.0).abs() < 1e-9);
+        let monitor = Monitor::default();
+        let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+        assert!((planar_density(&scene.points(&monitor).unwrap().positions, &monitor).unwrap() - 25.0).abs() < 1e-9);
         let params = TrainingParams { densities: vec![5.0, 24.0], ..TrainingParams::default() };
-        let copies = copies(&cloud, &Sampling { params: &params, metres: 1.0 }, 0, &Monitor::default()).unwrap();
+        let copies = copies(&scene, &params, 0, &monitor).unwrap();
         assert_eq!(copies.len(), 2);
         let thinned = copies[1].as_ref().unwrap().len();
         assert!((1800..2200).contains(&thinned), "{thinned}");

@@ -2,18 +2,17 @@
 
 use super::PyramidRecipe;
 use super::report::PyramidReport;
-use super::samples::{Candidate, Sampling, TrainingParams, candidates, copies};
+use super::samples::{Candidate, TrainingParams, candidates, copies};
 use super::select::chosen_depth;
-use crate::classes::{Class, ClassTable};
+use crate::classes::ClassTable;
 use crate::classification::sampling::balance;
 use crate::classification::{Fingerprint, Predictor, Samples};
-use crate::cloud::Cloud;
+use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::features::{self, FeatureSet};
 use crate::parallel::Monitor;
-use crate::recipes::labels::{check_classes, class_table, counts_of};
-use crate::recipes::points::note_oddities;
-use crate::recipes::{ClassCount, Fitted, Labels, Model, Nothing, System, TrainOptions};
+use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
+use crate::recipes::{ClassCount, Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
 use crate::voxels::cells::cell_of;
 use crate::voxels::planar_density;
 
@@ -32,19 +31,21 @@ struct Source {
 /// is the best of `options.depths`.
 pub(super) fn train(
     recipe: &PyramidRecipe,
-    clouds: &[(Cloud, Labels)],
+    clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<(Model, PyramidReport)> {
     options.without_strengths(PyramidRecipe::NAME)?;
-    let Prepared { described, recipe, classes, warnings } = prepare(clouds, recipe, monitor)?;
+    recipe.validate()?;
+    let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
+    let Prepared { described, recipe, classes, warnings } = prepare(&data, recipe, monitor)?;
     let (recipe, depths) = chosen_depth(&described, recipe, options, monitor)?;
     let params = recipe.classifier().with_seed(recipe.seed);
     let (classifier, out_of_bag_accuracy) = params.train_with_score(&described.samples(), monitor)?;
     let (classifier, used) = classifier.retain_used();
     let report = PyramidReport {
         classes,
-        unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
+        unlabelled: data.unlabelled(),
         out_of_bag_accuracy,
         first_scale: recipe.features.pyramid.first_scale.unwrap_or_default(),
         used_features: used.len(),
@@ -54,7 +55,7 @@ pub(super) fn train(
         warnings,
     };
     let model = Model {
-        fingerprint: Fingerprint::of(&described.samples(), mean_density(clouds, &recipe, monitor)?).select(&used),
+        fingerprint: Fingerprint::of(&described.samples(), density(&data, monitor)?).select(&used),
         feature_names: used.iter().map(|&f| described.names[f].clone()).collect(),
         fitted: Fitted { recipe, learned: Nothing {} }.into(),
         classes: described.classes,
@@ -72,23 +73,23 @@ struct Prepared {
 }
 
 /// Steps 1 to 3.
-fn prepare(clouds: &[(Cloud, Labels)], recipe: &PyramidRecipe, monitor: &Monitor) -> Result<Prepared> {
-    recipe.validate()?;
-    for (cloud, _) in clouds {
-        cloud.metres(recipe.features.metres_per_unit)?;
-    }
-    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
-    let mut sources = gather(clouds, recipe, monitor)?;
+fn prepare(data: &TrainingData<'_>, recipe: &PyramidRecipe, monitor: &Monitor) -> Result<Prepared> {
+    let mut sources = gather(data, recipe, monitor)?;
     let offered = tally(&sources);
     let weights = choose(&mut sources, recipe)?;
-    let counts = count(clouds, &tally(&sources), &weights);
+    let samples = tally(&sources);
+    let of = |code: u8| ClassSamples {
+        count: samples[usize::from(code)],
+        weight: f64::from(weights.get(usize::from(code)).copied().unwrap_or_default()),
+    };
+    let counts = data.class_counts(of);
     let warnings = warnings(&counts, &offered, &recipe.training);
     let codes: Vec<u8> = counts.iter().filter(|c| c.samples > 0).map(|c| c.code).collect();
-    let classes = class_table(&codes, clouds);
+    let classes = data.class_table(&codes);
     check_classes(&classes).map_err(|e| with_reasons(e, &warnings))?;
     let described = Described { classes, features: recipe.features.clone(), ..Described::default() };
     let chosen = Chosen { sources: &sources, weights: &weights };
-    let described = describe(clouds, &chosen, described, monitor)?;
+    let described = describe(data, &chosen, described, monitor)?;
     let recipe = PyramidRecipe { features: described.features.clone(), ..recipe.clone() };
     Ok(Prepared { described, recipe, classes: counts, warnings })
 }
@@ -102,15 +103,17 @@ fn with_reasons(error: Error, reasons: &[String]) -> Error {
 }
 
 /// Step 1: the candidate samples of every cloud and its thinned copies.
-fn gather(clouds: &[(Cloud, Labels)], recipe: &PyramidRecipe, monitor: &Monitor) -> Result<Vec<Source>> {
-    let mut sources = Vec::new();
-    for (c, (cloud, labels)) in clouds.iter().enumerate() {
-        let metres = recipe.features.metres(cloud);
-        let sampling = Sampling { params: &recipe.training, metres };
-        for copy in copies(cloud, &sampling, recipe.seed.wrapping_add(c as u64), monitor)? {
+fn gather(data: &TrainingData<'_>, recipe: &PyramidRecipe, monitor: &Monitor) -> Result<Vec<Source>> {
+    let (mut sources, params) = (Vec::new(), &recipe.training);
+    for (c, LabelledScene { metric, labels }) in data.scenes.iter().enumerate() {
+        for copy in copies(metric, params, recipe.seed.wrapping_add(c as u64), monitor)? {
             let candidates = match &copy {
-                None => candidates(cloud, labels, &sampling, monitor)?,
-                Some(kept) => candidates(&cloud.select(kept), &labels.select(kept), &sampling, monitor)?,
+                None => candidates(metric, labels, params, monitor)?,
+                Some(kept) => {
+                    let thinned = metric.cloud.select(kept);
+                    let thinned = MetricCloud::new(&thinned, Some(metric.metres), monitor)?;
+                    candidates(&thinned, &labels.select(kept), params, monitor)?
+                }
             };
             sources.push(Source { cloud: c, copy, candidates });
         }
@@ -175,7 +178,7 @@ struct Chosen<'a> {
 
 /// Step 3: computes the feature vectors of the chosen points, all with the first scale of the first cloud.
 fn describe(
-    clouds: &[(Cloud, Labels)],
+    data: &TrainingData<'_>,
     chosen: &Chosen<'_>,
     mut described: Described,
     monitor: &Monitor,
@@ -186,18 +189,19 @@ fn describe(
         described.weights = weighted.collect();
     }
     for source in sources {
-        let whole = &clouds[source.cloud].0;
-        let thinned = source.copy.as_ref().map(|kept| whole.select(kept));
-        let cloud = thinned.as_ref().unwrap_or(whole);
+        let whole = &data.scenes[source.cloud].metric;
+        let thinned = source.copy.as_ref().map(|kept| whole.cloud.select(kept));
+        let thinned = thinned.as_ref().map(|cloud| MetricCloud::new(cloud, Some(whole.metres), monitor)).transpose()?;
+        let scene = thinned.as_ref().unwrap_or(whole);
         let points: Vec<u32> = source.candidates.iter().map(|c| c.point).collect();
-        let (table, first_scale) = features::table_at(cloud, &described.features, &points, monitor)?;
+        let (table, first_scale) = features::table_at(scene, &described.features, &points, monitor)?;
         described.features.pyramid.first_scale = Some(first_scale);
         described.values.extend_from_slice(&table.values);
         described
             .labels
             .extend(source.candidates.iter().filter_map(|c| described.classes.position(c.code)).map(|p| p as u16));
-        let metres = described.features.metres(cloud);
-        described.blocks.extend(points.iter().map(|&p| block_of(source.cloud, cloud.xyz(p as usize), metres)));
+        let block = |&p: &u32| block_of(source.cloud, scene.cloud.xyz(p as usize), scene.metres);
+        described.blocks.extend(points.iter().map(block));
         described.names = table.names;
     }
     Ok(described)
@@ -208,19 +212,6 @@ fn block_of(cloud: usize, xyz: [f64; 3], metres: f64) -> u32 {
     let [x, y] = cell_of([xyz[0], xyz[1]].map(|v| v * metres / BLOCK)).map(|v| v as u32);
     let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ (cloud as u32).wrapping_mul(0xc2b2_ae3d);
     mixed.wrapping_mul(0x27d4_eb2f) >> 8
-}
-
-/// Number of points and samples, and weight, of every labelled class.
-fn count(clouds: &[(Cloud, Labels)], samples: &[u64; 256], weights: &[f32]) -> Vec<ClassCount> {
-    let points = counts_of(clouds);
-    let codes: Vec<u8> = (0..=255u8).filter(|&code| points[usize::from(code)] > 0).collect();
-    let table = class_table(&codes, clouds);
-    let count = |class: &Class| {
-        let code = usize::from(class.code);
-        let weight = f64::from(weights.get(code).copied().unwrap_or_default());
-        ClassCount { code: class.code, name: class.name.clone(), points: points[code], samples: samples[code], weight }
-    };
-    table.classes().iter().map(count).collect()
 }
 
 /// Warnings about classes with few samples; `offered` are the samples before balancing.
@@ -250,10 +241,8 @@ fn warnings(counts: &[ClassCount], offered: &[u64; 256], params: &TrainingParams
 }
 
 /// Mean density of the clouds, points per square metre.
-fn mean_density(clouds: &[(Cloud, Labels)], recipe: &PyramidRecipe, monitor: &Monitor) -> Result<f64> {
-    let mut sum = 0.0;
-    for (cloud, _) in clouds {
-        sum += planar_density(cloud, recipe.features.metres(cloud), monitor)?;
-    }
-    Ok(sum / clouds.len().max(1) as f64)
+fn density(data: &TrainingData<'_>, monitor: &Monitor) -> Result<f64> {
+    let density = |scene: &LabelledScene<'_>| planar_density(&scene.metric.points(monitor)?.positions, monitor);
+    let densities = data.scenes.iter().map(density).collect::<Result<Vec<_>>>()?;
+    Ok(mean_density(densities.into_iter()))
 }

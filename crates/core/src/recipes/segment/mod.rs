@@ -12,8 +12,9 @@ pub use method::SegmentMethod;
 pub use params::{GrowingParams, SegmentParams};
 
 use super::Labels;
-use super::points::{note_oddities, points_of};
-use crate::cloud::{Cloud, Points};
+use super::points::points_of;
+use super::regularise::point_graph;
+use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::Result;
 use crate::evaluation::{BoundaryScores, SizeBin, boundary_scores, oracle_accuracy, size_histogram};
 use crate::features::{FeatureTable, optimal_features};
@@ -22,7 +23,6 @@ use crate::neighbours::OptimalParams;
 use crate::parallel::{Monitor, watched};
 use crate::segmentation::{Partition, StageSeconds, Trial};
 use method::SegmentScene;
-use on_points::adjacency;
 use parted::{Level, Parted};
 use serde::Serialize;
 
@@ -109,10 +109,10 @@ pub struct LevelReport {
 /// cancelled.
 pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, monitor: &Monitor) -> Result<Segmented> {
     params.validate()?;
-    let points = points_of(cloud, None, monitor)?;
-    note_oddities([cloud], monitor)?;
-    let known: Option<Vec<Option<u8>>> = labels
-        .map(|labels| points.frame.index.iter().map(|&i| labels.codes.get(i as usize).copied().flatten()).collect());
+    let metric = MetricCloud::new(cloud, None, monitor)?;
+    let points = points_of(&metric, monitor)?;
+    metric.oddities().into_iter().for_each(|text| monitor.warn(text));
+    let known = labels.map(|labels| labels.of(&points.frame.index));
     let scene = SegmentScene { cloud, points: &points, labels: known.as_deref() };
     let found = params.method.method().part(&scene, params, monitor)?;
     monitor.check()?;
@@ -146,7 +146,7 @@ fn judge(found: &Parted, scene: &SegmentScene<'_>, params: &SegmentParams, monit
         let graph = match &found.graph {
             Some(graph) => graph,
             None => {
-                made = adjacency(&scene.points.positions, params, monitor)?;
+                made = point_graph(&scene.points.positions, params.neighbours, &params.adjacency, monitor)?;
                 &made
             }
         };

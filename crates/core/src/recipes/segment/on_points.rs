@@ -2,13 +2,11 @@
 
 use super::method::{PartitionMethod, SegmentScene};
 use super::{Parted, SegmentParams};
-use crate::cloud::Positions;
 use crate::error::Result;
 use crate::features::optimal_features;
-use crate::graph::{Graph, knn_graph};
-use crate::neighbours::knn;
 use crate::parallel::Monitor;
-use crate::segmentation::{Intent, Method, PartitionInput, PartitionParams, Signal, partition_by_intent};
+use crate::recipes::regularise::{DescribedPoints, partition, point_graph};
+use crate::segmentation::{Intent, Method, PartitionParams};
 
 /// Guinard & Landrieu 2017, section 3, by one of the minimisers.
 pub(super) struct OnPoints(pub(super) Method);
@@ -18,12 +16,10 @@ impl PartitionMethod for OnPoints {
         let points = &scene.points.positions;
         monitor.stage("describe", points.len() as u64);
         let descriptors = optimal_features(points, &params.neighbourhood, monitor)?.table;
-        let graph = adjacency(points, params, monitor)?;
-        monitor.stage("segments", points.len() as u64);
-        let signal = Signal::new(&descriptors.values, descriptors.width())?;
-        let input = PartitionInput { signal, graph: &graph, points: Some(points), labels: scene.labels };
-        let partition = PartitionParams { method: self.0, ..params.partition.clone() };
-        let found = partition_by_intent(&input, &partition, monitor)?;
+        let graph = point_graph(points, params.neighbours, &params.adjacency, monitor)?;
+        let described = DescribedPoints { points, descriptors: &descriptors, labels: scene.labels };
+        let params = PartitionParams { method: self.0, ..params.partition.clone() };
+        let found = partition(described, &graph, &params, monitor)?;
         Ok(Parted {
             partition: found.partition,
             descriptors,
@@ -38,10 +34,4 @@ impl PartitionMethod for OnPoints {
         params.partition.intent = aim;
         Some(())
     }
-}
-
-/// The graph of nearest neighbours of the points.
-pub(super) fn adjacency(points: &Positions, params: &SegmentParams, monitor: &Monitor) -> Result<Graph> {
-    let near = knn(points, params.neighbours, monitor)?;
-    knn_graph(points.len(), near, &params.adjacency, monitor)
 }

@@ -4,32 +4,57 @@ use super::learned::RoadExample;
 use super::road::RoadScene;
 use super::{Descriptors, WeakRecipe};
 use crate::classification::{Classifier, Predictor};
-use crate::cloud::{Cloud, Points, Positions};
+use crate::cloud::{MetricCloud, Points};
 use crate::error::Result;
 use crate::features::definition::Group;
 use crate::features::{FeatureSet, FeatureTable, optimal_features, table_at};
 use crate::parallel::Monitor;
+use crate::recipes::points::points_of;
 use crate::recipes::predict::{CloudPredictor, FirstColumns};
 use crate::terrain::{ElevationModel, Terrain};
 
-/// Section 2.1: the four local descriptors.
-pub(super) fn local(points: &Positions, recipe: &WeakRecipe, monitor: &Monitor) -> Result<FeatureTable> {
-    monitor.stage("describe", points.len() as u64);
-    Ok(optimal_features(points, &recipe.neighbourhood, monitor)?.table)
+/// A cloud, its points and their four local descriptors.
+pub(super) struct WeakScene<'a> {
+    pub(super) metric: &'a MetricCloud<'a>,
+    pub(super) points: Points,
+    pub(super) local: FeatureTable,
 }
 
-/// Section 2.2: the local descriptors, height above the road and position with respect to it.
-pub(super) fn six(
-    scene: &DescribedScene<'_>,
-    local: FeatureTable,
+impl<'a> WeakScene<'a> {
+    /// Computes points and local descriptors.
+    ///
+    /// # Errors
+    /// If there is no point, or the work was cancelled.
+    pub(super) fn new(metric: &'a MetricCloud<'a>, recipe: &WeakRecipe, monitor: &Monitor) -> Result<Self> {
+        let points = points_of(metric, monitor)?;
+        monitor.stage("describe", points.len() as u64);
+        let local = optimal_features(&points.positions, &recipe.neighbourhood, monitor)?.table;
+        Ok(Self { metric, points, local })
+    }
+}
+
+/// What the road of a cloud is found by.
+#[derive(Clone, Copy)]
+pub(super) struct RoadSources<'a> {
+    /// Labelled points of road and of other classes.
+    pub(super) examples: &'a [RoadExample],
+    /// Ground heights to use instead of those of the road points.
+    pub(super) elevation: Option<&'a ElevationModel>,
+}
+
+/// The local descriptors, height above the road and position with respect to it.
+pub(super) fn paper_descriptors(
+    scene: &WeakScene<'_>,
+    sources: RoadSources<'_>,
     recipe: &WeakRecipe,
     monitor: &Monitor,
 ) -> Result<FeatureTable> {
     monitor.stage("road", 0);
     let mut forest = recipe.forest.clone();
     forest.seed = forest.seed.wrapping_add(recipe.seed);
-    let DescribedScene { cloud, points, examples, elevation } = *scene;
-    let scene = RoadScene { cloud, points, local: &local, examples, forest: &forest, elevation };
+    let RoadSources { examples, elevation } = sources;
+    let WeakScene { metric, points, local } = scene;
+    let scene = RoadScene { cloud: metric.cloud, points, local, examples, forest: &forest, elevation };
     let Terrain { elevation, position } = recipe.road.describe(&scene, monitor)?;
     let names = local.names.iter().cloned().chain(Group::Terrain.names()).collect();
     let mut values = Vec::with_capacity(points.len() * (local.width() + 2));
@@ -40,99 +65,55 @@ pub(super) fn six(
     Ok(FeatureTable { names, values })
 }
 
-/// A cloud whose points are described, and what its road is found by.
-pub(super) struct DescribedScene<'a> {
-    pub(super) cloud: &'a Cloud,
-    pub(super) points: &'a Points,
-    /// Labelled points of road and of other classes.
-    pub(super) examples: &'a [RoadExample],
-    /// Ground heights to use instead of those of the road points.
-    pub(super) elevation: Option<&'a ElevationModel>,
+/// The features besides those of the paper, if any.
+pub(super) fn scaled_features(recipe: &WeakRecipe) -> Option<&FeatureSet> {
+    (recipe.descriptors == Descriptors::MultiScale).then_some(&recipe.features)
 }
 
-/// The points of a cloud and their six descriptors.
+/// A cloud and the six descriptors of the paper.
 pub(super) struct Described<'a> {
-    pub(super) cloud: &'a Cloud,
-    pub(super) points: Points,
-    pub(super) six: FeatureTable,
-}
-
-/// The features besides the six descriptors, if any.
-pub(super) fn more(recipe: &WeakRecipe, metres: Option<f64>) -> Option<FeatureSet> {
-    let mut set = recipe.features.clone();
-    set.metres_per_unit = metres.or(set.metres_per_unit);
-    (recipe.descriptors == Descriptors::MultiScale).then_some(set)
-}
-
-/// The four local descriptors, which the segments are based on.
-pub(super) fn head(features: &FeatureTable) -> FeatureTable {
-    let rows = features.values.chunks_exact(features.width());
-    FeatureTable { names: features.names[..4].to_vec(), values: rows.flat_map(|r| &r[..4]).copied().collect() }
-}
-
-/// The rows of these points.
-pub(super) fn select(table: &FeatureTable, at: &[u32]) -> FeatureTable {
-    let values = at.iter().flat_map(|&point| table.row(point as usize)).copied().collect();
-    FeatureTable { names: table.names.clone(), values }
-}
-
-/// Labelled points whose six descriptors are known.
-pub(super) struct LabelledRows<'a> {
-    pub(super) six: FeatureTable,
-    /// Their indices in the cloud.
-    pub(super) places: &'a [u32],
-}
-
-/// All feature columns of some points, and the finest scale.
-pub(super) fn rows(
-    cloud: &Cloud,
-    labelled: LabelledRows<'_>,
-    more: Option<&FeatureSet>,
-    monitor: &Monitor,
-) -> Result<(FeatureTable, Option<f64>)> {
-    let LabelledRows { six, places } = labelled;
-    let Some(set) = more else { return Ok((six, None)) };
-    let (scaled, scale) = table_at(cloud, set, places, monitor)?;
-    let names: Vec<String> = six.names.iter().chain(&scaled.names).cloned().collect();
-    let mut values = Vec::with_capacity(places.len() * names.len());
-    for row in 0..places.len() {
-        values.extend_from_slice(six.row(row));
-        values.extend_from_slice(scaled.row(row));
-    }
-    Ok((FeatureTable { names, values }, Some(scale)))
+    pub(super) scene: WeakScene<'a>,
+    pub(super) paper: FeatureTable,
 }
 
 impl Described<'_> {
     /// Names of all columns.
-    pub(super) fn names(&self, more: Option<&FeatureSet>) -> Vec<String> {
-        let scaled = more.map(|set| set.names(set.pyramid.first_scale.unwrap_or_default()));
-        self.six.names.iter().cloned().chain(scaled.unwrap_or_default()).collect()
+    pub(super) fn names(&self, scaled: Option<&FeatureSet>) -> Vec<String> {
+        let scaled = scaled.map(|set| set.names(set.pyramid.first_scale.unwrap_or_default()));
+        self.paper.names.iter().cloned().chain(scaled.unwrap_or_default()).collect()
+    }
+
+    /// All feature columns of these points, and the finest scale.
+    pub(super) fn rows(
+        &self,
+        at: &[u32],
+        scaled: Option<&FeatureSet>,
+        monitor: &Monitor,
+    ) -> Result<(FeatureTable, Option<f64>)> {
+        let own = self.paper.select(at);
+        let Some(set) = scaled else { return Ok((own, None)) };
+        let index = &self.scene.points.frame.index;
+        let in_cloud: Vec<u32> = at.iter().map(|&point| index[point as usize]).collect();
+        let (scaled, scale) = table_at(self.scene.metric, set, &in_cloud, monitor)?;
+        Ok((own.beside(&scaled), Some(scale)))
     }
 
     /// Class probabilities of all points, row-major; multi-scale features are computed and discarded block by block.
     pub(super) fn probabilities(
         &self,
         classifier: &Classifier,
-        more: Option<&FeatureSet>,
+        scaled: Option<&FeatureSet>,
         monitor: &Monitor,
     ) -> Result<Vec<f32>> {
-        let classes = classifier.classes();
-        let mut values = vec![0.0; self.points.len() * classes];
-        let Some(set) = more else {
-            monitor.stage("classify", self.points.len() as u64);
-            classifier.predict_proba(&self.six.values, &mut values)?;
+        let WeakScene { metric, points, .. } = &self.scene;
+        let Some(set) = scaled else {
+            let mut values = vec![0.0; points.len() * classifier.classes()];
+            monitor.stage("classify", points.len() as u64);
+            classifier.predict_proba(&self.paper.values, &mut values)?;
             return Ok(values);
         };
-        let mut row_of = vec![0u32; self.cloud.len()];
-        self.points.frame.index.iter().zip(0..).for_each(|(&place, point)| row_of[place as usize] = point);
-        let first = FirstColumns { table: &self.six, row_of: &row_of };
-        let predictor = CloudPredictor::after(first, self.cloud, set, classifier, monitor)?;
-        let place = |points: &[u32], rows: &[f32]| {
-            for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
-                values[row_of[point as usize] as usize * classes..][..classes].copy_from_slice(row);
-            }
-        };
-        predictor.run(place, monitor)?;
-        Ok(values)
+        let row_of = points.frame.rows(metric.cloud.len());
+        let first = FirstColumns { table: &self.paper, row_of: &row_of };
+        CloudPredictor::after(first, metric, set, classifier, monitor)?.of_points(&row_of, points.len(), monitor)
     }
 }

@@ -1,32 +1,42 @@
-//! Labels as hard constraints: a segment classified differently from a label in it is segmented more finely.
+//! Labels as hard constraints: a segment classified differently from a label in it is divided.
 
+use super::describe::WeakScene;
 use super::examples::{Example, WeakLabels};
 use super::learned::LabelledPosition;
 use crate::classes::ClassTable;
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{Cloud, MetricCloud};
 use crate::error::Result;
 use crate::features::FeatureTable;
+use crate::graph::Graph;
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
-use crate::recipes::regularise::{Probabilities, RegulariseParams, Regularised, Scene};
-use crate::recipes::segments::Again;
+use crate::recipes::regularise::{
+    Again, DescribedPoints, Probabilities, RegulariseParams, Regularised, Segments, Support, partition, point_graph,
+};
+use crate::segmentation::{PartitionInput, Signal};
 
-/// The labels of a cloud that is classified, and what is needed to segment again.
-pub(super) struct Known {
-    /// The descriptors that segments are based on.
-    pub(super) descriptors: FeatureTable,
-    /// The labelled points with the position of their class.
-    pub(super) labels: Vec<(u32, u16)>,
-    /// Share of the strength with which contradicted segments are segmented again.
+/// The labelled points of a cloud that is classified, ascending.
+#[derive(Clone, Copy)]
+pub(super) struct KnownLabels<'a> {
+    /// Each with the position of its class.
+    pub(super) labels: &'a [(u32, u16)],
+    /// Share of the strength with which contradicted segments are divided.
     pub(super) step: f64,
 }
 
-/// A cloud in which labelled positions are searched.
-pub(super) struct LabelScene<'a> {
-    pub(super) cloud: &'a Cloud,
-    pub(super) points: &'a Points,
-    /// Metres per unit of its coordinates.
-    pub(super) metres: f64,
+/// What labels are made consistent on, with known labels as hard constraints.
+pub(super) struct Constrained {
+    support: Support,
+    /// Absent if no segment may be divided.
+    divisible: Option<Divisible>,
+}
+
+/// What is needed to divide segments: the graph of the points, and their descriptors.
+struct Divisible {
+    graph: Graph,
+    descriptors: FeatureTable,
+    labels: Vec<(u32, u16)>,
+    step: f64,
 }
 
 impl WeakLabels {
@@ -48,22 +58,24 @@ impl WeakLabels {
     pub(super) fn found(
         &self,
         labels: &[LabelledPosition],
-        scene: &LabelScene<'_>,
+        scene: &WeakScene<'_>,
         classes: &ClassTable,
         monitor: &Monitor,
     ) -> Result<Vec<(u32, u16)>> {
+        let MetricCloud { cloud, metres, .. } = *scene.metric;
         if !self.hold || labels.is_empty() {
             return Ok(Vec::new());
         }
-        let Some([low, high]) = scene.cloud.bounds_watched(monitor)? else { return Ok(Vec::new()) };
-        let rim = self.hold_within / scene.metres;
+        let Some([low, high]) = cloud.bounds_watched(monitor)? else { return Ok(Vec::new()) };
+        let rim = self.hold_within / metres;
         let inside = |at: &[f64; 3]| (0..3).all(|a| (low[a] - rim..=high[a] + rim).contains(&at[a]));
         let labels: Vec<&LabelledPosition> = labels.iter().filter(|label| inside(&label.at)).collect();
         if labels.is_empty() {
             return Ok(Vec::new());
         }
         let rows: Vec<[f64; 3]> = labels.iter().map(|label| label.at).collect();
-        let places = Points::with_strays(&Cloud::from_rows(&rows)?, scene.metres, monitor)?;
+        let rows = Cloud::from_rows(&rows)?;
+        let places = MetricCloud::new(&rows, Some(metres), monitor)?.points_and_strays(monitor)?;
         let places = places.moved_to(scene.points.frame.origin)?.positions;
         let near = nearest_of(&scene.points.positions, &places, 1, monitor)?;
         let close = (0..labels.len()).filter(|&q| f64::from(near.squared_distances(q)[0]).sqrt() <= self.hold_within);
@@ -75,39 +87,73 @@ impl WeakLabels {
     }
 }
 
-/// Probabilities, and how labels follow from them.
-#[derive(Clone, Copy)]
-pub(super) struct Question<'a> {
-    pub(super) given: Probabilities<'a>,
-    pub(super) params: &'a RegulariseParams,
+impl Constrained {
+    /// Support for `params.method`. The graph of the points is kept only if there are labels, and only where segments may
+    /// be divided.
+    pub(super) fn new(
+        described: DescribedPoints<'_>,
+        known: KnownLabels<'_>,
+        params: &RegulariseParams,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let DescribedPoints { points, descriptors, .. } = described;
+        if !params.method.has_segments() || known.labels.is_empty() {
+            let support = Support::new(points, Some(descriptors), params, monitor)?;
+            return Ok(Self { support, divisible: None });
+        }
+        params.validate()?;
+        let mut graph = point_graph(points, params.neighbours, &params.adjacency, monitor)?;
+        let segments = Segments::new(partition(described, &graph, &params.partition, monitor)?, &graph, monitor)?;
+        keep_edges(&mut graph, &segments, known.labels);
+        let KnownLabels { labels, step } = known;
+        let divisible = Divisible { graph, descriptors: descriptors.clone(), labels: labels.to_vec(), step };
+        Ok(Self { support: Support::Segments(segments), divisible: Some(divisible) })
+    }
+
+    /// The labels for these probabilities. Segments that contradict a label in them are divided, and everything is
+    /// classified again.
+    ///
+    /// # Errors
+    /// As [`Support::decide`].
+    pub(super) fn decide(
+        mut self,
+        given: Probabilities<'_>,
+        params: &RegulariseParams,
+        monitor: &Monitor,
+    ) -> Result<Regularised> {
+        let found = self.support.decide(given, params, monitor)?;
+        let (Some(divisible), Support::Segments(segments)) = (&self.divisible, &mut self.support) else {
+            return Ok(found);
+        };
+        let contradicted = contradicted(&found, &divisible.labels);
+        if contradicted.is_empty() {
+            return Ok(found);
+        }
+        // All segments are classified again; this result holds memory that is needed for them.
+        drop(found);
+        let Divisible { graph, descriptors, step, .. } = divisible;
+        monitor.stage("segments", descriptors.rows() as u64);
+        let signal = Signal::new(&descriptors.values, descriptors.width())?;
+        let input = PartitionInput { signal, graph, points: None, labels: None };
+        let again = Again { segments: &contradicted, step: *step };
+        segments.recut(&input, &again, &params.partition, monitor)?;
+        self.support.decide(given, params, monitor)
+    }
 }
 
-/// The labels for these probabilities. Segments that contradict a label in them are segmented more finely, and
-/// everything is classified again.
-///
-/// # Errors
-/// As [`Scene::decide`].
-pub(super) fn decide(
-    mut scene: Scene,
-    question: &Question<'_>,
-    known: &Known,
-    monitor: &Monitor,
-) -> Result<Regularised> {
-    let Question { given, params } = *question;
-    let found = scene.decide(given, params, monitor)?;
-    let against = named_against(&found, &known.labels);
-    if against.is_empty() {
-        return Ok(found);
-    }
-    // All segments are classified again; this result holds memory that is needed for them.
-    drop(found);
-    let again = Again { segments: &against, step: known.step };
-    scene.recut(&known.descriptors, &again, params, monitor)?;
-    scene.decide(given, params, monitor)
+/// Removes the edges inside segments that contain none of these points: such segments are not divided.
+fn keep_edges(graph: &mut Graph, segments: &Segments, labels: &[(u32, u16)]) {
+    let of = segments.of_points();
+    let mut held = vec![false; segments.len()];
+    labels.iter().for_each(|(point, _)| held[of[*point as usize] as usize] = true);
+    graph.retain(|[a, b]| {
+        let [s, t] = [of[a as usize], of[b as usize]];
+        s != t || held[s as usize]
+    });
 }
 
 /// Segments whose class differs from a label in them, ascending.
-fn named_against(found: &Regularised, labels: &[(u32, u16)]) -> Vec<u32> {
+fn contradicted(found: &Regularised, labels: &[(u32, u16)]) -> Vec<u32> {
     let Some(partition) = &found.partition else { return Vec::new() };
     let wrong = labels.iter().filter(|&&(point, class)| found.labels[point as usize] != class);
     let mut segments: Vec<u32> = wrong.map(|&(point, _)| partition.segments()[point as usize]).collect();
@@ -119,6 +165,7 @@ fn named_against(found: &Regularised, labels: &[(u32, u16)]) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::Points;
     use crate::features::optimal_features;
     use crate::random::stream;
     use crate::recipes::Regularise;
@@ -155,10 +202,10 @@ mod tests {
         let found = optimal_features(&points.positions, &params.neighbourhood, &monitor).unwrap();
         let given = Probabilities { values: &values, classes: 2 };
         let wrong = |labels: &[(u32, u16)]| {
-            let scene = Scene::to_be_recut(&points.positions, Some(&found.table), &params, &monitor).unwrap();
-            let known = Known { descriptors: found.table.clone(), labels: labels.to_vec(), step: 0.03 };
-            let question = Question { given, params: &params };
-            let found = decide(scene, &question, &known, &monitor).unwrap();
+            let described = DescribedPoints { points: &points.positions, descriptors: &found.table, labels: None };
+            let known = KnownLabels { labels, step: 0.03 };
+            let constrained = Constrained::new(described, known, &params, &monitor).unwrap();
+            let found = constrained.decide(given, &params, &monitor).unwrap();
             let wrong = found.labels.iter().zip(&truth).filter(|(a, b)| a != b).count();
             (wrong, found.partition.unwrap().len())
         };
@@ -178,8 +225,9 @@ mod tests {
         let params = WeakLabels::default();
         let labels = params.remember(&examples, |point| cloud.xyz(point as usize));
         let found = |cloud: &Cloud, metres: f64, params: &WeakLabels| {
-            let points = Points::from_cloud(cloud, metres);
-            let scene = LabelScene { cloud, points: &points, metres };
+            let metric = MetricCloud::new(cloud, Some(metres), &Monitor::default()).unwrap();
+            let points = metric.points(&Monitor::default()).unwrap();
+            let scene = WeakScene { metric: &metric, points, local: FeatureTable::default() };
             params.found(&labels, &scene, &classes, &Monitor::default()).unwrap()
         };
         for metres in [1.0, 0.3048] {

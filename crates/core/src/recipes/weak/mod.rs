@@ -32,13 +32,13 @@ pub use road::{RoadParams, RoadSource};
 pub use shares::ClassShares;
 
 use super::classify::{Classified, Job};
-use super::labels::Labels;
+use super::labels::LabelledCloud;
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
 use super::statistics::CloudStatistics;
 use super::system::{Fitted, System, TrainOptions};
 use crate::classification::ForestParams;
-use crate::cloud::{Cloud, names};
+use crate::cloud::names;
 use crate::error::Result;
 use crate::features::FeatureSet;
 use crate::neighbours::OptimalParams;
@@ -137,6 +137,10 @@ impl System for WeakRecipe {
         Self { seed, ..self }
     }
 
+    fn metres_per_unit(&self) -> Option<f64> {
+        self.features.metres_per_unit
+    }
+
     fn regularise(&self) -> &RegulariseParams {
         &self.regularise
     }
@@ -156,7 +160,7 @@ impl System for WeakRecipe {
 
     fn train(
         &self,
-        clouds: &[(Cloud, Labels)],
+        clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
     ) -> Result<(Model, WeakReport)> {

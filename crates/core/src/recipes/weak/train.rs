@@ -1,33 +1,38 @@
 //! Training on a few labelled points.
 
 use super::WeakRecipe;
-use super::describe::{self, Described, DescribedScene, LabelledRows, head};
+use super::describe::{Described, RoadSources, WeakScene, paper_descriptors, scaled_features};
 use super::examples::{Example, WeakLabels, examples};
 use super::learned::{LabelledPosition, RoadExample, WeakLearned};
 use super::report::{StrengthScore, WeakReport};
 use super::shares::{most_probable, shares_of};
-use crate::classes::{Class, ClassTable};
 use crate::classification::cross_validation::stratified_folds;
 use crate::classification::{ClassifierParams, Fingerprint, Samples};
-use crate::cloud::{Cloud, Points};
 use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::recipes::labels::{check_classes, check_labels, class_table, counts_of};
-use crate::recipes::points::{note_oddities, points_of};
-use crate::recipes::regularise::{Probabilities, Regularise, RegulariseParams, Scene};
-use crate::recipes::{ClassCount, Fitted, Labels, Model, System, TrainOptions};
+use crate::recipes::regularise::{
+    DescribedPoints, Probabilities, RegulariseParams, Segments, Support, partition, point_graph,
+};
+use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
+use crate::recipes::{Fitted, LabelledCloud, Model, System, TrainOptions};
 use crate::segmentation::Intent;
 use crate::voxels::planar_density;
 
 /// The labelled points of one cloud and their features.
 struct LabelledPoints<'a> {
     /// All points of the first cloud, if strengths are to be tried on it.
-    described: Option<Described<'a>>,
+    trial: Option<Trial<'a>>,
     examples: Vec<Example>,
     /// One row a labelled point.
     rows: FeatureTable,
     density: f64,
+}
+
+/// A cloud on which strengths of the random field are tried.
+struct Trial<'a> {
+    described: Described<'a>,
+    support: Support,
 }
 
 /// Trains on the labelled points of one or more clouds. The unlabelled points only contribute to the neighbourhoods.
@@ -36,37 +41,40 @@ struct LabelledPoints<'a> {
 /// (ties to the smallest), measured on the first cloud.
 pub(super) fn train(
     recipe: &WeakRecipe,
-    clouds: &[(Cloud, Labels)],
+    clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<(Model, WeakReport)> {
     recipe.validate()?;
-    check_labels(clouds)?;
-    let Study { mut recipe, studied, partitions, road, held } = study(clouds, recipe, options, monitor)?;
+    let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
+    check_classes(&data.labelled_classes())?;
+    let Study { mut recipe, studied, partitions, road, held } = study(&data, recipe, options, monitor)?;
     let codes: Vec<u8> = studied.iter().flat_map(|l| l.examples.iter().map(|e| e.code)).collect();
-    let classes = class_table(&codes, clouds);
+    let classes = data.class_table(&codes);
     check_classes(&classes)?;
     let labels: Vec<u16> = codes.iter().filter_map(|&code| classes.position(code)).map(|p| p as u16).collect();
     let learned = WeakLearned { shares: shares_of(&labels, classes.len()), road, labels: held };
-    let strengths = match (&options.strengths[..], studied.first()) {
-        ([], _) | (_, None) => Vec::new(),
-        (_, Some(labelled)) => {
-            Search { labelled, recipe: &recipe, shares: &learned.shares }.run(&classes, options, monitor)?
-        }
+    let strengths = match studied.first() {
+        Some(labelled) => StrengthTrials { labelled, recipe: &recipe, shares: &learned.shares }.run(
+            &labels[..labelled.examples.len()],
+            options,
+            monitor,
+        )?,
+        None => Vec::new(),
     };
     if let Some(best) = best_of(&strengths) {
         recipe.regularise.strength = best;
     }
-    let density = studied.iter().map(|l| l.density).sum::<f64>() / studied.len().max(1) as f64;
+    let density = mean_density(studied.iter().map(|l| l.density));
     let FeatureTable { names: feature_names, values: rows } = table(studied);
     let (width, count) = (feature_names.len(), classes.len());
     let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes: count };
     let classifier = seeded(&recipe).train(&samples, monitor)?;
-    let (classes_counted, road_examples) =
-        (counts(clouds, &codes, &classes), learned.road.iter().filter(|e| e.road).count());
+    let road_examples = learned.road.iter().filter(|e| e.road).count();
+    let samples_of = |code| ClassSamples { count: codes.iter().filter(|&&c| c == code).count() as u64, weight: 1.0 };
     let report = WeakReport {
-        classes: classes_counted,
-        unlabelled: clouds.iter().map(|(_, l)| l.unlabelled).sum(),
+        classes: data.class_counts(samples_of),
+        unlabelled: data.unlabelled(),
         road_examples,
         partitions,
         strengths,
@@ -85,13 +93,11 @@ pub(super) fn train(
 
 /// A cloud of which only the local descriptors have been computed.
 struct Draft<'a> {
-    cloud: &'a Cloud,
-    points: Points,
+    scene: WeakScene<'a>,
     examples: Vec<Example>,
-    local: FeatureTable,
 }
 
-/// What all clouds give: labelled points with their features, and the recipe with its open choices made.
+/// Labelled points of all clouds with their features, and the recipe with automatic choices replaced by values.
 struct Study<'a> {
     recipe: WeakRecipe,
     studied: Vec<LabelledPoints<'a>>,
@@ -104,44 +110,39 @@ struct Study<'a> {
 /// Describes the labelled points of every cloud. The strength of the partition and the finest scale are those of the
 /// first cloud. If strengths are to be tried, the features of all points of the first cloud are kept.
 fn study<'a>(
-    clouds: &'a [(Cloud, Labels)],
+    data: &'a TrainingData<'a>,
     recipe: &WeakRecipe,
     options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<Study<'a>> {
     let mut drafts = Vec::new();
-    note_oddities(clouds.iter().map(|(cloud, _)| cloud), monitor)?;
-    for (c, (cloud, labels)) in clouds.iter().enumerate() {
-        let points = points_of(cloud, recipe.features.metres_per_unit, monitor)?;
+    for (c, LabelledScene { metric, labels }) in data.scenes.iter().enumerate() {
+        let scene = WeakScene::new(metric, recipe, monitor)?;
         let seed = recipe.seed.wrapping_add(c as u64);
-        let examples = examples(labels, &points.frame.index, &recipe.labels, seed)?;
-        let local = describe::local(&points.positions, recipe, monitor)?;
-        drafts.push(Draft { cloud, points, examples, local });
+        let examples = examples(labels, &scene.points.frame.index, &recipe.labels, seed)?;
+        drafts.push(Draft { scene, examples });
     }
-    // The step that needs most memory comes first, while little else is held.
-    let (mut recipe, partitions) = fit_partition(&drafts, recipe, monitor)?;
+    // The graph of the points needs most memory: it comes first, while little else is held.
+    let Fit { mut recipe, tried: partitions, mut support } = fit_partition(&drafts, recipe, options, monitor)?;
     let (mut road, mut held) = (Vec::new(), Vec::new());
-    for Draft { cloud, points, examples, local } in &drafts {
-        road.extend(recipe.road.learn(examples, local));
-        let position = |point: u32| cloud.xyz(points.frame.index[point as usize] as usize);
+    for Draft { scene, examples } in &drafts {
+        road.extend(recipe.road.learn(examples, &scene.local));
+        let position = |point: u32| scene.metric.cloud.xyz(scene.points.frame.index[point as usize] as usize);
         held.extend(recipe.labels.remember(examples, position));
     }
     let mut studied = Vec::new();
-    for Draft { cloud, points, examples, local } in drafts {
-        let elevation = options.elevation.as_ref();
-        let scene = DescribedScene { cloud, points: &points, examples: &road, elevation };
-        let six = describe::six(&scene, local, &recipe, monitor)?;
+    for Draft { mut scene, examples } in drafts {
+        let sources = RoadSources { examples: &road, elevation: options.elevation.as_ref() };
+        let paper = paper_descriptors(&scene, sources, &recipe, monitor)?;
+        scene.local = FeatureTable::default();
+        let described = Described { scene, paper };
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
-        let own = describe::select(&six, &at);
-        let places: Vec<u32> = at.iter().map(|&point| points.frame.index[point as usize]).collect();
-        let first = !options.strengths.is_empty() && studied.is_empty();
-        let described = first.then_some(Described { cloud, points, six });
-        let more = describe::more(&recipe, None);
-        let (rows, scale) = describe::rows(cloud, LabelledRows { six: own, places: &places }, more.as_ref(), monitor)?;
+        let (rows, scale) = described.rows(&at, scaled_features(&recipe), monitor)?;
         // The finest scale of the first cloud is used for the others, and for all clouds that the model classifies.
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
-        let density = planar_density(cloud, cloud.metres_per_unit.unwrap_or(1.0), monitor)?;
-        studied.push(LabelledPoints { described, examples, rows, density });
+        let density = planar_density(&described.scene.points.positions, monitor)?;
+        let trial = support.take().map(|support| Trial { described, support });
+        studied.push(LabelledPoints { trial, examples, rows, density });
     }
     Ok(Study { recipe, studied, partitions, road, held })
 }
@@ -158,24 +159,39 @@ fn seeded(recipe: &WeakRecipe) -> ClassifierParams {
     ClassifierParams::Forest(recipe.forest.clone()).with_seed(recipe.seed)
 }
 
-/// The recipe with segments so fine that whole segments can be consistent with the labels of the first cloud.
+/// The strength of the partition, chosen on the first cloud.
+struct Fit {
+    recipe: WeakRecipe,
+    /// Strengths that were tried, and their oracle accuracy.
+    tried: Vec<StrengthScore>,
+    /// Support for the random field on the first cloud, if strengths of the field are to be tried.
+    support: Option<Support>,
+}
+
+/// Chooses segments so fine that whole segments can be consistent with the labels of the first cloud.
 ///
 /// The paper's strength suits its street scans; on airborne scans roofs and ground would share segments.
-fn fit_partition(
-    drafts: &[Draft<'_>],
-    recipe: &WeakRecipe,
-    monitor: &Monitor,
-) -> Result<(WeakRecipe, Vec<StrengthScore>)> {
+fn fit_partition(drafts: &[Draft<'_>], recipe: &WeakRecipe, options: &TrainOptions, monitor: &Monitor) -> Result<Fit> {
     let (mut recipe, mut tried) = (recipe.clone(), Vec::new());
-    let voting = matches!(recipe.regularise.method, Regularise::Consensus | Regularise::SegmentCrf);
-    let (Some(draft), true) = (drafts.first(), voting && recipe.labels.fit_partition) else {
-        return Ok((recipe, tried));
+    let Some(Draft { scene: WeakScene { points, local, .. }, examples }) = drafts.first() else {
+        return Ok(Fit { recipe, tried, support: None });
     };
-    let mut labels = vec![None; draft.points.len()];
-    draft.examples.iter().for_each(|e| labels[e.point as usize] = Some(e.code));
+    let points = &points.positions;
+    let wanted = !options.strengths.is_empty();
+    if !(recipe.regularise.method.has_segments() && recipe.labels.fit_partition) {
+        let support = wanted.then(|| Support::new(points, Some(local), &recipe.regularise, monitor)).transpose()?;
+        return Ok(Fit { recipe, tried, support });
+    }
+    let mut labels = vec![None; points.len()];
+    examples.iter().for_each(|e| labels[e.point as usize] = Some(e.code));
+    let described = DescribedPoints { points, descriptors: local, labels: Some(&labels) };
+    let RegulariseParams { neighbours, adjacency, .. } = &recipe.regularise;
+    let graph = point_graph(points, *neighbours, adjacency, monitor)?;
+    let mut found = None;
     while let Intent::Strength(strength) = recipe.regularise.partition.intent {
-        let scene = Scene::new(&draft.points.positions, Some(&draft.local), &recipe.regularise, monitor)?;
-        let accuracy = scene.oracle_accuracy(&labels)?.unwrap_or(1.0);
+        let search = partition(described, &graph, &recipe.regularise.partition, monitor)?;
+        let accuracy = search.trials.first().and_then(|trial| trial.oracle_accuracy).unwrap_or(1.0);
+        found = Some(search);
         tried.push(StrengthScore { strength, accuracy });
         let WeakLabels { fit_accuracy, fit_trials, fit_step, .. } = recipe.labels;
         if accuracy >= fit_accuracy || tried.len() >= fit_trials || strength <= 0.0 {
@@ -183,43 +199,45 @@ fn fit_partition(
         }
         recipe.regularise.partition.intent = Intent::Strength(strength * fit_step);
     }
-    Ok((recipe, tried))
+    let support = match (wanted, found) {
+        (false, _) => None,
+        (true, Some(found)) => Some(Support::Segments(Segments::new(found, &graph, monitor)?)),
+        (true, None) => Some(Support::new(points, Some(local), &recipe.regularise, monitor)?),
+    };
+    Ok(Fit { recipe, tried, support })
 }
 
-/// The search for the strength of the random field on the labels of one cloud.
-struct Search<'a> {
+/// Trials of strengths of the random field on the labels of one cloud.
+struct StrengthTrials<'a> {
     labelled: &'a LabelledPoints<'a>,
     recipe: &'a WeakRecipe,
     /// Share of each class in the labels.
     shares: &'a [f64],
 }
 
-impl Search<'_> {
-    /// Accuracy of every strength on the held-out labels.
-    fn run(&self, classes: &ClassTable, options: &TrainOptions, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
+impl StrengthTrials<'_> {
+    /// Accuracy of every strength on the held-out labels; `labels` are the positions of their classes.
+    fn run(&self, labels: &[u16], options: &TrainOptions, monitor: &Monitor) -> Result<Vec<StrengthScore>> {
         let Self { labelled, recipe, shares } = self;
-        let labels: Vec<u16> =
-            labelled.examples.iter().filter_map(|e| classes.position(e.code)).map(|p| p as u16).collect();
-        let (strengths, count) = (&options.strengths, options.folds());
-        let folds = stratified_folds(&labels, count, recipe.seed)?;
-        let Some(described) = &labelled.described else { return Ok(Vec::new()) };
-        let scene = Scene::new(&described.points.positions, Some(&head(&described.six)), &recipe.regularise, monitor)?;
-        let more = describe::more(recipe, None);
+        let Some(Trial { described, support }) = &labelled.trial else { return Ok(Vec::new()) };
+        let (strengths, count, classes) = (&options.strengths, options.folds(), shares.len());
+        let folds = stratified_folds(labels, count, recipe.seed)?;
+        let scaled = scaled_features(recipe);
         let mut right = vec![0usize; strengths.len()];
         for fold in 0..count as u32 {
             let kept: Vec<usize> = (0..labels.len()).filter(|&i| folds[i] != fold).collect();
             let rows: Vec<f32> = kept.iter().flat_map(|&i| labelled.rows.row(i)).copied().collect();
             let names: Vec<u16> = kept.iter().map(|&i| labels[i]).collect();
-            let (width, classes) = (labelled.rows.width(), classes.len());
+            let width = labelled.rows.width();
             let samples = Samples { features: &rows, width, labels: &names, weights: None, classes };
             let forest = seeded(recipe).train(&samples, monitor)?;
-            let mut values = described.probabilities(&forest, more.as_ref(), monitor)?;
+            let mut values = described.probabilities(&forest, scaled, monitor)?;
             let counts = most_probable(&values, classes);
             recipe.shares.apply(&mut values, &counts, shares);
             for (s, &strength) in strengths.iter().enumerate() {
                 let params = RegulariseParams { strength, ..recipe.regularise.clone() };
                 params.validate()?;
-                let found = scene.decide(Probabilities { values: &values, classes }, &params, monitor)?;
+                let found = support.decide(Probabilities { values: &values, classes }, &params, monitor)?;
                 let held = (0..labels.len()).filter(|&i| folds[i] == fold);
                 right[s] += held.filter(|&i| found.labels[labelled.examples[i].point as usize] == labels[i]).count();
             }
@@ -238,20 +256,6 @@ fn best_of(scores: &[StrengthScore]) -> Option<f64> {
         a.accuracy.total_cmp(&b.accuracy).then(b.strength.total_cmp(&a.strength))
     };
     scores.iter().max_by(better).map(|s| s.strength)
-}
-
-/// Number of labelled points of each class, and of those used.
-fn counts(clouds: &[(Cloud, Labels)], codes: &[u8], classes: &ClassTable) -> Vec<ClassCount> {
-    let points = counts_of(clouds);
-    let samples = |code| codes.iter().filter(|&&c| c == code).count() as u64;
-    let count = |c: &Class| ClassCount {
-        code: c.code,
-        name: c.name.clone(),
-        points: points[usize::from(c.code)],
-        samples: samples(c.code),
-        weight: 1.0,
-    };
-    classes.classes().iter().map(count).collect()
 }
 
 fn warnings(recipe: &WeakRecipe, road_examples: usize) -> Vec<String> {

@@ -1,4 +1,4 @@
-//! A partition for a purpose: the strength is searched, so that the user need not know what it means.
+//! Chooses the strength for a wanted number of segments, size of objects or accuracy.
 
 mod params;
 mod search;
@@ -56,7 +56,11 @@ pub fn partition_by_intent(
         }
     }
     let aim = aim(input, params, monitor)?;
-    search_strength(&aim, params.trials, typical_strength(input), |strength| {
+    let first = match aim {
+        Aim::Strength(strength) => strength,
+        _ => typical_strength(input),
+    };
+    search_strength(&aim, params.trials, first, |strength| {
         let (partition, energy) = solve(input, params, strength, monitor)?;
         let oracle_accuracy = match input.labels {
             Some(labels) => oracle_accuracy(&partition, labels)?,

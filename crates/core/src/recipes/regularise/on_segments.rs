@@ -1,98 +1,84 @@
 //! Classification of segments by their mean probabilities and a conditional random field (Guinard & Landrieu 2017,
 //! section 4).
 
-use super::regularise::{
-    Costs, Posterior, Probabilities, Regularise, RegulariseParams, Regularised, by_largest, field,
-};
+use super::field::field;
+use super::{Posterior, Probabilities, Regularise, RegulariseParams, Regularised, spread};
 use crate::error::Result;
 use crate::graph::Graph;
 use crate::parallel::Monitor;
 use crate::segmentation::{
-    ChosenSegments, Intent, Interface, Partition, PartitionInput, PartitionParams, StrengthSearch, oracle_accuracy,
-    recut, segment_graph,
+    ChosenSegments, Intent, Interface, Partition, PartitionInput, PartitionParams, StrengthSearch, recut, segment_graph,
 };
+use std::sync::Arc;
 
 /// A partition and its segment graph.
 #[derive(Debug)]
-pub(super) struct Segments {
-    partition: Partition,
+pub(in crate::recipes) struct Segments {
+    partition: Arc<Partition>,
     /// w_st: total weight of the point edges between two segments.
     graph: Graph,
     /// ρ of the first segmentation.
-    strength: f64,
+    coarseness: f64,
 }
 
 /// Segments to be segmented again, and the share (0..1) of the strength with which that is done.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Again<'a> {
-    pub(super) segments: &'a [u32],
-    pub(super) step: f64,
+pub(in crate::recipes) struct Again<'a> {
+    pub(in crate::recipes) segments: &'a [u32],
+    pub(in crate::recipes) step: f64,
 }
 
 impl Segments {
-    pub(super) fn new(found: StrengthSearch, points: &Graph, monitor: &Monitor) -> Result<Self> {
+    pub(in crate::recipes) fn new(found: StrengthSearch, points: &Graph, monitor: &Monitor) -> Result<Self> {
         let graph = segment_graph(points, &found.partition, Interface::Weight, monitor)?;
-        Ok(Self { partition: found.partition, graph, strength: found.strength })
+        Ok(Self { partition: Arc::new(found.partition), graph, coarseness: found.strength })
     }
 
     /// Number of segments.
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::recipes) fn len(&self) -> usize {
         self.partition.len()
     }
 
     /// Segment of each point.
-    pub(super) fn of_points(&self) -> &[u32] {
+    pub(in crate::recipes) fn of_points(&self) -> &[u32] {
         self.partition.segments()
     }
 
-    /// Segments some of them again, more finely.
-    pub(super) fn recut(
+    /// Divides some segments into smaller ones.
+    pub(in crate::recipes) fn recut(
         &mut self,
         scene: &PartitionInput<'_>,
         again: &Again<'_>,
         params: &PartitionParams,
         monitor: &Monitor,
     ) -> Result<()> {
-        let params = PartitionParams { intent: Intent::Strength(again.step * self.strength), ..params.clone() };
-        self.partition =
-            recut(scene, ChosenSegments { partition: &self.partition, chosen: again.segments }, &params, monitor)?;
+        let params = PartitionParams { intent: Intent::Strength(again.step * self.coarseness), ..params.clone() };
+        let chosen = ChosenSegments { partition: &self.partition, chosen: again.segments };
+        self.partition = Arc::new(recut(scene, chosen, &params, monitor)?);
         self.graph = segment_graph(scene.graph, &self.partition, Interface::Weight, monitor)?;
         Ok(())
     }
 
-    /// Oracle accuracy of the segments, if there are labels.
-    pub(super) fn oracle_accuracy(&self, labels: &[Option<u8>]) -> Result<Option<f64>> {
-        oracle_accuracy(&self.partition, labels)
-    }
-
     /// One label for each segment, transferred to its points.
-    pub(super) fn decide(
+    pub(in crate::recipes) fn decide(
         &self,
         given: Probabilities<'_>,
         params: &RegulariseParams,
         monitor: &Monitor,
     ) -> Result<Regularised> {
         let Probabilities { values: smooth, classes } = given;
-        let mean = self.mean(smooth, classes);
-        let (labels, energy) = match params.method {
-            Regularise::Consensus => (by_largest(mean.clone(), classes).labels, None),
-            _ => {
-                let costs = match params.posterior {
-                    Posterior::LogOfMean => self.costs(mean.iter().map(|p| -f64::from(*p).ln()), classes),
-                    Posterior::MeanOfLogs => self.costs(self.mean_of_logs(smooth, classes).into_iter(), classes),
-                };
-                let costs = Costs { values: &costs, classes };
-                let found = field(&costs, &self.graph, params.strength, monitor)?;
-                (found.labels, Some(found.energy))
-            }
+        let rows = self.mean(smooth, classes);
+        let partition = Some(Arc::clone(&self.partition));
+        if params.method == Regularise::Consensus {
+            return Ok(Regularised::by_largest(rows, classes, partition));
+        }
+        let costs = match params.posterior {
+            Posterior::LogOfMean => self.costs(rows.iter().map(|p| -f64::from(*p).ln()), classes),
+            Posterior::MeanOfLogs => self.costs(self.mean_of_logs(smooth, classes).into_iter(), classes),
         };
-        let of = self.partition.segments();
-        Ok(Regularised {
-            labels: of.iter().map(|&s| labels[s as usize]).collect(),
-            probabilities: of.iter().flat_map(|&s| &mean[s as usize * classes..][..classes]).copied().collect(),
-            partition: Some(self.partition.clone()),
-            energy,
-        })
+        let found = field(&costs, &self.graph, params.strength, monitor)?;
+        let labels = spread(&self.partition, &found.labels);
+        Ok(Regularised { labels, rows, partition, energy: Some(found.energy) })
     }
 
     /// p(L_s = k): mean over the points of each segment.

@@ -1,0 +1,127 @@
+//! Parameters of regularisation.
+
+use crate::error::{Error, Result};
+use crate::graph::KnnGraphParams;
+use crate::neighbours::OptimalParams;
+use crate::segmentation::{Intent, PartitionParams};
+use serde::{Deserialize, Serialize};
+
+/// The method of regularisation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Regularise {
+    /// None: each point has its most probable class.
+    #[default]
+    None,
+    /// Local smoothing: the mean of the neighbours' probabilities.
+    Local,
+    /// A conditional random field on the points: each edge between different labels costs `strength`.
+    PointCrf,
+    /// Each segment takes the most probable class of its mean probabilities.
+    Consensus,
+    /// A conditional random field on the segments: the paper's method.
+    SegmentCrf,
+}
+
+impl Regularise {
+    /// All methods.
+    pub const ALL: [Self; 5] = [Self::None, Self::Local, Self::PointCrf, Self::Consensus, Self::SegmentCrf];
+
+    /// The name as in TOML and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Local => "local",
+            Self::PointCrf => "point-crf",
+            Self::Consensus => "consensus",
+            Self::SegmentCrf => "segment-crf",
+        }
+    }
+
+    /// Whether it gives one label to each segment.
+    pub(in crate::recipes) fn has_segments(self) -> bool {
+        matches!(self, Self::Consensus | Self::SegmentCrf)
+    }
+
+    /// One line about it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::None => "No regularisation",
+            Self::Local => "Mean of the neighbours' probabilities",
+            Self::PointCrf => "Conditional random field on the points",
+            Self::Consensus => "The most probable class of each segment, by its mean probabilities",
+            Self::SegmentCrf => "Conditional random field on the segments (Guinard and Landrieu 2017)",
+        }
+    }
+}
+
+/// How the probabilities of a segment's points are combined into one cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Posterior {
+    /// The logarithm of the mean, as in the paper: a single confident point cannot outvote the others.
+    #[default]
+    LogOfMean,
+    /// The mean of the logarithms: the energy of the point field, restricted to labellings that are constant on
+    /// segments.
+    MeanOfLogs,
+}
+
+/// Parameters of [`regularise`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RegulariseParams {
+    /// The method of regularisation.
+    pub method: Regularise,
+    /// α: p = (1 − α) p + α / classes keeps every class possible. 0 < α ≤ 1.
+    pub smoothing: f64,
+    /// σ: cost of an edge of weight 1 between different labels, ≥ 0; if infinite, each connected component gets one label.
+    pub strength: f64,
+    /// How the probabilities of a segment's points are combined.
+    pub posterior: Posterior,
+    /// Number of nearest neighbours that each point is connected to, at least 1.
+    pub neighbours: usize,
+    /// Weights of these edges.
+    pub adjacency: KnnGraphParams,
+    /// Neighbourhoods for the descriptors on which the segments are based. The weak recipe has descriptors of its own and
+    /// does not use these.
+    pub neighbourhood: OptimalParams,
+    /// The segments. The strength is 0.03, which suits streets and airborne scans; the weak recipe starts with 0.1.
+    pub partition: PartitionParams,
+}
+
+impl Default for RegulariseParams {
+    fn default() -> Self {
+        Self {
+            method: Regularise::None,
+            smoothing: 0.01,
+            strength: 1.0,
+            posterior: Posterior::LogOfMean,
+            neighbours: 10,
+            adjacency: KnnGraphParams::default(),
+            neighbourhood: OptimalParams::default(),
+            partition: PartitionParams { intent: Intent::Strength(0.03), ..PartitionParams::default() },
+        }
+    }
+}
+
+impl RegulariseParams {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// Names the field, its value and what is allowed.
+    pub fn validate(&self) -> Result<()> {
+        if !(self.smoothing > 0.0 && self.smoothing <= 1.0) {
+            return Err(Error::parameter("regularise.smoothing", self.smoothing, "above 0, at most 1"));
+        }
+        if self.strength.is_nan() || self.strength < 0.0 {
+            return Err(Error::parameter("regularise.strength", self.strength, "0 or more; may be infinite"));
+        }
+        if self.neighbours == 0 {
+            return Err(Error::parameter("regularise.neighbours", 0, "1 or more"));
+        }
+        self.adjacency.validate()?;
+        self.neighbourhood.validate()?;
+        self.partition.validate()
+    }
+}

@@ -1,0 +1,98 @@
+//! What training of every method begins and ends with: the labelled clouds in metres, their classes, and counts for the
+//! report.
+
+use super::labels::{LabelledCloud, Labels};
+use super::report::ClassCount;
+use crate::classes::ClassTable;
+use crate::cloud::{CodeScheme, MetricCloud};
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+
+/// The clouds that a method is trained on.
+pub(super) struct TrainingData<'a> {
+    /// Each cloud in metres, with its labels.
+    pub(super) scenes: Vec<LabelledScene<'a>>,
+    /// Number of points with each code, over all clouds.
+    points: [u64; 256],
+}
+
+/// A cloud in metres, and its labels.
+pub(super) struct LabelledScene<'a> {
+    pub(super) metric: MetricCloud<'a>,
+    pub(super) labels: &'a Labels,
+}
+
+/// The samples of a class.
+#[derive(Clone, Copy, Default)]
+pub(super) struct ClassSamples {
+    pub(super) count: u64,
+    /// Weight of each.
+    pub(super) weight: f64,
+}
+
+impl<'a> TrainingData<'a> {
+    /// Decides the unit of each cloud (`metres_per_unit` of the recipe, else its own), and warns of stray points.
+    ///
+    /// # Errors
+    /// If coordinates are degrees, or the work was cancelled.
+    pub(super) fn new(clouds: &'a [LabelledCloud], metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Self> {
+        let mut points = [0u64; 256];
+        let mut scenes = Vec::with_capacity(clouds.len());
+        for LabelledCloud { cloud, labels } in clouds {
+            let metric = MetricCloud::new(cloud, metres_per_unit, monitor)?;
+            metric.oddities().into_iter().for_each(|text| monitor.warn(text));
+            labels.counts().iter().zip(&mut points).for_each(|(n, sum)| *sum += n);
+            scenes.push(LabelledScene { metric, labels });
+        }
+        Ok(Self { scenes, points })
+    }
+
+    /// Number of points without a label.
+    pub(super) fn unlabelled(&self) -> u64 {
+        self.scenes.iter().map(|scene| scene.labels.unlabelled).sum()
+    }
+
+    /// The classes with these codes, with the names of the only known list among the labels.
+    pub(super) fn class_table(&self, codes: &[u8]) -> ClassTable {
+        let mut known = self.scenes.iter().map(|scene| scene.labels.scheme).filter(|&s| s != CodeScheme::Own);
+        let first = known.next().unwrap_or_default();
+        let scheme = if known.all(|s| s == first) { first } else { CodeScheme::Own };
+        ClassTable::of_scheme(codes, scheme)
+    }
+
+    /// All classes that are labelled.
+    pub(super) fn labelled_classes(&self) -> ClassTable {
+        let codes: Vec<u8> = (0..=255u8).filter(|&code| self.points[usize::from(code)] > 0).collect();
+        self.class_table(&codes)
+    }
+
+    /// Points and samples of each labelled class, for the report.
+    pub(super) fn class_counts(&self, samples: impl Fn(u8) -> ClassSamples) -> Vec<ClassCount> {
+        let table = self.labelled_classes();
+        let count = table.classes().iter().map(|class| {
+            let ClassSamples { count, weight } = samples(class.code);
+            let points = self.points[usize::from(class.code)];
+            ClassCount { code: class.code, name: class.name.clone(), points, samples: count, weight }
+        });
+        count.collect()
+    }
+}
+
+/// Fails if there are fewer than two classes.
+pub(super) fn check_classes(classes: &ClassTable) -> Result<()> {
+    let advice = "check the label dimension, and which codes are mapped, asked for and count as unlabelled";
+    match classes.classes() {
+        [] => Err(Error::input(format!("no labelled point to learn from; {advice}"))),
+        [one] => Err(Error::input(format!(
+            "only one class to learn, code {} ({}): a model needs two or more; {advice}",
+            one.code, one.name
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Mean of the densities of the clouds; 0 without clouds.
+pub(super) fn mean_density(densities: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = densities.len().max(1) as f64;
+    densities.sum::<f64>() / count
+}
