@@ -1,6 +1,7 @@
 //! Reading files in blocks of points, so that the whole file never needs to be in memory.
 
 use super::format::{Format, format_of};
+use super::reader::{BlockReader, Whole};
 use super::{ReadOptions, check_resolution, e57, inside, las, npz, pcd, ply, ptx, text};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
@@ -36,48 +37,30 @@ pub struct Blocks {
     options: ReadOptions,
 }
 
-/// A file that is read in blocks.
+/// An open file.
 #[derive(Debug)]
-pub(super) enum Source {
-    Las(Box<las::Reader>),
-    Ply(Box<ply::Reader>),
-    Pcd(Box<pcd::Reader>),
-    Text(Box<text::Reader>),
-    /// A cloud, and the index of the first point that was not returned yet.
-    Whole(Box<Cloud>, usize),
+struct Source {
+    reader: Box<dyn BlockReader>,
+    /// Whether its blocks hold points outside the box.
+    uncut: bool,
 }
 
 impl Source {
-    pub(super) fn open(format: Format, path: &Path, options: &ReadOptions) -> Result<Self> {
+    fn open(format: Format, path: &Path, options: &ReadOptions) -> Result<Self> {
         let whole = |cloud: Cloud| {
             let cut = options.bounds.as_ref().map(|bounds| inside(&cloud, bounds));
-            Self::Whole(Box::new(cut.unwrap_or(cloud)), 0)
+            Box::new(Whole::new(cut.unwrap_or(cloud)))
         };
-        Ok(match format {
-            Format::Las => Self::Las(Box::new(las::Reader::open(path, options)?)),
-            Format::Ply => Self::Ply(Box::new(ply::Reader::open(path, options)?)),
-            Format::Pcd => Self::Pcd(Box::new(pcd::Reader::open(path, options)?)),
-            Format::Text => Self::Text(Box::new(text::Reader::open(path, options)?)),
+        let reader: Box<dyn BlockReader> = match format {
+            Format::Las => Box::new(las::Reader::open(path, options)?),
+            Format::Ply => Box::new(ply::Reader::open(path, options)?),
+            Format::Pcd => Box::new(pcd::Reader::open(path, options)?),
+            Format::Text => Box::new(text::Reader::open(path, options)?),
             Format::E57 => whole(e57::read(path, options)?),
             Format::Npz => whole(npz::read(path, options)?),
             Format::Ptx => whole(ptx::read(path, options)?),
-        })
-    }
-
-    /// The next points, and whether they must still be filtered by the box; an empty cloud at the end.
-    pub(super) fn take(&mut self, size: usize) -> Result<(Cloud, bool)> {
-        match self {
-            Self::Las(reader) => Ok((reader.take(size)?, false)),
-            Self::Ply(reader) => Ok((reader.take(size)?, true)),
-            Self::Pcd(reader) => Ok((reader.take(size)?, true)),
-            Self::Text(reader) => Ok((reader.take(size)?, true)),
-            Self::Whole(cloud, first) => {
-                let end = first.saturating_add(size).min(cloud.len());
-                let indices: Vec<u32> = (*first as u32..end as u32).collect();
-                *first = end;
-                Ok((cloud.select(&indices), false))
-            }
-        }
+        };
+        Ok(Self { reader, uncut: matches!(format, Format::Ply | Format::Pcd | Format::Text) })
     }
 }
 
@@ -86,9 +69,10 @@ impl Iterator for Blocks {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            let taken = self.source.as_mut()?.take(self.size);
-            let (block, whole) = match taken {
-                Ok(taken) => taken,
+            let source = self.source.as_mut()?;
+            let (taken, uncut) = (source.reader.take(self.size), source.uncut);
+            let block = match taken {
+                Ok(block) => block,
                 Err(e) => {
                     self.source = None;
                     return Some(Err(e));
@@ -99,7 +83,7 @@ impl Iterator for Blocks {
                 return None;
             }
             let block = match &self.options.bounds {
-                Some(bounds) if whole => inside(&block, bounds),
+                Some(bounds) if uncut => inside(&block, bounds),
                 _ => block,
             };
             if !block.is_empty() {

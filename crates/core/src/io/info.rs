@@ -1,6 +1,8 @@
-//! Information about a file from its header.
+//! What is known of a file: information from its header, its reference system, the losses of a damaged one.
 
 use super::options::Bounds;
+use crate::cloud::crs::same;
+use crate::error::{Error, Result};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -69,4 +71,64 @@ impl FileInfo {
             warnings: Vec::new(),
         }
     }
+}
+
+/// Losses of a damaged file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Losses {
+    /// Number of points declared in the header.
+    pub declared: u64,
+    /// Number of points that can be read.
+    pub read: u64,
+    /// The defects, one sentence each; empty for an intact file.
+    pub notes: Vec<String>,
+}
+
+impl Losses {
+    /// Number of lost points.
+    pub fn lost(&self) -> u64 {
+        self.declared.saturating_sub(self.read)
+    }
+
+    /// A sentence for the user.
+    pub fn summary(&self) -> String {
+        match (self.notes.is_empty(), self.lost()) {
+            (true, _) => format!("nothing is lost: {} points", self.read),
+            (false, lost) => format!("{lost} of {} points are lost, {} are read", self.declared, self.read),
+        }
+    }
+}
+
+/// The reference system of an input, if it tells one.
+#[derive(Clone, Copy)]
+pub(in crate::io) struct NamedCrs<'a> {
+    path: &'a Path,
+    crs: Option<&'a str>,
+}
+
+impl<'a> NamedCrs<'a> {
+    pub(in crate::io) fn new(path: &'a Path, crs: Option<&'a str>) -> Self {
+        Self { path, crs }
+    }
+}
+
+/// Fails if two files state different reference systems; adds a note if only one states any.
+pub(in crate::io) fn check_crs(one: NamedCrs<'_>, other: NamedCrs<'_>, notes: &mut Vec<String>) -> Result<()> {
+    let (NamedCrs { path: first, crs: a }, NamedCrs { path, crs: b }) = (one, other);
+    match (a, b) {
+        (Some(a), Some(b)) if !same(a, b) => {
+            let text = format!("{} lies in another reference system than {}", path.display(), first.display());
+            Err(Error::input(format!("{text} ({} / {})", shortened(b), shortened(a))))
+        }
+        (Some(_), None) | (None, Some(_)) => {
+            let silent = if b.is_none() { path } else { first };
+            notes.push(format!("{} does not tell its reference system; taken as that of the others", silent.display()));
+            Ok(())
+        }
+        _ => Ok(()),
+    }
+}
+
+fn shortened(text: &str) -> String {
+    text.chars().take(60).collect()
 }

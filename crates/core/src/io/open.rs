@@ -4,10 +4,10 @@
 //! folder is refused before anything is read, and opening never blocks. Settings, models and label tables are read once
 //! and sequentially ([`bytes`], [`text`]), so that they may come from a pipe.
 
-use super::run;
+use super::run::{self, at_once};
 use crate::error::{Error, Result};
 use crate::memory;
-use std::fs::{File, FileType, OpenOptions};
+use std::fs::{File, FileType};
 use std::io::Read;
 use std::path::Path;
 
@@ -159,19 +159,6 @@ fn from_pipe(path: &Path, mut pipe: File, most: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     (&mut pipe).take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
     Ok(bytes)
-}
-
-/// Opens any kind of file without waiting for another program.
-pub(super) fn at_once(path: &Path) -> Result<File> {
-    let mut options = OpenOptions::new();
-    options.read(true);
-    #[cfg(unix)]
-    {
-        use rustix::fs::OFlags;
-        use std::os::unix::fs::OpenOptionsExt;
-        options.custom_flags((OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed());
-    }
-    options.open(path).map_err(|e| Error::io(path, e))
 }
 
 fn refused(path: &Path, kind: FileType) -> Error {

@@ -5,7 +5,7 @@
 //! which are skipped. If there are several scans, the column `ScanIndex` has the index of each point's scan, from 0.
 
 use super::lines::Lines;
-use super::words::Words;
+use super::lines::words::Words;
 use super::{FileInfo, ReadOptions};
 use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::{Error, Mismatch, Result};

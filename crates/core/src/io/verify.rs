@@ -1,8 +1,7 @@
 //! Reads a written file back before it gets its final name.
 
 use super::atomic::AtomicFile;
-use super::blocks::Source;
-use super::format::Format;
+use super::reader::BlockReader;
 use super::{Bounds, Columns, ReadOptions, WriteOptions};
 use crate::cloud::{Cloud, around};
 use crate::error::{Error, Result};
@@ -11,12 +10,20 @@ use std::path::Path;
 /// Number of points in a block.
 const BLOCK: usize = 65_536;
 
-/// Gives a file its final name if reading it returns as many points as the cloud has, with the same bounds.
+/// Gives a file its final name if `open`, the reader of its format, returns as many points as the cloud has, with the
+/// same bounds.
 ///
 /// Time linear in the points; memory for a block (npz: the coordinates).
-pub(super) fn finish(mut file: AtomicFile, format: Format, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+pub(super) fn finish<R: BlockReader>(
+    mut file: AtomicFile,
+    cloud: &Cloud,
+    options: &WriteOptions,
+    open: impl FnOnce(&Path, &ReadOptions) -> Result<R>,
+) -> Result<()> {
     file.flush()?;
-    let found = again(file.partial(), format, options).map_err(|e| match e {
+    let columns = Columns::Only(Vec::new());
+    let read = ReadOptions { columns, monitor: options.monitor.clone(), ..ReadOptions::default() };
+    let found = open(file.partial(), &read).and_then(|reader| again(reader, options)).map_err(|e| match e {
         Error::Interrupted => e,
         e => Error::input(format!("{}: what was written cannot be read: {e}", file.target().display())),
     })?;
@@ -30,15 +37,12 @@ pub(super) fn finish(mut file: AtomicFile, format: Format, cloud: &Cloud, option
 }
 
 /// Number and bounds of the points of a file.
-fn again(path: &Path, format: Format, options: &WriteOptions) -> Result<(usize, Option<Bounds>)> {
-    let columns = Columns::Only(Vec::new());
-    let read = ReadOptions { columns, monitor: options.monitor.clone(), ..ReadOptions::default() };
-    let mut source = Source::open(format, path, &read)?;
+fn again(mut reader: impl BlockReader, options: &WriteOptions) -> Result<(usize, Option<Bounds>)> {
     options.monitor.stage("check", 0);
     let (mut points, mut bounds) = (0, None);
     loop {
         options.monitor.check()?;
-        let (block, _) = source.take(BLOCK)?;
+        let block = reader.take(BLOCK)?;
         if block.is_empty() {
             return Ok((points, bounds));
         }
@@ -62,6 +66,7 @@ fn alike(a: Option<Bounds>, b: Option<Bounds>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::text;
 
     #[test]
     fn a_file_that_does_not_hold_the_cloud_gets_no_name() {
@@ -75,13 +80,13 @@ mod tests {
         ] {
             let mut file = AtomicFile::create(&path).unwrap();
             file.write_all(text.as_bytes()).unwrap();
-            let message = finish(file, Format::Text, &cloud, &WriteOptions::default()).unwrap_err().to_string();
+            let message = finish(file, &cloud, &WriteOptions::default(), text::Reader::open).unwrap_err().to_string();
             assert!(message.contains("a.xyz: ") && message.contains(expected), "{message}");
             assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
         }
         let mut file = AtomicFile::create(&path).unwrap();
         file.write_all(b"x y z\n1 2 3\n4 5 6\n").unwrap();
-        finish(file, Format::Text, &cloud, &WriteOptions::default()).unwrap();
+        finish(file, &cloud, &WriteOptions::default(), text::Reader::open).unwrap();
         assert!(path.exists());
     }
 }

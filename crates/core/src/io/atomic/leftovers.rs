@@ -1,7 +1,7 @@
 //! Temporary files: their names, and the removal of those that killed runs have left.
 
 use super::AtomicFile;
-use crate::io::open;
+use crate::io::{open, run};
 use std::fs::{File, OpenOptions};
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub(super) fn sweep(file: &AtomicFile) {
     for entry in entries.filter_map(std::result::Result::ok) {
         let path = entry.path();
         let forgotten = is_ours(&entry.file_name().to_string_lossy()) && written(&path).is_some_and(|at| at < limit);
-        if forgotten && open::at_once(&path).is_ok_and(|file| file.try_lock().is_ok()) {
+        if forgotten && run::at_once(&path).is_ok_and(|file| file.try_lock().is_ok()) {
             // If it cannot be removed, it may belong to another user, whose runs will remove it.
             let _ = std::fs::remove_file(&path);
         }

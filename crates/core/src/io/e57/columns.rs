@@ -1,8 +1,9 @@
 //! The columns of all scans of a file, and their types.
 
 use crate::cloud::{Column, Values, names};
-use crate::io::number::Kind;
-use crate::io::{ReadOptions, known};
+use crate::io::ReadOptions;
+use crate::io::table::known;
+use crate::io::table::number::Kind;
 use ::e57::{PointCloud, RecordDataType, RecordName};
 use std::collections::HashMap;
 

@@ -1,8 +1,8 @@
 //! Checks of an E57 file before and during decoding.
 
 use crate::error::{Error, Mismatch, Result};
-use crate::io::limits;
 use crate::io::open;
+use crate::io::table::limits;
 use ::e57::{E57Reader, PointCloud, RecordDataType};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -49,7 +49,7 @@ pub(super) fn open(path: &Path) -> Result<E57> {
     let size = file.metadata().map_err(|e| Error::io(path, e))?.len();
     let mut head = [0; 48];
     file.read_exact(&mut head).map_err(|_| bad(path, "header", "byte 0".into(), Mismatch::new(size, "48 bytes")))?;
-    let number = |at: usize| u64::from_le_bytes(crate::io::number::array(&head, at));
+    let number = |at: usize| u64::from_le_bytes(crate::io::table::number::array(&head, at));
     let [length, xml_at, xml, page] = [16, 24, 32, 40].map(number);
     if page != PAGE {
         return Err(bad(path, "page size", "byte 40".into(), Mismatch::new(page, PAGE)));

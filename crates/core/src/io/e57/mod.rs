@@ -10,10 +10,11 @@ mod guard;
 mod pose;
 mod scan;
 
+use super::table::limits;
 use crate::cloud::{Cloud, Column, Values};
 use crate::error::Result;
 use crate::io::table::Table;
-use crate::io::{FileInfo, ReadOptions, limits};
+use crate::io::{FileInfo, ReadOptions};
 use crate::memory;
 use columns::ScanColumns;
 use std::path::Path;

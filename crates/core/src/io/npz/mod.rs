@@ -7,10 +7,11 @@ mod npy;
 mod read;
 mod zip;
 
+use super::table::number;
 use crate::cloud::{Cloud, Values};
 use crate::error::Result;
-use crate::io::format::Format;
-use crate::io::{WriteOptions, number, verify};
+use crate::io::reader::Whole;
+use crate::io::{WriteOptions, verify};
 use std::path::Path;
 
 pub(super) use read::{inspect, read};
@@ -41,7 +42,7 @@ pub(super) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Resul
     if let Some(metres) = cloud.metres_per_unit {
         archive.add("metres_per_unit.npy", once([npy::header("<f8", &[]), metres.to_le_bytes().to_vec()].concat()))?;
     }
-    verify::finish(archive.close()?, Format::Npz, cloud, options)
+    verify::finish(archive.close()?, cloud, options, |path, options| Ok(Whole::new(read(path, options)?)))
 }
 
 fn once(bytes: Vec<u8>) -> impl FnMut() -> Result<Option<Vec<u8>>> {

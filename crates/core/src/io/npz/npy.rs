@@ -1,6 +1,6 @@
 //! The npy header: type, order and shape of an array (NumPy Enhancement Proposal 1).
 
-use crate::io::number::Kind;
+use crate::io::table::number::Kind;
 
 /// Type of the elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,8 +49,8 @@ impl Npy {
     pub(super) fn parse(bytes: &[u8]) -> Option<Self> {
         let version = *bytes.strip_prefix(b"\x93NUMPY")?.first()?;
         let (length, start): (usize, usize) = match version {
-            1 => (usize::from(u16::from_le_bytes(crate::io::number::array(bytes, 8))), 10),
-            2 | 3 => (u32::from_le_bytes(crate::io::number::array(bytes, 8)) as usize, 12),
+            1 => (usize::from(u16::from_le_bytes(crate::io::table::number::array(bytes, 8))), 10),
+            2 | 3 => (u32::from_le_bytes(crate::io::table::number::array(bytes, 8)) as usize, 12),
             _ => return None,
         };
         let text = std::str::from_utf8(bytes.get(start..start.checked_add(length)?)?).ok()?;

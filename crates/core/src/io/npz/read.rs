@@ -4,9 +4,10 @@ use super::npy::{Element, LONGEST, Npy, half};
 use super::zip::{Archive, Entry, bad};
 use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::{Mismatch, Result};
-use crate::io::number::{Kind, Slot, array};
 use crate::io::table::Table;
-use crate::io::{FileInfo, ReadOptions, known, limits};
+use crate::io::table::number::{Kind, Slot, array};
+use crate::io::table::{known, limits};
+use crate::io::{FileInfo, ReadOptions};
 use crate::memory;
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 
 use crate::error::{Error, Mismatch, Result};
 use crate::io::atomic::AtomicFile;
-use crate::io::limits;
-use crate::io::number::array;
 use crate::io::open;
+use crate::io::table::limits;
+use crate::io::table::number::array;
 use crate::memory;
 use flate2::Compression;
 use flate2::read::DeflateDecoder;

@@ -1,8 +1,8 @@
 //! The header of PCD (Point Cloud Library, The PCD file format, versions .5 to .7).
 
 use crate::error::{Error, Mismatch, Result};
-use crate::io::number::Kind;
 use crate::io::open;
+use crate::io::table::number::Kind;
 use std::io::Read;
 use std::path::Path;
 

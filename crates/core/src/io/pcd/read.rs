@@ -5,11 +5,13 @@ use super::lzf;
 use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::{Error, Mismatch, Result};
 use crate::io::lines::Lines;
-use crate::io::number::{Kind, Slot};
+use crate::io::lines::words::Words;
 use crate::io::open;
-use crate::io::packed::{Layout, Packed, PackedRecords, Target};
-use crate::io::words::Words;
-use crate::io::{FileInfo, ReadOptions, known, limits};
+use crate::io::reader::BlockReader;
+use crate::io::table::number::{Kind, Slot};
+use crate::io::table::packed::{Layout, Packed, PackedRecords, Target};
+use crate::io::table::{known, limits};
+use crate::io::{FileInfo, ReadOptions};
 use crate::memory;
 use crate::parallel::Monitor;
 use std::io::{Read, Seek, SeekFrom};
@@ -58,9 +60,10 @@ impl Reader {
             Encoding::Compressed => Kept::Whole(compressed(path, &header, fields)?),
         }))
     }
+}
 
-    /// The next points, at most this many; an empty cloud at the end.
-    pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
+impl BlockReader for Reader {
+    fn take(&mut self, points: usize) -> Result<Cloud> {
         match &mut self.0 {
             Kept::Binary(packed) => packed.take(points),
             Kept::Ascii(ascii) => ascii.take(points),
@@ -251,7 +254,7 @@ fn packed_bytes(path: &Path, header: &Header) -> Result<(Vec<u8>, u64)> {
     start.map_err(|_| {
         bad(path, "compressed size", format!("byte {}", header.body), Mismatch::new("the end of the file", "8 bytes"))
     })?;
-    let [packed, size] = [0, 4].map(|at| u64::from(u32::from_le_bytes(crate::io::number::array(&sizes, at))));
+    let [packed, size] = [0, 4].map(|at| u64::from(u32::from_le_bytes(crate::io::table::number::array(&sizes, at))));
     if packed > header.room - 8 {
         let place = format!("byte {}", header.body);
         return Err(bad(path, "compressed size", place, Mismatch::new(packed, format!("at most {}", header.room - 8))));

@@ -1,11 +1,12 @@
 //! Writing PCD.
 
 use super::lzf;
+use super::read::Reader;
 use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
-use crate::io::format::Format;
-use crate::io::{WriteOptions, number, verify};
+use crate::io::table::number;
+use crate::io::{WriteOptions, verify};
 use std::path::Path;
 
 /// Number of points assembled at once.
@@ -36,7 +37,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     if options.compressed {
         let points = Points { cloud, fields: &fields };
         points.compressed(path, &mut file, options)?;
-        return verify::finish(file, Format::Pcd, cloud, options);
+        return verify::finish(file, cloud, options, Reader::open);
     }
     for first in (0..cloud.len()).step_by(SLAB) {
         options.monitor.check()?;
@@ -48,7 +49,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         file.write_all(&bytes)?;
         options.monitor.advance((end - first) as u64);
     }
-    verify::finish(file, Format::Pcd, cloud, options)
+    verify::finish(file, cloud, options, Reader::open)
 }
 
 /// The points and their fields.

@@ -2,8 +2,8 @@
 
 use crate::cloud::names;
 use crate::error::{Error, Mismatch, Result};
-use crate::io::number::Kind;
 use crate::io::open;
+use crate::io::table::number::Kind;
 use std::collections::BTreeSet;
 use std::io::Read;
 use std::path::Path;

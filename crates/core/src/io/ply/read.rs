@@ -4,10 +4,11 @@ use super::header::{Element, Encoding, Header, bad, column_name};
 use crate::cloud::{Cloud, Column};
 use crate::error::{Mismatch, Result};
 use crate::io::lines::Lines;
-use crate::io::number::Slot;
+use crate::io::lines::words::Words;
 use crate::io::open;
-use crate::io::packed::{Layout, Packed, PackedRecords, Target};
-use crate::io::words::Words;
+use crate::io::reader::BlockReader;
+use crate::io::table::number::Slot;
+use crate::io::table::packed::{Layout, Packed, PackedRecords, Target};
 use crate::io::{FileInfo, ReadOptions};
 use crate::parallel::Monitor;
 use std::path::{Path, PathBuf};
@@ -47,9 +48,10 @@ impl Reader {
             _ => Kept::Whole(whole(path, &header, vertices, monitor)?),
         }))
     }
+}
 
-    /// The next points, at most this many; an empty cloud at the end.
-    pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
+impl BlockReader for Reader {
+    fn take(&mut self, points: usize) -> Result<Cloud> {
         match &mut self.0 {
             Kept::Packed(packed) => packed.take(points),
             Kept::Ascii(ascii) => ascii.take(points),

@@ -1,9 +1,9 @@
 //! Writing PLY.
 
+use super::read::Reader;
 use crate::cloud::{Cloud, Column, Values, names};
 use crate::error::Result;
 use crate::io::atomic::AtomicFile;
-use crate::io::format::Format;
 use crate::io::{WriteOptions, verify};
 use crate::parallel::{Monitor, watched};
 use std::path::Path;
@@ -74,5 +74,5 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
         file.write_all(&buffer)?;
         buffer.clear();
     }
-    verify::finish(file, Format::Ply, cloud, options)
+    verify::finish(file, cloud, options, Reader::open)
 }

@@ -12,7 +12,7 @@ mod tests;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use std::cell::{Cell, RefCell};
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -179,7 +179,7 @@ pub(super) fn unchanged(path: &Path) -> Result<()> {
     let inputs = files.inputs.borrow();
     let before = inputs.iter().find(|i| i.typed == path).and_then(|input| input.state.as_ref());
     let Some(before) = before else { return Ok(()) };
-    match super::open::at_once(path) {
+    match at_once(path) {
         Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(()),
         Ok(file) if State::of(&file).is_ok_and(|now| now == *before) => Ok(()),
         _ => Err(changed(path)),
@@ -243,6 +243,19 @@ pub(super) fn done(target: &Path) {
             .for_each(|o| o.stage.set(Stage::Done));
         level.inputs.borrow_mut().retain(|i| i.place.path.as_os_str() != path);
     }
+}
+
+/// Opens any kind of file without waiting for another program.
+pub(super) fn at_once(path: &Path) -> Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true);
+    #[cfg(unix)]
+    {
+        use rustix::fs::OFlags;
+        use std::os::unix::fs::OpenOptionsExt;
+        options.custom_flags((OFlags::NONBLOCK | OFlags::NOCTTY).bits().cast_signed());
+    }
+    options.open(path).map_err(|e| Error::io(path, e))
 }
 
 impl Files {

@@ -3,9 +3,10 @@
 use super::bad;
 use crate::cloud::{MOST_COLUMNS, names};
 use crate::error::{Mismatch, Result};
+use crate::io::format;
+use crate::io::lines::words::Words;
 use crate::io::lines::{Pieces, count, lines};
-use crate::io::words::Words;
-use crate::io::{format, known};
+use crate::io::table::known;
 use std::path::Path;
 
 /// The meaning of the numbers in a line.

@@ -6,6 +6,7 @@
 
 mod labels;
 mod layout;
+mod print;
 mod read;
 mod rows;
 mod write;

@@ -7,6 +7,7 @@ use super::rows::{self, Fault};
 use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values, names};
 use crate::error::{Mismatch, Result};
 use crate::io::lines::{Pieces, count, cut};
+use crate::io::reader::BlockReader;
 use crate::io::{FileInfo, ReadOptions};
 use crate::memory;
 use crate::parallel::{Monitor, map_ordered};
@@ -92,8 +93,24 @@ impl Reader {
         bad(&self.path, fault.field, [self.lines + fault.line, fault.column], Mismatch::new(fault.found, fault.allowed))
     }
 
-    /// The next points, at most this many, as 64-bit numbers; an empty cloud at the end.
-    pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
+    /// Checks that all declared points exist, and no labels are left over.
+    fn check_end(&self) -> Result<()> {
+        let found = self.given + self.rows();
+        if let Some(labels) = self.labels.as_ref().filter(|l| l.codes.len() != found) {
+            return Err(labels.wrong(&self.path, found));
+        }
+        match self.layout.declared.filter(|&n| n != found as u64) {
+            None => Ok(()),
+            Some(n) => {
+                let allowed = format!("{found} as there are lines; renamed to .xyz the file is read as it is");
+                Err(bad(&self.path, "number of points", [1, 1], Mismatch::new(n, allowed)))
+            }
+        }
+    }
+}
+
+impl BlockReader for Reader {
+    fn take(&mut self, points: usize) -> Result<Cloud> {
         while self.rows() < points {
             if !self.more()? {
                 self.check_end()?;
@@ -118,21 +135,6 @@ impl Reader {
         }
         self.given += n;
         Ok(cloud)
-    }
-
-    /// Checks that all declared points exist, and no labels are left over.
-    fn check_end(&self) -> Result<()> {
-        let found = self.given + self.rows();
-        if let Some(labels) = self.labels.as_ref().filter(|l| l.codes.len() != found) {
-            return Err(labels.wrong(&self.path, found));
-        }
-        match self.layout.declared.filter(|&n| n != found as u64) {
-            None => Ok(()),
-            Some(n) => {
-                let allowed = format!("{found} as there are lines; renamed to .xyz the file is read as it is");
-                Err(bad(&self.path, "number of points", [1, 1], Mismatch::new(n, allowed)))
-            }
-        }
     }
 }
 

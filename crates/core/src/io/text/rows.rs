@@ -1,8 +1,8 @@
 //! Rows of numbers from a part of a file.
 
 use super::holds;
+use crate::io::lines::words::{Word, Words, separator};
 use crate::io::lines::{count, lines};
-use crate::io::words::{Word, Words, separator};
 
 /// An error in a line: its number within the part, from 1, and the column.
 #[derive(Clone, Debug, PartialEq)]

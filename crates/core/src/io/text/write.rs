@@ -1,10 +1,10 @@
 //! Writing text.
 
+use super::print::{self, Rounded};
+use super::read::Reader;
 use crate::cloud::{Cloud, Coordinates, Values, names};
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
-use crate::io::format::Format;
-use crate::io::print::{self, Rounded};
 use crate::io::{WriteOptions, verify};
 use crate::parallel::map_ordered;
 use std::path::Path;
@@ -42,7 +42,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     match lines {
         // A label file alone is not a cloud.
         Lines::Labels(_) => file.finish(),
-        Lines::Points { .. } => verify::finish(file, Format::Text, cloud, options),
+        Lines::Points { .. } => verify::finish(file, cloud, options, Reader::open),
     }
 }
 

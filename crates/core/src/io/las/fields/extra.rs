@@ -4,7 +4,7 @@ use crate::cloud::{Column, Values, each_values};
 use crate::error::{Error, Result};
 use crate::io::las::header::vlr::Vlr;
 use crate::io::las::header::{Header, f64_at};
-use crate::io::number::{Kind, Slot};
+use crate::io::table::number::{Kind, Slot};
 
 /// A described dimension and its position in a record.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,7 +6,7 @@ use crate::cloud::{Column, Values};
 use crate::io::las::fields;
 use crate::io::las::header::vlr::Vlr;
 use crate::io::las::header::{Header, RECORD_SIZES};
-use crate::io::limits::Names;
+use crate::io::table::limits::Names;
 use std::collections::HashMap;
 
 /// Source of a column.

@@ -11,6 +11,7 @@ use super::records::{Records, Slab};
 use crate::cloud::{Cloud, Values};
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
+use crate::io::reader::BlockReader;
 use crate::parallel::Monitor;
 use sink::Sink;
 use std::path::Path;
@@ -69,9 +70,10 @@ impl Reader {
         let outside = Outside::new(&records.header);
         Ok(Self { stream: Stream::of(records), sink, outside, monitor: options.monitor.clone() })
     }
+}
 
-    /// The next points, at most this many; an empty cloud at the end.
-    pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
+impl BlockReader for Reader {
+    fn take(&mut self, points: usize) -> Result<Cloud> {
         while self.sink.len() < points {
             let bytes =
                 self.stream.next((points - self.sink.len()).min(slab(self.stream.record_length())), &self.monitor)?;

@@ -1,10 +1,15 @@
 //! Columns that grow while a file is read, and are returned as clouds.
 
-use super::limits::Names;
-use super::number::Kind;
+pub(super) mod known;
+pub(super) mod limits;
+pub(super) mod number;
+pub(super) mod packed;
+
 use crate::cloud::{Cloud, Column, Coordinates, Values, each_values};
 use crate::error::{Error, Result};
 use crate::memory;
+use limits::Names;
+use number::Kind;
 
 /// Rows that were read but not returned yet; between two calls all columns have the same length.
 #[derive(Clone, Debug, Default)]

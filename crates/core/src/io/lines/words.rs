@@ -5,28 +5,28 @@ use crate::cloud::Values;
 
 /// A word and its position.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Word<'a> {
+pub(in crate::io) struct Word<'a> {
     /// Column of the first byte, from 1.
-    pub(super) at: usize,
-    pub(super) text: &'a [u8],
+    pub(in crate::io) at: usize,
+    pub(in crate::io) text: &'a [u8],
     /// The number, if the word denotes one; `nan` and `inf` do, numbers that overflow do not.
-    pub(super) value: Option<f64>,
+    pub(in crate::io) value: Option<f64>,
 }
 
 /// The words of a line, separated by blanks, tabs, commas and semicolons.
 #[derive(Clone, Debug)]
-pub(super) struct Words<'a> {
+pub(in crate::io) struct Words<'a> {
     line: &'a [u8],
     at: usize,
 }
 
 #[inline]
-pub(super) fn separator(byte: u8) -> bool {
+pub(in crate::io) fn separator(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b'\x0c' | b',' | b';')
 }
 
 impl<'a> Words<'a> {
-    pub(super) fn new(line: &'a [u8]) -> Self {
+    pub(in crate::io) fn new(line: &'a [u8]) -> Self {
         Self { line, at: 0 }
     }
 }
@@ -64,13 +64,13 @@ macro_rules! whole {
 
 impl Word<'_> {
     /// The word as text for messages.
-    pub(super) fn string(&self) -> String {
+    pub(in crate::io) fn string(&self) -> String {
         String::from_utf8_lossy(self.text).into_owned()
     }
 
     /// Appends the number to values of its type; false if there is none or it does not fit.
     #[expect(clippy::float_cmp, reason = "whether a number is whole is an exact question")]
-    pub(super) fn push(&self, values: &mut Values) -> bool {
+    pub(in crate::io) fn push(&self, values: &mut Values) -> bool {
         let Some(value) = self.value else { return false };
         match values {
             Values::U8(v) => whole!(v, self, value, u8),

@@ -1,5 +1,8 @@
 //! Text files in pieces of whole lines, so that a file of any size needs only a few megabytes.
 
+mod decimal;
+pub(super) mod words;
+
 use crate::error::{Error, Result};
 use crate::io::open;
 use std::fs::File;

@@ -4,7 +4,7 @@ use crate::cloud::{Values, each_values};
 
 /// Type of a number in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(in crate::io) enum Kind {
     U8,
     I8,
     U16,
@@ -19,7 +19,7 @@ pub(super) enum Kind {
 
 impl Kind {
     /// Bytes of a number.
-    pub(super) fn size(self) -> usize {
+    pub(in crate::io) fn size(self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,
             Self::U16 | Self::I16 => 2,
@@ -29,7 +29,7 @@ impl Kind {
     }
 
     /// An empty column of this type.
-    pub(super) fn values(self) -> Values {
+    pub(in crate::io) fn values(self) -> Values {
         match self {
             Self::U8 => Values::U8(Vec::new()),
             Self::I8 => Values::I8(Vec::new()),
@@ -45,7 +45,7 @@ impl Kind {
     }
 
     /// Type of these values.
-    pub(super) fn of(values: &Values) -> Self {
+    pub(in crate::io) fn of(values: &Values) -> Self {
         match values {
             Values::U8(_) => Self::U8,
             Values::I8(_) => Self::I8,
@@ -62,23 +62,23 @@ impl Kind {
 }
 
 /// Appends the little-endian bytes of value `i`.
-pub(super) fn put(values: &Values, i: usize, bytes: &mut Vec<u8>) {
+pub(in crate::io) fn put(values: &Values, i: usize, bytes: &mut Vec<u8>) {
     each_values!(values, v => bytes.extend(v[i].to_le_bytes()));
 }
 
 /// One number in every record of `width` bytes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slot {
-    pub(super) kind: Kind,
+pub(in crate::io) struct Slot {
+    pub(in crate::io) kind: Kind,
     /// Offset of its first byte; the number ends within the record.
-    pub(super) at: usize,
+    pub(in crate::io) at: usize,
     /// Bytes of a record, above 0.
-    pub(super) width: usize,
-    pub(super) big: bool,
+    pub(in crate::io) width: usize,
+    pub(in crate::io) big: bool,
 }
 
 /// N bytes at an offset; zeros beyond the end.
-pub(super) fn array<const N: usize>(record: &[u8], at: usize) -> [u8; N] {
+pub(in crate::io) fn array<const N: usize>(record: &[u8], at: usize) -> [u8; N] {
     record.get(at..at + N).and_then(|bytes| bytes.try_into().ok()).unwrap_or([0; N])
 }
 
@@ -94,7 +94,7 @@ macro_rules! numbers {
 
 impl Slot {
     /// Appends the number of every record to values of the slot's type.
-    pub(super) fn append(self, records: &[u8], values: &mut Values) {
+    pub(in crate::io) fn append(self, records: &[u8], values: &mut Values) {
         match values {
             Values::U8(v) => v.extend(numbers!(self, records, u8)),
             Values::I8(v) => v.extend(numbers!(self, records, i8)),
@@ -110,7 +110,7 @@ impl Slot {
     }
 
     /// Appends the number of every record as `f64` (64-bit integers above 2^53 are rounded).
-    pub(super) fn append_f64(self, records: &[u8], out: &mut Vec<f64>) {
+    pub(in crate::io) fn append_f64(self, records: &[u8], out: &mut Vec<f64>) {
         match self.kind {
             Kind::U8 => out.extend(numbers!(self, records, u8).map(f64::from)),
             Kind::I8 => out.extend(numbers!(self, records, i8).map(f64::from)),

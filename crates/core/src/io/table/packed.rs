@@ -1,7 +1,7 @@
 //! Binary records of fixed width, one after the other: binary PLY and binary PCD.
 
+use super::Table;
 use super::number::Slot;
-use super::table::Table;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::io::open;
@@ -15,7 +15,7 @@ const SLAB: usize = 256 << 10;
 
 /// The destination of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Target {
+pub(in crate::io) enum Target {
     /// Axis 0, 1 or 2.
     Axis(usize),
     /// A column of the table.
@@ -24,14 +24,14 @@ pub(super) enum Target {
 
 /// The numbers to read from each record.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Layout {
-    pub(super) table: Table,
-    pub(super) slots: Vec<(Target, Slot)>,
+pub(in crate::io) struct Layout {
+    pub(in crate::io) table: Table,
+    pub(in crate::io) slots: Vec<(Target, Slot)>,
 }
 
 impl Layout {
     /// Extracts the numbers of some records.
-    pub(super) fn append(&mut self, records: &[u8]) {
+    pub(in crate::io) fn append(&mut self, records: &[u8]) {
         for (target, slot) in &self.slots {
             match *target {
                 Target::Axis(a) => slot.append_f64(records, &mut self.table.axes[a]),
@@ -43,18 +43,18 @@ impl Layout {
 
 /// Where the records of a file lie; the caller has checked them against its size.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PackedRecords {
+pub(in crate::io) struct PackedRecords {
     /// Offset of the first record.
-    pub(super) at: u64,
+    pub(in crate::io) at: u64,
     /// Number of records.
-    pub(super) count: u64,
+    pub(in crate::io) count: u64,
     /// Bytes of a record.
-    pub(super) width: usize,
+    pub(in crate::io) width: usize,
 }
 
 /// The remaining records of a file.
 #[derive(Debug)]
-pub(super) struct Packed {
+pub(in crate::io) struct Packed {
     path: PathBuf,
     file: File,
     width: usize,
@@ -65,7 +65,7 @@ pub(super) struct Packed {
 
 impl Packed {
     /// These records of a file, of which each has this layout.
-    pub(super) fn open(path: &Path, records: PackedRecords, layout: Layout, monitor: &Monitor) -> Result<Self> {
+    pub(in crate::io) fn open(path: &Path, records: PackedRecords, layout: Layout, monitor: &Monitor) -> Result<Self> {
         let PackedRecords { at, count, width } = records;
         let mut file = open::file(path)?;
         file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(path, e))?;
@@ -73,7 +73,7 @@ impl Packed {
     }
 
     /// The next points, at most this many; an empty cloud at the end.
-    pub(super) fn take(&mut self, points: usize) -> Result<Cloud> {
+    pub(in crate::io) fn take(&mut self, points: usize) -> Result<Cloud> {
         let mut wanted = points.min(usize::try_from(self.left).unwrap_or(usize::MAX));
         self.layout.table.reserve(wanted)?;
         let most = (SLAB / self.width).max(1);

@@ -14,7 +14,7 @@ const RATIO: u64 = 64;
 ///
 /// # Errors
 /// If it is implausible for the length of the file, or exceeds the free memory.
-pub(super) fn unpacked(path: &Path, format: &'static str, length: u64, bytes: u64) -> Result<()> {
+pub(in crate::io) fn unpacked(path: &Path, format: &'static str, length: u64, bytes: u64) -> Result<()> {
     let most = FREE.saturating_add(RATIO.saturating_mul(length));
     if bytes > most {
         return Err(Error::Malformed {
@@ -31,7 +31,7 @@ pub(super) fn unpacked(path: &Path, format: &'static str, length: u64, bytes: u6
 
 /// Makes names unique by appending numbers.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Names {
+pub(in crate::io) struct Names {
     taken: HashSet<String>,
     /// The next number for each name.
     next: HashMap<String, usize>,
@@ -39,7 +39,7 @@ pub(super) struct Names {
 
 impl Names {
     /// The name itself, or with the smallest number from 2 on that makes it unique.
-    pub(super) fn free(&mut self, name: &str) -> String {
+    pub(in crate::io) fn free(&mut self, name: &str) -> String {
         if self.taken.insert(name.to_string()) {
             return name.to_string();
         }

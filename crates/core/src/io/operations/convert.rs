@@ -1,12 +1,12 @@
 //! Conversion between formats: keeps everything that the target format can store and reports the rest.
 
-use super::atomic::check_place;
 use super::diff::compare;
-use super::{
-    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, extension, inspect, las, read_with, run, write,
-};
 use crate::cloud::crs;
 use crate::error::{Error, Result};
+use crate::io::atomic::check_place;
+use crate::io::{
+    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, extension, inspect, las, read_with, run, write,
+};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

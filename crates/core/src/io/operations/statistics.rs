@@ -1,9 +1,9 @@
 //! Statistics that need all points of a file: anomalies, and the number of points of each class.
 
-use super::{Bounds, FileInfo, ReadOptions, inspect, read_with};
 use crate::cloud::crs::{Unit, unit_of};
 use crate::cloud::{Cloud, Coordinates, StrayParams, Strays, Values, names};
 use crate::error::Result;
+use crate::io::{Bounds, FileInfo, ReadOptions, inspect, read_with};
 use crate::parallel::{Monitor, map_ordered, sort_watched, watched};
 use serde::Serialize;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub struct Statistics {
     pub nan_values: Vec<(String, u64)>,
     /// Number of points of each class code, ascending; empty without classes.
     pub classes: Vec<(u8, u64)>,
-    /// Warnings, one sentence each, except those of [`inspect`](super::inspect()).
+    /// Warnings, one sentence each, except those of [`inspect`](crate::io::inspect()).
     pub warnings: Vec<String>,
 }
 
@@ -32,9 +32,9 @@ pub struct Statistics {
 /// memory: the cloud and 24 bytes a point.
 ///
 /// # Errors
-/// Those of [`read_with`](super::read_with()).
+/// Those of [`read_with`](crate::io::read_with()).
 pub fn statistics(path: &Path, options: &ReadOptions) -> Result<(Statistics, Cloud)> {
-    super::run::joined(&options.monitor, || {
+    crate::io::run::joined(&options.monitor, || {
         let info = inspect(path)?;
         let cloud = read_with(path, options)?;
         Ok((of_cloud(&cloud, &info, &options.monitor)?, cloud))

@@ -1,39 +1,14 @@
 //! Damaged files: reads what is intact, counts and reports what is lost.
 
-use super::{
-    Edit, ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, rewrite, run, write,
-};
 use crate::cloud::Cloud;
 use crate::error::Result;
+use crate::io::{
+    Edit, ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, rewrite, run, write,
+};
 use crate::parallel::Monitor;
-use serde::Serialize;
 use std::path::Path;
 
-/// Losses of a damaged file.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Losses {
-    /// Number of points declared in the header.
-    pub declared: u64,
-    /// Number of points that can be read.
-    pub read: u64,
-    /// The defects, one sentence each; empty for an intact file.
-    pub notes: Vec<String>,
-}
-
-impl Losses {
-    /// Number of lost points.
-    pub fn lost(&self) -> u64 {
-        self.declared.saturating_sub(self.read)
-    }
-
-    /// A sentence for the user.
-    pub fn summary(&self) -> String {
-        match (self.notes.is_empty(), self.lost()) {
-            (true, _) => format!("nothing is lost: {} points", self.read),
-            (false, lost) => format!("{lost} of {} points are lost, {} are read", self.declared, self.read),
-        }
-    }
-}
+pub use crate::io::info::Losses;
 
 /// Determines what can be read of a LAS or LAZ file. Reads all points once; other formats are read normally and have no
 /// losses.
@@ -62,7 +37,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(Cloud, Losses)> {
     Ok((cloud, Losses { declared: points, read: points, notes: Vec::new() }))
 }
 
-/// Like [`rewrite`](super::rewrite()), for the intact part of a damaged LAS or LAZ file; the output is an intact file.
+/// Like [`rewrite`](crate::io::rewrite()), for the intact part of a damaged LAS or LAZ file; the output is an intact file.
 /// Edits have one value for each point that [`read`] returns.
 ///
 /// # Errors
@@ -84,7 +59,7 @@ fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions)
         return Ok((report, losses));
     }
     let (mut cloud, losses) = read(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
-    super::apply(&mut cloud, edits)?;
+    crate::io::apply(&mut cloud, edits)?;
     write(output, &cloud, options)?;
     Ok((RewriteReport { points: cloud.len() as u64, notes: Vec::new() }, losses))
 }

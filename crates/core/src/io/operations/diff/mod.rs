@@ -7,8 +7,8 @@ mod tally;
 
 pub(super) use clouds::compare;
 
-use super::las;
 use crate::error::Result;
+use crate::io::las;
 use crate::parallel::Monitor;
 use serde::Serialize;
 use std::path::Path;
@@ -120,7 +120,7 @@ impl Difference {
 /// # Errors
 /// If a file cannot be read or the work was cancelled.
 pub fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> {
-    super::run::joined(monitor, || match las::is_las(a)? && las::is_las(b)? {
+    crate::io::run::joined(monitor, || match las::is_las(a)? && las::is_las(b)? {
         true => points::diff(a, b, monitor),
         false => clouds::diff(a, b, monitor),
     })

@@ -1,10 +1,10 @@
 //! Merges several files into one.
 
-use super::atomic::check_place;
-use super::{ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, run, write};
-use crate::cloud::crs::same;
 use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
+use crate::io::atomic::check_place;
+use crate::io::info::{NamedCrs, check_crs};
+use crate::io::{ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, run, write};
 use std::path::{Path, PathBuf};
 
 /// Writes the points of all inputs, in the given order, into one file, atomically. The output may be one of the inputs.
@@ -48,40 +48,6 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
     let cloud = merged.ok_or_else(|| Error::input("nothing to merge"))?;
     write(output, &cloud, options)?;
     Ok(RewriteReport { points: cloud.len() as u64, notes })
-}
-
-/// The reference system of an input, if it tells one.
-#[derive(Clone, Copy)]
-pub(super) struct NamedCrs<'a> {
-    path: &'a Path,
-    crs: Option<&'a str>,
-}
-
-impl<'a> NamedCrs<'a> {
-    pub(super) fn new(path: &'a Path, crs: Option<&'a str>) -> Self {
-        Self { path, crs }
-    }
-}
-
-/// Fails if two files state different reference systems; adds a note if only one states any.
-pub(super) fn check_crs(one: NamedCrs<'_>, other: NamedCrs<'_>, notes: &mut Vec<String>) -> Result<()> {
-    let (NamedCrs { path: first, crs: a }, NamedCrs { path, crs: b }) = (one, other);
-    match (a, b) {
-        (Some(a), Some(b)) if !same(a, b) => {
-            let text = format!("{} lies in another reference system than {}", path.display(), first.display());
-            Err(Error::input(format!("{text} ({} / {})", shortened(b), shortened(a))))
-        }
-        (Some(_), None) | (None, Some(_)) => {
-            let silent = if b.is_none() { path } else { first };
-            notes.push(format!("{} does not tell its reference system; taken as that of the others", silent.display()));
-            Ok(())
-        }
-        _ => Ok(()),
-    }
-}
-
-fn shortened(text: &str) -> String {
-    text.chars().take(60).collect()
 }
 
 /// Appends the cloud of a file to those before it.

@@ -79,7 +79,7 @@ pub(super) struct Rounded {
 }
 
 impl Rounded {
-    pub(super) fn new(places: u32) -> Self {
+    pub(in crate::io) fn new(places: u32) -> Self {
         let places = places.min(15);
         Self { places, steps: 10u64.pow(places) as f64 }
     }
