@@ -399,7 +399,7 @@ fn wanted_features_are_the_columns_of_the_table() {
         let names: Vec<String> = columns.iter().map(|&c| all.names[c].clone()).collect();
         let monitor = Monitor::default();
         let scene = MetricCloud::new(&cloud, set.metres_per_unit, &monitor).unwrap();
-        let extractor = Extractor::prepare(&scene, &set, (Wanted::Names(&names), None), &monitor).unwrap();
+        let extractor = Extractor::prepare(&scene, &set, Wanted::Names(&names), &monitor).unwrap();
         let (mut scratch, mut rows) = (Scratch::default(), Vec::new());
         for block in 0..extractor.blocks() {
             let points = extractor.block(block, &mut scratch, &mut rows);

@@ -70,9 +70,9 @@ fn measure(criterion: &mut Criterion, name: &str, (cloud, scale): (&Cloud, f64))
         let names = some(&set, scale, groups);
         let wanted = Wanted::Names(&names);
         group.bench_function(BenchmarkId::new("prepare", part), |b| {
-            b.iter(|| Extractor::prepare(&scene, &set, (wanted, None), &monitor).map(|e| e.len()));
+            b.iter(|| Extractor::prepare(&scene, &set, wanted, &monitor).map(|e| e.len()));
         });
-        let extractor = Extractor::prepare(&scene, &set, (wanted, None), &monitor)?;
+        let extractor = Extractor::prepare(&scene, &set, wanted, &monitor)?;
         group.bench_function(BenchmarkId::new("blocks", part), |b| {
             let (mut scratch, mut rows) = (Scratch::default(), Vec::new());
             b.iter(|| {

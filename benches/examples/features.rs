@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = Instant::now();
     let monitor = Monitor::default();
     let scene = MetricCloud::new(&cloud, set.metres_per_unit, &monitor)?;
-    let extractor = Extractor::prepare(&scene, &set, (Wanted::Names(&names), None), &monitor)?;
+    let extractor = Extractor::prepare(&scene, &set, Wanted::Names(&names), &monitor)?;
     let prepare = start.elapsed().as_secs_f64();
     let (mut scratch, mut rows, mut sum, mut blocks) = (Scratch::default(), Vec::new(), 0u64, 0.0);
     for block in 0..extractor.blocks() {

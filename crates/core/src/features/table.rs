@@ -58,7 +58,7 @@ impl FeatureTable {
 /// As [`Extractor::prepare`], or if the table does not fit into memory.
 pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<FeatureTable> {
     let scene = MetricCloud::new(cloud, set.metres_per_unit, monitor)?;
-    let extractor = Extractor::prepare(&scene, set, (Wanted::All, None), monitor)?;
+    let extractor = Extractor::prepare(&scene, set, Wanted::All, monitor)?;
     scene.oddities().into_iter().for_each(|text| monitor.warn(text));
     collect(&extractor, cloud.len(), |point| point as usize, monitor)
 }
@@ -74,7 +74,7 @@ pub fn table_at(
     at: &[u32],
     monitor: &Monitor,
 ) -> Result<(FeatureTable, f64)> {
-    let extractor = Extractor::prepare(scene, set, (Wanted::All, Some(at)), monitor)?;
+    let extractor = Extractor::prepare_at(scene, set, at, monitor)?;
     let mut row = vec![0u32; scene.cloud.len()];
     at.iter().zip(0..).for_each(|(&point, r)| row[point as usize] = r);
     let table = collect(&extractor, at.len(), |point| row[point as usize] as usize, monitor)?;

@@ -7,6 +7,7 @@ use super::blocks::Blocks;
 use super::level::Level;
 use super::search::{Search, rim};
 use pulp::Simd;
+use std::ops::Range;
 
 /// Number of queries that are searched together.
 pub const LANES: usize = 16;
@@ -19,6 +20,37 @@ const FEW: usize = 2;
 
 /// One number per query.
 type Lane<T> = [T; LANES];
+
+/// Up to 16 positions whose nearest points are searched together.
+#[derive(Clone, Copy, Debug)]
+pub struct Queries<'a> {
+    /// x, y and z of each position, metres, not negative.
+    pub at: &'a [Lane<f32>; 3],
+    /// Number of positions: the first lanes.
+    pub lanes: usize,
+}
+
+impl Queries<'_> {
+    #[inline(always)]
+    fn place(&self, lane: usize) -> [f32; 3] {
+        [self.at[0][lane], self.at[1][lane], self.at[2][lane]]
+    }
+}
+
+/// Consecutive queries that are near enough to share their candidates: those of the cells `cells` and of the ring around
+/// them.
+struct Run<'a> {
+    queries: Queries<'a>,
+    lanes: Range<usize>,
+    cells: [[u32; 3]; 2],
+}
+
+/// One query, and the lane of its result.
+#[derive(Clone, Copy)]
+struct Query {
+    at: [f32; 3],
+    lane: usize,
+}
 
 /// The candidates of a batch, and their cells.
 #[derive(Clone, Debug, Default)]
@@ -60,71 +92,63 @@ impl Candidates {
 }
 
 impl Search {
-    /// For each of the first `lanes` queries the indices of the `out.len()` points of `level` nearest to it, ascending by
+    /// For each of the queries the indices of the `out.len()` points of `level` nearest to it, ascending by
     /// (distance, index): row j holds the j-th nearest of every query. Returns how many rows there are: fewer only if the
-    /// level has fewer points. Coordinates are not negative.
+    /// level has fewer points.
     #[inline(always)]
     pub fn nearest_of_batch<S: Simd>(
         &mut self,
         simd: S,
         level: &Level,
-        at: &[Lane<f32>; 3],
-        lanes: usize,
+        queries: Queries<'_>,
         out: &mut [Lane<u32>],
     ) -> usize {
         let wanted = out.len().min(level.len());
         let mut first = 0;
-        while first < lanes {
-            let (cells, end) = run(level, at, first, lanes);
-            let queries = first..end;
-            match (end - first >= FEW, &mut *out) {
-                (true, out) if wanted == 9 => self.nearest_of_run::<S, 9>(simd, level, at, (queries, cells), out),
-                (true, out) if wanted == 10 => self.nearest_of_run::<S, 10>(simd, level, at, (queries, cells), out),
-                (_, out) => queries.for_each(|l| self.one_lane(simd, level, at, l, out)),
+        while first < queries.lanes {
+            let run = run(level, queries, first);
+            first = run.lanes.end;
+            match (run.lanes.len() >= FEW, &mut *out) {
+                (true, out) if wanted == 9 => self.nearest_of_run::<S, 9>(simd, level, run, out),
+                (true, out) if wanted == 10 => self.nearest_of_run::<S, 10>(simd, level, run, out),
+                (_, out) => run.lanes.for_each(|l| {
+                    self.one_lane(simd, level, Query { at: queries.place(l), lane: l }, out);
+                }),
             }
-            first = end;
         }
         wanted
     }
 
     /// The search of a single query, written into its lane.
     #[inline(never)]
-    fn one_lane<S: Simd>(&mut self, simd: S, level: &Level, at: &[Lane<f32>; 3], l: usize, out: &mut [Lane<u32>]) {
+    fn one_lane<S: Simd>(&mut self, simd: S, level: &Level, query: Query, out: &mut [Lane<u32>]) {
         let mut found = std::mem::take(&mut self.found);
         found.resize(out.len(), 0);
-        let single = Single { search: self, level, at: [at[0][l], at[1][l], at[2][l]], out: &mut found };
+        let single = Single { search: self, level, at: query.at, out: &mut found };
         let count = simd.vectorize(single);
-        out.iter_mut().zip(&found[..count]).for_each(|(row, &index)| row[l] = index);
+        out.iter_mut().zip(&found[..count]).for_each(|(row, &index)| row[query.lane] = index);
         self.found = found;
     }
 
     /// The search of a query whose nearest points may lie beyond the ring of its batch, written into its lane.
     #[inline(never)]
-    fn widen_lane(&mut self, level: &Level, at: &[Lane<f32>; 3], l: usize, out: &mut [Lane<u32>]) {
-        let at = [at[0][l], at[1][l], at[2][l]];
-        self.widen(level, level.cell(at), at, out.len());
+    fn widen_lane(&mut self, level: &Level, query: Query, out: &mut [Lane<u32>]) {
+        self.widen(level, level.cell(query.at), query.at, out.len());
         let mut found = std::mem::take(&mut self.found);
         found.resize(out.len(), 0);
         self.write_best(&mut found);
-        out.iter_mut().zip(&found).for_each(|(row, &index)| row[l] = index);
+        out.iter_mut().zip(&found).for_each(|(row, &index)| row[query.lane] = index);
         self.found = found;
     }
 
     #[inline(always)]
-    fn nearest_of_run<S: Simd, const K: usize>(
-        &mut self,
-        simd: S,
-        level: &Level,
-        at: &[Lane<f32>; 3],
-        (queries, cells): (std::ops::Range<usize>, [[u32; 3]; 2]),
-        out: &mut [Lane<u32>],
-    ) {
-        self.candidates.gather(level, cells);
+    fn nearest_of_run<S: Simd, const K: usize>(&mut self, simd: S, level: &Level, run: Run<'_>, out: &mut [Lane<u32>]) {
+        self.candidates.gather(level, run.cells);
         let whole = self.candidates.index.len() == level.len();
-        let [(x, _), (y, _), (z, _)] = [0, 1, 2].map(|a| S::as_simd_f32s(&at[a]));
+        let [(x, _), (y, _), (z, _)] = [0, 1, 2].map(|a| S::as_simd_f32s(&run.queries.at[a]));
         for (part, ((&x, &y), &z)) in x.iter().zip(y).zip(z).enumerate() {
             let start = part * S::F32_LANES;
-            let lanes = queries.start.max(start)..queries.end.min(start + S::F32_LANES);
+            let lanes = run.lanes.start.max(start)..run.lanes.end.min(start + S::F32_LANES);
             if lanes.is_empty() {
                 continue;
             }
@@ -134,11 +158,12 @@ impl Search {
             let mut rows = [[0; LANES]; K];
             (0..K).for_each(|j| S::as_mut_simd_u32s(&mut rows[j]).0[0] = index[j]);
             for l in lanes {
-                let radius = rim(level, cells, [at[0][l], at[1][l], at[2][l]]).max(0.0);
+                let query = Query { at: run.queries.place(l), lane: l };
+                let radius = rim(level, run.cells, query.at).max(0.0);
                 if whole || farthest[l - start] <= radius * radius {
                     (0..K).for_each(|j| out[j][l] = rows[j][l - start]);
                 } else {
-                    self.widen_lane(level, at, l, out);
+                    self.widen_lane(level, query, out);
                 }
             }
         }
@@ -162,21 +187,21 @@ impl pulp::WithSimd for Single<'_> {
     }
 }
 
-/// The number of queries, starting with `first`, that are near enough to share their candidates, and their cells.
+/// The queries from `first` on that are near enough to share their candidates.
 #[inline(always)]
-fn run(level: &Level, at: &[Lane<f32>; 3], first: usize, lanes: usize) -> ([[u32; 3]; 2], usize) {
-    let cell = |l: usize| level.cell([at[0][l], at[1][l], at[2][l]]);
+fn run<'a>(level: &Level, queries: Queries<'a>, first: usize) -> Run<'a> {
+    let cell = |l: usize| level.cell(queries.place(l));
     let (mut low, mut high) = (cell(first), cell(first));
-    for l in first + 1..lanes {
+    for l in first + 1..queries.lanes {
         let next = cell(l);
         let (wider_low, wider_high) = ([0, 1, 2].map(|a| low[a].min(next[a])), [0, 1, 2].map(|a| high[a].max(next[a])));
         let edges = [0, 1, 2].map(|a| wider_high[a] - wider_low[a] + 1);
         if edges.iter().any(|&e| e > SPAN) || edges.iter().map(|e| e + 2).product::<u32>() > CELLS {
-            return ([low, high], l);
+            return Run { queries, lanes: first..l, cells: [low, high] };
         }
         (low, high) = (wider_low, wider_high);
     }
-    ([low, high], lanes)
+    Run { queries, lanes: first..queries.lanes, cells: [low, high] }
 }
 
 /// The K nearest candidates of every lane, ascending by (distance, index): candidates come in ascending order of the
@@ -241,7 +266,7 @@ mod tests {
         type Output = usize;
 
         fn with_simd<S: Simd>(self, simd: S) -> usize {
-            self.0.nearest_of_batch(simd, self.1, &self.2, self.3, self.4)
+            self.0.nearest_of_batch(simd, self.1, Queries { at: &self.2, lanes: self.3 }, self.4)
         }
     }
 

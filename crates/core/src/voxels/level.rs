@@ -134,30 +134,40 @@ impl Voxels {
 /// # Errors
 /// If the work was cancelled.
 pub fn build_levels(points: &Positions, grid: &Grid, count: usize, monitor: &Monitor) -> Result<Vec<Level>> {
-    Ok(coarse_levels(points, grid, (count, usize::MAX), monitor)?.1)
+    let all = LevelLimits { levels: count, most_points: usize::MAX };
+    Ok(coarse_levels(points, grid, all, monitor)?.1)
 }
 
-/// As [`build_levels`], but skips the finest levels while they have more than `most` points; also returns their number.
+/// Which levels of a pyramid are built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LevelLimits {
+    /// Number of levels of the pyramid, those that are skipped among them.
+    pub levels: usize,
+    /// The finest levels are skipped while they have more points than this.
+    pub most_points: usize,
+}
+
+/// As [`build_levels`], without the finest levels if they have too many points; also returns how many were skipped.
 ///
 /// # Errors
 /// If the work was cancelled.
 pub fn coarse_levels(
     points: &Positions,
     grid: &Grid,
-    (count, most): (usize, usize),
+    limits: LevelLimits,
     monitor: &Monitor,
 ) -> Result<(usize, Vec<Level>)> {
     let finest = (0..points.len()).map(|i| (grid.code(points.xyz(i)), points.xyz(i), 1));
     let (mut voxels, mut means) = Voxels::unite(finest, monitor)?;
     let (mut fine, mut levels) = (0, Vec::<Level>::new());
-    for l in 0..count {
+    for l in 0..limits.levels {
         if l > 0 {
             let [x, y, z] =
                 levels.last().map_or([&means[0], &means[1], &means[2]], |level| [&level.x, &level.y, &level.z]);
             let pairs = voxels.codes.iter().zip(&voxels.counts).enumerate();
             (voxels, means) = Voxels::unite(pairs.map(|(i, (code, &n))| (code >> 3, [x[i], y[i], z[i]], n)), monitor)?;
         }
-        match levels.is_empty() && voxels.codes.len() > most {
+        match levels.is_empty() && voxels.codes.len() > limits.most_points {
             true => fine = l + 1,
             false => {
                 levels.push(voxels.level(grid.size * f64::from(1u32 << l), std::mem::take(&mut means), monitor)?)

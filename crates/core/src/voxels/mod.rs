@@ -21,10 +21,10 @@ pub(crate) mod rows;
 mod search;
 mod squares;
 
-pub use batch::LANES;
+pub use batch::{LANES, Queries};
 pub use columns::{ColumnSearch, Columns};
 pub use grid::{Grid, sorted};
-pub use level::{Level, build_levels, coarse_levels};
+pub use level::{Level, LevelLimits, build_levels, coarse_levels};
 pub use search::{Neighbour, Search};
 pub(crate) use squares::covered_area;
 pub use squares::planar_density;

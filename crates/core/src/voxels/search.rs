@@ -173,13 +173,14 @@ impl Search {
                 if low > limit {
                     break;
                 }
-                limit = self.visit(level, block, at, (wanted, limit));
+                limit = self.visit(level, block, at, Reach { wanted, limit });
             }
         }
     }
 
     /// Adds the points of a block to the candidates; returns the distance beyond which no point is needed any more.
-    fn visit(&mut self, level: &Level, block: usize, at: [f32; 3], (wanted, limit): (usize, f32)) -> f32 {
+    fn visit(&mut self, level: &Level, block: usize, at: [f32; 3], reach: Reach) -> f32 {
+        let Reach { wanted, limit } = reach;
         for i in level.blocks.points(block) {
             let d = squared(level.x[i] - at[0], level.y[i] - at[1], level.z[i] - at[2]);
             if d <= limit {
@@ -192,6 +193,15 @@ impl Search {
         shrink(&mut self.best, wanted);
         self.best.iter().fold(0.0, |m, b| b.0.max(m))
     }
+}
+
+/// How far a search still goes.
+#[derive(Clone, Copy)]
+struct Reach {
+    /// Number of nearest points.
+    wanted: usize,
+    /// Squared distance beyond which no point is needed, m².
+    limit: f32,
 }
 
 /// For each of the distances the number of the first `n` that are smaller.

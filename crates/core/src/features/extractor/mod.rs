@@ -45,6 +45,19 @@ impl Wanted<'_> {
     }
 }
 
+/// A cloud's finite and non-stray points in the Morton order of a grid.
+#[derive(Clone, Debug)]
+pub(super) struct Sorted {
+    pub(super) points: Points,
+    pub(super) grid: Grid,
+}
+
+/// The plan for a cloud, and its sorted points.
+pub(super) struct Planned<'a> {
+    pub(super) plan: Plan<'a>,
+    pub(super) sorted: Sorted,
+}
+
 /// Plan of the computation: parameters, names, and the column of each feature.
 #[derive(Clone)]
 pub(super) struct Plan<'a> {
@@ -61,13 +74,30 @@ impl<'a> Plan<'a> {
         &self.names
     }
 
-    /// Makes the plan, and sorts the cloud's finite and non-stray points into the order of the grid.
+    /// Prepares levels, from number `first` on, complete within `region` (or everywhere).
+    pub(super) fn stages(
+        &self,
+        first: usize,
+        levels: Vec<Level>,
+        region: Option<Region>,
+        monitor: &Monitor,
+    ) -> Result<Vec<Arc<Stage>>> {
+        let stage = |(level, slots): (Level, &Slots)| {
+            monitor.check()?;
+            Stage::new(Part { level, region }, slots.clone(), &self.set.pyramid, monitor).map(Arc::new)
+        };
+        levels.into_iter().zip(&self.slots[first..]).map(stage).collect()
+    }
+}
+
+impl<'a> Planned<'a> {
+    /// Makes the plan, and sorts the cloud's points.
     pub(super) fn new(
         scene: &MetricCloud<'a>,
         set: &FeatureSet,
         wanted: Wanted<'_>,
         monitor: &Monitor,
-    ) -> Result<(Self, Grid, Points)> {
+    ) -> Result<Self> {
         set.validate()?;
         let points = scene.points(monitor)?;
         let first_scale = match set.pyramid.first_scale {
@@ -96,22 +126,8 @@ impl<'a> Plan<'a> {
             return Err(Error::parameter("column_radius", set.pyramid.column_radius, expected));
         }
         let points = sorted(points, &grid, monitor)?;
-        Ok((Self { set: set.clone(), first_scale, names, slots, own }, grid, points))
-    }
-
-    /// Prepares levels, from number `first` on, complete within `region` (or everywhere).
-    pub(super) fn stages(
-        &self,
-        first: usize,
-        levels: Vec<Level>,
-        region: Option<Region>,
-        monitor: &Monitor,
-    ) -> Result<Vec<Arc<Stage>>> {
-        let stage = |(level, slots): (Level, &Slots)| {
-            monitor.check()?;
-            Stage::new(Part { level, region }, slots.clone(), &self.set.pyramid, monitor).map(Arc::new)
-        };
-        levels.into_iter().zip(&self.slots[first..]).map(stage).collect()
+        let plan = Plan { set: set.clone(), first_scale, names, slots, own };
+        Ok(Self { plan, sorted: Sorted { points, grid } })
     }
 }
 
@@ -128,28 +144,29 @@ impl<'a> Extractor<'a> {
     /// Points of a block (the last may be smaller): the rows of 144 features stay in the second-level cache.
     pub const BLOCK: usize = 1024;
 
-    /// Builds the pyramid of all finite points. Features are then available for all of them, or for the points `at`
-    /// (indices into the cloud, each once).
+    /// Builds the pyramid of all finite points, which then have features.
     ///
     /// O(n log n) time; up to 150 bytes a point while it exists. [`Tiles`](super::Tiles) need less.
     ///
     /// # Errors
     /// If a parameter is out of range, a feature name is unknown, the cloud lacks a required column, or voxels are too
     /// small for the extent.
-    pub fn prepare(
-        scene: &MetricCloud<'a>,
-        set: &FeatureSet,
-        (wanted, at): (Wanted<'_>, Option<&[u32]>),
-        monitor: &Monitor,
-    ) -> Result<Self> {
-        let (plan, grid, points) = Plan::new(scene, set, wanted, monitor)?;
-        let stages =
-            plan.stages(0, build_levels(&points.positions, &grid, set.pyramid.levels, monitor)?, None, monitor)?;
-        let queries = match at {
-            Some(at) => subset(&points, at, scene.cloud.len(), monitor)?,
-            None => points,
-        };
-        Ok(Self { plan, stages, queries })
+    pub fn prepare(scene: &MetricCloud<'a>, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
+        let Planned { plan, sorted: Sorted { points, grid } } = Planned::new(scene, set, wanted, monitor)?;
+        let levels = build_levels(&points.positions, &grid, set.pyramid.levels, monitor)?;
+        let stages = plan.stages(0, levels, None, monitor)?;
+        Ok(Self { plan, stages, queries: points })
+    }
+
+    /// [`Extractor::prepare`] for all features of the points `at` (indices into the cloud, each once) alone; the pyramid
+    /// is that of all points.
+    ///
+    /// # Errors
+    /// As [`Extractor::prepare`], or if an index is not that of a point or is there twice.
+    pub fn prepare_at(scene: &MetricCloud<'a>, set: &FeatureSet, at: &[u32], monitor: &Monitor) -> Result<Self> {
+        let all = Self::prepare(scene, set, Wanted::All, monitor)?;
+        let queries = subset(&all.queries, at, scene.cloud.len(), monitor)?;
+        Ok(Self { queries, ..all })
     }
 
     pub(super) fn from_parts(plan: Plan<'a>, stages: Vec<Arc<Stage>>, queries: Points) -> Self {

@@ -5,13 +5,13 @@
 //! outside the margin is reported and computed again with a wider one. The features are therefore the same bytes as
 //! those of [`Extractor::prepare`].
 
-use super::{Extractor, Plan, Wanted};
-use crate::cloud::{MetricCloud, Points, Positions};
+use super::{Extractor, Plan, Planned, Sorted, Wanted};
+use crate::cloud::MetricCloud;
 use crate::error::Result;
 use crate::features::params::FeatureSet;
-use crate::features::pyramid::region::Region;
+use crate::features::pyramid::region::{Margin, Region};
 use crate::parallel::Monitor;
-use crate::voxels::{Grid, build_levels, coarse_levels};
+use crate::voxels::{LevelLimits, build_levels, coarse_levels};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -27,8 +27,7 @@ const MARGIN: u32 = 32;
 /// A cloud's sorted points and coarse levels.
 pub struct Tiles<'a> {
     plan: Plan<'a>,
-    grid: Grid,
-    points: Points,
+    sorted: Sorted,
     fine: usize,
     coarse: Vec<Arc<crate::features::pyramid::Stage>>,
     parts: Vec<Range<usize>>,
@@ -42,32 +41,30 @@ impl<'a> Tiles<'a> {
     /// # Errors
     /// As [`Extractor::prepare`].
     pub fn prepare(scene: &MetricCloud<'a>, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
-        Self::with_parts(scene, set, wanted, (PART, monitor))
+        Self::with_parts(Planned::new(scene, set, wanted, monitor)?, PART, monitor)
     }
 
-    fn with_parts(
-        scene: &MetricCloud<'a>,
-        set: &FeatureSet,
-        wanted: Wanted<'_>,
-        (part, monitor): (usize, &Monitor),
-    ) -> Result<Self> {
-        let (plan, grid, points) = Plan::new(scene, set, wanted, monitor)?;
-        let most = if points.len() <= part { usize::MAX } else { points.len() / COARSE_SHARE };
-        let (fine, levels) = coarse_levels(&points.positions, &grid, (set.pyramid.levels, most), monitor)?;
+    /// Parts of at most `most` points.
+    fn with_parts(planned: Planned<'a>, most: usize, monitor: &Monitor) -> Result<Self> {
+        let Planned { plan, sorted } = planned;
+        let count = sorted.points.len();
+        let most_points = if count <= most { usize::MAX } else { count / COARSE_SHARE };
+        let limits = LevelLimits { levels: plan.set.pyramid.levels, most_points };
+        let (fine, levels) = coarse_levels(&sorted.points.positions, &sorted.grid, limits, monitor)?;
         let coarse = plan.stages(fine, levels, None, monitor)?;
         let mut parts = Vec::new();
-        divide(&points.positions, &grid, (0..points.len(), 63), part, &mut parts);
-        Ok(Self { plan, grid, points, fine, coarse, parts })
+        Octants { sorted: &sorted, most }.divide(0..count, 63, &mut parts);
+        Ok(Self { plan, sorted, fine, coarse, parts })
     }
 
     /// Total number of points.
     pub fn len(&self) -> usize {
-        self.points.len()
+        self.sorted.points.len()
     }
 
     /// True if there is no point.
     pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
+        self.sorted.points.is_empty()
     }
 
     /// Names of the columns.
@@ -77,7 +74,7 @@ impl<'a> Tiles<'a> {
 
     /// Index in the cloud of each sorted point.
     pub(super) fn indices(&self) -> &[u32] {
-        &self.points.frame.index
+        &self.sorted.points.frame.index
     }
 
     /// Number of parts.
@@ -99,43 +96,46 @@ impl<'a> Tiles<'a> {
         let mut stages = Vec::new();
         if self.fine > 0 {
             let columns = (4.0 * self.plan.set.pyramid.column_radius).ceil() as u32;
-            let margin = MARGIN.max(columns).saturating_mul(4u32.saturating_pow(attempt));
-            let (region, held) =
-                Region::around((&self.points.positions, &self.grid), places, (self.fine - 1, margin), monitor)?;
-            let held = self.points.positions.select(&held, monitor)?;
-            stages = self.plan.stages(0, build_levels(&held, &self.grid, self.fine, monitor)?, region, monitor)?;
+            let voxels = MARGIN.max(columns).saturating_mul(4u32.saturating_pow(attempt));
+            let margin = Margin { level: self.fine - 1, voxels };
+            let (region, held) = Region::around(&self.sorted, places, margin, monitor)?;
+            let held = self.sorted.points.positions.select(&held, monitor)?;
+            stages =
+                self.plan.stages(0, build_levels(&held, &self.sorted.grid, self.fine, monitor)?, region, monitor)?;
         }
         stages.extend(self.coarse.iter().cloned());
-        Ok(Extractor::from_parts(self.plan.clone(), stages, self.points.select(places, monitor)?))
+        Ok(Extractor::from_parts(self.plan.clone(), stages, self.sorted.points.select(places, monitor)?))
     }
 }
 
-/// Splits a range of sorted points by the three bits below `bits` of their codes, until no part has too many points.
-fn divide(
-    points: &Positions,
-    grid: &Grid,
-    (range, bits): (Range<usize>, u32),
+/// The division of sorted points into octants of octants, until none has more than `most` points.
+struct Octants<'a> {
+    sorted: &'a Sorted,
     most: usize,
-    parts: &mut Vec<Range<usize>>,
-) {
-    let code = |i: usize| grid.code(points.xyz(i));
-    if range.is_empty() {
-        return;
-    }
-    if range.len() <= most || bits == 0 {
-        parts.push(range);
-        return;
-    }
-    let octant = |i: usize| code(i) >> (bits - 3) & 7;
-    let mut first = range.start;
-    for o in 0..8 {
-        let (mut low, mut high) = (first, range.end);
-        while low < high {
-            let middle = low + (high - low) / 2;
-            if octant(middle) <= o { low = middle + 1 } else { high = middle }
+}
+
+impl Octants<'_> {
+    /// Splits a range of points by the three bits below `bits` of their codes.
+    fn divide(&self, range: Range<usize>, bits: u32, parts: &mut Vec<Range<usize>>) {
+        if range.is_empty() {
+            return;
         }
-        divide(points, grid, (first..low, bits - 3), most, parts);
-        first = low;
+        if range.len() <= self.most || bits == 0 {
+            parts.push(range);
+            return;
+        }
+        let Sorted { points, grid } = self.sorted;
+        let octant = |i: usize| grid.code(points.positions.xyz(i)) >> (bits - 3) & 7;
+        let mut first = range.start;
+        for o in 0..8 {
+            let (mut low, mut high) = (first, range.end);
+            while low < high {
+                let middle = low + (high - low) / 2;
+                if octant(middle) <= o { low = middle + 1 } else { high = middle }
+            }
+            self.divide(first..low, bits - 3, parts);
+            first = low;
+        }
     }
 }
 
@@ -158,7 +158,7 @@ mod tests {
         (set.pyramid.levels, set.pyramid.first_scale) = (6, Some(0.1));
         let monitor = Monitor::default();
         let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
-        let whole = Extractor::prepare(&scene, &set, (Wanted::All, None), &monitor).unwrap();
+        let whole = Extractor::prepare(&scene, &set, Wanted::All, &monitor).unwrap();
         let width = whole.names().len();
         let mut wanted = vec![0.0f32; cloud.len() * width];
         let (mut scratch, mut block) = (crate::features::Scratch::default(), Vec::new());
@@ -169,7 +169,8 @@ mod tests {
                 wanted[p as usize * width..][..width].copy_from_slice(row);
             });
         }
-        let tiles = Tiles::with_parts(&scene, &set, Wanted::All, (2000, &monitor)).unwrap();
+        let planned = Planned::new(&scene, &set, Wanted::All, &monitor).unwrap();
+        let tiles = Tiles::with_parts(planned, 2000, &monitor).unwrap();
         assert!(tiles.parts() > 16 && tiles.fine > 1 && tiles.fine < 6, "{} {}", tiles.parts(), tiles.fine);
         let (mut seen, mut again) = (0, 0);
         for part in 0..tiles.parts() {

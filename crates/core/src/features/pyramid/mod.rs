@@ -11,7 +11,7 @@ use super::tensor::{Batch, Convention, LANES, Lane, MOST, Tensor, covariance_fea
 use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::Monitor;
-use crate::voxels::{ColumnSearch, Columns, Level, Search};
+use crate::voxels::{self, ColumnSearch, Columns, Level, Search};
 use contour::{Around, Surfaces, contour_features};
 use pulp::{Arch, Simd, WithSimd};
 use region::Region;
@@ -280,7 +280,8 @@ pub(super) fn fill<S: Simd>(simd: S, source: Source<'_>, queries: Queries<'_>, s
         axis[..lanes.len()].copy_from_slice(&from[lanes.clone()]);
     }
     let found = &mut scratch.found[..wanted];
-    let mut count = scratch.search.nearest_of_batch(simd, level, &at, lanes.len(), found);
+    let mut count =
+        scratch.search.nearest_of_batch(simd, level, voxels::Queries { at: &at, lanes: lanes.len() }, found);
     lay_out(level, &at, &found[..count], &mut scratch.batch);
     if !packed.is_empty() {
         unpack(packed, &found[..count], &mut scratch.surfaces);

@@ -1,9 +1,8 @@
 //! The loaded part of a cloud: whole vertical columns of voxels.
 
-use crate::cloud::Positions;
 use crate::error::Result;
+use crate::features::extractor::Sorted;
 use crate::parallel::{Looks, Monitor, watched};
-use crate::voxels::Grid;
 
 /// A box of voxels of some level, unlimited in height; where it reaches the border of the cloud, it is unlimited too.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,20 +13,31 @@ pub(in crate::features) struct Region {
     rounding: f64,
 }
 
+/// The width of the margin around the points of a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::features) struct Margin {
+    /// Level whose voxels are counted, 0 for the finest.
+    pub(in crate::features) level: usize,
+    /// Number of voxels on each side.
+    pub(in crate::features) voxels: u32,
+}
+
 impl Region {
-    /// The voxels of level `level` around the points at `positions`, extended by `margin` voxels on each side and to
-    /// all heights, and the positions of all points in them. `None` instead of the box if it holds all points.
+    /// The voxels around the points at `places` in the sorted order, extended by the margin on each side and to all
+    /// heights, and the places of all points in them. `None` instead of the box if it holds all points.
     /// O(points).
     ///
     /// # Errors
     /// If the work was cancelled.
     pub(in crate::features) fn around(
-        (points, grid): (&Positions, &Grid),
-        positions: &[u32],
-        (level, margin): (usize, u32),
+        sorted: &Sorted,
+        places: &[u32],
+        margin: Margin,
         monitor: &Monitor,
     ) -> Result<(Option<Self>, Vec<u32>)> {
-        let cell = |i: usize| grid.cell(points.xyz(i)).map(|c| c >> level);
+        let Sorted { points, grid } = sorted;
+        let Margin { level, voxels: margin } = margin;
+        let cell = |i: usize| grid.cell(points.positions.xyz(i)).map(|c| c >> level);
         let bounds = |all: &mut dyn Iterator<Item = usize>| {
             let mut looks = Looks::at(monitor);
             all.map(cell).try_fold(([u32::MAX; 3], [0; 3]), |(low, high), c| {
@@ -36,7 +46,7 @@ impl Region {
             })
         };
         let (first, last) = bounds(&mut (0..points.len()))?;
-        let (low, high) = bounds(&mut positions.iter().map(|&i| i as usize))?;
+        let (low, high) = bounds(&mut places.iter().map(|&i| i as usize))?;
         // All heights, for the column features.
         let low = [low[0].saturating_sub(margin), low[1].saturating_sub(margin), 0];
         let high = [high[0].saturating_add(margin), high[1].saturating_add(margin), u32::MAX];
