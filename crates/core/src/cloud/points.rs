@@ -4,11 +4,9 @@ use super::{Cloud, MetricCloud, Positions};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_watched, watched};
 
-/// Largest distance from the origin in metres: three squares of it still fit into `f32`.
+/// Largest distance of a point, or of another origin, from the origin in metres: three squares of it still fit into
+/// `f32`.
 const FARTHEST: f64 = 1e18;
-
-/// Largest distance of two origins in metres: beyond it squares overflow `f32`.
-const FARTHEST_ORIGIN: f64 = 1e18;
 
 /// Where local positions are from: which points of a cloud they are, and the origin that was subtracted.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -93,6 +91,13 @@ impl Points {
         self.positions.is_empty()
     }
 
+    /// Where point `i` lies in the world: metres, not relative to the origin.
+    #[inline]
+    pub fn world(&self, i: usize) -> [f64; 3] {
+        let at = self.positions.xyz(i);
+        [0, 1, 2].map(|a| f64::from(at[a]) + self.frame.origin[a])
+    }
+
     /// The points in these rows, in their order. O(rows), in parallel.
     ///
     /// # Errors
@@ -108,11 +113,9 @@ impl Points {
     /// If the origins are too far apart for `f32`.
     pub fn moved_to(mut self, origin: [f64; 3]) -> Result<Self> {
         let shift = [0, 1, 2].map(|a| self.frame.origin[a] - origin[a]);
-        if !shift.iter().all(|v| v.abs() <= FARTHEST_ORIGIN) {
+        if !shift.iter().all(|v| v.abs() <= FARTHEST) {
             let found = format!("origins {origin:?} and {:?}", self.frame.origin);
-            return Err(Error::input(format!(
-                "{found} are too far apart to be compared (allowed: {FARTHEST_ORIGIN:e} m)"
-            )));
+            return Err(Error::input(format!("{found} are too far apart to be compared (allowed: {FARTHEST:e} m)")));
         }
         let Positions { x, y, z } = &mut self.positions;
         for (axis, shift) in [x, y, z].into_iter().zip(shift) {

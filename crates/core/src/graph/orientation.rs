@@ -66,11 +66,8 @@ fn towards(points: &Points, directions: &mut [[f32; 3]], sensor: [f64; 3]) -> Re
     }
     let [x, y, z] = [0, 1, 2].map(|a| sensor[a] - points.frame.origin[a]);
     for (i, normal) in directions.iter_mut().enumerate() {
-        let sight = [
-            x - f64::from(points.positions.x[i]),
-            y - f64::from(points.positions.y[i]),
-            z - f64::from(points.positions.z[i]),
-        ];
+        let at = points.positions.xyz(i).map(f64::from);
+        let sight = [x - at[0], y - at[1], z - at[2]];
         if (0..3).map(|a| sight[a] * f64::from(normal[a])).sum::<f64>() < 0.0 {
             flip(normal);
         }

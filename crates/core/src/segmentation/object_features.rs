@@ -69,10 +69,7 @@ pub fn object_features(
 
 fn geometric(points: &Points, members: &[u32], places: &mut Vec<[f64; 3]>, row: &mut Vec<f32>) {
     places.clear();
-    places.extend(members.iter().map(|&i| {
-        let i = i as usize;
-        [f64::from(points.positions.x[i]), f64::from(points.positions.y[i]), f64::from(points.positions.z[i])]
-    }));
+    places.extend(members.iter().map(|&i| points.positions.xyz(i as usize).map(f64::from)));
     let centre = mean(places);
     let scatter = Sym3::scatter(places, centre, places.len().max(1) as f64);
     let e = shape::normalised::<Exact, f64>(scatter.eigen().values);

@@ -71,17 +71,14 @@ impl ElevationModel {
             return Err(Error::input("no ground point: name a class that is ground, or give an elevation model"));
         }
         monitor.check()?;
-        let low =
-            [&points.positions.x, &points.positions.y].map(|axis| axis.iter().fold(f32::INFINITY, |m, &v| m.min(v)));
-        let high = [&points.positions.x, &points.positions.y]
-            .map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
-        let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + points.frame.origin[a]);
+        let Points { positions, frame } = points;
+        let low = [&positions.x, &positions.y].map(|axis| axis.iter().fold(f32::INFINITY, |m, &v| m.min(v)));
+        let high = [&positions.x, &positions.y].map(|axis| axis.iter().fold(f32::NEG_INFINITY, |m, &v| m.max(v)));
+        let world = |v: [f32; 2]| [0, 1].map(|a| f64::from(v[a]) + frame.origin[a]);
         let mut raster = Raster::over(world(low), world(high), params.cell)?;
         let key = |i: usize| {
-            (
-                raster.cell_of(world([points.positions.x[i], points.positions.y[i]])) as u32,
-                ascending(points.positions.z[i]),
-            )
+            let [x, y, _] = points.world(i);
+            (raster.cell_of([x, y]) as u32, ascending(positions.z[i]))
         };
         let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
             let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
@@ -93,7 +90,7 @@ impl ElevationModel {
         for cell in keys.chunk_by(|a, b| a.0 == b.0) {
             looks.steps(cell.len())?;
             let (index, z) = cell[(params.percentile * (cell.len() - 1) as f64) as usize];
-            raster.values_mut()[index as usize] = f64::from(descended(z)) + points.frame.origin[2];
+            raster.values_mut()[index as usize] = f64::from(descended(z)) + frame.origin[2];
         }
         let raster = fill_holes(raster, monitor)?;
         match params.median {
@@ -125,12 +122,11 @@ impl ElevationModel {
     /// # Errors
     /// If the work was cancelled.
     pub fn heights(&self, points: &Points, monitor: &Monitor) -> Result<Vec<f32>> {
-        let [ox, oy, oz] = points.frame.origin;
         let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
             let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
             let above = |i: usize| {
-                let at = [f64::from(points.positions.x[i]) + ox, f64::from(points.positions.y[i]) + oy];
-                (f64::from(points.positions.z[i]) + oz - self.ground(at)) as f32
+                let [x, y, z] = points.world(i);
+                (z - self.ground([x, y])) as f32
             };
             Ok(range.map(above).collect::<Vec<f32>>())
         })?;

@@ -99,11 +99,8 @@ fn of_site(points: &Points, params: &GroundParams, monitor: &Monitor) -> Result<
         let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
         monitor.advance(range.len() as u64);
         let near = |i: usize| {
-            let at = [
-                f64::from(points.positions.x[i]) + points.frame.origin[0],
-                f64::from(points.positions.y[i]) + points.frame.origin[1],
-            ];
-            let slope = steepness[ground.raster().cell_of(at)];
+            let [x, y, _] = points.world(i);
+            let slope = steepness[ground.raster().cell_of([x, y])];
             f64::from(heights[i].abs()) <= params.threshold + params.scaling * slope
         };
         Ok(range.map(near).collect::<Vec<bool>>())

@@ -1,7 +1,7 @@
 //! Position of points with respect to the border of the road.
 
 use super::alpha_shape::{AlphaShape, Place};
-use crate::cloud::Points;
+use crate::cloud::{Points, Positions};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
 use parry2d_f64::bounding_volume::Aabb;
@@ -26,8 +26,8 @@ pub fn position(points: &Points, shape: &AlphaShape, rim: f64, monitor: &Monitor
     let shift = [0, 1].map(|a| points.frame.origin[a] - shape.origin[a]);
     let parts = map_ordered(points.len().div_ceil(BLOCK), monitor, |block| {
         let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
-        let place =
-            |i: usize| [f64::from(points.positions.x[i]) + shift[0], f64::from(points.positions.y[i]) + shift[1]];
+        let Positions { x, y, .. } = &points.positions;
+        let place = |i: usize| [f64::from(x[i]) + shift[0], f64::from(y[i]) + shift[1]];
         Ok(range.map(|i| index.position(place(i))).collect::<Vec<f32>>())
     })?;
     Ok(parts.concat())

@@ -1,7 +1,7 @@
 //! Points in the Morton order of the finest voxels.
 
 use super::morton;
-use crate::cloud::Points;
+use crate::cloud::{Points, Positions};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_watched, sort_watched};
 
@@ -21,8 +21,8 @@ impl Grid {
         if !(size.is_finite() && size > 0.0) {
             return Err(Error::parameter("first_scale", size, "a voxel size in metres, above 0"));
         }
-        let far = [&points.positions.x, &points.positions.y, &points.positions.z]
-            .map(|axis| axis.iter().fold(0.0f32, |m, &v| m.max(v)));
+        let Positions { x, y, z } = &points.positions;
+        let far = [x, y, z].map(|axis| axis.iter().fold(0.0f32, |m, &v| m.max(v)));
         let cells = f64::from(far[0].max(far[1]).max(far[2])) / size;
         if cells >= f64::from(morton::LIMIT - 64) {
             let expected = format!(
@@ -51,10 +51,9 @@ impl Grid {
 
 /// The point with the largest coordinate on an axis, for a message.
 fn farthest(points: &Points) -> String {
-    let reach = |i: usize| points.positions.x[i].max(points.positions.y[i]).max(points.positions.z[i]);
+    let reach = |i: usize| points.positions.xyz(i).into_iter().fold(f32::NEG_INFINITY, f32::max);
     let Some(i) = (0..points.len()).max_by(|&a, &b| reach(a).total_cmp(&reach(b))) else { return "it".into() };
-    let at = points.positions.xyz(i);
-    let [x, y, z] = [0, 1, 2].map(|a| f64::from(at[a]) + points.frame.origin[a]);
+    let [x, y, z] = points.world(i);
     format!(
         "point {} at {x:.1}, {y:.1}, {z:.1} m, {:.0} m from the other end of the cloud,",
         points.frame.index[i],

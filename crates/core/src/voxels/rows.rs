@@ -1,6 +1,6 @@
 //! A grid of cubes whose keys run along rows, so that the neighbours of a cell are found by few searches.
 
-use super::cells::Cells;
+use super::cells::{Cells, cell_of};
 use super::morton;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
@@ -63,10 +63,11 @@ impl RowGrid {
     /// Key of the cell that holds a position: sorted by y, then z, then x.
     #[inline(always)]
     pub(crate) fn key(&self, at: [f32; 3]) -> u64 {
-        let mut cell = [0u64; 3];
-        for ((cell, v), first) in cell.iter_mut().zip(at).zip(self.first) {
-            *cell = ((f64::from(v) / self.size).floor() as i64).wrapping_sub(first) as u64;
+        let mut cell = cell_of(at.map(|v| f64::from(v) / self.size));
+        for (cell, first) in cell.iter_mut().zip(self.first) {
+            *cell = cell.wrapping_sub(first);
         }
+        let cell = cell.map(|c| c as u64);
         cell[1] << (2 * BITS) | cell[2] << BITS | cell[0]
     }
 

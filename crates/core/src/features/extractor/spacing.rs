@@ -17,10 +17,7 @@ const NEIGHBOUR: usize = 4;
 /// # Errors
 /// If the work was cancelled.
 pub fn spacing(points: &Points, monitor: &Monitor) -> Result<f64> {
-    let far = [&points.positions.x, &points.positions.y, &points.positions.z]
-        .into_iter()
-        .flatten()
-        .fold(0.0f32, |m, &v| m.max(v));
+    let far = points.positions.iter().flatten().fold(0.0f32, |m, v| m.max(v));
     let grid = Grid::new(points, f64::from(far).max(1e-3) / f64::from(1u32 << 20))?;
     let points = sorted(points.clone(), &grid, monitor)?;
     let levels = build_levels(&points.positions, &grid, 1, monitor)?;

@@ -165,9 +165,7 @@ fn approach(diversity: &mut [f64], places: &[[f64; 8]], to: usize) {
 /// Index in the cloud of the point of a segment that is nearest to its mean.
 fn middle(segmented: &Segmented, s: usize) -> u32 {
     let (points, members) = (&segmented.points, segmented.partition.members(s));
-    let at = |i: usize| {
-        [f64::from(points.positions.x[i]), f64::from(points.positions.y[i]), f64::from(points.positions.z[i])]
-    };
+    let at = |i: usize| points.positions.xyz(i).map(f64::from);
     let count = members.len().max(1) as f64;
     let mean = [0, 1, 2].map(|a| members.iter().map(|&i| at(i as usize)[a]).sum::<f64>() / count);
     let distance = |i: u32| (0..3).map(|a| (at(i as usize)[a] - mean[a]).powi(2)).sum::<f64>();
