@@ -81,7 +81,7 @@ pub(super) fn build(items: &mut [Item], kept: usize, monitor: &Monitor) -> Vec<N
     }
     let bounds = Bounds::around(items);
     if bounds.is_one_place() {
-        build_place(items, (bounds, kept), &mut nodes);
+        build_place(items, bounds, kept, &mut nodes);
         return nodes;
     }
     let (left, right) = halve(items, &bounds);
@@ -95,7 +95,7 @@ pub(super) fn build(items: &mut [Item], kept: usize, monitor: &Monitor) -> Vec<N
 fn build_alone(items: &mut [Item], kept: usize, nodes: &mut Vec<Node>) {
     let bounds = Bounds::around(items);
     if bounds.is_one_place() {
-        build_place(items, (bounds, kept), nodes);
+        build_place(items, bounds, kept, nodes);
         return;
     }
     if items.len() <= LANES {
@@ -111,22 +111,32 @@ fn build_alone(items: &mut [Item], kept: usize, nodes: &mut Vec<Node>) {
 }
 
 /// The subtree of coincident points; those that are not kept belong to its last leaf.
-fn build_place(items: &mut [Item], (bounds, kept): (Bounds, usize), nodes: &mut Vec<Node>) {
+fn build_place(items: &mut [Item], bounds: Bounds, kept: usize, nodes: &mut Vec<Node>) {
     items.sort_unstable_by_key(|i| i.index);
-    divide_place((items.len(), kept.min(items.len())), bounds, nodes);
+    Pile { all: items.len(), kept: kept.min(items.len()) }.divide(bounds, nodes);
 }
 
-fn divide_place((all, kept): (usize, usize), bounds: Bounds, nodes: &mut Vec<Node>) {
-    if kept <= LANES {
-        nodes.push(Node { bounds, count: kept as u32, skip: all as u32 });
-        return;
+/// Numbers of coincident points: of all, and of those that can be neighbours.
+#[derive(Clone, Copy, Debug)]
+struct Pile {
+    all: usize,
+    kept: usize,
+}
+
+impl Pile {
+    fn divide(self, bounds: Bounds, nodes: &mut Vec<Node>) {
+        let Self { all, kept } = self;
+        if kept <= LANES {
+            nodes.push(Node { bounds, count: kept as u32, skip: all as u32 });
+            return;
+        }
+        let middle = kept.div_ceil(LANES).div_ceil(2) * LANES;
+        let parent = nodes.len();
+        nodes.push(Node { bounds, count: 0, skip: 0 });
+        Self { all: middle, kept: middle }.divide(bounds, nodes);
+        nodes[parent].skip = (nodes.len() - parent) as u32;
+        Self { all: all - middle, kept: kept - middle }.divide(bounds, nodes);
     }
-    let middle = kept.div_ceil(LANES).div_ceil(2) * LANES;
-    let parent = nodes.len();
-    nodes.push(Node { bounds, count: 0, skip: 0 });
-    divide_place((middle, middle), bounds, nodes);
-    nodes[parent].skip = (nodes.len() - parent) as u32;
-    divide_place((all - middle, kept - middle), bounds, nodes);
 }
 
 /// Splits the items at the median along the longest edge of the box; the first half fills whole leaves.

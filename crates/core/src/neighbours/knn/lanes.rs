@@ -5,34 +5,38 @@ use pulp::{Simd, bytemuck};
 /// Number of values that are compared together.
 pub(super) const LANES: usize = 16;
 
-/// Appends the indices of the values in `column` that are at most `limit` to a table whose first `len` entries are in
-/// use; returns the new length. NaN is never selected. The table grows by whole vectors.
+/// The entries of `column` whose values are at most `limit`; NaN is never selected.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Selection<'a> {
+    pub(super) values: &'a [f32; LANES],
+    pub(super) limit: f32,
+    pub(super) column: &'a [u32; LANES],
+}
+
+/// Appends the selected entries to a table whose first `len` entries are in use; returns their number. The table grows by
+/// whole vectors.
 #[inline(always)]
-pub(super) fn append<S: Simd>(
-    simd: S,
-    (value, limit): (&[f32; LANES], f32),
-    column: &[u32; LANES],
-    (table, len): (&mut Vec<u32>, usize),
-) -> usize {
+pub(super) fn append<S: Simd>(simd: S, selection: Selection<'_>, table: &mut Vec<u32>, len: usize) -> usize {
     if table.len() < len + LANES {
         table.resize(2 * (len + LANES), 0);
     }
     let Some(out) = table[len..].first_chunk_mut::<LANES>() else { return 0 };
     #[cfg(target_arch = "x86_64")]
     if let Some(v4) = (&simd as &dyn std::any::Any).downcast_ref::<pulp::x86::V4>() {
+        let Selection { values, limit, column } = selection;
         let limit = v4.avx512f._mm512_set1_ps(limit);
-        let taken = v4.avx512f._mm512_cmple_ps_mask(bytemuck::cast(*value), limit);
+        let taken = v4.avx512f._mm512_cmple_ps_mask(bytemuck::cast(*values), limit);
         *out = bytemuck::cast(v4.avx512f._mm512_maskz_compress_epi32(taken, bytemuck::cast(*column)));
         return taken.count_ones() as usize;
     }
-    one_by_one((value, limit), column, out)
+    one_by_one(selection, out)
 }
 
 /// The same without branches, for any machine.
 #[inline(always)]
-fn one_by_one((value, limit): (&[f32; LANES], f32), column: &[u32; LANES], out: &mut [u32; LANES]) -> usize {
+fn one_by_one(Selection { values, limit, column }: Selection<'_>, out: &mut [u32; LANES]) -> usize {
     let mut taken = 0usize;
-    for (value, column) in value.iter().zip(column) {
+    for (value, column) in values.iter().zip(column) {
         out[taken & (LANES - 1)] = *column;
         taken = taken.wrapping_add(usize::from(*value <= limit));
     }
@@ -73,7 +77,8 @@ mod tests {
         type Output = usize;
 
         fn with_simd<S: Simd>(self, simd: S) -> usize {
-            append(simd, (self.0, self.1), &std::array::from_fn(|l| l as u32 + 100), (self.2, self.3))
+            let column = &std::array::from_fn(|l| l as u32 + 100);
+            append(simd, Selection { values: self.0, limit: self.1, column }, self.2, self.3)
         }
     }
 

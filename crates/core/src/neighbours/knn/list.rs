@@ -1,9 +1,12 @@
 //! The leaves of a k-d tree that may hold neighbours of the queries of one leaf.
 
 use super::build::Bounds;
-use super::lanes::{LANES, append, bits};
+use super::lanes::{LANES, Selection, append, bits};
 use super::tree::{Tree, Wide, gaps};
 use pulp::{Simd, bytemuck};
+
+/// With more leaves than this no list is made: every query walks the tree by itself.
+const MOST: usize = 512;
 
 /// Leaves that may hold neighbours of a leaf's queries, and their bounding boxes axis by axis.
 #[derive(Clone, Debug, Default)]
@@ -16,9 +19,9 @@ pub(super) struct List {
 }
 
 impl List {
-    /// Lists the leaves whose squared distance from a box is at most `limit`; false if there are more than `most`.
+    /// Lists the leaves whose squared distance from a box is at most `limit`; false if there are more than [`MOST`].
     #[inline(always)]
-    pub(super) fn fill<S: Simd>(&mut self, simd: S, tree: &Tree, bounds: &Bounds, (limit, most): (f32, usize)) -> bool {
+    pub(super) fn fill<S: Simd>(&mut self, simd: S, tree: &Tree, bounds: &Bounds, limit: f32) -> bool {
         self.len = 0;
         self.stack.resize(self.stack.len().max(1), 0);
         self.stack[0] = 0;
@@ -28,12 +31,13 @@ impl List {
             let node = &tree.nodes[self.stack[open] as usize];
             let gaps = node.gaps(bounds);
             if node.holds_leaves {
-                self.push(simd, node, (&gaps, limit));
-                if self.len > most {
+                self.push(simd, node, &gaps, limit);
+                if self.len > MOST {
                     return false;
                 }
             } else {
-                open += append(simd, (&gaps, limit), &node.child, (&mut self.stack, open));
+                let near = Selection { values: &gaps, limit, column: &node.child };
+                open += append(simd, near, &mut self.stack, open);
             }
         }
         self.pad();
@@ -41,12 +45,13 @@ impl List {
     }
 
     #[inline(always)]
-    fn push<S: Simd>(&mut self, simd: S, node: &Wide, taken: (&[f32; LANES], f32)) {
+    fn push<S: Simd>(&mut self, simd: S, node: &Wide, gaps: &[f32; LANES], limit: f32) {
+        let of = |column| Selection { values: gaps, limit, column };
         let [x, y, z, u, v, w] = &mut self.corners;
         for (axis, table) in node.low.iter().zip([x, y, z]).chain(node.high.iter().zip([u, v, w])) {
-            append(simd, taken, bits(axis), (table, self.len));
+            append(simd, of(bits(axis)), table, self.len);
         }
-        self.len += append(simd, taken, &node.child, (&mut self.leaf, self.len));
+        self.len += append(simd, of(&node.child), &mut self.leaf, self.len);
     }
 
     /// Pads the list to whole vectors with boxes of NaN.
@@ -79,7 +84,7 @@ impl List {
             self.leaf.as_chunks::<LANES>().0.iter().zip(boxes).take(self.len.div_ceil(LANES))
         {
             let gaps = gaps([x, y, z], [u, v, w], &place);
-            count += append(simd, (&gaps, limit), leaf, (found, count));
+            count += append(simd, Selection { values: &gaps, limit, column: leaf }, found, count);
         }
         count
     }

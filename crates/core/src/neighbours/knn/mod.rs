@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered_with, watched};
 use pulp::{Arch, Simd, WithSimd};
 use rank::Rows;
-use search::Seeker;
+use search::{Nearest, Seeker};
 use std::ops::Range;
 use tree::{Tree, check};
 
@@ -55,8 +55,7 @@ pub fn knn(points: &Positions, k: usize, monitor: &Monitor) -> Result<Neighbours
     if k > 0 {
         monitor.stage("neighbours", points.len() as u64);
         blocks(
-            &tree,
-            k,
+            Nearest { tree: &tree, k },
             monitor,
             |block, _| Ok(block),
             |block| {
@@ -92,7 +91,7 @@ pub fn nearest_of(points: &Positions, queries: &Positions, k: usize, monitor: &M
         let range = block * QUERIES..((block + 1) * QUERIES).min(queries.len());
         let places: Vec<[f32; 3]> = range.map(|i| queries.xyz(i)).collect();
         let mut rows = Rows::with_room(places.len() * k);
-        Arch::new().dispatch(Places { seeker, tree: &tree, places: &places, k, out: &mut rows });
+        Arch::new().dispatch(Places { seeker, of: Nearest { tree: &tree, k }, places: &places, out: &mut rows });
         monitor.advance(places.len() as u64);
         Ok(rows)
     })?;
@@ -112,12 +111,12 @@ pub(super) struct Block {
 
 /// Searches all points of the tree block by block: `kernel` in parallel, `take` in order. `k` may be 0.
 pub(super) fn blocks<T: Send>(
-    tree: &Tree,
-    k: usize,
+    of: Nearest<'_>,
     monitor: &Monitor,
     kernel: impl Fn(Block, &Tree) -> Result<T> + Sync + Send,
     mut take: impl FnMut(T),
 ) -> Result<()> {
+    let Nearest { tree, k } = of;
     let count = tree.leaves.len().div_ceil(LEAVES);
     let at_once = 16 * rayon::current_num_threads();
     for first in (0..count).step_by(at_once) {
@@ -126,7 +125,7 @@ pub(super) fn blocks<T: Send>(
             let points = tree.points_of(leaves.clone());
             let mut rows = Rows::with_room(points.len() * k);
             if k > 0 {
-                Arch::new().dispatch(Leaves { seeker, tree, leaves, k, out: &mut rows });
+                Arch::new().dispatch(Leaves { seeker, of, leaves, out: &mut rows });
             }
             monitor.advance(points.len() as u64);
             kernel(Block { points, rows }, tree)
@@ -139,9 +138,8 @@ pub(super) fn blocks<T: Send>(
 /// A search of all points of some leaves, compiled for each instruction set.
 struct Leaves<'a> {
     seeker: &'a mut Seeker,
-    tree: &'a Tree,
+    of: Nearest<'a>,
     leaves: Range<usize>,
-    k: usize,
     out: &'a mut Rows,
 }
 
@@ -150,16 +148,15 @@ impl WithSimd for Leaves<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.seeker.leaves(simd, self.tree, self.leaves, (self.k, self.out));
+        self.seeker.leaves(simd, self.of, self.leaves, self.out);
     }
 }
 
 /// A search of arbitrary positions, compiled for each instruction set.
 struct Places<'a> {
     seeker: &'a mut Seeker,
-    tree: &'a Tree,
+    of: Nearest<'a>,
     places: &'a [[f32; 3]],
-    k: usize,
     out: &'a mut Rows,
 }
 
@@ -168,7 +165,7 @@ impl WithSimd for Places<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.seeker.places(simd, self.tree, self.places, (self.k, self.out));
+        self.seeker.places(simd, self.of, self.places, self.out);
     }
 }
 

@@ -94,18 +94,18 @@ impl Ranking {
     #[inline(always)]
     fn count<S: Simd, const TIES: bool>(&mut self, simd: S) {
         let full = self.len.next_multiple_of(LANES);
-        let all = (&self.squared[..self.len], &self.index[..self.len]);
+        let all = Candidates { squared: &self.squared[..self.len], index: &self.index[..self.len] };
         let (squared, _) = S::as_simd_u32s(&self.squared[..full]);
         let (index, _) = S::as_simd_u32s(&self.index[..full]);
         let (rank, _) = S::as_mut_simd_u32s(&mut self.rank[..full]);
         let (squared, squared_rest) = squared.as_chunks::<TOGETHER>();
         let (index, index_rest) = index.as_chunks::<TOGETHER>();
         let (rank, rank_rest) = rank.as_chunks_mut::<TOGETHER>();
-        for ((d, i), rank) in squared.iter().zip(index).zip(rank) {
-            *rank = nearer::<S, TOGETHER, TIES>(simd, all, (d, i));
+        for ((squared, index), rank) in squared.iter().zip(index).zip(rank) {
+            *rank = nearer::<S, TOGETHER, TIES>(simd, all, Candidates { squared, index });
         }
         for ((&d, &i), rank) in squared_rest.iter().zip(index_rest).zip(rank_rest) {
-            [*rank] = nearer::<S, 1, TIES>(simd, all, (&[d], &[i]));
+            [*rank] = nearer::<S, 1, TIES>(simd, all, Candidates { squared: &[d], index: &[i] });
         }
     }
 
@@ -124,17 +124,24 @@ impl Ranking {
     }
 }
 
+/// Bit patterns of squared distances, and indices.
+#[derive(Clone, Copy, Debug)]
+struct Candidates<T> {
+    squared: T,
+    index: T,
+}
+
 /// For each lane of a few vectors the number of candidates that are nearer. Distances are not negative, so that their
 /// bit patterns sort like the values.
 #[inline(always)]
 fn nearer<S: Simd, const N: usize, const TIES: bool>(
     simd: S,
-    all: (&[u32], &[u32]),
-    (squared, index): (&[S::u32s; N], &[S::u32s; N]),
+    all: Candidates<&[u32]>,
+    Candidates { squared, index }: Candidates<&[S::u32s; N]>,
 ) -> [S::u32s; N] {
     let (one, none) = (simd.splat_u32s(1), simd.splat_u32s(0));
     let mut sum = [none; N];
-    for (&d, &i) in all.0.iter().zip(all.1) {
+    for (&d, &i) in all.squared.iter().zip(all.index) {
         let d = simd.splat_u32s(d);
         for n in 0..N {
             let mut before = simd.less_than_u32s(d, squared[n]);

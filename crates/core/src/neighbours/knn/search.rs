@@ -5,17 +5,17 @@
 //! inequality).
 
 use super::build::Bounds;
-use super::lanes::{LANES, append, bits, least};
+use super::lanes::{LANES, Selection, append, bits, least};
 use super::list::List;
 use super::rank::{Ranking, Rows};
-use super::tree::{Chunk, Leaf, Tree};
+use super::tree::{Chunk, Tree};
 use pulp::Simd;
 
-/// With more leaves than this no list is made: every query walks the tree by itself.
-const LISTED: usize = 512;
 /// Factor in the first guess of the search radius: the disc of the last query is enlarged by this share over √k, which
 /// is the spread of the number of points in a disc of constant density.
 const SPREAD: f32 = 1.2;
+/// No point is excluded from a search.
+const NONE: u32 = u32::MAX;
 /// Flag of a leaf among the nodes that are still to be visited.
 const IS_LEAF: u32 = 1 << 31;
 
@@ -26,6 +26,30 @@ pub(in crate::neighbours) struct Seeker {
     stack: Vec<(f32, u32)>,
     list: List,
     visit: Vec<u32>,
+}
+
+/// What is searched: the `k` nearest points of a tree.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::neighbours) struct Nearest<'a> {
+    pub(in crate::neighbours) tree: &'a Tree,
+    pub(in crate::neighbours) k: usize,
+}
+
+/// Where it is searched.
+#[derive(Clone, Copy, Debug)]
+struct Query {
+    at: [f32; 3],
+    /// Largest squared distance.
+    limit: f32,
+    /// Index of a point that is excluded.
+    but: u32,
+}
+
+/// A leaf whose points are the queries, and the query solved before them.
+#[derive(Clone, Copy, Debug)]
+struct Batch {
+    leaf: usize,
+    last: Option<Known>,
 }
 
 /// A solved query: its position and the distance of its k-th neighbour.
@@ -52,21 +76,16 @@ impl Seeker {
     /// Appends to `out` the `k` nearest of every point of the leaves, in the order of the tree, excluding the point
     /// itself. The tree holds more than `k` points.
     #[inline(always)]
-    pub(super) fn leaves<S: Simd>(
-        &mut self,
-        simd: S,
-        tree: &Tree,
-        leaves: std::ops::Range<usize>,
-        (k, out): (usize, &mut Rows),
-    ) {
+    pub(super) fn leaves<S: Simd>(&mut self, simd: S, of: Nearest<'_>, leaves: std::ops::Range<usize>, out: &mut Rows) {
+        let Nearest { tree, k } = of;
         let mut last = None;
         for id in leaves {
             let leaf = &tree.leaves[id];
-            last = Some(self.batch(simd, tree, (leaf, &tree.chunks[id]), (k, last), out));
+            last = Some(self.batch(simd, of, Batch { leaf: id, last }, out));
             // Points that are not kept coincide with kept ones and have the first of these as nearest points.
             let beyond = tree.points_of(id..id + 1).len() - leaf.count as usize;
             if beyond > 0 {
-                self.walk(simd, tree, leaf.bounds.low, (k, f32::INFINITY, None));
+                self.walk(simd, of, Query { at: leaf.bounds.low, limit: f32::INFINITY, but: NONE });
                 self.ranking.write(simd, k, out);
                 for _ in 1..beyond {
                     out.index.extend_from_within(out.index.len() - k..);
@@ -81,15 +100,16 @@ impl Seeker {
     pub(in crate::neighbours) fn places<S: Simd>(
         &mut self,
         simd: S,
-        tree: &Tree,
+        of: Nearest<'_>,
         places: &[[f32; 3]],
-        (k, out): (usize, &mut Rows),
+        out: &mut Rows,
     ) {
         let mut last = Known { place: [0.0; 3], radius: f32::INFINITY };
         for &at in places {
             // The triangle inequality with the last query bounds the search radius.
-            self.walk(simd, tree, at, (k, limit(last.radius + squared(at, last.place).sqrt()), None));
-            self.ranking.write(simd, k, out);
+            let limit = limit(last.radius + squared(at, last.place).sqrt());
+            self.walk(simd, of, Query { at, limit, but: NONE });
+            self.ranking.write(simd, of.k, out);
             last = Known { place: at, radius: radius(out) };
         }
     }
@@ -99,7 +119,7 @@ impl Seeker {
     pub(in crate::neighbours) fn collect<S: Simd>(&mut self, simd: S, tree: &Tree, at: [f32; 3], limit: f32) -> usize {
         self.ranking.len = 0;
         if !tree.nodes.is_empty() {
-            self.walk(simd, tree, at, (tree.index.len(), limit, None));
+            self.walk(simd, Nearest { tree, k: tree.index.len() }, Query { at, limit, but: NONE });
         }
         self.ranking.len
     }
@@ -114,17 +134,12 @@ impl Seeker {
 
     /// Solves the queries of a leaf. Returns the last one.
     #[inline(always)]
-    fn batch<S: Simd>(
-        &mut self,
-        simd: S,
-        tree: &Tree,
-        (leaf, chunk): (&Leaf, &Chunk),
-        (k, last): (usize, Option<Known>),
-        out: &mut Rows,
-    ) -> Known {
+    fn batch<S: Simd>(&mut self, simd: S, of: Nearest<'_>, batch: Batch, out: &mut Rows) -> Known {
+        let Nearest { tree, k } = of;
+        let (leaf, chunk, last) = (&tree.leaves[batch.leaf], &tree.chunks[batch.leaf], batch.last);
         let mut known = [[f32::INFINITY; LANES]; 4];
         let mut before = match last {
-            Some(known) if self.list.fill(simd, tree, &leaf.bounds, (far(&leaf.bounds, known), LISTED)) => last,
+            Some(known) if self.list.fill(simd, tree, &leaf.bounds, far(&leaf.bounds, known)) => last,
             _ => None,
         };
         let mut listed = before.is_some();
@@ -142,19 +157,19 @@ impl Seeker {
                 // The distance is mostly about that of the last query; if it is larger, the search is repeated with the
                 // certain bound.
                 let likely = limit(likely * guess);
-                self.visit_listed(simd, tree, (at, own), certain.min(likely));
+                self.visit_listed(simd, tree, Query { at, limit: certain.min(likely), but: own });
                 if self.ranking.len < k && likely < certain {
-                    self.visit_listed(simd, tree, (at, own), certain);
+                    self.visit_listed(simd, tree, Query { at, limit: certain, but: own });
                 }
             }
             if !listed || self.ranking.len < k {
-                self.walk(simd, tree, at, (k, certain, Some(own)));
+                self.walk(simd, of, Query { at, limit: certain, but: own });
             }
             self.ranking.write(simd, k, out);
             last = Known { place: at, radius: radius(out) };
             likely = last.radius;
             if l == 0 && !listed {
-                listed = self.list.fill(simd, tree, &leaf.bounds, (far(&leaf.bounds, last), LISTED));
+                listed = self.list.fill(simd, tree, &leaf.bounds, far(&leaf.bounds, last));
             }
             (0..3).for_each(|a| known[a][l] = at[a]);
             known[3][l] = last.radius;
@@ -164,18 +179,19 @@ impl Seeker {
 
     /// Collects every point of the listed leaves within the limit, excluding the query itself.
     #[inline(always)]
-    fn visit_listed<S: Simd>(&mut self, simd: S, tree: &Tree, (at, own): ([f32; 3], u32), limit: f32) {
-        let count = self.list.within(simd, at, limit, &mut self.visit);
+    fn visit_listed<S: Simd>(&mut self, simd: S, tree: &Tree, query: Query) {
+        let count = self.list.within(simd, query.at, query.limit, &mut self.visit);
         self.ranking.len = 0;
         for &leaf in &self.visit[..count] {
-            scan(simd, (&tree.chunks[leaf as usize], own), (at, limit), &mut self.ranking);
+            scan(simd, &tree.chunks[leaf as usize], query, &mut self.ranking);
         }
     }
 
-    /// Collects the `k` nearest of a position, and perhaps more, by walking the tree, the nearest child first. `limit`
-    /// is a known bound of the squared distance. One point can be excluded.
+    /// Collects the `k` nearest of a position, and perhaps more, by walking the tree, the nearest child first. The
+    /// limit is a known bound of the squared distance.
     #[inline(always)]
-    fn walk<S: Simd>(&mut self, simd: S, tree: &Tree, at: [f32; 3], (k, mut limit, but): (usize, f32, Option<u32>)) {
+    fn walk<S: Simd>(&mut self, simd: S, Nearest { tree, k }: Nearest<'_>, query: Query) {
+        let Query { at, mut limit, but } = query;
         let place = Bounds { low: at, high: at };
         self.ranking.len = 0;
         self.stack.clear();
@@ -194,7 +210,7 @@ impl Seeker {
                 continue;
             }
             let chunk = &tree.chunks[(n ^ IS_LEAF) as usize];
-            scan(simd, (chunk, but.unwrap_or(u32::MAX)), (at, limit), &mut self.ranking);
+            scan(simd, chunk, Query { at, limit, but }, &mut self.ranking);
             if self.ranking.len >= 2 * k.max(LANES) {
                 limit = limit.min(self.ranking.shrink(k));
             }
@@ -205,15 +221,16 @@ impl Seeker {
 /// Collects the points of a leaf within the limit, excluding one.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "chains of iterators are not turned into vectors")]
-fn scan<S: Simd>(simd: S, (chunk, but): (&Chunk, u32), (at, limit): ([f32; 3], f32), kept: &mut Ranking) {
+fn scan<S: Simd>(simd: S, chunk: &Chunk, Query { at, limit, but }: Query, kept: &mut Ranking) {
     let mut d = [0.0f32; LANES];
     for l in 0..LANES {
         let (x, y, z) = (chunk.x[l] - at[0], chunk.y[l] - at[1], chunk.z[l] - at[2]);
         let squared = x * x + y * y + z * z;
         d[l] = if chunk.index[l] == but { f32::NAN } else { squared };
     }
-    append(simd, (&d, limit), bits(&d), (&mut kept.squared, kept.len));
-    kept.len += append(simd, (&d, limit), &chunk.index, (&mut kept.index, kept.len));
+    let of = |column| Selection { values: &d, limit, column };
+    append(simd, of(bits(&d)), &mut kept.squared, kept.len);
+    kept.len += append(simd, of(&chunk.index), &mut kept.index, kept.len);
 }
 
 /// The distance of the last neighbour of the last row.

@@ -72,7 +72,7 @@ impl Tree {
         }
         if !nodes.is_empty() {
             let leaves = leaves_below(&nodes);
-            Joining { nodes: &nodes, leaves: &leaves, wide: &mut tree.nodes }.join(0, 0);
+            Joining { nodes: &nodes, leaves: &leaves, wide: &mut tree.nodes }.join(Part { node: 0, first: 0 });
         }
         Ok(tree)
     }
@@ -132,6 +132,13 @@ fn leaves_below(nodes: &[Node]) -> Vec<u32> {
     leaves
 }
 
+/// A binary node and the first leaf below it.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    node: usize,
+    first: u32,
+}
+
 /// Conversion of binary nodes to nodes of 16 children.
 struct Joining<'a> {
     nodes: &'a [Node],
@@ -140,22 +147,23 @@ struct Joining<'a> {
 }
 
 impl Joining<'_> {
-    /// Converts what is below `node`, whose first leaf is given; returns the new node.
-    fn join(&mut self, node: usize, first: u32) -> u32 {
+    /// Converts what is below a node; returns the new node.
+    fn join(&mut self, part: Part) -> u32 {
+        let node = part.node;
         let holds_leaves = self.leaves[node] <= LANES as u32;
         // All nodes but the upper ones are filled.
         let mut most = 1;
         while !holds_leaves && most * (LANES as u32) < self.leaves[node] {
             most *= LANES as u32;
         }
-        let parts = self.divide((node, first), most);
+        let parts = self.divide(part, most);
         let nowhere = [[f32::NAN; LANES]; 3];
         let (low, high, child) = (nowhere, nowhere, [0; LANES]);
         let id = self.wide.len();
         self.wide.push(Wide { low, high, child, count: parts.len(), holds_leaves });
-        for (l, (node, first)) in parts.into_iter().enumerate() {
-            let child = if holds_leaves { first } else { self.join(node, first) };
-            let (wide, bounds) = (&mut self.wide[id], self.nodes[node].bounds);
+        for (l, part) in parts.into_iter().enumerate() {
+            let child = if holds_leaves { part.first } else { self.join(part) };
+            let (wide, bounds) = (&mut self.wide[id], self.nodes[part.node].bounds);
             wide.child[l] = child;
             for a in 0..3 {
                 (wide.low[a][l], wide.high[a][l]) = (bounds.low[a], bounds.high[a]);
@@ -164,19 +172,19 @@ impl Joining<'_> {
         id as u32
     }
 
-    /// Up to 16 nodes below one, of at most `most` leaves each if possible, and the first leaf of each.
-    fn divide(&self, root: (usize, u32), most: u32) -> Vec<(usize, u32)> {
+    /// Up to 16 nodes below one, of at most `most` leaves each if possible.
+    fn divide(&self, root: Part, most: u32) -> Vec<Part> {
         let mut parts = vec![root];
         while parts.len() < LANES {
-            let large = |&p: &usize| (self.leaves[parts[p].0], std::cmp::Reverse(p));
+            let large = |&p: &usize| (self.leaves[parts[p].node], std::cmp::Reverse(p));
             let Some(p) = (0..parts.len()).max_by_key(large) else { break };
-            let (node, first) = parts[p];
+            let Part { node, first } = parts[p];
             if self.leaves[node] <= most {
                 break;
             }
             let second = node + self.nodes[node].skip as usize;
-            parts[p] = (node + 1, first);
-            parts.insert(p + 1, (second, first + self.leaves[node + 1]));
+            parts[p] = Part { node: node + 1, first };
+            parts.insert(p + 1, Part { node: second, first: first + self.leaves[node + 1] });
         }
         parts
     }

@@ -3,6 +3,7 @@
 mod lanes;
 pub(super) mod params;
 
+use super::knn::search::Nearest;
 use super::knn::tree::Tree;
 use super::knn::{Block, blocks};
 use super::nearest::Neighbours;
@@ -112,7 +113,7 @@ pub fn map_optimal<T: Copy + Default + Send>(
         });
         Ok((block.points, out.iter().map(&describe).collect::<Vec<T>>()))
     };
-    blocks(&tree, k, monitor, kernel, |(range, values)| {
+    blocks(Nearest { tree: &tree, k }, monitor, kernel, |(range, values)| {
         tree.index[range].iter().zip(values).for_each(|(&point, value)| all[point as usize] = value);
     })?;
     Ok(all)
