@@ -97,6 +97,13 @@ def test_segments_of_a_picture_of_three_colours():
         assert found.energy == pytest.approx(fit + 0.1 * boundary, rel=1e-6)
 
 
+def test_cut_pursuit_without_additions_is_the_published_method():
+    published = {"coarse_above": None, "cycles": 1, "attempts": 1, "moves": False}
+    chain = [[0, 1], [1, 2], [2, 3]]
+    found = segmentation.cut_pursuit([[0.0], [0.25], [5.0], [5.25]], chain, strength=0.5, **published)
+    assert found.labels.tolist() == [0, 0, 1, 1] and found.energy == pytest.approx(0.5625)
+
+
 def test_results_are_arrays_of_what_they_are_above_all():
     for found in (
         regularisation.alpha_expansion(UNARY, EDGES),
@@ -180,6 +187,7 @@ def parted(xyz=None, labels=None, **params):
         (lambda: regularisation.energy([0.5, 1.0], UNARY, EDGES), "labels"),
         (lambda: segmentation.cut_pursuit(UNARY, EDGES, strength=-1.0), "strength"),
         (lambda: segmentation.cut_pursuit(UNARY, EDGES, cycles=0), "cycles"),
+        (lambda: segmentation.cut_pursuit(UNARY, EDGES, attempts=0), "attempts"),
         (lambda: segmentation.cut_pursuit([[np.inf]], []), "inf"),
         (lambda: segmentation.merge(UNARY, EDGES, node_weights=[1.0]), "node_weights"),
         (lambda: parted(strength=1.0, oracle_loss=0.1), "at most one"),

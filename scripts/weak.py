@@ -71,10 +71,10 @@ HEAD = """# Accuracy of the weakly supervised classification
 
 Written by `python scripts/weak.py DATA` ({seeds} seeds, {minutes:.0f} minutes on {cores} cores). A model trained on the labels of random
 points of each class classifies the whole cloud. Cells are overall accuracy / mean F1 in percent over all points of these
-classes, mean and standard deviation over the seeds. Method: [weak.md](weak.md), all defaults; "as the paper" is
-`descriptors = "paper"`, `shares.power = 0` and `labels.hold = false`. All points include the labelled ones; the row
-without them counts only unlabelled points (all eight points of a class of part_10 are labelled, so that this class is
-not counted there).
+classes, mean and standard deviation over the seeds. Method: [weak.md](weak.md). "As the paper" is
+`descriptors = "paper"`, `shares.power = 0` and `labels.hold = false`; finer segments where the labels need them
+(`labels.fit_partition`) stay on. Scores count all points. The last row of the Oakland tables counts only points without
+a label (in part_10 all eight points of one class have one, so that the class is left out).
 
 """
 TABLE = "| cloud | points | " + " | ".join(METHODS.values()) + " |\n|---|---|" + "---|" * len(METHODS)

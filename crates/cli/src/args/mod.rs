@@ -27,7 +27,8 @@ use std::str::FromStr;
     version,
     max_term_width = 110,
     after_help = "\
-Exit codes: 0 done, 1 failed, 2 usage, 3 some inputs failed, 4 bad input, 130 interrupted, 143 terminated.
+Exit codes: 0 done, 1 failed, 2 usage, 3 some inputs failed, 4 bad input,
+  129 terminal closed, 130 interrupted, 143 terminated.
 
 First steps:
   scansion demo                                  all steps on a small scan that is built in

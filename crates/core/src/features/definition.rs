@@ -144,8 +144,8 @@ macro_rules! registry {
         }
 
         /// All features: those of a level (Hackel 2018, Table 4.1), of the point itself, of its optimal neighbourhood
-        /// and of the terrain (Guinard & Landrieu 2017, section 2.1), and of segments (Hasanpour Zaryabi et al. 2022,
-        /// Table 3).
+        /// (Guinard & Landrieu 2017, section 2.1), of the terrain (section 2.2), and of segments (Hasanpour Zaryabi et
+        /// al. 2022, Table 3).
         pub const ALL: &[Definition] = &[
             $(Definition {
                 feature: Feature::$feature,

@@ -54,7 +54,7 @@ impl AlphaParams {
 
 /// The union of the Delaunay triangles whose circumscribed circle has a radius of at most α.
 ///
-/// N. Akkiraju et al., *Alpha shapes: definition and software*, 1995; used in Guinard & Landrieu 2017, section 2.1.
+/// N. Akkiraju et al., *Alpha shapes: definition and software*, 1995; used in Guinard & Landrieu 2017, section 2.2.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AlphaShape {
     pub(super) origin: [f64; 3],

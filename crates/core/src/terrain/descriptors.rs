@@ -1,5 +1,5 @@
 //! The two descriptors that depend on the road: height above it, and position with respect to it (Guinard & Landrieu
-//! 2017, section 2.1).
+//! 2017, section 2.2).
 
 use super::alpha_shape::{AlphaParams, AlphaShape};
 use super::elevation::{ElevationModel, ElevationParams};

@@ -14,7 +14,7 @@ use parry2d_f64::shape::Segment;
 const BLOCK: usize = 16_384;
 
 /// Position of every point with respect to the road: 0.5 within `rim` metres of its border on either side, else 0
-/// inside and 1 outside (Guinard & Landrieu 2017, section 2.1). O(n √e + e log e) for a border of e edges.
+/// inside and 1 outside (Guinard & Landrieu 2017, section 2.2). O(n √e + e log e) for a border of e edges.
 ///
 /// # Errors
 /// If `rim` is negative or not finite, or the work was cancelled.

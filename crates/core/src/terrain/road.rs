@@ -7,7 +7,7 @@ use crate::parallel::Monitor;
 
 /// Probability that a point is road, for every row of `features`, trained on `examples` (row, whether it is road).
 ///
-/// Guinard & Landrieu 2017, section 2.1: a random forest with the classes road and not road on the four local
+/// Guinard & Landrieu 2017, section 2.2: a random forest with the classes road and not road on the four local
 /// descriptors ([`crate::features::optimal_features`]); [`ForestParams::breiman`] is the paper's kind of forest. Points
 /// with a probability of at least one half count as road ([`is_likely`]).
 ///

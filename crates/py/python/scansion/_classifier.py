@@ -27,8 +27,9 @@ class Classified(NamedTuple):
     """The classification, one entry a point in the cloud's order."""
 
     codes: NDArray[np.uint8]
-    """Code of the most probable class; where coordinates are not finite 1 (unclassified), or if 1 is a class the highest
-    unused code."""
+    """Code of the most probable class. Points whose coordinates are not finite get 1 (unclassified), or 0 if 1 is a
+    class, or the highest unused code if 0 is a class too. Stray points get 7 (noise) from models with ASPRS codes, else
+    the same code."""
     confidence: NDArray[np.float32]
     """Its probability, 0..1."""
     entropy: NDArray[np.float32]
@@ -47,7 +48,8 @@ class PointClassifier(Classifier):
     ----------
     recipe : path, str or mapping, optional
         A TOML recipe: its path, its text, or a mapping of dotted keys to values, as in
-        ``{"forest.trees": 100, "features.intensity": True}``. By default the paper's values.
+        ``{"forest.trees": 100, "features.intensity": True}``. By default as in the thesis, except
+        for rare classes.
     unlabelled : iterable of int or str, optional
         Labels that mean "unlabelled"; such points are not used for training. By default those of the cloud's class list (LAS:
         0 and 1, Semantic3D: 0, others: none; see `PointCloud.scheme`), and none for labels given as an array. Negative

@@ -16,7 +16,8 @@ class ObjectClassifier(PointClassifier):
     ----------
     recipe : path, str or mapping, optional
         A TOML recipe of the kind ``objects``: its path, its text, or a mapping of dotted keys to values, as in
-        ``{"segments.slic.size": 2.0, "training.share": 1.0, "classifier": "gbt"}``. By default the paper's values.
+        ``{"segments.slic.size": 2.0, "training.share": 1.0, "classifier": "gbt"}``. By default as
+        in ``docs/objects.md``.
     unlabelled : iterable of int or str, optional
         Labels that mean "unlabelled"; such points do not count for the class of their segment. By default those of the
         cloud's class list (LAS: 0 and 1, Semantic3D: 0, others: none), and none for labels given as an array. Negative

@@ -23,7 +23,8 @@ class WeakClassifier(PointClassifier):
     ----------
     recipe : path, str or mapping, optional
         A TOML recipe of the kind ``weak``: its path, its text, or a mapping of dotted keys to values, as in
-        ``{"neighbourhood.k_min": 20, "regularise.strength": 0.5}``. By default the paper's values.
+        ``{"neighbourhood.k_min": 20, "regularise.strength": 0.5}``. By default the paper's method
+        with the additions in ``docs/weak.md``.
     strengths : sequence of float
         Strengths of the random field to choose from, by the accuracy on held-out labels; empty uses the recipe's.
     unlabelled : iterable of int or str, optional

@@ -54,6 +54,7 @@ def cut_pursuit(
     flow_steps: int = 3,
     means_steps: int = 5,
     restarts: int = 3,
+    attempts: int = 4,
     max_iterations: int = 10,
     tolerance: float = 1e-3,
     guard: bool = False,
@@ -65,7 +66,8 @@ def cut_pursuit(
     """Segments by l0 cut pursuit: minimises the sum of squared differences and of boundary costs.
 
     L. Landrieu, G. Obozinski, *Cut pursuit: fast algorithms to learn piecewise constant functions on general weighted
-    graphs*, SIAM J. Imaging Sciences 10(4), 2017; ``coarse_above=None, cycles=1, moves=False`` is their method.
+    graphs*, SIAM J. Imaging Sciences 10(4), 2017; their method is
+    ``coarse_above=None, cycles=1, attempts=1, moves=False``.
 
     Parameters
     ----------
@@ -91,6 +93,8 @@ def cut_pursuit(
         Iterations of the 2-means that starts a split.
     restarts : int
         Number of random starts of the 2-means.
+    attempts : int
+        Number of splits tried for each segment, of which the one of least energy is used; 1 or more.
     max_iterations : int
         Largest number of iterations of splitting and merging.
     tolerance : float
@@ -127,6 +131,7 @@ def cut_pursuit(
         "flow_steps": flow_steps,
         "means_steps": means_steps,
         "restarts": restarts,
+        "attempts": attempts,
         "max_iterations": max_iterations,
         "tolerance": tolerance,
         "guard": guard,

@@ -4,8 +4,8 @@ use super::super::params::{ClassWeight, MAX_DEPTH, within, zero_is_none};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Parameters of [`Boosting::fit`](super::Boosting::fit). The defaults are those of LightGBM, the library that
-/// Hasanpour Zaryabi et al. 2022 refer to.
+/// Parameters of [`Boosting::fit`](super::Boosting::fit). The defaults are those of LightGBM, except for
+/// `lambda`, which is that of XGBoost.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BoostingParams {

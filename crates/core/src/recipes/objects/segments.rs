@@ -1,4 +1,4 @@
-//! Points to supervoxels, supervoxels to segments (Hasanpour Zaryabi et al. 2022, sections 3.1 to 3.3).
+//! Points to supervoxels, supervoxels to segments (Hasanpour Zaryabi et al. 2022, sections 3.1 to 3.5).
 
 use crate::cloud::{Cloud, Points};
 use crate::error::{Error, Result};
@@ -22,7 +22,8 @@ pub enum SupervoxelMode {
     Vccs,
 }
 
-/// Parameters of supervoxels and segments; the defaults are those of Hasanpour Zaryabi et al. 2022, for airborne scans.
+/// Parameters of supervoxels and segments. The defaults suit airborne scans; `docs/objects.md` says which of them
+/// are those of Hasanpour Zaryabi et al. 2022.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ObjectSegments {

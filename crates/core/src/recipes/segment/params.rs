@@ -28,8 +28,8 @@ impl Default for GrowingParams {
     }
 }
 
-/// Parameters of [`segment`](super::segment()), saved as a recipe of their own. The defaults are those of the papers,
-/// except for a strength of 0.03, which suits airborne scans too.
+/// Parameters of [`segment`](super::segment()), saved as a recipe of their own. Each method has its own defaults,
+/// except that the strength of cut pursuit and merging is 0.03, which suits airborne scans too.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SegmentParams {
@@ -77,8 +77,7 @@ impl Default for SegmentParams {
 }
 
 impl SegmentParams {
-    /// The defaults of the method with that name (for `riemannian` those of Li 2018); `None` if there is no such
-    /// method.
+    /// The defaults, with the method of that name; `None` if there is no such method.
     pub fn named(name: &str) -> Option<Self> {
         let method = SegmentMethod::ALL.iter().copied().find(|method| method.name() == name)?;
         Some(Self { method, ..Self::default() })
