@@ -1,7 +1,7 @@
 //! Examples at the end of each command's help.
 
 pub(super) const DEMO: &str = "Example:
-  scansion demo -o tour                                      scan, named scan, pictures and scores in the folder tour";
+  scansion demo -o tour                                      scan, classes, pictures and scores in tour/";
 
 pub(super) const INFO: &str = "Examples:
   scansion info my.laz                                       what the header says
@@ -17,7 +17,7 @@ pub(super) const MERGE: &str = "Example:
   scansion merge tile_*.laz all.laz";
 
 pub(super) const DIFF: &str = "Example:
-  scansion diff my.laz named.laz                             what changed, and where";
+  scansion diff my.laz classified.laz                        what changed, and where";
 
 pub(super) const FEATURES: &str = "Examples:
   scansion features --list
@@ -33,10 +33,10 @@ pub(super) const TRAIN: &str = "Examples:
 scansion model show my.model --recipe prints all settings that --set and --recipe know.";
 
 pub(super) const CLASSIFY: &str = "Examples:
-  scansion classify my.laz -o named.laz                      with the built-in model for airborne scans
-  scansion classify *.laz -m my.model -o named/              many files into a folder
-  scansion classify my.laz -o named.laz --only-unclassified --skip 9,17
-  scansion classify my.laz -o named.laz --regularize segment-crf --set regularise.strength=2";
+  scansion classify my.laz -o classified.laz                 with the built-in model for airborne scans
+  scansion classify *.laz -m my.model -o classified/         many files into a folder
+  scansion classify my.laz -o classified.laz --only-unclassified --skip 9,17
+  scansion classify my.laz -o classified.laz --regularize segment-crf --set regularise.strength=2";
 
 pub(super) const SEGMENT: &str = "Examples:
   scansion segment my.laz -o segments.laz --segments-per-hectare 200
@@ -49,16 +49,16 @@ pub(super) const SUGGEST: &str = "Examples:
   scansion train segments.laz --weak --weak-labels labels.csv -o my.model";
 
 pub(super) const EVALUATE: &str = "Examples:
-  scansion evaluate truth.laz named.laz                      same points in the same order
-  scansion evaluate truth.laz named.laz -o scores.json -o confusion.png
+  scansion evaluate truth.laz classified.laz                 same points in the same order
+  scansion evaluate truth.laz classified.laz -o scores.json -o confusion.png
   scansion evaluate truth.laz --model my.model --map-truth 3-4=5   classify the first cloud, then compare
-  scansion evaluate rooms.ply named.ply --map-truth 0=2,1=5,2=6    where truth and prediction have other codes";
+  scansion evaluate rooms.ply classified.ply --map-truth 0=2,1=5,2=6  where truth and prediction have other codes";
 
 pub(super) const RENDER: &str = "Examples:
-  scansion render named.laz -o map.png                       classes from above, with a world file for GIS
-  scansion render named.laz -o side.png --view oblique --azimuth 120 --elevation 25
-  scansion render named.laz -o doubt.png --by Entropy
-  scansion render named.laz -o wrong.png --truth truth.laz --classes 2,5,6   where the classes differ";
+  scansion render classified.laz -o map.png                  classes from above, with a world file for GIS
+  scansion render classified.laz -o side.png --view oblique --azimuth 120 --elevation 25
+  scansion render classified.laz -o entropy.png --by Entropy
+  scansion render classified.laz -o wrong.png --truth truth.laz --classes 2,5,6  where the classes differ";
 
 pub(super) const MODEL: &str = "Examples:
   scansion model show                                        the built-in model

@@ -32,8 +32,8 @@ Exit codes: 0 done, 1 failed, 2 usage, 3 some inputs failed, 4 bad input,
 
 First steps:
   scansion demo                                  all steps on a small scan that is built in
-  scansion classify my.laz -o named.laz          classify every point with the built-in model
-  scansion render named.laz -o named.png         look at it"
+  scansion classify my.laz -o classified.laz     classify every point with the built-in model
+  scansion render classified.laz -o map.png      look at it"
 )]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -122,7 +122,7 @@ impl Command {
         };
         match overwrite {
             Some(true) => Replace::Allowed,
-            Some(false) => Replace::Refused("say --overwrite to replace it"),
+            Some(false) => Replace::Refused("use --overwrite to replace it"),
             None => Replace::Refused("give the output another name"),
         }
     }

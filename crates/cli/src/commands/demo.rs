@@ -17,7 +17,7 @@ const SCAN: &[u8] = include_bytes!("../../assets/demo.laz");
 pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
     let folder = &args.output;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let (scan, named) = (folder.join("scan.laz"), folder.join("named.laz"));
+    let (scan, classified) = (folder.join("scan.laz"), folder.join("classified.laz"));
     atomic::write_bytes(&scan, SCAN)?;
 
     let mut cloud = io::read_with(&scan, &context.read_options())?;
@@ -32,11 +32,11 @@ pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
         Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))),
         Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))),
     ];
-    io::rewrite(&scan, &named, &edits, &context.write_options())?;
+    io::rewrite(&scan, &classified, &edits, &context.write_options())?;
     cloud.set_column(Column::new(names::CLASSIFICATION, Values::U8(result.codes)))?;
     let views = [("map.png", View::Map), ("oblique.png", View::Oblique { azimuth_deg: 30.0, elevation_deg: 35.0 })];
     for (name, view) in views {
-        let title = Some("Named by scansion's built-in model".to_string());
+        let title = Some("Classified by Scansion's built-in model".to_string());
         let picture = RenderParams { view, by: ColourBy::Class, title, ..RenderParams::default() };
         let image = images::render(&cloud, &ClassTable::default(), &picture, &context.monitor)?;
         atomic::write_bytes(&folder.join(name), &image.to_png(&context.monitor)?)?;
@@ -49,12 +49,13 @@ pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
 fn next(folder: &std::path::Path) -> String {
     let f = folder.display();
     format!(
-        "\nIn {f}: scan.laz (as scanned), named.laz (named, with Confidence and Entropy), map.png, oblique.png, scores.json
+        "\nIn {f}: scan.laz (as scanned), classified.laz (with Confidence and Entropy), map.png, oblique.png, \
+         scores.json
 
 What to do next:
-  scansion classify my.laz -o named.laz               classify every point of your own scan
-  scansion train labelled.laz -o my.model             learn from your own labels
-  scansion classify my.laz -o named.laz -m my.model   and use what was learned
-  scansion render named.laz -o named.png --view oblique"
+  scansion classify my.laz -o classified.laz               classify every point of your own scan
+  scansion train labelled.laz -o my.model                  train on your own labels
+  scansion classify my.laz -o classified.laz -m my.model   and use the trained model
+  scansion render classified.laz -o side.png --view oblique"
     )
 }

@@ -79,8 +79,8 @@ impl Maps {
                 "map",
                 map,
                 format!(
-                    "a map that leaves the prediction's codes as they are, but it has code {code}; say --map-truth {map} if \
-                     only the truth has other codes, and --map-predicted {map} with it if both have"
+                    "a map that leaves the prediction's codes as they are, but it has code {code}; use --map-truth \
+                     {map} to change the truth only, and --map-predicted {map} as well to change both"
                 ),
             )),
         }
@@ -114,7 +114,7 @@ fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
     };
     match (0..a.len().min(b.len())).step_by(step).find(apart) {
         Some(i) => Err(Error::input(format!(
-            "point {i} stands at {:?} in the truth and at {:?} in the prediction",
+            "point {i} is at {:?} in the truth and at {:?} in the prediction",
             a.xyz(i),
             b.xyz(i)
         ))),

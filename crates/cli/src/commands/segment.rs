@@ -124,7 +124,8 @@ fn table(report: &SegmentReport) -> String {
     if let (Some(accuracy), Some(b)) = (report.oracle_accuracy, report.boundaries) {
         let _ = write!(
             text,
-            "\nnaming whole segments could reach {:.2} % of the labels; boundary recall {:.2} %, precision {:.2} %",
+            "\noracle accuracy {:.2} % (the best that classifying whole segments can reach); boundary recall {:.2} %, \
+             precision {:.2} %",
             100.0 * accuracy,
             100.0 * b.recall,
             100.0 * b.precision

@@ -69,7 +69,7 @@ impl Confusion {
         let confusion = Self::from_options(truth, &filled)?;
         Ok(match open {
             0 => confusion,
-            open => confusion.called(|class| if class.code == open { "not named".into() } else { class.name }),
+            open => confusion.called(|class| if class.code == open { "no prediction".into() } else { class.name }),
         })
     }
 
@@ -167,7 +167,7 @@ mod tests {
         let c = Confusion::from_partial(&truth, &[Some(0), None, Some(1), None]).unwrap();
         assert_eq!(c.classes().classes().iter().map(|c| c.code).collect::<Vec<_>>(), [0, 1, 255]);
         assert_eq!((c.count(0, 0), c.count(0, 2), c.count(1, 1), c.points(), c.skipped()), (1, 1, 1, 3, 1));
-        assert_eq!(c.classes().classes()[2].name, "not named");
+        assert_eq!(c.classes().classes()[2].name, "no prediction");
         let usual = Confusion::from_partial(&[Some(2), Some(6)], &[Some(2), None]).unwrap();
         assert_eq!(usual, Confusion::from_labels(&[2, 6], &[2, 0], &[]).unwrap());
     }

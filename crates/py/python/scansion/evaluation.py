@@ -84,7 +84,7 @@ def confusion_matrix(
     counts, found = _core.confusion_matrix(*pair)
     if not pair.names:
         return counts, found
-    called = [pair.names[code] if code < len(pair.names) else "not named" for code in found]
+    called = [pair.names[code] if code < len(pair.names) else "no prediction" for code in found]
     return counts, np.array(called)
 
 

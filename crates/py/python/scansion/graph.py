@@ -168,5 +168,5 @@ def felzenszwalb(
     pairs = as_edges(edges)
     each = as_weights(weights, len(pairs))
     if each is None:
-        raise TypeError("weights: found None, expected one a edge")
+        raise TypeError("weights: found None, expected one per edge")
     return _core.felzenszwalb(nodes, pairs, each, to_json({"k": k, "meaning": meaning}))

@@ -162,7 +162,7 @@ fn unit_warning(info: &FileInfo, [low, high]: Bounds) -> Option<String> {
         ));
     }
     if !known && plan > 100_000.0 {
-        return Some(format!("the cloud is {plan:.0} units wide and tells no unit: millimetres? (--unit 0.001)"));
+        return Some(format!("the cloud is {plan:.0} units wide and has no unit; millimetres? (--unit 0.001)"));
     }
     None
 }

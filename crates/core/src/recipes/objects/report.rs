@@ -44,7 +44,8 @@ impl Report for ObjectsReport {
 
     fn text(&self) -> String {
         let mut text = format!(
-            "\n{} segments, {} labelled, {} learned from; naming whole segments could reach {:.2} %\n",
+            "\n{} segments, {} labelled, {} used for training; oracle accuracy {:.2} % (the best that classifying \
+             whole segments can reach)\n",
             self.segments,
             self.labelled,
             self.learned,
