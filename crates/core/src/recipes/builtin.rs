@@ -12,7 +12,7 @@ const BYTES: &[u8] = include_bytes!("../../assets/default.model");
 /// The built-in model for airborne scans (ASPRS codes 2 ground, 5 vegetation, 6 building).
 ///
 /// It was trained by `scripts/default-model` on the clouds listed there; `docs/default-model.md` reports its accuracy
-/// on scenes that it was not trained on.
+/// on scenes not used for training.
 ///
 /// # Errors
 /// Never: the embedded file is valid.

@@ -1,4 +1,4 @@
-//! What belongs together: partitions of a cloud into segments.
+//! Segmentation: partitions of a cloud into segments.
 
 mod connected;
 mod descriptors;

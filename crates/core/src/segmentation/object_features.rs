@@ -29,8 +29,8 @@ pub struct ObjectAttributes<'a> {
 /// E. Hasanpour Zaryabi, M. Saadatseresht, E. Ghanbari Parmehr, *An object-based classification framework for ALS point
 /// cloud in urban areas*, ISPRS Annals X-4/W1, 2022, Table 3, with its misprints corrected: the ratios are shares of the
 /// sum of the three means and sum to 1 (0 for black), the variance of z is Σ(z − z̄)²/n. Mean z is taken from the
-/// coordinates of the file and depends on where the scene lies: prefer heights. A segment whose points coincide has
-/// eigenvalue features 0; one without a known height has NaN as heights. O(n).
+/// coordinates of the file and depends on the elevation of the scene: use heights above ground instead. A segment whose
+/// points coincide has eigenvalue features 0; one without a known height has NaN as heights. O(n).
 ///
 /// # Errors
 /// If partition, points and attributes differ in length, or the work was cancelled.

@@ -60,7 +60,7 @@ impl Partition {
         Ok(Self { segment, groups })
     }
 
-    /// The nodes in the segments that `segments`, a partition of these segments, makes of them.
+    /// The partition of the nodes if the segments are grouped as in `segments`, a partition of these segments.
     ///
     /// # Errors
     /// If the work was cancelled.

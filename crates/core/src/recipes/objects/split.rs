@@ -56,7 +56,7 @@ pub(super) struct Labelled {
 /// Whether each of the labelled segments is used for training.
 ///
 /// Draws the given share of each class, at least one segment; or whole squares in random order until they hold the
-/// share of all segments. Depends on nothing random but the seed.
+/// share of all segments. The result depends only on the arguments.
 pub(super) fn split(segments: &[Labelled], params: &ObjectTraining, seed: u64) -> Vec<bool> {
     match params.disjoint {
         true => by_square(segments, params, seed),

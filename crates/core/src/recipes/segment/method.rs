@@ -1,4 +1,4 @@
-//! The methods of segmentation: what each of them is to the rest of the program, and the list of all.
+//! The methods of segmentation: their common interface, and the list of all methods.
 //!
 //! A new method needs a file here with its [`PartitionMethod`], one line in the list below, a section in
 //! [`SegmentParams`] if it has parameters, and its lines in `docs/partitions.md`.
@@ -38,12 +38,12 @@ pub(super) trait PartitionMethod: Sync {
         false
     }
 
-    /// Sets a strength or an intent; `None` if it does not have that.
+    /// Sets a strength or an intent; `None` if the method has no such parameter.
     fn aim(&self, _params: &mut SegmentParams, _aim: Intent) -> Option<()> {
         None
     }
 
-    /// Sets the size of supervoxels or voxels, metres; `None` if it has none.
+    /// Sets the size of supervoxels or voxels, metres; `None` if the method has no such parameter.
     fn set_size(&self, _params: &mut SegmentParams, _size: f64) -> Option<()> {
         None
     }

@@ -31,7 +31,7 @@ const BLOCK: usize = 256;
 ///
 /// Returns a partition of the supervoxels; [`Supervoxels::point_partition`] transfers it to the points. O(V (N² log N +
 /// log V)).
-/// The result does not depend on the order of the supervoxels (but for ties) nor on the number of threads.
+/// The result does not depend on the order of the supervoxels (except for ties) nor on the number of threads.
 ///
 /// # Errors
 /// If a parameter is outside its range or the work was cancelled.
@@ -79,7 +79,7 @@ impl Local<'_> {
         let (a, b) = (&self.shapes[i as usize], &self.shapes[j as usize]);
         let reach = self.params.reach * self.size;
         let apart: f64 = (0..3).map(|k| (f64::from(a.centroid[k]) - f64::from(b.centroid[k])).powi(2)).sum();
-        // In this order of arguments (i, j) and (j, i) have exactly the same weight.
+        // The arguments are ordered, so that rounding gives (i, j) and (j, i) the same weight.
         let (a, b) = if i < j { (a, b) } else { (b, a) };
         (apart < reach * reach)
             .then(|| cues::weight(cues::squared_distances(a, b, self.params), self.size, self.params))

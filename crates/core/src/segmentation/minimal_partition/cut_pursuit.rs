@@ -51,7 +51,7 @@ pub struct CutPursuit {
 /// Segments on which the signal is nearly constant, with short boundaries.
 ///
 /// Every iteration splits each open segment in two by a minimum cut between two means, and then merges adjacent
-/// segments, largest gain first, while Q falls. A split may raise Q for a moment, because the cut does not compare with
+/// segments, largest gain first, while Q falls. A split may raise Q temporarily, because the cut does not compare with
 /// the undivided segment: the best partition found is returned, or `guard` forbids such splits. Then nodes move across
 /// boundaries one by one while Q falls. Large graphs are cut on a coarser graph first.
 ///

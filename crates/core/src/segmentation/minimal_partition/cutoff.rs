@@ -7,8 +7,7 @@ use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor};
 use crate::segmentation::Partition;
 
-/// Largest number of passes, as in the reference implementation: a chain of small segments needs several, but never
-/// many.
+/// Largest number of passes, as in the reference implementation; chains of small segments need several.
 const PASSES: usize = 50;
 
 /// Merges every segment whose weight is below `cutoff` into the neighbour of largest gain, even if the gain is

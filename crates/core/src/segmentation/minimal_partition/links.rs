@@ -29,7 +29,7 @@ impl Links for [Link] {
     }
 }
 
-/// Cost of an edge as a link.
+/// How the cost of an edge follows from its weight.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::segmentation) enum Cost {
     /// The same cost for every edge.

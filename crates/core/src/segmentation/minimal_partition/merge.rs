@@ -25,8 +25,8 @@ pub(super) const GREEDY_LINKS: usize = 10_000;
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MergeParams {
-    /// ρ: what a boundary edge of weight 1 costs, in units of squared feature difference. Larger: fewer, larger
-    /// segments. ≥ 0; infinite gives one segment per connected piece.
+    /// ρ: cost of a boundary edge of weight 1, in units of squared feature difference. Larger: fewer, larger segments.
+    /// ≥ 0; infinite gives one segment per connected component.
     pub strength: f64,
     /// Segments of less weight than this are merged into their best neighbour, at any cost. ≥ 0; 0 keeps all.
     pub cutoff: f64,

@@ -18,8 +18,9 @@ pub struct ChosenSegments<'a> {
 
 /// Partitions each of the `segments` again with `params`; the others stay as they are.
 ///
-/// Only edges within a chosen segment count, so none of them grows. Positions and labels of the input are not used: the
-/// intent must be a strength. Costs as much as partitioning the chosen segments alone, and O(n + m).
+/// Only edges within the chosen segments are used, so that no segment grows beyond its former extent. Positions and
+/// labels of the input are not used: the intent must be a strength. Costs as much as partitioning the chosen segments
+/// alone, and O(n + m).
 ///
 /// # Errors
 /// If the partition is not one of the input's nodes, `chosen` names a segment that does not exist, a parameter is out of range,

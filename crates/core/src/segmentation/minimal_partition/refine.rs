@@ -21,7 +21,7 @@ struct Moves<'a> {
     around: Vec<(u32, f64)>,
 }
 
-/// Most moves per node. Every move lowers Q, so that more of them can only come from rounding errors.
+/// Largest number of moves of a node, so that rounding errors cannot cause an endless loop.
 const MOVES_A_NODE: usize = 20;
 
 /// Moves single nodes between adjacent segments while Q falls (J. A. Hartigan, *Clustering Algorithms*, 1975: the gain

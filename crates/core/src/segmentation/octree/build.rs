@@ -40,7 +40,7 @@ pub struct Octree {
     pub root: Cube,
     /// The leaves.
     pub leaves: Vec<Leaf>,
-    /// The points of each leaf. Read one leaf after the other they are all points in Morton order (ties by index).
+    /// The points of each leaf; concatenated, these are all points in Morton order (ties by index).
     pub points: Csr,
 }
 

@@ -57,7 +57,8 @@ pub struct OctreeGrowingParams {
     /// Voxels are divided no further below this size, metres; above 0.
     pub smallest_voxel: f64,
     /// Voxels with at least this many points are divided while their residual is above
-    /// [`OctreeGrowingParams::residual`]; voxels of fewer points are not grown, but refined. At least 3.
+    /// [`OctreeGrowingParams::residual`]; voxels of fewer points join regions only in the refinement, point by
+    /// point. At least 3.
     pub min_points: u32,
     /// Largest √λ3 about the plane of a voxel that may be part of a region, metres; above 0. About 0.03 indoors, 0.1
     /// outdoors.

@@ -1,4 +1,4 @@
-//! A bounding-box hierarchy over positions in spatial order, which skips whole groups at once.
+//! A bounding-box hierarchy over positions in spatial order, so that a search can skip groups of them.
 
 use std::ops::Range;
 

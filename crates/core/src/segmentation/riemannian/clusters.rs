@@ -168,8 +168,8 @@ impl SortedPoints {
         Ok(if filled > 0.0 { moved / filled } else { 0.0 })
     }
 
-    /// The nearest centre of every point. `of` holds the previous centres, whose distances bound the search; any centre
-    /// would do.
+    /// The nearest centre of every point. `of` has the previous centre of each point, whose distance limits the search;
+    /// any other centre gives the same result.
     fn assign(&self, of: &[u32], centres: &[Row], leaves: &LeafTasks, monitor: &Monitor) -> Result<Vec<u32>> {
         let places: Vec<[f32; 3]> = centres.iter().map(|c| [c[0], c[1], c[2]]).collect();
         let candidates = Candidates { points: self, of, centres, boxes: Boxes::new(&places) };

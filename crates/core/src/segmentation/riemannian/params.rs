@@ -23,7 +23,7 @@ pub enum Start {
     /// At the mean of the leaf's points.
     #[default]
     Centroid,
-    /// At the centre of the leaf's cube, as the paper words it.
+    /// At the centre of the leaf's cube, as in the paper.
     Cube,
 }
 

@@ -71,7 +71,7 @@ pub struct Scale {
 /// M. Li, *A super voxel-based Riemannian graph for multi scale segmentation of LiDAR point clouds*, ISPRS Annals,
 /// 2018. The steps: oriented normals; an adaptive octree; a modified k-means that turns its leaves into supervoxels; a
 /// graph of their minimum spanning tree and their 8 nearest neighbours by the length of arcs over the surface; l0 cut
-/// pursuit on normal, planarity and scattering. `docs/riemannian.md` says what was chosen where the paper is silent.
+/// pursuit on normal, planarity and scattering. `docs/riemannian.md` has our choices where the paper gives no details.
 ///
 /// # Complexity
 /// O(n log n) for neighbours, octree and each iteration of the k-means; the graph has one node a supervoxel.

@@ -117,7 +117,8 @@ pub struct VccsParams {
     pub voxel: f64,
     /// Weights of the distance.
     pub weights: SupervoxelWeights,
-    /// A seed is kept if it has more voxels within R_seed/2 than this share of those of a plane; ≥ 0.
+    /// A seed is kept if the voxels within R_seed/2 of it are more than this share of the number that a plane would
+    /// have; ≥ 0.
     pub min_share: f64,
     /// Largest number of growth steps, in R_seed/R_voxel; ≥ 1.
     pub depth: f64,

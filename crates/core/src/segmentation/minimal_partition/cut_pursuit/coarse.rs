@@ -19,13 +19,13 @@ use crate::parallel::Monitor;
 use crate::segmentation::Partition;
 use crate::segmentation::connected::connected_partition;
 
-/// Coarsening merges at this fraction of the strength first, then at twice as much, and so on, ...
+/// Largest share of the strength at which nodes merge in the first pass of coarsening; it doubles with each pass.
 const FIRST_SHARE: f64 = 1.0 / 128.0;
-/// ... until it passes this fraction, ...
+/// Coarsening ends once this share of the strength is passed.
 const LAST_SHARE: f64 = 0.1;
-/// ... or a coarse node holds this many nodes on average, ...
+/// Coarsening ends at this many nodes in a coarse node, on average.
 const NODES_TO_ONE: usize = 16;
-/// ... but never to fewer than this many coarse nodes a segment.
+/// Least number of coarse nodes in a segment, on average.
 const NODES_A_SEGMENT: usize = 32;
 
 /// A partition problem. The incidence lists of a large graph take much memory and are quick to build: each step that

@@ -24,14 +24,14 @@ pub enum Preset {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CutPursuitParams {
-    /// ρ: what a boundary edge of weight 1 costs, in units of squared feature difference. Larger: fewer, larger
-    /// segments. ≥ 0; infinite gives one segment per connected piece.
+    /// ρ: cost of a boundary edge of weight 1, in units of squared feature difference. Larger: fewer, larger segments.
+    /// ≥ 0; infinite gives one segment per connected component.
     pub strength: f64,
     /// Segments of less weight than this are merged into their best neighbour at the end, at any cost. ≥ 0; 0 keeps
     /// all.
     pub cutoff: f64,
-    /// Graphs of more nodes than this are first cut on a coarser graph, which is many times faster, unless segments are
-    /// tiny. `usize::MAX`: never, as in the paper.
+    /// Graphs of more nodes than this are first cut on a coarser graph, which is many times faster if segments are not
+    /// very small. `usize::MAX`: never, as in the paper.
     pub coarse_above: usize,
     /// Number of repetitions of the whole method, each from the result before with another seed and, on large graphs,
     /// another coarse graph; ends early when a cycle gains less than the tolerance. At least 1.

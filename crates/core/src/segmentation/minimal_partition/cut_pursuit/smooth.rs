@@ -1,4 +1,4 @@
-//! Values averaged over the graph, which show in spite of noise which nodes belong together.
+//! Values averaged over neighbouring nodes, to reduce noise before the graph is coarsened.
 
 use super::super::Signal;
 use crate::error::Result;
