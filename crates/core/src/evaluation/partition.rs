@@ -75,8 +75,8 @@ fn met(graph: &Graph, wanted: &[bool], others: &[bool], hops: usize) -> f64 {
     hits as f64 / count(wanted).max(1) as f64
 }
 
-/// Nodes at most `hops` away from an end of a marked edge. Each hop is one pass over the edges: two bytes a node are held,
-/// where lists of neighbours would be the largest thing in memory.
+/// Nodes at most `hops` away from an end of a marked edge. Each hop is one pass over the edges, which needs two bytes a
+/// node; lists of neighbours would need much more memory.
 fn nodes_near(graph: &Graph, marked: &[bool], hops: usize) -> Vec<bool> {
     let mut near = vec![false; graph.len()];
     let ends = graph.edges().iter().zip(marked).filter(|(_, marked)| **marked).flat_map(|(ends, _)| ends);

@@ -57,7 +57,7 @@ fn matrix(confusion: &Confusion, width: usize) -> String {
 /// All scores as JSON.
 ///
 /// # Errors
-/// If the encoder fails, which no scores are known to cause.
+/// If the JSON encoder fails.
 pub fn to_json(confusion: &Confusion) -> Result<String> {
     serde_json::to_string_pretty(&confusion.scores())
         .map_err(|e| Error::input(format!("scores cannot be written as JSON: {e}")))

@@ -24,7 +24,7 @@ pub struct ClassScores {
     pub predicted: u64,
 }
 
-/// Scores of a classification; the JSON keys are those that other software uses.
+/// Scores of a classification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Scores {
     /// Number of points compared.

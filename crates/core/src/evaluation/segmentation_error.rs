@@ -87,9 +87,9 @@ pub struct LabelledPartition<'a> {
 /// Share of the boundaries of the true classes that a partition does not have.
 ///
 /// Hasanpour Zaryabi et al. 2022, Eq. 10 and 11. Truth and result are seen from above: each cell has the class of its
-/// highest labelled point; the result's class is the most frequent true class of the segment. The boundary of a class B
-/// in either image is (dilate(B) − B) ∪ (B − erode(B)) with the 3 x 3 square. The error is 1 − recall, so that more
-/// segments never count as worse: read the precision too. O(points + cells).
+/// highest labelled point; the result's class is the most frequent true class of the segment of that point. The
+/// boundary of a class B in either image is (dilate(B) − B) ∪ (B − erode(B)) with the 3 x 3 square. The error is 1 −
+/// recall, so that more segments never increase it; compare the precision too. O(points + cells).
 ///
 /// # Errors
 /// If there is not one segment and one label (or `None`) a point, the cell is not above 0, or the raster would have more

@@ -59,15 +59,15 @@ impl ExpansionParams {
 
 /// The labelling that no expansion move improves, from unary costs (`nodes x labels`, row-major) and a graph.
 ///
-/// With Potts distances, nodes whose optimal label is proved by persistency are fixed first (`persistency.rs`). The search
-/// starts from the cheapest label of each node, or from one label for all if that costs less; with `starts` of 2 (the
-/// default) a second search starts from label 0 everywhere, with the order of moves of gco, and the two results are
-/// fused region by region. On problems with whole-numbered costs the energy is then at most that of gco, for up to
-/// 100,000 edges or for distances other than Potts.
+/// With Potts distances, nodes whose optimal label is proved by persistency are fixed first. The search starts from the
+/// cheapest label of each node, or from one label for all if that costs less; with `starts` of 2 (the default) a second
+/// search starts from label 0 everywhere, with the order of moves of gco, and the two results are fused region by
+/// region. On problems with whole-numbered costs the energy is then at most that of gco, for up to 100,000 edges or for
+/// distances other than Potts.
 ///
-/// Returns a label for each node, the energy and its course. Deterministic for any number of threads. A round over all
-/// labels is O(labels · (nodes + edges)) and the cuts. Memory: about 24 bytes an edge and 60 a node, beside the reduced
-/// problem and the flow networks.
+/// Returns a label for each node and the energy after each round. Deterministic for any number of threads. A round over
+/// all labels is O(labels · (nodes + edges)) and the cuts. Memory: about 24 bytes an edge and 60 a node, beside the
+/// reduced problem and the flow networks.
 ///
 /// ```
 /// use scansion_core::graph::Graph;
@@ -160,7 +160,7 @@ fn expansion_move(search: &mut MoveMaking<'_>, alpha: usize, since: u32) -> Resu
     let since = if with_auxiliary.is_some() { 0 } else { since };
     let adjacency = with_auxiliary.as_ref().unwrap_or(search.problem.adjacency);
     let problem = Problem { adjacency, ..search.problem };
-    search.refresh(since);
+    search.mark_affected(since);
     search.binary.set_expansion(&problem, &search.labels, alpha)?;
     search.components.collect(&search.binary, &problem)?;
     let mut taken = search.components.minimum_cuts(&search.binary, &problem)?;

@@ -49,8 +49,8 @@ impl SwapParams {
 /// The labelling that no swap improves, from unary costs (`nodes x labels`, row-major) and a graph.
 ///
 /// Starts from the cheapest label of every node, or from one label for all if that costs less. Returns a label for each
-/// node, the energy and its course. Deterministic for any number of threads. A round is O(labels² · (nodes + edges))
-/// and the cuts.
+/// node and the energy after each round. Deterministic for any number of threads. A round is O(labels² · (nodes +
+/// edges)) and the cuts.
 ///
 /// ```
 /// use scansion_core::graph::Graph;
@@ -96,7 +96,7 @@ fn swap_move(search: &mut MoveMaking<'_>, number: usize, since: u32) -> Result<O
     if !pair.iter().any(|&label| search.is_used(label)) {
         return Ok(Outcome::Nothing);
     }
-    search.refresh(since);
+    search.mark_affected(since);
     search.binary.set_swap(&problem, &search.labels, pair)?;
     search.components.collect(&search.binary, &problem)?;
     let takers = search.components.minimum_cuts(&search.binary, &problem)?;

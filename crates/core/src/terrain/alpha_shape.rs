@@ -125,7 +125,7 @@ fn thinned(road: &[Place], edge: f64, monitor: &Monitor) -> Result<Vec<Place>> {
 }
 
 fn triangulate(road: &[Place], alpha: f64) -> Result<AlphaShape> {
-    // The triangulation refuses tiny coordinates, which no scan distinguishes from 0.
+    // The triangulation refuses coordinates so near 0, far below the resolution of any scan.
     let clean = |v: f64| if v.abs() < 1e-30 { 0.0 } else { v };
     let sites: Vec<Point2<f64>> = road.iter().map(|p| Point2::new(clean(p[0]), clean(p[1]))).collect();
     let delaunay: DelaunayTriangulation<Point2<f64>> = DelaunayTriangulation::bulk_load(sites)

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// Points of a block.
 const BLOCK: usize = 16_384;
 
-/// A cell this many cell edges lower than its surroundings can be is noise.
+/// A cell lower than the closing of its surroundings by more than this many cell edges is noise.
 const PIT: f64 = 5.0;
 
 /// Parameters of [`ground_points`]; the defaults are those of Pingel et al. 2013.
@@ -25,9 +25,9 @@ pub struct GroundParams {
     pub slope: f64,
     /// Half the width of the widest object, metres; at least a cell.
     pub window: f64,
-    /// Largest distance of ground points from the height of the ground, metres; above 0 ...
+    /// Largest distance of ground points from the height of the ground where it is level, metres; above 0.
     pub threshold: f64,
-    /// ... plus this many metres per unit of slope; 0 or more.
+    /// Additional distance per unit of slope, metres; 0 or more.
     pub scaling: f64,
 }
 

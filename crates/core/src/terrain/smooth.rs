@@ -75,7 +75,7 @@ mod tests {
         let raster = Raster::new([0.0; 2], 1.0, 3, vec![1.0, 1.0, 1.0, 1.0, 90.0, 1.0, 1.0, 1.0, 2.0]).unwrap();
         let raster = median(raster, 3, &Monitor::default()).unwrap();
         assert_eq!(raster.values()[4], 1.0);
-        // A corner has no window, the middle of a side one along that side.
+        // The window of a corner is the cell itself; that of a cell at a side lies along the side.
         assert_eq!((raster.values()[7], raster.values()[8]), (1.0, 2.0));
     }
 }

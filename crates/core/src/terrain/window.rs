@@ -1,4 +1,4 @@
-//! Minimum, maximum and morphological opening of heights in square windows.
+//! Minimum, maximum, morphological opening and closing of heights in square windows.
 
 use crate::error::Result;
 use crate::parallel::{Monitor, concat_watched, map_ordered};
@@ -23,7 +23,7 @@ enum Extreme {
 }
 
 impl Window {
-    /// The largest heights of the least ones: objects narrower than the window disappear. O(cells log reach).
+    /// Opening, the maximum of the minima: objects narrower than the window disappear. O(cells log reach).
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -31,7 +31,7 @@ impl Window {
         self.filtered(&self.filtered(values, Extreme::Least, monitor)?, Extreme::Greatest, monitor)
     }
 
-    /// The least heights of the largest ones: pits narrower than the window disappear. O(cells log reach).
+    /// Closing, the minimum of the maxima: pits narrower than the window disappear. O(cells log reach).
     ///
     /// # Errors
     /// If the work was cancelled.

@@ -5,9 +5,9 @@
 //! x_j|`. For an edge whose ends have labels `a` and `b`, with A = V(a, b), B = V(a, α), C = V(α, b): c = (B + C -
 //! A)/2, and (C - A - B)/2 and (B - A - C)/2 are added to θ of its ends.
 //!
-//! A node with |θ| larger than the sum of its c is settled whatever its neighbours do; this changes θ of its
-//! neighbours, so that one settled node can settle the next. Most nodes of a point cloud are settled in this way, and
-//! the open ones form small components.
+//! A node with |θ| larger than the sum of its c has the same decision for any decisions of its neighbours: it is
+//! settled. Removing it changes θ of its neighbours, which may settle them too. Most nodes of a point cloud are settled
+//! in this way, and the open ones form small components.
 
 use crate::error::Result;
 use crate::graph::Adjacency;
@@ -35,8 +35,8 @@ pub(in crate::regularisation) struct BinaryMove {
     /// c of each edge.
     pub(in crate::regularisation) coupling: Vec<f64>,
     /// Whether the decision of a node may differ from that in the last move to the same label: the node or a neighbour
-    /// has changed, or it was affected by a settled node that is fresh.
-    pub(in crate::regularisation) fresh: Vec<bool>,
+    /// has changed since, or a neighbour that was settled is itself marked.
+    pub(in crate::regularisation) affected: Vec<bool>,
     settled: Vec<u32>,
     /// Choice between equal cuts: if true, nodes take the label.
     pub(in crate::regularisation) eager: bool,
@@ -198,10 +198,10 @@ impl BinaryMove {
                 let coupling = self.coupling[edge as usize];
                 self.theta[neighbour] += sign * coupling;
                 self.slack[neighbour] -= coupling;
-                self.fresh[neighbour] |= self.fresh[node];
+                self.affected[neighbour] |= self.affected[node];
                 let auxiliary = neighbour >= self.first_auxiliary;
                 if auxiliary && self.state[node] == State::Stays {
-                    // One node keeps the label, so that it cannot disappear, whatever rounding says.
+                    // A node keeps the label: rounding must not make the label disappear.
                     self.state[neighbour] = State::Stays;
                     self.settled.push(neighbour as u32);
                 }

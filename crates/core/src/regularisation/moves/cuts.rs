@@ -16,7 +16,7 @@ pub(in crate::regularisation) struct Components {
 }
 
 impl Components {
-    /// Collects the components with a fresh node; in the others the last result still holds. O(nodes + edges).
+    /// Collects the components with an affected node; for the others the last result is still valid. O(nodes + edges).
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -40,7 +40,7 @@ impl Components {
             while let Some(&node) = self.nodes.get(next) {
                 next += 1;
                 looks.step()?;
-                wanted |= binary.fresh[node as usize];
+                wanted |= binary.affected[node as usize];
                 for (other, _) in problem.adjacency.of(node as usize) {
                     let at = other as usize;
                     if binary.state[at] == State::Open && self.position[at] == UNSEEN {
@@ -83,16 +83,16 @@ impl Components {
             Ok(taken)
         };
         match self.starts.len().div_ceil(BATCH) {
-            // Waking another thread costs more than a few small cuts.
+            // Starting another thread takes longer than a few small cuts.
             0 => Ok(Vec::new()),
             1 => work(&mut MaxFlow::default(), 0),
             tasks => Ok(map_ordered_with(0..tasks, problem.monitor, MaxFlow::default, work)?.concat()),
         }
     }
 
-    /// Builds the flow network of a component. The source side takes the label: such a node pays θ, or gains -θ. The solver returns
-    /// the minimum cut with the smallest source side; if `eager`, the sides are exchanged, so that as few nodes as
-    /// possible keep their label.
+    /// Builds the flow network of a component. The source side takes the label; the capacity of a node's terminal edge
+    /// is |θ|. The solver returns the minimum cut with the smallest source side; if `eager`, the sides are exchanged,
+    /// so that as few nodes as possible keep their label.
     fn build(
         &self,
         network: &mut MaxFlow,

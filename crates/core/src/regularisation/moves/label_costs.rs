@@ -13,7 +13,8 @@ use crate::graph::Adjacency;
 use crate::parallel::Looks;
 use crate::regularisation::Energy;
 
-/// The auxiliary node of `label`, if the label may disappear; auxiliary nodes are numbered after those of the graph.
+/// The auxiliary node of `label`, if the move may remove the label from all nodes; auxiliary nodes are numbered after
+/// those of the graph.
 fn auxiliary_node(energy: &Energy<'_>, label: u16, alpha: u16) -> Option<usize> {
     (label != alpha && energy.label_cost(label) > 0.0).then_some(energy.graph.len() + usize::from(label))
 }
@@ -59,7 +60,7 @@ impl BinaryMove {
     pub(super) fn add_auxiliary_nodes(&mut self, energy: &Energy<'_>, labels: &[u16], alpha: u16) {
         let nodes = labels.len();
         self.slack.resize(nodes + energy.labels, 0.0);
-        self.fresh.resize(nodes + energy.labels, true);
+        self.affected.resize(nodes + energy.labels, true);
         self.coupling.resize(self.coupling.len() + nodes, 0.0);
         let first = self.coupling.len() - nodes;
         for label in 0..energy.labels as u16 {

@@ -11,7 +11,7 @@ use crate::regularisation::energy::Problem;
 /// Result of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::regularisation) enum Outcome {
-    /// No node wants to change.
+    /// No node changes.
     Nothing,
     /// The changes together do not lower the energy.
     Refused,
@@ -33,7 +33,7 @@ impl Moves {
     }
 }
 
-/// Tries the move of a number; the last argument is the attempt after which changes of nodes matter.
+/// Tries the move of a number; the last argument is its last attempt: nodes unchanged since then are skipped.
 pub(super) type Attempt<'o, 'a> = dyn FnMut(&mut MoveMaking<'a>, usize, u32) -> Result<Outcome> + 'o;
 
 /// A labelling during the search, with the buffers of the moves.
@@ -74,7 +74,7 @@ impl<'a> MoveMaking<'a> {
         Labelling { labels: self.labels, energy, trace: self.trace, converged }
     }
 
-    /// Tries a move and passes on when it was last attempted, so that it can skip nodes that nothing has changed for.
+    /// Tries a move; nodes around which nothing has changed since its last attempt are skipped.
     fn attempt(&mut self, moves: &mut Moves, number: usize, attempt: &mut Attempt<'_, 'a>) -> Result<bool> {
         self.problem.monitor.check()?;
         self.begin_move();
@@ -159,9 +159,9 @@ impl<'a> MoveMaking<'a> {
     }
 
     /// Marks for the next move which nodes, or neighbours of them, changed after attempt `since`.
-    pub(in crate::regularisation) fn refresh(&mut self, since: u32) {
-        self.binary.fresh.clear();
-        self.binary.fresh.extend(self.changed.iter().map(|changed| since == 0 || *changed > since));
+    pub(in crate::regularisation) fn mark_affected(&mut self, since: u32) {
+        self.binary.affected.clear();
+        self.binary.affected.extend(self.changed.iter().map(|changed| since == 0 || *changed > since));
     }
 
     /// Whether any node has `label`.

@@ -101,8 +101,8 @@ impl BinaryMove {
                 _ => {}
             }
         }
-        self.fresh.clear();
-        self.fresh.resize(nodes, true);
+        self.affected.clear();
+        self.affected.resize(nodes, true);
         self.first_auxiliary = nodes;
         self.reduce(problem.adjacency, monitor)
     }

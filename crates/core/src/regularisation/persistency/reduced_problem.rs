@@ -25,8 +25,8 @@ pub(in crate::regularisation) struct ReducedProblem {
 }
 
 impl ReducedProblem {
-    /// The reduced problem after as many rounds as pay; `None` for problems without Potts distances, to which the theory does
-    /// not apply.
+    /// The reduced problem after all rounds that fix enough nodes to save time; `None` for problems without Potts
+    /// distances, to which the theory does not apply.
     pub(in crate::regularisation) fn of(problem: &Problem<'_>) -> Result<Option<Self>> {
         let (energy, monitor) = (&problem.energy, problem.monitor);
         let potts = *energy.pairwise == Pairwise::Potts && energy.label_costs.iter().all(|cost| *cost == 0.0);
