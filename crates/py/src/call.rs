@@ -70,10 +70,10 @@ fn watch(py: Python<'_>, done: &AtomicBool, monitor: &Monitor) -> PyResult<()> {
     Ok(())
 }
 
-/// Items of light work between two looks for signals.
+/// Items processed between two checks for Ctrl-C.
 const PIECE: usize = 1 << 18;
 
-/// Light work on `0..len`, serial and on this thread, which looks for signals between its pieces.
+/// Light work on `0..len`, serial and on this thread, with a check for Ctrl-C after each piece.
 pub(crate) fn in_pieces(py: Python<'_>, len: usize, mut work: impl FnMut(Range<usize>) + Send) -> PyResult<()> {
     for first in (0..len).step_by(PIECE) {
         py.detach(|| work(first..(first + PIECE).min(len)));

@@ -29,7 +29,7 @@ fn confusion(
     })
 }
 
-/// Codes of classes; negative ones stand for none.
+/// Codes of classes; negative: no label or no prediction.
 fn codes(values: &[i16], monitor: &Monitor) -> scansion_core::Result<Vec<Option<u8>>> {
     map_watched(values.len(), monitor, |i| u8::try_from(values[i]).ok())
 }

@@ -89,7 +89,7 @@ pub(crate) fn merge_regions<'py>(py: Python<'py>, valued: Valued<'py>, settings:
     segments(py, found, valued.0.shape()[1])
 }
 
-/// Partitions a graph by an intent; labels are codes, negative for none.
+/// Partitions a graph by an intent; labels are codes, negative: unlabelled.
 #[pyfunction]
 #[pyo3(signature = (valued, settings, cloud = None, labels = None, n_jobs = None))]
 pub(crate) fn partition<'py>(

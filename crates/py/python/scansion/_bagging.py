@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._settings import class_weight, seed, share, whole
-from scansion._table import Lesson, TableClassifier
+from scansion._table import TableClassifier, TrainingData
 
 
 class BaggingClassifier(TableClassifier):
@@ -92,9 +92,9 @@ class BaggingClassifier(TableClassifier):
         self.random_state = random_state
         self.n_jobs = n_jobs
 
-    def _learn(self, lesson: Lesson) -> Any:
-        params = json.dumps(self._settings(lesson.classes))
-        trees, oob = _core.fit_bagging(*lesson.samples, params, bool(self.oob_score), self.n_jobs)
+    def _learn(self, data: TrainingData) -> Any:
+        params = json.dumps(self._settings(data.classes))
+        trees, oob = _core.fit_bagging(*data.samples, params, bool(self.oob_score), self.n_jobs)
         self.__dict__.pop("oob_score_", None)
         if oob is not None:
             self.oob_score_ = oob

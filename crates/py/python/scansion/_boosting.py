@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._settings import class_weight, seed, share, whole
-from scansion._table import Lesson, TableClassifier
+from scansion._table import TableClassifier, TrainingData
 
 
 class GradientBoostingClassifier(TableClassifier):
@@ -130,9 +130,9 @@ class GradientBoostingClassifier(TableClassifier):
         self.random_state = random_state
         self.n_jobs = n_jobs
 
-    def _learn(self, lesson: Lesson) -> Any:
-        params = json.dumps(self._settings(lesson.classes))
-        trees, training, validation, rounds = _core.fit_boosting(*lesson.samples, params, self.n_jobs)
+    def _learn(self, data: TrainingData) -> Any:
+        params = json.dumps(self._settings(data.classes))
+        trees, training, validation, rounds = _core.fit_boosting(*data.samples, params, self.n_jobs)
         self.train_score_, self.validation_score_, self.n_estimators_ = training, validation, rounds
         return trees
 

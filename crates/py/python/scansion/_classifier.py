@@ -89,8 +89,8 @@ class PointClassifier(Classifier):
     >>> classifier = PointClassifier(recipe).fit(cloud, labels)
     >>> bool((classifier.predict(cloud) == labels).mean() > 0.95)
     True
-    >>> named = PointClassifier(recipe).fit(cloud, np.where(labels == 2, "ground", "wall")).predict(cloud)
-    >>> sorted(set(named.tolist()))
+    >>> texts = PointClassifier(recipe).fit(cloud, np.where(labels == 2, "ground", "wall")).predict(cloud)
+    >>> sorted(set(texts.tolist()))
     ['ground', 'wall']
     """
 
@@ -157,7 +157,8 @@ class PointClassifier(Classifier):
         clouds : cloud or list of clouds
             Each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
         labels : array_like of shape (n,) or list of such, optional
-            Class codes 0..255, negative for none, or text, None for none; by default each cloud's column Classification.
+            Class codes 0..255 (negative: unlabelled), or text (None: unlabelled); by default each
+            cloud's column Classification.
         elevation_model : path, optional
             Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
 
@@ -270,8 +271,8 @@ class PointClassifier(Classifier):
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         labels : array_like of shape (n,), optional
-            Class codes or text as for ``fit``, negative or None for none; by default the cloud's column Classification.
-            ``unlabelled`` and ``class_map`` are applied as in ``fit``.
+            Class codes or text as for ``fit``; by default the cloud's column Classification. ``unlabelled``
+            and ``class_map`` are applied as in ``fit``.
         """
         points = as_cloud(cloud)
         unlabelled = self.unlabelled if self.unlabelled is not None else ()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scansion import _core
 from scansion._arrays import choice
 from scansion._settings import class_weight, seed, share, whole
-from scansion._table import Lesson, TableClassifier
+from scansion._table import TableClassifier, TrainingData
 
 BAG = 0.632
 """Share of the samples that each tree is trained on with the trainer "ethz"."""
@@ -112,10 +112,10 @@ class RandomForestClassifier(TableClassifier):
         self.random_state = random_state
         self.n_jobs = n_jobs
 
-    def _learn(self, lesson: Lesson) -> Any:
-        params = json.dumps(self._settings(lesson.classes))
+    def _learn(self, data: TrainingData) -> Any:
+        params = json.dumps(self._settings(data.classes))
         asked = bool(self.oob_score and self.bootstrap)
-        forest, oob = _core.fit_forest(*lesson.samples, params, asked, self.n_jobs)
+        forest, oob = _core.fit_forest(*data.samples, params, asked, self.n_jobs)
         self.__dict__.pop("oob_score_", None)
         if oob is not None:
             self.oob_score_ = oob

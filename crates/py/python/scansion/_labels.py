@@ -1,4 +1,4 @@
-"""Labels in the forms that users have: codes 0..255, negative for none, or text."""
+"""Labels in the forms that users have: codes 0..255 (negative: unlabelled), or text (None: unlabelled)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def is_text(values: Any) -> bool:
 
 
 def texts(values: Any, name: str, length: int | None = None) -> NDArray[np.object_]:
-    """Labels as text, one a point; None for none (None or NaN)."""
+    """Labels as text, one a point; None for missing ones (None or NaN)."""
     array = np.asarray(values)
     if array.ndim != 1 or (length is not None and len(array) != length):
         expected = "(n,)" if length is None else f"({length},)"

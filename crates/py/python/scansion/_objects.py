@@ -47,8 +47,8 @@ class ObjectClassifier(PointClassifier):
     >>> xyz = np.concatenate([ground, roof])
     >>> labels = np.repeat([2, 6], [len(ground), len(roof)])
     >>> classifier = ObjectClassifier({"segments.slic.size": 2.0, "training.share": 0.5}, random_state=0)
-    >>> named = classifier.fit(xyz, labels).predict(xyz)
-    >>> bool((named == labels).mean() > 0.95)
+    >>> codes = classifier.fit(xyz, labels).predict(xyz)
+    >>> bool((codes == labels).mean() > 0.95)
     True
     """
 

@@ -127,7 +127,7 @@ def partition(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3), optional
         Position of each node.
     labels : array_like of shape (n,), optional
-        Class codes 0..255 of the nodes, negative for none.
+        Class codes 0..255 of the nodes, negative: unlabelled.
     n_jobs : int, optional
         Number of threads; None and -1 use all. The result does not depend on it.
 

@@ -57,7 +57,7 @@ def render(
     value_range : (float, float), optional
         Ends of the colour bar; the 2nd and 98th percentile by default.
     truth : array_like of shape (n,), optional
-        True class codes 0..255, negative for none: the colours then show where the cloud's classes differ from them.
+        True class codes 0..255, negative: unlabelled; the colours then show where the cloud's classes differ from them.
     classes : iterable of int
         Compare only points whose true class is one of these; all by default.
     n_jobs : int, optional

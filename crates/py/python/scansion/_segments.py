@@ -194,7 +194,7 @@ def _settings(
 
 
 def _aim(*aims: float | None) -> str:
-    """What the segments are for, as JSON."""
+    """The aim of the search for the strength, as JSON."""
     names = ("strength", "segments-per-hectare", "smallest-object", "oracle-accuracy")
     given = {name: float(value) for name, value in zip(names, aims, strict=True) if value is not None}
     if len(given) > 1:

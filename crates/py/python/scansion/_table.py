@@ -15,22 +15,24 @@ Self = TypeVar("Self", bound="TableClassifier")
 
 
 _BLOCK = 1 << 18
-"""Labels that numpy sorts in one go: between two blocks Python looks for Ctrl-C."""
+"""Labels that numpy sorts at a time, so that Ctrl-C is noticed between blocks."""
 
 
 def _positions(targets: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint16]]:
-    """The classes, ascending, and the place of each label among them (of no use if there are more than 65,536)."""
+    """The classes, ascending, and the place of each label among them (not valid for more than 65,536 classes)."""
     blocks = [targets[first : first + _BLOCK] for first in range(0, len(targets), _BLOCK)]
     classes = np.unique(np.concatenate([np.unique(block) for block in blocks]))
     places = [np.searchsorted(classes, block).astype(np.uint16) for block in blocks]
     return classes, np.concatenate(places)
 
 
-class Lesson(NamedTuple):
-    """Training data: the table, positions of the labels in ``classes``, weights; and the labels themselves."""
+class TrainingData(NamedTuple):
+    """Samples and classes."""
 
     samples: tuple[NDArray[np.float32], NDArray[np.uint16], NDArray[np.float32] | None, int]
+    """The table, positions of the labels in ``classes``, weights, and the number of classes."""
     classes: NDArray[Any]
+    """The labels of the classes, ascending."""
 
 
 class TableClassifier(Classifier):
@@ -46,7 +48,7 @@ class TableClassifier(Classifier):
     """NaN in the table is allowed."""
 
     @abstractmethod
-    def _learn(self, lesson: Lesson) -> Any:
+    def _learn(self, data: TrainingData) -> Any:
         """The trained trees."""
 
     def fit(self: Self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> Self:
@@ -69,9 +71,7 @@ class TableClassifier(Classifier):
         classes, positions = _positions(targets)
         if len(classes) > 65_535:
             raise ValueError(f"y: found {len(classes)} classes, expected at most 65535")
-        self._trees = self._learn(
-            Lesson((table, positions, weights, len(classes)), classes)
-        )
+        self._trees = self._learn(TrainingData((table, positions, weights, len(classes)), classes))
         self.classes_, self.n_classes_, self.n_features_in_ = classes, len(classes), table.shape[1]
         self.__dict__.pop("feature_names_in_", None)
         if names is not None:

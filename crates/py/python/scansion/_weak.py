@@ -56,8 +56,8 @@ class WeakClassifier(PointClassifier):
     >>> labels = np.full(3200, -1)
     >>> picked = np.random.default_rng(0).choice(3200, 30, replace=False)
     >>> labels[picked] = truth[picked]
-    >>> named = WeakClassifier(random_state=0).fit(xyz, labels).predict(xyz)
-    >>> bool((named == truth).mean() > 0.95)
+    >>> codes = WeakClassifier(random_state=0).fit(xyz, labels).predict(xyz)
+    >>> bool((codes == truth).mean() > 0.95)
     True
     """
 

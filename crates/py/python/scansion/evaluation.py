@@ -36,12 +36,12 @@ def _pair(
         if any(maps):
             raise ValueError(f"map_truth, map_predicted: found {maps!r}, expected none: the labels are text")
         true = texts(truth, "truth")
-        named = texts(predicted, "predicted", len(true))
-        names = classes_of([true, named], ())
+        given = texts(predicted, "predicted", len(true))
+        names = classes_of([true, given], ())
         missing = set(unlabelled)
         kept = encoded(true, names)
         kept[[text in missing for text in true.tolist()]] = -1
-        return _Pair(kept, encoded(named, names), names)
+        return _Pair(kept, encoded(given, names), names)
     first = signed(truth, "truth", None, unlabelled, maps[0])
     return _Pair(first, signed(predicted, "predicted", len(first), (), maps[1]), [])
 
@@ -172,7 +172,7 @@ def segmentation_error(
     labels : array_like of shape (n,)
         Segment of each point.
     truth : array_like of shape (n,)
-        Class codes 0..255, negative for none, or text, None for none.
+        Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
     cell : float
         Edge of a raster cell, metres: about the point spacing.
     empty : {"ignored", "background"}
