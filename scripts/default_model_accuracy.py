@@ -1,6 +1,8 @@
 """Accuracy of the built-in model on scenes not used for training, at several densities; writes docs/default-model.md.
 
     python scripts/default_model_accuracy.py DATA        # needs: pip install .
+
+DATA/airborne holds the scenes named below, except for the first, which is in the repository.
 """
 
 import pathlib
@@ -18,9 +20,10 @@ own model.
 
 ## Training
 
-`scripts/default-model DATA` trains it again, byte for byte: the [pyramid](pyramid.md) features on 8 scales from 0.25 to 32 m
-(without colour, intensity or returns, so that every cloud is suitable), 50 trees of depth 18, samples from three open
-clouds and from copies of them thinned to 12, 5, 2 and 1 points per square metre (`crates/core/assets/default.toml`):
+`scripts/default-model DATA`, with the clouds below in the folder `DATA/airborne`, trains it again, byte for byte: the
+[pyramid](pyramid.md) features on 8 scales from 0.25 to 32 m (without colour, intensity or returns, so that every cloud
+is suitable), 50 trees of depth 18, samples from three open clouds and from copies of them thinned to 12, 5, 2 and 1
+points per square metre (`crates/core/assets/default.toml`):
 
 | cloud | licence | labels |
 |---|---|---|
@@ -30,8 +33,9 @@ clouds and from copies of them thinned to 12, 5, 2 and 1 points per square metre
 
 ## Accuracy on scenes not used for training
 
-Written by `python scripts/default_model_accuracy.py DATA`; every point labelled 2 to 6 counts, with the vegetation classes
-merged; percent. Thinned rows keep random points.
+Written by `python scripts/default_model_accuracy.py DATA`, where the folder `DATA/airborne` has the last three scenes;
+the first is the scan of `scansion demo`. Every point labelled 2 to 6 counts, with the vegetation classes merged;
+percent. Thinned rows keep random points.
 
 | scene | points/m² | OA | mean IoU | ground IoU | vegetation IoU | building IoU |
 |---|---|---|---|---|---|---|
@@ -48,7 +52,7 @@ def main():
     data = pathlib.Path(sys.argv[1])
     here = pathlib.Path(__file__).resolve().parent.parent
     scenes = {
-        "LiDAR HD housing, the demo's square (same flight as the training)": here / "crates/cli/assets/demo.laz",
+        "LiDAR HD housing (same flight as training)": here / "crates/cli/assets/demo.laz",
         "LiDAR HD, house in the mountains": data / "airborne/lidarhd_building.laz",
         "LiDAR HD, forest edge": data / "airborne/lidarhd_forest_edge.laz",
         "LiDAR HD, farm (machine labels)": data / "airborne/lidarhd_farm_rgb.laz",
@@ -64,8 +68,8 @@ def main():
         for target in (density, 10, 4, 1):
             keep = np.random.default_rng(0).random(len(xyz)) < target / density
             known = np.isin(code[keep], (2, 5, 6))
-            named = model.predict(xyz[keep])
-            scores = scansion.evaluation.scores(code[keep][known], named[known])
+            found = model.predict(xyz[keep])
+            scores = scansion.evaluation.scores(code[keep][known], found[known])
             iou = {l["code"]: l["intersection_over_union"] for l in scores["labels"]}
             values = [scores["overall_accuracy"], scores["mean_intersection_over_union"], iou[2], iou[5], iou[6]]
             lines.append(f"| {name} | {target:.0f} | " + " | ".join(f"{100 * v:.1f}" for v in values) + " |")

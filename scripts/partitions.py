@@ -16,9 +16,9 @@ import numpy as np
 import scansion
 
 SCENES = {
-    "oakland/part_14.laz": ("mobile laser, street (Oakland part_14)", 1000, "Classification", 1.0),
-    "airborne/lidarhd_housing.laz": ("airborne laser, housing (LiDAR HD)", 3000, "Classification", 1.0),
-    "indoor/s3dis_office.ply": ("indoor, Matterport (S3DIS office)", 1000, "label", 0.2),
+    "oakland/part_14.laz": ("Mobile laser, street (Oakland part_14)", 1000, "Classification", 1.0),
+    "airborne/lidarhd_housing.laz": ("Airborne laser, housing (LiDAR HD)", 3000, "Classification", 1.0),
+    "indoor/s3dis_office.ply": ("Indoor, Matterport (S3DIS office)", 1000, "label", 0.2),
     "rgbd/pcl_data__learn0.pcd": ("RGB-D camera, table top (PCL)", 200, "Classification", 0.02),
 }
 METHODS = {
@@ -152,7 +152,7 @@ def main(data):
     import os
 
     page = pathlib.Path(__file__).parent.parent / "docs/partitions.md"
-    tail = page.read_text(encoding="utf-8").partition("## What to take")[1:] if page.exists() else ("", "")
+    tail = page.read_text(encoding="utf-8").partition("## Which method to use")[1:] if page.exists() else ("", "")
     head = HEAD.format(minutes=(time.time() - start) / 60, cores=os.cpu_count())
     page.write_text(head + "\n".join(text) + "\n" + "".join(tail), encoding="utf-8")
 

@@ -95,7 +95,7 @@ impl Group {
             Self::Colour | Self::Returns => "the point",
             Self::Intensity => "the point, and the median of the cloud",
             Self::Optimal => "the k_min..k_max nearest points",
-            Self::Terrain => "the points of the road or ground around",
+            Self::Terrain => "the road or ground points nearby",
             Self::SegmentShape | Self::SegmentColour | Self::SegmentHeight => "the points of the segment",
         }
     }
