@@ -113,13 +113,14 @@ def main():
     data = pathlib.Path(sys.argv[1])
     lines = [
         "# Accuracy on real clouds", "",
-        "Written by `python scripts/accuracy.py DATA`. Training and test points are spatially disjoint and features are",
-        f"computed on each side alone; {PER_CLASS} training points a class at most, 50 trees of depth 30, mean and standard",
-        f"deviation of {len(SEEDS)} seeds, every labelled test point counted. Cells of classes: IoU / F1, percent. The rows are", "",
+        "Written by `python scripts/accuracy.py DATA`. Training and test points are spatially disjoint and features",
+        f"are computed on each side alone; {PER_CLASS} training points a class at most, 50 trees of depth 30, mean and",
+        f"standard deviation of {len(SEEDS)} seeds, every labelled test point counted. Cells of classes: IoU / F1,",
+        "percent. The rows are", "",
         "- *Scansion*: our features and our forest;",
         "- *scikit-learn forest*: its forest on our features, which compares the forests;",
-        f"- *jakteristics features*: its features at radii {', '.join(f'{r:g}' for r in RADII)} m (on Oakland, which is",
-        "  denser, 0.4 times these) with our forest, which compares the features.", "",
+        f"- *jakteristics features*: its features at radii {', '.join(f'{r:g}' for r in RADII)} m (on Oakland, which",
+        "  is denser, 0.4 times these) with our forest, which compares the features.", "",
     ]
     wanted = sys.argv[2] if len(sys.argv) > 2 else ""  # a part of a scene's title: only that scene, on the terminal alone
     for title, train, test, first_scale in scenes(data):

@@ -34,16 +34,17 @@ Python.
 fn heading(scope: Scope) -> &'static str {
     match scope {
         Scope::Level => {
-            "## Features of a level\n\nFor each point on each level of the [pyramid](pyramid.md); the column has the edge \
-             of the level's\nvoxels appended, as in `Planarity_r0p4` for 0.4 m. Used by the recipes `pyramid` and `weak`.\n"
+            "## Features of a level\n\nFor each point on each level of the [pyramid](pyramid.md); the column has the \
+             edge of the level's\nvoxels appended, as in `Planarity_r0p4` for 0.4 m. Used by the recipes `pyramid` and \
+             `weak`.\n"
         }
         Scope::Point => {
-            "## Features of points\n\nOnce for each point: its own columns (recipe `pyramid`, on request), its\n[optimal \
-             neighbourhood](optimal-neighbourhood.md) and the [terrain](terrain.md) (recipe `weak`).\n"
+            "## Features of points\n\nOnce for each point: its own columns (recipe `pyramid`, on request), its\n\
+             [optimal neighbourhood](optimal-neighbourhood.md) and the [terrain](terrain.md) (recipe `weak`).\n"
         }
         Scope::Segment => {
-            "## Features of segments\n\nFor each segment (recipe [`objects`](objects.md)); colours and heights if there \
-             are any.\n"
+            "## Features of segments\n\nFor each segment (recipe [`objects`](objects.md)); colours and heights if \
+             there are any.\n"
         }
     }
 }
