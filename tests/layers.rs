@@ -386,3 +386,15 @@ fn circles_are_found_and_chains_are_none() {
     assert!(circles(&graph(&[("a", "b"), ("b", "c"), ("a", "c")])).is_empty());
     assert_eq!(circles(&graph(&[("a", "b"), ("b", "c"), ("c", "b"), ("d", "a")])), [["b", "c"]]);
 }
+
+#[test]
+fn the_example_of_contributing_stands_in_the_code() {
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../CONTRIBUTING.md")).unwrap();
+    let code = fs::read_to_string(core().join("recipes/system/height.rs")).unwrap();
+    let block = text.split("```rust\n").nth(1).unwrap().split("```").next().unwrap();
+    let mut rest: Vec<&str> = code.lines().collect();
+    for line in block.lines().filter(|line| !line.is_empty() && !line.contains("// ...")) {
+        let at = rest.iter().position(|own| *own == line).unwrap_or_else(|| panic!("not in height.rs: {line}"));
+        rest.drain(..=at);
+    }
+}

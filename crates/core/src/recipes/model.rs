@@ -3,7 +3,7 @@
 //! Safetensors with one metadata entry, a JSON object. It contains the SHA-256 of the whole file, computed with 64
 //! zeros in the place of the checksum.
 
-use super::any::AnyFitted;
+use super::system::any::AnyFitted;
 use crate::classes::ClassTable;
 use crate::classification::arrays::{Reader, malformed, print_arrays};
 use crate::classification::{Classifier, ClassifierKind, Fingerprint, Predictor};

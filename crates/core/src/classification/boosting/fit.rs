@@ -1,12 +1,12 @@
 //! The boosting rounds.
 
-use super::super::samples::Samples;
-use super::data::{BoostingData, CHUNK};
-use super::grow::HistogramPool;
+use super::growing::data::{BoostingData, CHUNK};
+use super::growing::grow::HistogramPool;
+use super::growing::tree::TreeFit;
 use super::model::{Boosting, GrownTree};
 use super::params::BoostingParams;
-use super::tree::TreeFit;
 use crate::classification::learner::Learner;
+use crate::classification::samples::Samples;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::random::stream;

@@ -3,20 +3,14 @@
 //! Friedman 2001; second-order gain and L2 penalty as in Chen & Guestrin 2016; histograms and leaf-wise growth as in Ke
 //! et al. 2017. Sums are integers, so that the result is the same bytes for any number of threads.
 
-mod blocks;
 pub(in crate::classification) mod codec;
-mod data;
 mod fit;
-mod grow;
-mod histogram;
+mod growing;
 mod loss;
 mod model;
 mod params;
 mod predict;
-mod split;
 mod sweep;
-mod training_rows;
-mod tree;
 
 pub use fit::BoostingReport;
 pub use model::Boosting;

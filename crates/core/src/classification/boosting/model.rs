@@ -1,10 +1,10 @@
 //! Boosted trees: quantisation, trees and leaf values.
 
-use super::super::binning::Binning;
-use super::super::nodes::{GrownNode, LEAF_CUT, Node};
-use super::data::BoostingData;
+use super::growing::data::BoostingData;
+use super::growing::split::Split;
 use super::loss::Loss;
-use super::split::Split;
+use crate::classification::binning::Binning;
+use crate::classification::nodes::{GrownNode, LEAF_CUT, Node};
 use crate::error::{Error, Result};
 
 /// One tree and the value of each of its leaves.

@@ -1,6 +1,6 @@
 //! Parameters of boosting.
 
-use super::super::params::{ClassWeight, MAX_DEPTH, within, zero_is_none};
+use crate::classification::params::{ClassWeight, MAX_DEPTH, within, zero_is_none};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 

@@ -1,12 +1,12 @@
 //! Prediction: a block of rows is quantised once, then every tree adds its leaf values.
 
-use super::super::quantise::{CodeBlock, TILE};
 use super::model::Boosting;
 use super::sweep::{NARROW, Sweep};
 use crate::classification::forest::descend::Walk;
 use crate::classification::forest::predict::PredictScratch;
 use crate::classification::learner::{PartCount, Predictor, check_lengths};
 use crate::classification::nodes::LEAF_CUT;
+use crate::classification::quantise::{CodeBlock, TILE};
 use crate::error::Result;
 use rayon::prelude::*;
 

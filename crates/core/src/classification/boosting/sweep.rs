@@ -1,9 +1,9 @@
 //! Prediction with small trees without branches: each node is evaluated for a whole tile of rows, parents before
 //! children.
 
-use super::super::nodes::LEAF_CUT;
-use super::super::quantise::{CodeBlock, TILE};
 use super::model::Boosting;
+use crate::classification::nodes::LEAF_CUT;
+use crate::classification::quantise::{CodeBlock, TILE};
 
 /// Largest number of nodes of such a tree.
 pub(super) const NARROW: usize = 256;

@@ -1,10 +1,10 @@
 //! Boosting as a whole, compared with brute force, closed forms and itself.
 
-use super::super::nodes::LEAF_CUT;
-use super::super::testing::{Owned, blobs};
 use super::super::{ClassWeight, Samples};
 use super::*;
 use crate::classification::Predictor;
+use crate::classification::nodes::LEAF_CUT;
+use crate::classification::testing::{Owned, blobs};
 use crate::parallel::Monitor;
 use crate::random::stream;
 

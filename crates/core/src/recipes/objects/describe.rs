@@ -5,7 +5,7 @@ use crate::cloud::{MetricCloud, Points};
 use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::recipes::points::points_of;
+use crate::recipes::classify::points::points_of;
 use crate::segmentation::{ObjectAttributes, Partition, object_features};
 use crate::terrain::{ElevationModel, by_site, ground_points};
 

@@ -21,12 +21,12 @@ pub use report::ObjectsReport;
 pub use segments::{ObjectSegments, SupervoxelMode};
 pub use split::ObjectTraining;
 
-use super::classifiers::offers_classifiers;
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::model::Model;
 use super::regularise::RegulariseParams;
 use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::training::classifiers::offers_classifiers;
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
 use crate::cloud::names;
 use crate::error::{Error, Result};

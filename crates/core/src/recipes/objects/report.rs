@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::evaluation::Scores;
-use crate::recipes::report::{ClassCount, Report, json_of};
+use crate::recipes::system::report::{ClassCount, Report, json_of};
 use serde::Serialize;
 use std::fmt::Write;
 

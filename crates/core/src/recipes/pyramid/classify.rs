@@ -3,8 +3,8 @@
 use super::PyramidRecipe;
 use crate::error::Result;
 use crate::parallel::Monitor;
+use crate::recipes::classify::predict::CloudPredictor;
 use crate::recipes::classify::{Classified, Job};
-use crate::recipes::predict::CloudPredictor;
 use crate::recipes::regularise::{Probabilities, Regularise, regularise};
 use crate::voxels::planar_density;
 

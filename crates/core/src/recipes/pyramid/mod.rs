@@ -12,12 +12,12 @@ mod train;
 pub use report::{DepthScore, PyramidReport};
 pub use samples::TrainingParams;
 
-use super::classifiers::offers_classifiers;
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::training::classifiers::offers_classifiers;
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
 use crate::error::Result;
 use crate::features::FeatureSet;

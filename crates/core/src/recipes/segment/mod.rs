@@ -12,7 +12,7 @@ pub use method::SegmentMethod;
 pub use params::{GrowingParams, SegmentParams};
 
 use super::Labels;
-use super::points::points_of;
+use super::classify::points::points_of;
 use super::regularise::point_graph;
 use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::Result;

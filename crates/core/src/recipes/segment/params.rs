@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::graph::KnnGraphParams;
 use crate::neighbours::OptimalParams;
 use crate::recipes::objects::ObjectSegments;
-use crate::recipes::settings::{explained, set_key};
+use crate::recipes::system::settings::{explained, set_key};
 use crate::segmentation::{
     Intent, Leftovers, OctreeGrowingParams, PartitionParams, RegionGrowingParams, RiemannianParams,
 };

@@ -9,8 +9,8 @@ use crate::error::Result;
 use crate::features::definition::Group;
 use crate::features::{FeatureSet, FeatureTable, optimal_features, table_at};
 use crate::parallel::Monitor;
-use crate::recipes::points::points_of;
-use crate::recipes::predict::{CloudPredictor, FirstColumns};
+use crate::recipes::classify::points::points_of;
+use crate::recipes::classify::predict::{CloudPredictor, FirstColumns};
 use crate::terrain::{ElevationModel, Terrain};
 
 /// A cloud, its points and their four local descriptors.

@@ -31,11 +31,11 @@ pub use report::{StrengthScore, WeakReport};
 pub use road::{RoadParams, RoadSource};
 pub use shares::ClassShares;
 
+use super::classify::statistics::CloudStatistics;
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
-use super::statistics::CloudStatistics;
 use super::system::{Fitted, System, TrainOptions};
 use crate::classification::ForestParams;
 use crate::cloud::names;

@@ -1,7 +1,7 @@
 //! Report of the training.
 
 use crate::error::Result;
-use crate::recipes::report::{ClassCount, Report, json_of};
+use crate::recipes::system::report::{ClassCount, Report, json_of};
 use serde::Serialize;
 use std::fmt::Write;
 

@@ -36,4 +36,4 @@ macro_rules! offers_classifiers {
     };
 }
 
-pub(super) use offers_classifiers;
+pub(in crate::recipes) use offers_classifiers;

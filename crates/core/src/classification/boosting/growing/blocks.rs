@@ -1,25 +1,25 @@
 //! The samples' codes in blocks of eight features: a row of a block is a single load, and its histograms fit into the
 //! first-level cache.
 
-use super::super::binning::Binning;
+use crate::classification::binning::Binning;
 use crate::error::Result;
 use rayon::prelude::*;
 
 /// Features of a block.
-pub(super) const LANES: usize = 8;
+pub(in crate::classification::boosting) const LANES: usize = 8;
 
 /// Number of rows quantised at a time.
 const CHUNK: usize = 4096;
 
 /// Quantised samples.
-pub(super) struct Blocks {
-    pub(super) binning: Binning,
+pub(in crate::classification::boosting) struct Blocks {
+    pub(in crate::classification::boosting) binning: Binning,
     blocks: Vec<Vec<[u8; LANES]>>,
 }
 
 impl Blocks {
     /// Quantises several row-major tables, one after the other.
-    pub(super) fn new(tables: &[&[f32]], binning: Binning) -> Result<Self> {
+    pub(in crate::classification::boosting) fn new(tables: &[&[f32]], binning: Binning) -> Result<Self> {
         let width = binning.width().max(1);
         let mut codes = vec![0u8; tables.iter().map(|t| t.len()).sum()];
         let mut rest = codes.as_mut_slice();
@@ -39,23 +39,23 @@ impl Blocks {
     }
 
     /// Number of blocks.
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::classification::boosting) fn len(&self) -> usize {
         self.blocks.len()
     }
 
     /// Codes of block `b`, row by row; lanes beyond the last feature hold 0.
-    pub(super) fn block(&self, b: usize) -> &[[u8; LANES]] {
+    pub(in crate::classification::boosting) fn block(&self, b: usize) -> &[[u8; LANES]] {
         &self.blocks[b]
     }
 
     /// Code of one feature of one row.
     #[inline]
-    pub(super) fn code(&self, feature: usize, row: u32) -> u8 {
+    pub(in crate::classification::boosting) fn code(&self, feature: usize, row: u32) -> u8 {
         self.blocks[feature / LANES][row as usize][feature % LANES]
     }
 
     /// True if code 0 of the feature stands for missing values.
-    pub(super) fn holds_missing(&self, feature: usize) -> bool {
+    pub(in crate::classification::boosting) fn holds_missing(&self, feature: usize) -> bool {
         self.binning.cuts(feature).first() == Some(&f32::MIN)
     }
 }

@@ -1,12 +1,12 @@
 //! Labels picked by hand, for the points of a cloud.
 
-use super::Labels;
-use super::points::points_of;
 use crate::cloud::{Cloud, MetricCloud};
 use crate::error::{Error, Result};
 use crate::io::{LabelRow, LabelTable};
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
+use crate::recipes::Labels;
+use crate::recipes::classify::points::points_of;
 use std::path::Path;
 
 /// Labels picked by hand: positions with a class (for the nearest point), or segments with a class (for all points with

@@ -1,41 +1,41 @@
 //! What all rounds of boosting read: quantised samples, their classes and weights, and the initial scores.
 
-use super::super::binning::{Binning, BinningParams};
-use super::super::samples::Samples;
-use super::blocks::Blocks;
-use super::loss::Loss;
-use super::params::BoostingParams;
-use super::training_rows::TrainingRows;
+use crate::classification::binning::{Binning, BinningParams};
+use crate::classification::boosting::growing::blocks::Blocks;
+use crate::classification::boosting::growing::training_rows::TrainingRows;
+use crate::classification::boosting::loss::Loss;
+use crate::classification::boosting::params::BoostingParams;
+use crate::classification::samples::Samples;
 use crate::error::Result;
 use crate::parallel::{Monitor, fold_ordered};
 
 /// Number of samples that one task processes.
-pub(super) const CHUNK: usize = 1 << 13;
+pub(in crate::classification::boosting) const CHUNK: usize = 1 << 13;
 
 /// The data of a training.
-pub(super) struct BoostingData<'a> {
-    pub(super) params: &'a BoostingParams,
-    pub(super) monitor: &'a Monitor,
-    pub(super) blocks: Blocks,
+pub(in crate::classification::boosting) struct BoostingData<'a> {
+    pub(in crate::classification::boosting) params: &'a BoostingParams,
+    pub(in crate::classification::boosting) monitor: &'a Monitor,
+    pub(in crate::classification::boosting) blocks: Blocks,
     /// Number of classes of the samples, those without any sample included.
-    pub(super) all_classes: usize,
+    pub(in crate::classification::boosting) all_classes: usize,
     /// Classes that occur among the training samples.
-    pub(super) present: Vec<u16>,
-    pub(super) loss: Loss,
+    pub(in crate::classification::boosting) present: Vec<u16>,
+    pub(in crate::classification::boosting) loss: Loss,
     /// Score before the first round, one for each group of trees.
-    pub(super) start: Vec<f64>,
+    pub(in crate::classification::boosting) start: Vec<f64>,
     /// Position in `present` of the class of every row.
-    pub(super) classes: Vec<u16>,
+    pub(in crate::classification::boosting) classes: Vec<u16>,
     /// Weight of every row in the losses.
-    pub(super) weights: Vec<f32>,
+    pub(in crate::classification::boosting) weights: Vec<f32>,
     /// Rows of the training, ascending.
-    pub(super) training: Vec<u32>,
+    pub(in crate::classification::boosting) training: Vec<u32>,
     /// Rows of the validation, ascending.
-    pub(super) validation: Vec<u32>,
+    pub(in crate::classification::boosting) validation: Vec<u32>,
 }
 
 impl<'a> BoostingData<'a> {
-    pub(super) fn new(
+    pub(in crate::classification::boosting) fn new(
         samples: &Samples<'_>,
         validation: Option<&Samples<'_>>,
         params: &'a BoostingParams,
@@ -70,7 +70,7 @@ impl<'a> BoostingData<'a> {
 
     /// Weighted mean loss of some rows, from the scores of all rows (one column a group) and the log-sum-exp of each
     /// row's scores.
-    pub(super) fn mean_loss(&self, rows: &[u32], scores: &[f64], norms: &[f64]) -> f64 {
+    pub(in crate::classification::boosting) fn mean_loss(&self, rows: &[u32], scores: &[f64], norms: &[f64]) -> f64 {
         let n = self.classes.len();
         let part = |range: std::ops::Range<usize>| {
             rows[range].iter().map(|&r| r as usize).fold([0.0; 2], |[loss, weight], row| {

@@ -1,13 +1,17 @@
 //! Classifies every point of a cloud with a model of any recipe.
 
-use super::model::Model;
-use super::regularise::{Regularise, RegulariseParams, Regularised};
-use super::statistics::CloudStatistics;
+pub(in crate::recipes) mod points;
+pub(in crate::recipes) mod predict;
+pub(in crate::recipes) mod statistics;
+
 use crate::classification::argmax;
 use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::Result;
 use crate::memory;
 use crate::parallel::{Monitor, watched};
+use crate::recipes::classify::statistics::CloudStatistics;
+use crate::recipes::model::Model;
+use crate::recipes::regularise::{Regularise, RegulariseParams, Regularised};
 use crate::terrain::ElevationModel;
 use crate::voxels::planar_density;
 
@@ -67,13 +71,18 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
 
 impl ClassifyParams {
     /// The model's regularisation with the method that the caller asks for.
-    pub(super) fn regularise_of(&self, model: &Model) -> RegulariseParams {
+    pub(in crate::recipes) fn regularise_of(&self, model: &Model) -> RegulariseParams {
         let own = model.fitted.regularise();
         RegulariseParams { method: self.regularise.unwrap_or(own.method), ..own.clone() }
     }
 
     /// The cloud in metres: the unit is the caller's, else that of the recipe, else the cloud's own.
-    pub(super) fn scene<'a>(&self, cloud: &'a Cloud, model: &Model, monitor: &Monitor) -> Result<MetricCloud<'a>> {
+    pub(in crate::recipes) fn scene<'a>(
+        &self,
+        cloud: &'a Cloud,
+        model: &Model,
+        monitor: &Monitor,
+    ) -> Result<MetricCloud<'a>> {
         MetricCloud::new(cloud, self.metres_per_unit.or(model.fitted.metres_per_unit()), monitor)
     }
 }
@@ -93,7 +102,12 @@ pub struct Job<'a> {
 
 impl Job<'_> {
     /// The result of a method that decides about all points of the cloud together.
-    pub(super) fn decided(&self, points: &Points, found: &Regularised, monitor: &Monitor) -> Result<Classified> {
+    pub(in crate::recipes) fn decided(
+        &self,
+        points: &Points,
+        found: &Regularised,
+        monitor: &Monitor,
+    ) -> Result<Classified> {
         let mut result = Classified::unknown(self.scene.cloud.len(), self.model, self.params.probabilities);
         result.warnings = self.warnings(planar_density(&points.positions, monitor)?, monitor)?;
         let (index, classes) = (&points.frame.index, self.model.classes.len());
@@ -107,7 +121,7 @@ impl Job<'_> {
 
     /// Warnings about differences between this cloud and the training data. `here` is its density, points per square
     /// metre.
-    pub(super) fn warnings(&self, here: f64, monitor: &Monitor) -> Result<Vec<String>> {
+    pub(in crate::recipes) fn warnings(&self, here: f64, monitor: &Monitor) -> Result<Vec<String>> {
         let Self { scene: MetricCloud { cloud, .. }, model, .. } = self;
         let mut warnings = Vec::new();
         let mut finite = 0;
@@ -155,7 +169,7 @@ fn forecast(points: usize, bytes_a_point: u64) -> Result<()> {
 
 impl Classified {
     /// No class for any point yet.
-    pub(super) fn unknown(points: usize, model: &Model, probabilities: bool) -> Self {
+    pub(in crate::recipes) fn unknown(points: usize, model: &Model, probabilities: bool) -> Self {
         let classes = model.classes.len();
         Self {
             codes: vec![model.classes.free_code(); points],
@@ -167,7 +181,7 @@ impl Classified {
     }
 
     /// Gives some points their most probable class; row i of `probabilities` belongs to point `points[i]`.
-    pub(super) fn place(&mut self, points: &[u32], probabilities: &[f32], model: &Model) {
+    pub(in crate::recipes) fn place(&mut self, points: &[u32], probabilities: &[f32], model: &Model) {
         for (&point, row) in points.iter().zip(probabilities.chunks_exact(model.classes.len())) {
             self.set(point as usize, argmax(row), row, model);
         }

@@ -41,7 +41,7 @@ fn parse_value(text: &str) -> toml::Value {
 }
 
 /// Reads TOML; error messages give the place and suggest the intended key.
-pub(super) fn explained<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
+pub(in crate::recipes) fn explained<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
     toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
 }
 

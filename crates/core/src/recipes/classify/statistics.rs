@@ -1,10 +1,10 @@
 //! Statistics of a whole cloud, which are needed to classify a part of it.
 
-use super::classify::{ClassifyParams, Job};
-use super::model::Model;
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use crate::recipes::classify::{ClassifyParams, Job};
+use crate::recipes::model::Model;
 use serde::{Deserialize, Serialize};
 
 /// Statistics of a cloud: those of its parts, added together, are those of the whole.
@@ -34,7 +34,7 @@ impl CloudStatistics {
 /// A model that needs nothing of the whole cloud gives empty statistics at once.
 ///
 /// # Errors
-/// As [`classify`](super::classify()).
+/// As [`classify`](crate::recipes::classify()).
 pub fn statistics(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<CloudStatistics> {
     let regularise = params.regularise_of(model);
     let scene = params.scene(cloud, model, monitor)?;

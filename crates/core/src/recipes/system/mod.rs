@@ -1,16 +1,22 @@
 //! What a published method is to the rest of the program: a recipe that a person may write, training, classification.
 //!
-//! A new method needs a folder with a recipe that implements [`System`], one line in [`systems`](super::any) and a page
+//! A new method needs a folder with a recipe that implements [`System`], one line in [`systems`](crate::recipes::any) and a page
 //! in `docs/`. Models, command line and Python know methods only through this trait.
 
-use super::classify::{Classified, Job};
-use super::labels::LabelledCloud;
-use super::model::Model;
-use super::regularise::{Regularise, RegulariseParams};
-use super::report::Report;
-use super::statistics::CloudStatistics;
+pub(in crate::recipes) mod any;
+#[cfg(test)]
+mod height;
+pub(in crate::recipes) mod report;
+pub(in crate::recipes) mod settings;
+
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use crate::recipes::classify::statistics::CloudStatistics;
+use crate::recipes::classify::{Classified, Job};
+use crate::recipes::labels::LabelledCloud;
+use crate::recipes::model::Model;
+use crate::recipes::regularise::{Regularise, RegulariseParams};
+use crate::recipes::system::report::Report;
 use crate::terrain::ElevationModel;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -135,7 +141,7 @@ impl TrainOptions {
     }
 
     /// Fails if there are strengths to try.
-    pub(super) fn without_strengths(&self, recipe: &str) -> Result<()> {
+    pub(in crate::recipes) fn without_strengths(&self, recipe: &str) -> Result<()> {
         match self.strengths.first() {
             Some(first) => {
                 Err(Error::parameter("strengths", first, format!("none: the recipe {recipe} does not try any")))
@@ -145,7 +151,7 @@ impl TrainOptions {
     }
 
     /// Fails if cross-validation of depths is asked for.
-    pub(super) fn without_depths(&self, recipe: &str) -> Result<()> {
+    pub(in crate::recipes) fn without_depths(&self, recipe: &str) -> Result<()> {
         match self.cross_validates() {
             true => Err(Error::parameter(
                 "cross-validation",

@@ -1,20 +1,20 @@
 //! Any recipe, and any trained one: the list of the published methods.
 
-use super::classify::{Classified, Job};
-#[cfg(test)]
-use super::height::HeightRecipe;
-use super::labels::LabelledCloud;
-use super::model::Model;
-use super::objects::ObjectsRecipe;
-use super::pyramid::PyramidRecipe;
-use super::regularise::{Regularise, RegulariseParams};
-use super::report::Report;
-use super::settings::{explained, set_key};
-use super::statistics::CloudStatistics;
-use super::system::{Fitted, System, TrainOptions};
-use super::weak::WeakRecipe;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use crate::recipes::classify::statistics::CloudStatistics;
+use crate::recipes::classify::{Classified, Job};
+use crate::recipes::labels::LabelledCloud;
+use crate::recipes::model::Model;
+use crate::recipes::objects::ObjectsRecipe;
+use crate::recipes::pyramid::PyramidRecipe;
+use crate::recipes::regularise::{Regularise, RegulariseParams};
+#[cfg(test)]
+use crate::recipes::system::height::HeightRecipe;
+use crate::recipes::system::report::Report;
+use crate::recipes::system::settings::{explained, set_key};
+use crate::recipes::system::{Fitted, System, TrainOptions};
+use crate::recipes::weak::WeakRecipe;
 use serde::Serialize;
 
 /// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods; one that is `only in test` is compiled for tests only.
@@ -127,7 +127,7 @@ macro_rules! systems {
             }
 
             /// What was learned besides the classifier, as TOML; empty if nothing.
-            pub(super) fn learned_toml(&self) -> Result<String> {
+            pub(in crate::recipes) fn learned_toml(&self) -> Result<String> {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => written(&fitted.learned),)* }
             }
 
@@ -142,7 +142,7 @@ macro_rules! systems {
             }
 
             /// Combines a recipe and what was learned, as read from a model file.
-            pub(super) fn from_toml(recipe: &str, learned: &str) -> Result<Self> {
+            pub(in crate::recipes) fn from_toml(recipe: &str, learned: &str) -> Result<Self> {
                 match AnyRecipe::from_toml(recipe)? {
                     $($(#[cfg($cfg)])? AnyRecipe::$name(recipe) => {
                         let learned = explained(learned)?;
@@ -166,23 +166,23 @@ macro_rules! systems {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.columns(),)* }
             }
 
-            pub(super) fn bytes_a_point(&self, method: Regularise) -> u64 {
+            pub(in crate::recipes) fn bytes_a_point(&self, method: Regularise) -> u64 {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.bytes_a_point(method),)* }
             }
 
-            pub(super) fn metres_per_unit(&self) -> Option<f64> {
+            pub(in crate::recipes) fn metres_per_unit(&self) -> Option<f64> {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.metres_per_unit(),)* }
             }
 
-            pub(super) fn lowest_density(&self) -> f64 {
+            pub(in crate::recipes) fn lowest_density(&self) -> f64 {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.lowest_density(),)* }
             }
 
-            pub(super) fn statistics(&self, job: &Job<'_>, monitor: &Monitor) -> Result<CloudStatistics> {
+            pub(in crate::recipes) fn statistics(&self, job: &Job<'_>, monitor: &Monitor) -> Result<CloudStatistics> {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => <$recipe>::statistics(fitted, job, monitor),)* }
             }
 
-            pub(super) fn classify(&self, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+            pub(in crate::recipes) fn classify(&self, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
                 match self {
                     $($(#[cfg($cfg)])? Self::$name(fitted) => {
                         check_elevation::<$recipe>(job.params.elevation.is_some())?;

@@ -1,5 +1,7 @@
 //! Labels of a cloud as class codes; unlabelled points are counted.
 
+pub(in crate::recipes) mod file;
+
 use crate::classes::LabelMap;
 use crate::cloud::{Cloud, CodeScheme, names};
 use crate::error::{Error, Result};
@@ -76,7 +78,7 @@ impl Labels {
     }
 
     /// The labels of these points, as they are known.
-    pub(super) fn of(&self, points: &[u32]) -> Vec<Option<u8>> {
+    pub(in crate::recipes) fn of(&self, points: &[u32]) -> Vec<Option<u8>> {
         points.iter().map(|&i| self.codes.get(i as usize).copied().flatten()).collect()
     }
 

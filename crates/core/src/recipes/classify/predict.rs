@@ -1,12 +1,12 @@
 //! The streaming predictor: multi-scale features of a cloud, tile by tile and block by block, go to a classifier and are
 //! discarded.
 
-use super::model::Model;
 use crate::classification::{Classifier, PredictScratch, Predictor};
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, FeatureTable, Scratch, Tiles, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
+use crate::recipes::model::Model;
 
 /// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
 const TOGETHER: usize = 8;
@@ -15,7 +15,7 @@ const TOGETHER: usize = 8;
 const GROUPS_AT_ONCE: usize = 32;
 
 /// Features of a cloud that are computed while they are classified.
-pub(super) struct CloudPredictor<'a> {
+pub(in crate::recipes) struct CloudPredictor<'a> {
     tiles: Tiles<'a>,
     classifier: &'a Classifier,
     /// Columns before those of the tiles.
@@ -23,11 +23,11 @@ pub(super) struct CloudPredictor<'a> {
 }
 
 /// Columns that were computed for all points before.
-pub(super) struct FirstColumns<'a> {
+pub(in crate::recipes) struct FirstColumns<'a> {
     /// One row for each classified point.
-    pub(super) table: &'a FeatureTable,
+    pub(in crate::recipes) table: &'a FeatureTable,
     /// The row of each point of the cloud.
-    pub(super) row_of: &'a [u32],
+    pub(in crate::recipes) row_of: &'a [u32],
 }
 
 /// Points of a group of blocks and their class probabilities.
@@ -51,7 +51,12 @@ impl<'a> CloudPredictor<'a> {
     ///
     /// # Errors
     /// If the set does not have a feature of the model, or as [`Tiles::prepare`].
-    pub(super) fn new(scene: &MetricCloud<'a>, set: &FeatureSet, model: &'a Model, monitor: &Monitor) -> Result<Self> {
+    pub(in crate::recipes) fn new(
+        scene: &MetricCloud<'a>,
+        set: &FeatureSet,
+        model: &'a Model,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let known = set.names(set.pyramid.first_scale.unwrap_or_default());
         if let Some(name) = model.feature_names.iter().find(|name| !known.contains(name)) {
             return Err(Error::ModelMismatch(format!(
@@ -67,7 +72,7 @@ impl<'a> CloudPredictor<'a> {
     ///
     /// # Errors
     /// As [`Tiles::prepare`].
-    pub(super) fn after(
+    pub(in crate::recipes) fn after(
         first: FirstColumns<'a>,
         scene: &MetricCloud<'a>,
         set: &FeatureSet,
@@ -82,7 +87,7 @@ impl<'a> CloudPredictor<'a> {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn of_points(&self, row_of: &[u32], rows: usize, monitor: &Monitor) -> Result<Vec<f32>> {
+    pub(in crate::recipes) fn of_points(&self, row_of: &[u32], rows: usize, monitor: &Monitor) -> Result<Vec<f32>> {
         let classes = self.classifier.classes();
         let mut values = vec![0.0; rows * classes];
         let place = |points: &[u32], rows: &[f32]| {
@@ -99,7 +104,7 @@ impl<'a> CloudPredictor<'a> {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn run(&self, mut sink: impl FnMut(&[u32], &[f32]), monitor: &Monitor) -> Result<()> {
+    pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&[u32], &[f32]), monitor: &Monitor) -> Result<()> {
         monitor.stage("classify", self.tiles.len() as u64);
         for part in 0..self.tiles.parts() {
             let (mut places, mut attempt) = (self.tiles.places(part), 0);

@@ -1,10 +1,10 @@
 //! One tree: derivatives, growth, leaf values, new scores.
 
-use super::data::{BoostingData, CHUNK};
-use super::grow::{HistogramPool, LeafwiseGrower, LeafwiseTree};
-use super::histogram::{Cell, Scale};
-use super::model::GrownTree;
-use super::split::SplitRules;
+use crate::classification::boosting::growing::data::{BoostingData, CHUNK};
+use crate::classification::boosting::growing::grow::{HistogramPool, LeafwiseGrower, LeafwiseTree};
+use crate::classification::boosting::growing::histogram::{Cell, Scale};
+use crate::classification::boosting::growing::split::SplitRules;
+use crate::classification::boosting::model::GrownTree;
 use crate::error::Result;
 use crate::random::stream;
 use rayon::prelude::*;
@@ -13,19 +13,24 @@ use rayon::prelude::*;
 const COLUMNS: u64 = 1 << 41;
 
 /// One tree to be grown.
-pub(super) struct TreeFit<'a> {
-    pub(super) data: &'a BoostingData<'a>,
+pub(in crate::classification::boosting) struct TreeFit<'a> {
+    pub(in crate::classification::boosting) data: &'a BoostingData<'a>,
     /// The score that the tree adds to.
-    pub(super) group: usize,
+    pub(in crate::classification::boosting) group: usize,
     /// Number of the tree, which selects its random stream.
-    pub(super) seed: u64,
+    pub(in crate::classification::boosting) seed: u64,
     /// Log-sum-exp of the scores of every row.
-    pub(super) norms: &'a [f64],
+    pub(in crate::classification::boosting) norms: &'a [f64],
 }
 
 impl TreeFit<'_> {
     /// Grows the tree and adds its leaf values to the scores of all rows.
-    pub(super) fn tree(&self, bag: &[u32], scores: &mut [f64], pool: &mut HistogramPool) -> Result<GrownTree> {
+    pub(in crate::classification::boosting) fn tree(
+        &self,
+        bag: &[u32],
+        scores: &mut [f64],
+        pool: &mut HistogramPool,
+    ) -> Result<GrownTree> {
         let data = self.data;
         let derivatives = self.derivatives(bag, scores);
         let scale = Scale::of(&derivatives);

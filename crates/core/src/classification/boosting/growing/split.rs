@@ -8,28 +8,28 @@
 //! estimated from the child's share of H. Without the second rule, twenty samples of a rare class with nearly no H
 //! could form a leaf, and its value G / H would not be bounded.
 
-use super::blocks::{Blocks, LANES};
-use super::histogram::{Cell, Cells, Scale, count, minus, plus};
-use super::params::BoostingParams;
+use crate::classification::boosting::growing::blocks::{Blocks, LANES};
+use crate::classification::boosting::growing::histogram::{Cell, Cells, Scale, count, minus, plus};
+use crate::classification::boosting::params::BoostingParams;
 
 /// Samples with a code above `cut` go right; those with code 0 as well if `missing_right`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Split {
-    pub(super) feature: usize,
-    pub(super) cut: u8,
-    pub(super) missing_right: bool,
-    pub(super) gain: f64,
+pub(in crate::classification::boosting) struct Split {
+    pub(in crate::classification::boosting) feature: usize,
+    pub(in crate::classification::boosting) cut: u8,
+    pub(in crate::classification::boosting) missing_right: bool,
+    pub(in crate::classification::boosting) gain: f64,
 }
 
 impl Split {
     /// True if a sample with this code goes right.
     #[inline(always)]
-    pub(super) fn goes_right(&self, code: u8) -> bool {
+    pub(in crate::classification::boosting) fn goes_right(&self, code: u8) -> bool {
         code > self.cut || (self.missing_right && code == 0)
     }
 
     /// The better of two splits, the first of equal ones.
-    pub(super) fn better(first: Option<Self>, second: Option<Self>) -> Option<Self> {
+    pub(in crate::classification::boosting) fn better(first: Option<Self>, second: Option<Self>) -> Option<Self> {
         match (first, second) {
             (Some(a), Some(b)) => Some(if b.gain > a.gain { b } else { a }),
             (a, b) => a.or(b),
@@ -38,12 +38,12 @@ impl Split {
 }
 
 /// The constraints on a split.
-pub(super) struct SplitRules<'a> {
-    pub(super) blocks: &'a Blocks,
-    pub(super) params: &'a BoostingParams,
-    pub(super) scale: Scale,
+pub(in crate::classification::boosting) struct SplitRules<'a> {
+    pub(in crate::classification::boosting) blocks: &'a Blocks,
+    pub(in crate::classification::boosting) params: &'a BoostingParams,
+    pub(in crate::classification::boosting) scale: Scale,
     /// Features that the tree may split on.
-    pub(super) allowed: &'a [bool],
+    pub(in crate::classification::boosting) allowed: &'a [bool],
 }
 
 impl SplitRules<'_> {
@@ -55,7 +55,7 @@ impl SplitRules<'_> {
     }
 
     /// The best split of a block's features, of equal gains the one of the lowest feature and code.
-    pub(super) fn best(&self, block: usize, cells: &Cells, total: Cell) -> Option<Split> {
+    pub(in crate::classification::boosting) fn best(&self, block: usize, cells: &Cells, total: Cell) -> Option<Split> {
         let width = self.blocks.binning.width();
         let features = (block * LANES..((block + 1) * LANES).min(width)).zip(cells);
         let allowed = features.filter(|&(f, _)| self.allowed.get(f).copied().unwrap_or_default());

@@ -1,10 +1,10 @@
 //! The split of the samples into training and validation.
 
-use super::super::params::ClassWeight;
-use super::super::samples::Samples;
-use super::histogram::MAX_ROWS;
-use super::params::BoostingParams;
+use crate::classification::boosting::growing::histogram::MAX_ROWS;
+use crate::classification::boosting::params::BoostingParams;
 use crate::classification::forest::growing::weights;
+use crate::classification::params::ClassWeight;
+use crate::classification::samples::Samples;
 use crate::error::{Error, Result};
 use crate::random::stream;
 
@@ -12,20 +12,20 @@ use crate::random::stream;
 const HELD: u64 = 1 << 42;
 
 /// The rows of training and validation.
-pub(super) struct TrainingRows {
-    pub(super) labels: Vec<u16>,
+pub(in crate::classification::boosting) struct TrainingRows {
+    pub(in crate::classification::boosting) labels: Vec<u16>,
     /// Weight in the training, 0 for held-out rows.
-    pub(super) weights: Vec<f32>,
+    pub(in crate::classification::boosting) weights: Vec<f32>,
     /// Weight in the losses.
-    pub(super) loss_weights: Vec<f32>,
+    pub(in crate::classification::boosting) loss_weights: Vec<f32>,
     /// Rows of the training, ascending.
-    pub(super) training: Vec<u32>,
+    pub(in crate::classification::boosting) training: Vec<u32>,
     /// Rows of the validation, ascending.
-    pub(super) validation: Vec<u32>,
+    pub(in crate::classification::boosting) validation: Vec<u32>,
 }
 
 impl TrainingRows {
-    pub(super) fn choose(
+    pub(in crate::classification::boosting) fn choose(
         samples: &Samples<'_>,
         validation: Option<&Samples<'_>>,
         params: &BoostingParams,
@@ -91,7 +91,7 @@ impl TrainingRows {
         self.training.retain(|&r| self.weights[r as usize] > 0.0);
     }
 
-    pub(super) fn label(&self, row: u32) -> usize {
+    pub(in crate::classification::boosting) fn label(&self, row: u32) -> usize {
         usize::from(self.labels[row as usize])
     }
 }

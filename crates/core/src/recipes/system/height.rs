@@ -1,17 +1,17 @@
 //! The smallest recipe: the example of CONTRIBUTING.md. It is registered in the tests of this crate only.
 
-use super::classify::{Classified, Job};
-use super::labels::LabelledCloud;
-use super::model::Model;
-use super::points::points_of;
-use super::regularise::{Probabilities, RegulariseParams, regularise};
-use super::report::{ClassCount, Report};
-use super::system::{Fitted, Nothing, System, TrainOptions};
-use super::training::{ClassSamples, TrainingData, check_classes, mean_density};
 use crate::classification::{Classifier, Fingerprint, ForestParams, Learner, Predictor, Samples};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use crate::recipes::classify::points::points_of;
+use crate::recipes::classify::{Classified, Job};
+use crate::recipes::labels::LabelledCloud;
+use crate::recipes::model::Model;
+use crate::recipes::regularise::{Probabilities, RegulariseParams, regularise};
+use crate::recipes::system::report::{ClassCount, Report};
+use crate::recipes::system::{Fitted, Nothing, System, TrainOptions};
+use crate::recipes::training::{ClassSamples, TrainingData, check_classes, mean_density};
 use crate::voxels::planar_density;
 use serde::{Deserialize, Serialize};
 

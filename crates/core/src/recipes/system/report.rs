@@ -27,7 +27,7 @@ pub trait Report: Send {
 }
 
 /// A report as JSON.
-pub(super) fn json_of(report: &impl Serialize) -> Result<String> {
+pub(in crate::recipes) fn json_of(report: &impl Serialize) -> Result<String> {
     serde_json::to_string_pretty(report).map_err(|e| Error::input(format!("report cannot be written: {e}")))
 }
 
@@ -48,7 +48,7 @@ pub struct ClassCount {
 
 impl ClassCount {
     /// In messages: `class 2 ground`, or `class 66` if it has no other name.
-    pub(super) fn title(&self) -> String {
+    pub(in crate::recipes) fn title(&self) -> String {
         let plain = format!("class {}", self.code);
         if self.name == plain { plain } else { format!("{plain} {}", self.name) }
     }

@@ -3,26 +3,26 @@
 //! H. Shi, *Best-first decision tree learning*, 2007; G. Ke et al., *LightGBM*, NIPS 2017. Only the histograms of the
 //! smaller child are computed; those of the larger one are the parent's minus these.
 
-use super::super::nodes::GrownNode;
-use super::blocks::{Blocks, LANES};
-use super::histogram::{Cell, Cells, accumulate, minus, plus, subtract};
-use super::params::BoostingParams;
-use super::split::{Split, SplitRules};
+use crate::classification::boosting::growing::blocks::{Blocks, LANES};
+use crate::classification::boosting::growing::histogram::{Cell, Cells, accumulate, minus, plus, subtract};
+use crate::classification::boosting::growing::split::{Split, SplitRules};
+use crate::classification::boosting::params::BoostingParams;
+use crate::classification::nodes::GrownNode;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use rayon::prelude::*;
 
 /// A tree; the samples of each leaf are a range of `rows`.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LeafwiseTree {
-    pub(super) nodes: Vec<GrownNode<Split>>,
-    pub(super) leaves: Vec<std::ops::Range<usize>>,
-    pub(super) rows: Vec<u32>,
+pub(in crate::classification::boosting) struct LeafwiseTree {
+    pub(in crate::classification::boosting) nodes: Vec<GrownNode<Split>>,
+    pub(in crate::classification::boosting) leaves: Vec<std::ops::Range<usize>>,
+    pub(in crate::classification::boosting) rows: Vec<u32>,
 }
 
 impl LeafwiseTree {
     /// The leaf that a sample reaches.
-    pub(super) fn leaf(&self, blocks: &Blocks, row: u32) -> usize {
+    pub(in crate::classification::boosting) fn leaf(&self, blocks: &Blocks, row: u32) -> usize {
         let mut at = 0;
         loop {
             match self.nodes[at] {
@@ -40,7 +40,7 @@ type Histogram = Vec<Cells>;
 
 /// Histograms for reuse: a tree never holds more than `limit` at a time.
 #[derive(Default)]
-pub(super) struct HistogramPool {
+pub(in crate::classification::boosting) struct HistogramPool {
     free: Vec<Histogram>,
     held: usize,
 }
@@ -77,12 +77,12 @@ struct OpenLeaf {
 }
 
 /// Everything that growing a tree needs.
-pub(super) struct LeafwiseGrower<'a> {
-    pub(super) rules: SplitRules<'a>,
+pub(in crate::classification::boosting) struct LeafwiseGrower<'a> {
+    pub(in crate::classification::boosting) rules: SplitRules<'a>,
     /// Derivatives of every sample as a cell.
-    pub(super) samples: &'a [Cell],
-    pub(super) monitor: &'a Monitor,
-    pub(super) pool: &'a mut HistogramPool,
+    pub(in crate::classification::boosting) samples: &'a [Cell],
+    pub(in crate::classification::boosting) monitor: &'a Monitor,
+    pub(in crate::classification::boosting) pool: &'a mut HistogramPool,
 }
 
 impl LeafwiseGrower<'_> {
@@ -91,7 +91,7 @@ impl LeafwiseGrower<'_> {
     }
 
     /// Grows the tree on these samples.
-    pub(super) fn grow(mut self, rows: Vec<u32>) -> Result<LeafwiseTree> {
+    pub(in crate::classification::boosting) fn grow(mut self, rows: Vec<u32>) -> Result<LeafwiseTree> {
         let mut tree = LeafwiseTree { nodes: vec![GrownNode::Leaf(0)], leaves: Vec::new(), rows };
         let total = tree.rows.iter().fold([0; 2], |sum, &r| plus(sum, self.samples[r as usize]));
         let all = 0..tree.rows.len();

@@ -4,11 +4,11 @@
 //! the upper 40 bits and the count of samples in the lower 24. Adding a sample is two additions, and a sibling is
 //! parent minus child.
 
-use super::blocks::LANES;
+use crate::classification::boosting::growing::blocks::LANES;
 use crate::parallel::fold_ordered;
 
 /// Largest count of samples that fits.
-pub(super) const MAX_ROWS: usize = (1 << 24) - 1;
+pub(in crate::classification::boosting) const MAX_ROWS: usize = (1 << 24) - 1;
 
 const COUNT_BITS: u32 = 24;
 const FIRST_RANGE: f64 = (1u64 << 61) as f64;
@@ -16,39 +16,39 @@ const SECOND_RANGE: f64 = ((1u64 << 40) - (1 << 25)) as f64;
 const CHUNK: usize = 1 << 14;
 
 /// Fixed-point sums.
-pub(super) type Cell = [u64; 2];
+pub(in crate::classification::boosting) type Cell = [u64; 2];
 
 /// Cells of the features of a block, by code.
-pub(super) type Cells = [[Cell; 256]; LANES];
+pub(in crate::classification::boosting) type Cells = [[Cell; 256]; LANES];
 
 /// Adds a cell.
 #[inline(always)]
-pub(super) fn plus(a: Cell, b: Cell) -> Cell {
+pub(in crate::classification::boosting) fn plus(a: Cell, b: Cell) -> Cell {
     [a[0].wrapping_add(b[0]), a[1].wrapping_add(b[1])]
 }
 
 /// Subtracts a cell.
 #[inline(always)]
-pub(super) fn minus(a: Cell, b: Cell) -> Cell {
+pub(in crate::classification::boosting) fn minus(a: Cell, b: Cell) -> Cell {
     [a[0].wrapping_sub(b[0]), a[1].wrapping_sub(b[1])]
 }
 
 /// Number of samples in a cell.
 #[inline(always)]
-pub(super) fn count(cell: Cell) -> u64 {
+pub(in crate::classification::boosting) fn count(cell: Cell) -> u64 {
     cell[1] & ((1 << COUNT_BITS) - 1)
 }
 
 /// Conversion between numbers and fixed-point cells, scaled so that no sum overflows.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scale {
+pub(in crate::classification::boosting) struct Scale {
     to: [f64; 2],
     from: [f64; 2],
 }
 
 impl Scale {
     /// The scale for these derivatives, of which the second are not negative.
-    pub(super) fn of(derivatives: &[[f32; 2]]) -> Self {
+    pub(in crate::classification::boosting) fn of(derivatives: &[[f32; 2]]) -> Self {
         let sums = |range: std::ops::Range<usize>| {
             let part = derivatives.get(range).unwrap_or_default().iter();
             part.fold([0.0f64; 2], |[g, h], d| [g + f64::from(d[0].abs()), h + f64::from(d[1])])
@@ -61,7 +61,7 @@ impl Scale {
 
     /// The cell of one sample.
     #[inline]
-    pub(super) fn cell(&self, derivatives: [f32; 2]) -> Cell {
+    pub(in crate::classification::boosting) fn cell(&self, derivatives: [f32; 2]) -> Cell {
         let first = (f64::from(derivatives[0]) * self.to[0]).round_ties_even() as i64;
         let second = (f64::from(derivatives[1]) * self.to[1]).round_ties_even() as u64;
         [first as u64, (second << COUNT_BITS) | 1]
@@ -69,7 +69,7 @@ impl Scale {
 
     /// First and second derivatives of a sum.
     #[inline(always)]
-    pub(super) fn sums(&self, cell: Cell) -> (f64, f64) {
+    pub(in crate::classification::boosting) fn sums(&self, cell: Cell) -> (f64, f64) {
         (cell[0] as i64 as f64 * self.from[0], (cell[1] >> COUNT_BITS) as f64 * self.from[1])
     }
 }
@@ -78,7 +78,12 @@ impl Scale {
 const AHEAD: usize = 128;
 
 /// Adds the samples `rows` to the histograms of a block; `samples` holds their cells in the same order.
-pub(super) fn accumulate(cells: &mut Cells, codes: &[[u8; LANES]], rows: &[u32], samples: &[Cell]) {
+pub(in crate::classification::boosting) fn accumulate(
+    cells: &mut Cells,
+    codes: &[[u8; LANES]],
+    rows: &[u32],
+    samples: &[Cell],
+) {
     let mut ahead = [[0u8; LANES]; AHEAD];
     for (rows, samples) in rows.chunks(AHEAD).zip(samples.chunks(AHEAD)) {
         for (to, &row) in ahead.iter_mut().zip(rows) {
@@ -94,7 +99,7 @@ pub(super) fn accumulate(cells: &mut Cells, codes: &[[u8; LANES]], rows: &[u32],
 }
 
 /// Subtracts one block's histograms from another's.
-pub(super) fn subtract(parent: &mut Cells, child: &Cells) {
+pub(in crate::classification::boosting) fn subtract(parent: &mut Cells, child: &Cells) {
     for (parent, child) in parent.as_flattened_mut().iter_mut().zip(child.as_flattened()) {
         *parent = minus(*parent, *child);
     }

@@ -8,7 +8,7 @@ use crate::parallel::Monitor;
 ///
 /// # Errors
 /// If no point has finite coordinates, or the work was cancelled.
-pub(super) fn points_of(scene: &MetricCloud<'_>, monitor: &Monitor) -> Result<Points> {
+pub(in crate::recipes) fn points_of(scene: &MetricCloud<'_>, monitor: &Monitor) -> Result<Points> {
     let points = scene.points(monitor)?;
     match points.is_empty() {
         true => Err(Error::input("the cloud has no point with finite coordinates")),

@@ -1,33 +1,35 @@
 //! What training of every method begins and ends with: the labelled clouds in metres, their classes, and counts for the
 //! report.
 
-use super::labels::{LabelledCloud, Labels};
-use super::report::ClassCount;
+pub(in crate::recipes) mod classifiers;
+
 use crate::classes::ClassTable;
 use crate::cloud::{CodeScheme, MetricCloud};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use crate::recipes::labels::{LabelledCloud, Labels};
+use crate::recipes::system::report::ClassCount;
 
 /// The clouds that a method is trained on.
-pub(super) struct TrainingData<'a> {
+pub(in crate::recipes) struct TrainingData<'a> {
     /// Each cloud in metres, with its labels.
-    pub(super) scenes: Vec<LabelledScene<'a>>,
+    pub(in crate::recipes) scenes: Vec<LabelledScene<'a>>,
     /// Number of points with each code, over all clouds.
     points: [u64; 256],
 }
 
 /// A cloud in metres, and its labels.
-pub(super) struct LabelledScene<'a> {
-    pub(super) metric: MetricCloud<'a>,
-    pub(super) labels: &'a Labels,
+pub(in crate::recipes) struct LabelledScene<'a> {
+    pub(in crate::recipes) metric: MetricCloud<'a>,
+    pub(in crate::recipes) labels: &'a Labels,
 }
 
 /// The samples of a class.
 #[derive(Clone, Copy, Default)]
-pub(super) struct ClassSamples {
-    pub(super) count: u64,
+pub(in crate::recipes) struct ClassSamples {
+    pub(in crate::recipes) count: u64,
     /// Weight of each.
-    pub(super) weight: f64,
+    pub(in crate::recipes) weight: f64,
 }
 
 impl<'a> TrainingData<'a> {
@@ -35,7 +37,11 @@ impl<'a> TrainingData<'a> {
     ///
     /// # Errors
     /// If coordinates are degrees, or the work was cancelled.
-    pub(super) fn new(clouds: &'a [LabelledCloud], metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Self> {
+    pub(in crate::recipes) fn new(
+        clouds: &'a [LabelledCloud],
+        metres_per_unit: Option<f64>,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let mut points = [0u64; 256];
         let mut scenes = Vec::with_capacity(clouds.len());
         for LabelledCloud { cloud, labels } in clouds {
@@ -48,12 +54,12 @@ impl<'a> TrainingData<'a> {
     }
 
     /// Number of points without a label.
-    pub(super) fn unlabelled(&self) -> u64 {
+    pub(in crate::recipes) fn unlabelled(&self) -> u64 {
         self.scenes.iter().map(|scene| scene.labels.unlabelled).sum()
     }
 
     /// The classes with these codes, with the names of the only known list among the labels.
-    pub(super) fn class_table(&self, codes: &[u8]) -> ClassTable {
+    pub(in crate::recipes) fn class_table(&self, codes: &[u8]) -> ClassTable {
         let mut known = self.scenes.iter().map(|scene| scene.labels.scheme).filter(|&s| s != CodeScheme::Own);
         let first = known.next().unwrap_or_default();
         let scheme = if known.all(|s| s == first) { first } else { CodeScheme::Own };
@@ -61,13 +67,13 @@ impl<'a> TrainingData<'a> {
     }
 
     /// All classes that are labelled.
-    pub(super) fn labelled_classes(&self) -> ClassTable {
+    pub(in crate::recipes) fn labelled_classes(&self) -> ClassTable {
         let codes: Vec<u8> = (0..=255u8).filter(|&code| self.points[usize::from(code)] > 0).collect();
         self.class_table(&codes)
     }
 
     /// Points and samples of each labelled class, for the report.
-    pub(super) fn class_counts(&self, samples: impl Fn(u8) -> ClassSamples) -> Vec<ClassCount> {
+    pub(in crate::recipes) fn class_counts(&self, samples: impl Fn(u8) -> ClassSamples) -> Vec<ClassCount> {
         let table = self.labelled_classes();
         let count = table.classes().iter().map(|class| {
             let ClassSamples { count, weight } = samples(class.code);
@@ -79,7 +85,7 @@ impl<'a> TrainingData<'a> {
 }
 
 /// Fails if there are fewer than two classes.
-pub(super) fn check_classes(classes: &ClassTable) -> Result<()> {
+pub(in crate::recipes) fn check_classes(classes: &ClassTable) -> Result<()> {
     let advice = "check the label dimension, and which codes are mapped, asked for and count as unlabelled";
     match classes.classes() {
         [] => Err(Error::input(format!("no labelled point to learn from; {advice}"))),
@@ -92,7 +98,7 @@ pub(super) fn check_classes(classes: &ClassTable) -> Result<()> {
 }
 
 /// Mean of the densities of the clouds; 0 without clouds.
-pub(super) fn mean_density(densities: impl ExactSizeIterator<Item = f64>) -> f64 {
+pub(in crate::recipes) fn mean_density(densities: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = densities.len().max(1) as f64;
     densities.sum::<f64>() / count
 }
