@@ -98,8 +98,13 @@ fn models_and_segments_are_the_same_for_1_2_3_and_8_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let monitor = Monitor::default();
-            let (model, _) =
-                objects(&[SIZE]).train(&[(cloud.clone(), labels.clone())], &TrainOptions::default(), &monitor).unwrap();
+            let (model, _) = objects(&[SIZE])
+                .train(
+                    &[LabelledCloud { cloud: cloud.clone(), labels: labels.clone() }],
+                    &TrainOptions::default(),
+                    &monitor,
+                )
+                .unwrap();
             let found = classify(&cloud, &model, &ClassifyParams::default(), &monitor).unwrap();
             let parted: Vec<_> = SegmentMethod::ALL
                 .iter()

@@ -1,10 +1,9 @@
 //! The classifiers behind one type: what a model file holds and a recipe selects, and the list of all.
 
 use super::arrays::{Array, Reader};
-use super::bagging::BaggingParams;
 use super::boosting::{Boosting, BoostingParams};
 use super::forest::Forest;
-use super::forest::predict::PredictScratch;
+use super::forest::bagging::BaggingParams;
 use super::learner::{Learner, PartCount, Predictor, Stored};
 use super::params::ForestParams;
 use super::samples::Samples;
@@ -30,6 +29,15 @@ macro_rules! classifiers {
         #[derive(Clone, Debug, PartialEq)]
         pub enum Classifier {
             $(#[doc = $title] $kind($trained),)*
+        }
+
+        /// Scratch memory of the prediction by a classifier of any kind.
+        #[derive(Debug, Default)]
+        pub enum ClassifierScratch {
+            /// Nothing yet.
+            #[default]
+            Empty,
+            $(#[doc = $title] $kind(<$trained as Predictor>::Scratch),)*
         }
 
         impl ClassifierKind {
@@ -105,6 +113,8 @@ macro_rules! classifiers {
         }
 
         impl Predictor for Classifier {
+            type Scratch = ClassifierScratch;
+
             fn classes(&self) -> usize {
                 match self { $(Self::$kind(trained) => trained.classes(),)* }
             }
@@ -130,8 +140,16 @@ macro_rules! classifiers {
                 }
             }
 
-            fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
-                match self { $(Self::$kind(trained) => trained.predict_block(rows, scratch, out),)* }
+            fn predict_block(&self, rows: &[f32], scratch: &mut ClassifierScratch, out: &mut [f32]) -> Result<()> {
+                match (self, &mut *scratch) {
+                    $((Self::$kind(trained), ClassifierScratch::$kind(own)) => trained.predict_block(rows, own, out),)*
+                    $((Self::$kind(trained), other) => {
+                        let mut own = Default::default();
+                        let done = trained.predict_block(rows, &mut own, out);
+                        *other = ClassifierScratch::$kind(own);
+                        done
+                    })*
+                }
             }
 
             fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {

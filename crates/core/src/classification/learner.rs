@@ -5,7 +5,6 @@
 //! section of parameters in the recipes that offer it.
 
 use super::arrays::{Array, Reader};
-use super::forest::predict::{PredictScratch, argmax};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -39,6 +38,9 @@ pub trait Learner: Clone + Debug + Default + PartialEq {
 
 /// A trained classifier: class probabilities for rows of features.
 pub trait Predictor: Sized + Send + Sync {
+    /// Scratch memory of [`Predictor::predict_block`], to be reused for the next block.
+    type Scratch: Default + Send;
+
     /// Number of classes.
     fn classes(&self) -> usize;
 
@@ -60,7 +62,7 @@ pub trait Predictor: Sized + Send + Sync {
     ///
     /// # Errors
     /// If a length does not fit.
-    fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()>;
+    fn predict_block(&self, rows: &[f32], scratch: &mut Self::Scratch, out: &mut [f32]) -> Result<()>;
 
     /// As [`Predictor::predict_block`], in parallel over blocks.
     ///
@@ -112,4 +114,9 @@ pub(super) fn check_lengths(predictor: &impl Predictor, rows: &[f32], out: &[f32
         rows.len(),
         out.len()
     )))
+}
+
+/// Index of the largest value, the first of equal ones.
+pub(crate) fn argmax(row: &[f32]) -> usize {
+    (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best })
 }

@@ -4,9 +4,9 @@
 //! quantised features ([`Binning`]) and becomes arrays in a model file (`arrays`).
 
 pub(crate) mod arrays;
-mod bagging;
 mod binning;
 mod boosting;
+mod bytes;
 mod classifier;
 pub mod cross_validation;
 mod fingerprint;
@@ -20,16 +20,15 @@ pub mod sampling;
 #[cfg(test)]
 pub(crate) mod testing;
 
-pub use bagging::BaggingParams;
 pub use binning::{Binning, BinningParams};
 pub use boosting::{Boosting, BoostingParams, BoostingReport};
-pub use classifier::{Classifier, ClassifierKind, ClassifierParams};
+pub use classifier::{Classifier, ClassifierKind, ClassifierParams, ClassifierScratch};
 pub use fingerprint::Fingerprint;
 pub use forest::Forest;
+pub use forest::bagging::BaggingParams;
 pub use forest::growing::out_of_bag::FitReport;
 pub use forest::importance::{Importance, PermutationParams, permutation_importance};
-pub use forest::predict::PredictScratch;
-pub(crate) use forest::predict::argmax;
+pub(crate) use learner::argmax;
 pub use learner::{Learner, PartCount, Predictor};
 pub use params::{Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Splitter, Trainer};
 pub use samples::Samples;

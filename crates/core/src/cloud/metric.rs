@@ -1,11 +1,14 @@
 //! A cloud in metres: its unit and its stray points, decided once for all steps.
 
-use super::{Bounds, Cloud, Points, StrayParams, Strays};
-use crate::error::Result;
-use crate::parallel::Monitor;
+use super::{Bounds, Cloud, LocalFrame, Points, StrayParams, Strays};
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, watched};
 
 /// A cloud that is higher than this multiple of its width probably has x and y in other units than z.
 const TALL: f64 = 20.0;
+
+/// Largest distance from the origin in metres: three squares of it still fit into `f32`.
+const FARTHEST: f64 = 1e18;
 
 /// A cloud whose unit is decided and whose stray points are known.
 #[derive(Clone, Debug)]
@@ -35,7 +38,7 @@ impl<'a> MetricCloud<'a> {
     /// # Errors
     /// If the work was cancelled.
     pub fn points(&self, monitor: &Monitor) -> Result<Points> {
-        Points::without(self, &self.strays.index, monitor)
+        self.points_without(&self.strays.index, monitor)
     }
 
     /// All finite points of the cloud, including stray ones; the corner is that of the others, so that they keep their
@@ -44,7 +47,44 @@ impl<'a> MetricCloud<'a> {
     /// # Errors
     /// If the work was cancelled.
     pub fn points_and_strays(&self, monitor: &Monitor) -> Result<Points> {
-        Points::without(self, &[], monitor)
+        self.points_without(&[], monitor)
+    }
+
+    /// As [`MetricCloud::points`]; fails if there is none.
+    ///
+    /// # Errors
+    /// If no point has finite coordinates, or the work was cancelled.
+    pub fn some_points(&self, monitor: &Monitor) -> Result<Points> {
+        let points = self.points(monitor)?;
+        match points.is_empty() {
+            true => Err(Error::input("the cloud has no point with finite coordinates")),
+            false => Ok(points),
+        }
+    }
+
+    /// The finite points but for those with these indices (ascending).
+    fn points_without(&self, indices: &[u32], monitor: &Monitor) -> Result<Points> {
+        let Self { cloud, metres, ref strays } = *self;
+        let Some([low, _]) = strays.bounds else { return Ok(Points::default()) };
+        let origin = low.map(|v| (v * metres).floor());
+        let mut points = Points { frame: LocalFrame { origin, ..LocalFrame::default() }, ..Points::default() };
+        points.positions.reserve(cloud.len());
+        points.frame.index.reserve_exact(cloud.len());
+        let mut without = indices.iter().peekable();
+        for piece in watched(cloud.len(), monitor) {
+            for i in piece? {
+                if without.next_if(|&&index| index as usize == i).is_some() {
+                    continue;
+                }
+                let p = cloud.xyz(i);
+                let local = [0, 1, 2].map(|a| p[a] * metres - origin[a]);
+                if local.iter().all(|v| v.abs() <= FARTHEST) {
+                    points.positions.push(local.map(|v| v as f32));
+                    points.frame.index.push(i as u32);
+                }
+            }
+        }
+        Ok(points)
     }
 
     /// Properties that may change results, as one sentence each: stray points, which are ignored, and coordinates that
@@ -60,6 +100,16 @@ impl<'a> MetricCloud<'a> {
                 .to_string()
         });
         aside.into_iter().chain(degrees).collect()
+    }
+}
+
+impl Points {
+    /// The points of a small cloud, for tests and examples: [`MetricCloud::points`] without errors. Empty if the unit is
+    /// not positive.
+    pub fn from_cloud(cloud: &Cloud, metres_per_unit: f64) -> Self {
+        let monitor = Monitor::default();
+        let scene = MetricCloud::new(cloud, Some(metres_per_unit), &monitor);
+        scene.and_then(|scene| scene.points(&monitor)).unwrap_or_default()
     }
 }
 
@@ -93,5 +143,38 @@ mod tests {
             found.len() == 1 && found[0].contains("number 400") && found[0].ends_with("it is set aside"),
             "{found:?}"
         );
+    }
+
+    #[test]
+    fn what_has_no_place_in_f32_is_not_among_the_points() {
+        let cloud = Cloud::from_rows(&[[0.0; 3], [1e300, 0.0, 0.0], [0.0, 1e19, 0.0], [1.0, 2.0, 3.0]]).unwrap();
+        assert_eq!(Points::from_cloud(&cloud, 1.0).frame.index, [0, 3]);
+        assert!(Points::from_cloud(&Cloud::from_rows(&[[1e300; 3]]).unwrap(), 1e300).is_empty());
+    }
+
+    #[test]
+    fn large_coordinates_keep_millimetres() {
+        let cloud = Cloud::from_rows(&[
+            [652_000.001, 6_862_000.002, 5e6],
+            [652_001.004, f64::INFINITY, 0.0],
+            [652_003.0, 6_862_001.0, 5e6 + 0.5],
+        ])
+        .unwrap();
+        let points = Points::from_cloud(&cloud, 1.0);
+        assert_eq!(points.frame.index, [0, 2]);
+        assert!((points.positions.x[0] - 0.001).abs() < 1e-6 && (points.positions.z[1] - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_point_at_zero_costs_the_others_no_precision() {
+        let mut rows: Vec<[f64; 3]> =
+            (0..500).map(|i| [500_000.0 + f64::from(i % 20) * 0.3, 5.2e6 + f64::from(i / 20) * 0.3, 400.0]).collect();
+        let (clean, monitor) = (Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0), Monitor::default());
+        rows.push([0.0; 3]);
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        assert_eq!(Points::from_cloud(&cloud, 1.0), clean);
+        let all = MetricCloud::new(&cloud, None, &monitor).unwrap().points_and_strays(&monitor).unwrap();
+        assert_eq!((all.len(), all.frame.origin), (501, clean.frame.origin));
+        assert_eq!((&all.positions.x[..500], all.positions.y[500]), (&clean.positions.x[..], -5.2e6));
     }
 }

@@ -12,6 +12,7 @@
 
 mod batch;
 mod blocks;
+mod candidates;
 pub(crate) mod cells;
 mod columns;
 mod grid;

@@ -4,8 +4,8 @@
 //! Points nearer than the border of these cells are certain to be among the nearest; only if there are fewer than k of
 //! them the search is widened.
 
-use super::batch::Candidates;
 use super::blocks::Around;
+use super::candidates::Candidates;
 use super::level::Level;
 use super::morton;
 use pulp::{Arch, Simd, WithSimd};

@@ -1,6 +1,5 @@
 //! Numbers, cut points, nodes and fingerprints as named arrays of a model file.
 
-mod bytes;
 mod node_check;
 
 use crate::classification::binning::Binning;

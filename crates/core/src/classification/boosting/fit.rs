@@ -2,8 +2,9 @@
 
 use super::growing::data::{BoostingData, CHUNK};
 use super::growing::grow::HistogramPool;
+use super::growing::tree::GrownTree;
 use super::growing::tree::TreeFit;
-use super::model::{Boosting, GrownTree};
+use super::model::Boosting;
 use super::params::BoostingParams;
 use crate::classification::learner::Learner;
 use crate::classification::samples::Samples;

@@ -2,17 +2,11 @@
 
 use super::growing::data::BoostingData;
 use super::growing::split::Split;
+use super::growing::tree::GrownTree;
 use super::loss::Loss;
 use crate::classification::binning::Binning;
 use crate::classification::nodes::{GrownNode, LEAF_CUT, Node};
 use crate::error::{Error, Result};
-
-/// One tree and the value of each of its leaves.
-#[derive(Clone, Debug)]
-pub(super) struct GrownTree {
-    pub(super) nodes: Vec<GrownNode<Split>>,
-    pub(super) leaf_values: Vec<f32>,
-}
 
 /// Gradient-boosted trees on quantised features.
 ///

@@ -3,7 +3,6 @@
 use super::model::Boosting;
 use super::sweep::{NARROW, Sweep};
 use crate::classification::forest::descend::Walk;
-use crate::classification::forest::predict::PredictScratch;
 use crate::classification::learner::{PartCount, Predictor, check_lengths};
 use crate::classification::nodes::LEAF_CUT;
 use crate::classification::quantise::{CodeBlock, TILE};
@@ -13,6 +12,16 @@ use rayon::prelude::*;
 /// Rows of a block, few enough that their codes and scores stay in the cache.
 const BLOCK: usize = 2048;
 
+/// Scratch memory of the prediction by boosted trees.
+#[derive(Clone, Debug, Default)]
+pub struct BoostingScratch {
+    codes: CodeBlock<u8>,
+    walk: Walk,
+    /// Rows with twin columns.
+    extended: Vec<f32>,
+    scores: Vec<f32>,
+}
+
 /// Scores of a block of rows: a column of `stride` rows for each group of trees.
 struct Scores<'a> {
     stride: usize,
@@ -20,6 +29,8 @@ struct Scores<'a> {
 }
 
 impl Predictor for Boosting {
+    type Scratch = BoostingScratch;
+
     fn classes(&self) -> usize {
         self.classes
     }
@@ -54,7 +65,7 @@ impl Predictor for Boosting {
         (self, used)
     }
 
-    fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
+    fn predict_block(&self, rows: &[f32], scratch: &mut BoostingScratch, out: &mut [f32]) -> Result<()> {
         check_lengths(self, rows, out)?;
         for (rows, out) in rows.chunks(BLOCK * self.width).zip(out.chunks_mut(BLOCK * self.classes)) {
             self.block(rows, scratch, out);
@@ -66,25 +77,25 @@ impl Predictor for Boosting {
         check_lengths(self, rows, out)?;
         rows.par_chunks(BLOCK * self.width)
             .zip(out.par_chunks_mut(BLOCK * self.classes))
-            .for_each_init(PredictScratch::default, |scratch, (rows, out)| self.block(rows, scratch, out));
+            .for_each_init(BoostingScratch::default, |scratch, (rows, out)| self.block(rows, scratch, out));
         Ok(())
     }
 }
 
 impl Boosting {
-    fn block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) {
+    fn block(&self, rows: &[f32], scratch: &mut BoostingScratch, out: &mut [f32]) {
         let count = rows.len() / self.width;
         let stride = count.next_multiple_of(TILE);
-        let PredictScratch { narrow, walk, extended, scores, .. } = scratch;
+        let BoostingScratch { codes, walk, extended, scores } = scratch;
         scores.clear();
         self.start.iter().for_each(|&s| scores.extend(std::iter::repeat_n(s, stride)));
         let rows = if self.twins.is_empty() { rows } else { self.extend(rows, extended) };
         if self.is_narrow() {
-            self.binning.bin_tiles(rows, narrow);
-            pulp::Arch::new().dispatch(Sweep { model: self, codes: narrow, stride, scores });
+            self.binning.bin_tiles(rows, codes);
+            pulp::Arch::new().dispatch(Sweep { model: self, codes, stride, scores });
         } else {
-            self.binning.bin_rows(rows, narrow);
-            self.add_trees(narrow, walk, scores);
+            self.binning.bin_rows(rows, codes);
+            self.add_trees(codes, walk, scores);
         }
         self.probabilities(&Scores { stride, values: scores }, out);
     }

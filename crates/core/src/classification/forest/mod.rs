@@ -1,5 +1,6 @@
 //! The forest: quantisation, trees and leaves.
 
+pub(in crate::classification) mod bagging;
 pub(in crate::classification) mod codec;
 pub(in crate::classification) mod compact;
 pub(in crate::classification) mod descend;

@@ -3,7 +3,7 @@
 use super::compact::{Compact, CompactWalk};
 use super::descend::Walk;
 use super::{Descent, Forest};
-use crate::classification::learner::{PartCount, Predictor, check_lengths};
+use crate::classification::learner::{PartCount, Predictor, argmax, check_lengths};
 use crate::classification::nodes::{LEAF_CUT, Node};
 use crate::classification::quantise::CodeBlock;
 use crate::error::{Error, Result};
@@ -12,20 +12,19 @@ use rayon::prelude::*;
 /// Rows of a block: enough to make up for loading a tree, few enough that codes and tree stay in the cache.
 const BLOCK: usize = 4096;
 
-/// Scratch memory of [`Predictor::predict_block`], to be reused for the next block.
+/// Scratch memory of a forest's prediction.
 #[derive(Clone, Debug, Default)]
-pub struct PredictScratch {
+pub struct ForestScratch {
     pub(in crate::classification) narrow: CodeBlock<u8>,
     wide: CodeBlock<u16>,
-    pub(in crate::classification) walk: Walk,
+    walk: Walk,
     pub(in crate::classification) compact_walk: CompactWalk,
     pub(in crate::classification) leaves: Vec<u32>,
-    /// Rows with twin columns, and scores, of boosted trees.
-    pub(in crate::classification) extended: Vec<f32>,
-    pub(in crate::classification) scores: Vec<f32>,
 }
 
 impl Predictor for Forest {
+    type Scratch = ForestScratch;
+
     fn classes(&self) -> usize {
         self.classes
     }
@@ -59,7 +58,7 @@ impl Predictor for Forest {
         (self, used)
     }
 
-    fn predict_block(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [f32]) -> Result<()> {
+    fn predict_block(&self, rows: &[f32], scratch: &mut ForestScratch, out: &mut [f32]) -> Result<()> {
         check_lengths(self, rows, out)?;
         out.fill(0.0);
         for (rows, out) in rows.chunks(BLOCK * self.width()).zip(out.chunks_mut(BLOCK * self.classes)) {
@@ -84,7 +83,7 @@ impl Predictor for Forest {
         check_lengths(self, rows, out)?;
         rows.par_chunks(BLOCK * self.width())
             .zip(out.par_chunks_mut(BLOCK * self.classes))
-            .try_for_each_init(PredictScratch::default, |scratch, (rows, out)| self.predict_block(rows, scratch, out))
+            .try_for_each_init(ForestScratch::default, |scratch, (rows, out)| self.predict_block(rows, scratch, out))
     }
 
     /// Faster than the probabilities: a row skips the remaining trees once they cannot change its class.
@@ -99,13 +98,13 @@ impl Predictor for Forest {
         let mut labels = vec![0; rows.len() / self.width()];
         rows.par_chunks(BLOCK * self.width())
             .zip(labels.par_chunks_mut(BLOCK))
-            .try_for_each_init(PredictScratch::default, |scratch, (rows, out)| self.label_rows(rows, scratch, out))?;
+            .try_for_each_init(ForestScratch::default, |scratch, (rows, out)| self.label_rows(rows, scratch, out))?;
         Ok(labels)
     }
 }
 
 impl Forest {
-    fn label_rows(&self, rows: &[f32], scratch: &mut PredictScratch, out: &mut [u16]) -> Result<()> {
+    fn label_rows(&self, rows: &[f32], scratch: &mut ForestScratch, out: &mut [u16]) -> Result<()> {
         if let Descent::Compact(trees) = &self.descent {
             self.label_block(rows, trees, scratch, out);
             return Ok(());
@@ -117,8 +116,8 @@ impl Forest {
         Ok(())
     }
 
-    fn add_compact(&self, rows: &[f32], trees: &Compact, scratch: &mut PredictScratch, out: &mut [f32]) {
-        let PredictScratch { narrow, compact_walk, leaves, .. } = scratch;
+    fn add_compact(&self, rows: &[f32], trees: &Compact, scratch: &mut ForestScratch, out: &mut [f32]) {
+        let ForestScratch { narrow, compact_walk, leaves, .. } = scratch;
         self.binning.bin_rows(rows, narrow);
         for tree in 0..trees.trees() {
             trees.walk(tree, narrow, compact_walk, leaves);
@@ -182,9 +181,4 @@ impl Forest {
         let row = node.left as usize * self.classes;
         &self.leaves[row..row + self.classes]
     }
-}
-
-/// Index of the largest value, the first of equal ones.
-pub(crate) fn argmax(row: &[f32]) -> usize {
-    (1..row.len()).fold(0, |best, c| if row[c] > row[best] { c } else { best })
 }

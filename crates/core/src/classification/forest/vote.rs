@@ -3,7 +3,8 @@
 
 use super::Forest;
 use super::compact::Compact;
-use super::predict::{PredictScratch, argmax};
+use super::predict::ForestScratch;
+use crate::classification::learner::argmax;
 
 /// A lead must exceed what the remaining trees can add by this much: more than the rounding of the sums.
 const SLACK: f32 = 1e-3;
@@ -22,7 +23,7 @@ impl Forest {
         &self,
         rows: &[f32],
         trees: &Compact,
-        scratch: &mut PredictScratch,
+        scratch: &mut ForestScratch,
         out: &mut [u16],
     ) {
         self.binning.bin_rows(rows, &mut scratch.narrow);
@@ -46,14 +47,14 @@ impl Forest {
         }
     }
 
-    fn add_tree(&self, trees: &Compact, tree: usize, scratch: &mut PredictScratch, sums: &mut [f32]) {
-        let PredictScratch { narrow, compact_walk, leaves, .. } = scratch;
+    fn add_tree(&self, trees: &Compact, tree: usize, scratch: &mut ForestScratch, sums: &mut [f32]) {
+        let ForestScratch { narrow, compact_walk, leaves, .. } = scratch;
         trees.walk(tree, narrow, compact_walk, leaves);
         self.add_leaves(leaves, sums);
     }
 
     /// Writes the classes of rows whose lead exceeds `most`; the others are moved together.
-    fn settle(&self, most: f32, open: &mut OpenRows, scratch: &mut PredictScratch, out: &mut [u16]) {
+    fn settle(&self, most: f32, open: &mut OpenRows, scratch: &mut ForestScratch, out: &mut [u16]) {
         let (codes, classes) = (&mut scratch.narrow, self.classes);
         let mut kept = 0;
         for i in 0..open.rows.len() {
@@ -103,7 +104,7 @@ mod tests {
         let data = blobs(3000, 7, 3, 0.0);
         let params = ForestParams { trees: 20, ..ForestParams::default() };
         let forest = Forest::fit(&data.samples(), &params, &Monitor::default()).unwrap();
-        let mut scratch = PredictScratch::default();
+        let mut scratch = ForestScratch::default();
         let mut labels = vec![0; 3000];
         let Descent::Compact(trees) = &forest.descent else { panic!("small trees are compact") };
         forest.label_block(&data.features, trees, &mut scratch, &mut labels);

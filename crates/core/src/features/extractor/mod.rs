@@ -6,7 +6,7 @@ pub(super) mod stream;
 pub(super) mod tiles;
 
 use super::params::FeatureSet;
-use super::pyramid::region::Region;
+use super::pyramid::region::{Region, Sorted};
 use super::pyramid::slots::Slots;
 use super::pyramid::{Job, Part, Stage};
 use crate::cloud::{MetricCloud, Points};
@@ -43,13 +43,6 @@ impl Wanted<'_> {
             Self::Asked(asked) => matching(all, asked),
         }
     }
-}
-
-/// A cloud's finite and non-stray points in the Morton order of a grid.
-#[derive(Clone, Debug)]
-pub(super) struct Sorted {
-    pub(super) points: Points,
-    pub(super) grid: Grid,
 }
 
 /// The plan for a cloud, and its sorted points.

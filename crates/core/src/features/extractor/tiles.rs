@@ -5,11 +5,11 @@
 //! outside the margin is reported and computed again with a wider one. The features are therefore the same bytes as
 //! those of [`Extractor::prepare`].
 
-use super::{Extractor, Plan, Planned, Sorted, Wanted};
+use super::{Extractor, Plan, Planned, Wanted};
 use crate::cloud::MetricCloud;
 use crate::error::Result;
 use crate::features::params::FeatureSet;
-use crate::features::pyramid::region::{Margin, Region};
+use crate::features::pyramid::region::{Margin, Region, Sorted};
 use crate::parallel::Monitor;
 use crate::voxels::{LevelLimits, build_levels, coarse_levels};
 use std::ops::Range;

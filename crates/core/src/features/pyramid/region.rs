@@ -1,8 +1,16 @@
 //! The loaded part of a cloud: whole vertical columns of voxels.
 
+use crate::cloud::Points;
 use crate::error::Result;
-use crate::features::extractor::Sorted;
 use crate::parallel::{Looks, Monitor, watched};
+use crate::voxels::Grid;
+
+/// A cloud's finite and non-stray points in the Morton order of a grid.
+#[derive(Clone, Debug)]
+pub(in crate::features) struct Sorted {
+    pub(in crate::features) points: Points,
+    pub(in crate::features) grid: Grid,
+}
 
 /// A box of voxels of some level, unlimited in height; where it reaches the border of the cloud, it is unlimited too.
 #[derive(Clone, Copy, Debug, PartialEq)]

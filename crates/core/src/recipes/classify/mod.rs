@@ -1,6 +1,5 @@
 //! Classifies every point of a cloud with a model of any recipe.
 
-pub(in crate::recipes) mod points;
 pub(in crate::recipes) mod predict;
 pub(in crate::recipes) mod statistics;
 

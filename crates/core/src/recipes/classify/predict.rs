@@ -1,7 +1,7 @@
 //! The streaming predictor: multi-scale features of a cloud, tile by tile and block by block, go to a classifier and are
 //! discarded.
 
-use crate::classification::{Classifier, PredictScratch, Predictor};
+use crate::classification::{Classifier, ClassifierScratch, Predictor};
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::features::{Extractor, FeatureSet, FeatureTable, Scratch, Tiles, Wanted};
@@ -43,7 +43,7 @@ struct Workspace {
     scratch: Scratch,
     block: Vec<f32>,
     rows: Vec<f32>,
-    trees: PredictScratch,
+    classifier: ClassifierScratch,
 }
 
 impl<'a> CloudPredictor<'a> {
@@ -160,7 +160,7 @@ impl<'a> CloudPredictor<'a> {
             loose.extend(work.scratch.loose().iter().map(|&row| block * Extractor::BLOCK + row as usize));
         }
         let mut probabilities = vec![0.0; points.len() * self.classifier.classes()];
-        self.classifier.predict_block(&work.rows, &mut work.trees, &mut probabilities)?;
+        self.classifier.predict_block(&work.rows, &mut work.classifier, &mut probabilities)?;
         Ok(Group { points, probabilities, loose })
     }
 }

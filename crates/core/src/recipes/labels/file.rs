@@ -6,7 +6,6 @@ use crate::io::{LabelRow, LabelTable};
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::Labels;
-use crate::recipes::classify::points::points_of;
 use std::path::Path;
 
 /// Labels picked by hand: positions with a class (for the nearest point), or segments with a class (for all points with
@@ -63,7 +62,7 @@ impl LabelFile {
             return Ok(());
         }
         self.check_box(cloud, picking, monitor)?;
-        let points = points_of(&MetricCloud::new(cloud, Some(picking.metres), monitor)?, monitor)?;
+        let points = MetricCloud::new(cloud, Some(picking.metres), monitor)?.some_points(monitor)?;
         let rows: Vec<[f64; 3]> = self.table.positions.iter().map(|row| row.of).collect();
         let rows = Cloud::from_rows(&rows)?;
         let queries = MetricCloud::new(&rows, Some(picking.metres), monitor)?.points_and_strays(monitor)?;

@@ -5,7 +5,6 @@ use crate::cloud::{MetricCloud, Points};
 use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::recipes::classify::points::points_of;
 use crate::segmentation::{ObjectAttributes, Partition, object_features};
 use crate::terrain::{ElevationModel, by_site, ground_points};
 
@@ -20,7 +19,7 @@ pub(super) struct Objects {
 
 /// Segments a cloud and computes the features of its segments.
 pub(super) fn objects(scene: &MetricCloud<'_>, recipe: &ObjectsRecipe, monitor: &Monitor) -> Result<Objects> {
-    let points = points_of(scene, monitor)?;
+    let points = scene.some_points(monitor)?;
     let colours = recipe.segments.colours(scene.cloud, &points)?;
     let partition = recipe.segments.partition(&points, colours.as_deref(), monitor)?;
     let heights = match recipe.heights {

@@ -1,6 +1,6 @@
 //! Report of the training.
 
-use super::train::BLOCK;
+use super::samples::BLOCK;
 use crate::error::Result;
 use crate::recipes::system::report::{ClassCount, Report, json_of};
 use serde::Serialize;

@@ -5,9 +5,12 @@
 //! smallest class has only a handful of points, that rule would leave almost nothing of the others: see
 //! [`balance`](crate::classification::sampling::balance).
 
+use crate::classes::ClassTable;
+use crate::classification::Samples;
 use crate::classification::sampling::{BalanceParams, Rare};
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
+use crate::features::FeatureSet;
 use crate::parallel::{Monitor, sort_watched_by, watched};
 use crate::random::{Stream, stream};
 use crate::recipes::Labels;
@@ -94,6 +97,9 @@ impl TrainingParams {
     }
 }
 
+/// Edge of the squares that cross-validation holds out together, metres.
+pub(super) const BLOCK: f64 = 50.0;
+
 /// A candidate for a training sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Candidate {
@@ -177,6 +183,28 @@ fn thin(points: usize, share: f64, random: &mut Stream, monitor: &Monitor) -> Re
         kept.extend(piece?.map(|i| i as u32).filter(|_| random.uniform() < share));
     }
     Ok(kept)
+}
+
+/// Feature vectors of the chosen points, the position of their class, and their 50 m square.
+#[derive(Default)]
+pub(super) struct Described {
+    pub(super) values: Vec<f32>,
+    pub(super) labels: Vec<u16>,
+    /// Weight of each sample; empty if all are equal.
+    pub(super) weights: Vec<f32>,
+    pub(super) blocks: Vec<u32>,
+    pub(super) names: Vec<String>,
+    pub(super) classes: ClassTable,
+    /// The features; the first scale is set.
+    pub(super) features: FeatureSet,
+}
+
+impl Described {
+    pub(super) fn samples(&self) -> Samples<'_> {
+        let (features, labels) = (&self.values[..], &self.labels[..]);
+        let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
+        Samples { features, width: self.names.len(), labels, weights, classes: self.classes.len() }
+    }
 }
 
 #[cfg(test)]

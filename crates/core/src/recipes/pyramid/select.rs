@@ -2,7 +2,7 @@
 
 use super::PyramidRecipe;
 use super::report::DepthScore;
-use super::train::Described;
+use super::samples::Described;
 use crate::classification::ClassifierParams;
 use crate::classification::cross_validation::{GridScore, grid_search, grouped_folds};
 use crate::error::Result;

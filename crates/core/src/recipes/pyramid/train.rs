@@ -2,22 +2,18 @@
 
 use super::PyramidRecipe;
 use super::report::PyramidReport;
-use super::samples::{Candidate, TrainingParams, candidates, copies};
+use super::samples::{BLOCK, Candidate, Described, TrainingParams, candidates, copies};
 use super::select::chosen_depth;
-use crate::classes::ClassTable;
 use crate::classification::sampling::balance;
-use crate::classification::{Fingerprint, Predictor, Samples};
+use crate::classification::{Fingerprint, Predictor};
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
-use crate::features::{self, FeatureSet};
+use crate::features;
 use crate::parallel::Monitor;
 use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
 use crate::recipes::{ClassCount, Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
 use crate::voxels::cells::cell_of;
 use crate::voxels::planar_density;
-
-/// Edge of the squares that cross-validation holds out together, metres.
-pub(super) const BLOCK: f64 = 50.0;
 
 /// Samples of one cloud or thinned copy.
 struct Source {
@@ -146,28 +142,6 @@ fn choose(sources: &mut [Source], recipe: &PyramidRecipe) -> Result<Vec<f32>> {
     let mut weights = vec![0.0; 256];
     codes.iter().zip(balance.weights).for_each(|(&code, weight)| weights[usize::from(code)] = weight);
     Ok(weights)
-}
-
-/// Feature vectors of the chosen points, the position of their class, and their 50 m square.
-#[derive(Default)]
-pub(super) struct Described {
-    pub(super) values: Vec<f32>,
-    pub(super) labels: Vec<u16>,
-    /// Weight of each sample; empty if all are equal.
-    pub(super) weights: Vec<f32>,
-    pub(super) blocks: Vec<u32>,
-    pub(super) names: Vec<String>,
-    pub(super) classes: ClassTable,
-    /// The features; the first scale is set.
-    pub(super) features: FeatureSet,
-}
-
-impl Described {
-    pub(super) fn samples(&self) -> Samples<'_> {
-        let (features, labels) = (&self.values[..], &self.labels[..]);
-        let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
-        Samples { features, width: self.names.len(), labels, weights, classes: self.classes.len() }
-    }
 }
 
 /// The chosen points of all clouds, and the sample weight of each code.

@@ -12,7 +12,6 @@ pub use method::SegmentMethod;
 pub use params::{GrowingParams, SegmentParams};
 
 use super::Labels;
-use super::classify::points::points_of;
 use super::regularise::point_graph;
 use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::Result;
@@ -110,7 +109,7 @@ pub struct LevelReport {
 pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, monitor: &Monitor) -> Result<Segmented> {
     params.validate()?;
     let metric = MetricCloud::new(cloud, None, monitor)?;
-    let points = points_of(&metric, monitor)?;
+    let points = metric.some_points(monitor)?;
     metric.oddities().into_iter().for_each(|text| monitor.warn(text));
     let known = labels.map(|labels| labels.of(&points.frame.index));
     let scene = SegmentScene { cloud, points: &points, labels: known.as_deref() };

@@ -4,7 +4,6 @@ use crate::classification::{Classifier, Fingerprint, ForestParams, Learner, Pred
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
-use crate::recipes::classify::points::points_of;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::labels::LabelledCloud;
 use crate::recipes::model::Model;
@@ -83,7 +82,7 @@ impl System for HeightRecipe {
         check_classes(&classes)?;
         let (mut features, mut labels, mut densities) = (Vec::new(), Vec::new(), Vec::new());
         for scene in &data.scenes {
-            let points = points_of(&scene.metric, monitor)?;
+            let points = scene.metric.some_points(monitor)?;
             let codes = scene.labels.of(&points.frame.index);
             for (height, code) in heights(&points).into_iter().zip(codes) {
                 if let Some(class) = code.and_then(|code| classes.position(code)) {
@@ -107,7 +106,7 @@ impl System for HeightRecipe {
     }
 
     fn classify(_fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
-        let points = points_of(job.scene, monitor)?;
+        let points = job.scene.some_points(monitor)?;
         let classes = job.model.classes.len();
         let mut values = vec![0.0; points.len() * classes];
         job.model.classifier.predict_proba(&heights(&points), &mut values)?;

@@ -9,7 +9,6 @@ use crate::error::Result;
 use crate::features::definition::Group;
 use crate::features::{FeatureSet, FeatureTable, optimal_features, table_at};
 use crate::parallel::Monitor;
-use crate::recipes::classify::points::points_of;
 use crate::recipes::classify::predict::{CloudPredictor, FirstColumns};
 use crate::terrain::{ElevationModel, Terrain};
 
@@ -26,7 +25,7 @@ impl<'a> WeakScene<'a> {
     /// # Errors
     /// If there is no point, or the work was cancelled.
     pub(super) fn new(metric: &'a MetricCloud<'a>, recipe: &WeakRecipe, monitor: &Monitor) -> Result<Self> {
-        let points = points_of(metric, monitor)?;
+        let points = metric.some_points(monitor)?;
         monitor.stage("describe", points.len() as u64);
         let local = optimal_features(&points.positions, &recipe.neighbourhood, monitor)?.table;
         Ok(Self { metric, points, local })

@@ -3,11 +3,18 @@
 use crate::classification::boosting::growing::data::{BoostingData, CHUNK};
 use crate::classification::boosting::growing::grow::{HistogramPool, LeafwiseGrower, LeafwiseTree};
 use crate::classification::boosting::growing::histogram::{Cell, Scale};
-use crate::classification::boosting::growing::split::SplitRules;
-use crate::classification::boosting::model::GrownTree;
+use crate::classification::boosting::growing::split::{Split, SplitRules};
+use crate::classification::nodes::GrownNode;
 use crate::error::Result;
 use crate::random::stream;
 use rayon::prelude::*;
+
+/// One tree and the value of each of its leaves.
+#[derive(Clone, Debug)]
+pub(in crate::classification::boosting) struct GrownTree {
+    pub(in crate::classification::boosting) nodes: Vec<GrownNode<Split>>,
+    pub(in crate::classification::boosting) leaf_values: Vec<f32>,
+}
 
 /// First random stream for the draws of columns.
 const COLUMNS: u64 = 1 << 41;

@@ -2,7 +2,7 @@
 //! 3.1).
 
 use crate::classification::forest::Forest;
-use crate::classification::forest::predict::argmax;
+use crate::classification::learner::argmax;
 use crate::classification::samples::Samples;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};

@@ -3,10 +3,10 @@
 //! L. Breiman, *Bagging predictors*, Machine Learning 24, 1996, doi:10.1007/BF00058655. Equal to a random forest
 //! without random choice of features.
 
-use super::forest::Forest;
-use super::learner::Learner;
-use super::params::{Bootstrap, ClassWeight, ForestParams, MaxFeatures, zero_is_none};
-use super::samples::Samples;
+use super::Forest;
+use crate::classification::learner::Learner;
+use crate::classification::params::{Bootstrap, ClassWeight, ForestParams, MaxFeatures, zero_is_none};
+use crate::classification::samples::Samples;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
