@@ -7,7 +7,7 @@ use scansion_core::io::{self, Edit, WriteOptions};
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::Model;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, TrainOptions, classify, default_model, read_labels,
+    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, TrainOptions, classify, default_model, read_labels,
 };
 use scansion_tests::{demo_scan, street};
 use std::path::Path;
@@ -94,7 +94,7 @@ fn training_needs_a_label_and_works_with_one_class() {
         scene.set_column(Column::new("Classification", Values::U8(vec![code; scene.len()]))).unwrap();
         scene.scheme = CodeScheme::Asprs;
         let labels = read_labels(scene, &LabelParams::default()).unwrap();
-        recipe.train(&[(scene.clone(), labels)], &TrainOptions::default(), &Monitor::default())
+        recipe.train(&[LabelledCloud { cloud: scene.clone(), labels }], &TrainOptions::default(), &Monitor::default())
     };
     let message = with_code(&mut scene, 1).map(|_| ()).unwrap_err().to_string();
     assert!(message.contains("no labelled point"), "{message}");
@@ -112,7 +112,9 @@ fn a_model_that_does_not_fit_is_refused_with_the_name_of_what_is_missing() {
         ["features.pyramid.first_scale=0.5", "features.pyramid.levels=2", "features.intensity=true", "forest.trees=3"];
     let recipe = AnyRecipe::named("pyramid").unwrap().with_settings(settings).unwrap();
     let labels = read_labels(&scene, &LabelParams::default()).unwrap();
-    let (model, _) = recipe.train(&[(scene.clone(), labels)], &TrainOptions::default(), &Monitor::default()).unwrap();
+    let (model, _) = recipe
+        .train(&[LabelledCloud { cloud: scene.clone(), labels }], &TrainOptions::default(), &Monitor::default())
+        .unwrap();
     let bare = street(15.0, 2);
     let message = classify(&bare, &model, &ClassifyParams::default(), &Monitor::default()).unwrap_err().to_string();
     assert!(message.contains("Intensity"), "{message}");

@@ -23,7 +23,9 @@ fn scores(cloud: &Cloud, labels: &Labels, settings: &[&str], seed: u64) -> Vec<(
     let settings = [&["labels.per_class=15", "neighbourhood.k_step=10"], settings].concat();
     let recipe = WeakRecipe { seed, ..weak(&settings) };
     let monitor = Monitor::default();
-    let (model, report) = recipe.train(&[(cloud.clone(), labels.clone())], &TrainOptions::default(), &monitor).unwrap();
+    let (model, report) = recipe
+        .train(&[LabelledCloud { cloud: cloud.clone(), labels: labels.clone() }], &TrainOptions::default(), &monitor)
+        .unwrap();
     assert!(report.classes.iter().all(|c| c.samples == 15));
     let methods = [Regularise::None, Regularise::PointCrf, Regularise::Consensus, Regularise::SegmentCrf];
     methods
