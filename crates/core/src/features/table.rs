@@ -1,9 +1,11 @@
 //! Features of many points as a table.
 
+use super::extractor::stream::{Rows, blocks};
+use super::extractor::tiles::Tiles;
 use super::extractor::{Extractor, Scratch, Wanted};
 use super::params::FeatureSet;
 use crate::cloud::{Cloud, MetricCloud};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::memory;
 use crate::parallel::{Monitor, map_ordered_with};
 
@@ -60,36 +62,59 @@ pub fn table(cloud: &Cloud, set: &FeatureSet, monitor: &Monitor) -> Result<Featu
     let scene = MetricCloud::new(cloud, set.metres_per_unit, monitor)?;
     let extractor = Extractor::prepare(&scene, set, Wanted::All, monitor)?;
     scene.oddities().into_iter().for_each(|text| monitor.warn(text));
-    collect(&extractor, cloud.len(), |point| point as usize, monitor)
+    collect(&extractor, cloud.len(), monitor)
 }
 
-/// Features of the points `at` (indices into the cloud, each once) in that order, and the first scale. The pyramid is
-/// built from the whole cloud.
+/// Features of the points `at` (indices into the cloud, each once) in that order, and the first scale. They are computed
+/// part by part: only the pyramid of one part is held at a time.
 ///
 /// # Errors
-/// As [`table`], or if an index is not that of a point.
+/// As [`table`], or if an index is not that of a point or is there twice.
 pub fn table_at(
     scene: &MetricCloud<'_>,
     set: &FeatureSet,
     at: &[u32],
     monitor: &Monitor,
 ) -> Result<(FeatureTable, f64)> {
-    let extractor = Extractor::prepare_at(scene, set, at, monitor)?;
-    let mut row = vec![0u32; scene.cloud.len()];
-    at.iter().zip(0..).for_each(|(&point, r)| row[point as usize] = r);
-    let table = collect(&extractor, at.len(), |point| row[point as usize] as usize, monitor)?;
-    Ok((table, extractor.first_scale()))
+    let row_of = row_numbers(at, scene.cloud.len())?;
+    let tiles = Tiles::prepare(scene, set, Wanted::All, monitor)?;
+    let width = tiles.names().len();
+    let mut values = memory::filled(f32::NAN, at.len() * width, &format!("{width} features of {} points", at.len()))?;
+    monitor.stage("features", at.len() as u64);
+    let mut place = |rows: &Rows| {
+        monitor.check()?;
+        for (&point, row) in rows.points.iter().zip(rows.values.chunks_exact(width)) {
+            values[row_of[point as usize] as usize * width..][..width].copy_from_slice(row);
+        }
+        Ok(())
+    };
+    let wanted = |point: u32| row_of[point as usize] != NO_ROW;
+    tiles.each(wanted, monitor, |extractor| blocks(extractor, monitor, &mut place))?;
+    Ok((FeatureTable { names: tiles.names().to_vec(), values }, tiles.first_scale()))
+}
+
+/// Points that have no row.
+const NO_ROW: u32 = u32::MAX;
+
+/// The row of each of `points` points.
+fn row_numbers(at: &[u32], points: usize) -> Result<Vec<u32>> {
+    let mut row_of = vec![NO_ROW; points];
+    for (&point, row) in at.iter().zip(0..) {
+        match row_of.get_mut(point as usize) {
+            Some(slot) if *slot == NO_ROW => *slot = row,
+            Some(_) => {
+                return Err(Error::input(format!("point {point} is asked for twice; each point once is allowed")));
+            }
+            None => return Err(Error::input(format!("point {point} of a cloud of {points}"))),
+        }
+    }
+    Ok(row_of)
 }
 
 /// Blocks per thread that are held until their rows have been stored.
 const AT_ONCE: usize = 16;
 
-fn collect(
-    extractor: &Extractor<'_>,
-    rows: usize,
-    row_of: impl Fn(u32) -> usize,
-    monitor: &Monitor,
-) -> Result<FeatureTable> {
+fn collect(extractor: &Extractor<'_>, rows: usize, monitor: &Monitor) -> Result<FeatureTable> {
     let names = extractor.names().to_vec();
     let width = names.len();
     let mut values = memory::filled(f32::NAN, rows * width, &format!("{width} features of {rows} points"))?;
@@ -106,7 +131,7 @@ fn collect(
         for (points, rows) in parts {
             monitor.check()?;
             for (&point, row) in points.iter().zip(rows.chunks_exact(width)) {
-                values[row_of(point) * width..][..width].copy_from_slice(row);
+                values[point as usize * width..][..width].copy_from_slice(row);
             }
         }
     }

@@ -208,8 +208,8 @@ impl Model {
     }
 }
 
-/// The recipe and what was learned, from the header. Weak models before version 3 are refused by name: their recipe held
-/// what was learned.
+/// The recipe and what was learned, from the header. Weak models before version 3 stored what was learned in the
+/// recipe; they are refused with a message that says so.
 fn fitted_of(header: &Header, path: &Path) -> Result<AnyFitted> {
     let before = header.version < 3 && header.recipe.contains("recipe = \"weak\"");
     if before {

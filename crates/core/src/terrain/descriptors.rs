@@ -33,7 +33,7 @@ impl TerrainParams {
 /// The road or ground of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground<'a> {
-    /// Whether each point is road (or ground, if there is no road): from [`super::road_probability`], or the points of
+    /// Whether each point is road (or ground, if there is no road): from [`super::road_points`], or the points of
     /// a class.
     pub road: &'a [bool],
     /// A given elevation model, used instead of one of the road's points.

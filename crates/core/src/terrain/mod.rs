@@ -16,6 +16,6 @@ pub use descriptors::{Ground, Terrain, TerrainParams, mask_of_classes, terrain};
 pub use elevation::{ElevationModel, ElevationParams};
 pub use ground_filter::{GroundParams, ground_points};
 pub use position::position;
-pub use road::{is_likely, road_probability};
+pub use road::{RoadExample, road_points};
 pub(crate) use sites::by_site;
 pub use smooth::fill_holes;

@@ -1,48 +1,55 @@
 //! Road points: a random forest of two classes on the local descriptors.
 
-use crate::classification::{Forest, ForestParams, Predictor, Samples};
+use crate::classification::{ClassWeight, Forest, ForestParams, Predictor, Samples};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
+use serde::{Deserialize, Serialize};
 
-/// Probability that a point is road, for every row of `features`, trained on `examples` (row, whether it is road).
+/// A labelled point and whether it is road.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RoadExample {
+    /// Linearity, planarity, scattering, verticality.
+    pub descriptors: [f32; 4],
+    /// Whether its class is one of road.
+    pub road: bool,
+}
+
+/// The points that are road: those that a forest trained on these examples considers at least as likely road as not.
 ///
 /// Guinard & Landrieu 2017, section 2.2: a random forest with the classes road and not road on the four local
-/// descriptors ([`crate::features::optimal_features`]); [`ForestParams::breiman`] is the paper's kind of forest. Points
-/// with a probability of at least one half count as road ([`is_likely`]).
+/// descriptors ([`crate::features::optimal_features`]), one row of `local` a point; [`ForestParams::breiman`] is the
+/// paper's kind of forest. O(points · trees · depth); a point skips the remaining trees once they cannot change its
+/// class.
 ///
 /// # Errors
-/// If an example is not a row of the table, no example is road or all are, a parameter is out of range, or the work was
+/// If no example is road or all are, the table does not have four columns, a parameter is out of range, or the work was
 /// cancelled.
-pub fn road_probability(
-    features: &FeatureTable,
-    examples: &[(u32, bool)],
+pub fn road_points(
+    local: &FeatureTable,
+    examples: &[RoadExample],
     params: &ForestParams,
     monitor: &Monitor,
-) -> Result<Vec<f32>> {
-    let road = examples.iter().filter(|e| e.1).count();
+) -> Result<Vec<bool>> {
+    let road = examples.iter().filter(|e| e.road).count();
     if road == 0 || road == examples.len() {
         return Err(Error::input(format!(
             "{road} of {} examples are road (needed: some that are and some that are not)",
             examples.len()
         )));
     }
-    if let Some((row, _)) = examples.iter().find(|e| e.0 as usize >= features.rows()) {
-        return Err(Error::input(format!("example {row} is not one of the {} points", features.rows())));
+    let rows: Vec<f32> = examples.iter().flat_map(|e| e.descriptors).collect();
+    // Road is the first class, so that it wins ties.
+    let labels: Vec<u16> = examples.iter().map(|e| u16::from(!e.road)).collect();
+    let samples = Samples { features: &rows, width: local.width(), labels: &labels, weights: None, classes: 2 };
+    let mut params = params.clone();
+    if let ClassWeight::PerClass(weights) = &mut params.class_weight {
+        weights.reverse();
     }
-    let rows: Vec<f32> = examples.iter().flat_map(|e| features.row(e.0 as usize)).copied().collect();
-    let labels: Vec<u16> = examples.iter().map(|e| u16::from(e.1)).collect();
-    let samples = Samples { features: &rows, width: features.width(), labels: &labels, weights: None, classes: 2 };
-    let forest = Forest::fit(&samples, params, monitor)?;
+    let forest = Forest::fit(&samples, &params, monitor)?;
     monitor.check()?;
-    let mut probabilities = vec![0.0; 2 * features.rows()];
-    forest.predict_proba(&features.values, &mut probabilities)?;
-    Ok(probabilities.as_chunks::<2>().0.iter().map(|p| p[1]).collect())
-}
-
-/// True where the probability is at least one half. O(n).
-pub fn is_likely(probabilities: &[f32]) -> Vec<bool> {
-    probabilities.iter().map(|&p| p >= 0.5).collect()
+    Ok(forest.predict(&local.values)?.into_iter().map(|class| class == 0).collect())
 }
 
 #[cfg(test)]
@@ -63,23 +70,54 @@ mod tests {
         (FeatureTable { names: ["l", "p", "s", "v"].map(str::to_owned).to_vec(), values }, road)
     }
 
+    fn example(local: &FeatureTable, point: usize, road: bool) -> RoadExample {
+        RoadExample { descriptors: *local.row(point).first_chunk().unwrap(), road }
+    }
+
     #[test]
     fn the_road_is_found_from_thirty_examples() {
         let (features, road) = table();
-        let examples: Vec<(u32, bool)> = (0..30).map(|i| (i * 100, road[i as usize * 100])).collect();
-        let found = road_probability(&features, &examples, &ForestParams::breiman(), &Monitor::default()).unwrap();
-        let right = is_likely(&found).iter().zip(&road).filter(|(a, b)| a == b).count();
+        let examples: Vec<RoadExample> = (0..30).map(|i| example(&features, i * 100, road[i * 100])).collect();
+        let found = road_points(&features, &examples, &ForestParams::breiman(), &Monitor::default()).unwrap();
+        let right = found.iter().zip(&road).filter(|(a, b)| a == b).count();
         assert!(right > 3800, "{right} of 4000");
     }
 
     #[test]
-    fn examples_of_one_kind_or_of_no_point_are_refused() {
+    fn examples_of_one_kind_are_refused() {
         let (features, _) = table();
-        let run = |examples: &[(u32, bool)]| {
-            road_probability(&features, examples, &ForestParams::breiman(), &Monitor::default()).map(|_| ())
+        let run = |road: &[bool]| {
+            let examples: Vec<RoadExample> = road.iter().map(|&road| example(&features, 1, road)).collect();
+            road_points(&features, &examples, &ForestParams::breiman(), &Monitor::default())
         };
-        assert!(run(&[]).is_err() && run(&[(1, true), (2, true)]).is_err() && run(&[(1, false)]).is_err());
-        assert!(run(&[(1, true), (4000, false)]).unwrap_err().to_string().contains("4000"));
+        assert!(
+            run(&[]).is_err() && run(&[true, true]).is_err() && run(&[false]).is_err() && run(&[true, false]).is_ok()
+        );
+    }
+
+    #[test]
+    fn road_is_what_the_forest_gives_a_probability_of_one_half_or_more() {
+        let mut random = stream(11, 0);
+        // Coarse values: equal rows of both classes give impure leaves, and ties.
+        let mut row = || [0; 4].map(|_| (random.uniform() * 20.0).round() as f32 / 20.0);
+        let examples: Vec<RoadExample> =
+            (0..300).map(|i| RoadExample { descriptors: row(), road: i % 3 == 0 }).collect();
+        let values: Vec<f32> = (0..3000).flat_map(|_| row()).collect();
+        let names = ["a", "b", "c", "d"].map(str::to_string).to_vec();
+        let local = FeatureTable { names, values };
+        let rows: Vec<f32> = examples.iter().flat_map(|e| e.descriptors).collect();
+        let labels: Vec<u16> = examples.iter().map(|e| u16::from(e.road)).collect();
+        let samples = Samples { features: &rows, width: 4, labels: &labels, weights: None, classes: 2 };
+        for trees in [1, 2, 10, 100] {
+            let params = ForestParams { trees, max_depth: (trees == 10).then_some(3), ..ForestParams::breiman() };
+            let found = road_points(&local, &examples, &params, &Monitor::default()).unwrap();
+            let forest = Forest::fit(&samples, &params, &Monitor::default()).unwrap();
+            let mut probabilities = vec![0.0; 2 * 3000];
+            forest.predict_proba(&local.values, &mut probabilities).unwrap();
+            let expected: Vec<bool> = probabilities.chunks(2).map(|p| p[1] >= 0.5).collect();
+            assert_eq!(found, expected, "{trees} trees");
+            assert!(found.contains(&true) && found.contains(&false));
+        }
     }
 
     fn shared(name: &str) -> Option<std::path::PathBuf> {
@@ -105,9 +143,10 @@ mod tests {
         let params = crate::neighbours::OptimalParams { k_step: 10, ..Default::default() };
         let features = optimal_features(&points.positions, &params, &Monitor::default()).unwrap().table;
         let mut s = stream(1, 0);
-        let examples: Vec<(u32, bool)> = (0..100).map(|_| s.below(points.len())).map(|i| (i as u32, road[i])).collect();
-        let found = road_probability(&features, &examples, &ForestParams::breiman(), &Monitor::default()).unwrap();
-        let count = |a: bool, b: bool| is_likely(&found).iter().zip(&road).filter(|r| *r == (&a, &b)).count() as f64;
+        let examples: Vec<RoadExample> =
+            (0..100).map(|_| s.below(points.len())).map(|i| example(&features, i, road[i])).collect();
+        let found = road_points(&features, &examples, &ForestParams::breiman(), &Monitor::default()).unwrap();
+        let count = |a: bool, b: bool| found.iter().zip(&road).filter(|r| *r == (&a, &b)).count() as f64;
         let score = 2.0 * count(true, true) / (2.0 * count(true, true) + count(true, false) + count(false, true));
         println!("F {score}");
         assert!(score > 0.95, "F {score}");

@@ -11,7 +11,7 @@ use super::pyramid::slots::Slots;
 use super::pyramid::{Job, Part, Stage};
 use crate::cloud::{MetricCloud, Points};
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, watched};
+use crate::parallel::Monitor;
 use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
 use extras::{Source, sources};
 use spacing::{scale_of, spacing};
@@ -151,17 +151,6 @@ impl<'a> Extractor<'a> {
         Ok(Self { plan, stages, queries: points })
     }
 
-    /// [`Extractor::prepare`] for all features of the points `at` (indices into the cloud, each once) alone; the pyramid
-    /// is that of all points.
-    ///
-    /// # Errors
-    /// As [`Extractor::prepare`], or if an index is not that of a point or is there twice.
-    pub fn prepare_at(scene: &MetricCloud<'a>, set: &FeatureSet, at: &[u32], monitor: &Monitor) -> Result<Self> {
-        let all = Self::prepare(scene, set, Wanted::All, monitor)?;
-        let queries = subset(&all.queries, at, scene.cloud.len(), monitor)?;
-        Ok(Self { queries, ..all })
-    }
-
     pub(super) fn from_parts(plan: Plan<'a>, stages: Vec<Arc<Stage>>, queries: Points) -> Self {
         Self { plan, stages, queries }
     }
@@ -237,23 +226,4 @@ fn columns(all: &[String], names: &[String]) -> Result<Vec<Option<usize>>> {
         }
     }
     Ok(columns)
-}
-
-/// The points with these cloud indices, in their existing order.
-fn subset(points: &Points, at: &[u32], cloud: usize, monitor: &Monitor) -> Result<Points> {
-    let mut wanted = vec![false; cloud];
-    for &index in at {
-        match wanted.get_mut(index as usize) {
-            Some(slot) if !*slot => *slot = true,
-            Some(_) => {
-                return Err(Error::input(format!("point {index} is asked for twice; each point once is allowed")));
-            }
-            None => return Err(Error::input(format!("point {index} of a cloud of {cloud}"))),
-        }
-    }
-    let mut kept: Vec<u32> = Vec::with_capacity(at.len());
-    for piece in watched(points.len(), monitor) {
-        kept.extend(piece?.filter(|&i| wanted[points.frame.index[i] as usize]).map(|i| i as u32));
-    }
-    points.select(&kept, monitor)
 }

@@ -56,15 +56,7 @@ impl<'a> FeatureStream<'a> {
     /// If `take` fails or the work was cancelled.
     pub fn for_each(&self, monitor: &Monitor, mut take: impl FnMut(&Rows) -> Result<()>) -> Result<()> {
         monitor.stage("features", self.tiles.len() as u64);
-        for part in 0..self.tiles.parts() {
-            let (mut places, mut attempt) = (self.tiles.places(part), 0);
-            while !places.is_empty() {
-                let extractor = self.tiles.extractor(&places, attempt, monitor)?;
-                let loose = blocks(&extractor, monitor, &mut take)?;
-                places = loose.into_iter().map(|row| places[row]).collect();
-                attempt += 1;
-            }
-        }
+        self.tiles.each(|_| true, monitor, |extractor| blocks(extractor, monitor, &mut take))?;
         self.missing(&mut take)
     }
 
@@ -81,8 +73,8 @@ impl<'a> FeatureStream<'a> {
     }
 }
 
-/// Passes on the rows of an extractor; returns those that need a wider margin.
-fn blocks(
+/// Passes on the rows of an extractor; returns the numbers of those that need a wider margin.
+pub(in crate::features) fn blocks(
     extractor: &Extractor<'_>,
     monitor: &Monitor,
     take: &mut impl FnMut(&Rows) -> Result<()>,

@@ -67,6 +67,11 @@ impl<'a> Tiles<'a> {
         self.sorted.points.is_empty()
     }
 
+    /// Edge of the finest voxel, metres.
+    pub fn first_scale(&self) -> f64 {
+        self.plan.first_scale
+    }
+
     /// Names of the columns.
     pub fn names(&self) -> &[String] {
         self.plan.names()
@@ -77,14 +82,29 @@ impl<'a> Tiles<'a> {
         &self.sorted.points.frame.index
     }
 
-    /// Number of parts.
-    pub fn parts(&self) -> usize {
-        self.parts.len()
-    }
-
-    /// The positions of a part's points in the sorted order.
-    pub fn places(&self, part: usize) -> Vec<u32> {
-        self.parts[part].clone().map(|i| i as u32).collect()
+    /// Calls `describe` with an extractor of each part's points for which `wanted` holds (by their index in the cloud), and
+    /// again, with a wider margin, for the rows that it returns.
+    ///
+    /// # Errors
+    /// Those of `describe`, or if the work was cancelled.
+    pub(crate) fn each(
+        &self,
+        wanted: impl Fn(u32) -> bool,
+        monitor: &Monitor,
+        mut describe: impl FnMut(&Extractor<'_>) -> Result<Vec<usize>>,
+    ) -> Result<()> {
+        let index = self.indices();
+        for part in &self.parts {
+            let mut places: Vec<u32> = part.clone().filter(|&i| wanted(index[i])).map(|i| i as u32).collect();
+            for attempt in 0.. {
+                if places.is_empty() {
+                    break;
+                }
+                let loose = describe(&self.extractor(&places, attempt, monitor)?)?;
+                places = loose.into_iter().map(|row| places[row]).collect();
+            }
+        }
+        Ok(())
     }
 
     /// Prepares the fine levels around the points at these positions (ascending); row r of its blocks belongs to
@@ -92,7 +112,7 @@ impl<'a> Tiles<'a> {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub fn extractor(&self, places: &[u32], attempt: u32, monitor: &Monitor) -> Result<Extractor<'_>> {
+    fn extractor(&self, places: &[u32], attempt: u32, monitor: &Monitor) -> Result<Extractor<'_>> {
         let mut stages = Vec::new();
         if self.fine > 0 {
             let columns = (4.0 * self.plan.set.pyramid.column_radius).ceil() as u32;
@@ -171,29 +191,26 @@ mod tests {
         }
         let planned = Planned::new(&scene, &set, Wanted::All, &monitor).unwrap();
         let tiles = Tiles::with_parts(planned, 2000, &monitor).unwrap();
-        assert!(tiles.parts() > 16 && tiles.fine > 1 && tiles.fine < 6, "{} {}", tiles.parts(), tiles.fine);
+        assert!(tiles.parts.len() > 16 && tiles.fine > 1 && tiles.fine < 6, "{} {}", tiles.parts.len(), tiles.fine);
         let (mut seen, mut again) = (0, 0);
-        for part in 0..tiles.parts() {
-            let (mut places, mut attempt) = (tiles.places(part), 0);
-            while !places.is_empty() {
-                let extractor = tiles.extractor(&places, attempt, &monitor).unwrap();
-                let mut loose = Vec::new();
-                for b in 0..extractor.blocks() {
-                    let points = extractor.block(b, &mut scratch, &mut block).to_vec();
-                    for (r, (&p, row)) in points.iter().zip(block.chunks(width)).enumerate() {
-                        match scratch.loose().contains(&(r as u32)) {
-                            true => loose.push(places[b * Extractor::BLOCK + r]),
-                            false => {
-                                assert_eq!(row, &wanted[p as usize * width..][..width], "point {p}");
-                                seen += 1;
-                            }
+        let describe = |extractor: &Extractor<'_>| {
+            let mut loose = Vec::new();
+            for b in 0..extractor.blocks() {
+                let points = extractor.block(b, &mut scratch, &mut block).to_vec();
+                for (r, (&p, row)) in points.iter().zip(block.chunks(width)).enumerate() {
+                    match scratch.loose().contains(&(r as u32)) {
+                        true => loose.push(b * Extractor::BLOCK + r),
+                        false => {
+                            assert_eq!(row, &wanted[p as usize * width..][..width], "point {p}");
+                            seen += 1;
                         }
                     }
                 }
-                again += loose.len();
-                (places, attempt) = (loose, attempt + 1);
             }
-        }
-        assert!(seen == cloud.len() && again > 0, "{seen} {again}");
+            again += loose.len();
+            Ok(loose)
+        };
+        tiles.each(|point| point % 3 > 0, &monitor, describe).unwrap();
+        assert!(seen == (0..cloud.len()).filter(|p| p % 3 > 0).count() && again > 0, "{seen} {again}");
     }
 }

@@ -106,16 +106,7 @@ impl<'a> CloudPredictor<'a> {
     /// If the work was cancelled.
     pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&[u32], &[f32]), monitor: &Monitor) -> Result<()> {
         monitor.stage("classify", self.tiles.len() as u64);
-        for part in 0..self.tiles.parts() {
-            let (mut places, mut attempt) = (self.tiles.places(part), 0);
-            while !places.is_empty() {
-                let extractor = self.tiles.extractor(&places, attempt, monitor)?;
-                let loose = self.all_blocks(&extractor, &mut sink, monitor)?;
-                places = loose.into_iter().map(|row| places[row]).collect();
-                attempt += 1;
-            }
-        }
-        Ok(())
+        self.tiles.each(|_| true, monitor, |extractor| self.all_blocks(extractor, &mut sink, monitor))
     }
 
     /// Classifies the points of an extractor; returns the rows that need a wider margin.

@@ -5,9 +5,9 @@
 //!
 //! | section | here |
 //! |---|---|
-//! | 3.1 to 3.3 supervoxels, local graphs, segments | [`ObjectsRecipe::segments`] |
-//! | 3.4 features of segments | [`ObjectsRecipe::heights`] |
-//! | 3.5 random forest, boosted trees, bagging | [`ObjectsRecipe::classifier`] |
+//! | 3.1 to 3.5 supervoxels, local graphs, segments | [`ObjectsRecipe::segments`] |
+//! | Table 3 features of segments | [`ObjectsRecipe::heights`] |
+//! | 3.6 random forest, boosted trees, bagging | [`ObjectsRecipe::classifier`] |
 //! | 4 share of the segments used for training | [`ObjectsRecipe::training`] |
 
 mod classify;
@@ -54,7 +54,7 @@ pub enum Heights {
     Datum,
 }
 
-/// The parameters of the object-based recipe; the defaults are the paper's where it gives values.
+/// The parameters of the object-based recipe; `docs/objects.md` says which defaults are the paper's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ObjectsRecipe {

@@ -136,7 +136,7 @@ fn report(data: &TrainingData<'_>, studied: &[CloudSegments], answer: &Answer<'_
 fn unlearned(class: &ClassCount, classes: &ClassTable) -> String {
     let (title, points) = (class.title(), class.points);
     match classes.position(class.code) {
-        Some(_) => format!("{title} is in no segment that was learned from"),
+        Some(_) => format!("{title} is in no segment that was used for training"),
         None => format!("{title} is left out: its {points} points are the majority of no segment"),
     }
 }

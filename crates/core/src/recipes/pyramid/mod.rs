@@ -33,7 +33,8 @@ pub enum PyramidKind {
     Pyramid,
 }
 
-/// The parameters of the pyramid recipe (Hackel 2018, chapter 4.4); the defaults are the paper's.
+/// The parameters of the pyramid recipe (Hackel 2018, chapter 4.4); the defaults are the thesis's, except for rare
+/// classes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PyramidRecipe {

@@ -59,7 +59,7 @@ pub struct Suggestion {
     /// Distance, in standard deviations of the descriptors, to the nearest segment that is labelled or was suggested
     /// before.
     pub diversity: f64,
-    /// uncertainty · points^power · diversity at the time of the choice.
+    /// uncertainty · points^power · diversity when it was chosen.
     pub score: f64,
 }
 
@@ -90,7 +90,7 @@ pub fn suggest(
         (0..partition.len()).map(|s| !labelled[s] && partition.members(s).len() >= params.fewest_points).collect();
     let mut chosen = Vec::new();
     while chosen.len() < params.count {
-        // As long as nothing is labelled, all segments are equally new.
+        // While no segment is labelled or suggested, all have the same diversity.
         let new = |s: usize| if diversity[s].is_finite() { diversity[s] } else { 1.0 };
         let score = |s: usize| unsure[s] * (partition.members(s).len() as f64).powf(params.size_power) * new(s);
         let Some(best) =

@@ -145,6 +145,7 @@ macro_rules! systems {
             pub(in crate::recipes) fn from_toml(recipe: &str, learned: &str) -> Result<Self> {
                 match AnyRecipe::from_toml(recipe)? {
                     $($(#[cfg($cfg)])? AnyRecipe::$name(recipe) => {
+                        recipe.validate()?;
                         let learned = explained(learned)?;
                         Ok(Self::$name(Box::new(Fitted { recipe: *recipe, learned })))
                     })*
@@ -310,5 +311,7 @@ mod tests {
         assert_eq!(changed.learned_toml().unwrap(), fitted.learned_toml().unwrap());
         assert!(fitted.with_settings(["shares.power=2"]).is_err());
         assert!(AnyFitted::from_toml("recipe = \"pyramid\"", learned).is_err());
+        let wrong = AnyFitted::from_toml("recipe = \"weak\"\n[forest]\ntrees = 0", learned).unwrap_err().to_string();
+        assert!(wrong.contains("trees"), "{wrong}");
     }
 }

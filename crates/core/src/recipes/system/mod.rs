@@ -1,4 +1,4 @@
-//! What a published method is to the rest of the program: a recipe that a person may write, training, classification.
+//! The interface of a published method: its recipe (the settings), training and classification.
 //!
 //! A new method needs a folder with a recipe that implements [`System`], one line in [`systems`](crate::recipes::any) and a page
 //! in `docs/`. Models, command line and Python know methods only through this trait.
@@ -30,7 +30,7 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     /// Whether an elevation model of the terrain can be given to it.
     const TAKES_ELEVATION: bool = false;
 
-    /// What training learns besides the classifier; [`Nothing`] if that is all.
+    /// What training learns besides the classifier; [`Nothing`] if nothing.
     type Learned: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
 
     /// What training reports.
@@ -102,7 +102,7 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified>;
 }
 
-/// A recipe after training: every open choice is made, and what was learned stands beside it.
+/// A recipe after training: all automatic choices are replaced by their values; what was learned is stored separately.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fitted<S: System> {
     /// The settings in use.
@@ -111,7 +111,7 @@ pub struct Fitted<S: System> {
     pub learned: S::Learned,
 }
 
-/// What a method learns that learns nothing besides its classifier.
+/// For methods that learn only a classifier.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Nothing {}

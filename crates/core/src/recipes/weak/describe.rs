@@ -1,6 +1,5 @@
 //! Features of points: the six descriptors of Guinard & Landrieu 2017, section 2, and multi-scale features.
 
-use super::learned::RoadExample;
 use super::road::RoadScene;
 use super::{Descriptors, WeakRecipe};
 use crate::classification::{Classifier, Predictor};
@@ -10,7 +9,7 @@ use crate::features::definition::Group;
 use crate::features::{FeatureSet, FeatureTable, optimal_features, table_at};
 use crate::parallel::Monitor;
 use crate::recipes::classify::predict::{CloudPredictor, FirstColumns};
-use crate::terrain::{ElevationModel, Terrain};
+use crate::terrain::{ElevationModel, RoadExample, Terrain};
 
 /// A cloud, its points and their four local descriptors.
 pub(super) struct WeakScene<'a> {

@@ -16,7 +16,7 @@ pub struct WeakLabels {
     pub most: usize,
     /// Largest distance, metres, between a picked position and the nearest point of the cloud.
     pub within: f64,
-    /// Use a finer partition than its strength gives if its segments cannot be consistent with the labels.
+    /// Use a finer partition than its strength gives if its oracle accuracy on the labels is below `fit_accuracy`.
     pub fit_partition: bool,
     /// Oracle accuracy on the labels that is enough for `fit_partition`, 0..=1.
     pub fit_accuracy: f64,

@@ -1,9 +1,10 @@
 //! What training learns besides the classifier.
 
 use crate::error::{Error, Result};
+use crate::terrain::RoadExample;
 use serde::{Deserialize, Serialize};
 
-/// What a weak model knows besides its classifier; a model file stores it.
+/// What a weak model stores besides its classifier.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Unchecked", into = "Unchecked")]
 pub struct WeakLearned {
@@ -13,16 +14,6 @@ pub struct WeakLearned {
     pub road: Vec<RoadExample>,
     /// Labelled positions of the training clouds, which keep their classes when the clouds are classified.
     pub labels: Vec<LabelledPosition>,
-}
-
-/// A labelled point and whether it is road.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RoadExample {
-    /// Linearity, planarity, scattering, verticality.
-    pub descriptors: [f32; 4],
-    /// Whether its class is one of road.
-    pub road: bool,
 }
 
 /// A labelled position.
@@ -35,7 +26,7 @@ pub struct LabelledPosition {
     pub code: u8,
 }
 
-/// The same from a file.
+/// As it is written in a model file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Unchecked {

@@ -25,8 +25,9 @@ mod road;
 mod shares;
 mod train;
 
+pub use crate::terrain::RoadExample;
 pub use examples::{Example, WeakLabels};
-pub use learned::{LabelledPosition, RoadExample, WeakLearned};
+pub use learned::{LabelledPosition, WeakLearned};
 pub use report::{StrengthScore, WeakReport};
 pub use road::{RoadParams, RoadSource};
 pub use shares::ClassShares;
@@ -66,7 +67,8 @@ pub enum Descriptors {
     MultiScale,
 }
 
-/// The parameters of the weakly supervised recipe; the defaults are the paper's where it gives values.
+/// The parameters of the weakly supervised recipe: the paper's, and four additions that can be turned off
+/// (`docs/weak.md`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WeakRecipe {

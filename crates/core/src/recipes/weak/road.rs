@@ -1,13 +1,14 @@
 //! The road, and the two descriptors that depend on it (Guinard & Landrieu 2017, section 2.2).
 
 use super::examples::Example;
-use super::learned::RoadExample;
-use crate::classification::{ClassWeight, Forest, ForestParams, Predictor, Samples};
+use crate::classification::ForestParams;
 use crate::cloud::{Cloud, Points, Positions, names};
 use crate::error::{Error, Result};
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
-use crate::terrain::{ElevationModel, Ground, Terrain, TerrainParams, mask_of_classes, terrain};
+use crate::terrain::{
+    ElevationModel, Ground, RoadExample, Terrain, TerrainParams, mask_of_classes, road_points, terrain,
+};
 use crate::voxels::cells::{Cells, cell_of};
 use serde::{Deserialize, Serialize};
 
@@ -15,8 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RoadSource {
-    /// The ground class of the cloud if it has one besides the labels in use, else a forest trained on the labels; the
-    /// lowest points if no label is road.
+    /// A forest trained on the labels; the lowest points if the labels do not have both road and other classes.
     #[default]
     Learned,
     /// The points of the cloud whose `Classification` is one of `codes`.
@@ -37,9 +37,9 @@ pub struct RoadParams {
     pub terrain: TerrainParams,
     /// Largest number of examples of road, and of other classes, that a model stores.
     pub most: usize,
-    /// Edge, metres, of the squares whose lowest points stand in for a road that is not known.
+    /// Edge, metres, of the squares whose lowest points replace an unknown road.
     pub lowest_cell: f64,
-    /// Points within this height of the lowest one of their square are such points, metres.
+    /// Points within this height of the lowest one of their square are used, metres.
     pub lowest_within: f64,
 }
 
@@ -81,8 +81,8 @@ impl RoadParams {
             let of: Vec<&Example> = examples.iter().filter(|e| self.codes.contains(&e.code) == road).collect();
             let step = of.len().div_ceil(self.most).max(1);
             for example in of.into_iter().step_by(step) {
-                let row = local.row(example.point as usize);
-                learned.push(RoadExample { descriptors: [row[0], row[1], row[2], row[3]], road });
+                let row = local.row(example.point as usize).first_chunk();
+                learned.extend(row.map(|&descriptors| RoadExample { descriptors, road }));
             }
         }
         learned
@@ -108,7 +108,7 @@ impl RoadParams {
                 let road: Vec<u16> = self.codes.iter().map(|&c| u16::from(c)).collect();
                 mask_of_classes(&scene.points.frame, &codes, &road)
             }
-            RoadSource::Learned if both => learned(scene.examples, scene.local, scene.forest, monitor),
+            RoadSource::Learned if both => road_points(scene.local, scene.examples, scene.forest, monitor),
             _ => self.lowest(&scene.points.positions, monitor),
         }
     }
@@ -143,55 +143,9 @@ pub(super) struct RoadScene<'a> {
     pub(super) elevation: Option<&'a ElevationModel>,
 }
 
-/// Points that a forest trained on these examples considers at least as likely road as not: those of
-/// [`is_likely`](crate::terrain::is_likely), but without evaluating the remaining trees once half of them agree.
-fn learned(
-    examples: &[RoadExample],
-    local: &FeatureTable,
-    forest: &ForestParams,
-    monitor: &Monitor,
-) -> Result<Vec<bool>> {
-    let rows: Vec<f32> = examples.iter().flat_map(|e| e.descriptors).collect();
-    // Road is the first class, so that it wins ties.
-    let labels: Vec<u16> = examples.iter().map(|e| u16::from(!e.road)).collect();
-    let samples = Samples { features: &rows, width: local.width(), labels: &labels, weights: None, classes: 2 };
-    let mut params = forest.clone();
-    if let ClassWeight::PerClass(weights) = &mut params.class_weight {
-        weights.reverse();
-    }
-    let forest = Forest::fit(&samples, &params, monitor)?;
-    monitor.check()?;
-    Ok(forest.predict(&local.values)?.into_iter().map(|class| class == 0).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::stream;
-    use crate::terrain::{is_likely, road_probability};
-
-    #[test]
-    fn the_learned_road_is_that_of_the_probabilities() {
-        let mut random = stream(11, 0);
-        let mut row = || [0; 4].map(|_| (random.uniform() * 20.0).round() as f32 / 20.0);
-        // Coarse values: equal rows of both classes give impure leaves, and ties.
-        let examples: Vec<RoadExample> =
-            (0..300).map(|i| RoadExample { descriptors: row(), road: i % 3 == 0 }).collect();
-        let values: Vec<f32> = (0..3000).flat_map(|_| row()).collect();
-        let names = || ["a", "b", "c", "d"].map(str::to_string).to_vec();
-        for trees in [1, 2, 10, 100] {
-            let params = ForestParams { trees, max_depth: (trees == 10).then_some(3), ..ForestParams::breiman() };
-            let local = FeatureTable { names: names(), values: values.clone() };
-            let found = learned(&examples, &local, &params, &Monitor::default()).unwrap();
-            let all = examples.iter().flat_map(|e| e.descriptors).chain(values.iter().copied()).collect();
-            let all = FeatureTable { names: names(), values: all };
-            let own: Vec<(u32, bool)> = examples.iter().zip(0..).map(|(e, row)| (row, e.road)).collect();
-            let expected = road_probability(&all, &own, &params, &Monitor::default()).unwrap();
-            assert_eq!(found, is_likely(&expected[300..]), "{trees} trees");
-            assert!(found.contains(&true) && found.contains(&false));
-        }
-    }
-
     #[test]
     fn the_lowest_points_of_a_cell_are_ground() {
         let rows = [[0.5, 0.5, 0.0], [1.0, 1.0, 0.1], [1.5, 0.5, 3.0], [2.5, 0.5, 3.0]];

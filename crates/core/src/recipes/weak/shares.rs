@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Adaptation of class probabilities to the class shares of the cloud.
 ///
-/// The forest learns that classes are as frequent as their labels. In the cloud to classify, p_k is multiplied by (π_k
+/// The forest assumes that classes are as frequent as their labels. In the cloud to classify, p_k is multiplied by (π_k
 /// / τ_k)^power and normalised, where π_k is the share of points whose most probable class is k, and τ_k that of the
 /// labels. With power 1 and the true shares this would be the exact change of priors (M. Saerens, P. Latinne, C.
 /// Decaestecker, *Adjusting the outputs of a classifier to new a priori probabilities*, 2002, equation 2.4); as the
@@ -69,7 +69,7 @@ pub(super) fn most_probable(values: &[f32], classes: usize) -> Vec<u64> {
     counts
 }
 
-/// Share of each class among these labels (positions of classes); a class without a label counts as having one.
+/// Share of each class among these labels (positions of classes); a class without a label counts as one label.
 pub(super) fn shares_of(labels: &[u16], classes: usize) -> Vec<f64> {
     let count = |class: usize| labels.iter().filter(|&&l| usize::from(l) == class).count().max(1);
     (0..classes).map(|class| count(class) as f64 / labels.len().max(1) as f64).collect()

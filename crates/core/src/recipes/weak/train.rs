@@ -3,7 +3,7 @@
 use super::WeakRecipe;
 use super::describe::{Described, RoadSources, WeakScene, paper_descriptors, scaled_features};
 use super::examples::{Example, WeakLabels, examples};
-use super::learned::{LabelledPosition, RoadExample, WeakLearned};
+use super::learned::{LabelledPosition, WeakLearned};
 use super::report::{StrengthScore, WeakReport};
 use super::shares::{most_probable, shares_of};
 use crate::classification::cross_validation::stratified_folds;
@@ -17,6 +17,7 @@ use crate::recipes::regularise::{
 use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
 use crate::recipes::{Fitted, LabelledCloud, Model, System, TrainOptions};
 use crate::segmentation::Intent;
+use crate::terrain::RoadExample;
 use crate::voxels::planar_density;
 
 /// The labelled points of one cloud and their features.
