@@ -8,10 +8,10 @@ use std::ops::Range;
 
 /// The cell that holds a position, of a grid without bounds with a corner at the origin: its number on each axis. Cells
 /// sort by x, then y (then z). `at` is counted in edges of the grid, so that its division has the precision of the
-/// caller's coordinates.
+/// caller's coordinates. Cells beyond 2^31 edges from the origin are one.
 #[inline(always)]
-pub(crate) fn cell_of<const N: usize>(at: [f64; N]) -> [i64; N] {
-    at.map(|v| v.floor() as i64)
+pub(crate) fn cell_of<const N: usize>(at: [f64; N]) -> [i32; N] {
+    at.map(|v| v.floor() as i32)
 }
 
 /// Items by occupied cell: cells ascend by key, items within a cell ascend. Keys are those of [`cell_of`], or those of a
@@ -79,7 +79,7 @@ mod tests {
     #[test]
     fn cells_below_the_origin_have_negative_numbers_and_a_border_belongs_to_the_cell_above() {
         assert_eq!(cell_of([-0.5, 0.0, 1.0]), [-1, 0, 1]);
-        assert_eq!(cell_of([1e300, f64::NEG_INFINITY]), [i64::MAX, i64::MIN]);
+        assert_eq!(cell_of([1e300, f64::NEG_INFINITY]), [i32::MAX, i32::MIN]);
     }
 
     #[test]

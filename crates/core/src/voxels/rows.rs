@@ -1,6 +1,6 @@
 //! A grid of cubes whose keys run along rows, so that the neighbours of a cell are found by few searches.
 
-use super::cells::{Cells, cell_of};
+use super::cells::Cells;
 use super::morton;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
@@ -63,7 +63,7 @@ impl RowGrid {
     /// Key of the cell that holds a position: sorted by y, then z, then x.
     #[inline(always)]
     pub(crate) fn key(&self, at: [f32; 3]) -> u64 {
-        let mut cell = cell_of(at.map(|v| f64::from(v) / self.size));
+        let mut cell = at.map(|v| (f64::from(v) / self.size).floor() as i64);
         for (cell, first) in cell.iter_mut().zip(self.first) {
             *cell = cell.wrapping_sub(first);
         }

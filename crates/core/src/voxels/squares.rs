@@ -8,7 +8,7 @@ use crate::parallel::{Monitor, map_watched, sort_watched};
 /// Edge in metres of the squares by which covered ground is measured.
 const EDGE: f64 = 2.0;
 
-/// Points per occupied square metre, measured on squares of 2 m. 0 if there is no point. O(n log n), 16 temporary bytes
+/// Points per occupied square metre, measured on squares of 2 m. 0 if there is no point. O(n log n), 8 temporary bytes
 /// a point.
 ///
 /// # Errors
@@ -18,7 +18,7 @@ pub fn planar_density(points: &Positions, monitor: &Monitor) -> Result<f64> {
     Ok(if area > 0.0 { points.len() as f64 / area } else { 0.0 })
 }
 
-/// Area in plan that holds points, in m²: that of the occupied squares of 2 m. O(n log n), 16 temporary bytes a point.
+/// Area in plan that holds points, in m²: that of the occupied squares of 2 m. O(n log n), 8 temporary bytes a point.
 ///
 /// # Errors
 /// If the work was cancelled.

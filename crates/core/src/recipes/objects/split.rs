@@ -80,7 +80,7 @@ fn by_class(segments: &[Labelled], share: f64, seed: u64) -> Vec<bool> {
 
 fn by_square(segments: &[Labelled], params: &ObjectTraining, seed: u64) -> Vec<bool> {
     let square = |s: &Labelled| cell_of(s.at.map(|v| v / params.square));
-    let mut squares: Vec<[i64; 2]> = segments.iter().map(square).collect();
+    let mut squares: Vec<[i32; 2]> = segments.iter().map(square).collect();
     squares.sort_unstable();
     squares.dedup();
     stream(seed, 0x7371_7561).shuffle(&mut squares);

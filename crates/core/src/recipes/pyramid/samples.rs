@@ -111,7 +111,7 @@ pub(super) struct Candidate {
 
 /// One candidate for each voxel: its first point with the most frequent label of the voxel (ties: smallest code).
 ///
-/// O(n log n) time, 40 bytes a labelled point.
+/// O(n log n) time, 28 bytes a labelled point.
 ///
 /// # Errors
 /// If the work was cancelled.
@@ -122,7 +122,7 @@ pub(super) fn candidates(
     monitor: &Monitor,
 ) -> Result<Vec<Candidate>> {
     let (cloud, points) = (scene.cloud, scene.points(monitor)?);
-    let mut keyed: Vec<([i64; 3], Candidate)> = Vec::new();
+    let mut keyed: Vec<([i32; 3], Candidate)> = Vec::new();
     for piece in watched(points.len(), monitor) {
         for i in piece? {
             let point = points.frame.index[i];
@@ -132,22 +132,22 @@ pub(super) fn candidates(
             let voxel = match params.voxel > 0.0 {
                 true => cell_of(points.positions.xyz(i).map(|v| f64::from(v) / params.voxel)),
                 // Every point has a voxel of its own.
-                false => [i64::from(point); 3],
+                false => [point as i32; 3],
             };
             keyed.push((voxel, Candidate { point, code }));
         }
     }
     drop(points);
-    let order = |(key, c): &([i64; 3], Candidate)| (*key, c.code, c.point);
+    let order = |(key, c): &([i32; 3], Candidate)| (*key, c.code, c.point);
     sort_watched_by(&mut keyed, |a, b| order(a).cmp(&order(b)), monitor)?;
     monitor.check()?;
     Ok(keyed.chunk_by(|a, b| a.0 == b.0).filter_map(majority).collect())
 }
 
 /// The candidate of a voxel, whose members are sorted by code, then by point.
-fn majority(voxel: &[([i64; 3], Candidate)]) -> Option<Candidate> {
+fn majority(voxel: &[([i32; 3], Candidate)]) -> Option<Candidate> {
     let runs = voxel.chunk_by(|a, b| a.1.code == b.1.code);
-    runs.fold(None, |best: Option<&[([i64; 3], Candidate)]>, run| match best {
+    runs.fold(None, |best: Option<&[([i32; 3], Candidate)]>, run| match best {
         Some(b) if b.len() >= run.len() => Some(b),
         _ => Some(run),
     })

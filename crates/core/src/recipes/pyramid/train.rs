@@ -12,7 +12,6 @@ use crate::features;
 use crate::parallel::Monitor;
 use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
 use crate::recipes::{ClassCount, Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
-use crate::voxels::cells::cell_of;
 use crate::voxels::planar_density;
 
 /// Samples of one cloud or thinned copy.
@@ -183,7 +182,7 @@ fn describe(
 
 /// A number for the 50 m square that contains a point (hash collisions only merge squares).
 fn block_of(cloud: usize, xyz: [f64; 3], metres: f64) -> u32 {
-    let [x, y] = cell_of([xyz[0], xyz[1]].map(|v| v * metres / BLOCK)).map(|v| v as u32);
+    let [x, y] = [xyz[0], xyz[1]].map(|v| (v * metres / BLOCK).floor() as i64 as u32);
     let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ (cloud as u32).wrapping_mul(0xc2b2_ae3d);
     mixed.wrapping_mul(0x27d4_eb2f) >> 8
 }

@@ -74,6 +74,27 @@ pub(super) struct Described<'a> {
     pub(super) paper: FeatureTable,
 }
 
+/// Some points of a cloud and their six descriptors.
+pub(super) struct SelectedPoints {
+    paper: FeatureTable,
+    /// Their indices in the cloud.
+    in_cloud: Vec<u32>,
+}
+
+impl SelectedPoints {
+    /// All feature columns, and the finest scale.
+    pub(super) fn rows(
+        self,
+        metric: &MetricCloud<'_>,
+        scaled: Option<&FeatureSet>,
+        monitor: &Monitor,
+    ) -> Result<(FeatureTable, Option<f64>)> {
+        let Some(set) = scaled else { return Ok((self.paper, None)) };
+        let (scaled, scale) = table_at(metric, set, &self.in_cloud, monitor)?;
+        Ok((self.paper.beside(&scaled), Some(scale)))
+    }
+}
+
 impl Described<'_> {
     /// Names of all columns.
     pub(super) fn names(&self, scaled: Option<&FeatureSet>) -> Vec<String> {
@@ -81,19 +102,11 @@ impl Described<'_> {
         self.paper.names.iter().cloned().chain(scaled.unwrap_or_default()).collect()
     }
 
-    /// All feature columns of these points, and the finest scale.
-    pub(super) fn rows(
-        &self,
-        at: &[u32],
-        scaled: Option<&FeatureSet>,
-        monitor: &Monitor,
-    ) -> Result<(FeatureTable, Option<f64>)> {
-        let own = self.paper.select(at);
-        let Some(set) = scaled else { return Ok((own, None)) };
+    /// These points and their six descriptors.
+    pub(super) fn select(&self, at: &[u32]) -> SelectedPoints {
         let index = &self.scene.points.frame.index;
-        let in_cloud: Vec<u32> = at.iter().map(|&point| index[point as usize]).collect();
-        let (scaled, scale) = table_at(self.scene.metric, set, &in_cloud, monitor)?;
-        Ok((own.beside(&scaled), Some(scale)))
+        let in_cloud = at.iter().map(|&point| index[point as usize]).collect();
+        SelectedPoints { paper: self.paper.select(at), in_cloud }
     }
 
     /// Class probabilities of all points, row-major; multi-scale features are computed and discarded block by block.

@@ -136,13 +136,15 @@ fn study<'a>(
         let sources = RoadSources { examples: &road, elevation: options.elevation.as_ref() };
         let paper = paper_descriptors(&scene, sources, &recipe, monitor)?;
         scene.local = FeatureTable::default();
-        let described = Described { scene, paper };
+        let (metric, described) = (scene.metric, Described { scene, paper });
+        let density = planar_density(&described.scene.points.positions, monitor)?;
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
-        let (rows, scale) = described.rows(&at, scaled_features(&recipe), monitor)?;
+        let selected = described.select(&at);
+        // The descriptors of all points are freed unless strengths are to be tried on them.
+        let trial = support.take().map(|support| Trial { described, support });
+        let (rows, scale) = selected.rows(metric, scaled_features(&recipe), monitor)?;
         // The finest scale of the first cloud is used for the others, and for all clouds that the model classifies.
         recipe.features.pyramid.first_scale = scale.or(recipe.features.pyramid.first_scale);
-        let density = planar_density(&described.scene.points.positions, monitor)?;
-        let trial = support.take().map(|support| Trial { described, support });
         studied.push(LabelledPoints { trial, examples, rows, density });
     }
     Ok(Study { recipe, studied, partitions, road, held })
