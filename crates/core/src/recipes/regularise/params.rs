@@ -67,7 +67,7 @@ pub enum Posterior {
     MeanOfLogs,
 }
 
-/// Parameters of [`regularise`].
+/// Parameters of [`regularise`](super::regularise()).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RegulariseParams {

@@ -1,6 +1,6 @@
 //! The interface of a published method: its recipe (the settings), training and classification.
 //!
-//! A new method needs a folder with a recipe that implements [`System`], one line in [`systems`](crate::recipes::any) and a page
+//! A new method needs a folder with a recipe that implements [`System`], one line in the list of `any.rs` and a page
 //! in `docs/`. Models, command line and Python know methods only through this trait.
 
 pub(in crate::recipes) mod any;
