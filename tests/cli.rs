@@ -181,6 +181,18 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     std::fs::write(f.join("far.csv"), "x,y,z,class\n9000,0,0,2\n").unwrap();
     let far = fails(f, &["train", "a.laz", "--weak", "--weak-labels", "far.csv", "-o", "x.model"], 4);
     assert!(far.contains("far.csv:2") && far.contains("outside the cloud"), "{far}");
+    // A label one unit above the highest point: too far in metres, near enough in feet.
+    let codes = |i: usize| truth.get(i) as u8;
+    let top = (0..scene.len()).max_by(|&a, &b| scene.xyz(a)[2].total_cmp(&scene.xyz(b)[2])).unwrap();
+    let other = (0..scene.len()).find(|&i| codes(i) > 1 && codes(i) != codes(top)).unwrap();
+    let line = |i: usize, up: f64| {
+        let [x, y, z] = scene.xyz(i);
+        format!("{x},{y},{},{}\n", z + up, codes(i))
+    };
+    std::fs::write(f.join("high.csv"), format!("x,y,z,class\n{}{}", line(top, 1.0), line(other, 0.0))).unwrap();
+    let train = ["train", "a.laz", "--weak", "--weak-labels", "high.csv", "-o", "high.model"];
+    assert!(fails(f, &train, 4).contains("high.csv:2"));
+    done(f, &[&train[..], &["--set", "features.metres_per_unit=0.3048"]].concat());
     fails(f, &["train", "a.laz", "--per-class", "3", "-o", "x.model"], 2);
     fails(f, &["suggest", "a.laz", "-o", "x.docx"], 2);
 }

@@ -68,6 +68,21 @@ fn a_village_is_named_by_the_segments_of_others() {
     }
 }
 
+/// Feet in a cloud that does not say so: the density is that of the recipe's unit in training and classification.
+#[test]
+fn a_unit_of_the_recipe_counts_for_the_density_too() {
+    let feet = |seed| {
+        let LabelledCloud { cloud, labels } = village(seed);
+        let rows: Vec<[f64; 3]> = (0..cloud.len()).map(|i| cloud.xyz(i).map(|v| v / 0.3048)).collect();
+        LabelledCloud { cloud: Cloud::from_rows(&rows).unwrap(), labels }
+    };
+    let (recipe, monitor) = (objects(&[SIZE, "metres_per_unit=0.3048"]), Monitor::default());
+    let (model, _) = recipe.train(&[feet(1), feet(2)], &TrainOptions::default(), &monitor).unwrap();
+    assert!((3.5..4.5).contains(&model.fingerprint.density), "{}", model.fingerprint.density);
+    let found = classify(&feet(3).cloud, &model, &ClassifyParams::default(), &monitor).unwrap();
+    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+}
+
 #[test]
 fn segments_that_are_not_learned_from_are_scored() {
     let recipe = objects(&[SIZE, "training.share=0.5"]);

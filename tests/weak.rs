@@ -140,6 +140,16 @@ fn names(rows: &[[f64; 3]], codes: &[u8], settings: &[&str]) -> Result<Vec<u8>, 
 }
 
 #[test]
+fn a_unit_of_the_recipe_counts_for_the_density_too() {
+    let rows: Vec<[f64; 3]> = (0..1600).map(|i| [f64::from(i % 40), f64::from(i / 40), 0.0]).collect();
+    let codes: Vec<u8> = (0..1600).map(|i| if i % 40 < 20 { 2 } else { 6 }).collect();
+    let recipe = weak(&["features.metres_per_unit=0.5", "labels.per_class=15"]);
+    let (model, _) = recipe.train(&[labelled(&rows, &codes)], &TrainOptions::default(), &Monitor::default()).unwrap();
+    // A point every half metre.
+    assert!((3.5..4.5).contains(&model.fingerprint.density), "{}", model.fingerprint.density);
+}
+
+#[test]
 fn odd_clouds_and_labels_are_named_or_refused_but_never_break() {
     let plane: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 0.0]).collect();
     let mut one = vec![0; 400];

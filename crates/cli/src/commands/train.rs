@@ -57,10 +57,13 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
     options.columns = Columns::Only([recipe.columns(), vec![labels.to_string()]].concat());
     let read = |path: &Path| -> Result<LabelledCloud, Failure> {
         let cloud = io::read_with(path, &options)?;
-        let picking = Picking { metres: cloud.metres_per_unit.unwrap_or(1.0), within: recipe.label_distance() };
         let labels = match &picked {
-            Some(file) => (file.apply(&cloud, &picking, &context.monitor))
-                .map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
+            Some(file) => {
+                let metres = cloud.metres(recipe.metres_per_unit())?;
+                let picking = Picking { metres, within: recipe.label_distance() };
+                (file.apply(&cloud, &picking, &context.monitor))
+                    .map_err(|e| Error::input(format!("{}: {e}", path.display())))?
+            }
             None => source.read(path, &cloud, context)?,
         };
         Ok(LabelledCloud { cloud, labels })

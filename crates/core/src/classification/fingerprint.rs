@@ -37,7 +37,8 @@ impl Fingerprint {
         Self { quantiles, means, density, class_counts }
     }
 
-    /// The summary of these features only, for a model without the others (see [`Predictor::retain_used`](super::Predictor::retain_used)).
+    /// The summary of these features only, for a model without the others (see
+    /// [`Predictor::retain_used`](super::Predictor::retain_used)).
     #[must_use]
     pub fn select(&self, features: &[usize]) -> Self {
         let levels = Self::LEVELS.len();

@@ -37,8 +37,8 @@ impl LocalFrame {
 
 /// Points of a cloud: their positions, and where these are in the cloud and in the world.
 ///
-/// Contains only the finite points of a cloud that are not stray ([`Strays`](super::Strays)) and at most 10^15 km from the origin,
-/// beyond which squares overflow `f32`. What needs only coordinates takes [`Positions`].
+/// Contains only the finite points of a cloud that are not stray ([`Strays`](super::Strays)) and at most 10^15 km from the
+/// origin, beyond which squares overflow `f32`. What needs only coordinates takes [`Positions`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     /// Local coordinates in metres.

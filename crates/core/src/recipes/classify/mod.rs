@@ -22,7 +22,7 @@ const OTHER: f64 = 8.0;
 pub struct ClassifyParams {
     /// Also return the probability of every class (4 bytes a point and class).
     pub probabilities: bool,
-    /// Metres per unit of the coordinates; `None` uses the cloud's own unit, else 1.
+    /// Metres per unit of the coordinates; `None`: that of the model's recipe, else the cloud's own, else 1.
     pub metres_per_unit: Option<f64>,
     /// Regularisation of the labels; `None` uses that of the model. Its parameters are always those of the model's
     /// recipe.
@@ -36,8 +36,8 @@ pub struct ClassifyParams {
 
 /// The classification, one entry a point in the cloud's order. Points that are not finite get code 1 (or
 /// [`ClassTable::free_code`](crate::classes::ClassTable::free_code) if 1 is a class of the model), confidence 0 and
-/// entropy ln(classes). So do stray points ([`Strays`](crate::cloud::Strays)), except that a model with ASPRS codes gives them code 7
-/// (noise).
+/// entropy ln(classes). So do stray points ([`Strays`](crate::cloud::Strays)), except that a model with ASPRS codes gives
+/// them code 7 (noise).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Classified {
     /// Most probable class.
@@ -118,8 +118,7 @@ impl Job<'_> {
         Ok(result)
     }
 
-    /// Warnings about differences between this cloud and the training data. `here` is its density, points per square
-    /// metre.
+    /// Warnings about differences between this cloud and the training data; `here` is its density, points per m².
     pub(in crate::recipes) fn warnings(&self, here: f64, monitor: &Monitor) -> Result<Vec<String>> {
         let Self { scene: MetricCloud { cloud, .. }, model, .. } = self;
         let mut warnings = Vec::new();

@@ -95,6 +95,11 @@ macro_rules! systems {
                 match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.columns(),)* }
             }
 
+            /// Metres per unit of the coordinates that the recipe prescribes; `None`: what each cloud says, else 1.
+            pub fn metres_per_unit(&self) -> Option<f64> {
+                match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.metres_per_unit(),)* }
+            }
+
             /// Largest distance, metres, between a label picked by hand and the nearest point.
             pub fn label_distance(&self) -> f64 {
                 match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.label_distance(),)* }

@@ -194,7 +194,7 @@ fn fit_partition(drafts: &[Draft<'_>], recipe: &WeakRecipe, options: &TrainOptio
     while let Intent::Strength(strength) = recipe.regularise.partition.intent {
         let search = partition(described, &graph, &recipe.regularise.partition, monitor)?;
         let accuracy = search.trials.first().and_then(|trial| trial.oracle_accuracy).unwrap_or(1.0);
-        found = Some(search);
+        found = wanted.then_some(search);
         tried.push(StrengthScore { strength, accuracy });
         let WeakLabels { fit_accuracy, fit_trials, fit_step, .. } = recipe.labels;
         if accuracy >= fit_accuracy || tried.len() >= fit_trials || strength <= 0.0 {
