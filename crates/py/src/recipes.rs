@@ -156,7 +156,8 @@ impl Model {
         let regularise = method(regularize)?;
         let found = call(py, n_jobs, |monitor| {
             let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
-            let params = ClassifyParams { probabilities, metres_per_unit, regularise, elevation, statistics: None };
+            let params =
+                ClassifyParams { probabilities, metres_per_unit, regularise, elevation, statistics: None, rules: None };
             recipes::classify(&cloud, &self.inner, &params, monitor)
         })?;
         let classes = self.inner.classes.len();

@@ -65,6 +65,7 @@ fn one(
         regularise: args.regularize,
         elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
         statistics: None,
+        rules: None,
     };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));

@@ -57,7 +57,7 @@ fn read<T: Stored>(bytes: &[u8]) -> Result<T> {
         return Err(wrong(shape));
     };
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| wrong(&e))?;
-    T::from_arrays(&Reader { path, tensors }, width, classes)
+    T::from_arrays(&Reader { path, tensors, prefix: "" }, width, classes)
 }
 
 #[cfg(test)]

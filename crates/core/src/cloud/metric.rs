@@ -19,6 +19,8 @@ pub struct MetricCloud<'a> {
     pub metres: f64,
     /// Points that are left out.
     pub strays: Strays,
+    /// Height of each point of the cloud above the ground, metres, if somebody has found it; NaN for points without.
+    pub heights: Option<&'a [f32]>,
 }
 
 impl<'a> MetricCloud<'a> {
@@ -29,7 +31,7 @@ impl<'a> MetricCloud<'a> {
     /// If the unit is not positive, the coordinates are degrees, or the work was cancelled.
     pub fn new(cloud: &'a Cloud, metres_per_unit: Option<f64>, monitor: &Monitor) -> Result<Self> {
         let metres = cloud.metres(metres_per_unit)?;
-        Ok(Self { cloud, metres, strays: Strays::find(cloud, &StrayParams::default(), monitor)? })
+        Ok(Self { cloud, metres, strays: Strays::find(cloud, &StrayParams::default(), monitor)?, heights: None })
     }
 
     /// Local points of the cloud: those that are finite and not stray, in metres, relative to the smallest corner rounded
@@ -64,7 +66,7 @@ impl<'a> MetricCloud<'a> {
 
     /// The finite points but for those with these indices (ascending).
     fn points_without(&self, indices: &[u32], monitor: &Monitor) -> Result<Points> {
-        let Self { cloud, metres, ref strays } = *self;
+        let Self { cloud, metres, ref strays, .. } = *self;
         let Some([low, _]) = strays.bounds else { return Ok(Points::default()) };
         let origin = low.map(|v| (v * metres).floor());
         let mut points = Points { frame: LocalFrame { origin, ..LocalFrame::default() }, ..Points::default() };

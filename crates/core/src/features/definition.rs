@@ -10,6 +10,8 @@ use serde::Serialize;
 pub enum Scope {
     /// A point on one level of the pyramid: a value for each level, with the scale in its name.
     Level,
+    /// A point in its cell of a grid in plan: a value for each cell size, which is in its name.
+    Cell,
     /// A point.
     Point,
     /// A segment.
@@ -26,6 +28,8 @@ pub enum Group {
     Contour,
     /// The vertical column around the point.
     Height,
+    /// Heights in the point's cell of a grid in plan, and the surface of highest points around it.
+    Profile,
     /// The point's own colour.
     Colour,
     /// The point's own intensity.
@@ -46,10 +50,11 @@ pub enum Group {
 
 impl Group {
     /// All groups, in the order of the registry.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Covariance,
         Self::Contour,
         Self::Height,
+        Self::Profile,
         Self::Colour,
         Self::Intensity,
         Self::Returns,
@@ -66,6 +71,7 @@ impl Group {
             Self::Covariance => "covariance",
             Self::Contour => "contour",
             Self::Height => "height",
+            Self::Profile => "profile",
             Self::Colour => "colour",
             Self::Intensity => "intensity",
             Self::Returns => "returns",
@@ -81,6 +87,7 @@ impl Group {
     pub const fn scope(self) -> Scope {
         match self {
             Self::Covariance | Self::Contour | Self::Height => Scope::Level,
+            Self::Profile => Scope::Cell,
             Self::Colour | Self::Intensity | Self::Returns | Self::Optimal | Self::Terrain => Scope::Point,
             Self::SegmentShape | Self::SegmentColour | Self::SegmentHeight => Scope::Segment,
         }
@@ -92,6 +99,7 @@ impl Group {
             Self::Covariance => "the k nearest points of the level",
             Self::Contour => "the k nearest points of the level, and their k nearest",
             Self::Height => "the points of the level in a vertical column",
+            Self::Profile => "the points of 7 x 7 cells in plan",
             Self::Colour | Self::Returns => "the point",
             Self::Intensity => "the point, and the median of the cloud",
             Self::Optimal => "the k_min..k_max nearest points",
@@ -143,7 +151,7 @@ macro_rules! registry {
             $(#[doc = concat!("`", $formula, "`")] $feature,)*
         }
 
-        /// All features: those of a level (Hackel 2018, Table 4.1), of the point itself, of its optimal neighbourhood
+        /// All features: those of a level (Hackel 2018, Table 4.1), of a cell in plan, of the point itself, of its optimal neighbourhood
         /// (Guinard & Landrieu 2017, section 2.1), of the terrain (section 2.2), and of segments (Hasanpour Zaryabi et
         /// al. 2022, Table 3).
         pub const ALL: &[Definition] = &[
@@ -179,6 +187,30 @@ registry! {
     VerticalRange "VerticalRange" Height: "z max - z min in the column", ">= 0", "m", "-";
     HeightBelow "HeightBelow" Height: "z - z min in the column", ">= 0", "m", "-";
     HeightAbove "HeightAbove" Height: "z max - z in the column", ">= 0", "m", "-";
+    ProfileRank "ProfileRank" Profile: "share of the cell's heights below z", "0..1", "-", "NaN";
+    GapBelow "GapBelow" Profile: "z - next height below in the cell", ">= 0", "m", "0";
+    GapAbove "GapAbove" Profile: "next height above in the cell - z", ">= 0", "m", "0";
+    ProfileAbove "ProfileAbove" Profile: "highest in the cell - z", "any", "m", "NaN";
+    ProfileBelow "ProfileBelow" Profile: "z - lowest in the cell", "any", "m", "NaN";
+    ProfileMedian "ProfileMedian" Profile: "z - median of the cell", "any", "m", "NaN";
+    ProfileDeviation "ProfileDeviation" Profile: "standard deviation of the cell's heights", ">= 0", "m", "NaN";
+    ProfileLow "ProfileLow" Profile: "z - 10 % quantile of the cell", "any", "m", "NaN";
+    ProfileHigh "ProfileHigh" Profile: "90 % quantile of the cell - z", "any", "m", "NaN";
+    LargestGap "LargestGap" Profile: "largest difference of successive heights in the cell", ">= 0", "m", "NaN";
+    SurfaceAbove3 "SurfaceAbove3" Profile: "highest in 3 x 3 cells - z", "any", "m", "NaN";
+    SurfaceBelow3 "SurfaceBelow3" Profile: "z - lowest in 3 x 3 cells", "any", "m", "NaN";
+    SurfaceRange3 "SurfaceRange3" Profile: "highest - lowest in 3 x 3 cells", ">= 0", "m", "NaN";
+    SurfaceRoughness3 "SurfaceRoughness3" Profile: "rms of the cells' highest points to their plane, 3 x 3 cells", ">= 0", "m", "NaN";
+    SurfaceSlope3 "SurfaceSlope3" Profile: "slope of that plane", ">= 0", "-", "NaN";
+    SurfaceMean3 "SurfaceMean3" Profile: "z - mean of the highest points of 3 x 3 cells", "any", "m", "NaN";
+    SurfaceAbove5 "SurfaceAbove5" Profile: "highest in 5 x 5 cells - z", "any", "m", "NaN";
+    SurfaceBelow5 "SurfaceBelow5" Profile: "z - lowest in 5 x 5 cells", "any", "m", "NaN";
+    SurfaceRange5 "SurfaceRange5" Profile: "highest - lowest in 5 x 5 cells", ">= 0", "m", "NaN";
+    SurfaceRoughness5 "SurfaceRoughness5" Profile: "rms of the cells' highest points to their plane, 5 x 5 cells", ">= 0", "m", "NaN";
+    SurfaceSlope5 "SurfaceSlope5" Profile: "slope of that plane", ">= 0", "-", "NaN";
+    SurfaceMean5 "SurfaceMean5" Profile: "z - mean of the highest points of 5 x 5 cells", "any", "m", "NaN";
+    LeastRoughness3 "LeastRoughness3" Profile: "least SurfaceRoughness3 of 3 x 3 cells", ">= 0", "m", "NaN";
+    SurfaceCover5 "SurfaceCover5" Profile: "share of 5 x 5 cells with points", "0..1", "-", "NaN";
     Red "Red" Colour: "red / largest value of the type", "0..1", "-", "-";
     Green "Green" Colour: "green / largest value of the type", "0..1", "-", "-";
     Blue "Blue" Colour: "blue / largest value of the type", "0..1", "-", "-";
@@ -223,7 +255,7 @@ impl Feature {
     /// The feature of this column name; those of a level with their scale, as in `Planarity_r0p4`.
     pub fn named(name: &str, scope: Scope) -> Option<Self> {
         let base = match scope {
-            Scope::Level => name.rsplit_once("_r")?.0,
+            Scope::Level | Scope::Cell => name.rsplit_once("_r")?.0,
             Scope::Point | Scope::Segment => name,
         };
         ALL.iter().find(|d| d.group.scope() == scope && d.name == base).map(|d| d.feature)
@@ -237,9 +269,14 @@ pub fn of_scope(scope: Scope) -> impl Iterator<Item = &'static Definition> {
 
 /// Name of a feature at a scale: the scale in metres with `p` for the decimal point, as in `Planarity_r0p4`.
 pub fn scaled_name(feature: &Definition, scale: f64) -> String {
+    format!("{}_r{}", feature.name, scale_text(scale))
+}
+
+/// A scale in metres with `p` for the decimal point, as in `0p4`.
+pub(super) fn scale_text(scale: f64) -> String {
     let mut scale = format!("{scale:.4}");
     scale.truncate(scale.trim_end_matches('0').trim_end_matches('.').len());
-    format!("{}_r{}", feature.name, scale.replace('.', "p"))
+    scale.replace('.', "p")
 }
 
 #[cfg(test)]
@@ -248,7 +285,7 @@ mod tests {
 
     #[test]
     fn names_are_unique_within_a_scope_short_and_plain() {
-        for scope in [Scope::Level, Scope::Point, Scope::Segment] {
+        for scope in [Scope::Level, Scope::Cell, Scope::Point, Scope::Segment] {
             let mut names: Vec<String> = of_scope(scope).map(|d| scaled_name(d, 1638.4)).collect();
             assert!(names.iter().all(|n| n.len() <= 31 && n.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')));
             names.sort();
@@ -266,7 +303,8 @@ mod tests {
         for definition in ALL {
             assert_eq!(definition.feature.definition(), definition);
             let scope = definition.group.scope();
-            let name = if scope == Scope::Level { scaled_name(definition, 0.4) } else { definition.name.to_owned() };
+            let scaled = matches!(scope, Scope::Level | Scope::Cell);
+            let name = if scaled { scaled_name(definition, 0.4) } else { definition.name.to_owned() };
             assert_eq!(Feature::named(&name, scope), Some(definition.feature));
         }
         assert_eq!(Feature::named("Planarity", Scope::Level), None);
@@ -279,6 +317,6 @@ mod tests {
         let grouped: Vec<&Definition> = Group::ALL.into_iter().flat_map(Group::definitions).collect();
         assert_eq!(grouped, ALL.iter().collect::<Vec<_>>());
         let counts = Group::ALL.map(|group| group.definitions().count());
-        assert_eq!(counts, [9, 4, 3, 3, 1, 3, 4, 2, 9, 9, 2]);
+        assert_eq!(counts, [9, 4, 3, 24, 3, 1, 3, 4, 2, 9, 9, 2]);
     }
 }

@@ -1,14 +1,17 @@
-//! Features of points: numbers that describe the geometry around a point, and its own colour, intensity and returns.
+//! Features of points: numbers that describe the geometry around a point, and its own height, colour, intensity and returns.
 
+mod context;
 pub mod definition;
 mod extractor;
 mod normals;
 mod optimal;
 mod params;
+mod profile;
 mod pyramid;
 mod table;
 mod tensor;
 
+pub use context::{Context, ContextParams, Rated};
 pub use extractor::extras::colours;
 pub use extractor::spacing::spacing;
 pub use extractor::stream::{FeatureStream, Rows};
@@ -17,4 +20,5 @@ pub use extractor::{Extractor, Scratch, Wanted};
 pub use normals::{Normals, normals};
 pub use optimal::{OptimalFeatures, local_descriptors, optimal_features, optimal_features_of};
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};
+pub use profile::{ProfileParams, Profiles};
 pub use table::{FeatureTable, table, table_at};

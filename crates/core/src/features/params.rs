@@ -1,6 +1,7 @@
 //! Selection and conventions of features; the defaults are those of Hackel 2018.
 
 use super::definition::{Definition, Feature, Group, Scope, of_scope, scaled_name};
+use super::profile::ProfileParams;
 use crate::cloud::{Cloud, names};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -146,8 +147,18 @@ pub(super) struct Offer {
     /// Name of its column.
     pub(super) name: String,
     pub(super) feature: Feature,
-    /// Number of the level, 0 for the finest; `None` for features of the point itself.
-    pub(super) level: Option<usize>,
+    pub(super) place: Place,
+}
+
+/// What computes a feature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// The level of this number, 0 for the finest.
+    Level(usize),
+    /// The profiles; the position among their values.
+    Profile(usize),
+    /// The point's own values.
+    Own,
 }
 
 /// All features that a recipe uses.
@@ -160,11 +171,17 @@ pub struct FeatureSet {
     pub intensity: bool,
     /// Use the point's return number and number of returns.
     pub returns: bool,
+    /// Whether clouds may lack colour, intensity or returns: their values are then missing (NaN) instead of an error.
+    pub optional: bool,
+    /// Use the height above the ground, for methods that find the ground first.
+    pub height: bool,
     /// Metres per unit of the coordinates; if absent, what the cloud says, else 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metres_per_unit: Option<f64>,
     /// The pyramid.
     pub pyramid: PyramidParams,
+    /// Profiles in cells of a grid in plan; none by default.
+    pub profile: ProfileParams,
 }
 
 impl FeatureSet {
@@ -175,7 +192,7 @@ impl FeatureSet {
     pub fn validate(&self) -> Result<()> {
         match self.metres_per_unit {
             Some(m) if !(m.is_finite() && m > 0.0) => Err(Error::parameter("metres_per_unit", m, "metres, above 0")),
-            _ => self.pyramid.validate(),
+            _ => self.pyramid.validate().and_then(|()| self.profile.validate()),
         }
     }
 
@@ -184,22 +201,24 @@ impl FeatureSet {
         self.metres_per_unit.or(cloud.metres_per_unit).unwrap_or(1.0)
     }
 
-    /// Names of all features: level by level, then those of the point itself.
+    /// Names of all features: level by level, then the profiles, then those of the point itself.
     pub fn names(&self, first_scale: f64) -> Vec<String> {
         self.offers(first_scale).into_iter().map(|offer| offer.name).collect()
     }
 
-    /// All features: level by level, then those of the point itself.
+    /// All features: level by level, then the profiles, then those of the point itself.
     pub(super) fn offers(&self, first_scale: f64) -> Vec<Offer> {
         let levels = self.pyramid.scales(first_scale).into_iter().enumerate().flat_map(|(level, scale)| {
             of_scope(Scope::Level).map(move |d| Offer {
                 name: scaled_name(d, scale),
                 feature: d.feature,
-                level: Some(level),
+                place: Place::Level(level),
             })
         });
-        let own = self.own().map(|d| Offer { name: d.name.to_owned(), feature: d.feature, level: None });
-        levels.chain(own).collect()
+        let profiles = self.profile.offers().enumerate();
+        let profiles = profiles.map(|(i, (name, feature))| Offer { name, feature, place: Place::Profile(i) });
+        let own = self.own().map(|d| Offer { name: d.name.to_owned(), feature: d.feature, place: Place::Own });
+        levels.chain(profiles).chain(own).collect()
     }
 
     /// Columns of the cloud that the features need.
@@ -220,7 +239,8 @@ impl FeatureSet {
     /// The selected features of the point itself.
     pub(super) fn own(&self) -> impl Iterator<Item = &'static Definition> {
         let wanted = [(Group::Colour, self.colour), (Group::Intensity, self.intensity), (Group::Returns, self.returns)];
-        wanted.into_iter().filter(|(_, wanted)| *wanted).flat_map(|(group, _)| group.definitions())
+        let columns = wanted.into_iter().filter(|(_, wanted)| *wanted).flat_map(|(group, _)| group.definitions());
+        self.height.then(|| Feature::Elevation.definition()).into_iter().chain(columns)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Recipes: the published methods from cloud to labels. Each has a folder whose `mod.rs` reads like the method section of
 //! its paper; its parameters are saved as TOML. What they have in common is [`System`].
 
+mod airborne;
 mod builtin;
 mod classify;
 mod labels;
@@ -14,14 +15,16 @@ mod system;
 mod training;
 mod weak;
 
+pub use airborne::{AirborneKind, AirborneRecipe, AirborneReport, FoldParams};
 pub use builtin::{BUILTIN_MAP, default_model};
+pub use classify::rules::ClassRules;
 pub use classify::statistics::{CloudStatistics, statistics};
 pub use classify::{Classified, ClassifyParams, Job, classify};
 pub use labels::file::{LabelFile, Picking};
 pub use labels::{LabelParams, LabelledCloud, Labels, read_labels};
-pub use model::Model;
+pub use model::{FirstStage, Model};
 pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};
-pub use pyramid::{DepthScore, PyramidKind, PyramidRecipe, PyramidReport, TrainingParams};
+pub use pyramid::{DepthScore, PyramidKind, PyramidRecipe, PyramidReport};
 pub use regularise::{Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
 pub use segment::{GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment};
 pub use suggest::{SuggestParams, Suggestion, suggest, suggestion_page};
@@ -29,6 +32,7 @@ pub use system::any::{AnyFitted, AnyRecipe};
 pub use system::report::{ClassCount, Report};
 pub use system::settings::set_key;
 pub use system::{Fitted, Nothing, System, TrainOptions};
+pub use training::samples::TrainingParams;
 pub use weak::{
     ClassShares, Descriptors, Example, LabelledPosition, RoadExample, RoadParams, RoadSource, StrengthScore, WeakKind,
     WeakLabels, WeakLearned, WeakRecipe, WeakReport,

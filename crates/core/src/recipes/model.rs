@@ -17,8 +17,11 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// Newest version of the file format that can be read. Version 1 has only forests, version 2 other classifiers too;
-/// version 3 has what was learned besides the classifier, and is written if there is anything.
-const VERSION: u64 = 3;
+/// version 3 has what was learned besides the classifier, version 4 a first classifier. The lowest possible one is
+/// written.
+const VERSION: u64 = 4;
+/// What the names of the arrays of the first classifier begin with.
+const FIRST: &str = "first_";
 const FORMAT: &str = "scansion model";
 const KEY: &str = "scansion";
 /// Number of bytes at the start of a file that show whether it is a model: its metadata come first.
@@ -37,6 +40,37 @@ pub struct Model {
     pub fingerprint: Fingerprint,
     /// The classifier.
     pub classifier: Classifier,
+    /// The classifier whose probabilities are features of `classifier`, if there are two stages.
+    pub first: Option<FirstStage>,
+}
+
+/// The first of two classifiers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FirstStage {
+    /// Feature names in the order of the classifier's columns; each once.
+    pub feature_names: Vec<String>,
+    /// The classifier, of the same classes as the second.
+    pub classifier: Classifier,
+}
+
+/// A classifier and the names of its features.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stage<'a> {
+    pub(super) names: &'a [String],
+    pub(super) classifier: &'a Classifier,
+}
+
+impl FirstStage {
+    pub(super) fn stage(&self) -> Stage<'_> {
+        Stage { names: &self.feature_names, classifier: &self.classifier }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FirstHeader {
+    classifier: ClassifierKind,
+    features: Vec<String>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -53,6 +87,8 @@ struct Header {
     learned: String,
     classes: ClassTable,
     features: Vec<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    first: Option<FirstHeader>,
 }
 
 fn is_forest(kind: &ClassifierKind) -> bool {
@@ -83,10 +119,11 @@ impl Model {
         let learned = self.fitted.learned_toml()?;
         let header = Header {
             format: FORMAT.into(),
-            version: match (learned.is_empty(), self.classifier.kind()) {
-                (true, ClassifierKind::Forest) => 1,
-                (true, _) => 2,
-                (false, _) => VERSION,
+            version: match (&self.first, learned.is_empty(), self.classifier.kind()) {
+                (Some(_), ..) => VERSION,
+                (None, false, _) => 3,
+                (None, true, ClassifierKind::Forest) => 1,
+                (None, true, _) => 2,
             },
             classifier: self.classifier.kind(),
             sha256: "0".repeat(64),
@@ -95,13 +132,20 @@ impl Model {
             learned,
             classes: self.classes.clone(),
             features: self.feature_names.clone(),
+            first: self.first.as_ref().map(|first| FirstHeader {
+                classifier: first.classifier.kind(),
+                features: first.feature_names.clone(),
+            }),
         };
         let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
         let mut arrays = self.classifier.arrays();
         arrays.extend(print_arrays(&self.fingerprint));
-        let views = arrays.iter().map(|(name, dtype, len, bytes)| {
-            TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
+        let first = self.first.as_ref().map(|first| first.classifier.arrays()).unwrap_or_default();
+        let named = arrays.iter().map(|array| ("", array)).chain(first.iter().map(|array| (FIRST, array)));
+        let views = named.map(|(prefix, (name, dtype, len, bytes))| {
+            let view = TensorView::new(*dtype, vec![*len], bytes).map_err(|e| refused(&e))?;
+            Ok((format!("{prefix}{name}"), view))
         });
         let views = views.collect::<Result<Vec<_>>>()?;
         let metadata = Some(HashMap::from([(KEY.to_string(), header)]));
@@ -119,7 +163,7 @@ impl Model {
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
         let header = read_header(bytes, path)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| malformed(path, "arrays", e, "safetensors"))?;
-        let reader = Reader { path, tensors };
+        let reader = Reader { path, tensors, prefix: "" };
         let (width, classes) = (header.features.len(), header.classes.len());
         if !(1..=65_534).contains(&width) || classes == 0 {
             return Err(malformed(
@@ -129,9 +173,12 @@ impl Model {
                 "1 or more of each",
             ));
         }
+        let fingerprint = reader.fingerprint(width, classes)?;
+        let classifier = reader.classifier(header.classifier, width, classes)?;
         let model = Self {
-            classifier: reader.classifier(header.classifier, width, classes)?,
-            fingerprint: reader.fingerprint(width, classes)?,
+            first: header.first.as_ref().map(|first| first_of(first, reader, classes)).transpose()?,
+            classifier,
+            fingerprint,
             fitted: fitted_of(&header, path)?,
             classes: header.classes,
             feature_names: header.features,
@@ -199,13 +246,42 @@ impl Model {
                 print.class_counts.len()
             )));
         }
-        let mut names: Vec<&str> = self.feature_names.iter().map(String::as_str).collect();
-        names.sort_unstable();
-        match names.windows(2).find(|w| w[0] == w[1]) {
-            Some(twice) => Err(Error::input(format!("the feature name {} stands twice", twice[0]))),
-            None => Ok(()),
+        if let Some(FirstStage { feature_names, classifier }) = &self.first {
+            let found = [feature_names.len(), classifier.width(), classifier.classes()];
+            if found != [classifier.width(), classifier.width(), classes] {
+                return Err(Error::input(format!(
+                    "a first classifier of {} features and {} classes with {} feature names (allowed: {classes} classes)",
+                    found[1], found[2], found[0]
+                )));
+            }
+            each_once(feature_names)?;
         }
+        each_once(&self.feature_names)
     }
+
+    pub(super) fn stage(&self) -> Stage<'_> {
+        Stage { names: &self.feature_names, classifier: &self.classifier }
+    }
+}
+
+fn each_once(names: &[String]) -> Result<()> {
+    let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
+    names.sort_unstable();
+    match names.windows(2).find(|w| w[0] == w[1]) {
+        Some(twice) => Err(Error::input(format!("the feature name {} stands twice", twice[0]))),
+        None => Ok(()),
+    }
+}
+
+/// The first classifier, from its arrays.
+fn first_of(header: &FirstHeader, reader: Reader<'_>, classes: usize) -> Result<FirstStage> {
+    let reader = Reader { prefix: FIRST, ..reader };
+    let width = header.features.len();
+    if !(1..=65_534).contains(&width) {
+        return Err(malformed(reader.path, "first", format!("{width} features"), "1 or more"));
+    }
+    let classifier = reader.classifier(header.classifier, width, classes)?;
+    Ok(FirstStage { feature_names: header.features.clone(), classifier })
 }
 
 /// The recipe and what was learned, from the header. Weak models before version 3 stored what was learned in the
@@ -278,6 +354,7 @@ mod tests {
             feature_names: vec!["height".into(), "roughness \"r\"".into()],
             fingerprint: Fingerprint::of(samples, 7.5),
             classifier: Classifier::Forest(Forest::fit(samples, &params, &Monitor::default()).unwrap()),
+            first: None,
         }
     }
 

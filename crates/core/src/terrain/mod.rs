@@ -1,5 +1,6 @@
 //! Terrain: road and ground points, elevation model, height above ground, and position with respect to the road.
 
+mod above_ground;
 mod alpha_shape;
 mod descriptors;
 mod elevation;
@@ -11,11 +12,11 @@ mod sites;
 mod smooth;
 mod window;
 
+pub use above_ground::{HeightParams, heights_above, heights_above_ground};
 pub use alpha_shape::{AlphaParams, AlphaShape};
 pub use descriptors::{Ground, Terrain, TerrainParams, mask_of_classes, terrain};
 pub use elevation::{ElevationModel, ElevationParams};
 pub use ground_filter::{GroundParams, ground_points};
 pub use position::position;
 pub use road::{RoadExample, road_points};
-pub(crate) use sites::by_site;
 pub use smooth::fill_holes;

@@ -78,6 +78,8 @@ pub(crate) fn print_arrays(print: &Fingerprint) -> Vec<Array> {
 pub(crate) struct Reader<'a> {
     pub(crate) path: &'a Path,
     pub(crate) tensors: SafeTensors<'a>,
+    /// What the names of the arrays begin with in the file.
+    pub(crate) prefix: &'static str,
 }
 
 /// The error for a malformed model file.
@@ -104,6 +106,7 @@ impl Reader<'_> {
     }
 
     pub(in crate::classification) fn read<T: Number>(&self, name: &str, expected: Option<usize>) -> Result<Vec<T>> {
+        let name = &format!("{}{name}", self.prefix);
         let tensor = self.tensors.tensor(name).map_err(|e| self.wrong(name, e, "a one-dimensional array"))?;
         if tensor.dtype() != T::DTYPE || tensor.shape().len() != 1 {
             let found = format!("{:?} {:?}", tensor.dtype(), tensor.shape());

@@ -6,6 +6,7 @@ pub(in crate::classification) mod compact;
 pub(in crate::classification) mod descend;
 pub(in crate::classification) mod growing;
 pub(in crate::classification) mod importance;
+mod join;
 pub(in crate::classification) mod predict;
 pub(in crate::classification) mod vote;
 

@@ -1,6 +1,6 @@
-//! Features of the point itself: colour, intensity, returns.
+//! Features of the point itself: height above the ground, colour, intensity, returns.
 
-use crate::cloud::{Cloud, Values, names};
+use crate::cloud::{Cloud, MetricCloud, Values, names};
 use crate::error::{Error, Result};
 use crate::features::definition::Feature;
 use crate::features::params::FeatureSet;
@@ -38,6 +38,10 @@ pub(super) enum Source<'a> {
     One(Own<'a>),
     /// The quotient of two columns.
     Ratio(&'a Values, &'a Values),
+    /// Values of all points.
+    Given(&'a [f32]),
+    /// The cloud does not have it.
+    Missing,
 }
 
 impl Source<'_> {
@@ -45,6 +49,8 @@ impl Source<'_> {
     pub(super) fn get(&self, point: u32) -> f32 {
         match self {
             Self::One(own) => own.get(point),
+            Self::Given(values) => values[point as usize],
+            Self::Missing => f32::NAN,
             Self::Ratio(a, b) => {
                 let below = b.get(point as usize);
                 if below > 0.0 { (a.get(point as usize) / below) as f32 } else { 0.0 }
@@ -57,13 +63,21 @@ impl Source<'_> {
 ///
 /// # Errors
 /// If the cloud lacks a column; the message names it and lists the existing ones.
-pub(super) fn sources<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<(Feature, Source<'a>)>> {
-    set.own().map(|d| Ok((d.feature, source(cloud, d.feature)?))).collect()
+pub(super) fn sources<'a>(scene: &MetricCloud<'a>, set: &FeatureSet) -> Result<Vec<(Feature, Source<'a>)>> {
+    let of = |feature| match source(scene, feature) {
+        Err(_) if set.optional && feature != Feature::Elevation => Ok(Source::Missing),
+        other => other,
+    };
+    set.own().map(|d| Ok((d.feature, of(d.feature)?))).collect()
 }
 
-fn source(cloud: &Cloud, feature: Feature) -> Result<Source<'_>> {
+fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<Source<'a>> {
+    let cloud = scene.cloud;
     let plain = |name| Ok(Source::One(Own { values: column(cloud, name)?, form: Form::Times(1.0) }));
     match feature {
+        Feature::Elevation => scene.heights.map(Source::Given).ok_or_else(|| {
+            Error::parameter("features.height", true, "false: this method does not look for the ground")
+        }),
         Feature::Red => colour(cloud, 0),
         Feature::Green => colour(cloud, 1),
         Feature::Blue => colour(cloud, 2),
@@ -125,21 +139,29 @@ fn median(values: &Values) -> f64 {
 mod tests {
     use super::*;
     use crate::cloud::Column;
+    use crate::parallel::Monitor;
 
     #[test]
     fn own_features_have_known_values_and_missing_columns_are_named() {
         let mut cloud = Cloud::from_rows(&[[0.0; 3], [1.0; 3], [2.0; 3]]).unwrap();
         let set = FeatureSet { colour: true, intensity: true, returns: true, ..FeatureSet::default() };
-        let message = sources(&cloud, &set).err().unwrap().to_string();
+        let features = |cloud: &Cloud, set: &FeatureSet, point: u32| {
+            let scene = MetricCloud::new(cloud, None, &Monitor::default())?;
+            let features = sources(&scene, set)?;
+            Ok::<_, Error>(features.iter().map(|(_, source)| source.get(point)).collect::<Vec<f32>>())
+        };
+        let message = features(&cloud, &set, 0).unwrap_err().to_string();
         assert!(message.contains("Red"), "{message}");
+        let optional = FeatureSet { optional: true, ..set.clone() };
+        assert!(features(&cloud, &optional, 0).unwrap().iter().all(|v| v.is_nan()));
+        assert!(features(&cloud, &FeatureSet { height: true, ..optional }, 0).is_err());
         for name in names::COLOUR {
             cloud.set_column(Column::new(name, Values::U16(vec![0, 51, 255]))).unwrap();
         }
         cloud.set_column(Column::new("Intensity", Values::U16(vec![100, 300, 200]))).unwrap();
         cloud.set_column(Column::new("ReturnNumber", Values::U8(vec![1, 1, 0]))).unwrap();
         cloud.set_column(Column::new("NumberOfReturns", Values::U8(vec![1, 2, 0]))).unwrap();
-        let features = sources(&cloud, &set).unwrap();
-        let row = |point| features.iter().map(|(_, source)| source.get(point)).collect::<Vec<f32>>();
+        let row = |point| features(&cloud, &set, point).unwrap();
         assert_eq!(row(1), [0.2, 0.2, 0.2, 0.6, 1.0, 2.0, 0.5]);
         assert_eq!(row(2)[6], 0.0, "no returns at all");
     }

@@ -5,16 +5,18 @@ pub(super) mod spacing;
 pub(super) mod stream;
 pub(super) mod tiles;
 
-use super::params::FeatureSet;
+use super::params::{FeatureSet, Place};
+use super::profile::Profiles;
 use super::pyramid::region::{Region, Sorted};
 use super::pyramid::slots::Slots;
 use super::pyramid::{Job, Part, Stage};
-use crate::cloud::{MetricCloud, Points};
+use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
 use extras::{Source, sources};
 use spacing::{scale_of, spacing};
+use std::ops::Range;
 use std::sync::Arc;
 
 pub use super::pyramid::Scratch;
@@ -59,12 +61,27 @@ pub(super) struct Plan<'a> {
     names: Vec<String>,
     /// Of each level, from the finest.
     slots: Vec<Slots>,
+    /// Column and number of each profile value.
+    profile: Vec<[usize; 2]>,
     own: Vec<(usize, Source<'a>)>,
 }
 
 impl<'a> Plan<'a> {
     pub(super) fn names(&self) -> &[String] {
         &self.names
+    }
+
+    /// The profiles, if any is selected, of points that include all within their reach.
+    pub(super) fn profiles(&self, points: &Positions, monitor: &Monitor) -> Result<Arc<Profiles>> {
+        match self.profile.is_empty() {
+            true => Ok(Arc::default()),
+            false => Profiles::new(points, &self.set.profile, monitor).map(Arc::new),
+        }
+    }
+
+    /// Whether a profile is selected.
+    pub(super) fn has_profiles(&self) -> bool {
+        !self.profile.is_empty()
     }
 
     /// Prepares levels, from number `first` on, complete within `region` (or everywhere).
@@ -100,12 +117,13 @@ impl<'a> Planned<'a> {
         let offers = set.offers(first_scale);
         let all: Vec<String> = offers.iter().map(|offer| offer.name.clone()).collect();
         let names = wanted.names(&all)?;
-        let sources = sources(scene.cloud, set)?;
-        let (mut slots, mut own) = (vec![Slots::default(); set.pyramid.levels], Vec::new());
+        let sources = sources(scene, set)?;
+        let (mut slots, mut profile, mut own) = (vec![Slots::default(); set.pyramid.levels], Vec::new(), Vec::new());
         for (offer, column) in offers.iter().zip(columns(&all, &names)?) {
-            match (column, offer.level) {
-                (Some(column), Some(level)) => slots[level].put(offer.feature, column),
-                (Some(column), None) => {
+            match (column, offer.place) {
+                (Some(column), Place::Level(level)) => slots[level].put(offer.feature, column),
+                (Some(column), Place::Profile(number)) => profile.push([column, number]),
+                (Some(column), Place::Own) => {
                     let of = sources.iter().filter(|(feature, _)| *feature == offer.feature);
                     own.extend(of.map(|(_, source)| (column, source.clone())));
                 }
@@ -119,7 +137,7 @@ impl<'a> Planned<'a> {
             return Err(Error::parameter("column_radius", set.pyramid.column_radius, expected));
         }
         let points = sorted(points, &grid, monitor)?;
-        let plan = Plan { set: set.clone(), first_scale, names, slots, own };
+        let plan = Plan { set: set.clone(), first_scale, names, slots, profile, own };
         Ok(Self { plan, sorted: Sorted { points, grid } })
     }
 }
@@ -130,7 +148,9 @@ impl<'a> Planned<'a> {
 pub struct Extractor<'a> {
     plan: Plan<'a>,
     stages: Vec<Arc<Stage>>,
+    profiles: Arc<Profiles>,
     queries: Points,
+    part: usize,
 }
 
 impl<'a> Extractor<'a> {
@@ -148,11 +168,8 @@ impl<'a> Extractor<'a> {
         let Planned { plan, sorted: Sorted { points, grid } } = Planned::new(scene, set, wanted, monitor)?;
         let levels = build_levels(&points.positions, &grid, set.pyramid.levels, monitor)?;
         let stages = plan.stages(0, levels, None, monitor)?;
-        Ok(Self { plan, stages, queries: points })
-    }
-
-    pub(super) fn from_parts(plan: Plan<'a>, stages: Vec<Arc<Stage>>, queries: Points) -> Self {
-        Self { plan, stages, queries }
+        let profiles = plan.profiles(&points.positions, monitor)?;
+        Ok(Self { plan, stages, profiles, queries: points, part: 0 })
     }
 
     /// Edge of the finest voxel, metres.
@@ -195,12 +212,36 @@ impl<'a> Extractor<'a> {
             stage.describe(&mut job, &self.plan.set.pyramid, scratch);
         }
         scratch.finish();
+        self.profile(range.clone(), scratch, rows);
         let points = &self.queries.frame.index[range];
         for (slot, source) in &self.plan.own {
             let column = rows.chunks_exact_mut(self.plan.names.len());
             column.zip(points).for_each(|(row, &point)| row[*slot] = source.get(point));
         }
         points
+    }
+
+    /// The profiles of some points.
+    fn profile(&self, range: Range<usize>, scratch: &mut Scratch, rows: &mut [f32]) {
+        if self.plan.profile.is_empty() {
+            return;
+        }
+        let values = &mut scratch.profile;
+        values.resize(Profiles::FEATURES * self.plan.set.profile.cells.len(), 0.0);
+        for (i, row) in range.zip(rows.chunks_exact_mut(self.plan.names.len())) {
+            self.profiles.describe(self.queries.positions.xyz(i), values);
+            self.plan.profile.iter().for_each(|&[column, number]| row[column] = values[number]);
+        }
+    }
+
+    /// Number of the part of the cloud; only the first extractor of a part has all of its points.
+    pub(crate) fn part(&self) -> usize {
+        self.part
+    }
+
+    /// The points with features, in their order.
+    pub(crate) fn points(&self) -> &Points {
+        &self.queries
     }
 }
 

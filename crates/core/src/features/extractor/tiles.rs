@@ -6,11 +6,12 @@
 //! those of [`Extractor::prepare`].
 
 use super::{Extractor, Plan, Planned, Wanted};
-use crate::cloud::MetricCloud;
+use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::Result;
 use crate::features::params::FeatureSet;
+use crate::features::profile::Profiles;
 use crate::features::pyramid::region::{Margin, Region, Sorted};
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, watched};
 use crate::voxels::{LevelLimits, build_levels, coarse_levels};
 use std::ops::Range;
 use std::sync::Arc;
@@ -94,17 +95,50 @@ impl<'a> Tiles<'a> {
         mut describe: impl FnMut(&Extractor<'_>) -> Result<Vec<usize>>,
     ) -> Result<()> {
         let index = self.indices();
-        for part in &self.parts {
+        for (number, part) in self.parts.iter().enumerate() {
             let mut places: Vec<u32> = part.clone().filter(|&i| wanted(index[i])).map(|i| i as u32).collect();
+            if places.is_empty() {
+                continue;
+            }
+            let profiles = self.profiles(&places, monitor)?;
             for attempt in 0.. {
                 if places.is_empty() {
                     break;
                 }
-                let loose = describe(&self.extractor(&places, attempt, monitor)?)?;
+                let bare = self.extractor(&places, attempt, monitor)?;
+                let loose = describe(&Extractor { profiles: profiles.clone(), part: number, ..bare })?;
                 places = loose.into_iter().map(|row| places[row]).collect();
             }
         }
         Ok(())
+    }
+
+    /// The points within `reach` metres in plan of the box around those at these places, in the sorted order.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(crate) fn around(&self, box_of: &Positions, reach: f64, monitor: &Monitor) -> Result<Points> {
+        let all = &self.sorted.points;
+        let reach = reach as f32;
+        let span = |axis: &[f32]| axis.iter().fold([f32::MAX, f32::MIN], |[l, h], &v| [l.min(v), h.max(v)]);
+        let ([west, east], [south, north]) = (span(&box_of.x), span(&box_of.y));
+        let inside =
+            |x: f32, y: f32| x >= west - reach && x <= east + reach && y >= south - reach && y <= north + reach;
+        let mut near: Vec<u32> = Vec::new();
+        for piece in watched(all.len(), monitor) {
+            near.extend(piece?.filter(|&i| inside(all.positions.x[i], all.positions.y[i])).map(|i| i as u32));
+        }
+        all.select(&near, monitor)
+    }
+
+    /// The profiles around the points at these places.
+    fn profiles(&self, places: &[u32], monitor: &Monitor) -> Result<Arc<Profiles>> {
+        if !self.plan.has_profiles() {
+            return Ok(Arc::default());
+        }
+        let own = self.sorted.points.positions.select(places, monitor)?;
+        let near = self.around(&own, self.plan.set.profile.reach(), monitor)?;
+        self.plan.profiles(&near.positions, monitor)
     }
 
     /// Prepares the fine levels around the points at these positions (ascending); row r of its blocks belongs to
@@ -124,7 +158,8 @@ impl<'a> Tiles<'a> {
                 self.plan.stages(0, build_levels(&held, &self.sorted.grid, self.fine, monitor)?, region, monitor)?;
         }
         stages.extend(self.coarse.iter().cloned());
-        Ok(Extractor::from_parts(self.plan.clone(), stages, self.sorted.points.select(places, monitor)?))
+        let queries = self.sorted.points.select(places, monitor)?;
+        Ok(Extractor { plan: self.plan.clone(), stages, profiles: Arc::default(), queries, part: 0 })
     }
 }
 
@@ -176,6 +211,7 @@ mod tests {
         let cloud = Cloud::from_rows(&rows).unwrap();
         let mut set = FeatureSet::default();
         (set.pyramid.levels, set.pyramid.first_scale) = (6, Some(0.1));
+        set.profile.cells = vec![0.5, 2.0];
         let monitor = Monitor::default();
         let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
         let whole = Extractor::prepare(&scene, &set, Wanted::All, &monitor).unwrap();

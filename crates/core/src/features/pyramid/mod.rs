@@ -49,6 +49,7 @@ pub struct Scratch {
     surfaces: Surfaces,
     found: [[u32; LANES]; MOST],
     loose: Vec<u32>,
+    pub(super) profile: Vec<f32>,
 }
 
 impl Scratch {
@@ -78,6 +79,7 @@ impl Default for Scratch {
             surfaces: Surfaces::default(),
             found: [[0; LANES]; MOST],
             loose: Vec::new(),
+            profile: Vec::new(),
         }
     }
 }

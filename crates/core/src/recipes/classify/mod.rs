@@ -1,6 +1,7 @@
 //! Classifies every point of a cloud with a model of any recipe.
 
 pub(in crate::recipes) mod predict;
+pub(in crate::recipes) mod rules;
 pub(in crate::recipes) mod statistics;
 
 use crate::classification::argmax;
@@ -8,6 +9,7 @@ use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::Result;
 use crate::memory;
 use crate::parallel::{Monitor, watched};
+use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
 use crate::recipes::model::Model;
 use crate::recipes::regularise::{Regularise, RegulariseParams, Regularised};
@@ -32,6 +34,8 @@ pub struct ClassifyParams {
     /// Statistics of the whole cloud, if this is a part of it: parts then get the labels that the whole would give them.
     /// `None`: this is the whole.
     pub statistics: Option<CloudStatistics>,
+    /// What the classes become in the end; `None`: the rules of the model's recipe.
+    pub rules: Option<ClassRules>,
 }
 
 /// The classification, one entry a point in the cloud's order. Points that are not finite get code 1 (or
@@ -64,6 +68,8 @@ pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: 
     forecast(cloud.len(), model.fitted.bytes_a_point(regularise.method))?;
     let scene = params.scene(cloud, model, monitor)?;
     let mut result = model.fitted.classify(&Job { scene: &scene, model, params, regularise: &regularise }, monitor)?;
+    let rules = params.rules.clone().unwrap_or_else(|| model.fitted.rules());
+    rules.apply(&mut result, &model.classes, &scene, monitor)?;
     scene.strays.index.iter().for_each(|&i| result.codes[i as usize] = stray_code(model));
     Ok(result)
 }

@@ -4,9 +4,9 @@
 use crate::classification::{Classifier, ClassifierScratch, Predictor};
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
-use crate::features::{Extractor, FeatureSet, FeatureTable, Scratch, Tiles, Wanted};
+use crate::features::{Context, ContextParams, Extractor, FeatureSet, FeatureTable, Rated, Scratch, Tiles, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
-use crate::recipes::model::Model;
+use crate::recipes::model::Stage;
 
 /// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
 const TOGETHER: usize = 8;
@@ -18,8 +18,18 @@ const GROUPS_AT_ONCE: usize = 32;
 pub(in crate::recipes) struct CloudPredictor<'a> {
     tiles: Tiles<'a>,
     classifier: &'a Classifier,
-    /// Columns before those of the tiles.
-    first: Option<FirstColumns<'a>>,
+    /// Columns of the classifier.
+    names: &'a [String],
+    beside: Beside<'a>,
+}
+
+/// Columns beside those of the tiles.
+enum Beside<'a> {
+    Nothing,
+    /// Before them.
+    First(FirstColumns<'a>),
+    /// After them.
+    Context(ContextColumns<'a>),
 }
 
 /// Columns that were computed for all points before.
@@ -30,6 +40,66 @@ pub(in crate::recipes) struct FirstColumns<'a> {
     pub(in crate::recipes) row_of: &'a [u32],
 }
 
+/// Columns of what a first classifier says about the surroundings.
+pub(in crate::recipes) struct ContextColumns<'a> {
+    /// Class probabilities of the first classifier, row-major.
+    pub(in crate::recipes) probabilities: &'a [f32],
+    /// The row of each point of the cloud.
+    pub(in crate::recipes) row_of: &'a [u32],
+    /// Sizes of the surroundings.
+    pub(in crate::recipes) params: &'a ContextParams,
+    /// Class codes, for the names.
+    pub(in crate::recipes) codes: &'a [u8],
+}
+
+/// The context of the points of a part.
+pub(in crate::recipes) struct PartContext<'a> {
+    columns: &'a ContextColumns<'a>,
+    classes: usize,
+    context: Context,
+    /// Positions of the columns that are wanted.
+    kept: Vec<usize>,
+}
+
+impl ContextColumns<'_> {
+    /// The context of the points of an extractor, in the order of `names`.
+    ///
+    /// # Errors
+    /// If a name is unknown, or the work was cancelled.
+    pub(in crate::recipes) fn of_part(
+        &self,
+        tiles: &Tiles<'_>,
+        extractor: &Extractor<'_>,
+        names: &[String],
+        monitor: &Monitor,
+    ) -> Result<PartContext<'_>> {
+        let all = self.params.names(self.codes);
+        let position = |name: &String| {
+            let unknown =
+                || Error::ModelMismatch(format!("it needs the feature {name}, which its recipe does not give"));
+            all.iter().position(|other| other == name).ok_or_else(unknown)
+        };
+        let kept = names.iter().map(position).collect::<Result<Vec<_>>>()?;
+        let classes = self.codes.len();
+        let near = tiles.around(&extractor.points().positions, self.params.reach(), monitor)?;
+        let row = |&point: &u32| self.probabilities[self.row_of[point as usize] as usize * classes..][..classes].iter();
+        let probabilities: Vec<f32> = near.frame.index.iter().flat_map(row).copied().collect();
+        let rated = Rated { points: &near.positions, probabilities: &probabilities, classes };
+        Ok(PartContext { columns: self, classes, context: Context::new(&rated, self.params, monitor)?, kept })
+    }
+}
+
+impl PartContext<'_> {
+    /// Appends the columns of a point at this place to a row.
+    pub(in crate::recipes) fn append(&self, point: u32, at: [f32; 3], work: &mut Vec<f32>, row: &mut Vec<f32>) {
+        let ContextColumns { probabilities, row_of, .. } = self.columns;
+        let own = &probabilities[row_of[point as usize] as usize * self.classes..][..self.classes];
+        work.resize(self.context.width(), 0.0);
+        self.context.describe(at, own, work);
+        row.extend(self.kept.iter().map(|&column| work[column]));
+    }
+}
+
 /// Points of a group of blocks and their class probabilities.
 struct Group {
     points: Vec<u32>,
@@ -38,34 +108,41 @@ struct Group {
     loose: Vec<usize>,
 }
 
+/// Points of a part, and what a first classifier says about their surroundings.
+struct Part<'a> {
+    extractor: &'a Extractor<'a>,
+    context: Option<&'a PartContext<'a>>,
+}
+
 #[derive(Default)]
 struct Workspace {
     scratch: Scratch,
     block: Vec<f32>,
     rows: Vec<f32>,
+    context: Vec<f32>,
     classifier: ClassifierScratch,
 }
 
 impl<'a> CloudPredictor<'a> {
-    /// Sorts the points of a cloud and prepares the features of the set that the model uses.
+    /// Sorts the points of a cloud and prepares the features of the set that a classifier uses.
     ///
     /// # Errors
-    /// If the set does not have a feature of the model, or as [`Tiles::prepare`].
+    /// If the set does not have a feature of the classifier, or as [`Tiles::prepare`].
     pub(in crate::recipes) fn new(
         scene: &MetricCloud<'a>,
         set: &FeatureSet,
-        model: &'a Model,
+        stage: Stage<'a>,
         monitor: &Monitor,
     ) -> Result<Self> {
         let known = set.names(set.pyramid.first_scale.unwrap_or_default());
-        if let Some(name) = model.feature_names.iter().find(|name| !known.contains(name)) {
+        if let Some(name) = stage.names.iter().find(|name| !known.contains(name)) {
             return Err(Error::ModelMismatch(format!(
                 "it needs the feature {name}; its recipe gives {} others",
                 known.len()
             )));
         }
-        let tiles = Tiles::prepare(scene, set, Wanted::Names(&model.feature_names), monitor)?;
-        Ok(Self { tiles, classifier: &model.classifier, first: None })
+        let tiles = Tiles::prepare(scene, set, Wanted::Names(stage.names), monitor)?;
+        Ok(Self { tiles, classifier: stage.classifier, names: stage.names, beside: Beside::Nothing })
     }
 
     /// The same for a classifier whose columns are `first`, then all features of the set.
@@ -80,7 +157,25 @@ impl<'a> CloudPredictor<'a> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let tiles = Tiles::prepare(scene, set, Wanted::All, monitor)?;
-        Ok(Self { tiles, classifier, first: Some(first) })
+        Ok(Self { tiles, classifier, names: &[], beside: Beside::First(first) })
+    }
+
+    /// The same for the second of two classifiers, whose columns are features of the set, then those of the context; it
+    /// may use only some of both.
+    ///
+    /// # Errors
+    /// As [`CloudPredictor::new`].
+    pub(in crate::recipes) fn second(
+        scene: &MetricCloud<'a>,
+        set: &FeatureSet,
+        stage: Stage<'a>,
+        context: ContextColumns<'a>,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let known = set.names(set.pyramid.first_scale.unwrap_or_default());
+        let own = stage.names.iter().take_while(|name| known.contains(name)).count();
+        let own = Stage { names: &stage.names[..own], ..stage };
+        Ok(Self { names: stage.names, beside: Beside::Context(context), ..Self::new(scene, set, own, monitor)? })
     }
 
     /// Class probabilities of `rows` points, row-major; `row_of` is the row of each point of the cloud.
@@ -106,22 +201,38 @@ impl<'a> CloudPredictor<'a> {
     /// If the work was cancelled.
     pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&[u32], &[f32]), monitor: &Monitor) -> Result<()> {
         monitor.stage("classify", self.tiles.len() as u64);
-        self.tiles.each(|_| true, monitor, |extractor| self.all_blocks(extractor, &mut sink, monitor))
+        let mut around = None;
+        self.tiles.each(
+            |_| true,
+            monitor,
+            |extractor| {
+                if let Beside::Context(columns) = &self.beside
+                    && around.as_ref().is_none_or(|(part, _)| *part != extractor.part())
+                {
+                    // The context of one part is dropped before that of the next is built.
+                    drop(around.take());
+                    let names = &self.names[self.tiles.names().len()..];
+                    around = Some((extractor.part(), columns.of_part(&self.tiles, extractor, names, monitor)?));
+                }
+                let part = Part { extractor, context: around.as_ref().map(|(_, context)| context) };
+                self.all_blocks(&part, &mut sink, monitor)
+            },
+        )
     }
 
     /// Classifies the points of an extractor; returns the rows that need a wider margin.
     fn all_blocks(
         &self,
-        extractor: &Extractor<'_>,
+        part: &Part<'_>,
         sink: &mut impl FnMut(&[u32], &[f32]),
         monitor: &Monitor,
     ) -> Result<Vec<usize>> {
-        let groups = extractor.blocks().div_ceil(TOGETHER);
+        let groups = part.extractor.blocks().div_ceil(TOGETHER);
         let mut loose = Vec::new();
         for first in (0..groups).step_by(GROUPS_AT_ONCE) {
             let range = first..(first + GROUPS_AT_ONCE).min(groups);
             let found = map_ordered_with(range, monitor, Workspace::default, |work, group| {
-                self.group(group, extractor, work, monitor)
+                self.group(group, part, work, monitor)
             })?;
             for group in found {
                 sink(&group.points, &group.probabilities);
@@ -132,21 +243,31 @@ impl<'a> CloudPredictor<'a> {
         Ok(loose)
     }
 
-    fn group(&self, group: usize, extractor: &Extractor<'_>, work: &mut Workspace, monitor: &Monitor) -> Result<Group> {
+    fn group(&self, group: usize, part: &Part<'_>, work: &mut Workspace, monitor: &Monitor) -> Result<Group> {
+        let extractor = part.extractor;
         let (mut points, mut loose) = (Vec::new(), Vec::new());
         work.rows.clear();
         for block in group * TOGETHER..((group + 1) * TOGETHER).min(extractor.blocks()) {
             monitor.check()?;
             let here = extractor.block(block, &mut work.scratch, &mut work.block);
             points.extend_from_slice(here);
-            match &self.first {
-                None => work.rows.extend_from_slice(&work.block),
-                Some(first) => {
-                    for (&point, row) in here.iter().zip(work.block.chunks_exact(extractor.names().len())) {
+            let own = work.block.chunks_exact(extractor.names().len().max(1));
+            match (&self.beside, part.context) {
+                (Beside::First(first), _) => {
+                    for (&point, row) in here.iter().zip(own) {
                         work.rows.extend_from_slice(first.table.row(first.row_of[point as usize] as usize));
                         work.rows.extend_from_slice(row);
                     }
                 }
+                (_, Some(context)) => {
+                    let places = block * Extractor::BLOCK..;
+                    for ((place, &point), row) in places.zip(here).zip(own) {
+                        work.rows.extend_from_slice(row);
+                        let at = extractor.points().positions.xyz(place);
+                        context.append(point, at, &mut work.context, &mut work.rows);
+                    }
+                }
+                (_, None) => work.rows.extend_from_slice(&work.block),
             }
             loose.extend(work.scratch.loose().iter().map(|&row| block * Extractor::BLOCK + row as usize));
         }

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
 use crate::segmentation::{ObjectAttributes, Partition, object_features};
-use crate::terrain::{ElevationModel, by_site, ground_points};
+use crate::terrain::{HeightParams, heights_above_ground};
 
 /// Segments of a cloud's points, with one row of features each.
 pub(super) struct Objects {
@@ -23,7 +23,10 @@ pub(super) fn objects(scene: &MetricCloud<'_>, recipe: &ObjectsRecipe, monitor: 
     let colours = recipe.segments.colours(scene.cloud, &points)?;
     let partition = recipe.segments.partition(&points, colours.as_deref(), monitor)?;
     let heights = match recipe.heights {
-        Heights::AboveGround => Some(above_ground(&points, recipe, monitor)?),
+        Heights::AboveGround => {
+            let params = HeightParams { filter: recipe.ground.clone(), elevation: recipe.elevation.clone() };
+            Some(heights_above_ground(&points, &params, monitor)?)
+        }
         Heights::Datum => None,
     };
     let attributes = ObjectAttributes { colours: colours.as_deref(), heights: heights.as_deref() };
@@ -32,13 +35,6 @@ pub(super) fn objects(scene: &MetricCloud<'_>, recipe: &ObjectsRecipe, monitor: 
         features = without(&features, "MeanZ");
     }
     Ok(Objects { points, partition, features, coloured: colours.is_some() })
-}
-
-fn above_ground(points: &Points, recipe: &ObjectsRecipe, monitor: &Monitor) -> Result<Vec<f32>> {
-    by_site(points, recipe.ground.cell.min(recipe.elevation.cell), monitor, |site| {
-        let ground = ground_points(site, &recipe.ground, monitor)?;
-        ElevationModel::fit(site, &ground, &recipe.elevation, monitor)?.heights(site, monitor)
-    })
 }
 
 /// A copy of the table without one column.

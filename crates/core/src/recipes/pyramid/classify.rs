@@ -15,7 +15,7 @@ pub(super) fn classify(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor)
     }
     let points = job.scene.points(monitor)?;
     let row_of = points.frame.rows(job.scene.cloud.len());
-    let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model, monitor)?;
+    let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model.stage(), monitor)?;
     let values = predictor.of_points(&row_of, points.len(), monitor)?;
     drop((predictor, row_of));
     let given = Probabilities { values: &values, classes: job.model.classes.len() };
@@ -28,7 +28,7 @@ fn one_by_one(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor) -> Resul
     let mut result = Classified::unknown(job.scene.cloud.len(), job.model, job.params.probabilities);
     let density = planar_density(&job.scene.points(monitor)?.positions, monitor)?;
     result.warnings = job.warnings(density, monitor)?;
-    let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model, monitor)?;
+    let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model.stage(), monitor)?;
     predictor.run(|points, rows| result.place(points, rows, job.model), monitor)?;
     Ok(result)
 }

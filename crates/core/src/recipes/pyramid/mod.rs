@@ -4,13 +4,12 @@
 //! doi:10.3929/ethz-b-000264691, chapter 4.4. `docs/pyramid.md` has the equations and our deviations.
 
 mod classify;
+mod described;
 mod report;
-mod samples;
 mod select;
 mod train;
 
 pub use report::{DepthScore, PyramidReport};
-pub use samples::TrainingParams;
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
@@ -18,6 +17,7 @@ use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use super::training::classifiers::offers_classifiers;
+use super::training::samples::TrainingParams;
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
 use crate::error::Result;
 use crate::features::FeatureSet;

@@ -1,6 +1,6 @@
 //! Report of the training.
 
-use super::samples::BLOCK;
+use super::described::BLOCK;
 use crate::error::Result;
 use crate::recipes::system::report::{ClassCount, Report, json_of};
 use serde::Serialize;

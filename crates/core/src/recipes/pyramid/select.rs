@@ -1,8 +1,8 @@
 //! Model selection: the depth of the trees, by cross-validation on spatial blocks.
 
 use super::PyramidRecipe;
+use super::described::Described;
 use super::report::DepthScore;
-use super::samples::Described;
 use crate::classification::ClassifierParams;
 use crate::classification::cross_validation::{GridScore, grid_search, grouped_folds};
 use crate::error::Result;

@@ -2,6 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use crate::recipes::airborne::AirborneRecipe;
+use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::labels::LabelledCloud;
@@ -167,6 +169,11 @@ macro_rules! systems {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.regularise(),)* }
             }
 
+            /// What the classes become in the end.
+            pub fn rules(&self) -> ClassRules {
+                match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.rules(),)* }
+            }
+
             /// Columns of a cloud that classification reads.
             pub fn columns(&self) -> Vec<String> {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.columns(),)* }
@@ -219,6 +226,8 @@ systems! {
     Weak: WeakRecipe;
     /// Hasanpour Zaryabi et al. 2022: classifies segments instead of points.
     Objects: ObjectsRecipe;
+    /// Heights above the ground, profiles and auto-context: the recipe of the built-in model.
+    Airborne: AirborneRecipe;
     /// The example of CONTRIBUTING.md.
     Height: HeightRecipe, only in test;
 }

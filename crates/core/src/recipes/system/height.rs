@@ -95,6 +95,7 @@ impl System for HeightRecipe {
         let samples = Samples { features: &features, width: 1, labels: &labels, weights: None, classes: classes.len() };
         let forest = ForestParams { seed: self.seed, ..self.forest.clone() };
         let model = Model {
+            first: None,
             fingerprint: Fingerprint::of(&samples, mean_density(densities.into_iter())),
             feature_names: NAMES.map(String::from).to_vec(),
             classifier: Classifier::Forest(forest.train(&samples, monitor)?),

@@ -11,6 +11,7 @@ pub(in crate::recipes) mod settings;
 
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::labels::LabelledCloud;
@@ -50,6 +51,11 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
 
     /// Regularisation of the labels.
     fn regularise(&self) -> &RegulariseParams;
+
+    /// What the classes of its models become in the end.
+    fn rules(&self) -> ClassRules {
+        ClassRules::default()
+    }
 
     /// Metres per unit of the coordinates that the recipe prescribes; `None`: what each cloud says, else 1.
     fn metres_per_unit(&self) -> Option<f64> {

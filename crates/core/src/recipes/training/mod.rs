@@ -2,6 +2,8 @@
 //! report.
 
 pub(in crate::recipes) mod classifiers;
+pub(in crate::recipes) mod samples;
+pub(in crate::recipes) mod sources;
 
 use crate::classes::ClassTable;
 use crate::cloud::{CodeScheme, MetricCloud};
@@ -9,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::labels::{LabelledCloud, Labels};
 use crate::recipes::system::report::ClassCount;
+use crate::voxels::planar_density;
 
 /// The clouds that a method is trained on.
 pub(in crate::recipes) struct TrainingData<'a> {
@@ -101,4 +104,11 @@ pub(in crate::recipes) fn check_classes(classes: &ClassTable) -> Result<()> {
 pub(in crate::recipes) fn mean_density(densities: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = densities.len().max(1) as f64;
     densities.sum::<f64>() / count
+}
+
+/// Mean density of the clouds, points per square metre.
+pub(in crate::recipes) fn density(data: &TrainingData<'_>, monitor: &Monitor) -> Result<f64> {
+    let density = |scene: &LabelledScene<'_>| planar_density(&scene.metric.points(monitor)?.positions, monitor);
+    let densities = data.scenes.iter().map(density).collect::<Result<Vec<_>>>()?;
+    Ok(mean_density(densities.into_iter()))
 }

@@ -83,6 +83,7 @@ pub(super) fn train(
         warnings: warnings(&recipe, road_examples),
     };
     let model = Model {
+        first: None,
         fingerprint: Fingerprint::of(&samples, density),
         fitted: Fitted { recipe, learned }.into(),
         feature_names,

@@ -5,12 +5,9 @@
 //! smallest class has only a handful of points, that rule would leave almost nothing of the others: see
 //! [`balance`](crate::classification::sampling::balance).
 
-use crate::classes::ClassTable;
-use crate::classification::Samples;
 use crate::classification::sampling::{BalanceParams, Rare};
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
-use crate::features::FeatureSet;
 use crate::parallel::{Monitor, sort_watched_by, watched};
 use crate::random::{Stream, stream};
 use crate::recipes::Labels;
@@ -37,6 +34,9 @@ pub struct TrainingParams {
     pub rare: Rare,
     /// Largest total number of samples; above it all classes are reduced by the same factor.
     pub max_samples: usize,
+    /// At most this many samples a class from each cloud and each of its thinned copies, so that dense or large scenes do
+    /// not outvote the others; 0: no limit.
+    pub per_copy: usize,
     /// Densities, points per square metre, of thinned copies of the cloud that are used for training as well.
     pub densities: Vec<f64>,
     /// Boxes `[x min, y min, x max, y max]` in the file's coordinates that are excluded from training.
@@ -53,6 +53,7 @@ impl Default for TrainingParams {
             rare_below: balance.rare_below,
             rare: balance.rare,
             max_samples: balance.max_samples,
+            per_copy: 0,
             densities: Vec::new(),
             exclude: Vec::new(),
         }
@@ -81,7 +82,7 @@ impl TrainingParams {
     }
 
     /// The parameters of the class balance.
-    pub(super) fn balance(&self, seed: u64) -> BalanceParams {
+    pub(in crate::recipes) fn balance(&self, seed: u64) -> BalanceParams {
         BalanceParams {
             max_ratio: self.max_ratio,
             keep_samples: self.keep_samples,
@@ -97,16 +98,13 @@ impl TrainingParams {
     }
 }
 
-/// Edge of the squares that cross-validation holds out together, metres.
-pub(super) const BLOCK: f64 = 50.0;
-
 /// A candidate for a training sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Candidate {
+pub(in crate::recipes) struct Candidate {
     /// Index in the cloud (or its thinned copy).
-    pub(super) point: u32,
+    pub(in crate::recipes) point: u32,
     /// Class code.
-    pub(super) code: u8,
+    pub(in crate::recipes) code: u8,
 }
 
 /// One candidate for each voxel: its first point with the most frequent label of the voxel (ties: smallest code).
@@ -115,7 +113,7 @@ pub(super) struct Candidate {
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn candidates(
+pub(in crate::recipes) fn candidates(
     scene: &MetricCloud<'_>,
     labels: &Labels,
     params: &TrainingParams,
@@ -160,7 +158,7 @@ fn majority(voxel: &[([i32; 3], Candidate)]) -> Option<Candidate> {
 ///
 /// # Errors
 /// If the work was cancelled.
-pub(super) fn copies(
+pub(in crate::recipes) fn copies(
     scene: &MetricCloud<'_>,
     params: &TrainingParams,
     seed: u64,
@@ -183,28 +181,6 @@ fn thin(points: usize, share: f64, random: &mut Stream, monitor: &Monitor) -> Re
         kept.extend(piece?.map(|i| i as u32).filter(|_| random.uniform() < share));
     }
     Ok(kept)
-}
-
-/// Feature vectors of the chosen points, the position of their class, and their 50 m square.
-#[derive(Default)]
-pub(super) struct Described {
-    pub(super) values: Vec<f32>,
-    pub(super) labels: Vec<u16>,
-    /// Weight of each sample; empty if all are equal.
-    pub(super) weights: Vec<f32>,
-    pub(super) blocks: Vec<u32>,
-    pub(super) names: Vec<String>,
-    pub(super) classes: ClassTable,
-    /// The features; the first scale is set.
-    pub(super) features: FeatureSet,
-}
-
-impl Described {
-    pub(super) fn samples(&self) -> Samples<'_> {
-        let (features, labels) = (&self.values[..], &self.labels[..]);
-        let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
-        Samples { features, width: self.names.len(), labels, weights, classes: self.classes.len() }
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,69 @@
+//! Mean probabilities below and above a point in its cell in plan, and those of the highest point there.
+
+use super::Rated;
+use crate::error::Result;
+use crate::parallel::{Looks, Monitor};
+use crate::voxels::cells::{Cells, cell_of};
+
+/// Cells in plan of one size, with their points from the lowest to the highest.
+#[derive(Clone, Debug)]
+pub(super) struct Stacks {
+    size: f64,
+    classes: usize,
+    keys: Vec<[i32; 2]>,
+    /// Where the points of each cell begin, and the end of the last.
+    starts: Vec<u32>,
+    /// Heights, ascending within each cell.
+    heights: Vec<f32>,
+    /// Sums of the probabilities of a point and all before it in its cell, row-major.
+    sums: Vec<f32>,
+    /// Mean probabilities of the highest points of each cell, row-major.
+    tops: Vec<f32>,
+}
+
+impl Stacks {
+    pub(super) fn new(rated: &Rated<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
+        let (points, classes) = (rated.points, rated.classes);
+        let key = |i: usize| cell_of([points.x[i], points.y[i]].map(|v| f64::from(v) / size));
+        let mut cells = Cells::new(points.len(), key, monitor)?;
+        let (mut starts, mut sums, mut tops) = (vec![0], Vec::with_capacity(points.len() * classes), Vec::new());
+        let mut looks = Looks::at(monitor);
+        for c in 0..cells.len() {
+            let range = cells.range(c);
+            looks.steps(range.len())?;
+            starts.push(range.end as u32);
+            let own = &mut cells.items[range];
+            own.sort_unstable_by(|&a, &b| points.z[a as usize].total_cmp(&points.z[b as usize]).then(a.cmp(&b)));
+            let mut sum = vec![0.0f64; classes];
+            for &point in own.iter() {
+                sum.iter_mut().zip(rated.row(point as usize)).for_each(|(sum, &p)| *sum += f64::from(p));
+                sums.extend(sum.iter().map(|&sum| sum as f32));
+            }
+            let highest = own.last().map_or(0.0, |&point| points.z[point as usize]);
+            let first = own.partition_point(|&point| points.z[point as usize] < highest);
+            let count = (own.len() - first) as f32;
+            tops.extend(rated.sums(&own[first..]).into_iter().map(|sum| sum / count));
+        }
+        let heights = cells.items.iter().map(|&i| points.z[i as usize]).collect();
+        Ok(Self { size, classes, keys: cells.keys, starts, heights, sums, tops })
+    }
+
+    /// Means of the points not above, of those not below, and of the highest ones; NaN in a cell without points.
+    pub(super) fn describe(&self, at: [f32; 3], [below, above, top]: [&mut [f32]; 3]) {
+        let key = cell_of([at[0], at[1]].map(|v| f64::from(v) / self.size));
+        let Ok(c) = self.keys.binary_search(&key) else {
+            [below, above, top].into_iter().for_each(|out| out.fill(f32::NAN));
+            return;
+        };
+        let (start, end) = (self.starts[c] as usize, self.starts[c + 1] as usize);
+        let heights = &self.heights[start..end];
+        let lower = heights.partition_point(|&h| h < at[2]);
+        let not_higher = heights.partition_point(|&h| h <= at[2]);
+        for k in 0..self.classes {
+            let sum = |count: usize| if count == 0 { 0.0 } else { self.sums[(start + count - 1) * self.classes + k] };
+            below[k] = sum(not_higher) / not_higher as f32;
+            above[k] = (sum(heights.len()) - sum(lower)) / (heights.len() - lower) as f32;
+            top[k] = self.tops[c * self.classes + k];
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Classification: heights above the ground, the first stage, then the second.
+
+use super::AirborneRecipe;
+use crate::cloud::{MetricCloud, Points};
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use crate::recipes::classify::predict::{CloudPredictor, ContextColumns};
+use crate::recipes::classify::{Classified, Job};
+use crate::recipes::regularise::{Probabilities, Regularise, regularise};
+use crate::terrain::heights_above_ground;
+use crate::voxels::planar_density;
+
+/// Height of each point of the cloud above the ground; NaN for stray points.
+pub(super) fn heights(
+    scene: &MetricCloud<'_>,
+    points: &Points,
+    recipe: &AirborneRecipe,
+    monitor: &Monitor,
+) -> Result<Vec<f32>> {
+    let mut heights = vec![f32::NAN; scene.cloud.len()];
+    if recipe.features.height && !points.is_empty() {
+        let found = heights_above_ground(points, &recipe.ground, monitor)?;
+        points.frame.index.iter().zip(found).for_each(|(&point, height)| heights[point as usize] = height);
+    }
+    Ok(heights)
+}
+
+pub(super) fn classify(recipe: &AirborneRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+    let model = job.model;
+    let Some(first) = &model.first else {
+        return Err(Error::ModelMismatch("a model of the recipe airborne needs a first classifier".into()));
+    };
+    let points = job.scene.points(monitor)?;
+    let heights = heights(job.scene, &points, recipe, monitor)?;
+    let scene = MetricCloud { heights: Some(&heights), ..job.scene.clone() };
+    let row_of = points.frame.rows(scene.cloud.len());
+    let rated = CloudPredictor::new(&scene, &recipe.features, first.stage(), monitor)?;
+    let probabilities = rated.of_points(&row_of, points.len(), monitor)?;
+    drop(rated);
+    let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();
+    let context =
+        ContextColumns { probabilities: &probabilities, row_of: &row_of, params: &recipe.context, codes: &codes };
+    let second = CloudPredictor::second(&scene, &recipe.features, model.stage(), context, monitor)?;
+    if job.regularise.method == Regularise::None {
+        let mut result = Classified::unknown(scene.cloud.len(), model, job.params.probabilities);
+        result.warnings = job.warnings(planar_density(&points.positions, monitor)?, monitor)?;
+        drop(points);
+        second.run(|points, rows| result.place(points, rows, model), monitor)?;
+        return Ok(result);
+    }
+    let values = second.of_points(&row_of, points.len(), monitor)?;
+    let given = Probabilities { values: &values, classes: codes.len() };
+    let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
+    job.decided(&points, &found, monitor)
+}

@@ -1,0 +1,186 @@
+//! The recipe of the built-in model: a forest on features of all kinds, then boosted trees that also see what the forest
+//! says about the surroundings of a point (auto-context).
+//!
+//! Z. Tu, X. Bai, *Auto-context and its application to high-level vision tasks and 3D brain image segmentation*, IEEE
+//! TPAMI 32(10), 2010, doi:10.1109/TPAMI.2009.186. `docs/airborne.md` says what is taken from where, and what each step
+//! gains.
+
+mod classify;
+mod folds;
+mod report;
+mod train;
+
+pub use report::AirborneReport;
+
+use super::classify::rules::ClassRules;
+use super::classify::{Classified, Job};
+use super::labels::LabelledCloud;
+use super::model::Model;
+use super::regularise::{Regularise, RegulariseParams};
+use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::training::samples::TrainingParams;
+use crate::classification::{BoostingParams, ForestParams};
+use crate::error::{Error, Result};
+use crate::features::{ContextParams, FeatureSet, ProfileParams, PyramidParams};
+use crate::parallel::Monitor;
+use crate::terrain::HeightParams;
+use serde::{Deserialize, Serialize};
+
+/// The name of the recipe, in its TOML.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AirborneKind {
+    /// Two stages, with heights above the ground.
+    #[default]
+    Airborne,
+}
+
+/// The division of the training data that gives the second stage honest probabilities of the first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FoldParams {
+    /// Edge of the squares of a checkerboard, metres: the forest of one colour rates the squares of the other.
+    pub square: f64,
+    /// Share of the squares whose points are described without colour, intensity and returns, so that the model also
+    /// suits clouds that do not have them; 0..=1.
+    pub missing: f64,
+}
+
+impl Default for FoldParams {
+    fn default() -> Self {
+        Self { square: 30.0, missing: 0.25 }
+    }
+}
+
+/// The parameters of the recipe `airborne`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AirborneRecipe {
+    /// Always `airborne`.
+    pub recipe: AirborneKind,
+    /// Seed of all random draws.
+    pub seed: u64,
+    /// Whether the second stage uses the features of the pyramid too; without them it is faster.
+    pub pyramid_twice: bool,
+    /// Features and their scales.
+    pub features: FeatureSet,
+    /// The ground, for heights above it.
+    pub ground: HeightParams,
+    /// Selection of the training points.
+    pub training: TrainingParams,
+    /// Folds of the first stage.
+    pub folds: FoldParams,
+    /// First stage: the forest; each half of the checkerboard trains half of its trees.
+    pub forest: ForestParams,
+    /// Surroundings whose classes the second stage sees.
+    pub context: ContextParams,
+    /// Second stage: gradient-boosted trees.
+    pub boosting: BoostingParams,
+    /// What the classes become in the end.
+    pub classes: ClassRules,
+    /// Regularisation of the labels.
+    pub regularise: RegulariseParams,
+}
+
+impl Default for AirborneRecipe {
+    fn default() -> Self {
+        let pyramid = PyramidParams { first_scale: Some(0.25), levels: 8, ..PyramidParams::default() };
+        let profile = ProfileParams { cells: vec![0.5, 1.0, 2.0, 4.0], ..ProfileParams::default() };
+        let features =
+            FeatureSet { returns: true, optional: true, height: true, pyramid, profile, ..FeatureSet::default() };
+        Self {
+            recipe: AirborneKind::Airborne,
+            seed: 0,
+            pyramid_twice: true,
+            features,
+            ground: HeightParams::default(),
+            training: TrainingParams {
+                voxel: 0.25,
+                per_copy: 4000,
+                densities: vec![10.0, 4.0, 1.0],
+                ..TrainingParams::default()
+            },
+            folds: FoldParams::default(),
+            forest: ForestParams { max_depth: Some(18), min_samples_leaf: 8, ..ForestParams::default() },
+            context: ContextParams::default(),
+            boosting: BoostingParams::default(),
+            classes: ClassRules { vegetation: vec![0.5, 1.5], ..ClassRules::default() },
+            regularise: RegulariseParams::default(),
+        }
+    }
+}
+
+impl System for AirborneRecipe {
+    const NAME: &'static str = "airborne";
+    type Learned = Nothing;
+    type Report = AirborneReport;
+
+    fn validate(&self) -> Result<()> {
+        self.features.validate()?;
+        self.ground.validate()?;
+        self.training.validate()?;
+        self.forest.validate()?;
+        self.context.validate()?;
+        self.boosting.validate()?;
+        self.classes.validate()?;
+        self.regularise.validate()?;
+        let FoldParams { square, missing } = self.folds;
+        if !(square > 0.0 && square.is_finite()) {
+            return Err(Error::parameter("folds.square", square, "metres, above 0"));
+        }
+        if !(0.0..=1.0).contains(&missing) {
+            return Err(Error::parameter("folds.missing", missing, "a share, 0 to 1"));
+        }
+        match self.forest.trees {
+            1 => {
+                Err(Error::parameter("forest.trees", 1, "2 or more: each half of the checkerboard trains half of them"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    fn metres_per_unit(&self) -> Option<f64> {
+        self.features.metres_per_unit
+    }
+
+    fn regularise(&self) -> &RegulariseParams {
+        &self.regularise
+    }
+
+    fn rules(&self) -> ClassRules {
+        self.classes.clone()
+    }
+
+    fn columns(&self) -> Vec<String> {
+        self.features.columns().into_iter().map(String::from).collect()
+    }
+
+    fn bytes_a_point(&self, method: Regularise) -> u64 {
+        if method == Regularise::None { 70 } else { 220 }
+    }
+
+    fn lowest_density(&self) -> f64 {
+        self.training.densities.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    fn train(
+        &self,
+        clouds: &[LabelledCloud],
+        options: &TrainOptions,
+        monitor: &Monitor,
+    ) -> Result<(Model, AirborneReport)> {
+        train::train(self, clouds, options, monitor)
+    }
+
+    fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+        classify::classify(&fitted.recipe, job, monitor)
+    }
+}

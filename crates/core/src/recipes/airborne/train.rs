@@ -1,0 +1,224 @@
+//! Training of both stages.
+
+use super::AirborneRecipe;
+use super::classify::heights;
+use super::folds::Squares;
+use super::report::AirborneReport;
+use crate::classification::{
+    Boosting, Classifier, Fingerprint, Forest, ForestParams, Learner, Predictor, Samples, argmax,
+};
+use crate::cloud::{MetricCloud, Points};
+use crate::error::{Error, Result};
+use crate::features::definition::{Feature, Scope};
+use crate::features::{self, Context, Rated};
+use crate::parallel::Monitor;
+use crate::recipes::classify::predict::CloudPredictor;
+use crate::recipes::model::{FirstStage, Stage};
+use crate::recipes::training::sources::{Source, Sources};
+use crate::recipes::training::{TrainingData, density};
+use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
+
+pub(super) fn train(
+    recipe: &AirborneRecipe,
+    clouds: &[LabelledCloud],
+    options: &TrainOptions,
+    monitor: &Monitor,
+) -> Result<(Model, AirborneReport)> {
+    options.without_strengths(AirborneRecipe::NAME)?;
+    options.without_depths(AirborneRecipe::NAME)?;
+    recipe.validate()?;
+    let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
+    let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
+    let lessons = Lessons { recipe, data: &data, sources: &sources };
+    let first = lessons.first_stage(monitor)?;
+    let halves = first.halves(&lessons, monitor)?;
+    let (second, right) = lessons.second_stage(&first, &halves, monitor)?;
+    let samples = second.samples(&sources);
+    let boosting = crate::classification::BoostingParams {
+        seed: recipe.boosting.seed.wrapping_add(recipe.seed),
+        ..recipe.boosting.clone()
+    };
+    let trained: Boosting = boosting.train(&samples, monitor)?;
+    let fingerprint = Fingerprint::of(&samples, density(&data, monitor)?);
+    let (trained, used) = trained.retain_used();
+    let report = AirborneReport {
+        classes: sources.counts.clone(),
+        unlabelled: data.unlabelled(),
+        first_stage_accuracy: right as f64 / second.labels.len().max(1) as f64,
+        square: recipe.folds.square,
+        first_features: first.names.len(),
+        used_features: used.len(),
+        warnings: sources.warnings.clone(),
+    };
+    let [a, b] = halves;
+    let model = Model {
+        first: Some(FirstStage { feature_names: first.names, classifier: Classifier::Forest(a.joined(&b)?) }),
+        fingerprint: fingerprint.select(&used),
+        feature_names: used.iter().map(|&f| second.names[f].clone()).collect(),
+        fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }.into(),
+        classes: sources.classes.clone(),
+        classifier: Classifier::Boosting(trained),
+    };
+    Ok((model, report))
+}
+
+/// What the training of both stages reads.
+struct Lessons<'a> {
+    recipe: &'a AirborneRecipe,
+    data: &'a TrainingData<'a>,
+    sources: &'a Sources,
+}
+
+/// The samples of a stage, of all sources one after the other.
+#[derive(Default)]
+struct Described {
+    names: Vec<String>,
+    values: Vec<f32>,
+    labels: Vec<u16>,
+    /// Fold of each sample, 0 or 1.
+    folds: Vec<usize>,
+    weights: Vec<f32>,
+}
+
+/// A source as it is described: with heights above the ground, and without some of its columns.
+struct Prepared<'a> {
+    scene: MetricCloud<'a>,
+    points: Points,
+    squares: Squares<'a>,
+}
+
+impl Described {
+    fn samples(&self, sources: &Sources) -> Samples<'_> {
+        let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
+        Samples {
+            features: &self.values,
+            width: self.names.len(),
+            labels: &self.labels,
+            weights,
+            classes: sources.classes.len(),
+        }
+    }
+
+    fn row(&self, sample: usize) -> &[f32] {
+        &self.values[sample * self.names.len()..][..self.names.len()]
+    }
+
+    /// The forests of both colours of the checkerboard, each with half of the trees.
+    fn halves(&self, lessons: &Lessons<'_>, monitor: &Monitor) -> Result<[Forest; 2]> {
+        let recipe = lessons.recipe;
+        let train = |fold: usize| {
+            let weight =
+                |i: usize| if self.folds[i] == fold { self.weights.get(i).copied().unwrap_or(1.0) } else { 0.0 };
+            let weights: Vec<f32> = (0..self.labels.len()).map(weight).collect();
+            if weights.iter().all(|&w| w == 0.0) {
+                let square = recipe.folds.square;
+                let expected = "smaller squares: all samples lie in squares of one colour";
+                return Err(Error::parameter("folds.square", square, expected));
+            }
+            let trees = (recipe.forest.trees + 1 - fold) / 2;
+            let seed = recipe.forest.seed.wrapping_add(recipe.seed).wrapping_add(fold as u64);
+            let params = ForestParams { trees, seed, ..recipe.forest.clone() };
+            params.train(&Samples { weights: Some(&weights), ..self.samples(lessons.sources) }, monitor)
+        };
+        Ok([train(0)?, train(1)?])
+    }
+}
+
+impl Lessons<'_> {
+    /// Calls `work` with each source.
+    fn each(&self, monitor: &Monitor, mut work: impl FnMut(&Source, &Prepared<'_>) -> Result<()>) -> Result<()> {
+        let columns = self.recipe.columns();
+        for (number, source) in self.sources.list.iter().enumerate() {
+            source.with_scene(self.data, monitor, |scene| {
+                let seed = self.recipe.seed.wrapping_add(number as u64);
+                let squares = Squares { params: &self.recipe.folds, metres: scene.metres, seed };
+                let changed = squares.with_missing(scene, &columns)?;
+                let cloud = changed.as_ref().unwrap_or(scene.cloud);
+                let points = scene.points(monitor)?;
+                let heights = heights(scene, &points, self.recipe, monitor)?;
+                let scene = MetricCloud { cloud, heights: Some(&heights), ..scene.clone() };
+                work(source, &Prepared { scene, points, squares })
+            })?;
+        }
+        Ok(())
+    }
+
+    /// The samples with all features of the set.
+    fn first_stage(&self, monitor: &Monitor) -> Result<Described> {
+        let mut described = Described { weights: self.sources.sample_weights(), ..Described::default() };
+        self.each(monitor, |source, prepared| {
+            let Prepared { scene, squares, .. } = prepared;
+            let points = source.points();
+            let (table, _) = features::table_at(scene, &self.recipe.features, &points, monitor)?;
+            described.values.extend_from_slice(&table.values);
+            described.labels.extend(source.labels(&self.sources.classes));
+            described.folds.extend(points.iter().map(|&p| squares.fold(scene.cloud.xyz(p as usize))));
+            described.names = table.names;
+            Ok(())
+        })?;
+        Ok(described)
+    }
+
+    /// The samples with the features of the second stage, and how many of them the first stage names right.
+    fn second_stage(&self, first: &Described, halves: &[Forest; 2], monitor: &Monitor) -> Result<(Described, u64)> {
+        let codes: Vec<u8> = self.sources.classes.classes().iter().map(|class| class.code).collect();
+        let kept = self.kept(&first.names);
+        let own = kept.iter().map(|&column| first.names[column].clone());
+        let mut described = Described {
+            names: own.chain(self.recipe.context.names(&codes)).collect(),
+            labels: first.labels.clone(),
+            weights: first.weights.clone(),
+            ..Described::default()
+        };
+        let halves = halves.clone().map(Classifier::Forest);
+        let (mut sample, mut right) = (0, 0);
+        self.each(monitor, |source, prepared| {
+            let rated = self.rated(&first.names, &halves, prepared, monitor)?;
+            let rated = Rated { points: &prepared.points.positions, probabilities: &rated, classes: codes.len() };
+            let context = Context::new(&rated, &self.recipe.context, monitor)?;
+            let row_of = prepared.points.frame.rows(prepared.scene.cloud.len());
+            let mut around = vec![0.0; context.width()];
+            for point in source.points() {
+                let row = row_of[point as usize] as usize;
+                let own = &rated.probabilities[row * codes.len()..][..codes.len()];
+                context.describe(prepared.points.positions.xyz(row), own, &mut around);
+                described.values.extend(kept.iter().map(|&column| first.row(sample)[column]));
+                described.values.extend_from_slice(&around);
+                right += u64::from(argmax(own) == usize::from(first.labels[sample]));
+                sample += 1;
+            }
+            Ok(())
+        })?;
+        Ok((described, right))
+    }
+
+    /// Columns of the first stage that the second uses as well.
+    fn kept(&self, names: &[String]) -> Vec<usize> {
+        let wanted = |name: &str| self.recipe.pyramid_twice || Feature::named(name, Scope::Level).is_none();
+        (0..names.len()).filter(|&column| wanted(&names[column])).collect()
+    }
+
+    /// The probabilities of all points, each by the forest of the other colour.
+    fn rated(
+        &self,
+        names: &[String],
+        halves: &[Classifier; 2],
+        prepared: &Prepared<'_>,
+        monitor: &Monitor,
+    ) -> Result<Vec<f32>> {
+        let Prepared { scene, points, squares } = prepared;
+        let row_of = points.frame.rows(scene.cloud.len());
+        let classes = self.sources.classes.len();
+        let by = |classifier| {
+            let stage = Stage { names, classifier };
+            CloudPredictor::new(scene, &self.recipe.features, stage, monitor)?.of_points(&row_of, points.len(), monitor)
+        };
+        let [a, mut b] = [by(&halves[0])?, by(&halves[1])?];
+        for (row, &point) in points.frame.index.iter().enumerate() {
+            if squares.fold(scene.cloud.xyz(point as usize)) == 1 {
+                b[row * classes..][..classes].copy_from_slice(&a[row * classes..][..classes]);
+            }
+        }
+        Ok(b)
+    }
+}

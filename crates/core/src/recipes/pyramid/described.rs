@@ -1,0 +1,73 @@
+//! Step 3: feature vectors of the chosen points.
+
+use super::PyramidRecipe;
+use crate::classes::ClassTable;
+use crate::classification::Samples;
+use crate::error::Result;
+use crate::features::{self, FeatureSet};
+use crate::parallel::Monitor;
+use crate::recipes::training::TrainingData;
+use crate::recipes::training::sources::Sources;
+
+/// Edge of the squares that cross-validation holds out together, metres.
+pub(super) const BLOCK: f64 = 50.0;
+
+/// Feature vectors of the chosen points, the position of their class, and their 50 m square.
+#[derive(Default)]
+pub(super) struct Described {
+    pub(super) values: Vec<f32>,
+    pub(super) labels: Vec<u16>,
+    /// Weight of each sample; empty if all are equal.
+    pub(super) weights: Vec<f32>,
+    pub(super) blocks: Vec<u32>,
+    pub(super) names: Vec<String>,
+    pub(super) classes: ClassTable,
+    /// The features; the first scale is set.
+    pub(super) features: FeatureSet,
+}
+
+impl Described {
+    pub(super) fn samples(&self) -> Samples<'_> {
+        let (features, labels) = (&self.values[..], &self.labels[..]);
+        let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
+        Samples { features, width: self.names.len(), labels, weights, classes: self.classes.len() }
+    }
+}
+
+impl Described {
+    /// Computes the feature vectors of the chosen points, all with the first scale of the first cloud.
+    pub(super) fn new(
+        data: &TrainingData<'_>,
+        sources: &Sources,
+        recipe: &PyramidRecipe,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let mut described = Self {
+            classes: sources.classes.clone(),
+            features: recipe.features.clone(),
+            weights: sources.sample_weights(),
+            ..Self::default()
+        };
+        for source in &sources.list {
+            described.labels.extend(source.labels(&sources.classes));
+            source.with_scene(data, monitor, |scene| {
+                let points = source.points();
+                let (table, first_scale) = features::table_at(scene, &described.features, &points, monitor)?;
+                described.features.pyramid.first_scale = Some(first_scale);
+                described.values.extend_from_slice(&table.values);
+                let block = |&p: &u32| block_of(source.cloud, scene.cloud.xyz(p as usize), scene.metres);
+                described.blocks.extend(points.iter().map(block));
+                described.names = table.names;
+                Ok(())
+            })?;
+        }
+        Ok(described)
+    }
+}
+
+/// A number for the 50 m square that contains a point (hash collisions only merge squares).
+fn block_of(cloud: usize, xyz: [f64; 3], metres: f64) -> u32 {
+    let [x, y] = [xyz[0], xyz[1]].map(|v| (v * metres / BLOCK).floor() as i64 as u32);
+    let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ (cloud as u32).wrapping_mul(0xc2b2_ae3d);
+    mixed.wrapping_mul(0x27d4_eb2f) >> 8
+}

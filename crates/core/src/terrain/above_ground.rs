@@ -1,0 +1,99 @@
+//! Heights of points above the ground that the ground filter finds.
+
+use super::elevation::{ElevationModel, ElevationParams};
+use super::ground_filter::{GroundParams, ground_points};
+use super::sites::by_site;
+use crate::cloud::Points;
+use crate::error::Result;
+use crate::parallel::Monitor;
+use serde::{Deserialize, Serialize};
+
+/// How the ground is found, and its model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HeightParams {
+    /// The ground filter.
+    pub filter: GroundParams,
+    /// The elevation model of the ground points.
+    pub elevation: ElevationParams,
+}
+
+impl HeightParams {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        self.filter.validate()?;
+        self.elevation.validate()
+    }
+
+    fn cell(&self) -> f64 {
+        self.filter.cell.min(self.elevation.cell)
+    }
+}
+
+/// Height of every point above the ground, metres; negative below it. The ground is found by [`ground_points`], on each
+/// site of a scattered cloud alone. O(n log n + cells).
+///
+/// # Errors
+/// If there is no point, a parameter is out of range, or the work was cancelled.
+pub fn heights_above_ground(points: &Points, params: &HeightParams, monitor: &Monitor) -> Result<Vec<f32>> {
+    params.validate()?;
+    by_site(points, params.cell(), monitor, |site| {
+        let ground = ground_points(site, &params.filter, monitor)?;
+        ElevationModel::fit(site, &ground, &params.elevation, monitor)?.heights(site, monitor)
+    })
+}
+
+/// Height of every point above the points marked as ground; a site without any has the ground of the filter.
+///
+/// # Errors
+/// As [`heights_above_ground`].
+pub fn heights_above(
+    points: &Points,
+    is_ground: &[bool],
+    params: &HeightParams,
+    monitor: &Monitor,
+) -> Result<Vec<f32>> {
+    super::elevation::check_mask(points.len(), is_ground)?;
+    if !is_ground.contains(&true) {
+        return heights_above_ground(points, params, monitor);
+    }
+    match ElevationModel::fit(points, is_ground, &params.elevation, monitor) {
+        Ok(model) => model.heights(points, monitor),
+        // Too wide for one raster.
+        Err(crate::error::Error::InvalidParameter { .. }) => heights_above_ground(points, params, monitor),
+        Err(other) => Err(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+
+    #[test]
+    fn a_roof_has_its_height_above_a_slope() {
+        let slope = |x: f64| 100.0 + 0.1 * x;
+        let rows: Vec<[f64; 3]> = (0..3600)
+            .map(|i| (f64::from(i % 60), f64::from(i / 60)))
+            .map(|(x, y)| {
+                [x, y, slope(x) + if (20.0..28.0).contains(&x) && (20.0..28.0).contains(&y) { 6.0 } else { 0.0 }]
+            })
+            .collect();
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let (params, monitor) = (HeightParams::default(), Monitor::default());
+        let found = heights_above_ground(&points, &params, &monitor).unwrap();
+        let truth: Vec<bool> = rows.iter().map(|p| p[2] - slope(p[0]) < 1.0).collect();
+        let given = heights_above(&points, &truth, &params, &monitor).unwrap();
+        for ((p, found), given) in rows.iter().zip(found).zip(given) {
+            let height = p[2] - slope(p[0]);
+            assert!(
+                (f64::from(found) - height).abs() < 0.6 && (f64::from(given) - height).abs() < 0.6,
+                "{p:?} {found}"
+            );
+        }
+        assert!(heights_above(&points, &[true], &params, &monitor).is_err());
+    }
+}
