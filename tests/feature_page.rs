@@ -2,6 +2,7 @@
 //!
 //! `WRITE_DOCS=1 cargo test -p scansion-tests --test feature_page` writes the page.
 
+use scansion_core::features::ContextParams;
 use scansion_core::features::definition::{ALL, Definition, Feature, Group, Scope};
 use scansion_core::recipes;
 use std::path::{Path, PathBuf};
@@ -38,9 +39,15 @@ fn heading(scope: Scope) -> &'static str {
              edge of the level's\nvoxels appended, as in `Planarity_r0p4` for 0.4 m. Used by the recipes `pyramid` and \
              `weak`.\n"
         }
+        Scope::Cell => {
+            "## Profiles\n\nFor each point in its cell of a grid in plan; the column has the edge of the cell appended, as in \
+             `GapBelow_r0p5` for\n0.5 m. Used by the recipe [`airborne`](airborne.md); others take them with the setting \
+             `features.profile.cells`.\n"
+        }
         Scope::Point => {
-            "## Features of points\n\nOnce for each point: its own columns (recipe `pyramid`, on request), its\n\
-             [optimal neighbourhood](optimal-neighbourhood.md) and the [terrain](terrain.md) (recipe `weak`).\n"
+            "## Features of points\n\nOnce for each point: its own columns (recipe `airborne`; recipe `pyramid` on request), its\n\
+             [optimal neighbourhood](optimal-neighbourhood.md) and the [terrain](terrain.md) (recipe `weak`; the height above the\n\
+             ground, `Elevation`, recipe `airborne`).\n"
         }
         Scope::Segment => {
             "## Features of segments\n\nFor each segment (recipe [`objects`](objects.md)); colours and heights if \
@@ -57,7 +64,7 @@ fn row(d: &Definition) -> String {
 
 fn page() -> String {
     let mut page = HEAD.to_string();
-    for scope in [Scope::Level, Scope::Point, Scope::Segment] {
+    for scope in [Scope::Level, Scope::Cell, Scope::Point, Scope::Segment] {
         page += &format!("\n{}", heading(scope));
         for group in Group::ALL.into_iter().filter(|group| group.scope() == scope) {
             page += &format!("\n### {}\n\nFrom {}.\n\n", group.name(), group.reach());
@@ -92,7 +99,12 @@ fn pages_of_methods_name_the_features_of_the_registry() {
 #[test]
 fn the_features_of_the_built_in_model_are_in_the_registry() {
     let model = recipes::default_model().unwrap();
-    let known =
-        |name: &String| Feature::named(name, Scope::Level).or_else(|| Feature::named(name, Scope::Point)).is_some();
+    let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();
+    let context = ContextParams::default().names(&codes);
+    let scopes = [Scope::Level, Scope::Cell, Scope::Point];
+    let registered = |name: &String| scopes.iter().any(|&scope| Feature::named(name, scope).is_some());
+    let first = model.first.map(|first| first.feature_names).unwrap_or_default();
+    assert!(!first.is_empty() && first.iter().all(registered), "{first:?}");
+    let known = |name: &String| registered(name) || context.contains(name);
     assert!(!model.feature_names.is_empty() && model.feature_names.iter().all(known), "{:?}", model.feature_names);
 }

@@ -14,8 +14,8 @@ use scansion_core::cloud::Cloud as CoreCloud;
 use scansion_core::io::read_ascii_grid;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    self, AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, Model as CoreModel, Regularise, TrainOptions,
-    read_labels,
+    self, AnyRecipe, ClassRules, ClassifyParams, LabelParams, LabelledCloud, Model as CoreModel, Regularise,
+    TrainOptions, read_labels,
 };
 use scansion_core::terrain::ElevationModel;
 use std::path::{Path, PathBuf};
@@ -140,7 +140,7 @@ impl Model {
         py.detach(|| self.inner.save(&path)).map_err(raise)
     }
 
-    #[pyo3(signature = (cloud, probabilities = false, regularize = None, metres_per_unit = None, elevation_model = None, n_jobs = None))]
+    #[pyo3(signature = (cloud, probabilities = false, regularize = None, metres_per_unit = None, elevation_model = None, abstain = None, divided = true, n_jobs = None))]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
     fn classify<'py>(
         &self,
@@ -150,14 +150,25 @@ impl Model {
         regularize: Option<&str>,
         metres_per_unit: Option<f64>,
         elevation_model: Option<PathBuf>,
+        abstain: Option<f64>,
+        divided: bool,
         n_jobs: Option<i64>,
     ) -> PyResult<Answer<'py>> {
         let cloud = Arc::clone(&cloud.inner);
         let regularise = method(regularize)?;
+        let own = if divided { self.inner.fitted.rules() } else { ClassRules::default() };
+        let rules = ClassRules { abstain: abstain.unwrap_or(own.abstain), ..own };
+        rules.validate().map_err(raise)?;
         let found = call(py, n_jobs, |monitor| {
             let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
-            let params =
-                ClassifyParams { probabilities, metres_per_unit, regularise, elevation, statistics: None, rules: None };
+            let params = ClassifyParams {
+                probabilities,
+                metres_per_unit,
+                regularise,
+                elevation,
+                statistics: None,
+                rules: Some(rules),
+            };
             recipes::classify(&cloud, &self.inner, &params, monitor)
         })?;
         let classes = self.inner.classes.len();

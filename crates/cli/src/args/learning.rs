@@ -105,6 +105,9 @@ pub(crate) struct Classify {
     /// Write only the classification: no Confidence and Entropy
     #[arg(long)]
     pub(crate) no_extra: bool,
+    /// Leave points of less confidence unclassified, 0..1 [default: the model's own]
+    #[arg(long, value_name = "CONFIDENCE")]
+    pub(crate) abstain: Option<f64>,
     /// Only classify points that are unclassified (codes 0 and 1; Semantic3D: 0)
     #[arg(short = 'u', long)]
     pub(crate) only_unclassified: bool,

@@ -3,10 +3,11 @@
 use super::{Context, sources};
 use crate::args::Classify;
 use crate::exit_code::Failure;
-use scansion_core::classes::LabelMap;
+use scansion_core::classes::{ClassTable, LabelMap};
 use scansion_core::cloud::{Cloud, CodeScheme, Column, Values, names};
 use scansion_core::io::{self, Columns, Edit, run, salvage};
-use scansion_core::recipes::{self, Classified, ClassifyParams, Model};
+use scansion_core::recipes::{self, ClassRules, Classified, ClassifyParams, Model};
+use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
 
@@ -65,10 +66,11 @@ fn one(
         regularise: args.regularize,
         elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
         statistics: None,
-        rules: None,
+        rules: Some(rules(model, args)?),
     };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
+    let table = summary(&result, &given(model, args)?);
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);
     drop(cloud);
@@ -88,7 +90,44 @@ fn one(
         output.display(),
         rate / 1e3
     ));
+    table.lines().for_each(|line| context.printer.note(line));
     Ok(())
+}
+
+/// The rules of the model's recipe, with the user's confidence.
+fn rules(model: &Model, args: &Classify) -> Result<ClassRules, Failure> {
+    let own = model.fitted.rules();
+    let rules = ClassRules { abstain: args.abstain.unwrap_or(own.abstain), ..own };
+    rules.validate()?;
+    Ok(rules)
+}
+
+/// All classes of the output.
+fn given(model: &Model, args: &Classify) -> Result<ClassTable, Failure> {
+    Ok(rules(model, args)?.given(&model.classes))
+}
+
+/// A table of classes: points, share, mean confidence; and how the cloud compares with the training.
+fn summary(result: &Classified, classes: &ClassTable) -> String {
+    let mut sums = vec![(0u64, 0.0f64); 256];
+    for (&code, &confidence) in result.codes.iter().zip(&result.confidence) {
+        let (count, sum) = &mut sums[usize::from(code)];
+        (*count, *sum) = (*count + 1, *sum + f64::from(confidence));
+    }
+    let mut text = format!("{:>5}  {:<20} {:>12} {:>8} {:>11}\n", "code", "class", "points", "share", "confidence");
+    for (code, (count, sum)) in (0u8..=255).zip(sums).filter(|(_, (count, _))| *count > 0) {
+        let known = classes.position(code).map(|c| classes.classes()[c].name.as_str());
+        let (name, share) = (known.unwrap_or("unclassified"), 100.0 * count as f64 / result.codes.len() as f64);
+        let _ = writeln!(text, "{code:>5}  {name:<20} {count:>12} {share:>6.2} % {:>11.2}", sum / count as f64);
+    }
+    if let Some(outside) = result.outside {
+        let _ = writeln!(
+            text,
+            "{:.0} % of the feature values lie outside the middle 90 % of those in training (about 10 % in a similar cloud)",
+            100.0 * outside
+        );
+    }
+    text
 }
 
 /// The codes to write: the model's, except where the user wants the old ones kept.
@@ -131,7 +170,8 @@ fn edits(
 ) -> Result<Vec<Edit>, Failure> {
     let mut edits = vec![Edit::Classification(codes)];
     if !args.no_extra {
-        let names = model.classes.classes().iter().map(|c| (map.apply(c.code), c.name.clone())).collect();
+        let classes = given(model, args)?;
+        let names = classes.classes().iter().map(|c| (map.apply(c.code), c.name.clone())).collect();
         edits.push(Edit::ClassNames(names));
         edits.push(Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))));
         edits.push(Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))));

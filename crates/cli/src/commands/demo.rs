@@ -4,7 +4,7 @@ use super::{Context, sources};
 use crate::args::Demo;
 use crate::exit_code::Failure;
 use scansion_core::Error;
-use scansion_core::classes::ClassTable;
+use scansion_core::classes::{ClassTable, LabelMap};
 use scansion_core::cloud::{Column, Values, names};
 use scansion_core::evaluation::{Confusion, report};
 use scansion_core::images::{self, ColourBy, RenderParams, View};
@@ -25,7 +25,9 @@ pub(crate) fn run(args: &Demo, context: &Context<'_>) -> Result<(), Failure> {
     let truth = read_labels(&cloud, &params)?.codes;
     let model = sources::model(None)?;
     let result = recipes::classify(&cloud, &model, &ClassifyParams::default(), &context.monitor)?;
-    let confusion = Confusion::from_options(&truth, &result.codes)?;
+    let map: LabelMap = recipes::BUILTIN_MAP.parse()?;
+    let found: Vec<u8> = result.codes.iter().map(|&code| map.apply(code)).collect();
+    let confusion = Confusion::from_options(&truth, &found)?;
 
     let edits = [
         Edit::Classification(result.codes.clone()),

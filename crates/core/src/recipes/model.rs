@@ -58,11 +58,13 @@ pub struct FirstStage {
 pub(super) struct Stage<'a> {
     pub(super) names: &'a [String],
     pub(super) classifier: &'a Classifier,
+    /// Summary of the samples that it was trained on, if it is known.
+    pub(super) training: Option<&'a Fingerprint>,
 }
 
 impl FirstStage {
     pub(super) fn stage(&self) -> Stage<'_> {
-        Stage { names: &self.feature_names, classifier: &self.classifier }
+        Stage { names: &self.feature_names, classifier: &self.classifier, training: None }
     }
 }
 
@@ -260,7 +262,8 @@ impl Model {
     }
 
     pub(super) fn stage(&self) -> Stage<'_> {
-        Stage { names: &self.feature_names, classifier: &self.classifier }
+        let training = Some(&self.fingerprint);
+        Stage { names: &self.feature_names, classifier: &self.classifier, training }
     }
 }
 

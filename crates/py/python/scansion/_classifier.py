@@ -212,6 +212,8 @@ class PointClassifier(Classifier):
         regularize: str | None = None,
         metres_per_unit: float | None = None,
         elevation_model: str | os.PathLike[str] | None = None,
+        abstain: float | None = None,
+        divided: bool = True,
     ) -> Classified:
         """Class, confidence and entropy of every point.
 
@@ -226,11 +228,16 @@ class PointClassifier(Classifier):
             Metres per unit of the coordinates; None uses the cloud's own unit, else 1. Degrees are an error.
         elevation_model : path, optional
             Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
+        abstain : float, optional
+            Points of less confidence, 0..1, get the code of unclassified points; None uses the recipe's.
+        divided : bool
+            Apply the rules of the recipe: the built-in model's vegetation becomes low, medium and high
+            (3, 4, 5), isolated points noise (7, 18). Otherwise, as in `predict`, only ``codes_`` occur.
         """
         self._check_is_fitted()
         points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
         found = self._model.classify(
-            points._core, probabilities, regularize, metres_per_unit, _path(elevation_model), self.n_jobs
+            points._core, probabilities, regularize, metres_per_unit, _path(elevation_model), abstain, divided, self.n_jobs
         )
         for note in found[4]:
             warnings.warn(note, stacklevel=2)
@@ -244,7 +251,7 @@ class PointClassifier(Classifier):
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         """
-        found = self.classify(cloud).codes
+        found = self.classify(cloud, divided=False).codes
         return self._texts(found) if self.classes_.dtype.kind == "U" else found
 
     def _texts(self, found: NDArray[np.uint8]) -> NDArray[np.str_]:
@@ -280,13 +287,13 @@ class PointClassifier(Classifier):
             true = texts(labels, "labels", len(points))
             known = np.array([text is not None and text not in set(unlabelled) for text in true.tolist()], dtype=bool)
             self._check_labelled(known)
-            return float(np.mean(self._texts(self.classify(points).codes)[known] == true[known].astype(str)))
+            return float(np.mean(self._texts(self.classify(points, divided=False).codes)[known] == true[known].astype(str)))
         if labels is None and self.unlabelled is None:
             unlabelled = points._core.unlabelled()
         given = points[_LABELS] if labels is None else labels
         codes = signed(given, "labels", len(points), unlabelled, self.class_map)
         self._check_labelled(codes >= 0)
-        return float(np.mean((self.classify(points).codes == codes)[codes >= 0]))
+        return float(np.mean((self.classify(points, divided=False).codes == codes)[codes >= 0]))
 
     @staticmethod
     def _check_labelled(known: NDArray[np.bool_]) -> None:

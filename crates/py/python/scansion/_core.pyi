@@ -140,6 +140,8 @@ class Model:
         regularize: str | None = None,
         metres_per_unit: float | None = None,
         elevation_model: str | None = None,
+        abstain: float | None = None,
+        divided: bool = True,
         n_jobs: int | None = None,
     ) -> tuple[
         NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None, list[str]

@@ -45,7 +45,8 @@ pub(super) fn classify(recipe: &AirborneRecipe, job: &Job<'_>, monitor: &Monitor
         let mut result = Classified::unknown(scene.cloud.len(), model, job.params.probabilities);
         result.warnings = job.warnings(planar_density(&points.positions, monitor)?, monitor)?;
         drop(points);
-        second.run(|points, rows| result.place(points, rows, model), monitor)?;
+        let fit = second.run(|points, rows| result.place(points, rows, model), monitor)?;
+        result.outside = fit.outside();
         return Ok(result);
     }
     let values = second.of_points(&row_of, points.len(), monitor)?;

@@ -210,7 +210,7 @@ impl Lessons<'_> {
         let row_of = points.frame.rows(scene.cloud.len());
         let classes = self.sources.classes.len();
         let by = |classifier| {
-            let stage = Stage { names, classifier };
+            let stage = Stage { names, classifier, training: None };
             CloudPredictor::new(scene, &self.recipe.features, stage, monitor)?.of_points(&row_of, points.len(), monitor)
         };
         let [a, mut b] = [by(&halves[0])?, by(&halves[1])?];

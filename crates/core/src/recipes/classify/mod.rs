@@ -52,6 +52,9 @@ pub struct Classified {
     pub entropy: Vec<f32>,
     /// Row-major `points x classes`, if requested.
     pub probabilities: Option<Vec<f32>>,
+    /// Share of the feature values that lie outside the middle 90 % of those in training, 0..1, if it was looked at:
+    /// about 0.1 for a cloud like those of the training.
+    pub outside: Option<f64>,
     /// Warnings for the user: another density than in training, points that are not finite.
     pub warnings: Vec<String>,
 }
@@ -180,6 +183,7 @@ impl Classified {
             confidence: vec![0.0; points],
             entropy: vec![(classes as f32).ln(); points],
             probabilities: probabilities.then(|| vec![1.0 / classes as f32; points * classes]),
+            outside: None,
             warnings: Vec::new(),
         }
     }

@@ -1,7 +1,7 @@
 //! The streaming predictor: multi-scale features of a cloud, tile by tile and block by block, go to a classifier and are
 //! discarded.
 
-use crate::classification::{Classifier, ClassifierScratch, Predictor};
+use crate::classification::{Classifier, ClassifierScratch, Fingerprint, Predictor};
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::features::{Context, ContextParams, Extractor, FeatureSet, FeatureTable, Rated, Scratch, Tiles, Wanted};
@@ -20,6 +20,8 @@ pub(in crate::recipes) struct CloudPredictor<'a> {
     classifier: &'a Classifier,
     /// Columns of the classifier.
     names: &'a [String],
+    /// Summary of the samples that it was trained on.
+    training: Option<&'a Fingerprint>,
     beside: Beside<'a>,
 }
 
@@ -100,12 +102,46 @@ impl PartContext<'_> {
     }
 }
 
+/// How many feature values of a cloud lie where few of the training samples are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::recipes) struct Fit {
+    /// Values looked at.
+    pub(in crate::recipes) values: u64,
+    /// Those below the 5 % quantile or above the 95 % quantile of the training samples.
+    pub(in crate::recipes) outside: u64,
+}
+
+impl Fit {
+    fn add(&mut self, other: Self) {
+        self.values += other.values;
+        self.outside += other.outside;
+    }
+
+    /// Counts the values of a row.
+    fn look(&mut self, row: &[f32], training: &Fingerprint) {
+        let levels = training.quantiles.chunks_exact(Fingerprint::LEVELS.len());
+        for (value, levels) in row.iter().zip(levels).filter(|(value, _)| value.is_finite()) {
+            self.values += 1;
+            self.outside += u64::from(*value < levels[1] || *value > levels[3]);
+        }
+    }
+
+    /// Share of the values outside, 0..1; on the training samples at most 0.1.
+    pub(in crate::recipes) fn outside(&self) -> Option<f64> {
+        (self.values > 0).then(|| self.outside as f64 / self.values as f64)
+    }
+}
+
+/// One point of this many is compared with the training samples.
+const LOOKED_AT: u32 = 16;
+
 /// Points of a group of blocks and their class probabilities.
 struct Group {
     points: Vec<u32>,
     probabilities: Vec<f32>,
     /// Rows of the extractor that need a wider margin.
     loose: Vec<usize>,
+    fit: Fit,
 }
 
 /// Points of a part, and what a first classifier says about their surroundings.
@@ -142,7 +178,13 @@ impl<'a> CloudPredictor<'a> {
             )));
         }
         let tiles = Tiles::prepare(scene, set, Wanted::Names(stage.names), monitor)?;
-        Ok(Self { tiles, classifier: stage.classifier, names: stage.names, beside: Beside::Nothing })
+        Ok(Self {
+            tiles,
+            classifier: stage.classifier,
+            names: stage.names,
+            training: stage.training,
+            beside: Beside::Nothing,
+        })
     }
 
     /// The same for a classifier whose columns are `first`, then all features of the set.
@@ -157,7 +199,7 @@ impl<'a> CloudPredictor<'a> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let tiles = Tiles::prepare(scene, set, Wanted::All, monitor)?;
-        Ok(Self { tiles, classifier, names: &[], beside: Beside::First(first) })
+        Ok(Self { tiles, classifier, names: &[], training: None, beside: Beside::First(first) })
     }
 
     /// The same for the second of two classifiers, whose columns are features of the set, then those of the context; it
@@ -195,13 +237,14 @@ impl<'a> CloudPredictor<'a> {
     }
 
     /// Gives `sink` the points of each group, as indices in the cloud, and their class probabilities, row-major. A point
-    /// may be given more than once; its last probabilities are the valid ones.
+    /// may be given more than once; its last probabilities are the valid ones. Returns how the features compare with
+    /// those of the training.
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&[u32], &[f32]), monitor: &Monitor) -> Result<()> {
+    pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&[u32], &[f32]), monitor: &Monitor) -> Result<Fit> {
         monitor.stage("classify", self.tiles.len() as u64);
-        let mut around = None;
+        let (mut around, mut fit) = (None, Fit::default());
         self.tiles.each(
             |_| true,
             monitor,
@@ -215,18 +258,18 @@ impl<'a> CloudPredictor<'a> {
                     around = Some((extractor.part(), columns.of_part(&self.tiles, extractor, names, monitor)?));
                 }
                 let part = Part { extractor, context: around.as_ref().map(|(_, context)| context) };
+                let mut sink = |group: &Group| {
+                    fit.add(group.fit);
+                    sink(&group.points, &group.probabilities);
+                };
                 self.all_blocks(&part, &mut sink, monitor)
             },
-        )
+        )?;
+        Ok(fit)
     }
 
     /// Classifies the points of an extractor; returns the rows that need a wider margin.
-    fn all_blocks(
-        &self,
-        part: &Part<'_>,
-        sink: &mut impl FnMut(&[u32], &[f32]),
-        monitor: &Monitor,
-    ) -> Result<Vec<usize>> {
+    fn all_blocks(&self, part: &Part<'_>, sink: &mut impl FnMut(&Group), monitor: &Monitor) -> Result<Vec<usize>> {
         let groups = part.extractor.blocks().div_ceil(TOGETHER);
         let mut loose = Vec::new();
         for first in (0..groups).step_by(GROUPS_AT_ONCE) {
@@ -235,7 +278,7 @@ impl<'a> CloudPredictor<'a> {
                 self.group(group, part, work, monitor)
             })?;
             for group in found {
-                sink(&group.points, &group.probabilities);
+                sink(&group);
                 monitor.advance((group.points.len() - group.loose.len()) as u64);
                 loose.extend(group.loose);
             }
@@ -251,19 +294,19 @@ impl<'a> CloudPredictor<'a> {
             monitor.check()?;
             let here = extractor.block(block, &mut work.scratch, &mut work.block);
             points.extend_from_slice(here);
-            let own = work.block.chunks_exact(extractor.names().len().max(1));
+            let width = extractor.names().len();
+            let own = |r: usize| r * width..(r + 1) * width;
             match (&self.beside, part.context) {
                 (Beside::First(first), _) => {
-                    for (&point, row) in here.iter().zip(own) {
+                    for (r, &point) in here.iter().enumerate() {
                         work.rows.extend_from_slice(first.table.row(first.row_of[point as usize] as usize));
-                        work.rows.extend_from_slice(row);
+                        work.rows.extend_from_slice(&work.block[own(r)]);
                     }
                 }
                 (_, Some(context)) => {
-                    let places = block * Extractor::BLOCK..;
-                    for ((place, &point), row) in places.zip(here).zip(own) {
-                        work.rows.extend_from_slice(row);
-                        let at = extractor.points().positions.xyz(place);
+                    for (r, &point) in here.iter().enumerate() {
+                        work.rows.extend_from_slice(&work.block[own(r)]);
+                        let at = extractor.points().positions.xyz(block * Extractor::BLOCK + r);
                         context.append(point, at, &mut work.context, &mut work.rows);
                     }
                 }
@@ -273,6 +316,12 @@ impl<'a> CloudPredictor<'a> {
         }
         let mut probabilities = vec![0.0; points.len() * self.classifier.classes()];
         self.classifier.predict_block(&work.rows, &mut work.classifier, &mut probabilities)?;
-        Ok(Group { points, probabilities, loose })
+        let mut fit = Fit::default();
+        if let Some(training) = self.training {
+            let rows = work.rows.chunks_exact(self.names.len());
+            let looked_at = points.iter().zip(rows).filter(|(point, _)| *point % LOOKED_AT == 0);
+            looked_at.for_each(|(_, row)| fit.look(row, training));
+        }
+        Ok(Group { points, probabilities, loose, fit })
     }
 }

@@ -1,11 +1,14 @@
-//! What the classes of a model become in the end: vegetation by its height, and points that the model does not know.
+//! What the classes of a model become in the end: vegetation by its height, isolated points noise, and points that the
+//! model does not know unclassified.
 
 use crate::classes::ClassTable;
-use crate::cloud::MetricCloud;
+use crate::cloud::{MetricCloud, Positions};
 use crate::error::{Error, Result};
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor};
 use crate::recipes::classify::Classified;
 use crate::terrain::{HeightParams, heights_above};
+use crate::voxels::cells::Cells;
+use crate::voxels::rows::RowGrid;
 use serde::{Deserialize, Serialize};
 
 /// ASPRS codes.
@@ -13,9 +16,11 @@ const GROUND: u8 = 2;
 const LOW: u8 = 3;
 const MEDIUM: u8 = 4;
 const HIGH: u8 = 5;
+const LOW_NOISE: u8 = 7;
+const HIGH_NOISE: u8 = 18;
 
 /// Rules for the final codes of a model with ASPRS classes.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClassRules {
     /// Heights above the ground, metres, ascending: vegetation (5) below the first becomes low (3), below the second
@@ -23,6 +28,17 @@ pub struct ClassRules {
     pub vegetation: Vec<f64>,
     /// Points of less confidence become unclassified; 0..1.
     pub abstain: f64,
+    /// Points with at most this many others in the 27 voxels around them become noise: low (7) below the ground, else
+    /// high (18). 0: none. Only for models with the ASPRS class 2.
+    pub isolated: usize,
+    /// Edge of these voxels, metres; above 0.
+    pub noise_voxel: f64,
+}
+
+impl Default for ClassRules {
+    fn default() -> Self {
+        Self { vegetation: Vec::new(), abstain: 0.0, isolated: 0, noise_voxel: 4.0 }
+    }
 }
 
 impl ClassRules {
@@ -36,6 +52,9 @@ impl ClassRules {
             let found = format!("{:?}", self.vegetation);
             return Err(Error::parameter("classes.vegetation", found, "two heights in metres, ascending, or none"));
         }
+        if !(self.noise_voxel > 0.0 && self.noise_voxel.is_finite()) {
+            return Err(Error::parameter("classes.noise_voxel", self.noise_voxel, "metres, above 0"));
+        }
         match (0.0..=1.0).contains(&self.abstain) {
             true => Ok(()),
             false => Err(Error::parameter("classes.abstain", self.abstain, "a confidence, 0 to 1")),
@@ -48,16 +67,19 @@ impl ClassRules {
         self.vegetation.len() == 2 && has(GROUND) && has(HIGH) && !has(LOW) && !has(MEDIUM)
     }
 
-    /// All classes that can occur in the result of a model with these classes.
+    /// Whether these rules find noise in the result of a model with these classes.
+    pub fn finds_noise(&self, classes: &ClassTable) -> bool {
+        let has = |code| classes.position(code).is_some();
+        self.isolated > 0 && has(GROUND) && !has(0) && !has(1) && !has(LOW_NOISE) && !has(HIGH_NOISE)
+    }
+
+    /// All classes that can occur in the result of a model with these classes, besides the code of points without one.
     pub fn given(&self, classes: &ClassTable) -> ClassTable {
-        match self.divides(classes) {
-            false => classes.clone(),
-            true => {
-                let more = ClassTable::from_codes(&[LOW, MEDIUM]);
-                let all = classes.classes().iter().chain(more.classes()).cloned().collect();
-                ClassTable::new(all).unwrap_or_else(|_| classes.clone())
-            }
-        }
+        let vegetation = if self.divides(classes) { vec![LOW, MEDIUM] } else { Vec::new() };
+        let noise = if self.finds_noise(classes) { vec![LOW_NOISE, HIGH_NOISE] } else { Vec::new() };
+        let more = ClassTable::from_codes(&[vegetation, noise].concat());
+        let all = classes.classes().iter().chain(more.classes()).cloned().collect();
+        ClassTable::new(all).unwrap_or_else(|_| classes.clone())
     }
 
     /// Applies the rules to a result.
@@ -68,8 +90,8 @@ impl ClassRules {
         scene: &MetricCloud<'_>,
         monitor: &Monitor,
     ) -> Result<()> {
-        if self.divides(classes) && result.codes.contains(&HIGH) {
-            self.divide(result, scene, monitor)?;
+        if self.divides(classes) || self.finds_noise(classes) {
+            self.by_height(result, classes, scene, monitor)?;
         }
         if self.abstain > 0.0 {
             let free = classes.free_code();
@@ -79,23 +101,66 @@ impl ClassRules {
         Ok(())
     }
 
-    /// Divides vegetation by its height above the points that are named ground.
-    fn divide(&self, result: &mut Classified, scene: &MetricCloud<'_>, monitor: &Monitor) -> Result<()> {
+    /// The rules that need the height above the points that are named ground.
+    fn by_height(
+        &self,
+        result: &mut Classified,
+        classes: &ClassTable,
+        scene: &MetricCloud<'_>,
+        monitor: &Monitor,
+    ) -> Result<()> {
         let points = scene.points(monitor)?;
+        if points.is_empty() {
+            return Ok(());
+        }
         let index = &points.frame.index;
-        let ground: Vec<bool> = index.iter().map(|&point| result.codes[point as usize] == GROUND).collect();
+        let isolated = match self.finds_noise(classes) {
+            true => self.isolated(&points.positions, monitor)?,
+            false => Vec::new(),
+        };
+        let isolated = |row: usize| isolated.get(row).copied().unwrap_or(false);
+        let ground = |(row, &point): (usize, &u32)| result.codes[point as usize] == GROUND && !isolated(row);
+        let ground: Vec<bool> = index.iter().enumerate().map(ground).collect();
         let heights = heights_above(&points, &ground, &HeightParams::default(), monitor)?;
-        for (&point, height) in index.iter().zip(heights) {
+        let divides = self.divides(classes);
+        for (row, (&point, height)) in index.iter().zip(heights).enumerate() {
             let code = &mut result.codes[point as usize];
-            if *code == HIGH {
-                *code = match f64::from(height) {
-                    h if h < self.vegetation[0] => LOW,
-                    h if h < self.vegetation[1] => MEDIUM,
-                    _ => HIGH,
-                };
-            }
+            *code = match f64::from(height) {
+                h if isolated(row) => {
+                    if h < 0.0 {
+                        LOW_NOISE
+                    } else {
+                        HIGH_NOISE
+                    }
+                }
+                _ if *code != HIGH || !divides => *code,
+                h if h < self.vegetation[0] => LOW,
+                h if h < self.vegetation[1] => MEDIUM,
+                _ => HIGH,
+            };
         }
         Ok(())
+    }
+
+    /// Whether each point has at most [`ClassRules::isolated`] others in the 27 voxels around it.
+    fn isolated(&self, points: &Positions, monitor: &Monitor) -> Result<Vec<bool>> {
+        let grid = RowGrid::new(points.iter(), self.noise_voxel, "classes.noise_voxel")?;
+        let cells = Cells::new(points.len(), |i| grid.key(points.xyz(i)), monitor)?;
+        let mut isolated = vec![false; points.len()];
+        let mut looks = Looks::at(monitor);
+        for c in 0..cells.len() {
+            looks.step()?;
+            let own = cells.of(c);
+            // Most voxels hold enough themselves.
+            if own.len() > self.isolated + 1 {
+                continue;
+            }
+            let near: usize = cells.around(cells.keys[c]).map(|c| cells.range(c).len()).sum();
+            if near <= self.isolated + 1 {
+                own.iter().for_each(|&i| isolated[i as usize] = true);
+            }
+        }
+        Ok(isolated)
     }
 }
 
@@ -108,19 +173,22 @@ mod tests {
     fn vegetation_is_divided_by_its_height_and_unsure_points_are_set_free() {
         let mut rows: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 100.0]).collect();
         rows.extend([[5.2, 5.2, 100.3], [5.2, 6.2, 101.0], [5.2, 7.2, 107.0], [8.2, 8.2, 104.0]]);
+        // Far above and below.
+        rows.extend([[9.0, 9.0, 180.0], [9.0, 9.0, 60.0]]);
         let cloud = Cloud::from_rows(&rows).unwrap();
         let scene = MetricCloud::new(&cloud, None, &Monitor::default()).unwrap();
         let mut result = Classified {
-            codes: [vec![2; 400], vec![5, 5, 5, 6]].concat(),
-            confidence: [vec![0.9; 403], vec![0.4]].concat(),
+            codes: [vec![2; 400], vec![5, 5, 5, 6, 6, 2]].concat(),
+            confidence: [vec![0.9; 403], vec![0.4, 0.9, 0.9]].concat(),
             ..Classified::default()
         };
         let classes = ClassTable::from_codes(&[2, 5, 6]);
-        let rules = ClassRules { vegetation: vec![0.5, 1.5], abstain: 0.5 };
+        let rules = ClassRules { vegetation: vec![0.5, 1.5], abstain: 0.5, isolated: 5, ..ClassRules::default() };
         rules.validate().unwrap();
         rules.apply(&mut result, &classes, &scene, &Monitor::default()).unwrap();
-        assert_eq!(result.codes[400..], [3, 4, 5, 1]);
-        assert_eq!(rules.given(&classes).len(), 5);
+        assert_eq!(result.codes[400..], [3, 4, 5, 1, 18, 7]);
+        assert!(result.codes[..400].iter().all(|&code| code == 2));
+        assert_eq!(rules.given(&classes).len(), 7);
         assert!(!rules.divides(&ClassTable::from_codes(&[2, 3, 5])));
         assert!(ClassRules { vegetation: vec![1.0], ..rules.clone() }.validate().is_err());
         assert!(ClassRules { abstain: 1.5, ..rules }.validate().is_err());

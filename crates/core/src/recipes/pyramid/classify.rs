@@ -29,6 +29,7 @@ fn one_by_one(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor) -> Resul
     let density = planar_density(&job.scene.points(monitor)?.positions, monitor)?;
     result.warnings = job.warnings(density, monitor)?;
     let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model.stage(), monitor)?;
-    predictor.run(|points, rows| result.place(points, rows, job.model), monitor)?;
+    let fit = predictor.run(|points, rows| result.place(points, rows, job.model), monitor)?;
+    result.outside = fit.outside();
     Ok(result)
 }

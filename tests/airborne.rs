@@ -1,0 +1,183 @@
+//! The recipe `airborne` and the built-in model: scenes with known answers, unusual clouds, and the same bytes always.
+
+use scansion_core::cloud::{Cloud, CodeScheme, Column, Values};
+use scansion_core::evaluation::Confusion;
+use scansion_core::io;
+use scansion_core::parallel::Monitor;
+use scansion_core::random::stream;
+use scansion_core::recipes::{
+    self, AnyRecipe, ClassRules, Classified, ClassifyParams, LabelParams, LabelledCloud, Labels, Model, TrainOptions,
+    classify, read_labels,
+};
+use scansion_tests::demo_scan;
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// A small village: sloping ground, houses with walls and ridged roofs, trees; the code of each point.
+struct Village {
+    cloud: Cloud,
+    codes: Vec<u8>,
+}
+
+fn village(seed: u64) -> Village {
+    let mut s = stream(seed, 77);
+    let (mut rows, mut codes, mut returns) = (Vec::new(), Vec::new(), Vec::new());
+    let hill = |x: f64, y: f64| 200.0 + 0.05 * x + 0.02 * y;
+    let mut add = |p: [f64; 3], code: u8, number: u8| {
+        rows.push(p);
+        codes.push(code);
+        returns.push(number);
+    };
+    for i in 0..48_000 {
+        let (x, y) = (s.uniform() * 120.0, s.uniform() * 120.0);
+        let (u, v) = (x % 40.0, y % 40.0);
+        let house = (10.0..22.0).contains(&u) && (10.0..20.0).contains(&v);
+        let tree = (u - 32.0).hypot(v - 30.0) < 4.0;
+        let noise = 0.03 * (s.uniform() - 0.5);
+        match (house, tree && i % 3 > 0) {
+            (true, _) => add([x, y, hill(x, y) + 8.0 - 0.6 * (v - 15.0).abs() + noise], 6, 1),
+            (_, true) => add([x, y, hill(x, y) + 2.0 + 6.0 * s.uniform()], 5, 1 + (i % 2) as u8),
+            _ => add([x, y, hill(x, y) + noise], 2, 1),
+        }
+    }
+    let mut cloud = Cloud::from_rows(&rows).unwrap();
+    cloud.set_column(Column::new("ReturnNumber", Values::U8(returns.clone()))).unwrap();
+    cloud.set_column(Column::new("NumberOfReturns", Values::U8(returns))).unwrap();
+    Village { cloud, codes }
+}
+
+fn labelled(village: Village) -> LabelledCloud {
+    let labels = Labels::new(village.codes.into_iter().map(Some).collect(), CodeScheme::Asprs);
+    LabelledCloud { cloud: village.cloud, labels }
+}
+
+/// Small enough for a test.
+const RECIPE: &str = "recipe = \"airborne\"\n[features.pyramid]\nfirst_scale = 0.5\nlevels = 5\n[training]\nvoxel = 0.5\n\
+                      per_copy = 1500\ndensities = [2.0]\n[forest]\ntrees = 12\n[boosting]\nrounds = 20\n";
+
+fn model() -> &'static Model {
+    static MODEL: OnceLock<Model> = OnceLock::new();
+    MODEL.get_or_init(|| trained(&AnyRecipe::from_toml(RECIPE).unwrap()))
+}
+
+fn trained(recipe: &AnyRecipe) -> Model {
+    recipe.train(&[labelled(village(1))], &TrainOptions::default(), &Monitor::default()).unwrap().0
+}
+
+fn plain() -> ClassifyParams {
+    ClassifyParams { rules: Some(ClassRules::default()), ..ClassifyParams::default() }
+}
+
+fn run(cloud: &Cloud, model: &Model, params: &ClassifyParams) -> Classified {
+    classify(cloud, model, params, &Monitor::default()).unwrap()
+}
+
+fn share(found: &[u8], wanted: impl Fn(usize) -> u8) -> f64 {
+    (0..found.len()).filter(|&i| found[i] == wanted(i)).count() as f64 / found.len() as f64
+}
+
+/// A flat field, as exact as a scanner on a calm day: nothing tells ground from a flat roof but what is around.
+#[test]
+fn the_built_in_model_names_a_flat_field_ground() {
+    let model = recipes::default_model().unwrap();
+    for noise in [0.0, 0.02] {
+        let mut s = stream(7, 7);
+        let rows: Vec<[f64; 3]> = (0..160_000)
+            .map(|_| [s.uniform() * 100.0, s.uniform() * 100.0, 300.0 + noise * (s.uniform() - 0.5)])
+            .collect();
+        let found = run(&Cloud::from_rows(&rows).unwrap(), &model, &plain());
+        let building = share(&found.codes, |_| 6);
+        assert!(building <= 0.001 && share(&found.codes, |_| 2) > 0.995, "noise {noise}: {building}");
+    }
+}
+
+#[test]
+fn the_built_in_model_finds_walls_and_roofs_of_the_demo() {
+    let mut cloud = io::read(&demo_scan()).unwrap();
+    let params = LabelParams { map: recipes::BUILTIN_MAP.parse().unwrap(), ..LabelParams::default() };
+    let truth = read_labels(&cloud, &params).unwrap().codes;
+    let model = recipes::default_model().unwrap();
+    let iou = |cloud: &Cloud| {
+        let confusion = Confusion::from_options(&truth, &run(cloud, &model, &plain()).codes).unwrap();
+        confusion.scores().labels.iter().map(|class| class.intersection_over_union).collect::<Vec<f64>>()
+    };
+    let with_returns = iou(&cloud);
+    assert!(with_returns.iter().all(|&iou| iou > 0.9), "{with_returns:?}");
+    for name in ["ReturnNumber", "NumberOfReturns"] {
+        cloud.take_column(name);
+    }
+    let without = iou(&cloud);
+    assert!(without.iter().all(|&iou| iou > 0.85), "{without:?}");
+}
+
+#[test]
+fn a_village_like_the_first_is_named_right_and_its_trees_by_their_height() {
+    let Village { cloud, codes } = village(2);
+    let found = run(&cloud, model(), &plain());
+    assert!(share(&found.codes, |i| codes[i]) > 0.97, "{}", share(&found.codes, |i| codes[i]));
+    assert!(found.outside.is_some_and(|share| share < 0.2), "{:?}", found.outside);
+    let divided = run(&cloud, model(), &ClassifyParams::default());
+    let same = divided.codes.iter().zip(&found.codes).filter(|(a, b)| a == b || **b == 5 && matches!(a, 3 | 4));
+    assert!(same.count() as f64 / codes.len() as f64 > 0.999);
+    let unsure = ClassRules { abstain: 0.9, ..ClassRules::default() };
+    let unsure = run(&cloud, model(), &ClassifyParams { rules: Some(unsure), ..plain() });
+    for ((unsure, found), confidence) in unsure.codes.iter().zip(&found.codes).zip(&found.confidence) {
+        assert_eq!(*unsure, if *confidence < 0.9 { 1 } else { *found });
+    }
+}
+
+#[test]
+fn every_number_of_threads_trains_and_classifies_the_same_bytes() {
+    let Village { cloud, .. } = village(3);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let model = trained(&AnyRecipe::from_toml(RECIPE).unwrap());
+            let found = run(&cloud, &model, &ClassifyParams { probabilities: true, ..ClassifyParams::default() });
+            (model.to_bytes().unwrap(), found)
+        })
+    };
+    let one = on(1);
+    assert!(one == on(3));
+    assert_eq!(Model::from_bytes(&one.0, Path::new("again")).unwrap().to_bytes().unwrap(), one.0);
+}
+
+#[test]
+fn clouds_without_ground_of_three_points_or_of_one_place_get_an_answer() {
+    let mut s = stream(5, 1);
+    let crown: Vec<[f64; 3]> = (0..3000).map(|_| [s.uniform() * 5.0, s.uniform() * 5.0, s.uniform() * 8.0]).collect();
+    let cliff: Vec<[f64; 3]> = (0..3000).map(|_| [0.1 * s.uniform(), s.uniform() * 40.0, s.uniform() * 60.0]).collect();
+    let normalised: Vec<[f64; 3]> = {
+        let hilly = village(4).cloud;
+        let level = |p: [f64; 3]| [p[0], p[1], p[2] - 200.0 - 0.05 * p[0] - 0.02 * p[1]];
+        (0..hilly.len()).map(|i| level(hilly.xyz(i))).collect()
+    };
+    let few = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 5.0]];
+    for rows in [crown, cliff, normalised, few, vec![[4.0; 3]; 500], vec![[f64::NAN; 3]; 4]] {
+        let found = run(&Cloud::from_rows(&rows).unwrap(), model(), &ClassifyParams::default());
+        assert_eq!(found.codes.len(), rows.len());
+        assert!(found.codes.iter().all(|code| [1, 2, 3, 4, 5, 6, 7, 18].contains(code)));
+        assert!(found.confidence.iter().all(|c| (0.0..=1.0).contains(c)));
+    }
+}
+
+#[test]
+fn settings_out_of_range_are_named() {
+    let wrong = |setting: &str| {
+        let recipe = AnyRecipe::named("airborne").unwrap().with_settings([setting]).unwrap();
+        recipe.validate().unwrap_err().to_string()
+    };
+    for (setting, name) in [
+        ("folds.square=0", "folds.square"),
+        ("folds.missing=2", "folds.missing"),
+        ("forest.trees=1", "trees"),
+        ("classes.vegetation=[2.0, 1.0]", "classes.vegetation"),
+        ("context.cells=[0.0]", "context.cells"),
+        ("features.profile.voxel=-1.0", "profile.voxel"),
+    ] {
+        assert!(wrong(setting).contains(name), "{setting}: {}", wrong(setting));
+    }
+    let large = AnyRecipe::from_toml(&format!("{RECIPE}[folds]\nsquare = 1e6\n")).unwrap();
+    let message = large.train(&[labelled(village(1))], &TrainOptions::default(), &Monitor::default()).err().unwrap();
+    assert!(message.to_string().contains("folds.square"), "{message}");
+}
