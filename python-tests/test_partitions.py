@@ -144,10 +144,24 @@ def test_the_ground_and_heights_above_it(village):
     slope = xyz + np.stack([0 * xyz[:, 0], 0 * xyz[:, 0], 0.1 * xyz[:, 0]], -1)
     ground = terrain.ground_points(slope)
     assert (ground[code != 5] == (code == 2)[code != 5]).all()
+    published = {"slope": 0.15, "window": 18.0, "threshold": 0.5, "scaling": 1.25}
+    ground = terrain.ground_points(slope, method="morphological", **published)
+    assert (ground[code != 5] == (code == 2)[code != 5]).all()
     above = terrain.heights(slope, code == 2)
     assert np.median(above[code == 6]) == pytest.approx(6.0, abs=0.2)
     with pytest.raises(ValueError, match="shape"):
         terrain.heights(xyz, [True])
+
+
+def test_the_ground_of_the_isprs_samples_has_the_errors_of_the_docs(data):
+    errors = {}
+    for path in sorted((data / "ground").glob("*samp*.npz")):
+        sample = np.load(path)
+        truth = sample["classification"] == 2
+        errors[path.stem[-2:]] = 100 * (terrain.ground_points(sample["xyz"]) != truth).mean()
+    assert len(errors) == 8
+    assert np.mean(list(errors.values())) < 4.0
+    assert max(errors.values()) == errors["11"] < 9.0
 
 
 def test_segmentation_error_is_nought_for_the_truth_and_one_without_edges(village):

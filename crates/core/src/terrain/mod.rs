@@ -10,13 +10,12 @@ mod position;
 mod road;
 mod sites;
 mod smooth;
-mod window;
 
 pub use above_ground::{HeightParams, heights_above, heights_above_ground};
 pub use alpha_shape::{AlphaParams, AlphaShape};
 pub use descriptors::{Ground, Terrain, TerrainParams, mask_of_classes, terrain};
 pub use elevation::{ElevationModel, ElevationParams};
-pub use ground_filter::{GroundParams, ground_points};
+pub use ground_filter::{GroundMethod, GroundParams, ground_points};
 pub use position::position;
 pub use road::{RoadExample, road_points};
 pub use smooth::fill_holes;

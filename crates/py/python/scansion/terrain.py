@@ -17,11 +17,13 @@ __all__ = ["ground_points", "heights"]
 def ground_points(
     xyz: Any,
     *,
+    method: str = "refined",
     cell: float = 1.0,
-    slope: float = 0.15,
-    window: float = 18.0,
-    threshold: float = 0.5,
-    scaling: float = 1.25,
+    slope: float = 0.12,
+    relief: float = 0.2,
+    window: float = 27.0,
+    threshold: float = 0.45,
+    scaling: float = 1.0,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> NDArray[np.bool_]:
@@ -31,10 +33,15 @@ def ground_points(
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
+    method : {"refined", "morphological"}
+        The refined filter, or the one of the paper; its published parameters are slope 0.15, window 18, threshold 0.5,
+        scaling 1.25.
     cell : float
         Edge of a cell, metres.
     slope : float
-        Slope of the steepest ground, rise over run.
+        Slope of the steepest ground, rise over run; for the refined filter, where the terrain is level.
+    relief : float
+        Additional slope per unit of the slope of the terrain around, for the refined filter.
     window : float
         Half the width of the widest object, metres.
     threshold : float
@@ -61,7 +68,15 @@ def ground_points(
     >>> bool((terrain.ground_points(field) == ~roof).all())
     True
     """
-    settings = {"cell": cell, "slope": slope, "window": window, "threshold": threshold, "scaling": scaling}
+    settings = {
+        "method": method,
+        "cell": cell,
+        "slope": slope,
+        "relief": relief,
+        "window": window,
+        "threshold": threshold,
+        "scaling": scaling,
+    }
     return _core.ground_points(as_cloud(xyz, columns=[])._core, to_json(settings), metres_per_unit, n_jobs)
 
 

@@ -1,0 +1,126 @@
+//! Tests of the ground filter on scenes with a known ground.
+
+use super::*;
+use crate::cloud::Cloud;
+use crate::random::stream;
+
+fn points(rows: &[[f64; 3]]) -> Points {
+    Points::from_cloud(&Cloud::from_rows(rows).unwrap(), 1.0)
+}
+
+fn ground(rows: &[[f64; 3]]) -> Vec<bool> {
+    ground_points(&points(rows), &GroundParams::default(), &Monitor::default()).unwrap()
+}
+
+#[test]
+fn a_house_and_a_tree_on_a_hill_are_not_ground_but_the_hill_is() {
+    let hill = |x: f64, y: f64| 0.1 * x + 0.05 * y;
+    let mut random = stream(2, 1);
+    let mut rows = Vec::new();
+    for (x, y) in (0..120).flat_map(|i| (0..120).map(move |j| (f64::from(i) * 0.5, f64::from(j) * 0.5))) {
+        let house = (20.0..32.0).contains(&x) && (20.0..30.0).contains(&y);
+        let tree = (x - 45.0).hypot(y - 45.0) < 3.0 && random.uniform() < 0.5;
+        rows.push([
+            x,
+            y,
+            hill(x, y)
+                + if house {
+                    6.0
+                } else if tree {
+                    2.0 + 4.0 * random.uniform()
+                } else {
+                    0.0
+                },
+        ]);
+    }
+    let found = ground(&rows);
+    let wrong = found.iter().zip(&rows).filter(|(found, p)| **found != (p[2] - hill(p[0], p[1]) < 0.1));
+    assert_eq!(wrong.count(), 0);
+}
+
+#[test]
+fn a_pit_of_noise_is_not_ground_and_does_not_draw_the_ground_down() {
+    let mut rows: Vec<[f64; 3]> = (0..900).map(|i| [f64::from(i % 30), f64::from(i / 30), 0.0]).collect();
+    rows.push([15.2, 15.2, -20.0]);
+    let found = ground(&rows);
+    assert!(!found[900]);
+    assert!(found[..900].iter().all(|&ground| ground));
+}
+
+#[test]
+fn one_point_is_ground_and_none_is_an_error() {
+    assert_eq!(ground(&[[1.0, 2.0, 3.0]]), [true]);
+    assert!(ground_points(&Points::default(), &GroundParams::default(), &Monitor::default()).is_err());
+    let wide = GroundParams { window: f64::INFINITY, ..GroundParams::default() };
+    assert!(ground_points(&points(&[[0.0; 3]]), &wide, &Monitor::default()).is_err());
+}
+
+/// Points every half metre of a square of this many metres, at this height.
+fn scene(edge: i32, height: impl Fn(f64, f64) -> f64) -> Vec<[f64; 3]> {
+    let at = |i: i32| [f64::from(i % (2 * edge)) * 0.5, f64::from(i / (2 * edge)) * 0.5];
+    (0..4 * edge * edge).map(at).map(|[x, y]| [x, y, height(x, y)]).collect()
+}
+
+#[test]
+fn a_level_field_and_steep_planes_are_ground_everywhere() {
+    for slope in [0.0, 0.1, 0.5, 1.0] {
+        let found = ground(&scene(60, |x, y| slope * (0.8 * x + 0.6 * y)));
+        let share = found.iter().filter(|&&g| g).count() as f64 / found.len() as f64;
+        assert!(share == 1.0, "slope {slope}: {share}");
+    }
+}
+
+#[test]
+fn a_house_on_a_steep_slope_is_not_ground_but_the_slope_is() {
+    let slope = |x: f64| 0.5 * x;
+    let house = |x: f64, y: f64| (20.0..32.0).contains(&x) && (24.0..36.0).contains(&y);
+    let rows = scene(60, |x, y| if house(x, y) { 24.0 } else { slope(x) });
+    let found = ground(&rows);
+    let wrong = |of: &dyn Fn(&[f64; 3]) -> bool, expected: bool| {
+        let chosen = rows.iter().zip(&found).filter(|(p, _)| of(p));
+        chosen.clone().filter(|(_, g)| **g != expected).count() as f64 / chosen.count() as f64
+    };
+    assert!(wrong(&|p| house(p[0], p[1]), false) < 0.02);
+    assert!(wrong(&|p| !house(p[0], p[1]), true) < 0.02);
+}
+
+#[test]
+fn the_edges_of_terraces_come_back() {
+    // Walls of 1.5 m every 15 m: the upper edges are cut by openings and lie on the ground again.
+    let rows = scene(60, |_, y| 1.5 * (y / 15.0).floor());
+    let lost = ground(&rows).iter().filter(|&&g| !g).count() as f64 / rows.len() as f64;
+    assert!(lost < 0.01, "{lost}");
+}
+
+#[test]
+fn a_roof_as_wide_as_the_window_is_not_ground() {
+    let roof = |x: f64, y: f64| (25.0..75.0).contains(&x) && (25.0..75.0).contains(&y);
+    let rows = scene(100, |x, y| if roof(x, y) { 8.0 } else { 0.0 });
+    let found = ground(&rows);
+    assert!(rows.iter().zip(&found).all(|(p, &g)| g != roof(p[0], p[1])));
+    // Half the window: the published parameters take a roof of more than 36 m for ground.
+    let published = ground_points(&points(&rows), &GroundParams::published(), &Monitor::default()).unwrap();
+    assert!(rows.iter().zip(&published).any(|(p, &g)| g && roof(p[0], p[1])));
+}
+
+#[test]
+fn the_ground_does_not_depend_on_threads() {
+    let mut random = stream(9, 4);
+    let rows = scene(80, |x, y| 0.2 * x + if (x * 0.3).sin() * (y * 0.2).cos() > 0.7 { 4.0 } else { 0.0 });
+    let sparse: Vec<[f64; 3]> = rows.into_iter().filter(|_| random.uniform() < 0.2).collect();
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| ground(&sparse))
+    };
+    assert_eq!(with(1), with(3));
+}
+
+#[test]
+fn parameters_of_older_recipes_load_and_ranges_are_checked() {
+    let old = r#"{"cell":1.0,"slope":0.15,"window":18.0,"threshold":0.5,"scaling":1.25}"#;
+    let read: GroundParams = serde_json::from_str(old).unwrap();
+    assert_eq!((read.method, read.window), (GroundMethod::Refined, 18.0));
+    assert!(serde_json::to_string(&GroundParams::published()).unwrap().contains(r#""method":"morphological""#));
+    assert!(GroundParams::published().validate().is_ok());
+    assert!(GroundParams { relief: -0.1, ..GroundParams::default() }.validate().is_err());
+}

@@ -1,0 +1,151 @@
+//! Minimum, maximum, morphological opening and closing of heights in square and octagonal windows.
+
+use crate::error::Result;
+use crate::parallel::{Monitor, concat_watched, map_ordered};
+use std::ops::Range;
+
+/// Rows of a grid that are filtered together; those around them are needed too.
+const ROWS: usize = 128;
+
+/// A window around each cell of a grid, clipped at its border: a square, moved along both diagonals.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window {
+    /// Cells in a row of the grid.
+    columns: usize,
+    /// Cells from the middle of the square to its edge.
+    square: usize,
+    /// Cells by which the square is moved, to either side along each of the diagonals.
+    diagonal: usize,
+}
+
+#[derive(Clone, Copy)]
+enum Extreme {
+    Least,
+    Greatest,
+}
+
+impl Window {
+    /// A square of 2 · reach + 1 cells.
+    pub(super) fn square(columns: usize, reach: usize) -> Self {
+        Self { columns, square: reach, diagonal: 0 }
+    }
+
+    /// The octagon of cells that is nearest to a regular one; a square if the reach is 1 or 2.
+    pub(super) fn octagon(columns: usize, reach: usize) -> Self {
+        let diagonal = ((reach as f64 / (2.0 + f64::sqrt(2.0))).round() as usize).min(reach.saturating_sub(1) / 2);
+        Self { columns, square: reach - 2 * diagonal, diagonal }
+    }
+
+    /// Cells from the middle to the edge.
+    fn reach(self) -> usize {
+        self.square + 2 * self.diagonal
+    }
+
+    /// Opening, the maximum of the minima: objects narrower than the window disappear. O(cells log reach).
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn opened(self, values: &[f64], monitor: &Monitor) -> Result<Vec<f64>> {
+        self.filtered(&self.filtered(values, Extreme::Least, monitor)?, Extreme::Greatest, monitor)
+    }
+
+    /// Closing, the minimum of the maxima: pits narrower than the window disappear. O(cells log reach).
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(super) fn closed(self, values: &[f64], monitor: &Monitor) -> Result<Vec<f64>> {
+        self.filtered(&self.filtered(values, Extreme::Greatest, monitor)?, Extreme::Least, monitor)
+    }
+
+    fn filtered(self, values: &[f64], extreme: Extreme, monitor: &Monitor) -> Result<Vec<f64>> {
+        let rows = values.len() / self.columns;
+        let parts = map_ordered(rows.div_ceil(ROWS), monitor, |part| {
+            let part = part * ROWS..((part + 1) * ROWS).min(rows);
+            Ok(match extreme {
+                Extreme::Least => self.of_rows(values, part, f64::INFINITY, |a, b| if a < b { a } else { b }),
+                Extreme::Greatest => self.of_rows(values, part, f64::NEG_INFINITY, |a, b| if a > b { a } else { b }),
+            })
+        })?;
+        concat_watched(parts, monitor)
+    }
+
+    /// The extreme values of some rows: first along all rows that their windows reach, then across them and along the
+    /// diagonals. `outside` is never an extreme value.
+    fn of_rows(self, values: &[f64], rows: Range<usize>, outside: f64, better: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+        let Self { columns, square, diagonal } = self;
+        let (reach, width) = (self.reach(), columns + 2 * self.reach());
+        let mut block = vec![outside; (rows.len() + 2 * reach) * width];
+        let inside = rows.start.saturating_sub(reach)..(rows.end + reach).min(values.len() / columns);
+        for row in inside {
+            let line = &mut block[(row + reach - rows.start) * width..][..width];
+            line[reach..reach + columns].copy_from_slice(&values[row * columns..][..columns]);
+            slide(line, 1, 2 * square + 1, &better);
+        }
+        slide(&mut block, width, 2 * square + 1, &better);
+        slide(&mut block, width + 1, 2 * diagonal + 1, &better);
+        slide(&mut block, width - 1, 2 * diagonal + 1, &better);
+        // The window that begins at this column has its middle at the first column of the grid.
+        let first = reach - square;
+        (0..rows.len()).flat_map(|r| &block[r * width + first..][..columns]).copied().collect()
+    }
+}
+
+/// Replaces each cell by the extreme value of the `count` cells, `step` apart, that begin there. Windows of 1, 2, 4, ...
+/// cells are joined in pairs, and two that overlap give the last width, all in vector instructions.
+fn slide(cells: &mut [f64], step: usize, count: usize, better: &impl Fn(f64, f64) -> f64) {
+    let mut join = |span: usize| {
+        for i in 0..cells.len() - span * step {
+            cells[i] = better(cells[i], cells[i + span * step]);
+        }
+    };
+    let mut span = 1;
+    while 2 * span <= count {
+        join(span);
+        span *= 2;
+    }
+    if count > span {
+        join(count - span);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    #[test]
+    fn windows_have_the_extremes_that_looking_everywhere_finds() {
+        let mut s = stream(5, 1);
+        for [columns, rows, reach] in [[1, 1, 3], [70, 3, 1], [3, 130, 2], [65, 66, 5], [20, 90, 30], [7, 600, 9]] {
+            let values: Vec<f64> = (0..columns * rows).map(|_| (s.uniform() * 20.0).floor()).collect();
+            for window in [Window::square(columns, reach), Window::octagon(columns, reach)] {
+                let around = |i: usize| {
+                    let (r, c) = (i / columns, i % columns);
+                    let near = move |&j: &usize| {
+                        let [x, y] = [(j % columns).abs_diff(c), (j / columns).abs_diff(r)];
+                        x.max(y) <= reach && x + y <= 2 * (window.square + window.diagonal)
+                    };
+                    let values = &values;
+                    (0..values.len()).filter(near).map(move |j| values[j])
+                };
+                let least = window.filtered(&values, Extreme::Least, &Monitor::default()).unwrap();
+                let greatest = window.filtered(&values, Extreme::Greatest, &Monitor::default()).unwrap();
+                for i in 0..values.len() {
+                    assert_eq!(least[i], around(i).fold(f64::INFINITY, f64::min), "{window:?} {rows} at {i}");
+                    assert_eq!(greatest[i], around(i).fold(f64::NEG_INFINITY, f64::max));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn openings_lower_and_closings_raise_and_both_do_it_once() {
+        let mut s = stream(5, 2);
+        let values: Vec<f64> = (0..40 * 30).map(|_| s.uniform()).collect();
+        let (window, monitor) = (Window::octagon(40, 3), Monitor::default());
+        let (opened, closed) = (window.opened(&values, &monitor).unwrap(), window.closed(&values, &monitor).unwrap());
+        assert!(values.iter().zip(&opened).all(|(v, o)| o <= v) && values.iter().zip(&closed).all(|(v, c)| c >= v));
+        assert_eq!(window.opened(&opened, &monitor).unwrap(), opened);
+        assert_eq!(window.closed(&closed, &monitor).unwrap(), closed);
+    }
+}
