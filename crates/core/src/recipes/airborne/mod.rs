@@ -91,7 +91,7 @@ impl Default for AirborneRecipe {
         Self {
             recipe: AirborneKind::Airborne,
             seed: 0,
-            pyramid_twice: true,
+            pyramid_twice: false,
             features,
             ground: HeightParams::default(),
             training: TrainingParams {

@@ -11,7 +11,7 @@ mod window;
 
 pub use params::{GroundMethod, GroundParams};
 
-use super::by_site;
+use super::sites::by_site;
 use super::elevation::ElevationModel;
 use crate::cloud::{Points, Raster};
 use crate::error::{Error, Result};
