@@ -124,6 +124,9 @@ pub(crate) struct Classify {
     /// Read the intact part of a damaged LAS or LAZ file, and report what is lost
     #[arg(long)]
     pub(crate) salvage: bool,
+    /// Write the result of the built-in model although the cloud is not like an airborne scan
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Allow the output to replace the input
     #[arg(long)]
     pub(crate) overwrite: bool,

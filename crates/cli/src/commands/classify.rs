@@ -3,6 +3,7 @@
 use super::{Context, sources};
 use crate::args::Classify;
 use crate::exit_code::Failure;
+use scansion_core::Error;
 use scansion_core::classes::{ClassTable, LabelMap};
 use scansion_core::cloud::{Cloud, CodeScheme, Column, Values, names};
 use scansion_core::io::{self, Columns, Edit, run, salvage};
@@ -24,8 +25,8 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
         let work = || checked.map_err(Failure::from).and_then(|()| one(input, output, &model, &map, args, context));
         match run::part(work) {
             Err(failure) if pairs.len() == 1 => return Err(failure),
-            Err(Failure::Core(scansion_core::Error::Interrupted)) => {
-                return Err(scansion_core::Error::Interrupted.into());
+            Err(Failure::Core(Error::Interrupted)) => {
+                return Err(Error::Interrupted.into());
             }
             Err(failure) => {
                 context.printer.error(&failure.to_string());
@@ -70,6 +71,16 @@ fn one(
     };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
+    if args.model.is_none()
+        && !args.force
+        && let Some(why) = recipes::builtin_misfit(&result)
+    {
+        return Err(Error::input(format!(
+            "{}: {why}; train a model on such clouds (scansion train), or write the result all the same with --force",
+            input.display()
+        ))
+        .into());
+    }
     let table = summary(&result, &given(model, args)?);
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);

@@ -1,15 +1,39 @@
 //! The built-in model: ground, vegetation and building in airborne scans.
 
+use super::classify::Classified;
 use super::model::Model;
 use crate::error::Result;
 use std::path::Path;
 
-/// Mapping of the classes of a labelled scan to those of the built-in model: all vegetation is 5.
+/// Mapping of the classes of a labelled scan to those that the built-in model learned: all vegetation is 5.
 pub const BUILTIN_MAP: &str = "3-4=5";
+
+/// More points per square metre than any airborne or UAV scan has.
+const DENSEST: f64 = 2000.0;
+
+/// Mean confidence below which the built-in model does not know a cloud. Airborne scans have 0.8 to 0.98.
+const LEAST_CONFIDENCE: f64 = 0.7;
+
+/// Why the result of the built-in model should not be used: the cloud is not like an airborne scan. `None` if it may be.
+pub fn builtin_misfit(result: &Classified) -> Option<String> {
+    let confidence = result.mean_confidence().filter(|&c| c < LEAST_CONFIDENCE);
+    let confidence = confidence.map(|c| format!("its mean confidence is {c:.2} (airborne scans: 0.8 and more)"));
+    let dense = (result.density > DENSEST).then(|| {
+        format!("there are {:.0} points per square metre (airborne and UAV scans: up to {DENSEST})", result.density)
+    });
+    let reasons: Vec<String> = [confidence, dense].into_iter().flatten().collect();
+    (!reasons.is_empty()).then(|| {
+        format!(
+            "the built-in model is for airborne and UAV scans and does not know this cloud: {}",
+            reasons.join(", and ")
+        )
+    })
+}
 
 const BYTES: &[u8] = include_bytes!("../../assets/default.model");
 
-/// The built-in model for airborne scans (ASPRS codes 2 ground, 5 vegetation, 6 building).
+/// The built-in model for airborne scans (ASPRS codes 2 ground, 5 vegetation, 6 building; the rules of its recipe divide
+/// vegetation into 3, 4 and 5 by its height, and find noise).
 ///
 /// It was trained by `scripts/default-model` on the clouds listed there; `docs/default-model.md` reports its accuracy
 /// on scenes not used for training.

@@ -16,7 +16,7 @@ mod training;
 mod weak;
 
 pub use airborne::{AirborneKind, AirborneRecipe, AirborneReport, FoldParams};
-pub use builtin::{BUILTIN_MAP, default_model};
+pub use builtin::{BUILTIN_MAP, builtin_misfit, default_model};
 pub use classify::rules::ClassRules;
 pub use classify::statistics::{CloudStatistics, statistics};
 pub use classify::{Classified, ClassifyParams, Job, classify};

@@ -448,7 +448,7 @@ mod tests {
         let place = find(&bytes, text).unwrap() + text.len() - 1;
         let mut newer = bytes;
         newer[place] = b'4';
-        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 4")));
+        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 5")));
     }
 
     #[test]

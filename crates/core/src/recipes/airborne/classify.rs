@@ -43,7 +43,8 @@ pub(super) fn classify(recipe: &AirborneRecipe, job: &Job<'_>, monitor: &Monitor
     let second = CloudPredictor::second(&scene, &recipe.features, model.stage(), context, monitor)?;
     if job.regularise.method == Regularise::None {
         let mut result = Classified::unknown(scene.cloud.len(), model, job.params.probabilities);
-        result.warnings = job.warnings(planar_density(&points.positions, monitor)?, monitor)?;
+        result.density = planar_density(&points.positions, monitor)?;
+        result.warnings = job.warnings(result.density, monitor)?;
         drop(points);
         let fit = second.run(|points, rows| result.place(points, rows, model), monitor)?;
         result.outside = fit.outside();

@@ -55,6 +55,8 @@ pub struct Classified {
     /// Share of the feature values that lie outside the middle 90 % of those in training, 0..1, if it was looked at:
     /// about 0.1 for a cloud like those of the training.
     pub outside: Option<f64>,
+    /// Points per square metre of covered ground.
+    pub density: f64,
     /// Warnings for the user: another density than in training, points that are not finite.
     pub warnings: Vec<String>,
 }
@@ -117,7 +119,8 @@ impl Job<'_> {
         monitor: &Monitor,
     ) -> Result<Classified> {
         let mut result = Classified::unknown(self.scene.cloud.len(), self.model, self.params.probabilities);
-        result.warnings = self.warnings(planar_density(&points.positions, monitor)?, monitor)?;
+        result.density = planar_density(&points.positions, monitor)?;
+        result.warnings = self.warnings(result.density, monitor)?;
         let (index, classes) = (&points.frame.index, self.model.classes.len());
         for piece in watched(points.len(), monitor) {
             for i in piece? {
@@ -175,6 +178,13 @@ fn forecast(points: usize, bytes_a_point: u64) -> Result<()> {
 }
 
 impl Classified {
+    /// Mean confidence of the points that could be classified; `None` if there is none.
+    pub fn mean_confidence(&self) -> Option<f64> {
+        let known = self.confidence.iter().filter(|&&c| c > 0.0);
+        let (sum, count) = known.fold((0.0, 0u64), |(sum, count), &c| (sum + f64::from(c), count + 1));
+        (count > 0).then(|| sum / count as f64)
+    }
+
     /// No class for any point yet.
     pub(in crate::recipes) fn unknown(points: usize, model: &Model, probabilities: bool) -> Self {
         let classes = model.classes.len();
@@ -184,6 +194,7 @@ impl Classified {
             entropy: vec![(classes as f32).ln(); points],
             probabilities: probabilities.then(|| vec![1.0 / classes as f32; points * classes]),
             outside: None,
+            density: 0.0,
             warnings: Vec::new(),
         }
     }

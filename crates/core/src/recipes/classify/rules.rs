@@ -18,6 +18,8 @@ const MEDIUM: u8 = 4;
 const HIGH: u8 = 5;
 const LOW_NOISE: u8 = 7;
 const HIGH_NOISE: u8 = 18;
+/// Isolated points are noise if there is at most one of them in so many points.
+const NOISE_SHARE: usize = 100;
 
 /// Rules for the final codes of a model with ASPRS classes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,7 +31,8 @@ pub struct ClassRules {
     /// Points of less confidence become unclassified; 0..1.
     pub abstain: f64,
     /// Points with at most this many others in the 27 voxels around them become noise: low (7) below the ground, else
-    /// high (18). 0: none. Only for models with the ASPRS class 2.
+    /// high (18). 0: none. Only for models with the ASPRS class 2, and not for clouds so thin that more than a hundredth
+    /// of all points would be noise.
     pub isolated: usize,
     /// Edge of these voxels, metres; above 0.
     pub noise_voxel: f64,
@@ -118,6 +121,8 @@ impl ClassRules {
             true => self.isolated(&points.positions, monitor)?,
             false => Vec::new(),
         };
+        let thin = NOISE_SHARE * isolated.iter().filter(|&&alone| alone).count() > points.len();
+        let isolated = if thin { Vec::new() } else { isolated };
         let isolated = |row: usize| isolated.get(row).copied().unwrap_or(false);
         let ground = |(row, &point): (usize, &u32)| result.codes[point as usize] == GROUND && !isolated(row);
         let ground: Vec<bool> = index.iter().enumerate().map(ground).collect();

@@ -26,8 +26,8 @@ pub(super) fn classify(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor)
 /// Features and probabilities are discarded block by block.
 fn one_by_one(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
     let mut result = Classified::unknown(job.scene.cloud.len(), job.model, job.params.probabilities);
-    let density = planar_density(&job.scene.points(monitor)?.positions, monitor)?;
-    result.warnings = job.warnings(density, monitor)?;
+    result.density = planar_density(&job.scene.points(monitor)?.positions, monitor)?;
+    result.warnings = job.warnings(result.density, monitor)?;
     let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model.stage(), monitor)?;
     let fit = predictor.run(|points, rows| result.place(points, rows, job.model), monitor)?;
     result.outside = fit.outside();

@@ -11,8 +11,8 @@ mod window;
 
 pub use params::{GroundMethod, GroundParams};
 
-use super::sites::by_site;
 use super::elevation::ElevationModel;
+use super::sites::by_site;
 use crate::cloud::{Points, Raster};
 use crate::error::{Error, Result};
 use crate::parallel::{Looks, Monitor, concat_watched, map_ordered};
