@@ -39,6 +39,33 @@ pub fn vertical_unit_of(crs: &str) -> Option<f64> {
     }
 }
 
+/// EPSG codes of the parts of a system, as far as they are known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Codes {
+    /// Of x and y: a projected, geographic or geocentric system.
+    pub horizontal: Option<u16>,
+    /// Of heights.
+    pub vertical: Option<u16>,
+}
+
+/// The codes of a system's parts; those of a compound code are looked up.
+pub fn codes_of(crs: &str) -> Codes {
+    let code = epsg_code(crs);
+    let node = code.map_or_else(|| Node::parse(crs), |code| Node::parse(&wkt_of(code)?));
+    let (Some(node), added) = (node, added_vertical(crs)) else {
+        return Codes { horizontal: code, vertical: added_vertical(crs) };
+    };
+    let own = code.filter(|_| !node.is_compound());
+    let vertical = node.part(|part| part.code().filter(|_| part.is_vertical()));
+    let horizontal = own.or_else(|| node.part(|part| part.code().filter(|_| !part.is_vertical())));
+    Codes { horizontal, vertical: added.or(vertical) }
+}
+
+/// The second code of `EPSG:2229+5703`.
+fn added_vertical(crs: &str) -> Option<u16> {
+    epsg_code(crs).and_then(|_| crs.split_once('+')?.1.trim().parse().ok())
+}
+
 /// Whether two texts denote the same system: equal texts, or the same EPSG code.
 pub fn same(a: &str, b: &str) -> bool {
     let code = |crs| epsg_code(crs).or_else(|| Node::parse(crs)?.code());
@@ -127,7 +154,7 @@ impl Node {
     /// The base of a bound system, and of a compound one the first part with that property.
     fn part<T>(&self, of: impl Fn(&Self) -> Option<T> + Copy) -> Option<T> {
         match &self.keyword[..] {
-            "COMPD_CS" | "COMPOUNDCRS" => self.children.iter().find_map(|part| part.part(of)),
+            _ if self.is_compound() => self.children.iter().find_map(|part| part.part(of)),
             "BOUNDCRS" => self.child(&["SOURCECRS"])?.children.first()?.part(of),
             _ => of(self),
         }
@@ -148,12 +175,18 @@ impl Node {
 
     /// Metres per unit of height.
     fn vertical(&self) -> Option<f64> {
-        self.part(|system| match &system.keyword[..] {
-            "VERT_CS" | "VERTCRS" | "VERTICALCRS" => {
-                system.length().or_else(|| system.known().and_then(|known| known.length()))
-            }
-            _ => None,
+        self.part(|system| match system.is_vertical() {
+            true => system.length().or_else(|| system.known().and_then(|known| known.length())),
+            false => None,
         })
+    }
+
+    fn is_vertical(&self) -> bool {
+        ["VERT_CS", "VERTCRS", "VERTICALCRS"].contains(&&self.keyword[..])
+    }
+
+    fn is_compound(&self) -> bool {
+        ["COMPD_CS", "COMPOUNDCRS"].contains(&&self.keyword[..])
     }
 
     fn is_cartesian(&self) -> bool {
@@ -240,6 +273,20 @@ mod tests {
         assert_eq!(unit_of(r#"GEOGCS["z",UNIT["degree",0.0174]]"#), Some(Unit::Degrees));
         assert_eq!(unit_of(r#"GEOGCS["z",UNIT["degree",0.0174"#), None);
         assert!(Node::parse(&"A[".repeat(1000)).is_none());
+    }
+
+    #[test]
+    fn the_parts_of_a_system_have_codes_of_their_own() {
+        let codes = |crs: &str| codes_of(crs);
+        let of = |horizontal, vertical| Codes { horizontal, vertical };
+        assert_eq!(codes("EPSG:2154"), of(Some(2154), None));
+        assert_eq!(codes(&wkt_of(2154).unwrap()), of(Some(2154), None));
+        assert_eq!(codes("EPSG:7415"), of(Some(28992), Some(5709)));
+        assert_eq!(codes("EPSG:2229+5703"), of(Some(2229), Some(5703)));
+        assert_eq!(codes("EPSG:65535"), of(Some(65535), None));
+        assert_eq!((codes("somewhere"), codes("")), (Codes::default(), Codes::default()));
+        let two = r#"COMPD_CS["c",PROJCS["y",GEOGCS["z",AUTHORITY["EPSG","4269"]],AUTHORITY["EPSG","26910"]],VERT_CS["v",AUTHORITY["EPSG","5703"]],AUTHORITY["EPSG","1"]]"#;
+        assert_eq!(codes(two), of(Some(26910), Some(5703)));
     }
 
     #[test]

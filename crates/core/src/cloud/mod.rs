@@ -52,6 +52,8 @@ pub mod names {
     pub const CONFIDENCE: &str = "Confidence";
     /// Entropy of the class probabilities, f32, in nats.
     pub const ENTROPY: &str = "Entropy";
+    /// Height above the ground, f32, in the unit of z.
+    pub const HEIGHT_ABOVE_GROUND: &str = "HeightAboveGround";
 }
 
 /// Coordinates in one of the two forms used by files.

@@ -89,6 +89,21 @@ impl Raster {
         Self { values, ..self }
     }
 
+    /// The same raster in another unit: origin, cell and heights divided by `metres`, the metres per unit. The cell is
+    /// rounded to 12 digits, so that 0.9144 m are 3 ft and not 3.0000000000000004.
+    ///
+    /// # Errors
+    /// If a result is not finite.
+    pub fn in_unit(self, metres: f64) -> Result<Self> {
+        let cells = self.origin.map(|o| o / self.cell);
+        let cell = self.cell / metres;
+        let digits = 10f64.powf(11.0 - cell.log10().floor());
+        let cell = if digits.is_finite() { (cell * digits).round() / digits } else { cell };
+        let whole = |v: f64| if (v - v.round()).abs() < 1e-6 { v.round() } else { v };
+        let values = self.values.into_iter().map(|v| v / metres).collect();
+        Self::new(cells.map(|v| whole(v) * cell), cell, self.columns, values)
+    }
+
     /// The cell that contains a position; the nearest cell for positions outside.
     pub(crate) fn cell_of(&self, at: [f64; 2]) -> usize {
         let index = |a: usize, count: usize| (((at[a] - self.origin[a]) / self.cell) as usize).min(count - 1);
@@ -126,6 +141,15 @@ mod tests {
         assert_eq!(raster.bilinear([-1e9, 1e9]), height(0.5, 3.5));
         let one = Raster::new([0.0; 2], 2.0, 1, vec![7.0]).unwrap();
         assert_eq!(one.bilinear([5.0, -3.0]), 7.0);
+    }
+
+    #[test]
+    fn a_raster_in_feet_covers_the_same_ground() {
+        let raster = Raster::new([9144.0, -914.4], 0.9144, 2, vec![3.048, f64::NAN]).unwrap().in_unit(0.3048).unwrap();
+        assert_eq!((raster.origin(), raster.cell()), ([30_000.0, -3000.0], 3.0));
+        assert!((raster.values()[0] - 10.0).abs() < 1e-12 && raster.values()[1].is_nan());
+        let same = Raster::new([0.25, 7.5], 1.0, 1, vec![2.0]).unwrap();
+        assert_eq!(same.clone().in_unit(1.0).unwrap(), same);
     }
 
     #[test]

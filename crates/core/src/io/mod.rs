@@ -1,6 +1,5 @@
 //! Reading and writing files: LAS, LAZ, PLY, PCD, E57, npz, text. The format is detected by content, then by name.
 
-mod ascii_grid;
 pub mod atomic;
 mod blocks;
 mod e57;
@@ -9,6 +8,7 @@ mod info;
 mod label_table;
 mod las;
 mod lines;
+mod maps;
 mod npz;
 pub mod open;
 mod operations;
@@ -27,10 +27,11 @@ pub use info::{FileInfo, Octree};
 pub use label_table::{LabelRow, LabelTable};
 pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
 
-pub use ascii_grid::read_ascii_grid;
 pub use atomic::abandon_outputs;
 pub use atomic::check_output;
 pub use las::{LasFrame, PointReader, las_frame};
+pub use maps::{Georeference, Outline, check_outline_output, check_raster_output};
+pub use maps::{read_ascii_grid, write_geojson, write_raster};
 pub use operations::convert::{ConvertParams, convert};
 pub use operations::diff::{Changed, ClassChange, Difference, FieldDifference, diff};
 pub use operations::merge::merge;

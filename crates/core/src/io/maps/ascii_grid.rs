@@ -1,13 +1,35 @@
-//! Reading an elevation model from an ESRI ASCII grid (`.asc`).
+//! Reading and writing rasters of heights as ESRI ASCII grids (`.asc`).
 //!
 //! Format: <https://desktop.arcgis.com/en/arcmap/latest/manage-data/raster-and-images/esri-ascii-raster-format.htm>.
 //! Six keywords, each with a number (`ncols`, `nrows`, `xllcorner` or `xllcenter`, `yllcorner` or `yllcenter`,
 //! `cellsize`, `nodata_value`), then the heights, the northernmost row first.
 
-use super::open;
+use super::{NODATA, row_from_north};
 use crate::cloud::Raster;
 use crate::error::{Error, Mismatch, Result};
+use crate::io::atomic::AtomicFile;
+use crate::io::open;
+use crate::parallel::Monitor;
+use std::fmt::Write;
 use std::path::Path;
+
+/// Writes the raster, one line per row. Numbers are the shortest that give the same `f32` when they are read.
+pub(super) fn write(path: &Path, raster: &Raster, monitor: &Monitor) -> Result<()> {
+    let ([west, south], cell) = (raster.origin(), raster.cell());
+    let mut text = format!("ncols {}\nnrows {}\n", raster.columns(), raster.rows());
+    let _ = writeln!(text, "xllcorner {west}\nyllcorner {south}\ncellsize {cell}\nNODATA_value {NODATA}");
+    let mut file = AtomicFile::create(path)?;
+    for row in 0..raster.rows() {
+        monitor.check()?;
+        for (column, height) in row_from_north(raster, row).enumerate() {
+            let _ = write!(text, "{}{height}", if column == 0 { "" } else { " " });
+        }
+        text.push('\n');
+        file.write_all(text.as_bytes())?;
+        text.clear();
+    }
+    file.finish()
+}
 
 /// Reads an ESRI ASCII grid of heights in metres; cells without data are holes.
 ///
@@ -120,6 +142,20 @@ mod tests {
         let centre = GRID.replace("xllcorner 100.0", "XLLCENTER 101.0").replace("\nNODATA_value -9999", "");
         let raster = read(&centre).unwrap();
         assert_eq!((raster.origin(), raster.values()[1]), ([100.0, 50.0], -9999.0));
+    }
+
+    #[test]
+    fn what_was_written_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("dtm.asc");
+        let values = vec![1.0, f64::NAN, 3.25, 4.0, 5.0, -6.5];
+        let raster = Raster::new([652_000.25, -50.5], 0.5, 3, values).unwrap();
+        write(&path, &raster, &Monitor::default()).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.ends_with("NODATA_value -9999\n4 5 -6.5\n1 -9999 3.25\n"), "{text}");
+        let read = read_ascii_grid(&path).unwrap();
+        assert_eq!((read.origin(), read.cell(), read.columns()), (raster.origin(), 0.5, 3));
+        assert!(read.values()[1].is_nan() && read.values()[2..] == raster.values()[2..]);
     }
 
     #[test]

@@ -1,0 +1,171 @@
+//! Writing a raster as GeoTIFF (OGC 19-008): TIFF by the crate `tiff`, the geographic tags by this file.
+
+use super::{Georeference, NODATA, row_from_north};
+use crate::cloud::Raster;
+use crate::cloud::crs::{Codes, codes_of, vertical_unit_of};
+use crate::error::{Error, Result};
+use crate::io::atomic::AtomicFile;
+use crate::memory;
+use crate::parallel::Monitor;
+use std::io::{Seek, Write};
+use std::path::Path;
+use tiff::encoder::colortype::Gray32Float;
+use tiff::encoder::{Compression, DeflateLevel, ImageEncoder, TiffEncoder, TiffKind};
+use tiff::tags::Tag;
+use tiff::{TiffError, TiffResult};
+
+/// Bytes of a strip before compression, about.
+const STRIP: usize = 1 << 18;
+
+/// GDAL's metadata, among them the unit of the heights.
+const GDAL_METADATA: Tag = Tag::Unknown(42112);
+
+/// Relative difference of two units that counts as none.
+const SAME: f64 = 1e-9;
+
+/// Writes the raster; its coordinates and heights are in the unit of the reference system.
+pub(super) fn write(path: &Path, raster: &Raster, place: &Georeference, monitor: &Monitor) -> Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    encode(file.writer()?, raster, place, monitor).map_err(|problem| match problem {
+        Problem::Core(error) => error,
+        Problem::Tiff(TiffError::IoError(error)) => Error::io(path, error),
+        Problem::Tiff(error) => Error::input(format!("{}: {error}", path.display())),
+    })?;
+    file.finish()
+}
+
+enum Problem {
+    Core(Error),
+    Tiff(TiffError),
+}
+
+impl From<TiffError> for Problem {
+    fn from(error: TiffError) -> Self {
+        Self::Tiff(error)
+    }
+}
+
+fn encode<W: Write + Seek>(
+    to: W,
+    raster: &Raster,
+    place: &Georeference,
+    monitor: &Monitor,
+) -> std::result::Result<(), Problem> {
+    let [columns, rows] = [raster.columns(), raster.rows()].map(|n| n as u32);
+    let mut heights: Vec<f32> = Vec::new();
+    memory::reserve(&mut heights, raster.values().len(), "the heights of a raster").map_err(Problem::Core)?;
+    for row in 0..raster.rows() {
+        monitor.check().map_err(Problem::Core)?;
+        heights.extend(row_from_north(raster, row));
+    }
+    let mut tiff = TiffEncoder::new(to)?.with_compression(Compression::Deflate(DeflateLevel::Balanced));
+    let mut image = tiff.new_image::<Gray32Float>(columns, rows)?;
+    image.rows_per_strip((STRIP / 4 / raster.columns()).clamp(1, raster.rows()) as u32)?;
+    tags(&mut image, raster, place)?;
+    // Strip by strip, the crate would not compress.
+    Ok(image.write_data(&heights)?)
+}
+
+fn tags<W: Write + Seek, K: TiffKind>(
+    image: &mut ImageEncoder<'_, W, Gray32Float, K>,
+    raster: &Raster,
+    place: &Georeference,
+) -> TiffResult<()> {
+    let ([west, south], cell) = (raster.origin(), raster.cell());
+    let north = south + cell * raster.rows() as f64;
+    let tags = image.encoder();
+    tags.write_tag(Tag::ModelPixelScaleTag, &[cell, cell, 0.0][..])?;
+    tags.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, west, north, 0.0][..])?;
+    let (keys, texts) = keys(place);
+    tags.write_tag(Tag::GeoKeyDirectoryTag, &keys[..])?;
+    if !texts.is_empty() {
+        tags.write_tag(Tag::GeoAsciiParamsTag, &texts[..])?;
+    }
+    if let Some((_, name)) = place.metres_per_unit.and_then(linear_unit) {
+        let unit = format!("<Item name=\"UNITTYPE\" sample=\"0\" role=\"unittype\">{name}</Item>");
+        tags.write_tag(GDAL_METADATA, &format!("<GDALMetadata>{unit}</GDALMetadata>")[..])?;
+    }
+    tags.write_tag(Tag::GdalNodata, &format!("{NODATA}")[..])
+}
+
+/// EPSG's code of a unit of length, and its name in GDAL.
+fn linear_unit(metres: f64) -> Option<(u16, &'static str)> {
+    let units = [(1.0, 9001, "metre"), (0.3048, 9002, "foot"), (1200.0 / 3937.0, 9003, "US survey foot")];
+    units.into_iter().find(|(m, ..)| (metres / m - 1.0).abs() < SAME).map(|(_, code, name)| (code, name))
+}
+
+/// The key directory, and the texts that it refers to.
+fn keys(place: &Georeference) -> (Vec<u16>, String) {
+    let crs = place.crs.as_deref().unwrap_or_default();
+    let Codes { horizontal, vertical } = codes_of(crs);
+    let linear = place.metres_per_unit.and_then(linear_unit).map(|(code, _)| code);
+    let heights = vertical_unit_of(crs).and_then(linear_unit).map(|(code, _)| code);
+    // A system without a code is user-defined; GDAL reads its text from the citation.
+    let text = match (horizontal, crs) {
+        (None, wkt) if wkt.is_ascii() && wkt.starts_with("PROJCS") => format!("ESRI PE String = {wkt}|"),
+        _ => String::new(),
+    };
+    let projected = horizontal.or((!crs.is_empty()).then_some(32767));
+    let short = |key: u16, value: Option<u16>| value.map(|value| [key, 0, 1, value]);
+    let citation = (!text.is_empty()).then_some([3073, 34737, text.len() as u16, 0]);
+    let entries = [
+        short(1024, projected.map(|_| 1)),
+        short(1025, Some(1)),
+        short(3072, projected),
+        citation,
+        short(3076, linear.filter(|_| projected.is_some())),
+        short(4096, vertical),
+        short(4099, heights),
+    ];
+    let entries: Vec<[u16; 4]> = entries.into_iter().flatten().collect();
+    let mut directory = vec![1, 1, 1, entries.len() as u16];
+    directory.extend(entries.iter().flatten());
+    (directory, text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tiff::decoder::{Decoder, DecodingResult};
+
+    fn place(crs: &str, metres: f64) -> Georeference {
+        Georeference { crs: Some(crs.into()), metres_per_unit: Some(metres) }
+    }
+
+    #[test]
+    fn keys_tell_system_and_units() {
+        let of =
+            |crs: &str, metres| keys(&place(crs, metres)).0[4..].chunks(4).map(|k| [k[0], k[3]]).collect::<Vec<_>>();
+        assert_eq!(of("EPSG:2154", 1.0), [[1024, 1], [1025, 1], [3072, 2154], [3076, 9001]]);
+        let dutch = [[1024, 1], [1025, 1], [3072, 28992], [3076, 9001], [4096, 5709], [4099, 9001]];
+        assert_eq!(of("EPSG:7415", 1.0), dutch);
+        assert_eq!(of("EPSG:2229", 1200.0 / 3937.0)[3], [3076, 9003]);
+        assert_eq!(keys(&Georeference::default()).0, [1, 1, 1, 1, 1025, 0, 1, 1]);
+        let (own, text) = keys(&place("PROJCS[\"own\"]", 1.0));
+        assert_eq!(text, "ESRI PE String = PROJCS[\"own\"]|");
+        assert!(own.chunks(4).any(|k| k == [3073, 34737, text.len() as u16, 0]));
+    }
+
+    #[test]
+    fn a_raster_comes_back_from_tiff_with_north_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tif");
+        for [columns, rows] in [[3, 2], [1, 1], [700, 400], [70_000, 3]] {
+            let values: Vec<f64> =
+                (0..columns * rows).map(|i| if i == 1 { f64::NAN } else { i as f64 * 0.25 }).collect();
+            let raster = Raster::new([1000.0, 2000.0], 0.5, columns, values.clone()).unwrap();
+            write(&path, &raster, &place("EPSG:2154", 1.0), &Monitor::default()).unwrap();
+            let mut tiff = Decoder::new(std::fs::File::open(&path).unwrap()).unwrap();
+            assert_eq!(tiff.dimensions().unwrap(), (columns as u32, rows as u32));
+            let DecodingResult::F32(read) = tiff.read_image().unwrap() else { panic!("not floats") };
+            for (i, &value) in values.iter().enumerate() {
+                let found = read[(rows - 1 - i / columns) * columns + i % columns];
+                assert_eq!(found, if value.is_nan() { NODATA } else { value as f32 });
+            }
+            let tie = tiff.get_tag_f64_vec(Tag::ModelTiepointTag).unwrap();
+            assert_eq!(tie, [0.0, 0.0, 0.0, 1000.0, 2000.0 + 0.5 * rows as f64, 0.0]);
+            assert_eq!(tiff.get_tag_f64_vec(Tag::ModelPixelScaleTag).unwrap(), [0.5, 0.5, 0.0]);
+            assert_eq!(tiff.get_tag_ascii_string(Tag::GdalNodata).unwrap(), "-9999");
+        }
+    }
+}

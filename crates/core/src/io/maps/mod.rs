@@ -1,0 +1,74 @@
+//! Files for geographic information systems: rasters of heights (GeoTIFF, ESRI ASCII grid) and outlines (GeoJSON).
+
+mod ascii_grid;
+mod geojson;
+mod geotiff;
+
+pub use ascii_grid::read_ascii_grid;
+pub use geojson::{Outline, check_outline_output, write_geojson};
+
+use super::check_output;
+use super::format::extension;
+use crate::cloud::crs::{Unit, unit_of};
+use crate::cloud::{Cloud, Raster};
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use std::path::Path;
+
+/// The number that stands for a hole.
+const NODATA: f32 = -9999.0;
+
+/// Where coordinates lie on earth, as a cloud's file states it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Georeference {
+    /// Reference system: WKT, or `EPSG:n`.
+    pub crs: Option<String>,
+    /// Metres per unit of x, y and heights.
+    pub metres_per_unit: Option<f64>,
+}
+
+impl Georeference {
+    /// That of a cloud whose unit is a length; a system in degrees is then not that of its coordinates.
+    pub fn of(cloud: &Cloud) -> Self {
+        let crs = cloud.crs.clone().filter(|crs| unit_of(crs) != Some(Unit::Degrees));
+        Self { crs, metres_per_unit: cloud.metres_per_unit }
+    }
+}
+
+/// Fails if a raster could not be written to this path later: its extension, or [`check_output`]. To be called before
+/// long work.
+///
+/// # Errors
+/// If the extension is neither `.tif`, `.tiff` nor `.asc`, or the file could not be written.
+pub fn check_raster_output(path: &Path) -> Result<()> {
+    match extension(path).as_str() {
+        "tif" | "tiff" | "asc" => check_output(path),
+        _ => refused(path, "a raster is written as GeoTIFF (.tif, .tiff) or as ESRI ASCII grid (.asc)"),
+    }
+}
+
+/// Writes a raster whose coordinates and heights are in the unit of the reference system, the northernmost row first.
+///
+/// `.tif` and `.tiff` are GeoTIFF (32-bit floats, deflate), with the EPSG codes of the system and the unit of the
+/// heights; `.asc` is an ESRI ASCII grid, which has no place for them. Holes are -9999 in both. Heights are rounded to
+/// `f32`. O(cells).
+///
+/// # Errors
+/// As [`check_raster_output`], or if the work was cancelled.
+pub fn write_raster(path: &Path, raster: &Raster, place: &Georeference, monitor: &Monitor) -> Result<()> {
+    match extension(path).as_str() {
+        "tif" | "tiff" => geotiff::write(path, raster, place, monitor),
+        "asc" => ascii_grid::write(path, raster, monitor),
+        _ => check_raster_output(path),
+    }
+}
+
+/// The heights of one row; the first row is the northernmost.
+fn row_from_north(raster: &Raster, row: usize) -> impl Iterator<Item = f32> {
+    let start = (raster.rows() - 1 - row) * raster.columns();
+    raster.values()[start..start + raster.columns()].iter().map(|&v| if v.is_nan() { NODATA } else { v as f32 })
+}
+
+fn refused(path: &Path, reason: &str) -> Result<()> {
+    Err(Error::Unsupported { path: path.to_path_buf(), reason: reason.into() })
+}
