@@ -1,4 +1,5 @@
-//! Terrain: road and ground points, elevation model, height above ground, and position with respect to the road.
+//! Terrain: road and ground points, elevation model, height above ground, position with respect to the road;
+//! terrain and surface models, outlines of buildings.
 
 mod above_ground;
 mod alpha_shape;
@@ -7,6 +8,7 @@ mod elevation;
 mod ground_filter;
 mod holes;
 mod position;
+mod products;
 mod road;
 mod sites;
 mod smooth;
@@ -17,5 +19,7 @@ pub use descriptors::{Ground, Terrain, TerrainParams, mask_of_classes, terrain};
 pub use elevation::{ElevationModel, ElevationParams};
 pub use ground_filter::{GroundMethod, GroundParams, ground_points};
 pub use position::position;
+pub use products::{Footprint, FootprintParams, GroundChoice, ProductParams, Survey};
+pub use products::{footprints, heights_above_ground, normalised, outlines, surface_model, terrain_model};
 pub use road::{RoadExample, road_points};
 pub use smooth::fill_holes;

@@ -1,0 +1,93 @@
+//! The points of a survey, and which of them are ground.
+
+use super::params::{GroundChoice, ProductParams};
+use crate::cloud::{Cloud, CodeScheme, MetricCloud, Points, Values, names};
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use crate::terrain::ground_points;
+
+/// Classes of noise in ASPRS codes: low and high points.
+const NOISE: [u8; 2] = [7, 18];
+
+/// Class of ground in ASPRS codes.
+const GROUND: u8 = 2;
+
+/// The points of a cloud without noise and stray points, and which of them are ground.
+#[derive(Clone, Debug)]
+pub struct Survey {
+    /// The points, in metres.
+    pub points: Points,
+    /// Whether each is ground; at least one is.
+    pub is_ground: Vec<bool>,
+    /// How many ground points there are and how they were found, for the user.
+    pub note: String,
+}
+
+impl Survey {
+    /// Finds the ground points of a cloud. O(points), and that of [`ground_points`] if the ground filter is used.
+    ///
+    /// # Errors
+    /// If there is no point or no ground point, a class is requested and the cloud has none, a parameter is out of
+    /// range, or the work was cancelled.
+    pub fn new(scene: &MetricCloud<'_>, params: &ProductParams, monitor: &Monitor) -> Result<Self> {
+        params.validate()?;
+        let codes = Codes::of(scene.cloud);
+        let noise = match (&params.noise, scene.cloud.scheme) {
+            (Some(noise), _) => noise.as_slice(),
+            (None, CodeScheme::Asprs) => &NOISE,
+            (None, _) => &[],
+        };
+        let all = scene.some_points(monitor)?;
+        let rows = 0..all.len() as u32;
+        let kept: Vec<u32> = rows.filter(|&row| !codes.among(all.frame.index[row as usize], noise)).collect();
+        let points = if kept.len() == all.len() { all } else { all.select(&kept, monitor)? };
+        if points.is_empty() {
+            return Err(Error::input(format!("all points are noise (classes {noise:?}): there is no terrain")));
+        }
+        Self::with_ground(points, codes, params, monitor)
+    }
+
+    fn with_ground(points: Points, codes: Codes<'_>, params: &ProductParams, monitor: &Monitor) -> Result<Self> {
+        let of = |wanted: &[u8]| -> Vec<bool> { points.frame.index.iter().map(|&i| codes.among(i, wanted)).collect() };
+        let (is_ground, how) = match &params.ground {
+            GroundChoice::Classes(wanted) => (of(wanted), format!("of {}", listed(wanted))),
+            GroundChoice::Filter => (ground_points(&points, &params.filter, monitor)?, "by the ground filter".into()),
+            GroundChoice::Auto => match of(&[GROUND]) {
+                known if known.contains(&true) => (known, format!("of {}", listed(&[GROUND]))),
+                _ => {
+                    let how = format!("by the ground filter, because no point has class {GROUND}");
+                    (ground_points(&points, &params.filter, monitor)?, how)
+                }
+            },
+        };
+        let count = is_ground.iter().filter(|&&ground| ground).count();
+        if count == 0 {
+            let advice = "name the classes that are ground, or use the ground filter";
+            return Err(Error::input(format!("no ground point {how}: {advice}")));
+        }
+        let note = format!("ground: {count} of {} points, {how}", points.len());
+        Ok(Self { points, is_ground, note })
+    }
+}
+
+/// The class codes of a cloud, if it has any.
+#[derive(Clone, Copy)]
+pub(super) struct Codes<'a>(Option<&'a Values>);
+
+impl<'a> Codes<'a> {
+    pub(super) fn of(cloud: &'a Cloud) -> Self {
+        Self(cloud.column(names::CLASSIFICATION).map(|column| &column.values))
+    }
+
+    /// Whether the code of a point of the cloud is one of these.
+    pub(super) fn among(self, point: u32, wanted: &[u8]) -> bool {
+        let has = |codes: &Values| wanted.iter().any(|&code| (codes.get(point as usize) - f64::from(code)).abs() < 0.5);
+        !wanted.is_empty() && self.0.is_some_and(has)
+    }
+}
+
+/// `class 2`, `classes 2, 9`.
+pub(super) fn listed(codes: &[u8]) -> String {
+    let word = if codes.len() == 1 { "class" } else { "classes" };
+    format!("{word} {}", codes.iter().map(u8::to_string).collect::<Vec<_>>().join(", "))
+}

@@ -1,0 +1,195 @@
+//! Scenes with known terrain, surface and buildings.
+
+use super::*;
+use crate::cloud::{Cloud, CodeScheme, Column, MetricCloud, Raster, Values};
+use crate::parallel::Monitor;
+use crate::random::stream;
+
+const ORIGIN: [f64; 2] = [600_000.0, 5_000_000.0];
+
+/// Height of the tilted plane.
+fn plane(x: f64, y: f64) -> f64 {
+    250.0 + 0.2 * (x - ORIGIN[0]) - 0.1 * (y - ORIGIN[1])
+}
+
+/// A tilted field of 60 m x 40 m, and a box of 16 m x 10 m whose roof is 8 m above its lowest ground; classes 2 and 6.
+/// The box leaves a hole in the ground. Two points of noise (18 and 7).
+fn village(unit: f64) -> Cloud {
+    let mut s = stream(20, 1);
+    let mut rows = Vec::new();
+    let mut codes = Vec::new();
+    for _ in 0..60 * 40 * 8 {
+        let (x, y) = (ORIGIN[0] + 60.0 * s.uniform(), ORIGIN[1] + 40.0 * s.uniform());
+        let (u, v) = (x - ORIGIN[0], y - ORIGIN[1]);
+        let house = (20.0..36.0).contains(&u) && (15.0..25.0).contains(&v);
+        rows.push([x, y, if house { plane(x, y) + 8.0 } else { plane(x, y) }]);
+        codes.push(if house { 6 } else { 2 });
+    }
+    rows.extend([[ORIGIN[0] + 5.0, ORIGIN[1] + 5.0, 290.0], [ORIGIN[0] + 50.0, ORIGIN[1] + 5.0, 230.0]]);
+    codes.extend([18, 7]);
+    let rows: Vec<[f64; 3]> = rows.iter().map(|row| row.map(|v| v / unit)).collect();
+    let mut cloud = Cloud::from_rows(&rows).unwrap();
+    cloud.set_column(Column::new("Classification", Values::U8(codes))).unwrap();
+    cloud.scheme = CodeScheme::Asprs;
+    cloud.metres_per_unit = Some(unit);
+    cloud
+}
+
+struct Found {
+    terrain: Raster,
+    surface: Raster,
+    heights: Vec<f32>,
+    note: String,
+}
+
+fn found(cloud: &Cloud, params: &ProductParams) -> Found {
+    let monitor = Monitor::default();
+    let scene = MetricCloud::new(cloud, None, &monitor).unwrap();
+    let survey = Survey::new(&scene, params, &monitor).unwrap();
+    Found {
+        terrain: terrain_model(&survey, params, &monitor).unwrap(),
+        surface: surface_model(&survey, params.cell, &monitor).unwrap(),
+        heights: heights_above_ground(&scene, &survey, params, &monitor).unwrap(),
+        note: survey.note,
+    }
+}
+
+fn centre(raster: &Raster, i: usize) -> [f64; 2] {
+    let at = [i % raster.columns(), i / raster.columns()];
+    [0, 1].map(|a| raster.origin()[a] + (at[a] as f64 + 0.5) * raster.cell())
+}
+
+#[test]
+fn a_tilted_plane_with_a_hole_comes_back() {
+    for cell in [0.5, 1.0, 3.0] {
+        let found = found(&village(1.0), &ProductParams { cell, ..ProductParams::default() });
+        let border = |[x, y]: [f64; 2]| {
+            let (u, v) = (x - ORIGIN[0], y - ORIGIN[1]);
+            u.min(60.0 - u).min(v).min(40.0 - v)
+        };
+        for (i, &height) in found.terrain.values().iter().enumerate() {
+            let at = centre(&found.terrain, i);
+            // Coordinates are rounded to f32; outside the triangulation the nearest height is taken.
+            let allowed = if border(at) > cell { 1e-3 } else { 0.4 * cell };
+            assert!((height - plane(at[0], at[1])).abs() < allowed, "{cell}: {at:?} {height}");
+        }
+        assert!(found.note.ends_with("of class 2"), "{}", found.note);
+    }
+}
+
+#[test]
+fn the_normalised_surface_is_the_height_of_the_box_and_noise_has_no_part_in_it() {
+    let found = found(&village(1.0), &ProductParams::default());
+    let heights = normalised(&found.surface, &found.terrain).unwrap();
+    for (i, &height) in heights.values().iter().enumerate() {
+        let [x, y] = centre(&heights, i);
+        let (u, v) = (x - ORIGIN[0], y - ORIGIN[1]);
+        if found.surface.values()[i].is_nan() {
+            assert!(height.is_nan());
+        } else if (21.0..35.0).contains(&u) && (16.0..24.0).contains(&v) {
+            // The highest point of a cell lies up to half a cell uphill.
+            assert!((8.0 - 0.16..8.0 + 0.16).contains(&height), "{u} {v} {height}");
+        } else if !(19.0..37.0).contains(&u) || !(14.0..26.0).contains(&v) {
+            assert!((0.0..0.16 + 0.2).contains(&height), "{u} {v} {height}");
+        }
+    }
+    let other = Raster::new([0.0; 2], 1.0, 1, vec![0.0]).unwrap();
+    assert!(normalised(&found.surface, &other).is_err());
+}
+
+#[test]
+fn every_point_has_its_height_above_ground() {
+    let cloud = village(1.0);
+    let found = found(&cloud, &ProductParams::default());
+    for (i, &height) in found.heights.iter().enumerate() {
+        let [x, y, z] = cloud.xyz(i);
+        let expected = z - plane(x, y);
+        // Half a cell of slope at the border of the raster.
+        assert!((f64::from(height) - expected).abs() < 0.15, "{i}: {height} {expected}");
+    }
+    let mut rows: Vec<[f64; 3]> = (0..cloud.len()).map(|i| cloud.xyz(i)).collect();
+    rows[7][2] = f64::NAN;
+    let holed = Cloud::from_rows(&rows).unwrap();
+    let params = ProductParams { ground: GroundChoice::Filter, ..ProductParams::default() };
+    let monitor = Monitor::default();
+    let scene = MetricCloud::new(&holed, None, &monitor).unwrap();
+    let survey = Survey::new(&scene, &params, &monitor).unwrap();
+    let heights = heights_above_ground(&scene, &survey, &params, &monitor).unwrap();
+    assert!(heights[7].is_nan() && heights.len() == rows.len() && !heights[8].is_nan());
+    assert!(survey.note.contains("ground filter"), "{}", survey.note);
+}
+
+#[test]
+fn feet_and_metres_give_the_same_terrain() {
+    let params = ProductParams { cell: 0.9144, ..ProductParams::default() };
+    let (metres, feet) = (found(&village(1.0), &params), found(&village(0.3048), &params));
+    assert_eq!(metres.terrain.columns(), feet.terrain.columns());
+    let pairs = metres.terrain.values().iter().zip(feet.terrain.values());
+    assert!(pairs.clone().all(|(a, b)| (a - b).abs() < 2e-3));
+    let in_feet = feet.terrain.clone().in_unit(0.3048).unwrap();
+    assert_eq!(in_feet.cell(), 3.0);
+    assert!(pairs.zip(in_feet.values()).all(|((a, _), b)| (a / 0.3048 - b).abs() < 1e-2));
+}
+
+#[test]
+fn cells_far_from_all_ground_stay_empty() {
+    let mut rows: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 1.0]).collect();
+    rows.extend((0..400).map(|i| [100.0 + f64::from(i % 20), f64::from(i / 20), 2.0]));
+    let cloud = Cloud::from_rows(&rows).unwrap();
+    let near = found(&cloud, &ProductParams { reach: 10.0, ground: GroundChoice::Filter, ..ProductParams::default() });
+    let empty = |x: f64| near.terrain.values()[near.terrain.cell_of([x, 5.0])].is_nan();
+    assert!(!empty(10.5) && !empty(28.5) && empty(31.5) && empty(60.5) && !empty(92.5));
+    // Between the sites the ground rises by 1 m in 81 m; cells at their border reach into that.
+    assert!(near.heights.iter().all(|h| h.abs() < 0.01));
+}
+
+#[test]
+fn a_box_has_its_area_and_height() {
+    for unit in [1.0, 0.3048] {
+        let cloud = village(unit);
+        let heights = found(&cloud, &ProductParams::default()).heights;
+        let monitor = Monitor::default();
+        let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+        let params = FootprintParams::default();
+        let found = footprints(&scene, &heights, &params, &monitor).unwrap();
+        let [house] = &found[..] else { panic!("{} outlines", found.len()) };
+        // Points are 0.35 m apart: the outline lies about half of it inside the walls.
+        assert!((160.0 - 52.0 * 0.35..=160.0).contains(&house.area), "{}", house.area);
+        assert!((house.height_median - 8.0).abs() < 0.02 && (house.height_max - 8.0).abs() < 0.1, "{house:?}");
+        let codes = &cloud.column("Classification").unwrap().values;
+        let all = (0..cloud.len()).filter(|&i| codes.get(i) == 6.0).count() as u64;
+        assert!(house.points <= all && house.points + 3 >= all, "{} of {all}", house.points);
+        assert!(house.rings.len() == 1 && house.rings[0].len() < 12, "{:?}", house.rings);
+        assert!(
+            house.rings[0]
+                .iter()
+                .all(|[x, y]| (19.9..36.1).contains(&(x - ORIGIN[0])) && (14.9..25.1).contains(&(y - ORIGIN[1])))
+        );
+        let large = FootprintParams { min_area: 200.0, ..params.clone() };
+        assert!(footprints(&scene, &heights, &large, &monitor).unwrap().is_empty());
+        let none = FootprintParams { classes: vec![17], ..params };
+        assert!(footprints(&scene, &heights, &none, &monitor).unwrap_err().to_string().contains("class 17"));
+        assert!(footprints(&scene, &heights[1..], &FootprintParams::default(), &monitor).is_err());
+    }
+}
+
+#[test]
+fn what_cannot_be_a_terrain_is_refused() {
+    let (cloud, monitor) = (village(1.0), Monitor::default());
+    let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+    let said = |params: ProductParams| Survey::new(&scene, &params, &monitor).unwrap_err().to_string();
+    let with = |ground| ProductParams { ground, ..ProductParams::default() };
+    assert!(said(with(GroundChoice::Classes(vec![9]))).contains("no ground point of class 9"));
+    assert!(said(with(GroundChoice::Classes(vec![]))).contains("ground"));
+    assert!(said(ProductParams { cell: 0.0, ..ProductParams::default() }).contains("cell"));
+    assert!(said(ProductParams { reach: f64::NAN, ..ProductParams::default() }).contains("reach"));
+    assert!(said(ProductParams { noise: Some(vec![2, 6, 7, 18]), ..ProductParams::default() }).contains("noise"));
+    let empty = Cloud::from_rows(&[]).unwrap();
+    let nothing = MetricCloud::new(&empty, None, &monitor).unwrap();
+    assert!(Survey::new(&nothing, &ProductParams::default(), &monitor).is_err());
+    let odd = FootprintParams { alpha: -1.0, ..FootprintParams::default() };
+    assert!(footprints(&scene, &[], &odd, &monitor).is_err());
+    let settings: ProductParams = toml::from_str("cell = 2.0\nground = { classes = [2, 9] }\n").unwrap();
+    assert_eq!(settings.ground, GroundChoice::Classes(vec![2, 9]));
+    assert!(toml::from_str::<ProductParams>("ground = \"filter\"").is_ok());
+}
