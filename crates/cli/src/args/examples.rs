@@ -48,6 +48,22 @@ pub(super) const SUGGEST: &str = "Examples:
   scansion suggest my.laz -n 30 -o page.html -o segments.laz     a page to label on, and its segments
   scansion train segments.laz --weak --weak-labels labels.csv -o my.model";
 
+pub(super) const TERRAIN: &str = "Examples:
+  scansion terrain my.laz -o dtm.tif                         heights of the ground, 1 m cells
+  scansion terrain my.laz -o dtm.tif --dsm dsm.tif --chm chm.tif --cell 0.5
+  scansion terrain my.laz -o dtm.asc --ground-filter         for clouds without classes
+  scansion terrain classified.laz --footprints buildings.geojson
+
+Rasters and outlines have the coordinates, the unit and the reference system of the cloud: in a cloud in feet, heights
+are feet. --cell and the other lengths are metres; cells of 3 ft are --cell 0.9144.";
+
+pub(super) const HEIGHT: &str = "Examples:
+  scansion height my.laz -o heights.laz
+  scansion height my.laz -o heights.laz --ground-classes 2,9
+  scansion render heights.laz -o heights.png --by HeightAboveGround
+
+Heights are in the unit of the cloud's own heights, as in PDAL. All else in LAS and LAZ stays as it is, byte for byte.";
+
 pub(super) const EVALUATE: &str = "Examples:
   scansion evaluate truth.laz classified.laz                 same points in the same order
   scansion evaluate truth.laz classified.laz -o scores.json -o confusion.png

@@ -29,6 +29,8 @@ impl Command {
             Self::Classify(args) => args.unit.unit,
             Self::Segment(args) => args.segments.unit.unit,
             Self::Suggest(args) => args.segments.unit.unit,
+            Self::Terrain(args) => args.ground.unit.unit,
+            Self::Height(args) => args.ground.unit.unit,
             Self::Evaluate(args) => args.unit.unit,
             _ => None,
         }
@@ -46,6 +48,7 @@ impl Command {
             Self::Classify(args) => &args.scale.scale,
             Self::Segment(args) => &args.scale.scale,
             Self::Suggest(args) => &args.scale.scale,
+            Self::Height(args) => &args.scale.scale,
             _ => return Ok(None),
         };
         match numbers[..] {

@@ -7,12 +7,14 @@ mod learning;
 mod lengths;
 mod pictures;
 mod segments;
+mod terrain;
 
 pub(crate) use files::{Convert, Diff, Info, Merge};
 pub(crate) use learning::{Classify, Evaluate, Features, Model, Train};
 pub(crate) use lengths::{ScaleArgs, UnitArgs};
 pub(crate) use pictures::{Render, ViewArg};
 pub(crate) use segments::{Segment, SegmentArgs, Suggest};
+pub(crate) use terrain::{GroundArgs, Height, Terrain};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use scansion_core::io::run::Replace;
@@ -99,6 +101,10 @@ pub(crate) enum Command {
     Segment(Segment),
     /// Suggest the segments whose labels would help most
     Suggest(Suggest),
+    /// Make terrain and surface models, and outlines of buildings
+    Terrain(Terrain),
+    /// Write the height of every point above the ground
+    Height(Height),
     /// Compare a classification with the truth
     #[command(visible_alias = "eval")]
     Evaluate(Evaluate),
@@ -118,6 +124,7 @@ impl Command {
             Self::Features(args) => Some(args.overwrite),
             Self::Classify(args) => Some(args.overwrite),
             Self::Segment(args) => Some(args.overwrite),
+            Self::Height(args) => Some(args.overwrite),
             _ => None,
         };
         match overwrite {
@@ -140,6 +147,8 @@ impl Command {
             Self::Classify(args) => (&args.inputs, vec![&args.model]),
             Self::Segment(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe]),
             Self::Suggest(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe, &args.model]),
+            Self::Terrain(args) => (std::slice::from_ref(&args.input), vec![]),
+            Self::Height(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Evaluate(args) => (std::slice::from_ref(&args.truth), vec![&args.prediction, &args.model]),
             Self::Render(args) => (std::slice::from_ref(&args.input), vec![&args.truth]),
             Self::Model(Model::Show { model, .. }) => (&[], vec![model]),

@@ -7,6 +7,7 @@ mod diff;
 mod evaluate;
 mod feature_rows;
 mod features;
+mod height;
 mod info;
 mod labels;
 mod merge;
@@ -15,6 +16,7 @@ mod render;
 mod segment;
 mod sources;
 mod suggest;
+mod terrain;
 mod train;
 
 use crate::args::{Args, Command};
@@ -97,6 +99,8 @@ fn command(command: &Command, context: &Context<'_>) -> Result<(), Failure> {
         Command::Classify(classify) => classify::run(classify, context),
         Command::Segment(segment) => segment::run(segment, context),
         Command::Suggest(suggest) => suggest::run(suggest, context),
+        Command::Terrain(terrain) => terrain::run(terrain, context),
+        Command::Height(height) => height::run(height, context),
         Command::Evaluate(evaluate) => evaluate::run(evaluate, context),
         Command::Render(render) => render::run(render, context),
         Command::Model(model) => model::run(model, context),

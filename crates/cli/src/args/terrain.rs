@@ -1,0 +1,85 @@
+//! Arguments of the commands about terrain.
+
+use super::{ScaleArgs, UnitArgs, examples};
+use clap::Args as ClapArgs;
+use std::path::PathBuf;
+
+/// How the ground is found.
+#[derive(Clone, Debug, ClapArgs)]
+pub(crate) struct GroundArgs {
+    /// Edge of a cell, metres
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    pub(crate) cell: f64,
+    /// Classes of the ground [default: 2 if there are such points, else the ground filter]
+    #[arg(long, value_name = "CODES", value_delimiter = ',', conflicts_with = "ground_filter")]
+    pub(crate) ground_classes: Vec<u8>,
+    /// Find the ground by the simple morphological filter, whatever the classes are
+    #[arg(long)]
+    pub(crate) ground_filter: bool,
+    /// Half the width of the widest building, metres, for the ground filter
+    #[arg(long, value_name = "METRES", default_value_t = 18.0)]
+    pub(crate) window: f64,
+    /// Slope of the steepest ground, rise over run, for the ground filter
+    #[arg(long, value_name = "SLOPE", default_value_t = 0.15)]
+    pub(crate) slope: f64,
+    /// Classes that are left out, or none [default: 7 and 18, noise, in LAS and LAZ]
+    #[arg(long, value_name = "CODES|none")]
+    pub(crate) noise_classes: Option<String>,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
+}
+
+/// scansion terrain IN -o DTM
+#[derive(Debug, ClapArgs)]
+#[command(after_help = examples::TERRAIN)]
+pub(crate) struct Terrain {
+    /// Cloud to map
+    pub(crate) input: PathBuf,
+    /// Terrain model: heights of the ground, as GeoTIFF (.tif) or ESRI ASCII grid (.asc)
+    #[arg(short, long, visible_alias = "dtm", value_name = "FILE", required_unless_present_any = ["dsm", "chm", "footprints"])]
+    pub(crate) output: Option<PathBuf>,
+    /// Surface model: the highest point of each cell
+    #[arg(long, value_name = "FILE")]
+    pub(crate) dsm: Option<PathBuf>,
+    /// Heights of the surface above the terrain: buildings, trees
+    #[arg(long, value_name = "FILE")]
+    pub(crate) chm: Option<PathBuf>,
+    /// Outlines of buildings with area, height and number of points (.geojson)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) footprints: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) ground: GroundArgs,
+    /// Leave cells of the terrain model empty that are farther than this from all ground points, metres
+    #[arg(long, value_name = "METRES", default_value_t = 100.0)]
+    pub(crate) reach: f64,
+    /// Classes of buildings
+    #[arg(long, value_name = "CODES", value_delimiter = ',', default_value = "6")]
+    pub(crate) building_classes: Vec<u8>,
+    /// Leave out buildings of a smaller area, and close smaller holes, m²
+    #[arg(long, value_name = "AREA", default_value_t = 10.0)]
+    pub(crate) min_area: f64,
+    /// Simplify outlines by up to this distance, metres
+    #[arg(long, value_name = "METRES", default_value_t = 0.5)]
+    pub(crate) tolerance: f64,
+    /// Separate buildings by gaps wider than twice this, metres; larger than the distance between points
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    pub(crate) alpha: f64,
+}
+
+/// scansion height IN -o OUT
+#[derive(Debug, ClapArgs)]
+#[command(after_help = examples::HEIGHT)]
+pub(crate) struct Height {
+    /// Cloud whose heights are computed
+    pub(crate) input: PathBuf,
+    /// Output: the input with the dimension HeightAboveGround
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) ground: GroundArgs,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
+    /// Allow the output to replace the input
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}

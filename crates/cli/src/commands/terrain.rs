@@ -1,0 +1,200 @@
+//! `scansion terrain`: terrain and surface models, and outlines of buildings.
+
+use super::Context;
+use crate::args::{Format, GroundArgs, Terrain};
+use crate::exit_code::Failure;
+use scansion_core::cloud::{MetricCloud, Raster, names};
+use scansion_core::io::{self, Columns, Georeference};
+use scansion_core::terrain::{
+    self, FootprintParams, GroundChoice, GroundParams, ProductParams, Survey, footprints, heights_above_ground,
+    normalised, surface_model, terrain_model,
+};
+use scansion_core::{Error, Result};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<(), Failure> {
+    let rasters = [&args.output, &args.dsm, &args.chm].into_iter().flatten();
+    rasters.map(PathBuf::as_path).try_for_each(io::check_raster_output)?;
+    args.footprints.iter().try_for_each(|path| io::check_outline_output(path))?;
+    let params = ProductParams { reach: args.reach, ..product_params(&args.ground)? };
+    params.validate()?;
+    footprint_params(args).validate()?;
+    let mut options = context.read_options();
+    options.columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
+    let cloud = io::read_with(&args.input, &options)?;
+    let scene = MetricCloud::new(&cloud, None, &context.monitor)?;
+    let survey = survey(&scene, &params, context)?;
+    let mut made = rasters_of(&survey, (args, &params), scene.metres, context)?;
+    for (product, raster) in &made.rasters {
+        io::write_raster(&product.file, raster, &Georeference::of(&cloud), &context.monitor)?;
+    }
+    if let Some(path) = &args.footprints {
+        let heights = heights_above_ground(&scene, &survey, &params, &context.monitor)?;
+        made.outlines = Some(outlines(path, (&scene, &heights), args, context)?);
+    }
+    context.printer.data(&match context.printer.format {
+        Format::Json => serde_json::to_string_pretty(&made.report()).unwrap_or_default(),
+        format => made.text(format),
+    })
+}
+
+/// The parameters of the arguments.
+pub(crate) fn product_params(args: &GroundArgs) -> Result<ProductParams> {
+    let ground = match args.ground_filter {
+        true => GroundChoice::Filter,
+        false if args.ground_classes.is_empty() => GroundChoice::Auto,
+        false => GroundChoice::Classes(args.ground_classes.clone()),
+    };
+    let code = |word: &str| {
+        let wrong = |_| Error::parameter("noise-classes", word, "codes 0..255 separated by commas, or none");
+        word.trim().parse::<u8>().map_err(wrong)
+    };
+    let noise = match args.noise_classes.as_deref() {
+        None => None,
+        Some("none") => Some(Vec::new()),
+        Some(codes) => Some(codes.split(',').map(code).collect::<Result<_>>()?),
+    };
+    let filter = GroundParams { window: args.window, slope: args.slope, ..GroundParams::default() };
+    Ok(ProductParams { cell: args.cell, ground, filter, noise, ..ProductParams::default() })
+}
+
+/// The ground of a cloud; tells how it was found, and of the cloud's oddities.
+pub(crate) fn survey(scene: &MetricCloud<'_>, params: &ProductParams, context: &Context<'_>) -> Result<Survey> {
+    scene.oddities().iter().for_each(|text| context.printer.warning(text));
+    let survey = Survey::new(scene, params, &context.monitor)?;
+    context.printer.note(&survey.note);
+    Ok(survey)
+}
+
+fn footprint_params(args: &Terrain) -> FootprintParams {
+    FootprintParams {
+        classes: args.building_classes.clone(),
+        alpha: args.alpha,
+        min_area: args.min_area,
+        tolerance: args.tolerance,
+    }
+}
+
+/// The requested rasters in the unit of the cloud, which has `metres` metres.
+fn rasters_of(
+    survey: &Survey,
+    (args, params): (&Terrain, &ProductParams),
+    metres: f64,
+    context: &Context<'_>,
+) -> Result<Made> {
+    let needed = |paths: [&Option<PathBuf>; 2]| paths.into_iter().any(Option::is_some);
+    let terrain =
+        needed([&args.output, &args.chm]).then(|| terrain_model(survey, params, &context.monitor)).transpose()?;
+    let surface =
+        needed([&args.dsm, &args.chm]).then(|| surface_model(survey, params.cell, &context.monitor)).transpose()?;
+    let above = match (&args.chm, &surface, &terrain) {
+        (Some(_), Some(surface), Some(terrain)) => Some(normalised(surface, terrain)?),
+        _ => None,
+    };
+    let mut made = Made::default();
+    for (name, path, raster) in
+        [("terrain", &args.output, terrain), ("surface", &args.dsm, surface), ("above terrain", &args.chm, above)]
+    {
+        if let (Some(path), Some(raster)) = (path, raster) {
+            let raster = raster.in_unit(metres)?;
+            made.rasters.push((Product::of(name, path, &raster), raster));
+        }
+    }
+    Ok(made)
+}
+
+/// Writes the outlines of the buildings in the unit of the cloud.
+fn outlines(
+    path: &Path,
+    (scene, heights): (&MetricCloud<'_>, &[f32]),
+    args: &Terrain,
+    context: &Context<'_>,
+) -> Result<Outlines> {
+    let found = footprints(scene, heights, &footprint_params(args), &context.monitor)?;
+    let area = found.iter().map(|f| f.area).sum();
+    let outlines = terrain::outlines(&found, scene.metres);
+    io::write_geojson(path, &outlines, &Georeference::of(scene.cloud))?;
+    Ok(Outlines { product: "buildings", file: path.to_path_buf(), buildings: found.len(), area })
+}
+
+/// What was made.
+#[derive(Default)]
+struct Made {
+    rasters: Vec<(Product, Raster)>,
+    outlines: Option<Outlines>,
+}
+
+/// A raster, in the unit of the cloud.
+#[derive(Serialize)]
+struct Product {
+    product: &'static str,
+    file: PathBuf,
+    columns: usize,
+    rows: usize,
+    cell: f64,
+    cells_without_data: usize,
+    lowest: Option<f64>,
+    highest: Option<f64>,
+}
+
+/// The outlines of buildings; area in m².
+#[derive(Serialize)]
+struct Outlines {
+    product: &'static str,
+    file: PathBuf,
+    buildings: usize,
+    area: f64,
+}
+
+impl Product {
+    fn of(product: &'static str, file: &Path, raster: &Raster) -> Self {
+        let heights = || raster.values().iter().copied().filter(|v| !v.is_nan());
+        Self {
+            product,
+            file: file.to_path_buf(),
+            columns: raster.columns(),
+            rows: raster.rows(),
+            cell: raster.cell(),
+            cells_without_data: raster.values().len() - heights().count(),
+            lowest: heights().reduce(f64::min),
+            highest: heights().reduce(f64::max),
+        }
+    }
+}
+
+impl Made {
+    fn report(&self) -> Vec<serde_json::Value> {
+        let rasters = self.rasters.iter().map(|(product, _)| serde_json::to_value(product));
+        rasters.chain(self.outlines.iter().map(serde_json::to_value)).filter_map(std::result::Result::ok).collect()
+    }
+
+    fn text(&self, format: Format) -> String {
+        let row = |cells: [String; 7]| match format {
+            Format::Csv => cells.join(",") + "\n",
+            _ => {
+                let [name, columns, rows, cell, empty, lowest, highest] = cells;
+                format!("{name:<14} {columns:>8} {rows:>8} {cell:>10} {empty:>12} {lowest:>10} {highest:>10}\n")
+            }
+        };
+        let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.2}"));
+        let mut text = String::new();
+        if !self.rasters.is_empty() {
+            text += &row(["product", "columns", "rows", "cell", "without data", "lowest", "highest"].map(String::from));
+        }
+        for (p, _) in &self.rasters {
+            let counts = [p.columns, p.rows].map(|n| n.to_string());
+            let [columns, rows] = counts;
+            let cells = p.cells_without_data.to_string();
+            text +=
+                &row([p.product.into(), columns, rows, p.cell.to_string(), cells, number(p.lowest), number(p.highest)]);
+        }
+        if let Some(found) = &self.outlines {
+            text += &match format {
+                Format::Csv => format!("buildings,area\n{},{:.1}\n", found.buildings, found.area),
+                _ => format!("{} buildings, {:.0} m²\n", found.buildings, found.area),
+            };
+        }
+        text
+    }
+}
