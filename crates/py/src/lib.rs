@@ -55,7 +55,7 @@ mod _core {
     #[pymodule_export]
     use crate::segments::{segment, segment_columns, suggest};
     #[pymodule_export]
-    use crate::terrain::{ground_points, heights};
+    use crate::terrain::{footprints, ground_points, height_above_ground, heights, terrain_raster, write_raster};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]

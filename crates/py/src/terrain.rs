@@ -1,13 +1,18 @@
-//! Module `terrain`: ground points and heights above ground.
+//! Module `terrain`: ground points, heights above ground, terrain and surface models, outlines of buildings.
 
 use crate::call::call;
 use crate::cloud::Cloud;
-use crate::convert::vector;
+use crate::convert::{matrix, to_matrix, vector};
 use crate::json;
 use crate::neighbours::points;
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use scansion_core::cloud::{MetricCloud, Raster};
+use scansion_core::io::{self, Georeference};
 use scansion_core::terrain::{self, ElevationModel, ElevationParams, GroundParams};
+use scansion_core::terrain::{FootprintParams, ProductParams, Survey};
+use scansion_core::{Error, Result};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Whether each point is ground.
@@ -47,4 +52,113 @@ pub(crate) fn heights<'py>(
         ElevationModel::fit(&points, ground, &params, monitor)?.heights(&points, monitor)
     })?;
     Ok(PyArray1::from_vec(py, found))
+}
+
+/// Heights with the northernmost row first, the north-west corner, the cell, and how the ground was found.
+type Grid<'py> = (Bound<'py, PyArray2<f64>>, [f64; 2], f64, String);
+
+/// The terrain model (`dtm`), surface model (`dsm`) or their difference (`chm`), in the unit of the cloud.
+#[pyfunction]
+#[pyo3(signature = (cloud, product, settings, metres_per_unit = None, n_jobs = None))]
+pub(crate) fn terrain_raster<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    product: &str,
+    settings: &str,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<Grid<'py>> {
+    let params: ProductParams = json::settings(settings)?;
+    let cloud = Arc::clone(&cloud.inner);
+    let (raster, note) = call(py, n_jobs, |monitor| {
+        let scene = MetricCloud::new(&cloud, metres_per_unit, monitor)?;
+        let survey = Survey::new(&scene, &params, monitor)?;
+        let terrain = || terrain::terrain_model(&survey, &params, monitor);
+        let surface = || terrain::surface_model(&survey, params.cell, monitor);
+        let raster = match product {
+            "dtm" => terrain()?,
+            "dsm" => surface()?,
+            "chm" => terrain::normalised(&surface()?, &terrain()?)?,
+            other => return Err(Error::parameter("product", other, "dtm, dsm or chm")),
+        };
+        Ok((raster.in_unit(scene.metres)?, survey.note))
+    })?;
+    let [west, south] = raster.origin();
+    let corner = [west, south + raster.cell() * raster.rows() as f64];
+    let rows = raster.values().chunks_exact(raster.columns()).rev();
+    let values = to_matrix(py, rows.flatten().copied().collect(), raster.columns())?;
+    Ok((values, corner, raster.cell(), note))
+}
+
+/// Height of each point above ground in the unit of the cloud, and how the ground was found.
+#[pyfunction]
+#[pyo3(signature = (cloud, settings, metres_per_unit = None, n_jobs = None))]
+pub(crate) fn height_above_ground<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    settings: &str,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<(Bound<'py, PyArray1<f32>>, String)> {
+    let params: ProductParams = json::settings(settings)?;
+    let cloud = Arc::clone(&cloud.inner);
+    let (heights, note) = call(py, n_jobs, |monitor| {
+        let scene = MetricCloud::new(&cloud, metres_per_unit, monitor)?;
+        let survey = Survey::new(&scene, &params, monitor)?;
+        let mut heights = terrain::heights_above_ground(&scene, &survey, &params, monitor)?;
+        heights.iter_mut().for_each(|height| *height /= scene.metres as f32);
+        Ok((heights, survey.note))
+    })?;
+    Ok((PyArray1::from_vec(py, heights), note))
+}
+
+/// Outlines of the buildings, as the text of a GeoJSON file.
+#[pyfunction]
+#[pyo3(signature = (cloud, settings, shape, metres_per_unit = None, n_jobs = None))]
+pub(crate) fn footprints(
+    py: Python<'_>,
+    cloud: &Cloud,
+    settings: &str,
+    shape: &str,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<String> {
+    let (params, shape): (ProductParams, FootprintParams) = (json::settings(settings)?, json::settings(shape)?);
+    let cloud = Arc::clone(&cloud.inner);
+    call(py, n_jobs, |monitor| {
+        let scene = MetricCloud::new(&cloud, metres_per_unit, monitor)?;
+        let survey = Survey::new(&scene, &params, monitor)?;
+        let heights = terrain::heights_above_ground(&scene, &survey, &params, monitor)?;
+        let found = terrain::footprints(&scene, &heights, &shape, monitor)?;
+        Ok(io::geojson(&terrain::outlines(&found, scene.metres), &Georeference::of(&cloud)))
+    })
+}
+
+/// Writes heights with the northernmost row first; `corner` is the north-west corner.
+#[pyfunction]
+#[pyo3(signature = (path, values, corner, cell, crs = None, metres_per_unit = None))]
+pub(crate) fn write_raster(
+    py: Python<'_>,
+    path: PathBuf,
+    values: PyReadonlyArray2<'_, f64>,
+    corner: [f64; 2],
+    cell: f64,
+    crs: Option<String>,
+    metres_per_unit: Option<f64>,
+) -> PyResult<()> {
+    let [rows, columns] = [values.shape()[0], values.shape()[1]];
+    let heights = matrix(&values, "values")?;
+    let place = Georeference { crs, metres_per_unit };
+    call(py, Some(1), |monitor| {
+        io::check_raster_output(&path)?;
+        let south = corner[1] - cell * rows as f64;
+        let raster = raster(heights, columns, [corner[0], south], cell)?;
+        io::write_raster(&path, &raster, &place, monitor)
+    })
+}
+
+/// A raster from heights whose first row is the northernmost.
+fn raster(heights: &[f64], columns: usize, origin: [f64; 2], cell: f64) -> Result<Raster> {
+    let rows = heights.chunks(columns.max(1)).rev();
+    Raster::new(origin, cell, columns, rows.flatten().copied().collect())
 }

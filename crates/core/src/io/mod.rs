@@ -31,7 +31,7 @@ pub use atomic::abandon_outputs;
 pub use atomic::check_output;
 pub use las::{LasFrame, PointReader, las_frame};
 pub use maps::{Georeference, Outline, check_outline_output, check_raster_output};
-pub use maps::{read_ascii_grid, write_geojson, write_raster};
+pub use maps::{geojson, read_ascii_grid, write_geojson, write_raster};
 pub use operations::convert::{ConvertParams, convert};
 pub use operations::diff::{Changed, ClassChange, Difference, FieldDifference, diff};
 pub use operations::merge::merge;

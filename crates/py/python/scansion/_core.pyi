@@ -27,7 +27,9 @@ __all__ = [
     "fit_bagging",
     "fit_boosting",
     "fit_forest",
+    "footprints",
     "ground_points",
+    "height_above_ground",
     "heights",
     "icm",
     "inspect",
@@ -61,8 +63,10 @@ __all__ = [
     "statistics",
     "suggest",
     "supervoxels",
+    "terrain_raster",
     "within",
     "write",
+    "write_raster",
 ]
 
 __version__: Final[str]
@@ -341,6 +345,23 @@ def heights(
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> NDArray[np.float32]: ...
+def terrain_raster(
+    cloud: Cloud, product: str, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.float64], list[float], float, str]: ...
+def height_above_ground(
+    cloud: Cloud, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.float32], str]: ...
+def footprints(
+    cloud: Cloud, settings: str, shape: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> str: ...
+def write_raster(
+    path: str,
+    values: NDArray[np.float64],
+    corner: tuple[float, ...],
+    cell: float,
+    crs: str | None = None,
+    metres_per_unit: float | None = None,
+) -> None: ...
 def segmentation_error(
     cloud: Cloud, labels: NDArray[np.uint32], truth: NDArray[np.int16], settings: str
 ) -> str: ...

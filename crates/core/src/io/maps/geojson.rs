@@ -40,15 +40,18 @@ pub fn write_geojson(path: &Path, outlines: &[Outline], place: &Georeference) ->
     if !["geojson", "json"].contains(&extension(path).as_str()) {
         return check_outline_output(path);
     }
+    atomic::write_bytes(path, geojson(outlines, place).as_bytes())
+}
+
+/// The text of [`write_geojson`].
+pub fn geojson(outlines: &[Outline], place: &Georeference) -> String {
     let code = place.crs.as_deref().and_then(|crs| codes_of(crs).horizontal);
     let system = code.map_or(String::new(), |code| {
         let name = json!({"type": "name", "properties": {"name": format!("urn:ogc:def:crs:EPSG::{code}")}});
         format!("\"crs\": {name},\n")
     });
     let features: Vec<String> = outlines.iter().map(feature).collect();
-    let text =
-        format!("{{\n\"type\": \"FeatureCollection\",\n{system}\"features\": [\n{}\n]\n}}\n", features.join(",\n"));
-    atomic::write_bytes(path, text.as_bytes())
+    format!("{{\n\"type\": \"FeatureCollection\",\n{system}\"features\": [\n{}\n]\n}}\n", features.join(",\n"))
 }
 
 fn feature(outline: &Outline) -> String {

@@ -77,7 +77,9 @@ fn tags<W: Write + Seek, K: TiffKind>(
     tags.write_tag(Tag::ModelPixelScaleTag, &[cell, cell, 0.0][..])?;
     tags.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, west, north, 0.0][..])?;
     let (keys, texts) = keys(place);
-    tags.write_tag(Tag::GeoKeyDirectoryTag, &keys[..])?;
+    if place.crs.is_some() {
+        tags.write_tag(Tag::GeoKeyDirectoryTag, &keys[..])?;
+    }
     if !texts.is_empty() {
         tags.write_tag(Tag::GeoAsciiParamsTag, &texts[..])?;
     }

@@ -5,7 +5,7 @@ mod geojson;
 mod geotiff;
 
 pub use ascii_grid::read_ascii_grid;
-pub use geojson::{Outline, check_outline_output, write_geojson};
+pub use geojson::{Outline, check_outline_output, geojson, write_geojson};
 
 use super::check_output;
 use super::format::extension;

@@ -100,7 +100,11 @@ pub fn heights_above_ground(
     Ok(heights)
 }
 
-/// A raster of holes over all points.
+/// Share of a cell by which a point may lie beyond the last cell, into which it then counts.
+const BEYOND: f64 = 1e-6;
+
+/// A raster of holes over all points. Points on its eastern and northern border are in the last cells, so that a tile of
+/// 1000 m has 1000 cells and not 1001.
 fn extent(survey: &Survey, cell: f64, monitor: &Monitor) -> Result<Raster> {
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for piece in watched(survey.points.len(), monitor) {
@@ -112,7 +116,9 @@ fn extent(survey: &Survey, cell: f64, monitor: &Monitor) -> Result<Raster> {
             }
         }
     }
-    Raster::over(low, high, cell)
+    let last = [0, 1].map(|a| (high[a] / cell - BEYOND).ceil() - 1.0);
+    let inside = [0, 1].map(|a| if last[a] > (low[a] / cell).floor() { (last[a] + 0.5) * cell } else { low[a] });
+    Raster::over(low, inside, cell)
 }
 
 /// Mean position and mean height of the ground points of each cell that has some, by cell.

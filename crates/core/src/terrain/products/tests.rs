@@ -132,6 +132,17 @@ fn feet_and_metres_give_the_same_terrain() {
 }
 
 #[test]
+fn a_tile_of_20_metres_has_20_cells() {
+    let rows: Vec<[f64; 3]> = (0..441).map(|i| [f64::from(i % 21), f64::from(i / 21), f64::from(i)]).collect();
+    let found = found(&Cloud::from_rows(&rows).unwrap(), &ProductParams::default());
+    assert_eq!((found.surface.columns(), found.surface.rows()), (20, 20));
+    assert_eq!((found.surface.origin(), found.surface.values()[399]), ([0.0; 2], 440.0));
+    let one = Cloud::from_rows(&[[5.0, 7.0, 3.0]]).unwrap();
+    let params = ProductParams { ground: GroundChoice::Filter, ..ProductParams::default() };
+    assert_eq!(self::found(&one, &params).terrain.values(), [3.0]);
+}
+
+#[test]
 fn cells_far_from_all_ground_stay_empty() {
     let mut rows: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 1.0]).collect();
     rows.extend((0..400).map(|i| [100.0 + f64::from(i % 20), f64::from(i / 20), 2.0]));
