@@ -72,7 +72,8 @@ pub(crate) fn terrain_raster<'py>(
     let cloud = Arc::clone(&cloud.inner);
     let (raster, note) = call(py, n_jobs, |monitor| {
         let scene = MetricCloud::new(&cloud, metres_per_unit, monitor)?;
-        let survey = Survey::new(&scene, &params, monitor)?;
+        let find = if product == "dsm" { Survey::of_points } else { Survey::new };
+        let survey = find(&scene, &params, monitor)?;
         let terrain = || terrain::terrain_model(&survey, &params, monitor);
         let surface = || terrain::surface_model(&survey, params.cell, monitor);
         let raster = match product {

@@ -61,9 +61,10 @@ pub(crate) struct Terrain {
     /// Simplify outlines by up to this distance, metres
     #[arg(long, value_name = "METRES", default_value_t = 0.5)]
     pub(crate) tolerance: f64,
-    /// Separate buildings by gaps wider than twice this, metres; larger than the distance between points
-    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
-    pub(crate) alpha: f64,
+    /// Separate buildings by gaps wider than twice this, metres; larger than the distance between points [default: twice
+    /// that distance, at least 1]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) alpha: Option<f64>,
 }
 
 /// scansion height IN -o OUT

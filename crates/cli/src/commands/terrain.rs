@@ -23,8 +23,12 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
     let mut options = context.read_options();
     options.columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
     let cloud = io::read_with(&args.input, &options)?;
+    args.footprints.iter().try_for_each(|_| footprint_params(args).check(&cloud))?;
     let scene = MetricCloud::new(&cloud, None, &context.monitor)?;
-    let survey = survey(&scene, &params, context)?;
+    let survey = match [&args.output, &args.chm, &args.footprints].iter().any(|path| path.is_some()) {
+        true => survey(&scene, &params, context)?,
+        false => Survey::of_points(&scene, &params, &context.monitor)?,
+    };
     let mut made = rasters_of(&survey, (args, &params), scene.metres, context)?;
     for (product, raster) in &made.rasters {
         io::write_raster(&product.file, raster, &Georeference::of(&cloud), &context.monitor)?;
@@ -112,7 +116,7 @@ fn outlines(
     context: &Context<'_>,
 ) -> Result<Outlines> {
     let found = footprints(scene, heights, &footprint_params(args), &context.monitor)?;
-    let area = found.iter().map(|f| f.area).sum();
+    let area = found.iter().fold(0.0, |sum, building| sum + building.area);
     let outlines = terrain::outlines(&found, scene.metres);
     io::write_geojson(path, &outlines, &Georeference::of(scene.cloud))?;
     Ok(Outlines { product: "buildings", file: path.to_path_buf(), buildings: found.len(), area })

@@ -20,6 +20,12 @@ const STRIP: usize = 1 << 18;
 /// GDAL's metadata, among them the unit of the heights.
 const GDAL_METADATA: Tag = Tag::Unknown(42112);
 
+/// Code of what has none.
+const OWN: u16 = 32767;
+
+/// Longest text of a system that GDAL reads.
+const LONGEST: usize = 2300;
+
 /// Relative difference of two units that counts as none.
 const SAME: f64 = 1e-9;
 
@@ -77,7 +83,7 @@ fn tags<W: Write + Seek, K: TiffKind>(
     tags.write_tag(Tag::ModelPixelScaleTag, &[cell, cell, 0.0][..])?;
     tags.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, west, north, 0.0][..])?;
     let (keys, texts) = keys(place);
-    if place.crs.is_some() {
+    if !keys.is_empty() {
         tags.write_tag(Tag::GeoKeyDirectoryTag, &keys[..])?;
     }
     if !texts.is_empty() {
@@ -96,33 +102,37 @@ fn linear_unit(metres: f64) -> Option<(u16, &'static str)> {
     units.into_iter().find(|(m, ..)| (metres / m - 1.0).abs() < SAME).map(|(_, code, name)| (code, name))
 }
 
-/// The key directory, and the texts that it refers to.
+/// The key directory, and the texts that it refers to; nothing if the system is not known.
 fn keys(place: &Georeference) -> (Vec<u16>, String) {
     let crs = place.crs.as_deref().unwrap_or_default();
     let Codes { horizontal, vertical } = codes_of(crs);
     let linear = place.metres_per_unit.and_then(linear_unit).map(|(code, _)| code);
     let heights = vertical_unit_of(crs).and_then(linear_unit).map(|(code, _)| code);
-    // A system without a code is user-defined; GDAL reads its text from the citation.
-    let text = match (horizontal, crs) {
-        (None, wkt) if wkt.is_ascii() && wkt.starts_with("PROJCS") => format!("ESRI PE String = {wkt}|"),
-        _ => String::new(),
-    };
-    let projected = horizontal.or((!crs.is_empty()).then_some(32767));
+    let text = citation(crs).filter(|_| horizontal.is_none()).unwrap_or_default();
+    let own = (!text.is_empty()).then_some(OWN);
     let short = |key: u16, value: Option<u16>| value.map(|value| [key, 0, 1, value]);
-    let citation = (!text.is_empty()).then_some([3073, 34737, text.len() as u16, 0]);
     let entries = [
-        short(1024, projected.map(|_| 1)),
+        short(1024, own.or(horizontal.map(|_| 1))),
         short(1025, Some(1)),
-        short(3072, projected),
-        citation,
-        short(3076, linear.filter(|_| projected.is_some())),
+        short(3072, own.or(horizontal)),
+        own.map(|_| [3073, 34737, text.len() as u16, 0]),
+        short(3076, linear),
         short(4096, vertical),
         short(4099, heights),
     ];
+    if own.or(horizontal).is_none() {
+        return (Vec::new(), String::new());
+    }
     let entries: Vec<[u16; 4]> = entries.into_iter().flatten().collect();
     let mut directory = vec![1, 1, 1, entries.len() as u16];
     directory.extend(entries.iter().flatten());
     (directory, text)
+}
+
+/// A system without a code is user-defined; GDAL reads its text (WKT 1) from the citation.
+fn citation(crs: &str) -> Option<String> {
+    let known = crs.is_ascii() && crs.starts_with("PROJCS[") && crs.len() < LONGEST;
+    known.then(|| format!("ESRI PE String = {crs}|"))
 }
 
 #[cfg(test)]
@@ -142,7 +152,8 @@ mod tests {
         let dutch = [[1024, 1], [1025, 1], [3072, 28992], [3076, 9001], [4096, 5709], [4099, 9001]];
         assert_eq!(of("EPSG:7415", 1.0), dutch);
         assert_eq!(of("EPSG:2229", 1200.0 / 3937.0)[3], [3076, 9003]);
-        assert_eq!(keys(&Georeference::default()).0, [1, 1, 1, 1, 1025, 0, 1, 1]);
+        assert_eq!(keys(&Georeference::default()), (vec![], String::new()));
+        assert!(keys(&place("somewhere", 1.0)).0.is_empty());
         let (own, text) = keys(&place("PROJCS[\"own\"]", 1.0));
         assert_eq!(text, "ESRI PE String = PROJCS[\"own\"]|");
         assert!(own.chunks(4).any(|k| k == [3073, 34737, text.len() as u16, 0]));

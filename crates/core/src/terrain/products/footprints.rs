@@ -3,11 +3,12 @@
 use super::polygons::{Polygon, key, polygons};
 use super::simplify::simplified;
 use super::survey::{Codes, listed};
-use crate::cloud::{MetricCloud, Points};
+use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::{Error, Result};
 use crate::io::Outline;
 use crate::parallel::{Monitor, map_ordered};
 use crate::terrain::alpha_shape::{AlphaParams, AlphaShape, Place};
+use crate::voxels::planar_density;
 use parry2d_f64::bounding_volume::Aabb;
 use parry2d_f64::math::Vector;
 use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy};
@@ -17,6 +18,9 @@ use std::collections::HashMap;
 
 /// Points of a block.
 const BLOCK: usize = 16_384;
+
+/// Smallest α that is chosen automatically, metres.
+const LEAST: f64 = 1.0;
 
 /// Share of α in which points are thinned before the triangulation: finer than the spacing of usual airborne scans.
 const THINNING: f64 = 0.1;
@@ -28,7 +32,8 @@ pub struct FootprintParams {
     /// Classes of the points of buildings.
     pub classes: Vec<u8>,
     /// Radius α of the α-shape, metres, above 0: gaps wider than 2α separate buildings. It must exceed the point spacing.
-    pub alpha: f64,
+    /// `None`: twice the spacing of the buildings' points, at least 1 m.
+    pub alpha: Option<f64>,
     /// Outlines of a smaller area are left out and smaller holes are closed, m²; 0 or more.
     pub min_area: f64,
     /// Tolerance of the simplification, metres; 0 or more. 0 keeps all corners.
@@ -36,9 +41,9 @@ pub struct FootprintParams {
 }
 
 impl Default for FootprintParams {
-    /// Our choice, for 2 points per m² or more.
+    /// Our choice.
     fn default() -> Self {
-        Self { classes: vec![6], alpha: 1.0, min_area: 10.0, tolerance: 0.5 }
+        Self { classes: vec![6], alpha: None, min_area: 10.0, tolerance: 0.5 }
     }
 }
 
@@ -48,7 +53,7 @@ impl FootprintParams {
     /// # Errors
     /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
-        self.shape().validate()?;
+        shape(self.alpha.unwrap_or(LEAST)).validate()?;
         for (name, value) in [("min_area", self.min_area), ("tolerance", self.tolerance)] {
             if !(0.0..=1e9).contains(&value) {
                 return Err(Error::parameter(name, value, "0..1e9"));
@@ -60,9 +65,29 @@ impl FootprintParams {
         }
     }
 
-    fn shape(&self) -> AlphaParams {
-        AlphaParams { alpha: self.alpha, thinning: THINNING, ..AlphaParams::default() }
+    /// Fails if a cloud has no point of a building. To be called before long work. O(points).
+    ///
+    /// # Errors
+    /// If no point has one of the classes.
+    pub fn check(&self, cloud: &Cloud) -> Result<()> {
+        let codes = Codes::of(cloud);
+        match (0..cloud.len() as u32).any(|i| codes.among(i, &self.classes)) {
+            true => Ok(()),
+            false => Err(Error::input(format!(
+                "no point of {}: classify the cloud first, or name the classes of buildings",
+                listed(&self.classes)
+            ))),
+        }
     }
+}
+
+fn shape(alpha: f64) -> AlphaParams {
+    AlphaParams { alpha, thinning: THINNING, ..AlphaParams::default() }
+}
+
+/// Twice the spacing of the points, at least [`LEAST`].
+fn automatic(points: &Points, monitor: &Monitor) -> Result<f64> {
+    Ok((2.0 / planar_density(&points.positions, monitor)?.sqrt()).clamp(LEAST, 1e9))
 }
 
 /// The outline of a building, and what its points tell.
@@ -124,13 +149,12 @@ pub fn footprints(
     let building = |&row: &u32| codes.among(all.frame.index[row as usize], &params.classes);
     let points = all.select(&(0..all.len() as u32).filter(building).collect::<Vec<u32>>(), monitor)?;
     if points.is_empty() {
-        let found = listed(&params.classes);
-        return Err(Error::input(format!(
-            "no point of {found}: classify the cloud first, or name the classes of buildings"
-        )));
+        // Of the classes perhaps, but without finite coordinates.
+        return params.check(scene.cloud).map(|()| Vec::new());
     }
     monitor.stage("buildings", points.len() as u64);
-    let shape = AlphaShape::fit(&points, &vec![true; points.len()], &params.shape(), monitor)?;
+    let alpha = params.alpha.map_or_else(|| automatic(&points, monitor), Ok)?;
+    let shape = AlphaShape::fit(&points, &vec![true; points.len()], &shape(alpha), monitor)?;
     let found = polygons(&shape.border, params.min_area);
     let members = members(&points, &found, heights, monitor)?;
     map_ordered(found.len(), monitor, |i| Ok(footprint(&found[i], &members[i], &points, params.tolerance)))

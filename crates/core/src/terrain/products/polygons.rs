@@ -16,7 +16,7 @@ pub(super) struct Polygon {
 impl Polygon {
     /// Area without the holes.
     pub(super) fn area(&self) -> f64 {
-        self.rings.iter().map(|ring| area(ring)).sum()
+        self.rings.iter().map(area).sum()
     }
 
     /// Whether a position is inside: a ray to the east crosses the rings an odd number of times.

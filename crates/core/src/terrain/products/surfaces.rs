@@ -56,10 +56,8 @@ pub fn surface_model(survey: &Survey, cell: f64, monitor: &Monitor) -> Result<Ra
             let [x, y, z] = survey.points.world(i);
             let at = raster.cell_of([x, y]);
             let highest = &mut raster.values_mut()[at];
-            // False for a hole too.
-            if !(*highest >= z) {
-                *highest = z;
-            }
+            // `max` prefers a number to NaN.
+            *highest = highest.max(z);
         }
     }
     Ok(raster)

@@ -17,7 +17,7 @@ const GROUND: u8 = 2;
 pub struct Survey {
     /// The points, in metres.
     pub points: Points,
-    /// Whether each is ground; at least one is.
+    /// Whether each is ground; at least one is, unless the ground was not asked for.
     pub is_ground: Vec<bool>,
     /// How many ground points there are and how they were found, for the user.
     pub note: String,
@@ -30,6 +30,15 @@ impl Survey {
     /// If there is no point or no ground point, a class is requested and the cloud has none, a parameter is out of
     /// range, or the work was cancelled.
     pub fn new(scene: &MetricCloud<'_>, params: &ProductParams, monitor: &Monitor) -> Result<Self> {
+        let points = Self::of_points(scene, params, monitor)?.points;
+        Self::with_ground(points, Codes::of(scene.cloud), params, monitor)
+    }
+
+    /// The points alone, for a surface model: no point is ground. O(points).
+    ///
+    /// # Errors
+    /// If there is no point, a parameter is out of range, or the work was cancelled.
+    pub fn of_points(scene: &MetricCloud<'_>, params: &ProductParams, monitor: &Monitor) -> Result<Self> {
         params.validate()?;
         let codes = Codes::of(scene.cloud);
         let noise = match (&params.noise, scene.cloud.scheme) {
@@ -44,7 +53,7 @@ impl Survey {
         if points.is_empty() {
             return Err(Error::input(format!("all points are noise (classes {noise:?}): there is no terrain")));
         }
-        Self::with_ground(points, codes, params, monitor)
+        Ok(Self { is_ground: vec![false; points.len()], points, note: String::new() })
     }
 
     fn with_ground(points: Points, codes: Codes<'_>, params: &ProductParams, monitor: &Monitor) -> Result<Self> {

@@ -185,6 +185,22 @@ fn a_box_has_its_area_and_height() {
 }
 
 #[test]
+fn sparse_points_get_a_wider_shape() {
+    let mut s = stream(20, 2);
+    let rows: Vec<[f64; 3]> = (0..900).map(|_| [60.0 * s.uniform(), 60.0 * s.uniform(), 5.0]).collect();
+    let mut cloud = Cloud::from_rows(&rows).unwrap();
+    cloud.set_column(Column::new("Classification", Values::U8(vec![6; 900]))).unwrap();
+    let monitor = Monitor::default();
+    let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+    let of =
+        |alpha| footprints(&scene, &[5.0; 900], &FootprintParams { alpha, ..Default::default() }, &monitor).unwrap();
+    // A quarter of a point per m²: 1 m is less than the spacing.
+    assert_ne!(of(Some(1.0)).len(), 1);
+    let [hall] = &of(None)[..] else { panic!("not one outline") };
+    assert!((3200.0..3600.0).contains(&hall.area) && hall.points > 880, "{} {}", hall.area, hall.points);
+}
+
+#[test]
 fn what_cannot_be_a_terrain_is_refused() {
     let (cloud, monitor) = (village(1.0), Monitor::default());
     let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
@@ -198,7 +214,7 @@ fn what_cannot_be_a_terrain_is_refused() {
     let empty = Cloud::from_rows(&[]).unwrap();
     let nothing = MetricCloud::new(&empty, None, &monitor).unwrap();
     assert!(Survey::new(&nothing, &ProductParams::default(), &monitor).is_err());
-    let odd = FootprintParams { alpha: -1.0, ..FootprintParams::default() };
+    let odd = FootprintParams { alpha: Some(-1.0), ..FootprintParams::default() };
     assert!(footprints(&scene, &[], &odd, &monitor).is_err());
     let settings: ProductParams = toml::from_str("cell = 2.0\nground = { classes = [2, 9] }\n").unwrap();
     assert_eq!(settings.ground, GroundChoice::Classes(vec![2, 9]));
