@@ -1,4 +1,4 @@
-"""Ground points, and heights above the ground."""
+"""Ground points, heights above the ground, terrain and surface models, outlines of buildings."""
 
 from __future__ import annotations
 
@@ -10,8 +10,20 @@ from numpy.typing import NDArray
 from scansion import _core
 from scansion._arrays import native, to_json
 from scansion._cloud import as_cloud
+from scansion._footprints import footprints
+from scansion._surfaces import Raster, chm, dsm, dtm, height_above_ground, write_raster
 
-__all__ = ["ground_points", "heights"]
+__all__ = [
+    "Raster",
+    "chm",
+    "dsm",
+    "dtm",
+    "footprints",
+    "ground_points",
+    "height_above_ground",
+    "heights",
+    "write_raster",
+]
 
 
 def ground_points(

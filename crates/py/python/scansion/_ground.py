@@ -1,0 +1,64 @@
+"""How the ground is found, in the form that the core expects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from scansion._arrays import codes
+from scansion._cloud import PointCloud, as_cloud
+
+
+def settings(
+    cell: float,
+    ground: Any,
+    noise: Sequence[int] | None,
+    slope: float = 0.15,
+    window: float = 18.0,
+    reach: float = 100.0,
+) -> dict[str, Any]:
+    """The core's parameters of terrain products."""
+    return {
+        "cell": cell,
+        "ground": "auto" if is_marks(ground) else choice(ground),
+        "noise": None if noise is None else code_list(noise, "noise"),
+        "filter": {"slope": slope, "window": window},
+        "reach": reach,
+    }
+
+
+def choice(ground: Any) -> Any:
+    """How the ground is found, in the form that the core expects."""
+    if ground is None:
+        return "auto"
+    if isinstance(ground, str):
+        if ground != "filter":
+            raise ValueError(f"ground: found {ground!r}, expected 'filter', classes or marks")
+        return ground
+    return {"classes": code_list(ground, "ground")}
+
+
+def code_list(classes: Any, name: str) -> list[int]:
+    """Class codes as a list."""
+    return [int(code) for code in codes(np.atleast_1d(np.asarray(classes)), name)]
+
+
+def is_marks(ground: Any) -> bool:
+    """Whether the ground is given by one truth value a point."""
+    return ground is not None and not isinstance(ground, str) and np.asarray(ground).dtype == np.bool_
+
+
+def marked(xyz: Any, ground: Any) -> tuple[PointCloud, Any]:
+    """The cloud and how its ground is found; marks become a class."""
+    cloud = as_cloud(xyz, columns=["Classification"])
+    if not is_marks(ground):
+        return cloud, ground
+    mask = np.asarray(ground)
+    if mask.shape != (len(cloud),):
+        raise ValueError(f"ground: expected shape ({len(cloud)},), found {mask.shape}")
+    old = cloud["Classification"] if "Classification" in cloud else np.zeros(len(cloud))
+    cloud = cloud.copy()
+    cloud["Classification"] = np.where(mask, 2, np.where(old == 2, 1, old)).astype(np.uint8)
+    return cloud, [2]

@@ -1,0 +1,138 @@
+"""Terrain products: known scenes, and files as other software reads them."""
+
+import json
+
+import numpy as np
+import pytest
+import scansion
+from scansion import terrain
+
+
+def village(crs=None, unit=1.0):
+    """A tilted field of 40 m x 30 m with a box of 12 m x 8 m in class 6, its roof 5 m above the ground below it."""
+    random = np.random.default_rng(4)
+    x, y = random.uniform(0, 40, 12_000), random.uniform(0, 30, 12_000)
+    house = (abs(x - 20) < 6) & (abs(y - 15) < 4)
+    z = 100 + 0.1 * x - 0.2 * y
+    xyz = np.column_stack([x + 500_000, y + 5_000_000, z + 5 * house]) / unit
+    return scansion.PointCloud(xyz, crs=crs, Classification=np.where(house, 6, 2).astype(np.uint8))
+
+
+def centres(raster):
+    rows, columns = np.indices(raster.values.shape) + 0.5
+    a, _, west, _, e, north = raster.transform
+    return west + a * columns, north + e * rows
+
+
+def test_a_tilted_plane_is_exact_below_a_house_too():
+    dtm = terrain.dtm(village(), cell=0.5)
+    x, y = centres(dtm)
+    expected = 100 + 0.1 * (x - 500_000) - 0.2 * (y - 5_000_000)
+    assert dtm.values.shape == (60, 80)
+    assert "class 2" in dtm.ground
+    np.testing.assert_allclose(dtm.values[1:-1, 1:-1], expected[1:-1, 1:-1], atol=1e-3)
+    np.testing.assert_allclose(dtm.values, expected, atol=0.1)
+    inside = (abs(x - 500_020) < 5) & (abs(y - 5_000_015) < 3)
+    chm = terrain.chm(village(), cell=0.5)
+    assert np.nanmax(abs(chm.values[inside] - 5)) < 0.1
+    dsm = terrain.dsm(village(), cell=0.5)
+    assert np.array_equal(np.isnan(dsm.values), np.isnan(chm.values))
+
+
+def test_ground_is_chosen_by_classes_marks_or_the_filter():
+    cloud = village()
+    marks = cloud["Classification"] == 2
+    expected = np.asarray(terrain.dtm(cloud))
+    assert np.array_equal(terrain.dtm(cloud, ground=[2]), expected)
+    assert np.array_equal(terrain.dtm(cloud, ground=marks), expected)
+    assert np.array_equal(terrain.dtm(cloud.xyz, ground=marks), expected)
+    found = terrain.dtm(cloud, ground="filter")
+    assert "ground filter" in found.ground
+    assert np.abs(found - expected).max() < 0.5
+    for wrong in ("by eye", [300], marks[1:], [9]):
+        with pytest.raises(ValueError, match="ground"):
+            terrain.dtm(cloud, ground=wrong)
+
+
+def test_heights_above_ground_are_in_the_unit_of_the_cloud():
+    for unit in (1.0, 0.3048):
+        cloud = village(unit=unit)
+        heights = terrain.height_above_ground(cloud, metres_per_unit=unit)
+        house = cloud["Classification"] == 6
+        assert heights.dtype == np.float32
+        np.testing.assert_allclose(heights[house] * unit, 5, atol=0.02)
+        assert abs(heights[~house] * unit).max() < 0.15
+
+
+@pytest.mark.parametrize(("crs", "unit"), [("EPSG:25832", 1.0), ("EPSG:2229", 1200 / 3937)])
+def test_geotiff_is_read_by_gdal_with_its_place_on_earth(tmp_path, crs, unit):
+    rasterio = pytest.importorskip("rasterio")
+    chm = terrain.chm(village(crs, unit))
+    terrain.write_raster(tmp_path / "chm.tif", chm)
+    with rasterio.open(tmp_path / "chm.tif") as read:
+        assert read.crs.to_epsg() == int(crs[5:])
+        np.testing.assert_allclose(read.transform[:6], chm.transform, rtol=1e-12)
+        assert (read.nodata, read.dtypes, read.shape) == (-9999.0, ("float32",), chm.values.shape)
+        assert read.units == ("metre" if unit == 1 else "US survey foot",)
+        values = read.read(1, masked=True).filled(np.nan)
+    assert np.array_equal(values, chm.values.astype(np.float32), equal_nan=True)
+    assert abs(np.nanmax(values) * unit - 5) < 0.2
+    tifffile = pytest.importorskip("tifffile")
+    with tifffile.TiffFile(tmp_path / "chm.tif") as read:
+        assert read.pages[0].geotiff_tags["ProjectedCSTypeGeoKey"] == int(crs[5:])
+
+
+def test_a_system_with_heights_and_one_without_a_code_reach_gdal(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    from rasterio.crs import CRS
+
+    values = np.array([[1.5, np.nan], [2.5, -3.25]])
+    terrain.write_raster(
+        tmp_path / "a.tif", terrain.Raster(values, (85_000.0, 447_000.0), 0.5, "EPSG:7415", 1.0)
+    )
+    with rasterio.open(tmp_path / "a.tif") as read:
+        assert "28992" in read.crs.to_wkt()
+    local = "+proj=tmerc +lat_0=1 +lon_0=2 +k=0.9 +x_0=3 +y_0=4 +ellps=GRS80 +units=m"
+    own = CRS.from_proj4(local).to_wkt(version="WKT1_GDAL")
+    terrain.write_raster(tmp_path / "b.tif", terrain.Raster(values, (0.0, 2.0), 1.0, own, 1.0))
+    with rasterio.open(tmp_path / "b.tif") as read:
+        found = read.crs.to_dict()
+        assert (found["proj"], found["lon_0"], found["k"]) == ("tmerc", 2, 0.9)
+    terrain.write_raster(tmp_path / "c.tif", terrain.Raster(values, (0.0, 2.0), 1.0))
+    with rasterio.open(tmp_path / "c.tif") as read:
+        assert read.crs is None
+    terrain.write_raster(tmp_path / "c.asc", terrain.Raster(values, (0.0, 2.0), 1.0))
+    with rasterio.open(tmp_path / "c.asc") as read:
+        assert np.array_equal(read.read(1, masked=True).filled(np.nan), values, equal_nan=True)
+        assert read.transform[:6] == (1.0, 0.0, 0.0, 0.0, -1.0, 2.0)
+
+
+def test_a_house_has_its_outline(tmp_path):
+    found = terrain.footprints(village("EPSG:25832"))
+    json.dumps(found)
+    (house,) = found["features"]
+    ring = np.array(house["geometry"]["coordinates"][0])
+    assert np.array_equal(ring[0], ring[-1])
+    assert np.abs(np.ptp(ring, axis=0) - [12, 8]).max() < 0.5
+    assert 96 - 40 * 0.32 < house["properties"]["area"] <= 96
+    assert abs(house["properties"]["height_median"] - 5) < 0.02
+    assert found["crs"]["properties"]["name"].endswith("EPSG::25832")
+    assert terrain.footprints(village(), min_area=200)["features"] == []
+    with pytest.raises(ValueError, match="class 17"):
+        terrain.footprints(village(), classes=[17])
+    with pytest.raises(ValueError, match="classes of the buildings"):
+        terrain.footprints(village(), ground=np.ones(12_000, dtype=bool))
+
+
+def test_bad_rasters_and_parameters_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="two dimensions"):
+        terrain.write_raster(tmp_path / "a.tif", terrain.Raster(np.zeros(3), (0.0, 0.0), 1.0))
+    with pytest.raises(ValueError, match="cell"):
+        terrain.write_raster(tmp_path / "a.tif", terrain.Raster(np.zeros((1, 1)), (0.0, 0.0), 0.0))
+    with pytest.raises(ValueError, match="ESRI"):
+        terrain.write_raster(tmp_path / "a.png", terrain.Raster(np.zeros((1, 1)), (0.0, 0.0), 1.0))
+    with pytest.raises(ValueError, match="reach"):
+        terrain.dtm(village(), reach=-1.0)
+    with pytest.raises(ValueError, match="finite coordinates"):
+        terrain.dtm(np.zeros((0, 3)))
+    assert not list(tmp_path.iterdir())
