@@ -1,0 +1,157 @@
+//! The commands `terrain` and `height`: files, units, and what they refuse.
+
+use scansion_core::Cloud;
+use scansion_core::cloud::{Column, Values};
+use scansion_core::io::{self, read_ascii_grid};
+use scansion_tests::street;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn scansion(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_scansion-under-test"));
+    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = scansion(folder, arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
+    let output = scansion(folder, arguments);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    stderr
+}
+
+/// Four houses of 8 m x 10 m in classes 2, 5 and 6, in UTM.
+fn houses() -> Cloud {
+    let cloud = street(40.0, 3);
+    let rows: Vec<[f64; 3]> = (0..cloud.len()).map(|i| cloud.xyz(i)).collect();
+    let moved: Vec<[f64; 3]> = rows.iter().map(|p| [p[0] + 500_000.0, p[1] + 5_000_000.0, p[2] + 100.0]).collect();
+    let mut moved = Cloud::from_rows(&moved).unwrap();
+    moved.set_column(cloud.column("Classification").unwrap().clone()).unwrap();
+    moved.crs = Some("EPSG:25832".into());
+    moved
+}
+
+#[test]
+fn one_run_makes_all_products_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &houses(), &Default::default()).unwrap();
+    let names = ["dtm.tif", "dsm.asc", "chm.tiff", "b.geojson"];
+    let arguments = |threads: &'static str| {
+        let files = ["-o", names[0], "--dsm", names[1], "--chm", names[2], "--footprints", names[3]];
+        [&["terrain", "a.laz", "--format", "json", "-j", threads], &files[..]].concat()
+    };
+    let report: serde_json::Value = serde_json::from_str(&done(f, &arguments("1"))).unwrap();
+    let bytes = || names.map(|name| std::fs::read(f.join(name)).unwrap());
+    let one = bytes();
+    done(f, &arguments("3"));
+    assert!(one == bytes(), "the number of threads changes bytes");
+    assert_eq!((&report[0]["columns"], &report[0]["rows"]), (&40.into(), &40.into()));
+    assert!(one[0].starts_with(b"II*\0") && one[2].starts_with(b"II*\0"));
+    let surface = read_ascii_grid(&f.join("dsm.asc")).unwrap();
+    assert_eq!((surface.origin(), surface.columns()), ([500_000.0, 5_000_000.0], 40));
+    assert!((surface.bilinear([500_007.0, 5_000_008.0]) - 108.0).abs() < 0.2);
+    let found: serde_json::Value = serde_json::from_slice(&one[3]).unwrap();
+    assert_eq!(found["crs"]["properties"]["name"], "urn:ogc:def:crs:EPSG::25832");
+    let features = found["features"].as_array().unwrap();
+    assert_eq!(features.len(), 4, "{features:?}");
+    for feature in features {
+        let of = |name: &str| feature["properties"][name].as_f64().unwrap();
+        assert!((70.0..=80.0).contains(&of("area")) && (of("height_max") - 8.0).abs() < 0.5, "{feature}");
+        assert!((of("height_median") - 7.0).abs() < 0.5 && of("points") > 800.0, "{feature}");
+    }
+    assert!(done(f, &["terrain", "a.laz", "--dsm", "only.tif"]).contains("surface"));
+    let filtered = scansion(f, &["terrain", "a.laz", "-o", "f.tif", "--ground-filter"]);
+    assert!(text(&filtered.stderr).contains("by the ground filter"), "{}", text(&filtered.stderr));
+}
+
+#[test]
+fn heights_are_added_and_nothing_else_changes() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let cloud = houses();
+    io::write(&f.join("a.laz"), &cloud, &Default::default()).unwrap();
+    done(f, &["height", "a.laz", "-o", "h.laz"]);
+    let diff = text(&scansion(f, &["diff", "a.laz", "h.laz"]).stdout);
+    let lines: Vec<&str> = diff.lines().skip(1).collect();
+    assert_eq!(lines.len(), 3, "{diff}");
+    assert!(diff.contains("only in the second: HeightAboveGround") && diff.contains("record length"), "{diff}");
+    let read = io::read(&f.join("h.laz")).unwrap();
+    let heights = &read.column("HeightAboveGround").unwrap().values;
+    let codes = &cloud.column("Classification").unwrap().values;
+    for i in 0..cloud.len() {
+        let ground = codes.get(i) < 3.0;
+        assert!(if ground { heights.get(i).abs() < 0.1 } else { heights.get(i) > -0.2 }, "{i}: {}", heights.get(i));
+    }
+    assert_eq!(heights.type_name(), "f4");
+    assert!(fails(f, &["height", "a.laz", "-o", "a.laz"], 2).contains("--overwrite"));
+    done(f, &["height", "a.laz", "-o", "a.laz", "--overwrite"]);
+    assert!(std::fs::read(f.join("a.laz")).unwrap() == std::fs::read(f.join("h.laz")).unwrap());
+}
+
+#[test]
+fn rasters_of_clouds_in_feet_are_in_feet() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let metres = street(40.0, 3);
+    let feet: Vec<[f64; 3]> = (0..metres.len()).map(|i| metres.xyz(i).map(|v| v / 0.3048)).collect();
+    let mut feet = Cloud::from_rows(&feet).unwrap();
+    feet.set_column(metres.column("Classification").unwrap().clone()).unwrap();
+    io::write(&f.join("feet.laz"), &feet, &Default::default()).unwrap();
+    let arguments = ["--unit", "0.3048", "--cell", "0.9144", "--footprints", "b.geojson"];
+    done(f, &[&["terrain", "feet.laz", "-o", "dtm.asc", "--dsm", "dsm.asc"], &arguments[..]].concat());
+    let header = std::fs::read_to_string(f.join("dsm.asc")).unwrap();
+    assert!(header.contains("xllcorner 0\nyllcorner 0\ncellsize 3\n"), "{}", &header[..100]);
+    let surface = read_ascii_grid(&f.join("dsm.asc")).unwrap();
+    assert!((surface.bilinear([7.0 / 0.3048, 8.0 / 0.3048]) - 8.0 / 0.3048).abs() < 0.7);
+    let found: serde_json::Value = serde_json::from_slice(&std::fs::read(f.join("b.geojson")).unwrap()).unwrap();
+    let features = found["features"].as_array().unwrap();
+    assert!(features.iter().all(|b| (70.0..=80.0).contains(&b["properties"]["area"].as_f64().unwrap())));
+    let corner = |b: &serde_json::Value| b["geometry"]["coordinates"][0][0][0].as_f64().unwrap();
+    assert!(features.iter().any(|b| corner(b) > 60.0), "corners are in feet");
+    done(f, &["height", "feet.laz", "-o", "h.laz", "--unit", "0.3048"]);
+    let read = io::read(&f.join("h.laz")).unwrap();
+    let heights = read.column("HeightAboveGround").unwrap().values.to_f64();
+    let highest = heights.iter().copied().fold(0.0, f64::max);
+    assert!((highest - 8.0 / 0.3048).abs() < 1.5, "{highest}");
+}
+
+#[test]
+fn what_has_no_terrain_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(6.0, 1), &Default::default()).unwrap();
+    io::write(&f.join("empty.las"), &Cloud::from_rows(&[]).unwrap(), &Default::default()).unwrap();
+    let mut degrees = Cloud::from_rows(&[[2.35, 48.85, 30.0], [2.36, 48.86, 31.0]]).unwrap();
+    degrees.set_column(Column::new("Classification", Values::U8(vec![2, 2]))).unwrap();
+    degrees.crs = Some("EPSG:4326".into());
+    io::write(&f.join("degrees.las"), &degrees, &Default::default()).unwrap();
+    assert!(fails(f, &["terrain", "empty.las", "-o", "x.tif"], 4).contains("no point"));
+    assert!(fails(f, &["terrain", "degrees.las", "-o", "x.tif"], 4).contains("degrees"));
+    assert!(fails(f, &["height", "degrees.las", "-o", "x.las"], 4).contains("degrees"));
+    assert!(fails(f, &["terrain", "a.laz", "-o", "x.png"], 4).contains(".tif"));
+    assert!(fails(f, &["terrain", "a.laz", "--footprints", "x.shp"], 4).contains("GeoJSON"));
+    assert!(fails(f, &["terrain", "a.laz", "-o", "x.tif", "--ground-classes", "9"], 4).contains("class 9"));
+    assert!(
+        fails(f, &["terrain", "a.laz", "--footprints", "x.geojson", "--building-classes", "17"], 4)
+            .contains("class 17")
+    );
+    assert!(fails(f, &["terrain", "a.laz", "-o", "x.tif", "--cell", "0"], 2).contains("cell"));
+    assert!(fails(f, &["terrain", "a.laz", "-o", "x.tif", "--cell", "1e-6"], 2).contains("larger cell"));
+    assert!(fails(f, &["terrain", "a.laz", "-o", "x.tif", "--dsm", "x.tif"], 2).contains("twice"));
+    std::fs::copy(f.join("a.laz"), f.join("b.tif")).unwrap();
+    assert!(fails(f, &["terrain", "b.tif", "-o", "b.tif"], 2).contains("input"));
+    fails(f, &["terrain", "a.laz"], 2);
+    fails(f, &["terrain", "a.laz", "-o", "x.tif", "--noise-classes", "many"], 2);
+    assert!(!f.join("x.tif").exists() && !f.join("x.geojson").exists());
+}
