@@ -447,7 +447,7 @@ mod tests {
         let text = br#"\"version\":1"#;
         let place = find(&bytes, text).unwrap() + text.len() - 1;
         let mut newer = bytes;
-        newer[place] = b'4';
+        newer[place] = b'5';
         assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 5")));
     }
 
