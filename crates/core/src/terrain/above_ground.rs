@@ -38,7 +38,7 @@ impl HeightParams {
 ///
 /// # Errors
 /// If there is no point, a parameter is out of range, or the work was cancelled.
-pub fn heights_above_ground(points: &Points, params: &HeightParams, monitor: &Monitor) -> Result<Vec<f32>> {
+pub fn filtered_heights(points: &Points, params: &HeightParams, monitor: &Monitor) -> Result<Vec<f32>> {
     params.validate()?;
     by_site(points, params.cell(), monitor, |site| {
         let ground = ground_points(site, &params.filter, monitor)?;
@@ -49,7 +49,7 @@ pub fn heights_above_ground(points: &Points, params: &HeightParams, monitor: &Mo
 /// Height of every point above the points marked as ground; a site without any has the ground of the filter.
 ///
 /// # Errors
-/// As [`heights_above_ground`].
+/// As [`filtered_heights`].
 pub fn heights_above(
     points: &Points,
     is_ground: &[bool],
@@ -58,12 +58,12 @@ pub fn heights_above(
 ) -> Result<Vec<f32>> {
     super::elevation::check_mask(points.len(), is_ground)?;
     if !is_ground.contains(&true) {
-        return heights_above_ground(points, params, monitor);
+        return filtered_heights(points, params, monitor);
     }
     match ElevationModel::fit(points, is_ground, &params.elevation, monitor) {
         Ok(model) => model.heights(points, monitor),
         // Too wide for one raster.
-        Err(crate::error::Error::InvalidParameter { .. }) => heights_above_ground(points, params, monitor),
+        Err(crate::error::Error::InvalidParameter { .. }) => filtered_heights(points, params, monitor),
         Err(other) => Err(other),
     }
 }
@@ -84,7 +84,7 @@ mod tests {
             .collect();
         let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
         let (params, monitor) = (HeightParams::default(), Monitor::default());
-        let found = heights_above_ground(&points, &params, &monitor).unwrap();
+        let found = filtered_heights(&points, &params, &monitor).unwrap();
         let truth: Vec<bool> = rows.iter().map(|p| p[2] - slope(p[0]) < 1.0).collect();
         let given = heights_above(&points, &truth, &params, &monitor).unwrap();
         for ((p, found), given) in rows.iter().zip(found).zip(given) {

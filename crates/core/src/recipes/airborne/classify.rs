@@ -7,7 +7,7 @@ use crate::parallel::Monitor;
 use crate::recipes::classify::predict::{CloudPredictor, ContextColumns};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, Regularise, regularise};
-use crate::terrain::heights_above_ground;
+use crate::terrain::filtered_heights;
 use crate::voxels::planar_density;
 
 /// Height of each point of the cloud above the ground; NaN for stray points.
@@ -19,7 +19,7 @@ pub(super) fn heights(
 ) -> Result<Vec<f32>> {
     let mut heights = vec![f32::NAN; scene.cloud.len()];
     if recipe.features.height && !points.is_empty() {
-        let found = heights_above_ground(points, &recipe.ground, monitor)?;
+        let found = filtered_heights(points, &recipe.ground, monitor)?;
         points.frame.index.iter().zip(found).for_each(|(&point, height)| heights[point as usize] = height);
     }
     Ok(heights)

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
 use crate::segmentation::{ObjectAttributes, Partition, object_features};
-use crate::terrain::{HeightParams, heights_above_ground};
+use crate::terrain::{HeightParams, filtered_heights};
 
 /// Segments of a cloud's points, with one row of features each.
 pub(super) struct Objects {
@@ -25,7 +25,7 @@ pub(super) fn objects(scene: &MetricCloud<'_>, recipe: &ObjectsRecipe, monitor: 
     let heights = match recipe.heights {
         Heights::AboveGround => {
             let params = HeightParams { filter: recipe.ground.clone(), elevation: recipe.elevation.clone() };
-            Some(heights_above_ground(&points, &params, monitor)?)
+            Some(filtered_heights(&points, &params, monitor)?)
         }
         Heights::Datum => None,
     };
