@@ -26,6 +26,7 @@ pub use classifier::{Classifier, ClassifierKind, ClassifierParams, ClassifierScr
 pub use fingerprint::Fingerprint;
 pub use forest::Forest;
 pub use forest::bagging::BaggingParams;
+pub use forest::growing::ForestPart;
 pub use forest::growing::out_of_bag::FitReport;
 pub use forest::importance::{Importance, PermutationParams, permutation_importance};
 pub(crate) use learner::argmax;

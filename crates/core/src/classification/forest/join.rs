@@ -79,8 +79,8 @@ impl Binning {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::classification::ForestParams;
     use crate::classification::testing::blobs;
+    use crate::classification::{ForestParams, ForestPart};
     use crate::parallel::Monitor;
 
     #[test]
@@ -105,5 +105,21 @@ mod tests {
         let narrow = blobs(200, 5, 3, 0.0);
         let narrow = Forest::fit(&narrow.samples(), &ForestParams::default(), &Monitor::default()).unwrap();
         assert!(a.joined(&narrow).is_err());
+    }
+
+    #[test]
+    fn forests_of_parts_are_joined_without_more_thresholds() {
+        let data = blobs(4000, 4, 3, 0.0);
+        let part = |fold: usize| ForestPart {
+            weights: (0..4000).map(|i| if i % 2 == fold { 1.0 } else { 0.0 }).collect(),
+            params: ForestParams { trees: 8, seed: fold as u64, ..ForestParams::default() },
+        };
+        let forests = Forest::fit_parts(&data.samples(), &[part(0), part(1)], &Monitor::default()).unwrap();
+        let joined = forests[0].joined(&forests[1]).unwrap();
+        assert!((0..4).all(|f| joined.binning().cuts(f).len() < 255));
+        assert!(matches!(joined.descent, Descent::Compact(_)));
+        let right = joined.predict(&data.features).unwrap().iter().zip(&data.labels).filter(|(a, b)| a == b).count();
+        assert!(right > 3000, "{right}");
+        assert!(Forest::fit_parts(&data.samples(), &[], &Monitor::default()).unwrap().is_empty());
     }
 }

@@ -104,7 +104,13 @@ impl Default for AirborneRecipe {
             forest: ForestParams { max_depth: Some(18), min_samples_leaf: 8, ..ForestParams::default() },
             context: ContextParams::default(),
             boosting: BoostingParams::default(),
-            classes: ClassRules { vegetation: vec![0.5, 1.5], isolated: 5, abstain: 0.5, ..ClassRules::default() },
+            classes: ClassRules {
+                vegetation: vec![0.5, 1.5],
+                lowest_building: 0.3,
+                abstain: 0.5,
+                isolated: 5,
+                ..ClassRules::default()
+            },
             regularise: RegulariseParams::default(),
         }
     }

@@ -5,7 +5,7 @@ use super::classify::heights;
 use super::folds::Squares;
 use super::report::AirborneReport;
 use crate::classification::{
-    Boosting, Classifier, Fingerprint, Forest, ForestParams, Learner, Predictor, Samples, argmax,
+    Boosting, Classifier, Fingerprint, Forest, ForestParams, ForestPart, Learner, Predictor, Samples, argmax,
 };
 use crate::cloud::{MetricCloud, Points};
 use crate::error::{Error, Result};
@@ -106,9 +106,11 @@ impl Described {
     /// The forests of both colours of the checkerboard, each with half of the trees.
     fn halves(&self, lessons: &Lessons<'_>, monitor: &Monitor) -> Result<[Forest; 2]> {
         let recipe = lessons.recipe;
-        let train = |fold: usize| {
-            let weight =
-                |i: usize| if self.folds[i] == fold { self.weights.get(i).copied().unwrap_or(1.0) } else { 0.0 };
+        let part = |fold: usize| {
+            let weight = |i: usize| match self.folds[i] == fold {
+                true => self.weights.get(i).copied().unwrap_or(1.0),
+                false => 0.0,
+            };
             let weights: Vec<f32> = (0..self.labels.len()).map(weight).collect();
             if weights.iter().all(|&w| w == 0.0) {
                 let square = recipe.folds.square;
@@ -117,10 +119,10 @@ impl Described {
             }
             let trees = (recipe.forest.trees + 1 - fold) / 2;
             let seed = recipe.forest.seed.wrapping_add(recipe.seed).wrapping_add(fold as u64);
-            let params = ForestParams { trees, seed, ..recipe.forest.clone() };
-            params.train(&Samples { weights: Some(&weights), ..self.samples(lessons.sources) }, monitor)
+            Ok(ForestPart { weights, params: ForestParams { trees, seed, ..recipe.forest.clone() } })
         };
-        Ok([train(0)?, train(1)?])
+        let forests = Forest::fit_parts(&self.samples(lessons.sources), &[part(0)?, part(1)?], monitor)?;
+        forests.try_into().map_err(|_| Error::input("two forests were asked for"))
     }
 }
 

@@ -1,5 +1,5 @@
-//! What the classes of a model become in the end: vegetation by its height, isolated points noise, and points that the
-//! model does not know unclassified.
+//! What the classes of a model become in the end: vegetation by its height, buildings without height ground, isolated
+//! points noise, and points that the model does not know unclassified.
 
 use crate::classes::ClassTable;
 use crate::cloud::{MetricCloud, Positions};
@@ -16,6 +16,7 @@ const GROUND: u8 = 2;
 const LOW: u8 = 3;
 const MEDIUM: u8 = 4;
 const HIGH: u8 = 5;
+const BUILDING: u8 = 6;
 const LOW_NOISE: u8 = 7;
 const HIGH_NOISE: u8 = 18;
 /// Isolated points are noise if there is at most one of them in so many points.
@@ -28,6 +29,9 @@ pub struct ClassRules {
     /// Heights above the ground, metres, ascending: vegetation (5) below the first becomes low (3), below the second
     /// medium (4). Empty: not divided. Only for models with the classes 2 and 5, but neither 3 nor 4.
     pub vegetation: Vec<f64>,
+    /// Building points (6) less than this above the ground, metres, become ground: no building is as low. 0: none. Only
+    /// for models with the ASPRS classes 2 and 6.
+    pub lowest_building: f64,
     /// Points of less confidence become unclassified; 0..1.
     pub abstain: f64,
     /// Points with at most this many others in the 27 voxels around them become noise: low (7) below the ground, else
@@ -40,7 +44,7 @@ pub struct ClassRules {
 
 impl Default for ClassRules {
     fn default() -> Self {
-        Self { vegetation: Vec::new(), abstain: 0.0, isolated: 0, noise_voxel: 4.0 }
+        Self { vegetation: Vec::new(), lowest_building: 0.0, abstain: 0.0, isolated: 0, noise_voxel: 4.0 }
     }
 }
 
@@ -54,6 +58,9 @@ impl ClassRules {
         if !(self.vegetation.is_empty() || two && self.vegetation.iter().all(|h| h.is_finite())) {
             let found = format!("{:?}", self.vegetation);
             return Err(Error::parameter("classes.vegetation", found, "two heights in metres, ascending, or none"));
+        }
+        if !(self.lowest_building >= 0.0 && self.lowest_building.is_finite()) {
+            return Err(Error::parameter("classes.lowest_building", self.lowest_building, "metres, 0 or more"));
         }
         if !(self.noise_voxel > 0.0 && self.noise_voxel.is_finite()) {
             return Err(Error::parameter("classes.noise_voxel", self.noise_voxel, "metres, above 0"));
@@ -76,6 +83,12 @@ impl ClassRules {
         self.isolated > 0 && has(GROUND) && !has(0) && !has(1) && !has(LOW_NOISE) && !has(HIGH_NOISE)
     }
 
+    /// Whether these rules lower buildings to the ground in the result of a model with these classes.
+    fn lowers(&self, classes: &ClassTable) -> bool {
+        let has = |code| classes.position(code).is_some();
+        self.lowest_building > 0.0 && has(GROUND) && has(BUILDING)
+    }
+
     /// All classes that can occur in the result of a model with these classes, besides the code of points without one.
     pub fn given(&self, classes: &ClassTable) -> ClassTable {
         let vegetation = if self.divides(classes) { vec![LOW, MEDIUM] } else { Vec::new() };
@@ -93,7 +106,7 @@ impl ClassRules {
         scene: &MetricCloud<'_>,
         monitor: &Monitor,
     ) -> Result<()> {
-        if self.divides(classes) || self.finds_noise(classes) {
+        if self.divides(classes) || self.finds_noise(classes) || self.lowers(classes) {
             self.by_height(result, classes, scene, monitor)?;
         }
         if self.abstain > 0.0 {
@@ -127,7 +140,7 @@ impl ClassRules {
         let ground = |(row, &point): (usize, &u32)| result.codes[point as usize] == GROUND && !isolated(row);
         let ground: Vec<bool> = index.iter().enumerate().map(ground).collect();
         let heights = heights_above(&points, &ground, &HeightParams::default(), monitor)?;
-        let divides = self.divides(classes);
+        let (divides, lowers) = (self.divides(classes), self.lowers(classes));
         for (row, (&point, height)) in index.iter().zip(heights).enumerate() {
             let code = &mut result.codes[point as usize];
             *code = match f64::from(height) {
@@ -138,6 +151,7 @@ impl ClassRules {
                         HIGH_NOISE
                     }
                 }
+                h if lowers && *code == BUILDING && h < self.lowest_building => GROUND,
                 _ if *code != HIGH || !divides => *code,
                 h if h < self.vegetation[0] => LOW,
                 h if h < self.vegetation[1] => MEDIUM,
@@ -179,19 +193,25 @@ mod tests {
         let mut rows: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 100.0]).collect();
         rows.extend([[5.2, 5.2, 100.3], [5.2, 6.2, 101.0], [5.2, 7.2, 107.0], [8.2, 8.2, 104.0]]);
         // Far above and below.
-        rows.extend([[9.0, 9.0, 180.0], [9.0, 9.0, 60.0]]);
+        rows.extend([[9.0, 9.0, 180.0], [9.0, 9.0, 60.0], [3.4, 3.4, 100.02]]);
         let cloud = Cloud::from_rows(&rows).unwrap();
         let scene = MetricCloud::new(&cloud, None, &Monitor::default()).unwrap();
         let mut result = Classified {
-            codes: [vec![2; 400], vec![5, 5, 5, 6, 6, 2]].concat(),
-            confidence: [vec![0.9; 403], vec![0.4, 0.9, 0.9]].concat(),
+            codes: [vec![2; 400], vec![5, 5, 5, 6, 6, 2, 6]].concat(),
+            confidence: [vec![0.9; 403], vec![0.4, 0.9, 0.9, 0.9]].concat(),
             ..Classified::default()
         };
         let classes = ClassTable::from_codes(&[2, 5, 6]);
-        let rules = ClassRules { vegetation: vec![0.5, 1.5], abstain: 0.5, isolated: 5, ..ClassRules::default() };
+        let rules = ClassRules {
+            vegetation: vec![0.5, 1.5],
+            lowest_building: 0.3,
+            abstain: 0.5,
+            isolated: 5,
+            noise_voxel: 4.0,
+        };
         rules.validate().unwrap();
         rules.apply(&mut result, &classes, &scene, &Monitor::default()).unwrap();
-        assert_eq!(result.codes[400..], [3, 4, 5, 1, 18, 7]);
+        assert_eq!(result.codes[400..], [3, 4, 5, 1, 18, 7, 2]);
         assert!(result.codes[..400].iter().all(|&code| code == 2));
         assert_eq!(rules.given(&classes).len(), 7);
         assert!(!rules.divides(&ClassTable::from_codes(&[2, 3, 5])));

@@ -80,6 +80,16 @@ struct ForestData<'a> {
 }
 
 fn learn(samples: &Samples<'_>, params: &ForestParams, monitor: &Monitor) -> Result<(Forest, Vec<BagSet>)> {
+    learn_with(samples, params, None, monitor)
+}
+
+/// As [`learn`], with the quantisation of other samples, for [`Splitter::Histogram`].
+fn learn_with(
+    samples: &Samples<'_>,
+    params: &ForestParams,
+    binning: Option<&Binning>,
+    monitor: &Monitor,
+) -> Result<(Forest, Vec<BagSet>)> {
     params.validate()?;
     samples.check()?;
     let active = samples.active();
@@ -88,8 +98,11 @@ fn learn(samples: &Samples<'_>, params: &ForestParams, monitor: &Monitor) -> Res
     monitor.stage("forest", params.trees as u64);
     let grown = match params.splitter {
         Splitter::Histogram => {
-            let binning = BinningParams { max_bins: params.max_bins, seed: params.seed, ..BinningParams::default() };
-            let codes = QuantisedSamples::new(samples, Binning::fit(samples, &binning)?)?;
+            let binning = match binning {
+                Some(given) => given.clone(),
+                None => quantised(samples, params)?,
+            };
+            let codes = QuantisedSamples::new(samples, binning)?;
             match data.weights.is_none() {
                 true => data.trees(&codes, |_, times| times, Histogram::<u32>::new)?,
                 false => data.trees(&codes, |w, times| w * f64::from(times), Histogram::<f64>::new)?,
@@ -102,6 +115,40 @@ fn learn(samples: &Samples<'_>, params: &ForestParams, monitor: &Monitor) -> Res
     };
     let (trees, bags): (Vec<_>, Vec<_>) = grown.into_iter().unzip();
     Ok((Forest::assemble(&trees, samples.width, samples.classes)?, bags))
+}
+
+/// The quantisation that a forest learns on.
+fn quantised(samples: &Samples<'_>, params: &ForestParams) -> Result<Binning> {
+    let binning = BinningParams { max_bins: params.max_bins, seed: params.seed, ..BinningParams::default() };
+    Binning::fit(samples, &binning)
+}
+
+/// What one of several forests learns from.
+#[derive(Clone, Debug)]
+pub struct ForestPart {
+    /// Weight of each sample; 0 leaves it out.
+    pub weights: Vec<f32>,
+    /// The forest.
+    pub params: ForestParams,
+}
+
+impl Forest {
+    /// One forest for each part of the samples, all with the quantisation of all samples by the parameters of the first,
+    /// so that [`Forest::joined`] has no more thresholds than one of them may have.
+    ///
+    /// # Errors
+    /// As [`Learner::train`].
+    pub fn fit_parts(samples: &Samples<'_>, parts: &[ForestPart], monitor: &Monitor) -> Result<Vec<Self>> {
+        let Some(first) = parts.first() else { return Ok(Vec::new()) };
+        first.params.validate()?;
+        samples.check()?;
+        let binning = quantised(samples, &first.params)?;
+        let fit = |part: &ForestPart| {
+            let samples = Samples { weights: Some(&part.weights), ..*samples };
+            learn_with(&samples, &part.params, Some(&binning), monitor).map(|(forest, _)| forest)
+        };
+        parts.iter().map(fit).collect()
+    }
 }
 
 impl ForestData<'_> {
