@@ -43,7 +43,7 @@ def truth(name, codes):
 def part(cloud, keep, xyz=None, returns=True):
     """Some points of a cloud, perhaps elsewhere."""
     columns = {n: np.asarray(cloud[n])[keep] for n in RETURNS if returns and n in cloud}
-    return scansion.PointCloud((cloud.xyz if xyz is None else xyz)[keep], columns=columns)
+    return scansion.PointCloud((cloud.xyz if xyz is None else xyz)[keep], **columns)
 
 
 def density(xyz):

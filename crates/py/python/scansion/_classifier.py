@@ -118,7 +118,7 @@ class PointClassifier(Classifier):
 
     @classmethod
     def default(cls) -> PointClassifier:
-        """The built-in model for airborne scans: ground (2), vegetation (5), building (6)."""
+        """The built-in model for airborne scans: ground (2), vegetation (5), building (6); `classify` divides further."""
         return cls()._take(_core.Model.default())
 
     @classmethod
@@ -333,7 +333,9 @@ def _path(path: str | os.PathLike[str] | None) -> str | None:
 
 def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:
     """Whether a list is one cloud written as rows of x, y, z."""
-    return len(values) > 0 and np.ndim(values[0]) == 1 and np.shape(values[0]) == (3,)
+    # A PointCloud is a sequence of the names of its columns, which may be three.
+    first = values[0] if len(values) > 0 else None
+    return first is not None and not isinstance(first, PointCloud) and np.shape(first) == (3,)
 
 
 def _labelled(cloud: Any, labels: Any, wanted: list[str]) -> PointCloud:

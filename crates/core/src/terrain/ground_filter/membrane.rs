@@ -102,7 +102,7 @@ mod tests {
     #[test]
     fn strips_between_given_rows_rise_evenly_and_parts_do_not_show() {
         // 400 rows are several parts; every 57th is given.
-        let value = |i: usize| if i / 8 % 57 == 0 { (i / 8) as f64 } else { f64::NAN };
+        let value = |i: usize| if (i / 8).is_multiple_of(57) { (i / 8) as f64 } else { f64::NAN };
         let found = filled(8, (0..3200).map(value).collect());
         for (i, z) in found.iter().enumerate() {
             assert!((z - (i / 8) as f64).abs() < 3.5, "{i}: {z}");
