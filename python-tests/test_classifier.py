@@ -238,3 +238,37 @@ def test_pictures_have_the_asked_size(labelled, tmp_path):
 def test_scikit_learn_is_not_needed_to_import():
     code = "import sys; sys.modules['sklearn'] = None; import scansion; print(scansion.__version__)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout
+
+
+def test_the_recipe_airborne_learns_in_two_stages():
+    recipe = {
+        "recipe": "airborne",
+        "features.pyramid.first_scale": 0.5,
+        "features.pyramid.levels": 4,
+        "training.densities": [],
+        "folds.square": 10.0,
+        "forest.trees": 10,
+        "boosting.rounds": 20,
+    }
+    xyz, labels = street(0)
+    model = PointClassifier(recipe).fit(xyz, labels)
+    assert model.report_["first_stage_accuracy"] > 0.8
+    xyz, labels = street(1)
+    assert model.predict(xyz).tolist() == model.classify(xyz, divided=False).codes.tolist()
+    assert (model.predict(xyz) == labels).mean() > 0.9
+    found = model.classify(xyz, abstain=0.9)
+    assert set(found.codes.tolist()) <= {1, 2, 3, 4, 5, 6, 7, 18}
+    assert (found.codes[(found.confidence < 0.9) & (found.codes != 18) & (found.codes != 7)] == 1).all()
+    with pytest.raises(ValueError, match="abstain"):
+        model.classify(xyz, abstain=2.0)
+
+
+def test_a_list_of_clouds_with_three_columns_is_a_list_of_clouds():
+    clouds = []
+    for seed in (0, 1):
+        xyz, labels = street(seed)
+        more = {name: np.ones(len(xyz), np.uint8) for name in ("ReturnNumber", "NumberOfReturns")}
+        clouds.append(scansion.PointCloud(xyz, Classification=labels.astype(np.uint8), **more))
+    given = [np.asarray(cloud["Classification"]) for cloud in clouds]
+    model = PointClassifier(RECIPE).fit(clouds, given)
+    assert sum(entry["points"] for entry in model.report_["classes"]) == sum(len(cloud) for cloud in clouds)

@@ -16,7 +16,8 @@ from scansion import _core
 def recipe(given: Any) -> tuple[str, list[str]]:
     """The TOML of a recipe and the settings on top of it, from a path, a text, a mapping of dotted keys, or None."""
     if isinstance(given, Mapping):
-        return "", [f"{key}={json.dumps(value)}" for key, value in given.items()]
+        settings = [f"{key}={json.dumps(value)}" for key, value in given.items() if key != "recipe"]
+        return str(given.get("recipe", "")), settings
     if isinstance(given, str) and ("\n" in given or "=" in given):
         return given, []
     if given is None:
