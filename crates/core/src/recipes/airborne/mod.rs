@@ -107,7 +107,6 @@ impl Default for AirborneRecipe {
             classes: ClassRules {
                 vegetation: vec![0.5, 1.5],
                 lowest_building: 0.3,
-                abstain: 0.5,
                 isolated: 5,
                 ..ClassRules::default()
             },
