@@ -1,5 +1,6 @@
 """Terrain products: known scenes, and files as other software reads them."""
 
+import inspect
 import json
 
 import numpy as np
@@ -136,3 +137,14 @@ def test_bad_rasters_and_parameters_are_refused(tmp_path):
     with pytest.raises(ValueError, match="finite coordinates"):
         terrain.dtm(np.zeros((0, 3)))
     assert not list(tmp_path.iterdir())
+
+
+def test_products_take_the_defaults_of_the_ground_filter():
+    own = {name: p.default for name, p in inspect.signature(terrain.ground_points).parameters.items()}
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(104.0), np.arange(104.0)))
+    hall = (abs(x - 52) < 22) & (abs(y - 52) < 22)
+    xyz = np.column_stack([x, y, 0.02 * x + 6 * hall])
+    given = terrain.height_above_ground(xyz, ground="filter", slope=own["slope"], window=own["window"])
+    found = terrain.height_above_ground(xyz, ground="filter")
+    np.testing.assert_array_equal(found, given)
+    assert np.median(found[hall]) > 5

@@ -155,3 +155,25 @@ fn what_has_no_terrain_is_refused() {
     fails(f, &["terrain", "a.laz", "-o", "x.tif", "--noise-classes", "many"], 2);
     assert!(!f.join("x.tif").exists() && !f.join("x.geojson").exists());
 }
+
+/// A wide low hall on a gentle slope: a window of 18 m or a slope of 0.15 would find another ground.
+#[test]
+fn the_ground_filter_of_the_commands_has_its_own_defaults() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let hall = |x: f64, y: f64| (30.0..74.0).contains(&x) && (30.0..74.0).contains(&y);
+    let rows: Vec<[f64; 3]> = (0..10_816)
+        .map(|i| (f64::from(i % 104), f64::from(i / 104)))
+        .map(|(x, y)| [x, y, 0.02 * x + if hall(x, y) { 6.0 } else { 0.0 }])
+        .collect();
+    io::write(&f.join("a.laz"), &Cloud::from_rows(&rows).unwrap(), &Default::default()).unwrap();
+    let own = scansion_core::terrain::GroundParams::default();
+    let given = ["--window", &own.window.to_string(), "--slope", &own.slope.to_string()];
+    let grid = |name: &str, more: &[&str]| {
+        done(f, &[&["terrain", "a.laz", "-o", name, "--ground-filter"], more].concat());
+        std::fs::read(f.join(name)).unwrap()
+    };
+    let default = grid("a.asc", &[]);
+    assert!(default == grid("b.asc", &given));
+    assert!(default != grid("c.asc", &["--window", "18"]), "the hall is wider than twice 18 m");
+}

@@ -13,15 +13,15 @@ pub(crate) struct GroundArgs {
     /// Classes of the ground [default: 2 if there are such points, else the ground filter]
     #[arg(long, value_name = "CODES", value_delimiter = ',', conflicts_with = "ground_filter")]
     pub(crate) ground_classes: Vec<u8>,
-    /// Find the ground by the simple morphological filter, whatever the classes are
+    /// Find the ground by the ground filter, whatever the classes are
     #[arg(long)]
     pub(crate) ground_filter: bool,
-    /// Half the width of the widest building, metres, for the ground filter
-    #[arg(long, value_name = "METRES", default_value_t = 18.0)]
-    pub(crate) window: f64,
-    /// Slope of the steepest ground, rise over run, for the ground filter
-    #[arg(long, value_name = "SLOPE", default_value_t = 0.15)]
-    pub(crate) slope: f64,
+    /// Half the width of the widest building, metres, for the ground filter [default: 27]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) window: Option<f64>,
+    /// Slope, rise over run, above which the ground filter sees an object on level terrain [default: 0.12]
+    #[arg(long, value_name = "SLOPE")]
+    pub(crate) slope: Option<f64>,
     /// Classes that are left out, or none [default: 7 and 18, noise, in LAS and LAZ]
     #[arg(long, value_name = "CODES|none")]
     pub(crate) noise_classes: Option<String>,

@@ -127,8 +127,10 @@ fn summary(result: &Classified, classes: &ClassTable) -> String {
     }
     let mut text = format!("{:>5}  {:<20} {:>12} {:>8} {:>11}\n", "code", "class", "points", "share", "confidence");
     for (code, (count, sum)) in (0u8..=255).zip(sums).filter(|(_, (count, _))| *count > 0) {
-        let known = classes.position(code).map(|c| classes.classes()[c].name.as_str());
-        let (name, share) = (known.unwrap_or("unclassified"), 100.0 * count as f64 / result.codes.len() as f64);
+        // Codes of no class: those of unclassified and stray points.
+        let other = ClassTable::from_codes(&[code]);
+        let class = classes.position(code).map_or(other.classes().first(), |c| classes.classes().get(c));
+        let (name, share) = (class.map_or("", |class| &class.name), 100.0 * count as f64 / result.codes.len() as f64);
         let _ = writeln!(text, "{code:>5}  {name:<20} {count:>12} {share:>6.2} % {:>11.2}", sum / count as f64);
     }
     if let Some(outside) = result.outside {

@@ -6,8 +6,8 @@ use crate::exit_code::Failure;
 use scansion_core::cloud::{MetricCloud, Raster, names};
 use scansion_core::io::{self, Columns, Georeference};
 use scansion_core::terrain::{
-    self, FootprintParams, GroundChoice, GroundParams, ProductParams, Survey, footprints, heights_above_ground,
-    normalised, surface_model, terrain_model,
+    self, Footprint, FootprintParams, GroundChoice, GroundParams, ProductParams, Survey, footprints,
+    heights_above_ground, normalised, surface_model, terrain_model,
 };
 use scansion_core::{Error, Result};
 use serde::Serialize;
@@ -29,13 +29,15 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
         true => survey(&scene, &params, context)?,
         false => Survey::of_points(&scene, &params, &context.monitor)?,
     };
-    let mut made = rasters_of(&survey, (args, &params), scene.metres, context)?;
+    let surveyed = Surveyed { survey: &survey, params: &params, metres: scene.metres };
+    let mut made = rasters_of(&surveyed, args, context)?;
     for (product, raster) in &made.rasters {
         io::write_raster(&product.file, raster, &Georeference::of(&cloud), &context.monitor)?;
     }
     if let Some(path) = &args.footprints {
         let heights = heights_above_ground(&scene, &survey, &params, &context.monitor)?;
-        made.outlines = Some(outlines(path, (&scene, &heights), args, context)?);
+        let found = footprints(&scene, &heights, &footprint_params(args), &context.monitor)?;
+        made.outlines = Some(outlines(path, &found, &scene)?);
     }
     context.printer.data(&match context.printer.format {
         Format::Json => serde_json::to_string_pretty(&made.report()).unwrap_or_default(),
@@ -59,7 +61,9 @@ pub(crate) fn product_params(args: &GroundArgs) -> Result<ProductParams> {
         Some("none") => Some(Vec::new()),
         Some(codes) => Some(codes.split(',').map(code).collect::<Result<_>>()?),
     };
-    let filter = GroundParams { window: args.window, slope: args.slope, ..GroundParams::default() };
+    let own = GroundParams::default();
+    let (window, slope) = (args.window.unwrap_or(own.window), args.slope.unwrap_or(own.slope));
+    let filter = GroundParams { window, slope, ..own };
     Ok(ProductParams { cell: args.cell, ground, filter, noise, ..ProductParams::default() })
 }
 
@@ -80,13 +84,17 @@ fn footprint_params(args: &Terrain) -> FootprintParams {
     }
 }
 
-/// The requested rasters in the unit of the cloud, which has `metres` metres.
-fn rasters_of(
-    survey: &Survey,
-    (args, params): (&Terrain, &ProductParams),
+/// What rasters are made of.
+struct Surveyed<'a> {
+    survey: &'a Survey,
+    params: &'a ProductParams,
+    /// Metres per unit of the cloud.
     metres: f64,
-    context: &Context<'_>,
-) -> Result<Made> {
+}
+
+/// The requested rasters in the unit of the cloud.
+fn rasters_of(surveyed: &Surveyed<'_>, args: &Terrain, context: &Context<'_>) -> Result<Made> {
+    let Surveyed { survey, params, metres } = *surveyed;
     let needed = |paths: [&Option<PathBuf>; 2]| paths.into_iter().any(Option::is_some);
     let terrain =
         needed([&args.output, &args.chm]).then(|| terrain_model(survey, params, &context.monitor)).transpose()?;
@@ -109,15 +117,9 @@ fn rasters_of(
 }
 
 /// Writes the outlines of the buildings in the unit of the cloud.
-fn outlines(
-    path: &Path,
-    (scene, heights): (&MetricCloud<'_>, &[f32]),
-    args: &Terrain,
-    context: &Context<'_>,
-) -> Result<Outlines> {
-    let found = footprints(scene, heights, &footprint_params(args), &context.monitor)?;
+fn outlines(path: &Path, found: &[Footprint], scene: &MetricCloud<'_>) -> Result<Outlines> {
     let area = found.iter().fold(0.0, |sum, building| sum + building.area);
-    let outlines = terrain::outlines(&found, scene.metres);
+    let outlines = terrain::outlines(found, scene.metres);
     io::write_geojson(path, &outlines, &Georeference::of(scene.cloud))?;
     Ok(Outlines { product: "buildings", file: path.to_path_buf(), buildings: found.len(), area })
 }

@@ -23,8 +23,8 @@ def footprints(
     cell: float = 1.0,
     ground: Any = None,
     noise: Sequence[int] | None = None,
-    slope: float = 0.15,
-    window: float = 18.0,
+    slope: float | None = None,
+    window: float | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def footprints(
         cloud has such points, else the ground filter.
     noise : list of int, optional
         Classes that are left out. None: 7 and 18 in LAS and LAZ, else none.
-    slope, window : float
+    slope, window : float, optional
         Parameters of the ground filter, as in `ground_points`.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.

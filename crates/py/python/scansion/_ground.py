@@ -15,8 +15,8 @@ def settings(
     cell: float,
     ground: Any,
     noise: Sequence[int] | None,
-    slope: float = 0.15,
-    window: float = 18.0,
+    slope: float | None = None,
+    window: float | None = None,
     reach: float = 100.0,
 ) -> dict[str, Any]:
     """The core's parameters of terrain products."""
@@ -24,7 +24,7 @@ def settings(
         "cell": cell,
         "ground": "auto" if is_marks(ground) else choice(ground),
         "noise": None if noise is None else code_list(noise, "noise"),
-        "filter": {"slope": slope, "window": window},
+        "filter": {name: value for name, value in (("slope", slope), ("window", window)) if value is not None},
         "reach": reach,
     }
 

@@ -59,8 +59,8 @@ def dtm(
     ground: Any = None,
     noise: Sequence[int] | None = None,
     reach: float = 100.0,
-    slope: float = 0.15,
-    window: float = 18.0,
+    slope: float | None = None,
+    window: float | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Raster:
@@ -82,7 +82,7 @@ def dtm(
         Classes that are left out. None: 7 and 18 in LAS and LAZ, else none.
     reach : float
         Cells farther than this from all ground points are NaN, metres.
-    slope, window : float
+    slope, window : float, optional
         Parameters of the ground filter, as in `ground_points`.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
@@ -157,8 +157,8 @@ def chm(
     ground: Any = None,
     noise: Sequence[int] | None = None,
     reach: float = 100.0,
-    slope: float = 0.15,
-    window: float = 18.0,
+    slope: float | None = None,
+    window: float | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Raster:
@@ -179,7 +179,7 @@ def chm(
         Classes that are left out. None: 7 and 18 in LAS and LAZ, else none.
     reach : float
         Cells farther than this from all ground points are NaN, metres.
-    slope, window : float
+    slope, window : float, optional
         Parameters of the ground filter, as in `ground_points`.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
@@ -210,8 +210,8 @@ def height_above_ground(
     cell: float = 1.0,
     ground: Any = None,
     noise: Sequence[int] | None = None,
-    slope: float = 0.15,
-    window: float = 18.0,
+    slope: float | None = None,
+    window: float | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> NDArray[np.float32]:
@@ -228,7 +228,7 @@ def height_above_ground(
         cloud has such points, else the ground filter.
     noise : list of int, optional
         Classes that are left out. None: 7 and 18 in LAS and LAZ, else none.
-    slope, window : float
+    slope, window : float, optional
         Parameters of the ground filter, as in `ground_points`.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
