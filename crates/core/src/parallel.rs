@@ -199,6 +199,18 @@ pub fn map_ordered<T: Send>(
     results.into_iter().collect()
 }
 
+/// Like [`map_ordered`], of the items of a slice.
+///
+/// # Errors
+/// As [`map_ordered`].
+pub fn map_each<I: Sync, T: Send>(
+    items: &[I],
+    monitor: &Monitor,
+    kernel: impl Fn(&I) -> Result<T> + Sync,
+) -> Result<Vec<T>> {
+    map_ordered(items.len(), monitor, |i| kernel(&items[i]))
+}
+
 /// Like [`map_ordered`], with a scratch value that a thread reuses from item to item; results must not depend on it.
 ///
 /// # Errors

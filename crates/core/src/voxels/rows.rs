@@ -1,6 +1,6 @@
 //! A grid of cubes whose keys run along rows, so that the neighbours of a cell are found by few searches.
 
-use super::cells::Cells;
+use super::cells::{CellKey, Cells};
 use super::morton;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
@@ -14,6 +14,22 @@ const BITS: u32 = morton::LIMIT.trailing_zeros();
 const MARGIN: i64 = 2;
 /// Cells whose neighbours one task looks up.
 const BLOCK: usize = 4096;
+
+/// Mask of the bits of an axis.
+const AXIS: u64 = (1 << BITS) - 1;
+
+impl CellKey for u64 {
+    #[inline(always)]
+    fn axes(self) -> [i64; 3] {
+        [self >> (2 * BITS), self >> BITS & AXIS, self & AXIS].map(|axis| axis as i64)
+    }
+
+    #[inline(always)]
+    fn of(axes: [i64; 3]) -> Self {
+        let [y, z, x] = axes.map(|axis| axis as u64);
+        y << (2 * BITS) | z << BITS | x
+    }
+}
 
 /// A grid of cubes with a corner at the origin of the coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,14 +83,13 @@ impl RowGrid {
         for (cell, first) in cell.iter_mut().zip(self.first) {
             *cell = cell.wrapping_sub(first);
         }
-        let cell = cell.map(|c| c as u64);
-        cell[1] << (2 * BITS) | cell[2] << BITS | cell[0]
+        u64::of([cell[1], cell[2], cell[0]])
     }
 
     /// Centre of the cell of a key.
     pub(crate) fn centre(&self, key: u64) -> [f32; 3] {
-        let index = |shift: u32| (key >> shift & ((1 << BITS) - 1)) as i64;
-        let cell = [index(0), index(2 * BITS), index(BITS)];
+        let [y, z, x] = key.axes();
+        let cell = [x, y, z];
         [0, 1, 2].map(|a| (((cell[a] + self.first[a]) as f64 + 0.5) * self.size) as f32)
     }
 }
@@ -101,7 +116,7 @@ pub(crate) fn adjacency(keys: &[u64], monitor: &Monitor) -> Result<Csr> {
     let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(keys.len());
     let counts = map_ordered(keys.len().div_ceil(BLOCK), monitor, |b| {
         let mut counts = vec![0u8; block(b).len()];
-        neighbours(keys, block(b), |place, _| counts[place] += 1);
+        others(keys, block(b), |place, _| counts[place] += 1);
         Ok(counts)
     })?;
     let mut offsets = Vec::with_capacity(keys.len() + 1);
@@ -119,7 +134,7 @@ pub(crate) fn adjacency(keys: &[u64], monitor: &Monitor) -> Result<Csr> {
     parts.into_par_iter().enumerate().try_for_each(|(b, part)| {
         monitor.check()?;
         let mut free = part.iter_mut();
-        neighbours(keys, block(b), |_, neighbour| free.next().into_iter().for_each(|slot| *slot = neighbour));
+        others(keys, block(b), |_, neighbour| free.next().into_iter().for_each(|slot| *slot = neighbour));
         Ok::<(), Error>(())
     })?;
     Csr::new(offsets, items, keys.len())
@@ -140,9 +155,21 @@ fn split_at_offsets(mut rest: &mut [u32], begins: impl Iterator<Item = usize>) -
     parts
 }
 
-/// Calls `found` with the position in the range and the neighbour, for each neighbour of each cell of a range, ascending.
-/// The rows around ascending keys ascend too, so that nine pointers move forward only.
-fn neighbours(keys: &[u64], range: Range<usize>, mut found: impl FnMut(usize, u32)) {
+/// Calls `found` with the position in the range and the neighbour, for each of the 26 neighbours of each cell of a range.
+fn others(keys: &[u64], range: Range<usize>, mut found: impl FnMut(usize, u32)) {
+    let first = range.start;
+    let other = |place: usize, cell: u32| {
+        if first + place != cell as usize {
+            found(place, cell);
+        }
+    };
+    neighbours(keys, range, other);
+}
+
+/// Calls `found` with the position in the range and the cell, for the occupied cells among the 27 around each cell of a
+/// range (itself included), ascending; `keys` ascend. The rows around ascending keys ascend too, so that nine pointers
+/// move forward only.
+pub(crate) fn neighbours(keys: &[u64], range: Range<usize>, mut found: impl FnMut(usize, u32)) {
     let mut pointers: [(i64, usize); 9] = [(0, 0); 9];
     for (slot, row) in pointers.iter_mut().zip(rows()) {
         let first = keys[range.start].wrapping_add_signed(row);
@@ -155,7 +182,7 @@ fn neighbours(keys: &[u64], range: Range<usize>, mut found: impl FnMut(usize, u3
                 *pointer += 1;
             }
             let near = keys[*pointer..].iter().take(3).take_while(|&&k| k <= first + 2);
-            near.zip(*pointer..).filter(|(_, c)| *c != cell).for_each(|(_, c)| found(place, c as u32));
+            near.zip(*pointer..).for_each(|(_, c)| found(place, c as u32));
         }
     }
 }

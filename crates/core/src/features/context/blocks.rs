@@ -3,8 +3,10 @@
 use super::Rated;
 use crate::error::Result;
 use crate::parallel::{Monitor, concat_watched, map_ordered};
-use crate::voxels::cells::{Cells, cell_of};
-use crate::voxels::rows::RowGrid;
+use crate::voxels::cells::{CellKey, Cells, cell_of};
+use crate::voxels::index::{CellIndex, Walk, block_of};
+use crate::voxels::rows::{RowGrid, neighbours};
+use std::ops::Range;
 
 /// Cells of a block.
 const BLOCK: usize = 4096;
@@ -13,7 +15,7 @@ const BLOCK: usize = 4096;
 #[derive(Clone, Debug)]
 pub(super) struct Solid {
     grid: RowGrid,
-    keys: Vec<u64>,
+    index: CellIndex<u64>,
     /// Mean of each class around each voxel.
     means: Vec<f32>,
 }
@@ -22,7 +24,7 @@ pub(super) struct Solid {
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     size: f64,
-    keys: Vec<[i32; 2]>,
+    index: CellIndex<[i32; 2]>,
     /// Mean of each class around each cell.
     means: Vec<f32>,
 }
@@ -31,12 +33,15 @@ impl Solid {
     pub(super) fn new(rated: &Rated<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
         let grid = RowGrid::new(rated.points.iter(), size, "context.voxels")?;
         let cells = Cells::new(rated.points.len(), |i| grid.key(rated.points.xyz(i)), monitor)?;
-        let means = means(rated, &cells, |c| cells.around(cells.keys[c]).collect(), monitor)?;
-        Ok(Self { grid, keys: cells.keys, means })
+        let around = |range: Range<usize>, sums: &mut Sums<'_>| {
+            neighbours(&cells.keys, range, |place, near| sums.add(place, near as usize));
+        };
+        let means = means(rated, &cells, around, monitor)?;
+        Ok(Self { grid, index: CellIndex::new(cells.keys), means })
     }
 
     pub(super) fn mean(&self, at: [f32; 3], out: &mut [f32]) {
-        place(self.keys.binary_search(&self.grid.key(at)).ok(), &self.means, out);
+        place(self.index.find(self.grid.key(at)), &self.means, out);
     }
 }
 
@@ -44,13 +49,17 @@ impl Plan {
     pub(super) fn new(rated: &Rated<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
         let key = |i: usize| cell_of([rated.points.x[i], rated.points.y[i]].map(|v| f64::from(v) / size));
         let cells = Cells::new(rated.points.len(), key, monitor)?;
-        let means = means(rated, &cells, |c| around(&cells.keys, c), monitor)?;
-        Ok(Self { size, keys: cells.keys, means })
+        let around = |range: Range<usize>, sums: &mut Sums<'_>| {
+            let mut walk = Walk::<1>::new(&cells.keys, range.start);
+            range.enumerate().for_each(|(place, cell)| walk.around(cell, |near, _| sums.add(place, near)));
+        };
+        let means = means(rated, &cells, around, monitor)?;
+        Ok(Self { size, index: CellIndex::new(cells.keys), means })
     }
 
     pub(super) fn mean(&self, at: [f32; 3], out: &mut [f32]) {
         let key = cell_of([at[0], at[1]].map(|v| f64::from(v) / self.size));
-        place(self.keys.binary_search(&key).ok(), &self.means, out);
+        place(self.index.find(key), &self.means, out);
     }
 }
 
@@ -62,39 +71,55 @@ fn place(cell: Option<usize>, means: &[f32], out: &mut [f32]) {
     }
 }
 
-/// The occupied cells among the 3 x 3 around a cell, ascending.
-fn around(keys: &[[i32; 2]], cell: usize) -> Vec<usize> {
-    let [x, y] = keys[cell];
-    let mut near = Vec::with_capacity(9);
-    for dx in -1..=1 {
-        let first = [x.saturating_add(dx), y.saturating_sub(1)];
-        let at = keys.partition_point(|key| *key < first);
-        near.extend((at..keys.len()).take_while(|&c| keys[c][0] == first[0] && keys[c][1] <= y.saturating_add(1)));
-    }
-    near
+/// Points and sums of probabilities of all cells, and those around the cells of a block.
+struct Sums<'a> {
+    classes: usize,
+    /// Sums of each cell, row-major.
+    own: &'a [f32],
+    /// Number of points of a cell.
+    count: &'a (dyn Fn(usize) -> usize + Sync),
+    /// Sums around each cell of the block, row-major.
+    around: Vec<f64>,
+    /// Points around each cell of the block.
+    counts: Vec<usize>,
 }
 
-/// The mean probabilities of the points in the cells near each cell.
-fn means<K: Copy + Default + Ord + Send + Sync>(
+impl Sums<'_> {
+    /// Adds cell `near` to the surroundings of the cell at this place in the block.
+    fn add(&mut self, place: usize, near: usize) {
+        self.counts[place] += (self.count)(near);
+        let row = &self.own[near * self.classes..][..self.classes];
+        let sums = &mut self.around[place * self.classes..][..self.classes];
+        sums.iter_mut().zip(row).for_each(|(sum, &own)| *sum += f64::from(own));
+    }
+
+    fn means(&self) -> impl Iterator<Item = f32> + '_ {
+        let rows = self.around.chunks_exact(self.classes).zip(&self.counts);
+        rows.flat_map(|(row, &count)| row.iter().map(move |sum| (sum / count as f64) as f32))
+    }
+}
+
+/// The mean probabilities of the points in the cells near each cell; `around` adds what is near the cells of a block.
+fn means<K: CellKey>(
     rated: &Rated<'_>,
     cells: &Cells<K>,
-    near: impl Fn(usize) -> Vec<usize> + Sync,
+    around: impl Fn(Range<usize>, &mut Sums<'_>) + Sync,
     monitor: &Monitor,
 ) -> Result<Vec<f32>> {
-    let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(cells.len());
-    let blocks = cells.len().div_ceil(BLOCK);
-    let own =
-        map_ordered(blocks, monitor, |b| Ok(block(b).flat_map(|c| rated.sums(cells.of(c))).collect::<Vec<f32>>()))?;
+    let (classes, blocks) = (rated.classes, cells.len().div_ceil(BLOCK));
+    let own = map_ordered(blocks, monitor, |b| {
+        let range = block_of(b, BLOCK, cells.len());
+        let mut own = Vec::with_capacity(range.len() * classes);
+        range.for_each(|c| rated.add_sums(cells.of(c), &mut own));
+        Ok(own)
+    })?;
     let own = concat_watched(own, monitor)?;
-    let around = |c: usize| {
-        let (mut sums, mut count) = (vec![0.0f64; rated.classes], 0);
-        for n in near(c) {
-            count += cells.range(n).len();
-            let row = &own[n * rated.classes..][..rated.classes];
-            sums.iter_mut().zip(row).for_each(|(sum, &own)| *sum += f64::from(own));
-        }
-        sums.into_iter().map(move |sum| (sum / count as f64) as f32)
-    };
-    let means = map_ordered(blocks, monitor, |b| Ok(block(b).flat_map(around).collect::<Vec<f32>>()))?;
+    let means = map_ordered(blocks, monitor, |b| {
+        let range = block_of(b, BLOCK, cells.len());
+        let (count, counts) = (&|cell| cells.range(cell).len(), vec![0; range.len()]);
+        let mut sums = Sums { classes, own: &own, count, around: vec![0.0; range.len() * classes], counts };
+        around(range, &mut sums);
+        Ok(sums.means().collect::<Vec<f32>>())
+    })?;
     concat_watched(means, monitor)
 }

@@ -10,7 +10,7 @@ mod stacks;
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::features::definition::scale_text;
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, map_each};
 use blocks::{Plan, Solid};
 use serde::{Deserialize, Serialize};
 use stacks::Stacks;
@@ -87,13 +87,10 @@ impl Rated<'_> {
         &self.probabilities[point * self.classes..][..self.classes]
     }
 
-    /// Sums of the probabilities of some points.
-    fn sums(&self, points: &[u32]) -> Vec<f32> {
-        let mut sums = vec![0.0f64; self.classes];
-        for &point in points {
-            sums.iter_mut().zip(self.row(point as usize)).for_each(|(sum, &p)| *sum += f64::from(p));
-        }
-        sums.into_iter().map(|sum| sum as f32).collect()
+    /// Appends the sums of the probabilities of some points.
+    fn add_sums(&self, points: &[u32], out: &mut Vec<f32>) {
+        let sum = |class: usize| points.iter().map(|&point| f64::from(self.row(point as usize)[class])).sum::<f64>();
+        out.extend((0..self.classes).map(|class| sum(class) as f32));
     }
 }
 
@@ -123,9 +120,9 @@ impl Context {
         }
         Ok(Self {
             classes: rated.classes,
-            solids: params.voxels.iter().map(|&size| Solid::new(rated, size, monitor)).collect::<Result<_>>()?,
-            plans: params.cells.iter().map(|&size| Plan::new(rated, size, monitor)).collect::<Result<_>>()?,
-            stacks: params.stacks.iter().map(|&size| Stacks::new(rated, size, monitor)).collect::<Result<_>>()?,
+            solids: map_each(&params.voxels, monitor, |&size| Solid::new(rated, size, monitor))?,
+            plans: map_each(&params.cells, monitor, |&size| Plan::new(rated, size, monitor))?,
+            stacks: map_each(&params.stacks, monitor, |&size| Stacks::new(rated, size, monitor))?,
         })
     }
 

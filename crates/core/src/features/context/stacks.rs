@@ -4,13 +4,14 @@ use super::Rated;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor};
 use crate::voxels::cells::{Cells, cell_of};
+use crate::voxels::index::CellIndex;
 
 /// Cells in plan of one size, with their points from the lowest to the highest.
 #[derive(Clone, Debug)]
 pub(super) struct Stacks {
     size: f64,
     classes: usize,
-    keys: Vec<[i32; 2]>,
+    index: CellIndex<[i32; 2]>,
     /// Where the points of each cell begin, and the end of the last.
     starts: Vec<u32>,
     /// Heights, ascending within each cell.
@@ -27,14 +28,14 @@ impl Stacks {
         let key = |i: usize| cell_of([points.x[i], points.y[i]].map(|v| f64::from(v) / size));
         let mut cells = Cells::new(points.len(), key, monitor)?;
         let (mut starts, mut sums, mut tops) = (vec![0], Vec::with_capacity(points.len() * classes), Vec::new());
-        let mut looks = Looks::at(monitor);
+        let (mut looks, mut sum) = (Looks::at(monitor), vec![0.0f64; classes]);
         for c in 0..cells.len() {
             let range = cells.range(c);
             looks.steps(range.len())?;
             starts.push(range.end as u32);
             let own = &mut cells.items[range];
             own.sort_unstable_by(|&a, &b| points.z[a as usize].total_cmp(&points.z[b as usize]).then(a.cmp(&b)));
-            let mut sum = vec![0.0f64; classes];
+            sum.fill(0.0);
             for &point in own.iter() {
                 sum.iter_mut().zip(rated.row(point as usize)).for_each(|(sum, &p)| *sum += f64::from(p));
                 sums.extend(sum.iter().map(|&sum| sum as f32));
@@ -42,16 +43,18 @@ impl Stacks {
             let highest = own.last().map_or(0.0, |&point| points.z[point as usize]);
             let first = own.partition_point(|&point| points.z[point as usize] < highest);
             let count = (own.len() - first) as f32;
-            tops.extend(rated.sums(&own[first..]).into_iter().map(|sum| sum / count));
+            let last = tops.len();
+            rated.add_sums(&own[first..], &mut tops);
+            tops[last..].iter_mut().for_each(|sum| *sum /= count);
         }
         let heights = cells.items.iter().map(|&i| points.z[i as usize]).collect();
-        Ok(Self { size, classes, keys: cells.keys, starts, heights, sums, tops })
+        Ok(Self { size, classes, index: CellIndex::new(cells.keys), starts, heights, sums, tops })
     }
 
     /// Means of the points not above, of those not below, and of the highest ones; NaN in a cell without points.
     pub(super) fn describe(&self, at: [f32; 3], [below, above, top]: [&mut [f32]; 3]) {
         let key = cell_of([at[0], at[1]].map(|v| f64::from(v) / self.size));
-        let Ok(c) = self.keys.binary_search(&key) else {
+        let Some(c) = self.index.find(key) else {
             [below, above, top].into_iter().for_each(|out| out.fill(f32::NAN));
             return;
         };

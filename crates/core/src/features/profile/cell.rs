@@ -6,13 +6,13 @@ use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor};
 use crate::voxels::cells::{Cells, cell_of};
+use crate::voxels::index::CellIndex;
 
 /// The occupied cells of one size.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CellGrid {
     size: f64,
-    /// Number of each cell on the axes, ascending by x, then y.
-    keys: Vec<[i32; 2]>,
+    index: CellIndex<[i32; 2]>,
     /// Where the heights of each cell begin, and the end of the last.
     starts: Vec<u32>,
     /// Heights of the points, ascending within each cell.
@@ -38,14 +38,14 @@ impl CellGrid {
             starts.push(cells.range(c).end as u32);
         }
         let surfaces = surfaces(&cells.keys, &ends, size, monitor)?;
-        Ok(Self { size, keys: cells.keys, starts, heights, spread, surfaces })
+        Ok(Self { size, index: CellIndex::new(cells.keys), starts, heights, spread, surfaces })
     }
 
     /// The features of a point; heights nearer than `own` to its own are not above or below it. `None` if its cell is
     /// empty.
     pub(super) fn profile(&self, at: [f32; 3], own: f32) -> Option<[f32; Profiles::FEATURES]> {
         let key = cell_of([at[0], at[1]].map(|v| f64::from(v) / self.size));
-        let c = self.keys.binary_search(&key).ok()?;
+        let c = self.index.find(key)?;
         let heights = &self.heights[self.starts[c] as usize..self.starts[c + 1] as usize];
         let (z, last) = (at[2], heights.len() - 1);
         let (below, not_above) =

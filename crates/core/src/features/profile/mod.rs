@@ -10,7 +10,7 @@ mod surface;
 use super::definition::{Feature, Group, scaled_name};
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, map_each};
 use crate::voxels::cells::{Cells, cell_of};
 use cell::CellGrid;
 use serde::{Deserialize, Serialize};
@@ -97,8 +97,8 @@ impl Profiles {
             }
             false => points,
         };
-        let grids = params.cells.iter().map(|&size| CellGrid::new(points, size, monitor));
-        Ok(Self { grids: grids.collect::<Result<_>>()?, own: 0.5 * params.voxel as f32 })
+        let grids = map_each(&params.cells, monitor, |&size| CellGrid::new(points, size, monitor))?;
+        Ok(Self { grids, own: 0.5 * params.voxel as f32 })
     }
 
     /// The features of a point of the cloud, [`Profiles::FEATURES`] for each cell size, written to `out`; NaN in a cell

@@ -2,12 +2,16 @@
 
 use crate::error::Result;
 use crate::parallel::{Monitor, concat_watched, map_ordered};
+use crate::voxels::index::{Walk, block_of};
 
 /// Cells of a block.
 const BLOCK: usize = 4096;
 
 /// Cells on each side of the widest window.
-const SIDE: i32 = 2;
+const SIDE: usize = 2;
+
+/// In place of the number of a cell: no point in it.
+const EMPTY: u32 = u32::MAX;
 
 /// The surface around a cell.
 #[derive(Clone, Copy, Debug, Default)]
@@ -37,23 +41,28 @@ pub(super) struct Window {
 
 /// The surface around each cell. `keys` ascend; `ends` are the lowest and the highest point of each cell.
 pub(super) fn surfaces(keys: &[[i32; 2]], ends: &[[f32; 2]], size: f64, monitor: &Monitor) -> Result<Vec<Surface>> {
-    let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(keys.len());
-    let parts = map_ordered(keys.len().div_ceil(BLOCK), monitor, |b| {
+    let blocks = keys.len().div_ceil(BLOCK);
+    let parts = map_ordered(blocks, monitor, |b| {
+        let range = block_of(b, BLOCK, keys.len());
+        let mut walk = Walk::<SIDE>::new(keys, range.start);
         let around = |c: usize| {
-            let near = Near::of(keys, c);
+            let near = Near::of(&mut walk, c);
             let windows = [1, SIDE].map(|side| near.window(ends, side, size));
-            let cover = near.cells.iter().flatten().filter(|c| c.is_some()).count() as f32 / 25.0;
+            let cover = near.cells.iter().flatten().filter(|&&c| c != EMPTY).count() as f32 / 25.0;
             Surface { of3: windows[0], of5: windows[1], least: 0.0, cover }
         };
-        Ok(block(b).map(around).collect::<Vec<Surface>>())
+        Ok(range.map(around).collect::<Vec<Surface>>())
     })?;
     let mut surfaces = concat_watched(parts, monitor)?;
-    let least = map_ordered(keys.len().div_ceil(BLOCK), monitor, |b| {
+    let least = map_ordered(blocks, monitor, |b| {
+        let range = block_of(b, BLOCK, keys.len());
+        let mut walk = Walk::<1>::new(keys, range.start);
         let least = |c: usize| {
-            let near = Near::of(keys, c);
-            near.within(1).map(|(c, _)| surfaces[c].of3.roughness).fold(f32::INFINITY, f32::min)
+            let mut least = f32::INFINITY;
+            walk.around(c, |near, _| least = least.min(surfaces[near].of3.roughness));
+            least
         };
-        Ok(block(b).map(least).collect::<Vec<f32>>())
+        Ok(range.map(least).collect::<Vec<f32>>())
     })?;
     surfaces.iter_mut().zip(least.into_iter().flatten()).for_each(|(surface, least)| surface.least = least);
     Ok(surfaces)
@@ -61,39 +70,38 @@ pub(super) fn surfaces(keys: &[[i32; 2]], ends: &[[f32; 2]], size: f64, monitor:
 
 /// The occupied cells among the 5 x 5 around a cell, by their offset in x, then y.
 struct Near {
-    cells: [[Option<usize>; 5]; 5],
+    cells: [[u32; 5]; 5],
 }
 
 impl Near {
-    fn of(keys: &[[i32; 2]], cell: usize) -> Self {
-        let [x, y] = keys[cell];
-        let mut cells = [[None; 5]; 5];
-        for (dx, row) in (-SIDE..=SIDE).zip(&mut cells) {
-            let first = [x.saturating_add(dx), y.saturating_sub(SIDE)];
-            let at = keys.partition_point(|key| *key < first);
-            let near = (at..keys.len()).take_while(|&c| keys[c][0] == first[0] && keys[c][1] - y <= SIDE);
-            near.for_each(|c| row[(keys[c][1] - y + SIDE) as usize] = Some(c));
-        }
+    fn of(walk: &mut Walk<'_, SIDE>, cell: usize) -> Self {
+        let mut cells = [[EMPTY; 5]; 5];
+        walk.around(cell, |near, [i, j]| cells[i][j] = near as u32);
         Self { cells }
     }
 
-    /// The occupied cells at most `side` cells away, and their offsets.
-    fn within(&self, side: i32) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
-        let range = (SIDE - side) as usize..=(SIDE + side) as usize;
-        let offset = |i: usize| f64::from(i as i32 - SIDE);
-        range
-            .clone()
-            .flat_map(move |i| range.clone().filter_map(move |j| self.cells[i][j].map(|c| (c, [offset(i), offset(j)]))))
+    /// Calls `each` with every occupied cell at most `side` cells away, and its offset.
+    fn within(&self, side: usize, mut each: impl FnMut(usize, [f64; 2])) {
+        let range = SIDE - side..=SIDE + side;
+        let offset = |i: usize| i as f64 - SIDE as f64;
+        for i in range.clone() {
+            for j in range.clone() {
+                match self.cells[i][j] {
+                    EMPTY => {}
+                    c => each(c as usize, [offset(i), offset(j)]),
+                }
+            }
+        }
     }
 
     /// Heights and the least-squares plane of the highest points; a level plane if the cells are on one line.
-    fn window(&self, ends: &[[f32; 2]], side: i32, size: f64) -> Window {
+    fn window(&self, ends: &[[f32; 2]], side: usize, size: f64) -> Window {
         let [mut lowest, mut highest] = [f32::INFINITY, f32::NEG_INFINITY];
         let mut sums = Sums::default();
-        for (c, at) in self.within(side) {
+        self.within(side, |c, at| {
             (lowest, highest) = (lowest.min(ends[c][0]), highest.max(ends[c][1]));
             sums.add(at, f64::from(ends[c][1]));
-        }
+        });
         let [gradient, square] = sums.plane();
         Window {
             highest,

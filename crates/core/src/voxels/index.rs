@@ -1,0 +1,145 @@
+//! Finds occupied cells: by their key, and around every cell in turn.
+
+use super::cells::CellKey;
+use std::ops::Range;
+
+/// Entries of the table of slabs for each occupied cell, at most; with a larger extent an entry covers more slabs.
+const ENTRIES: i64 = 2;
+
+/// Keys of occupied cells, ascending, and where the cells of each slab begin: those with the same number on the first
+/// axis. A search looks at one slab only, which stays in the cache while the points asked for are neighbours.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CellIndex<K> {
+    keys: Vec<K>,
+    /// Number of the first slab.
+    first: i64,
+    /// An entry covers 2^shift slabs.
+    shift: u32,
+    /// First cell of each entry, and the number of cells.
+    starts: Vec<u32>,
+}
+
+impl<K: CellKey> CellIndex<K> {
+    /// `keys` ascend. O(cells).
+    pub(crate) fn new(keys: Vec<K>) -> Self {
+        let slab = |key: Option<&K>| key.map_or(0, |key| key.axes()[0]);
+        let (first, last) = (slab(keys.first()), slab(keys.last()));
+        let most = ENTRIES * (keys.len() as i64 + 1);
+        let shift = (0..63).find(|shift| (last - first) >> shift < most).unwrap_or(63);
+        let mut starts = Vec::with_capacity(((last - first) >> shift) as usize + 2);
+        for (cell, key) in keys.iter().enumerate() {
+            let entry = ((key.axes()[0] - first) >> shift) as usize;
+            starts.resize((entry + 1).max(starts.len()), cell as u32);
+        }
+        starts.push(keys.len() as u32);
+        Self { keys, first, shift, starts }
+    }
+
+    /// The cell of a key; `None` if it is empty.
+    pub(crate) fn find(&self, key: K) -> Option<usize> {
+        let entry = usize::try_from((key.axes()[0] - self.first) >> self.shift).ok()?;
+        let (start, end) = (*self.starts.get(entry)? as usize, *self.starts.get(entry + 1)? as usize);
+        self.keys[start..end].binary_search(&key).ok().map(|place| start + place)
+    }
+}
+
+/// A walk along ascending cells in plan that knows the occupied cells around the present one, `SIDE` rows on each side.
+/// The start of each row around it only moves ahead, so that a step costs O(1) on average.
+pub(crate) struct Walk<'a, const SIDE: usize> {
+    keys: &'a [[i32; 2]],
+    rows: Vec<Row>,
+}
+
+/// A row of the window.
+struct Row {
+    /// Offset in x.
+    offset: i32,
+    /// First cell of the row that is not before the window.
+    start: usize,
+}
+
+impl<'a, const SIDE: usize> Walk<'a, SIDE> {
+    /// A walk that begins at cell `first`.
+    pub(crate) fn new(keys: &'a [[i32; 2]], first: usize) -> Self {
+        let row = |offset: i32| {
+            let from = Self::corner(keys[first], offset);
+            Row { offset, start: keys.partition_point(|key| *key < from) }
+        };
+        Self { keys, rows: (-(SIDE as i32)..=SIDE as i32).map(row).collect() }
+    }
+
+    /// Calls `found` with each occupied cell around cell `c` (itself included), ascending, and its place in the window:
+    /// 0..=2 `SIDE` on each axis. `c` must not be before the last one.
+    pub(crate) fn around(&mut self, c: usize, mut found: impl FnMut(usize, [usize; 2])) {
+        let keys = self.keys;
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            let from = Self::corner(keys[c], row.offset);
+            row.start += keys[row.start..].iter().take_while(|key| **key < from).count();
+            for (near, key) in (row.start..).zip(&keys[row.start..]) {
+                let j = i64::from(key[1]) - i64::from(from[1]);
+                if key[0] != from[0] || j > 2 * SIDE as i64 {
+                    break;
+                }
+                found(near, [i, j as usize]);
+            }
+        }
+    }
+
+    /// The first cell of the window around `key` in the row at this offset.
+    fn corner(key: [i32; 2], offset: i32) -> [i32; 2] {
+        [key[0].saturating_add(offset), key[1].saturating_sub(SIDE as i32)]
+    }
+}
+
+/// The cells of block number `block`, of `size` cells, of `cells`.
+pub(crate) fn block_of(block: usize, size: usize, cells: usize) -> Range<usize> {
+    block * size..((block + 1) * size).min(cells)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parallel::Monitor;
+    use crate::random::stream;
+    use crate::voxels::cells::{Cells, cell_of};
+
+    fn keys(reach: f64) -> Vec<[i32; 2]> {
+        let mut s = stream(3, 9);
+        let at: Vec<[f64; 2]> = (0..3000).map(|_| [s.uniform() - 0.4, s.uniform() - 0.6].map(|v| v * reach)).collect();
+        Cells::new(at.len(), |i| cell_of(at[i]), &Monitor::default()).unwrap().keys
+    }
+
+    #[test]
+    fn cells_are_found_by_their_key_and_no_others() {
+        for reach in [1.0, 40.0, 500.0, 4e9] {
+            let index = CellIndex::new(keys(reach));
+            for (c, &key) in index.keys.iter().enumerate() {
+                assert_eq!(index.find(key), Some(c));
+                let beside = [key[0], key[1].wrapping_add(1)];
+                assert_eq!(index.find(beside), index.keys.binary_search(&beside).ok());
+            }
+            assert_eq!(index.find([i32::MAX, 0]), None);
+            assert_eq!(index.find([i32::MIN, 0]), None);
+        }
+        assert_eq!(CellIndex::<[i32; 2]>::new(Vec::new()).find([0, 0]), None);
+    }
+
+    #[test]
+    fn the_cells_around_are_those_of_looking_at_all() {
+        let keys = keys(60.0);
+        for first in [0, 700] {
+            let mut walk = Walk::<2>::new(&keys, first);
+            for c in first..keys.len() {
+                let mut found = Vec::new();
+                walk.around(c, |near, place| found.push((near, place)));
+                let place = |key: [i32; 2]| [0, 1].map(|a| key[a] - keys[c][a] + 2);
+                let inside = |key: [i32; 2]| place(key).iter().all(|v| (0..=4).contains(v));
+                let expected: Vec<(usize, [usize; 2])> = (0..keys.len())
+                    .filter(|&n| inside(keys[n]))
+                    .map(|n| (n, place(keys[n]).map(|v| v as usize)))
+                    .collect();
+                assert_eq!(found, expected);
+            }
+        }
+    }
+}
