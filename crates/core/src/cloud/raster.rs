@@ -89,6 +89,12 @@ impl Raster {
         Self { values, ..self }
     }
 
+    /// A raster of the cells of another one, with heights of its own, of the same number.
+    pub(crate) fn of(cells: &Self, values: Vec<f64>) -> Self {
+        debug_assert_eq!(values.len(), cells.values.len());
+        Self { values, ..*cells }
+    }
+
     /// The same raster in another unit: origin, cell and heights divided by `metres`, the metres per unit. The cell is
     /// rounded to 12 digits, so that 0.9144 m are 3 ft and not 3.0000000000000004.
     ///

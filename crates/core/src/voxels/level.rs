@@ -157,6 +157,9 @@ pub fn coarse_levels(
     limits: LevelLimits,
     monitor: &Monitor,
 ) -> Result<(usize, Vec<Level>)> {
+    if limits.levels == 0 {
+        return Ok((0, Vec::new()));
+    }
     let finest = (0..points.len()).map(|i| (grid.code(points.xyz(i)), points.xyz(i), 1));
     let (mut voxels, mut means) = Voxels::unite(finest, monitor)?;
     let (mut fine, mut levels) = (0, Vec::<Level>::new());

@@ -59,7 +59,7 @@ pub(super) struct Plan<'a> {
     pub(super) set: FeatureSet,
     first_scale: f64,
     names: Vec<String>,
-    /// Of each level, from the finest.
+    /// Of each level, from the finest to the coarsest of which a feature is selected.
     slots: Vec<Slots>,
     /// Column and number of each profile value.
     profile: Vec<[usize; 2]>,
@@ -100,20 +100,9 @@ impl<'a> Plan<'a> {
     }
 }
 
-impl<'a> Planned<'a> {
-    /// Makes the plan, and sorts the cloud's points.
-    pub(super) fn new(
-        scene: &MetricCloud<'a>,
-        set: &FeatureSet,
-        wanted: Wanted<'_>,
-        monitor: &Monitor,
-    ) -> Result<Self> {
-        set.validate()?;
-        let points = scene.points(monitor)?;
-        let first_scale = match set.pyramid.first_scale {
-            Some(scale) => scale,
-            None => scale_of(spacing(&points, monitor)?),
-        };
+impl<'a> Plan<'a> {
+    /// The plan for features of a set; `first_scale` is the edge of the finest voxel, metres.
+    pub(super) fn new(scene: &MetricCloud<'a>, set: &FeatureSet, first_scale: f64, wanted: Wanted<'_>) -> Result<Self> {
         let offers = set.offers(first_scale);
         let all: Vec<String> = offers.iter().map(|offer| offer.name.clone()).collect();
         let names = wanted.names(&all)?;
@@ -130,6 +119,31 @@ impl<'a> Planned<'a> {
                 (None, _) => {}
             }
         }
+        slots.truncate(slots.iter().rposition(|slots| !slots.is_empty()).map_or(0, |last| last + 1));
+        Ok(Self { set: set.clone(), first_scale, names, slots, profile, own })
+    }
+
+    /// Number of levels of the pyramid up to the coarsest of which a feature is selected.
+    pub(super) fn levels(&self) -> usize {
+        self.slots.len()
+    }
+}
+
+impl<'a> Planned<'a> {
+    /// Makes the plan, and sorts the cloud's points.
+    pub(super) fn new(
+        scene: &MetricCloud<'a>,
+        set: &FeatureSet,
+        wanted: Wanted<'_>,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        set.validate()?;
+        let points = scene.points(monitor)?;
+        let first_scale = match set.pyramid.first_scale {
+            Some(scale) => scale,
+            None => scale_of(spacing(&points, monitor)?),
+        };
+        let plan = Plan::new(scene, set, first_scale, wanted)?;
         monitor.stage("pyramid", points.len() as u64);
         let grid = Grid::new(&points, first_scale)?;
         if !Columns::fits(&points.positions, set.pyramid.column_radius * first_scale) {
@@ -137,7 +151,6 @@ impl<'a> Planned<'a> {
             return Err(Error::parameter("column_radius", set.pyramid.column_radius, expected));
         }
         let points = sorted(points, &grid, monitor)?;
-        let plan = Plan { set: set.clone(), first_scale, names, slots, profile, own };
         Ok(Self { plan, sorted: Sorted { points, grid } })
     }
 }
@@ -166,7 +179,7 @@ impl<'a> Extractor<'a> {
     /// small for the extent.
     pub fn prepare(scene: &MetricCloud<'a>, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
         let Planned { plan, sorted: Sorted { points, grid } } = Planned::new(scene, set, wanted, monitor)?;
-        let levels = build_levels(&points.positions, &grid, set.pyramid.levels, monitor)?;
+        let levels = build_levels(&points.positions, &grid, plan.levels(), monitor)?;
         let stages = plan.stages(0, levels, None, monitor)?;
         let profiles = plan.profiles(&points.positions, monitor)?;
         Ok(Self { plan, stages, profiles, queries: points, part: 0 })

@@ -19,6 +19,9 @@ use std::sync::Arc;
 /// Largest number of points of a part.
 const PART: usize = 1 << 20;
 
+/// The same if there are profiles: in a thin cloud each point has cells of its own, of some hundred bytes.
+const PART_OF_PROFILES: usize = 1 << 19;
+
 /// Levels with more than one in this many of the points are held in parts.
 const COARSE_SHARE: usize = 8;
 
@@ -42,7 +45,23 @@ impl<'a> Tiles<'a> {
     /// # Errors
     /// As [`Extractor::prepare`].
     pub fn prepare(scene: &MetricCloud<'a>, set: &FeatureSet, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
-        Self::with_parts(Planned::new(scene, set, wanted, monitor)?, PART, monitor)
+        Self::planned(Planned::new(scene, set, wanted, monitor)?, monitor)
+    }
+
+    /// The same points for other features of the same set; they are not sorted again.
+    ///
+    /// # Errors
+    /// As [`Tiles::prepare`].
+    pub(crate) fn reselect(self, scene: &MetricCloud<'a>, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
+        let Self { plan, sorted, coarse, .. } = self;
+        drop(coarse);
+        let plan = Plan::new(scene, &plan.set, plan.first_scale, wanted)?;
+        Self::planned(Planned { plan, sorted }, monitor)
+    }
+
+    fn planned(planned: Planned<'a>, monitor: &Monitor) -> Result<Self> {
+        let most = if planned.plan.has_profiles() { PART_OF_PROFILES } else { PART };
+        Self::with_parts(planned, most, monitor)
     }
 
     /// Parts of at most `most` points.
@@ -50,7 +69,7 @@ impl<'a> Tiles<'a> {
         let Planned { plan, sorted } = planned;
         let count = sorted.points.len();
         let most_points = if count <= most { usize::MAX } else { count / COARSE_SHARE };
-        let limits = LevelLimits { levels: plan.set.pyramid.levels, most_points };
+        let limits = LevelLimits { levels: plan.levels(), most_points };
         let (fine, levels) = coarse_levels(&sorted.points.positions, &sorted.grid, limits, monitor)?;
         let coarse = plan.stages(fine, levels, None, monitor)?;
         let mut parts = Vec::new();
@@ -76,6 +95,11 @@ impl<'a> Tiles<'a> {
     /// Names of the columns.
     pub fn names(&self) -> &[String] {
         self.plan.names()
+    }
+
+    /// Names of all features of the set.
+    pub(crate) fn offered(&self) -> Vec<String> {
+        self.plan.set.names(self.plan.first_scale)
     }
 
     /// Index in the cloud of each sorted point.

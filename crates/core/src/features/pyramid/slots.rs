@@ -27,6 +27,11 @@ impl Slots {
         self.columns[feature as usize]
     }
 
+    /// Whether no feature is selected.
+    pub(in crate::features) fn is_empty(&self) -> bool {
+        self.columns.iter().all(Option::is_none)
+    }
+
     /// Whether a feature of the group is selected.
     pub(in crate::features) fn any(&self, group: Group) -> bool {
         group.definitions().any(|d| self.column(d.feature).is_some())

@@ -32,25 +32,23 @@ pub(super) fn classify(recipe: &AirborneRecipe, job: &Job<'_>, monitor: &Monitor
     };
     let points = job.scene.points(monitor)?;
     let heights = heights(job.scene, &points, recipe, monitor)?;
+    let density = planar_density(&points.positions, monitor)?;
+    drop(points);
     let scene = MetricCloud { heights: Some(&heights), ..job.scene.clone() };
-    let row_of = points.frame.rows(scene.cloud.len());
     let rated = CloudPredictor::new(&scene, &recipe.features, first.stage(), monitor)?;
-    let probabilities = rated.of_points(&row_of, points.len(), monitor)?;
-    drop(rated);
+    let probabilities = rated.of_cloud(scene.cloud.len(), monitor)?;
     let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();
-    let context =
-        ContextColumns { probabilities: &probabilities, row_of: &row_of, params: &recipe.context, codes: &codes };
-    let second = CloudPredictor::second(&scene, &recipe.features, model.stage(), context, monitor)?;
+    let context = ContextColumns { probabilities: &probabilities, params: &recipe.context, codes: &codes };
+    let second = rated.second(&scene, model.stage(), context, monitor)?;
     if job.regularise.method == Regularise::None {
         let mut result = Classified::unknown(scene.cloud.len(), model, job.params.probabilities);
-        result.density = planar_density(&points.positions, monitor)?;
-        result.warnings = job.warnings(result.density, monitor)?;
-        drop(points);
         let fit = second.run(|points, rows| result.place(points, rows, model), monitor)?;
-        result.outside = fit.outside();
+        (result.outside, result.density) = (fit.outside(), density);
+        result.warnings = job.warnings(density, monitor)?;
         return Ok(result);
     }
-    let values = second.of_points(&row_of, points.len(), monitor)?;
+    let points = job.scene.points(monitor)?;
+    let values = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?;
     let given = Probabilities { values: &values, classes: codes.len() };
     let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
     job.decided(&points, &found, monitor)

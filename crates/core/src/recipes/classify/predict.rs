@@ -44,10 +44,8 @@ pub(in crate::recipes) struct FirstColumns<'a> {
 
 /// Columns of what a first classifier says about the surroundings.
 pub(in crate::recipes) struct ContextColumns<'a> {
-    /// Class probabilities of the first classifier, row-major.
+    /// Class probabilities of the first classifier for each point of the cloud, row-major.
     pub(in crate::recipes) probabilities: &'a [f32],
-    /// The row of each point of the cloud.
-    pub(in crate::recipes) row_of: &'a [u32],
     /// Sizes of the surroundings.
     pub(in crate::recipes) params: &'a ContextParams,
     /// Class codes, for the names.
@@ -84,7 +82,7 @@ impl ContextColumns<'_> {
         let kept = names.iter().map(position).collect::<Result<Vec<_>>>()?;
         let classes = self.codes.len();
         let near = tiles.around(&extractor.points().positions, self.params.reach(), monitor)?;
-        let row = |&point: &u32| self.probabilities[self.row_of[point as usize] as usize * classes..][..classes].iter();
+        let row = |&point: &u32| self.probabilities[point as usize * classes..][..classes].iter();
         let probabilities: Vec<f32> = near.frame.index.iter().flat_map(row).copied().collect();
         let rated = Rated { points: &near.positions, probabilities: &probabilities, classes };
         Ok(PartContext { columns: self, classes, context: Context::new(&rated, self.params, monitor)?, kept })
@@ -94,8 +92,7 @@ impl ContextColumns<'_> {
 impl PartContext<'_> {
     /// Appends the columns of a point at this place to a row.
     pub(in crate::recipes) fn append(&self, point: u32, at: [f32; 3], work: &mut Vec<f32>, row: &mut Vec<f32>) {
-        let ContextColumns { probabilities, row_of, .. } = self.columns;
-        let own = &probabilities[row_of[point as usize] as usize * self.classes..][..self.classes];
+        let own = &self.columns.probabilities[point as usize * self.classes..][..self.classes];
         work.resize(self.context.width(), 0.0);
         self.context.describe(at, own, work);
         row.extend(self.kept.iter().map(|&column| work[column]));
@@ -202,22 +199,44 @@ impl<'a> CloudPredictor<'a> {
         Ok(Self { tiles, classifier, names: &[], training: None, beside: Beside::First(first) })
     }
 
-    /// The same for the second of two classifiers, whose columns are features of the set, then those of the context; it
-    /// may use only some of both.
+    /// The same points for the second of two classifiers, whose columns are features of the set, then those of the
+    /// context; it may use only some of both.
     ///
     /// # Errors
     /// As [`CloudPredictor::new`].
     pub(in crate::recipes) fn second(
+        self,
         scene: &MetricCloud<'a>,
-        set: &FeatureSet,
         stage: Stage<'a>,
         context: ContextColumns<'a>,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let known = set.names(set.pyramid.first_scale.unwrap_or_default());
+        let known = self.tiles.offered();
         let own = stage.names.iter().take_while(|name| known.contains(name)).count();
-        let own = Stage { names: &stage.names[..own], ..stage };
-        Ok(Self { names: stage.names, beside: Beside::Context(context), ..Self::new(scene, set, own, monitor)? })
+        let tiles = self.tiles.reselect(scene, Wanted::Names(&stage.names[..own]), monitor)?;
+        Ok(Self {
+            tiles,
+            classifier: stage.classifier,
+            names: stage.names,
+            training: stage.training,
+            beside: Beside::Context(context),
+        })
+    }
+
+    /// Class probabilities of all `points` points of the cloud, row-major; 0 for those that have no features.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(in crate::recipes) fn of_cloud(&self, points: usize, monitor: &Monitor) -> Result<Vec<f32>> {
+        let classes = self.classifier.classes();
+        let mut values = vec![0.0; points * classes];
+        let place = |points: &[u32], rows: &[f32]| {
+            for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
+                values[point as usize * classes..][..classes].copy_from_slice(row);
+            }
+        };
+        self.run(place, monitor)?;
+        Ok(values)
     }
 
     /// Class probabilities of `rows` points, row-major; `row_of` is the row of each point of the cloud.

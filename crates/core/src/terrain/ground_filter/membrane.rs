@@ -25,15 +25,18 @@ pub(super) fn membrane(raster: Raster, monitor: &Monitor) -> Result<Raster> {
         return Ok(raster);
     }
     let coarse = membrane(halved(&raster, monitor)?, monitor)?;
+    let hole: Vec<bool> = raster.values().iter().map(|v| v.is_nan()).collect();
     let start = map_ordered(raster.rows(), monitor, |r| {
         let y = coarse.origin()[1] + (r as f64 + 0.5) * raster.cell();
         let at = |c: usize| coarse.bilinear([coarse.origin()[0] + (c as f64 + 0.5) * raster.cell(), y]);
         let row = raster.values()[r * raster.columns()..][..raster.columns()].iter().enumerate();
         Ok(row.map(|(c, v)| if v.is_nan() { at(c) } else { *v }).collect::<Vec<f64>>())
     })?;
-    let start = concat_watched(start, monitor)?;
-    let parts = map_ordered(raster.rows().div_ceil(ROWS), monitor, |part| Ok(relaxed(&raster, &start, part)))?;
-    Ok(raster.with_values(concat_watched(parts, monitor)?))
+    drop(coarse);
+    let start = raster.with_values(concat_watched(start, monitor)?);
+    let parts = map_ordered(start.rows().div_ceil(ROWS), monitor, |part| Ok(relaxed(&start, &hole, part)))?;
+    let relaxed = concat_watched(parts, monitor)?;
+    Ok(start.with_values(relaxed))
 }
 
 /// The raster with cells of twice the edge, each the mean of the heights in it.
@@ -54,13 +57,13 @@ fn halved(raster: &Raster, monitor: &Monitor) -> Result<Raster> {
 
 /// Some rows of the start, relaxed at the holes. The rows around that the sweeps reach are relaxed too, so that the
 /// result does not depend on the division into parts.
-fn relaxed(raster: &Raster, start: &[f64], part: usize) -> Vec<f64> {
-    let (rows, columns) = (raster.rows(), raster.columns());
+fn relaxed(start: &Raster, hole: &[bool], part: usize) -> Vec<f64> {
+    let (rows, columns) = (start.rows(), start.columns());
     let part = part * ROWS..((part + 1) * ROWS).min(rows);
     let [low, high] = [part.start.saturating_sub(SWEEPS), (part.end + SWEEPS).min(rows)];
     let inside = low * columns..high * columns;
-    let holes: Vec<usize> = (0..inside.len()).filter(|i| raster.values()[inside.start + i].is_nan()).collect();
-    let mut old = start[inside].to_vec();
+    let holes: Vec<usize> = (0..inside.len()).filter(|i| hole[inside.start + i]).collect();
+    let mut old = start.values()[inside].to_vec();
     let mut new = old.clone();
     for _ in 0..SWEEPS {
         for &i in &holes {

@@ -44,9 +44,10 @@ fn levelled(filled: &Raster, monitor: &Monitor) -> Result<Levelled> {
 /// steeper than this the cell is an object. Infinite for pits of noise.
 ///
 /// The reach grows from 1 by a fifth, rounded up: 1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18, 22, 27, ... cells.
-pub(super) fn prominence(filled: &Raster, window: f64, monitor: &Monitor) -> Result<Vec<f64>> {
+pub(super) fn prominence(filled: Raster, window: f64, monitor: &Monitor) -> Result<Vec<f64>> {
     let (columns, cell) = (filled.columns(), filled.cell());
-    let Levelled { mut surface, pit } = levelled(filled, monitor)?;
+    let Levelled { mut surface, pit } = levelled(&filled, monitor)?;
+    drop(filled);
     let mut most: Vec<f64> = pit.iter().map(|&pit| if pit { f64::INFINITY } else { 0.0 }).collect();
     let mut reach = 1;
     while reach as f64 * cell <= window {
