@@ -25,6 +25,8 @@ use std::sync::Arc;
 #[pyclass(module = "scansion._core", frozen)]
 pub(crate) struct Model {
     inner: CoreModel,
+    /// Whether it is the built-in model.
+    builtin: bool,
 }
 
 /// Codes, confidence, entropy, probabilities, warnings.
@@ -113,17 +115,17 @@ impl Model {
             let called = |c: Class| Class { name: names.get(usize::from(c.code)).cloned().unwrap_or(c.name), ..c };
             inner.classes = ClassTable::new(classes.map(called).collect()).map_err(raise)?;
         }
-        Ok((Self { inner }, report))
+        Ok((Self { inner, builtin: false }, report))
     }
 
     #[staticmethod]
     fn default(py: Python<'_>) -> PyResult<Self> {
-        Self::of(py.detach(recipes::default_model))
+        Self::of(py.detach(recipes::default_model)).map(|model| Self { builtin: true, ..model })
     }
 
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        call(py, Some(1), |_| CoreModel::load(&path)).map(|inner| Self { inner })
+        call(py, Some(1), |_| CoreModel::load(&path)).map(|inner| Self { inner, builtin: false })
     }
 
     #[staticmethod]
@@ -171,6 +173,9 @@ impl Model {
             };
             recipes::classify(&cloud, &self.inner, &params, monitor)
         })?;
+        let misfit = self.builtin.then(|| recipes::builtin_misfit(&found)).flatten();
+        let warnings =
+            misfit.map_or_else(|| found.warnings.clone(), |why| [found.warnings.clone(), vec![why]].concat());
         let classes = self.inner.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;
         Ok((
@@ -178,7 +183,7 @@ impl Model {
             PyArray1::from_vec(py, found.confidence),
             PyArray1::from_vec(py, found.entropy),
             probabilities,
-            found.warnings,
+            warnings,
         ))
     }
 
@@ -206,6 +211,6 @@ impl Model {
 
 impl Model {
     fn of(model: scansion_core::Result<CoreModel>) -> PyResult<Self> {
-        model.map(|inner| Self { inner }).map_err(raise)
+        model.map(|inner| Self { inner, builtin: false }).map_err(raise)
     }
 }

@@ -81,9 +81,9 @@ fn one(
         ))
         .into());
     }
-    let table = summary(&result, &given(model, args)?);
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);
+    let table = summary(&codes, &result, &given(model, args)?);
     drop(cloud);
     let edits = edits(codes, result, (model, map), args)?;
     let report = if args.salvage {
@@ -118,10 +118,10 @@ fn given(model: &Model, args: &Classify) -> Result<ClassTable, Failure> {
     Ok(rules(model, args)?.given(&model.classes))
 }
 
-/// A table of classes: points, share, mean confidence; and how the cloud compares with the training.
-fn summary(result: &Classified, classes: &ClassTable) -> String {
+/// A table of the classes that are written: points, share, mean confidence; and how the cloud compares with the training.
+fn summary(codes: &[u8], result: &Classified, classes: &ClassTable) -> String {
     let mut sums = vec![(0u64, 0.0f64); 256];
-    for (&code, &confidence) in result.codes.iter().zip(&result.confidence) {
+    for (&code, &confidence) in codes.iter().zip(&result.confidence) {
         let (count, sum) = &mut sums[usize::from(code)];
         (*count, *sum) = (*count + 1, *sum + f64::from(confidence));
     }
@@ -130,7 +130,7 @@ fn summary(result: &Classified, classes: &ClassTable) -> String {
         // Codes of no class: those of unclassified and stray points.
         let other = ClassTable::from_codes(&[code]);
         let class = classes.position(code).map_or(other.classes().first(), |c| classes.classes().get(c));
-        let (name, share) = (class.map_or("", |class| &class.name), 100.0 * count as f64 / result.codes.len() as f64);
+        let (name, share) = (class.map_or("", |class| &class.name), 100.0 * count as f64 / codes.len() as f64);
         let _ = writeln!(text, "{code:>5}  {name:<20} {count:>12} {share:>6.2} % {:>11.2}", sum / count as f64);
     }
     if let Some(outside) = result.outside {

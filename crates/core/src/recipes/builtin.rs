@@ -1,6 +1,6 @@
 //! The built-in model: ground, vegetation and building in airborne scans.
 
-use super::classify::Classified;
+use super::classify::{Classified, UNLIKE};
 use super::model::Model;
 use crate::error::Result;
 use std::path::Path;
@@ -21,7 +21,10 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
     let dense = (result.density > DENSEST).then(|| {
         format!("there are {:.0} points per square metre (airborne and UAV scans: up to {DENSEST})", result.density)
     });
-    let reasons: Vec<String> = [confidence, dense].into_iter().flatten().collect();
+    let unlike = result.outside.filter(|&share| share > UNLIKE).map(|share| {
+        format!("{:.0} % of its feature values are rare in airborne scans (others: 5 to 20 %)", 100.0 * share)
+    });
+    let reasons: Vec<String> = [confidence, dense, unlike].into_iter().flatten().collect();
     (!reasons.is_empty()).then(|| {
         format!(
             "the built-in model is for airborne and UAV scans and does not know this cloud: {}",

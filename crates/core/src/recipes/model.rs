@@ -5,7 +5,7 @@
 
 use super::system::any::AnyFitted;
 use crate::classes::ClassTable;
-use crate::classification::arrays::{Reader, malformed, print_arrays};
+use crate::classification::arrays::{Array, Reader, malformed, print_arrays};
 use crate::classification::{Classifier, ClassifierKind, Fingerprint, Predictor};
 use crate::error::{Error, Result};
 use crate::io::{atomic, open};
@@ -51,6 +51,8 @@ pub struct FirstStage {
     pub feature_names: Vec<String>,
     /// The classifier, of the same classes as the second.
     pub classifier: Classifier,
+    /// Summary of its training samples; `None` in models of older programs.
+    pub fingerprint: Option<Fingerprint>,
 }
 
 /// A classifier and the names of its features.
@@ -64,7 +66,13 @@ pub(super) struct Stage<'a> {
 
 impl FirstStage {
     pub(super) fn stage(&self) -> Stage<'_> {
-        Stage { names: &self.feature_names, classifier: &self.classifier, training: None }
+        Stage { names: &self.feature_names, classifier: &self.classifier, training: self.fingerprint.as_ref() }
+    }
+
+    /// The arrays of the classifier and of the summary.
+    fn arrays(&self) -> Vec<Array> {
+        let print = self.fingerprint.as_ref().map(print_arrays);
+        self.classifier.arrays().into_iter().chain(print.into_iter().flatten()).collect()
     }
 }
 
@@ -143,7 +151,7 @@ impl Model {
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
         let mut arrays = self.classifier.arrays();
         arrays.extend(print_arrays(&self.fingerprint));
-        let first = self.first.as_ref().map(|first| first.classifier.arrays()).unwrap_or_default();
+        let first = self.first.as_ref().map(FirstStage::arrays).unwrap_or_default();
         let named = arrays.iter().map(|array| ("", array)).chain(first.iter().map(|array| (FIRST, array)));
         let views = named.map(|(prefix, (name, dtype, len, bytes))| {
             let view = TensorView::new(*dtype, vec![*len], bytes).map_err(|e| refused(&e))?;
@@ -239,16 +247,8 @@ impl Model {
                 self.classes.len()
             )));
         }
-        let levels = Fingerprint::LEVELS.len();
-        if print.means.len() != width || print.quantiles.len() != width * levels || print.class_counts.len() != classes
-        {
-            return Err(Error::input(format!(
-                "a fingerprint of {} features and {} classes for a classifier of {width} and {classes}",
-                print.means.len(),
-                print.class_counts.len()
-            )));
-        }
-        if let Some(FirstStage { feature_names, classifier }) = &self.first {
+        check_print(print, &self.classifier)?;
+        if let Some(FirstStage { feature_names, classifier, fingerprint }) = &self.first {
             let found = [feature_names.len(), classifier.width(), classifier.classes()];
             if found != [classifier.width(), classifier.width(), classes] {
                 return Err(Error::input(format!(
@@ -257,6 +257,7 @@ impl Model {
                 )));
             }
             each_once(feature_names)?;
+            fingerprint.as_ref().map_or(Ok(()), |print| check_print(print, classifier))?;
         }
         each_once(&self.feature_names)
     }
@@ -264,6 +265,20 @@ impl Model {
     pub(super) fn stage(&self) -> Stage<'_> {
         let training = Some(&self.fingerprint);
         Stage { names: &self.feature_names, classifier: &self.classifier, training }
+    }
+}
+
+/// Fails unless a summary is one of the samples of a classifier.
+fn check_print(print: &Fingerprint, classifier: &Classifier) -> Result<()> {
+    let (width, classes) = (classifier.width(), classifier.classes());
+    let quantiles = width * Fingerprint::LEVELS.len();
+    match print.means.len() == width && print.quantiles.len() == quantiles && print.class_counts.len() == classes {
+        true => Ok(()),
+        false => Err(Error::input(format!(
+            "a fingerprint of {} features and {} classes for a classifier of {width} and {classes}",
+            print.means.len(),
+            print.class_counts.len()
+        ))),
     }
 }
 
@@ -284,7 +299,8 @@ fn first_of(header: &FirstHeader, reader: Reader<'_>, classes: usize) -> Result<
         return Err(malformed(reader.path, "first", format!("{width} features"), "1 or more"));
     }
     let classifier = reader.classifier(header.classifier, width, classes)?;
-    Ok(FirstStage { feature_names: header.features.clone(), classifier })
+    let fingerprint = reader.has_fingerprint().then(|| reader.fingerprint(width, classes)).transpose()?;
+    Ok(FirstStage { feature_names: header.features.clone(), classifier, fingerprint })
 }
 
 /// The recipe and what was learned, from the header. Weak models before version 3 stored what was learned in the

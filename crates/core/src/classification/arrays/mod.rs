@@ -139,6 +139,11 @@ impl Reader<'_> {
         }
     }
 
+    /// Whether there is a fingerprint.
+    pub(crate) fn has_fingerprint(&self) -> bool {
+        self.tensors.tensor(&format!("{}print_density", self.prefix)).is_ok()
+    }
+
     /// The fingerprint of `width` features and `classes` classes.
     pub(crate) fn fingerprint(&self, width: usize, classes: usize) -> Result<Fingerprint> {
         Ok(Fingerprint {

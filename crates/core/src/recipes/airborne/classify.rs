@@ -36,20 +36,21 @@ pub(super) fn classify(recipe: &AirborneRecipe, job: &Job<'_>, monitor: &Monitor
     drop(points);
     let scene = MetricCloud { heights: Some(&heights), ..job.scene.clone() };
     let rated = CloudPredictor::new(&scene, &recipe.features, first.stage(), monitor)?;
-    let probabilities = rated.of_cloud(scene.cloud.len(), monitor)?;
+    let first = rated.of_cloud(scene.cloud.len(), monitor)?;
+    let outside = first.fit.outside();
     let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();
-    let context = ContextColumns { probabilities: &probabilities, params: &recipe.context, codes: &codes };
+    let context = ContextColumns { probabilities: &first.probabilities, params: &recipe.context, codes: &codes };
     let second = rated.second(&scene, model.stage(), context, monitor)?;
     if job.regularise.method == Regularise::None {
         let mut result = Classified::unknown(scene.cloud.len(), model, job.params.probabilities);
         let fit = second.run(|points, rows| result.place(points, rows, model), monitor)?;
-        (result.outside, result.density) = (fit.outside(), density);
+        result.density = density;
         result.warnings = job.warnings(density, monitor)?;
-        return Ok(result);
+        return Ok(result.compared(outside.or(fit.outside())));
     }
     let points = job.scene.points(monitor)?;
     let values = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?;
     let given = Probabilities { values: &values, classes: codes.len() };
     let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
-    job.decided(&points, &found, monitor)
+    Ok(job.decided(&points, &found, monitor)?.compared(outside))
 }

@@ -39,7 +39,8 @@ pub(super) fn train(
         ..recipe.boosting.clone()
     };
     let trained: Boosting = boosting.train(&samples, monitor)?;
-    let fingerprint = Fingerprint::of(&samples, density(&data, monitor)?);
+    let density = density(&data, monitor)?;
+    let fingerprint = Fingerprint::of(&samples, density);
     let (trained, used) = trained.retain_used();
     let report = AirborneReport {
         classes: sources.counts.clone(),
@@ -52,7 +53,11 @@ pub(super) fn train(
     };
     let [a, b] = halves;
     let model = Model {
-        first: Some(FirstStage { feature_names: first.names, classifier: Classifier::Forest(a.joined(&b)?) }),
+        first: Some(FirstStage {
+            fingerprint: Some(Fingerprint::of(&first.samples(&sources), density)),
+            feature_names: first.names,
+            classifier: Classifier::Forest(a.joined(&b)?),
+        }),
         fingerprint: fingerprint.select(&used),
         feature_names: used.iter().map(|&f| second.names[f].clone()).collect(),
         fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }.into(),

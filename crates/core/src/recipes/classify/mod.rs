@@ -19,6 +19,10 @@ use crate::voxels::planar_density;
 /// Factor between the densities of cloud and training data that causes a warning.
 const OTHER: f64 = 8.0;
 
+/// Share of the feature values outside the middle 90 % of those in training that causes a warning. Scans like those of
+/// the training have about 0.1.
+pub(in crate::recipes) const UNLIKE: f64 = 0.3;
+
 /// Parameters of [`classify`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClassifyParams {
@@ -183,6 +187,19 @@ impl Classified {
         let known = self.confidence.iter().filter(|&&c| c > 0.0);
         let (sum, count) = known.fold((0.0, 0u64), |(sum, count), &c| (sum + f64::from(c), count + 1));
         (count > 0).then(|| sum / count as f64)
+    }
+
+    /// Keeps how the features compare with those of the training, and warns if they differ.
+    pub(in crate::recipes) fn compared(mut self, outside: Option<f64>) -> Self {
+        self.outside = outside;
+        if let Some(share) = outside.filter(|&share| share > UNLIKE) {
+            self.warnings.push(format!(
+                "{:.0} % of the feature values lie outside the middle 90 % of those in training (about 10 % in a similar \
+                 cloud): the model was not trained on clouds like this one; check the result",
+                100.0 * share
+            ));
+        }
+        self
     }
 
     /// No class for any point yet.

@@ -129,6 +129,14 @@ impl Fit {
     }
 }
 
+/// What a classifier says about all points of a cloud.
+pub(in crate::recipes) struct RatedCloud {
+    /// Class probabilities of each point of the cloud, row-major; 0 for points without features.
+    pub(in crate::recipes) probabilities: Vec<f32>,
+    /// How the features compare with those of the training.
+    pub(in crate::recipes) fit: Fit,
+}
+
 /// One point of this many is compared with the training samples.
 const LOOKED_AT: u32 = 16;
 
@@ -223,11 +231,11 @@ impl<'a> CloudPredictor<'a> {
         })
     }
 
-    /// Class probabilities of all `points` points of the cloud, row-major; 0 for those that have no features.
+    /// Class probabilities of all `points` points of the cloud.
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(in crate::recipes) fn of_cloud(&self, points: usize, monitor: &Monitor) -> Result<Vec<f32>> {
+    pub(in crate::recipes) fn of_cloud(&self, points: usize, monitor: &Monitor) -> Result<RatedCloud> {
         let classes = self.classifier.classes();
         let mut values = vec![0.0; points * classes];
         let place = |points: &[u32], rows: &[f32]| {
@@ -235,8 +243,8 @@ impl<'a> CloudPredictor<'a> {
                 values[point as usize * classes..][..classes].copy_from_slice(row);
             }
         };
-        self.run(place, monitor)?;
-        Ok(values)
+        let fit = self.run(place, monitor)?;
+        Ok(RatedCloud { probabilities: values, fit })
     }
 
     /// Class probabilities of `rows` points, row-major; `row_of` is the row of each point of the cloud.
