@@ -25,7 +25,7 @@ mod verify;
 pub use blocks::{Blocks, blocks};
 pub use info::{FileInfo, Octree};
 pub use label_table::{LabelRow, LabelTable};
-pub use options::{Bounds, Columns, ReadOptions, WriteOptions};
+pub use options::{Bounds, Columns, ReadOptions, Selection, WriteOptions};
 
 pub use atomic::abandon_outputs;
 pub use atomic::check_output;
@@ -35,6 +35,7 @@ pub use maps::{geojson, read_ascii_grid, write_geojson, write_raster};
 pub use operations::convert::{ConvertParams, convert};
 pub use operations::diff::{Changed, ClassChange, Difference, FieldDifference, diff};
 pub use operations::merge::merge;
+pub use operations::select::{rewrite, select};
 pub use operations::{salvage, statistics};
 
 use crate::cloud::crs::{Unit, unit_of};
@@ -43,7 +44,7 @@ use crate::error::{Error, Result};
 use format::{Format, check_target, extension, format_of};
 use std::path::Path;
 
-/// One change made by [`rewrite`]; values in the order of the file.
+/// One change made by [`rewrite`] or [`select`]; values in the order of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Edit {
     /// New class codes.
@@ -54,7 +55,7 @@ pub enum Edit {
     ClassNames(Vec<(u8, String)>),
 }
 
-/// Report of [`rewrite`].
+/// Report of [`rewrite`] and of what else writes files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RewriteReport {
     /// Points written.
@@ -169,43 +170,6 @@ pub fn check_steps(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOp
         (true, false) => las_frame(cloud, options).map(|_| ()),
         (false, _) => Ok(()),
     }
-}
-
-/// Copies a file with the edits applied; everything else in a LAS or LAZ file is kept, byte for byte.
-///
-/// Between other formats the cloud is read and written. `output` may be `input`.
-///
-/// # Errors
-/// If the input cannot be read, lengths of the edits do not fit, or the output cannot be written.
-pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
-    check_target(output)?;
-    run::joined(&options.monitor, || rewrite_any(input, output, edits, options))
-}
-
-fn rewrite_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
-    let las = ["las", "laz"].contains(&extension(output).as_str());
-    if format_of(input)? == Format::Las && las {
-        options.keeps_steps()?;
-        return las::rewrite(input, output, edits, options);
-    }
-    let mut cloud = read_with(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
-    apply(&mut cloud, edits)?;
-    write(output, &cloud, options)?;
-    Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
-}
-
-/// Applies the edits to a cloud.
-fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
-    for edit in edits {
-        cloud.set_column(match edit {
-            Edit::Classification(codes) => {
-                Column::new(crate::cloud::names::CLASSIFICATION, crate::cloud::Values::U8(codes.clone()))
-            }
-            Edit::Dimension(column) => column.clone(),
-            Edit::ClassNames(_) => continue,
-        })?;
-    }
-    Ok(())
 }
 
 /// Information from the header of a file; for text also its number of lines.

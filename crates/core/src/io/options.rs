@@ -1,6 +1,7 @@
 //! Options of reading and writing.
 
 use crate::error::{Error, Result};
+use crate::io::Edit;
 use crate::parallel::Monitor;
 
 /// The columns to read besides the coordinates.
@@ -86,6 +87,27 @@ impl WriteOptions {
         match self.scale {
             Some(scale) => Err(Error::parameter("scale", format!("{scale:?}"), "none from LAS to LAS: steps are kept")),
             None => Ok(()),
+        }
+    }
+}
+
+/// What [`select`](super::select) writes of a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Selection<'a> {
+    /// Whether each point is written, in the order of the file; `None`: all are.
+    pub kept: Option<&'a [bool]>,
+    /// Changes; their values are those of all points of the file, also of those that are not written.
+    pub edits: &'a [Edit],
+}
+
+impl Selection<'_> {
+    /// Fails if there is not one mark for each point of the file.
+    pub(super) fn check(&self, points: u64) -> Result<()> {
+        match self.kept {
+            Some(kept) if kept.len() as u64 != points => {
+                Err(Error::input(format!("{} marks of points to keep for {points} points", kept.len())))
+            }
+            _ => Ok(()),
         }
     }
 }

@@ -22,7 +22,7 @@ pub(super) use records::outside::Outside;
 pub(super) use records::stream::Stream;
 pub(super) use rewrite::crop::crop;
 pub(super) use rewrite::merge::merge;
-pub(super) use rewrite::{check_dimensions, convert, rewrite, rewrite_records};
+pub(super) use rewrite::{check_dimensions, convert, rewrite_records, select};
 pub use write::las_frame;
 pub use write::step::LasFrame;
 pub(super) use write::write;

@@ -1,9 +1,11 @@
 //! Damaged files: reads what is intact, counts and reports what is lost.
 
+use super::select::apply;
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::io::{
-    Edit, ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, rewrite, run, write,
+    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, check_target, extension, las, read_with, rewrite, run,
+    write,
 };
 use crate::parallel::Monitor;
 use std::path::Path;
@@ -51,7 +53,7 @@ fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions)
     let to_las = ["las", "laz"].contains(&extension(output).as_str());
     if las::is_las(input)? && to_las {
         let (records, losses) = las::Records::salvage(input, &options.monitor)?;
-        return Ok((las::rewrite_records(records, output, edits, options)?, losses));
+        return Ok((las::rewrite_records(records, output, &Selection { kept: None, edits }, options)?, losses));
     }
     if !las::is_las(input)? {
         let report = rewrite(input, output, edits, options)?;
@@ -59,7 +61,7 @@ fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions)
         return Ok((report, losses));
     }
     let (mut cloud, losses) = read(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
-    crate::io::apply(&mut cloud, edits)?;
+    apply(&mut cloud, edits)?;
     write(output, &cloud, options)?;
     Ok((RewriteReport { points: cloud.len() as u64, notes: Vec::new() }, losses))
 }

@@ -5,6 +5,7 @@
 
 pub(super) mod crop;
 mod grid;
+mod kept;
 pub(super) mod merge;
 mod promote;
 
@@ -25,8 +26,10 @@ use super::records::{Records, par_records};
 use super::write::writer::{CHUNK, Front, Writer};
 use crate::cloud::Column;
 use crate::error::{Error, Result};
-use crate::io::{Edit, RewriteReport, WriteOptions, run};
-use plan::plan;
+use crate::io::{Edit, RewriteReport, Selection, WriteOptions, run};
+use crate::parallel::Monitor;
+use kept::Kept;
+use plan::{Plan, plan};
 use rayon::prelude::*;
 use std::path::Path;
 use tail::Tail;
@@ -34,14 +37,14 @@ use tail::Tail;
 /// Chunks as large as the input's are written up to this many points; larger ones would need too much memory.
 const LARGEST_CHUNK: u32 = 500_000;
 
-/// Copies `input` to `output` (LAS or LAZ by its extension) with the edits applied.
-pub(in crate::io) fn rewrite(
+/// Copies the selected points of `input` to `output` (LAS or LAZ by its extension) with the edits applied.
+pub(in crate::io) fn select(
     input: &Path,
     output: &Path,
-    edits: &[Edit],
+    selection: &Selection<'_>,
     options: &WriteOptions,
 ) -> Result<RewriteReport> {
-    rewrite_records(Records::open(input)?, output, edits, options)
+    rewrite_records(Records::open(input)?, output, selection, options)
 }
 
 /// Fails if the dimensions could not be added, for reasons other than their values.
@@ -51,13 +54,14 @@ pub(in crate::io) fn check_dimensions(input: &Path, output: &Path, added: &[Colu
     plan(&records, &mut front(&records, None, output), &edits, None).map(|_| ())
 }
 
-/// Writes open records with the edits applied.
+/// Writes selected ones of open records with the edits applied.
 pub(in crate::io) fn rewrite_records(
     records: Records,
     output: &Path,
-    edits: &[Edit],
+    selection: &Selection<'_>,
     options: &WriteOptions,
 ) -> Result<RewriteReport> {
+    let edits = selection.edits;
     let codes = edits.iter().find_map(|e| if let Edit::Classification(codes) = e { Some(&codes[..]) } else { None });
     if let Some(codes) = codes {
         check_codes(codes, records.header.points)?;
@@ -65,7 +69,7 @@ pub(in crate::io) fn rewrite_records(
     let largest = codes.and_then(|c| c.iter().max().copied()).unwrap_or(0);
     let format = records.header.format;
     let to = (format < 6 && largest > 31).then(|| promote::target(format));
-    let mut report = rewrite_as(records, output, Changes { edits, format: to }, options)?;
+    let mut report = rewrite_as(records, output, Changes { selection: *selection, format: to }, options)?;
     if let Some(to) = to {
         let note = format!("class codes up to {largest} need LAS 1.4: point format {format} became {to}");
         report.notes.insert(0, note);
@@ -90,14 +94,14 @@ pub(in crate::io) fn convert(
             return Err(Error::Unsupported { path: input.to_path_buf(), reason });
         }
     }
-    let mut report = rewrite_as(records, output, Changes { edits: &[], format: to }, options)?;
+    let mut report = rewrite_as(records, output, Changes { selection: Selection::default(), format: to }, options)?;
     report.notes.extend(to.map(|to| format!("point format {from} became {to}; fields that are new are 0")));
     Ok(report)
 }
 
 /// What is changed in a copy.
 pub(in crate::io) struct Changes<'a> {
-    pub(in crate::io) edits: &'a [Edit],
+    pub(in crate::io) selection: Selection<'a>,
     /// Another point format.
     pub(in crate::io) format: Option<u8>,
 }
@@ -109,9 +113,9 @@ pub(in crate::io) fn rewrite_as(
     changes: Changes<'_>,
     options: &WriteOptions,
 ) -> Result<RewriteReport> {
-    let Changes { edits, format: to } = changes;
-    let points = records.header.points;
-    let mut report = RewriteReport { points, notes: Vec::new() };
+    let Changes { selection: Selection { kept, edits }, format: to } = changes;
+    changes.selection.check(records.header.points)?;
+    let mut report = RewriteReport { points: records.header.points, notes: Vec::new() };
     let mut front = front(&records, to, output);
     let tail = Tail::of(&mut records, &mut front)?;
     if tail.lost_copc {
@@ -119,7 +123,7 @@ pub(in crate::io) fn rewrite_as(
     }
     for edit in edits {
         if let Edit::Dimension(column) = edit {
-            check_values(&column.name, &column.values, points)?;
+            check_values(&column.name, &column.values, report.points)?;
         }
     }
     let plan = plan(&records, &mut front, edits, to)?;
@@ -129,11 +133,36 @@ pub(in crate::io) fn rewrite_as(
         }
     });
     let old = records.header.clone();
+    let mut kept = kept.map(|marks| Kept::new(marks, &old, to));
     let mut writer = Writer::create(output, front)?;
-    let monitor = &options.monitor;
-    monitor.stage("write", points);
-    let mut outside = Outside::new(&old);
     let mut stream = Stream::of(records);
+    copy(&mut stream, &mut Way { plan: &plan, kept: kept.as_mut(), writer: &mut writer }, &options.monitor)?;
+    run::unchanged(&stream.records.path)?;
+    let (records, monitor) = (&mut stream.records, &options.monitor);
+    report.points = kept.as_ref().map_or(report.points, Kept::points);
+    writer.finish(
+        monitor,
+        |file| tail.copy(records, file, monitor),
+        |header, end| {
+            kept.iter().for_each(|kept| kept.put(header));
+            tail.patch(&old, header, end);
+        },
+    )?;
+    Ok(report)
+}
+
+/// The way of the records from the input to the output.
+struct Way<'a, 'b> {
+    plan: &'a Plan<'b>,
+    kept: Option<&'a mut Kept<'b>>,
+    writer: &'a mut Writer,
+}
+
+/// Changes and writes all records, slab by slab.
+fn copy(stream: &mut Stream, to: &mut Way<'_, '_>, monitor: &Monitor) -> Result<()> {
+    let (header, plan) = (stream.records.header.clone(), to.plan);
+    monitor.stage("write", header.points);
+    let mut outside = Outside::new(&header);
     let mut first = 0;
     loop {
         let mut bytes = stream.next(SLAB, monitor)?;
@@ -142,20 +171,19 @@ pub(in crate::io) fn rewrite_as(
             break;
         }
         outside.add(&bytes, plan.old_length);
-        if plan.keeps_length() {
-            par_records(&mut bytes, first, plan.old_length).for_each(|(i, record)| plan.apply(record, i));
-            writer.push(&bytes, monitor)?;
-        } else {
-            writer.push(&plan.widen(&bytes, first), monitor)?;
+        match plan.keeps_length() {
+            true => par_records(&mut bytes, first, plan.old_length).for_each(|(i, record)| plan.apply(record, i)),
+            false => bytes = plan.widen(&bytes, first),
         }
+        if let Some(kept) = &mut to.kept {
+            bytes = kept.of(&bytes, first, plan.new_length);
+        }
+        to.writer.push(&bytes, monitor)?;
         first += count;
         monitor.advance(count as u64);
     }
-    run::unchanged(&stream.records.path)?;
-    let records = &mut stream.records;
-    outside.report(&records.path, &old, monitor);
-    writer.finish(monitor, |file| tail.copy(records, file, monitor), |header, end| tail.patch(&old, header, end))?;
-    Ok(report)
+    outside.report(&stream.records.path, &header, monitor);
+    Ok(())
 }
 
 /// Everything before the points, from the input.

@@ -26,7 +26,7 @@ pub(super) struct Plan<'a> {
     format: u8,
     to: Option<u8>,
     pub(super) old_length: usize,
-    new_length: usize,
+    pub(super) new_length: usize,
 }
 
 /// Finds the destination of each edit and extends record length and descriptors.

@@ -5,6 +5,7 @@ use crate::cloud::{Column, Values};
 use crate::io::las::fields::extra;
 use crate::io::las::header::put;
 use crate::io::las::header::vlr::Vlr;
+use crate::io::rewrite;
 use crate::io::{self, Columns, ReadOptions};
 use las::{Builder, Color, Point, point::Format};
 use std::path::PathBuf;

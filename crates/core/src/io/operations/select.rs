@@ -1,0 +1,130 @@
+//! Copies of a file with some of its points, or with changes to them.
+
+use crate::cloud::{Cloud, Column, Values, names};
+use crate::error::Result;
+use crate::io::{
+    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, check_target, extension, las, read_with, run, write,
+};
+use std::path::Path;
+
+/// Copies a file with the edits applied; everything else in a LAS or LAZ file is kept, byte for byte.
+///
+/// Between other formats the cloud is read and written. `output` may be `input`.
+///
+/// # Errors
+/// If the input cannot be read, lengths of the edits do not fit, or the output cannot be written.
+pub fn rewrite(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<RewriteReport> {
+    select(input, output, &Selection { kept: None, edits }, options)
+}
+
+/// Copies some points of a file, with the edits applied, as [`rewrite`]; counts and bounds in a LAS header become those
+/// of the points that are written.
+///
+/// # Errors
+/// As [`rewrite`], and if there is not one mark for each point of the file.
+pub fn select(input: &Path, output: &Path, selection: &Selection<'_>, options: &WriteOptions) -> Result<RewriteReport> {
+    check_target(output)?;
+    run::joined(&options.monitor, || select_any(input, output, selection, options))
+}
+
+fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &WriteOptions) -> Result<RewriteReport> {
+    let to_las = ["las", "laz"].contains(&extension(output).as_str());
+    if to_las && las::is_las(input)? {
+        options.keeps_steps()?;
+        return las::select(input, output, selection, options);
+    }
+    let mut cloud = read_with(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
+    apply(&mut cloud, selection.edits)?;
+    selection.check(cloud.len() as u64)?;
+    if let Some(kept) = selection.kept {
+        cloud = cloud.select(&(0..cloud.len() as u32).filter(|&i| kept[i as usize]).collect::<Vec<_>>());
+    }
+    write(output, &cloud, options)?;
+    Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
+}
+
+/// Applies the edits to a cloud.
+pub(super) fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
+    for edit in edits {
+        cloud.set_column(match edit {
+            Edit::Classification(codes) => Column::new(names::CLASSIFICATION, Values::U8(codes.clone())),
+            Edit::Dimension(column) => column.clone(),
+            Edit::ClassNames(_) => continue,
+        })?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::{diff, inspect, read};
+    use crate::parallel::Monitor;
+
+    fn cloud() -> Cloud {
+        let rows: Vec<[f64; 3]> =
+            (0..70_000).map(|i| [f64::from(i % 300), f64::from(i / 300), f64::from(i % 7)]).collect();
+        let mut cloud = Cloud::from_rows(&rows).unwrap();
+        cloud
+            .set_column(Column::new(names::RETURN_NUMBER, Values::U8((0..70_000).map(|i| (i % 3) as u8 + 1).collect())))
+            .unwrap();
+        cloud.set_column(Column::new("Own", Values::F64((0..70_000).map(f64::from).collect()))).unwrap();
+        cloud
+    }
+
+    #[test]
+    fn the_points_that_are_kept_are_as_they_were_and_the_header_counts_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for (from, to) in [("a.laz", "b.las"), ("a.las", "b.laz"), ("a.ply", "b.ply"), ("a.las", "b.npz")] {
+            write(&path(from), &cloud(), &WriteOptions::default()).unwrap();
+            let whole = read(&path(from)).unwrap();
+            let kept: Vec<bool> = (0..70_000).map(|i| i % 5 == 3 && i < 60_000).collect();
+            let indices: Vec<u32> = (0..70_000).filter(|&i| kept[i as usize]).collect();
+            let edits = [Edit::Classification((0..70_000).map(|i| (i % 31) as u8).collect())];
+            let selection = Selection { kept: Some(&kept), edits: &edits };
+            let report = select(&path(from), &path(to), &selection, &WriteOptions::default()).unwrap();
+            assert_eq!(report.points, 12_000);
+            let mut expected = whole.select(&indices);
+            let codes = indices.iter().map(|i| (i % 31) as u8).collect();
+            expected.set_column(Column::new(names::CLASSIFICATION, Values::U8(codes))).unwrap();
+            write(&path("c.las"), &expected, &WriteOptions::default()).unwrap();
+            assert_eq!(diff(&path("c.las"), &path(to), &Monitor::default()).unwrap().fields, [], "{from} {to}");
+            let (expected, found) = (inspect(&path("c.las")).unwrap(), inspect(&path(to)).unwrap());
+            assert_eq!((found.points, found.bounds.is_none()), (12_000, to.ends_with("ply") || to.ends_with("npz")));
+            if to.contains(".la") {
+                assert_eq!((found.bounds, found.scale), (expected.bounds, expected.scale));
+            }
+            let message = select(
+                &path(from),
+                &path(to),
+                &Selection { kept: Some(&kept[1..]), edits: &[] },
+                &WriteOptions::default(),
+            );
+            assert!(message.unwrap_err().to_string().contains("69999 marks"));
+        }
+    }
+
+    #[test]
+    fn classes_that_need_another_point_format_are_counted_in_its_header() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let mut builder = ::las::Builder::from((1, 2));
+        builder.point_format = ::las::point::Format::new(1).unwrap();
+        let mut writer = ::las::Writer::from_path(path("a.las"), builder.into_header().unwrap()).unwrap();
+        for i in 0..100 {
+            let (x, return_number) = (f64::from(i), 1 + (i % 2) as u8);
+            writer.write_point(::las::Point { x, return_number, gps_time: Some(x), ..Default::default() }).unwrap();
+        }
+        writer.close().unwrap();
+        let kept: Vec<bool> = (0..100).map(|i| i < 40).collect();
+        let edits = [Edit::Classification(vec![64; 100])];
+        let selection = Selection { kept: Some(&kept), edits: &edits };
+        let report = select(&path("a.las"), &path("b.las"), &selection, &WriteOptions::default()).unwrap();
+        assert!(report.points == 40 && report.notes[0].contains("64"), "{report:?}");
+        let found = ::las::Reader::from_path(path("b.las")).unwrap();
+        let header = found.header();
+        assert_eq!((header.number_of_points(), header.number_of_points_by_return(1)), (40, Some(20)));
+        assert_eq!((header.bounds().max.x, header.version().minor), (39.0, 4));
+    }
+}
