@@ -53,6 +53,8 @@ pub mod regularisation;
 
 pub mod terrain;
 
+pub mod filters;
+
 pub mod evaluation;
 
 pub mod images;

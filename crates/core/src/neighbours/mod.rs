@@ -1,10 +1,12 @@
 //! Neighbours of points by a k-d tree, exactly: the k nearest, all within a radius, and the optimal neighbourhood.
 
+mod distances;
 mod knn;
 mod nearest;
 mod optimal;
 mod within;
 
+pub use distances::map_distances;
 pub use knn::{knn, nearest_of};
 pub use nearest::Neighbours;
 pub use optimal::params::{Eigenvalues, OptimalParams};

@@ -1,0 +1,16 @@
+//! Filters: noise (statistical and radius outliers), classes, heights above ground, areas.
+
+mod apply;
+mod area;
+mod classes;
+mod files;
+mod heights;
+mod outliers;
+mod params;
+
+pub use apply::{Filtered, Step, filter};
+pub use area::Area;
+pub use files::{FilterReport, filter_file};
+pub use outliers::{OutlierParams, RadiusParams, StatisticalParams};
+pub use outliers::{outliers, radius_outliers, statistical_outliers};
+pub use params::{FilterParams, HeightRange};
