@@ -64,6 +64,16 @@ pub(super) const HEIGHT: &str = "Examples:
 
 Heights are in the unit of the cloud's own heights, as in PDAL. All else in LAS and LAZ stays as it is, byte for byte.";
 
+pub(super) const FILTER: &str = "Examples:
+  scansion filter my.laz -o clean.laz --outliers statistical         without noise
+  scansion filter my.laz -o marked.laz --outliers radius --radius 2 --mark   noise gets class 7
+  scansion filter my.laz -o trees.laz --classes 3,4,5 --height 2..50
+  scansion filter my.laz -o site.laz --polygon site.geojson
+  scansion filter my.laz -o rest.laz --polygon \"POLYGON ((0 0, 9 0, 9 9, 0 0))\" --outside
+
+The filters are applied in this order, each to the points that those before it left: classes, outliers (statistical,
+then radius), height, bounds, polygon. Fields, extra dimensions, header and records of LAS and LAZ are kept.";
+
 pub(super) const EVALUATE: &str = "Examples:
   scansion evaluate truth.laz classified.laz                 same points in the same order
   scansion evaluate truth.laz classified.laz -o scores.json -o confusion.png

@@ -31,6 +31,7 @@ impl Command {
             Self::Suggest(args) => args.segments.unit.unit,
             Self::Terrain(args) => args.ground.unit.unit,
             Self::Height(args) => args.ground.unit.unit,
+            Self::Filter(args) => args.ground.unit.unit,
             Self::Evaluate(args) => args.unit.unit,
             _ => None,
         }
@@ -49,6 +50,7 @@ impl Command {
             Self::Segment(args) => &args.scale.scale,
             Self::Suggest(args) => &args.scale.scale,
             Self::Height(args) => &args.scale.scale,
+            Self::Filter(args) => &args.scale.scale,
             _ => return Ok(None),
         };
         match numbers[..] {

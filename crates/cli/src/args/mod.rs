@@ -3,6 +3,7 @@
 mod choices;
 mod examples;
 mod files;
+mod filters;
 mod learning;
 mod lengths;
 mod pictures;
@@ -10,6 +11,7 @@ mod segments;
 mod terrain;
 
 pub(crate) use files::{Convert, Diff, Info, Merge};
+pub(crate) use filters::{Filter, NoiseArgs, OutlierMethod};
 pub(crate) use learning::{Classify, Evaluate, Features, Model, Train};
 pub(crate) use lengths::{ScaleArgs, UnitArgs};
 pub(crate) use pictures::{Render, ViewArg};
@@ -105,6 +107,8 @@ pub(crate) enum Command {
     Terrain(Terrain),
     /// Write the height of every point above the ground
     Height(Height),
+    /// Remove noise, and points by class, height above ground and place
+    Filter(Filter),
     /// Compare a classification with the truth
     #[command(visible_alias = "eval")]
     Evaluate(Evaluate),
@@ -125,6 +129,7 @@ impl Command {
             Self::Classify(args) => Some(args.overwrite),
             Self::Segment(args) => Some(args.overwrite),
             Self::Height(args) => Some(args.overwrite),
+            Self::Filter(args) => Some(args.overwrite),
             _ => None,
         };
         match overwrite {
@@ -149,6 +154,7 @@ impl Command {
             Self::Suggest(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe, &args.model]),
             Self::Terrain(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Height(args) => (std::slice::from_ref(&args.input), vec![]),
+            Self::Filter(args) => return std::iter::once(&*args.input).chain(args.polygon_file()).collect(),
             Self::Evaluate(args) => (std::slice::from_ref(&args.truth), vec![&args.prediction, &args.model]),
             Self::Render(args) => (std::slice::from_ref(&args.input), vec![&args.truth]),
             Self::Model(Model::Show { model, .. }) => (&[], vec![model]),

@@ -21,7 +21,7 @@ pub(crate) fn run(args: &Convert, context: &Context<'_>) -> Result<(), Failure> 
 }
 
 /// A box in plan, or in space.
-fn bounds(numbers: &[f64]) -> Result<Option<Bounds>, Failure> {
+pub(super) fn bounds(numbers: &[f64]) -> Result<Option<Bounds>, Failure> {
     match *numbers {
         [] => Ok(None),
         [x, y, to_x, to_y] => Ok(Some([[x, y, f64::NEG_INFINITY], [to_x, to_y, f64::INFINITY]])),

@@ -7,6 +7,7 @@ mod diff;
 mod evaluate;
 mod feature_rows;
 mod features;
+mod filter;
 mod height;
 mod info;
 mod labels;
@@ -101,6 +102,7 @@ fn command(command: &Command, context: &Context<'_>) -> Result<(), Failure> {
         Command::Suggest(suggest) => suggest::run(suggest, context),
         Command::Terrain(terrain) => terrain::run(terrain, context),
         Command::Height(height) => height::run(height, context),
+        Command::Filter(filter) => filter::run(filter, context),
         Command::Evaluate(evaluate) => evaluate::run(evaluate, context),
         Command::Render(render) => render::run(render, context),
         Command::Model(model) => model::run(model, context),
