@@ -1,10 +1,10 @@
 //! Module `cloud`: the native object inside Python's `PointCloud`.
 
 use crate::call::in_pieces;
-use crate::convert::{axes, to_matrix, to_vector, values};
+use crate::convert::{axes, to_matrix, to_vector, values, vector};
 use crate::error::raise;
-use numpy::{PyArray2, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
+use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use scansion_core::cloud::{Cloud as CoreCloud, CodeScheme, Column, Coordinates};
 use scansion_core::io::WriteOptions;
@@ -54,6 +54,15 @@ impl Cloud {
                 in_pieces(py, x.len(), |piece| rows.extend(piece.flat_map(|i| [x[i], y[i], z[i]])))?;
                 Ok(Some((to_matrix(py, rows, 3)?, *scale, *offset)))
             }
+        }
+    }
+
+    /// The points at these indices, in that order.
+    fn select(&self, py: Python<'_>, indices: PyReadonlyArray1<'_, u32>) -> PyResult<Self> {
+        let indices = vector(&indices, "indices")?;
+        match indices.iter().find(|&&i| i as usize >= self.inner.len()) {
+            Some(i) => Err(PyIndexError::new_err(format!("point {i} of {} points", self.inner.len()))),
+            None => Ok(Self::of(py.detach(|| self.inner.select(indices)))),
         }
     }
 

@@ -6,7 +6,7 @@ use crate::convert::{values, vector};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use scansion_core::cloud::{Column, MetricCloud};
-use scansion_core::io::{self, Bounds, Columns, ConvertParams, Edit, ReadOptions, WriteOptions};
+use scansion_core::io::{self, Bounds, Columns, ConvertParams, Edit, ReadOptions, Selection, WriteOptions};
 use scansion_core::parallel::Monitor;
 use scansion_core::voxels::planar_density;
 use std::path::PathBuf;
@@ -90,18 +90,23 @@ pub(crate) fn write(
     call(py, n_jobs, |monitor| io::write(&path, &cloud, &options(scale, monitor)))
 }
 
-/// Copies a file with other classes or more dimensions; returns notes on what had to change.
+/// Class codes, and dimensions with their names.
+type Edits<'py> = (Option<PyReadonlyArray1<'py, u8>>, Vec<(String, Bound<'py, PyAny>)>);
+
+/// Copies a file, or some of its points, with other classes or more dimensions; returns notes on what had to change.
 #[pyfunction]
-#[pyo3(signature = (input, output, classification = None, dimensions = Vec::new(), scale = None, n_jobs = None))]
+#[pyo3(signature = (input, output, edits = (None, Vec::new()), keep = None, scale = None, n_jobs = None))]
 pub(crate) fn rewrite(
     py: Python<'_>,
     input: PathBuf,
     output: PathBuf,
-    classification: Option<PyReadonlyArray1<'_, u8>>,
-    dimensions: Vec<(String, Bound<'_, PyAny>)>,
+    edits: Edits<'_>,
+    keep: Option<PyReadonlyArray1<'_, bool>>,
     scale: Option<[f64; 3]>,
     n_jobs: Option<i64>,
 ) -> PyResult<Vec<String>> {
+    let (classification, dimensions) = edits;
+    let kept = keep.as_ref().map(|keep| vector(keep, "keep")).transpose()?;
     let mut edits = Vec::new();
     if let Some(codes) = &classification {
         edits.push(Edit::Classification(vector(codes, "classification")?.to_vec()));
@@ -109,7 +114,8 @@ pub(crate) fn rewrite(
     for (name, array) in &dimensions {
         edits.push(Edit::Dimension(Column::new(name, values(array, name)?)));
     }
-    call(py, n_jobs, |monitor| io::rewrite(&input, &output, &edits, &options(scale, monitor)))
+    let selection = Selection { kept, edits: &edits };
+    call(py, n_jobs, |monitor| io::select(&input, &output, &selection, &options(scale, monitor)))
         .map(|report| report.notes)
 }
 

@@ -8,6 +8,7 @@ mod convert;
 mod error;
 mod evaluation;
 mod features;
+mod filters;
 mod graph;
 mod images;
 mod io;
@@ -36,6 +37,8 @@ mod _core {
     use crate::evaluation::{confusion_matrix, report, scores, segmentation_error};
     #[pymodule_export]
     use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale, normals};
+    #[pymodule_export]
+    use crate::filters::{filter, inside_polygon, polygon_text, radius_outliers, statistical_outliers};
     #[pymodule_export]
     use crate::graph::{connected_components, felzenszwalb, knn_graph, minimum_spanning_tree};
     #[pymodule_export]

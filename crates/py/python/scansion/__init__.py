@@ -5,7 +5,7 @@
 2
 """
 
-from scansion import evaluation, features, graph, neighbours, regularisation, segmentation, terrain
+from scansion import evaluation, features, filters, graph, neighbours, regularisation, segmentation, terrain
 from scansion._bagging import BaggingClassifier
 from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
@@ -36,6 +36,7 @@ __all__ = [
     "diff",
     "evaluation",
     "features",
+    "filters",
     "graph",
     "info",
     "merge",

@@ -65,6 +65,17 @@ def codes(values: Any, name: str, length: int | None = None) -> NDArray[np.uint8
     return array.astype(np.uint8)
 
 
+def mask(values: Any, name: str, length: int | None = None) -> NDArray[np.bool_]:
+    """``values`` as one truth value a point."""
+    array = np.asarray(values)
+    if array.dtype != np.bool_:
+        raise TypeError(f"{name}: expected an array of bool, found dtype {array.dtype}")
+    if array.ndim != 1 or (length is not None and len(array) != length):
+        expected = "(n,)" if length is None else f"({length},)"
+        raise ValueError(f"{name}: expected shape {expected}, found {array.shape}")
+    return native(array, np.bool_)
+
+
 def choice(value: Any, name: str, allowed: tuple[str, ...]) -> None:
     """Refuses a value that is not one of ``allowed``."""
     if not isinstance(value, str) or value not in allowed:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import column, coordinates
+from scansion._arrays import column, coordinates, mask, native
 
 _LASPY_NAMES = {
     "intensity": "Intensity",
@@ -174,6 +174,32 @@ class PointCloud:
     def copy(self) -> PointCloud:
         """An independent copy."""
         return self._wrap(self._core.copy(), self._path)
+
+    def select(self, points: ArrayLike) -> PointCloud:
+        """Some of the points, with all their columns.
+
+        Parameters
+        ----------
+        points : array_like of shape (n,), bool, or of indices
+            Whether each point is selected, or the selected points in this order.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import scansion
+        >>> cloud = scansion.PointCloud(np.eye(3), Classification=[2, 6, 2])
+        >>> cloud.select(cloud["Classification"] == 2).xyz.tolist()
+        [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+        >>> cloud.select([1, 0])["Classification"].tolist()
+        [6, 2]
+        """
+        array = np.asarray(points)
+        if array.dtype == np.bool_:
+            array = np.flatnonzero(mask(array, "points", len(self)))
+        array = column(array, "points")
+        if array.size and (array.dtype.kind not in "iu" or array.min() < 0 or array.max() >= len(self)):
+            raise IndexError(f"points: expected bool or indices below {len(self)}")
+        return self._wrap(self._core.select(native(array, np.uint32)), self._path)
 
     @classmethod
     def from_laspy(cls, las: Any) -> PointCloud:

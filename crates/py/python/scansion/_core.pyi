@@ -24,6 +24,7 @@ __all__ = [
     "feature_names",
     "feature_preset",
     "felzenszwalb",
+    "filter",
     "fit_bagging",
     "fit_boosting",
     "fit_forest",
@@ -32,6 +33,7 @@ __all__ = [
     "height_above_ground",
     "heights",
     "icm",
+    "inside_polygon",
     "inspect",
     "knn",
     "knn_graph",
@@ -46,6 +48,8 @@ __all__ = [
     "octree_region_growing",
     "optimal",
     "partition",
+    "polygon_text",
+    "radius_outliers",
     "read",
     "recipe_columns",
     "region_growing",
@@ -60,6 +64,7 @@ __all__ = [
     "segment_columns",
     "segmentation_error",
     "settings_text",
+    "statistical_outliers",
     "statistics",
     "suggest",
     "supervoxels",
@@ -85,6 +90,7 @@ class Cloud:
     def copy(self) -> Cloud: ...
     def xyz(self) -> NDArray[np.float64]: ...
     def ticks(self) -> tuple[NDArray[np.int32], list[float], list[float]] | None: ...
+    def select(self, indices: NDArray[np.uint32]) -> Cloud: ...
     def columns(self) -> list[str]: ...
     def column(self, name: str) -> NDArray[Any] | None: ...
     def set_column(self, name: str, array: NDArray[Any]) -> None: ...
@@ -173,8 +179,8 @@ def write(
 def rewrite(
     input: str,
     output: str,
-    classification: NDArray[np.uint8] | None = None,
-    dimensions: list[tuple[str, NDArray[Any]]] = ...,
+    edits: tuple[NDArray[np.uint8] | None, list[tuple[str, NDArray[Any]]]] = ...,
+    keep: NDArray[np.bool_] | None = None,
     scale: tuple[float, float, float] | None = None,
     n_jobs: int | None = None,
 ) -> list[str]: ...
@@ -364,4 +370,20 @@ def write_raster(
 ) -> None: ...
 def segmentation_error(
     cloud: Cloud, labels: NDArray[np.uint32], truth: NDArray[np.int16], settings: str
+) -> str: ...
+def statistical_outliers(
+    cloud: Cloud, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> NDArray[np.bool_]: ...
+def radius_outliers(
+    cloud: Cloud, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> NDArray[np.bool_]: ...
+def inside_polygon(cloud: Cloud, polygon: str, n_jobs: int | None = None) -> NDArray[np.bool_]: ...
+def polygon_text(polygon: str) -> str: ...
+def filter(
+    input: str,
+    output: str,
+    settings: str,
+    bounds: _Bounds | None = None,
+    scale: tuple[float, float, float] | None = None,
+    n_jobs: int | None = None,
 ) -> str: ...

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scansion import _core
-from scansion._arrays import codes, column
+from scansion._arrays import codes, column, mask
 from scansion._cloud import PointCloud, as_cloud
 
 
@@ -134,9 +134,10 @@ def rewrite(
     classification: ArrayLike | None = None,
     dimensions: Mapping[str, ArrayLike] | None = None,
     *,
+    keep: ArrayLike | None = None,
     scale: float | Sequence[float] | None = None,
 ) -> list[str]:
-    """Copies a file with other classes or more dimensions; all other bytes are kept.
+    """Copies a file, or some of its points, with other classes or more dimensions; all other bytes are kept.
 
     Parameters
     ----------
@@ -146,6 +147,8 @@ def rewrite(
         Class codes 0..255 in the file's order.
     dimensions : mapping of str to array_like of shape (n,), optional
         Dimensions to add or replace (Extra Bytes in LAS).
+    keep : array_like of shape (n,), bool, optional
+        Whether each point is written; all by default. Counts and bounds in a LAS header become those of these points.
     scale : float or three of them, optional
         As in `write`; not from LAS to LAS, which keeps its scale.
 
@@ -156,7 +159,8 @@ def rewrite(
     """
     labels = None if classification is None else codes(classification, "classification")
     extra = [(name, column(values, name)) for name, values in (dimensions or {}).items()]
-    return _core.rewrite(os.fspath(input), os.fspath(output), labels, extra, _steps(scale))
+    kept = None if keep is None else mask(keep, "keep")
+    return _core.rewrite(os.fspath(input), os.fspath(output), (labels, extra), kept, _steps(scale))
 
 
 def info(path: str | os.PathLike[str], *, stats: bool = False) -> dict[str, Any]:
