@@ -49,7 +49,9 @@ pub fn filter_file(input: &Path, output: &Path, params: &FilterParams, options: 
     let Filtered { kept, noise, steps, mut notes } = filter(&cloud, params, monitor)?;
     let edits: Vec<Edit> = params.mark.then(|| marked(&cloud, &noise)).into_iter().collect();
     drop(cloud);
-    let report = io::select(input, output, &Selection { kept: Some(&kept), edits: &edits }, options)?;
+    // Without a removed point the header stays as it is.
+    let part = Some(kept.as_slice()).filter(|kept| kept.contains(&false));
+    let report = io::select(input, output, &Selection { kept: part, edits: &edits }, options)?;
     if report.points == 0 && !kept.is_empty() {
         monitor.warn(format!("{}: no point is left", output.display()));
     }
