@@ -2,6 +2,8 @@
 
 import inspect
 import json
+import sqlite3
+import struct
 
 import numpy as np
 import pytest
@@ -148,3 +150,76 @@ def test_products_take_the_defaults_of_the_ground_filter():
     found = terrain.height_above_ground(xyz, ground="filter")
     np.testing.assert_array_equal(found, given)
     assert np.median(found[hall]) > 5
+
+
+def read_geopackage(path):
+    """Rows of the only layer, after the checks of SQLite and of the keys between the tables."""
+    with sqlite3.connect(path) as base:
+        assert base.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        assert base.execute("PRAGMA foreign_key_check").fetchall() == []
+        assert base.execute("PRAGMA application_id").fetchone() == (0x47504B47,)
+        (layer,) = base.execute("SELECT table_name FROM gpkg_contents WHERE data_type = 'features'").fetchone()
+        names = [column[1] for column in base.execute(f'PRAGMA table_info("{layer}")')]
+        rows = base.execute(f'SELECT * FROM "{layer}" ORDER BY fid').fetchall()
+        (system,) = base.execute("SELECT srs_id FROM gpkg_geometry_columns").fetchone()
+        known = base.execute("SELECT organization FROM gpkg_spatial_ref_sys WHERE srs_id = ?", (system,)).fetchone()
+    return layer, [dict(zip(names, row, strict=True)) for row in rows], (system, *known)
+
+
+def rings_of(blob):
+    """The rings of a polygon in GeoPackage binary."""
+    assert blob[:2] == b"GP" and blob[3] == 3
+    at, rings = 8 + 32, []
+    assert struct.unpack_from("<BI", blob, at) == (1, 3)
+    (count,) = struct.unpack_from("<I", blob, at + 5)
+    at += 9
+    for _ in range(count):
+        (corners,) = struct.unpack_from("<I", blob, at)
+        ring = np.frombuffer(blob, "<f8", 2 * corners, at + 4).reshape(-1, 2)
+        rings.append(ring)
+        at += 4 + 16 * corners
+    assert at == len(blob)
+    low, high = np.concatenate(rings).min(axis=0), np.concatenate(rings).max(axis=0)
+    assert struct.unpack_from("<4d", blob, 8) == (low[0], high[0], low[1], high[1])
+    return rings
+
+
+def test_footprints_are_a_layer_that_sqlite_and_gis_read(tmp_path):
+    found = terrain.footprints(village("EPSG:25832"))
+    terrain.write_footprints(tmp_path / "houses.gpkg", found)
+    layer, (row,), system = read_geopackage(tmp_path / "houses.gpkg")
+    (house,) = found["features"]
+    assert (layer, system) == ("houses", (25832, "EPSG"))
+    assert {name: row[name] for name in house["properties"]} == house["properties"]
+    np.testing.assert_array_equal(rings_of(row["geom"])[0], house["geometry"]["coordinates"][0])
+    before = (tmp_path / "houses.gpkg").read_bytes()
+    terrain.write_footprints(tmp_path / "houses.gpkg", found)
+    assert (tmp_path / "houses.gpkg").read_bytes() == before
+    terrain.write_footprints(tmp_path / "again.geojson", found)
+    assert json.loads((tmp_path / "again.geojson").read_text()) == found
+    terrain.write_footprints(tmp_path / "none.gpkg", {"type": "FeatureCollection", "features": []})
+    assert read_geopackage(tmp_path / "none.gpkg")[1:] == ([], (-1, "NONE"))
+    with pytest.raises(ValueError, match="gpkg"):
+        terrain.write_footprints(tmp_path / "a.shp", found)
+
+
+@pytest.mark.parametrize(("houses", "corners"), [(1, 50_000), (40, 400), (5000, 8), (60_000, 5)])
+def test_layers_of_many_pages_and_long_rows_are_sound(tmp_path, houses, corners):
+    random = np.random.default_rng(houses)
+    turn = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    features = []
+    for number in range(houses):
+        places = random.uniform(0, 1e6, 2) + np.column_stack([np.cos(turn), np.sin(turn)]) * random.uniform(1, 9)
+        ring = np.vstack([places, places[:1]]).round(3).tolist()
+        properties = {"id": number + 1, "name": "é" * (number % 200), "part": 0.5 * number, "none": None}
+        geometry = {"type": "Polygon", "coordinates": [ring, ring[:3] + ring[:1]]}
+        features.append({"type": "Feature", "properties": properties, "geometry": geometry})
+    terrain.write_footprints(tmp_path / "a.gpkg", {"type": "FeatureCollection", "features": features})
+    _, rows, _ = read_geopackage(tmp_path / "a.gpkg")
+    assert [row["fid"] for row in rows] == list(range(1, houses + 1))
+    for row, feature in zip(rows, features, strict=True):
+        assert {name: row[name] for name in feature["properties"]} == feature["properties"]
+    for number in {0, houses // 2, houses - 1}:
+        outer, hole = rings_of(rows[number]["geom"])
+        np.testing.assert_array_equal(outer, features[number]["geometry"]["coordinates"][0])
+        assert len(hole) == 4

@@ -58,7 +58,9 @@ mod _core {
     #[pymodule_export]
     use crate::segments::{segment, segment_columns, suggest};
     #[pymodule_export]
-    use crate::terrain::{footprints, ground_points, height_above_ground, heights, terrain_raster, write_raster};
+    use crate::terrain::{footprints, ground_points, height_above_ground, heights};
+    #[pymodule_export]
+    use crate::terrain::{terrain_raster, write_footprints, write_raster};
 
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "the name that Python expects")]

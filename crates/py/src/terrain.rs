@@ -135,6 +135,16 @@ pub(crate) fn footprints(
     })
 }
 
+/// Writes the outlines in the text of a GeoJSON file, in the format of the path's extension.
+#[pyfunction]
+pub(crate) fn write_footprints(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()> {
+    call(py, Some(1), |_| {
+        io::check_outline_output(&path)?;
+        let found = io::outlines_of(text)?;
+        io::write_outlines(&path, &found.outlines, &found.place)
+    })
+}
+
 /// Writes heights with the northernmost row first; `corner` is the north-west corner.
 #[pyfunction]
 #[pyo3(signature = (path, values, corner, cell, crs = None, metres_per_unit = None))]

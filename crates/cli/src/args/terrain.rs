@@ -44,7 +44,7 @@ pub(crate) struct Terrain {
     /// Heights of the surface above the terrain: buildings, trees
     #[arg(long, value_name = "FILE")]
     pub(crate) chm: Option<PathBuf>,
-    /// Outlines of buildings with area, height and number of points (.geojson)
+    /// Outlines of buildings with area, height and number of points, as GeoJSON (.geojson) or GeoPackage (.gpkg)
     #[arg(long, value_name = "FILE")]
     pub(crate) footprints: Option<PathBuf>,
     #[command(flatten)]

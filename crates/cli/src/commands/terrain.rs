@@ -120,7 +120,7 @@ fn rasters_of(surveyed: &Surveyed<'_>, args: &Terrain, context: &Context<'_>) ->
 fn outlines(path: &Path, found: &[Footprint], scene: &MetricCloud<'_>) -> Result<Outlines> {
     let area = found.iter().fold(0.0, |sum, building| sum + building.area);
     let outlines = terrain::outlines(found, scene.metres);
-    io::write_geojson(path, &outlines, &Georeference::of(scene.cloud))?;
+    io::write_outlines(path, &outlines, &Georeference::of(scene.cloud))?;
     Ok(Outlines { product: "buildings", file: path.to_path_buf(), buildings: found.len(), area })
 }
 

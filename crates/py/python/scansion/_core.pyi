@@ -71,6 +71,7 @@ __all__ = [
     "terrain_raster",
     "within",
     "write",
+    "write_footprints",
     "write_raster",
 ]
 
@@ -360,6 +361,7 @@ def height_above_ground(
 def footprints(
     cloud: Cloud, settings: str, shape: str, metres_per_unit: float | None = None, n_jobs: int | None = None
 ) -> str: ...
+def write_footprints(path: str, text: str) -> None: ...
 def write_raster(
     path: str,
     values: NDArray[np.float64],

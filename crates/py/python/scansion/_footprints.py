@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from scansion import _core
@@ -92,3 +93,27 @@ def footprints(
         _core.footprints(cloud._core, settings, to_json(shape), metres_per_unit, n_jobs)
     )
     return found
+
+
+def write_footprints(path: str | os.PathLike[str], collection: Mapping[str, Any]) -> None:
+    """Writes outlines of buildings as GeoJSON or GeoPackage, by the extension.
+
+    Parameters
+    ----------
+    path : path
+        ``.geojson``, ``.json`` or ``.gpkg``; a GeoPackage has one table with the name of the file.
+    collection : mapping
+        A ``FeatureCollection`` of polygons, as from `footprints`.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from scansion import terrain
+    >>> square = {"type": "Polygon", "coordinates": [[[0, 0], [5, 0], [5, 5], [0, 5], [0, 0]]]}
+    >>> house = {"type": "Feature", "properties": {"id": 1}, "geometry": square}
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "houses.gpkg"
+    >>> terrain.write_footprints(path, {"type": "FeatureCollection", "features": [house]})
+    >>> path.read_bytes()[:15]
+    b'SQLite format 3'
+    """
+    _core.write_footprints(os.fspath(path), json.dumps(collection))

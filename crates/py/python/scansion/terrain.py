@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scansion import _core
 from scansion._arrays import native, to_json
 from scansion._cloud import as_cloud
-from scansion._footprints import footprints
+from scansion._footprints import footprints, write_footprints
 from scansion._surfaces import Raster, chm, dsm, dtm, height_above_ground, write_raster
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "ground_points",
     "height_above_ground",
     "heights",
+    "write_footprints",
     "write_raster",
 ]
 

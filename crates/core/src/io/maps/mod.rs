@@ -1,11 +1,16 @@
-//! Files for geographic information systems: rasters of heights (GeoTIFF, ESRI ASCII grid) and outlines (GeoJSON).
+//! Files for geographic information systems: rasters of heights (GeoTIFF, ESRI ASCII grid) and outlines (GeoJSON,
+//! GeoPackage).
 
 mod ascii_grid;
 mod geojson;
+mod geopackage;
 mod geotiff;
+mod outlines;
+mod sqlite;
 
 pub use ascii_grid::read_ascii_grid;
-pub use geojson::{Outline, check_outline_output, geojson, write_geojson};
+pub use geojson::{Outlines, geojson, outlines_of};
+pub use outlines::{check_outline_output, write_outlines};
 
 use super::check_output;
 use super::format::extension;
@@ -13,6 +18,7 @@ use crate::cloud::crs::{Unit, unit_of};
 use crate::cloud::{Cloud, Raster};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
+use serde_json::{Map, Value};
 use std::path::Path;
 
 /// The number that stands for a hole.
@@ -33,6 +39,15 @@ impl Georeference {
         let crs = cloud.crs.clone().filter(|crs| unit_of(crs) != Some(Unit::Degrees));
         Self { crs, metres_per_unit: cloud.metres_per_unit }
     }
+}
+
+/// A polygon with properties.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outline {
+    /// Corners of the outer ring (counter-clockwise), then of each hole (clockwise), not repeated at the end.
+    pub rings: Vec<Vec<[f64; 2]>>,
+    /// Names and values.
+    pub properties: Map<String, Value>,
 }
 
 /// Fails if a raster could not be written to this path later: its extension, or [`check_output`]. To be called before

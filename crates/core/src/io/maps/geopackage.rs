@@ -1,0 +1,206 @@
+//! Writing outlines as GeoPackage 1.3 (OGC 12-128r17): a table of polygons in a SQLite database.
+//!
+//! The time of the last change is the beginning of 1970, so that equal outlines give equal bytes. There is no spatial
+//! index; GIS programs make one when they are asked to.
+
+use super::sqlite::{Kind, Row, Table, Value, database};
+use super::{Georeference, Outline};
+use crate::cloud::crs::{codes_of, wkt_of};
+use crate::error::Result;
+use serde_json::Value as Json;
+
+/// `GPKG`, and version 1.3.
+const KIND: Kind = Kind { application: 0x4750_4b47, version: 10300 };
+/// Number of a system that has no EPSG code.
+const OWN_SYSTEM: i64 = 100_000;
+/// Number of the system of plane coordinates without any other information.
+const PLANE: i64 = -1;
+
+/// The bytes of a GeoPackage with these polygons in a table of that name.
+pub(super) fn geopackage(name: &str, outlines: &[Outline], place: &Georeference) -> Result<Vec<u8>> {
+    let system = System::of(place);
+    let columns = columns(outlines);
+    let features = features(name, &columns, outlines, system.id);
+    database(
+        &[systems(&system), contents(name, outlines, system.id), geometry_columns(name, system.id), features],
+        KIND,
+    )
+}
+
+/// A reference system.
+struct System {
+    id: i64,
+    name: String,
+    organization: &'static str,
+    code: i64,
+    definition: String,
+}
+
+impl System {
+    fn of(place: &Georeference) -> Self {
+        let Some(crs) = &place.crs else { return Self::undefined(PLANE, "Undefined Cartesian") };
+        let code = codes_of(crs).horizontal;
+        let wkt = code.and_then(wkt_of).or_else(|| Some(crs.clone()).filter(|crs| crs.contains('[')));
+        let definition = wkt.unwrap_or_else(|| "undefined".into());
+        match code.map(i64::from) {
+            Some(id) => Self { id, name: format!("EPSG:{id}"), organization: "EPSG", code: id, definition },
+            None => {
+                Self { id: OWN_SYSTEM, name: "of the cloud".into(), organization: "NONE", code: OWN_SYSTEM, definition }
+            }
+        }
+    }
+
+    fn undefined(id: i64, name: &str) -> Self {
+        Self { id, name: name.into(), organization: "NONE", code: id, definition: "undefined".into() }
+    }
+
+    fn row(&self) -> Row {
+        let values = vec![
+            text(&self.name),
+            Value::Null,
+            text(self.organization),
+            Value::Integer(self.code),
+            text(&self.definition),
+            Value::Null,
+        ];
+        Row { id: self.id, values }
+    }
+}
+
+/// The table of reference systems: those that every GeoPackage has, and that of the outlines.
+fn systems(own: &System) -> Table {
+    let world = Georeference { crs: Some("EPSG:4326".into()), metres_per_unit: None };
+    let fixed = [
+        System::undefined(PLANE, "Undefined Cartesian"),
+        System::undefined(0, "Undefined geographic"),
+        System::of(&world),
+    ];
+    let others = Some(own).filter(|own| fixed.iter().all(|known| known.id != own.id));
+    let mut rows: Vec<Row> = fixed.iter().chain(others).map(System::row).collect();
+    rows.sort_by_key(|row| row.id);
+    let columns = "srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL, \
+                   organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT";
+    table("gpkg_spatial_ref_sys", columns, rows)
+}
+
+/// The table of tables, with the bounds of the outlines.
+fn contents(name: &str, outlines: &[Outline], system: i64) -> Table {
+    let bounds = bounds(outlines.iter().flat_map(|outline| outline.rings.iter().flatten()));
+    let bounds = bounds.map_or(vec![Value::Null; 4], |b| b.into_iter().map(Value::Real).collect());
+    let mut values = vec![text(name), text("features"), text(name), text(""), text("1970-01-01T00:00:00.000Z")];
+    values.extend(bounds);
+    values.push(Value::Integer(system));
+    let columns = "table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE, \
+                   description TEXT DEFAULT '', \
+                   last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')), min_x DOUBLE, \
+                   min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER, \
+                   CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id)";
+    Table { keys: vec![vec![0], vec![2]], ..table("gpkg_contents", columns, vec![Row { id: 1, values }]) }
+}
+
+/// The table that says which column has the polygons.
+fn geometry_columns(name: &str, system: i64) -> Table {
+    let [system, none] = [system, 0].map(Value::Integer);
+    let values = vec![text(name), text("geom"), text("POLYGON"), system, none.clone(), none];
+    let columns = "table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL, \
+                   srs_id INTEGER NOT NULL, z TINYINT NOT NULL, m TINYINT NOT NULL, \
+                   CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name), \
+                   CONSTRAINT uk_gc_table_name UNIQUE (table_name), \
+                   CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name), \
+                   CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id)";
+    Table { keys: vec![vec![0, 1], vec![0]], ..table("gpkg_geometry_columns", columns, vec![Row { id: 1, values }]) }
+}
+
+/// A column of properties.
+struct Property {
+    name: String,
+    kind: &'static str,
+}
+
+/// The properties of all outlines: whole numbers, other numbers, or text.
+fn columns(outlines: &[Outline]) -> Vec<Property> {
+    let mut columns: Vec<Property> = Vec::new();
+    for (name, value) in outlines.iter().flat_map(|outline| &outline.properties) {
+        let kind = match value {
+            Json::Null => "",
+            Json::Number(number) if number.is_i64() => "INTEGER",
+            Json::Number(_) => "DOUBLE",
+            _ => "TEXT",
+        };
+        let own = ["fid", "geom"].contains(&name.to_ascii_lowercase().as_str());
+        match columns.iter_mut().find(|column| column.name.eq_ignore_ascii_case(name)) {
+            Some(known) => known.kind = wider(known.kind, kind),
+            None if own => {}
+            None => columns.push(Property { name: name.clone(), kind }),
+        }
+    }
+    columns.iter_mut().filter(|column| column.kind.is_empty()).for_each(|column| column.kind = "TEXT");
+    columns
+}
+
+/// The type that holds values of both types.
+fn wider(a: &'static str, b: &'static str) -> &'static str {
+    match (a, b) {
+        (kind, "") | ("", kind) => kind,
+        (a, b) if a == b => a,
+        ("TEXT", _) | (_, "TEXT") => "TEXT",
+        _ => "DOUBLE",
+    }
+}
+
+/// The table of the polygons.
+fn features(name: &str, columns: &[Property], outlines: &[Outline], system: i64) -> Table {
+    let mut sql = "fid INTEGER PRIMARY KEY NOT NULL, geom POLYGON".to_string();
+    columns.iter().for_each(|column| sql += &format!(", {} {}", quoted(&column.name), column.kind));
+    let row = |(outline, id): (&Outline, i64)| {
+        let of = |column: &Property| value(outline.properties.get(&column.name), column.kind);
+        let geometry = Value::Blob(polygon(&outline.rings, system));
+        Row { id, values: [Value::Null, geometry].into_iter().chain(columns.iter().map(of)).collect() }
+    };
+    table(name, &sql, outlines.iter().zip(1..).map(row).collect())
+}
+
+fn value(json: Option<&Json>, kind: &str) -> Value {
+    match (json, kind) {
+        (None | Some(Json::Null), _) => Value::Null,
+        (Some(Json::String(text)), _) => Value::Text(text.clone()),
+        (Some(json), "INTEGER") => json.as_i64().map_or(Value::Null, Value::Integer),
+        (Some(json), "DOUBLE") => json.as_f64().map_or(Value::Null, Value::Real),
+        (Some(json), _) => Value::Text(json.to_string()),
+    }
+}
+
+/// A polygon as GeoPackage binary: a header with its bounds, then well-known binary, both little-endian.
+fn polygon(rings: &[Vec<[f64; 2]>], system: i64) -> Vec<u8> {
+    let mut bytes = b"GP\0\x03".to_vec();
+    bytes.extend((system as i32).to_le_bytes());
+    let [low_x, low_y, high_x, high_y] = bounds(rings.iter().flatten()).unwrap_or([f64::NAN; 4]);
+    [low_x, high_x, low_y, high_y].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+    bytes.push(1);
+    bytes.extend(3u32.to_le_bytes());
+    bytes.extend((rings.len() as u32).to_le_bytes());
+    for ring in rings {
+        bytes.extend((ring.len() as u32 + 1).to_le_bytes());
+        ring.iter().chain(ring.first()).flatten().for_each(|v| bytes.extend(v.to_le_bytes()));
+    }
+    bytes
+}
+
+/// Lowest and highest x and y: `[min x, min y, max x, max y]`.
+fn bounds<'a>(corners: impl Iterator<Item = &'a [f64; 2]>) -> Option<[f64; 4]> {
+    let boxes = corners.map(|&[x, y]| [x, y, x, y]);
+    boxes.reduce(|a, b| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])])
+}
+
+fn table(name: &str, columns: &str, rows: Vec<Row>) -> Table {
+    let sql = format!("CREATE TABLE {} ({columns})", quoted(name));
+    Table { name: name.into(), sql, rows, keys: Vec::new() }
+}
+
+fn quoted(name: &str) -> String {
+    format!("\"{}\"", name.replace('"', "\"\""))
+}
+
+fn text(text: &str) -> Value {
+    Value::Text(text.into())
+}
