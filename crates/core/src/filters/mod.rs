@@ -11,6 +11,5 @@ mod params;
 pub use apply::{Filtered, Step, filter};
 pub use area::Area;
 pub use files::{FilterReport, filter_file};
-pub use outliers::{OutlierParams, RadiusParams, StatisticalParams};
-pub use outliers::{outliers, radius_outliers, statistical_outliers};
-pub use params::{FilterParams, HeightRange};
+pub use outliers::{OutlierParams, outliers, radius_outliers, statistical_outliers};
+pub use params::{FilterParams, HeightRange, RadiusParams, StatisticalParams};

@@ -4,81 +4,11 @@
 //! environments*, Robotics and Autonomous Systems 56(11), 2008, doi:10.1016/j.robot.2008.08.005, section 4.1, for the
 //! statistical outliers; the filters of the Point Cloud Library and of PDAL (`filters.outlier`) for both.
 
+use super::{RadiusParams, StatisticalParams};
 use crate::cloud::{MetricCloud, Positions};
 use crate::error::{Error, Result};
 use crate::neighbours::map_distances;
 use crate::parallel::Monitor;
-use serde::{Deserialize, Serialize};
-
-/// Most neighbours that a search may ask for.
-const MOST: usize = 1000;
-
-/// Parameters of [`statistical_outliers`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct StatisticalParams {
-    /// Number of nearest other points to which the mean distance is taken; 1 to 1000.
-    pub neighbours: usize,
-    /// Standard deviations above the mean over all points from which on a point is noise. Smaller: more points are noise.
-    /// No unit; finite.
-    pub multiplier: f64,
-}
-
-impl Default for StatisticalParams {
-    /// Those of PDAL's `filters.outlier` (`mean_k`, `multiplier`).
-    fn default() -> Self {
-        Self { neighbours: 8, multiplier: 2.0 }
-    }
-}
-
-impl StatisticalParams {
-    /// Checks the ranges of all fields.
-    ///
-    /// # Errors
-    /// If a field is outside its range.
-    pub fn validate(&self) -> Result<()> {
-        if !self.multiplier.is_finite() {
-            return Err(Error::parameter("multiplier", self.multiplier, "a finite number"));
-        }
-        match (1..=MOST).contains(&self.neighbours) {
-            true => Ok(()),
-            false => Err(Error::parameter("neighbours", self.neighbours, format!("1..{MOST}"))),
-        }
-    }
-}
-
-/// Parameters of [`radius_outliers`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RadiusParams {
-    /// Distance within which neighbours count, metres; above 0.
-    pub radius: f64,
-    /// A point with fewer other points within the radius is noise; 1 to 1000.
-    pub min_neighbours: usize,
-}
-
-impl Default for RadiusParams {
-    /// Those of PDAL's `filters.outlier` (`radius`, `min_k`).
-    fn default() -> Self {
-        Self { radius: 1.0, min_neighbours: 2 }
-    }
-}
-
-impl RadiusParams {
-    /// Checks the ranges of all fields.
-    ///
-    /// # Errors
-    /// If a field is outside its range.
-    pub fn validate(&self) -> Result<()> {
-        if !(self.radius > 0.0 && self.radius.is_finite()) {
-            return Err(Error::parameter("radius", self.radius, "metres, above 0, finite"));
-        }
-        match (1..=MOST).contains(&self.min_neighbours) {
-            true => Ok(()),
-            false => Err(Error::parameter("min_neighbours", self.min_neighbours, format!("1..{MOST}"))),
-        }
-    }
-}
 
 /// A method that finds noise, and its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,12 +1,15 @@
 //! Parameters of a filter run.
 
-use super::{Area, RadiusParams, StatisticalParams};
+use super::Area;
 use crate::cloud::Bounds;
 use crate::error::{Error, Result};
 use crate::io::ReadOptions;
 use crate::terrain::ProductParams;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::str::FromStr;
+
+/// Most neighbours that a search may ask for.
+const MOST: usize = 1000;
 
 /// Which points [`filter`](super::filter()) keeps. The filters that are set are applied in the order of the fields, each
 /// to the points that those before it left; by default all points are kept.
@@ -75,6 +78,73 @@ impl FilterParams {
     /// Whether points are filtered by their class.
     pub(super) fn has_classes(&self) -> bool {
         !self.classes.is_empty() || !self.drop_classes.is_empty()
+    }
+}
+
+/// Parameters of [`statistical_outliers`](super::statistical_outliers).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StatisticalParams {
+    /// Number of nearest other points to which the mean distance is taken; 1 to 1000.
+    pub neighbours: usize,
+    /// Standard deviations above the mean over all points from which on a point is noise. Smaller: more points are noise.
+    /// No unit; finite.
+    pub multiplier: f64,
+}
+
+impl Default for StatisticalParams {
+    /// Those of PDAL's `filters.outlier` (`mean_k`, `multiplier`).
+    fn default() -> Self {
+        Self { neighbours: 8, multiplier: 2.0 }
+    }
+}
+
+impl StatisticalParams {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        if !self.multiplier.is_finite() {
+            return Err(Error::parameter("multiplier", self.multiplier, "a finite number"));
+        }
+        match (1..=MOST).contains(&self.neighbours) {
+            true => Ok(()),
+            false => Err(Error::parameter("neighbours", self.neighbours, format!("1..{MOST}"))),
+        }
+    }
+}
+
+/// Parameters of [`radius_outliers`](super::radius_outliers).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RadiusParams {
+    /// Distance within which neighbours count, metres; above 0.
+    pub radius: f64,
+    /// A point with fewer other points within the radius is noise; 1 to 1000.
+    pub min_neighbours: usize,
+}
+
+impl Default for RadiusParams {
+    /// Those of PDAL's `filters.outlier` (`radius`, `min_k`).
+    fn default() -> Self {
+        Self { radius: 1.0, min_neighbours: 2 }
+    }
+}
+
+impl RadiusParams {
+    /// Checks the ranges of all fields.
+    ///
+    /// # Errors
+    /// If a field is outside its range.
+    pub fn validate(&self) -> Result<()> {
+        if !(self.radius > 0.0 && self.radius.is_finite()) {
+            return Err(Error::parameter("radius", self.radius, "metres, above 0, finite"));
+        }
+        match (1..=MOST).contains(&self.min_neighbours) {
+            true => Ok(()),
+            false => Err(Error::parameter("min_neighbours", self.min_neighbours, format!("1..{MOST}"))),
+        }
     }
 }
 

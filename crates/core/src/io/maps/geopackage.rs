@@ -19,12 +19,19 @@ const PLANE: i64 = -1;
 /// The bytes of a GeoPackage with these polygons in a table of that name.
 pub(super) fn geopackage(name: &str, outlines: &[Outline], place: &Georeference) -> Result<Vec<u8>> {
     let system = System::of(place);
+    let outlines: &[Outline] = &outlines.iter().map(rounded).collect::<Vec<_>>();
     let columns = columns(outlines);
     let features = features(name, &columns, outlines, system.id);
     database(
         &[systems(&system), contents(name, outlines, system.id), geometry_columns(name, system.id), features],
         KIND,
     )
+}
+
+/// An outline with coordinates rounded to a thousandth of their unit, as in GeoJSON.
+fn rounded(outline: &Outline) -> Outline {
+    let ring = |ring: &Vec<[f64; 2]>| ring.iter().map(|at| at.map(|v| (v * 1000.0).round() / 1000.0)).collect();
+    Outline { rings: outline.rings.iter().map(ring).collect(), properties: outline.properties.clone() }
 }
 
 /// A reference system.

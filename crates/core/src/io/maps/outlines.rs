@@ -20,8 +20,8 @@ pub fn check_outline_output(path: &Path) -> Result<()> {
     }
 }
 
-/// Writes polygons whose coordinates are in the unit of the reference system, as GeoJSON or as GeoPackage with one table
-/// that has the name of the file, by the extension.
+/// Writes polygons whose coordinates are in the unit of the reference system, rounded to a thousandth of it, as GeoJSON or
+/// as GeoPackage with one table that has the name of the file, by the extension.
 ///
 /// # Errors
 /// As [`check_outline_output`].
