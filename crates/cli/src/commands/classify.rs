@@ -133,11 +133,12 @@ fn summary(codes: &[u8], result: &Classified, classes: &ClassTable) -> String {
         let (name, share) = (class.map_or("", |class| &class.name), 100.0 * count as f64 / codes.len() as f64);
         let _ = writeln!(text, "{code:>5}  {name:<20} {count:>12} {share:>6.2} % {:>11.2}", sum / count as f64);
     }
-    if let Some(outside) = result.outside {
+    if let Some(fit) = result.fit {
         let _ = writeln!(
             text,
-            "{:.0} % of the feature values lie outside the middle 90 % of those in training (about 10 % in a similar cloud)",
-            100.0 * outside
+            "feature values: {:.0} % outside the middle 90 % of those in training, {:.1} % beyond all of them",
+            100.0 * fit.outside,
+            100.0 * fit.beyond
         );
     }
     text

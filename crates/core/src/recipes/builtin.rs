@@ -21,8 +21,11 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
     let dense = (result.density > DENSEST).then(|| {
         format!("there are {:.0} points per square metre (airborne and UAV scans: up to {DENSEST})", result.density)
     });
-    let unlike = result.outside.filter(|&share| share > UNLIKE).map(|share| {
-        format!("{:.0} % of its feature values are rare in airborne scans (others: 5 to 20 %)", 100.0 * share)
+    let unlike = result.fit.filter(|fit| fit.beyond > UNLIKE).map(|fit| {
+        format!(
+            "{:.0} % of its feature values lie beyond all of those in training (airborne scans: up to 1)",
+            100.0 * fit.beyond
+        )
     });
     let reasons: Vec<String> = [confidence, dense, unlike].into_iter().flatten().collect();
     (!reasons.is_empty()).then(|| {

@@ -19,7 +19,7 @@ pub use airborne::{AirborneKind, AirborneRecipe, AirborneReport, FoldParams};
 pub use builtin::{BUILTIN_MAP, builtin_misfit, default_model};
 pub use classify::rules::ClassRules;
 pub use classify::statistics::{CloudStatistics, statistics};
-pub use classify::{Classified, ClassifyParams, Job, classify};
+pub use classify::{Classified, ClassifyParams, FeatureFit, Job, classify};
 pub use labels::file::{LabelFile, Picking};
 pub use labels::{LabelParams, LabelledCloud, Labels, read_labels};
 pub use model::{FirstStage, Model};

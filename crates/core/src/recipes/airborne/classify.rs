@@ -37,20 +37,20 @@ pub(super) fn classify(recipe: &AirborneRecipe, job: &Job<'_>, monitor: &Monitor
     let scene = MetricCloud { heights: Some(&heights), ..job.scene.clone() };
     let rated = CloudPredictor::new(&scene, &recipe.features, first.stage(), monitor)?;
     let first = rated.of_cloud(scene.cloud.len(), monitor)?;
-    let outside = first.fit.outside();
+    let fit = first.fit.shares();
     let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();
     let context = ContextColumns { probabilities: &first.probabilities, params: &recipe.context, codes: &codes };
     let second = rated.second(&scene, model.stage(), context, monitor)?;
     if job.regularise.method == Regularise::None {
         let mut result = Classified::unknown(scene.cloud.len(), model, job.params.probabilities);
-        let fit = second.run(|points, rows| result.place(points, rows, model), monitor)?;
+        let own = second.run(|points, rows| result.place(points, rows, model), monitor)?;
         result.density = density;
         result.warnings = job.warnings(density, monitor)?;
-        return Ok(result.compared(outside.or(fit.outside())));
+        return Ok(result.compared(fit.or(own.shares())));
     }
     let points = job.scene.points(monitor)?;
     let values = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?;
     let given = Probabilities { values: &values, classes: codes.len() };
     let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
-    Ok(job.decided(&points, &found, monitor)?.compared(outside))
+    Ok(job.decided(&points, &found, monitor)?.compared(fit))
 }

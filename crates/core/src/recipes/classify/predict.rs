@@ -6,6 +6,7 @@ use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::features::{Context, ContextParams, Extractor, FeatureSet, FeatureTable, Rated, Scratch, Tiles, Wanted};
 use crate::parallel::{Monitor, map_ordered_with};
+use crate::recipes::classify::FeatureFit;
 use crate::recipes::model::Stage;
 
 /// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
@@ -99,19 +100,22 @@ impl PartContext<'_> {
     }
 }
 
-/// How many feature values of a cloud lie where few of the training samples are.
+/// How many feature values of a cloud lie where few or none of the training samples are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::recipes) struct Fit {
     /// Values looked at.
-    pub(in crate::recipes) values: u64,
+    values: u64,
     /// Those below the 5 % quantile or above the 95 % quantile of the training samples.
-    pub(in crate::recipes) outside: u64,
+    outside: u64,
+    /// Those below the lowest or above the highest of the training samples.
+    beyond: u64,
 }
 
 impl Fit {
     fn add(&mut self, other: Self) {
         self.values += other.values;
         self.outside += other.outside;
+        self.beyond += other.beyond;
     }
 
     /// Counts the values of a row.
@@ -120,12 +124,14 @@ impl Fit {
         for (value, levels) in row.iter().zip(levels).filter(|(value, _)| value.is_finite()) {
             self.values += 1;
             self.outside += u64::from(*value < levels[1] || *value > levels[3]);
+            self.beyond += u64::from(*value < levels[0] || *value > levels[4]);
         }
     }
 
-    /// Share of the values outside, 0..1; on the training samples at most 0.1.
-    pub(in crate::recipes) fn outside(&self) -> Option<f64> {
-        (self.values > 0).then(|| self.outside as f64 / self.values as f64)
+    /// The shares of the values; `None` if none was looked at.
+    pub(in crate::recipes) fn shares(&self) -> Option<FeatureFit> {
+        let share = |count: u64| count as f64 / self.values as f64;
+        (self.values > 0).then(|| FeatureFit { outside: share(self.outside), beyond: share(self.beyond) })
     }
 }
 

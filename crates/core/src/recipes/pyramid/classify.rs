@@ -30,5 +30,5 @@ fn one_by_one(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor) -> Resul
     result.warnings = job.warnings(result.density, monitor)?;
     let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model.stage(), monitor)?;
     let fit = predictor.run(|points, rows| result.place(points, rows, job.model), monitor)?;
-    Ok(result.compared(fit.outside()))
+    Ok(result.compared(fit.shares()))
 }
