@@ -81,9 +81,9 @@ impl Near {
     }
 
     /// Calls `each` with every occupied cell at most `side` cells away, and its offset.
-    fn within(&self, side: usize, mut each: impl FnMut(usize, [f64; 2])) {
+    fn within(&self, side: usize, mut each: impl FnMut(usize, [i32; 2])) {
         let range = SIDE - side..=SIDE + side;
-        let offset = |i: usize| i as f64 - SIDE as f64;
+        let offset = |i: usize| i as i32 - SIDE as i32;
         for i in range.clone() {
             for j in range.clone() {
                 match self.cells[i][j] {
@@ -108,7 +108,7 @@ impl Near {
             lowest,
             roughness: square.max(0.0).sqrt() as f32,
             slope: (gradient / size) as f32,
-            mean: (sums.z / sums.n) as f32,
+            mean: (sums.z[0] / f64::from(sums.n)) as f32,
         }
     }
 }
@@ -116,37 +116,34 @@ impl Near {
 /// Sums over cells: offsets u and v, height z, and their products.
 #[derive(Default)]
 struct Sums {
-    n: f64,
-    u: f64,
-    v: f64,
-    z: f64,
-    uu: f64,
-    uv: f64,
-    vv: f64,
-    uz: f64,
-    vz: f64,
-    zz: f64,
+    n: i32,
+    u: i32,
+    v: i32,
+    uu: i32,
+    uv: i32,
+    vv: i32,
+    /// Of z, u z, v z and z².
+    z: [f64; 4],
 }
 
 impl Sums {
-    fn add(&mut self, [u, v]: [f64; 2], z: f64) {
-        self.n += 1.0;
+    fn add(&mut self, [u, v]: [i32; 2], z: f64) {
+        self.n += 1;
         self.u += u;
         self.v += v;
-        self.z += z;
         self.uu += u * u;
         self.uv += u * v;
         self.vv += v * v;
-        self.uz += u * z;
-        self.vz += v * z;
-        self.zz += z * z;
+        let terms = [z, f64::from(u) * z, f64::from(v) * z, z * z];
+        self.z.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
     }
 
     /// The length of the gradient of the least-squares plane (per cell), and the mean square of the residuals.
     fn plane(&self) -> [f64; 2] {
-        let Self { n, u, v, z, .. } = *self;
-        let (uu, uv, vv) = (self.uu - u * u / n, self.uv - u * v / n, self.vv - v * v / n);
-        let (uz, vz, zz) = (self.uz - u * z / n, self.vz - v * z / n, self.zz - z * z / n);
+        let [n, u, v, uu, uv, vv] = [self.n, self.u, self.v, self.uu, self.uv, self.vv].map(f64::from);
+        let [z, uz, vz, zz] = self.z;
+        let (uu, uv, vv) = (uu - u * u / n, uv - u * v / n, vv - v * v / n);
+        let (uz, vz, zz) = (uz - u * z / n, vz - v * z / n, zz - z * z / n);
         let determinant = uu * vv - uv * uv;
         if determinant < 1e-6 {
             return [0.0, zz / n];
