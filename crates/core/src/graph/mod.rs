@@ -18,8 +18,9 @@ pub use max_flow::MaxFlow;
 pub use orientation::Orientation;
 pub use spanning_tree::minimum_spanning_tree;
 pub(crate) use union_find::UnionFind;
-pub use weight::EdgeWeight;
+pub use weight::{EdgeWeight, metric_share};
 
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::parallel::{Monitor, sort_stable_watched, watched};
@@ -129,6 +130,24 @@ impl Graph {
             )));
         }
         Ok(Self { weights, ..self })
+    }
+
+    /// Multiplies each weight by the [`metric_share`] of the edge's length; node i is point i. O(m).
+    ///
+    /// # Errors
+    /// If there is not one point a node, or the work was cancelled.
+    pub fn weakened(mut self, points: &Positions, near: f64, monitor: &Monitor) -> Result<Self> {
+        if points.len() != self.nodes {
+            return Err(Error::input(format!("{} points for {} nodes", points.len(), self.nodes)));
+        }
+        for piece in watched(self.edges.len(), monitor) {
+            for e in piece? {
+                let [a, b] = self.edges[e].map(|node| points.xyz(node as usize));
+                let squared: f64 = a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum();
+                self.weights[e] = (f64::from(self.weights[e]) * metric_share(squared, near)) as f32;
+            }
+        }
+        Ok(self)
     }
 
     /// Removes the edges that are not `kept` and frees their memory. O(m).

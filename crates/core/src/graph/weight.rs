@@ -51,6 +51,15 @@ impl EdgeWeight {
     }
 }
 
+/// Share of its weight that an edge keeps if weights fall with the distance in metres: 1 up to the length `near`, and
+/// (near/d)² for a longer length d. An infinite `near` leaves all weights as they are.
+///
+/// Weights relative to the mean length cannot see how dense a cloud is; these can.
+pub fn metric_share(squared_length: f64, near: f64) -> f64 {
+    let squared_near = near * near;
+    if squared_length <= squared_near { 1.0 } else { squared_near / squared_length }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -60,6 +69,16 @@ mod tests {
         assert_eq!(EdgeWeight::Constant.of(3.0, 3.0), 1.0);
         assert_eq!(EdgeWeight::Inverse { offset: 1.0 }.of(3.0, 3.0), 0.5);
         assert!((EdgeWeight::Exponential { scale: 1.0 }.of(3.0, 3.0) - (-1.0f64).exp()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn short_edges_keep_their_weight_and_long_ones_lose_it_with_the_square_of_the_length() {
+        for (length, near, share) in
+            [(0.3, 0.5, 1.0), (0.5, 0.5, 1.0), (1.0, 0.5, 0.25), (2.0, 0.5, 0.0625), (0.0, 0.5, 1.0)]
+        {
+            assert_eq!(metric_share(length * length, near), share);
+        }
+        assert_eq!(metric_share(1e12, f64::INFINITY), 1.0);
     }
 
     #[test]

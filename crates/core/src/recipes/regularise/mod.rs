@@ -12,7 +12,7 @@ mod support;
 
 pub(super) use on_segments::{Again, Segments};
 pub use params::{Posterior, Regularise, RegulariseParams};
-pub(super) use support::{DescribedPoints, Support, partition, point_graph};
+pub(super) use support::{DescribedPoints, Support, adjacency, partition, point_graph};
 
 use crate::classification::argmax;
 use crate::cloud::Positions;

@@ -83,6 +83,10 @@ pub struct RegulariseParams {
     pub neighbours: usize,
     /// Weights of these edges.
     pub adjacency: KnnGraphParams,
+    /// Edges longer than this, metres, lose weight with the square of their length: they count (near/d)² times. Without
+    /// that, points that are far from each other in a thin cloud persuade each other as if they were neighbours. If
+    /// infinite, no edge loses weight: the paper's field, and the default of the recipe `weak`.
+    pub near: f64,
     /// Neighbourhoods for the descriptors on which the segments are based. The weak recipe has descriptors of its own and
     /// does not use these.
     pub neighbourhood: OptimalParams,
@@ -99,6 +103,7 @@ impl Default for RegulariseParams {
             posterior: Posterior::LogOfMean,
             neighbours: 10,
             adjacency: KnnGraphParams::default(),
+            near: 0.5,
             neighbourhood: OptimalParams::default(),
             partition: PartitionParams { intent: Intent::Strength(0.03), ..PartitionParams::default() },
         }
@@ -119,6 +124,9 @@ impl RegulariseParams {
         }
         if self.neighbours == 0 {
             return Err(Error::parameter("regularise.neighbours", 0, "1 or more"));
+        }
+        if self.near.is_nan() || self.near <= 0.0 {
+            return Err(Error::parameter("regularise.near", self.near, "metres, above 0; may be infinite"));
         }
         self.adjacency.validate()?;
         self.neighbourhood.validate()?;

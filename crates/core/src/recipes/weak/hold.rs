@@ -11,7 +11,7 @@ use crate::graph::Graph;
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::regularise::{
-    Again, DescribedPoints, Probabilities, RegulariseParams, Regularised, Segments, Support, partition, point_graph,
+    Again, DescribedPoints, Probabilities, RegulariseParams, Regularised, Segments, Support, adjacency, partition,
 };
 use crate::segmentation::{PartitionInput, Signal};
 
@@ -102,7 +102,7 @@ impl Constrained {
             return Ok(Self { support, divisible: None });
         }
         params.validate()?;
-        let mut graph = point_graph(points, params.neighbours, &params.adjacency, monitor)?;
+        let mut graph = adjacency(points, params, monitor)?;
         let segments = Segments::new(partition(described, &graph, &params.partition, monitor)?, &graph, monitor)?;
         keep_edges(&mut graph, &segments, known.labels);
         let KnownLabels { labels, step } = known;

@@ -108,6 +108,7 @@ impl Default for WeakRecipe {
             shares: ClassShares::default(),
             regularise: RegulariseParams {
                 method: Regularise::SegmentCrf,
+                near: f64::INFINITY,
                 partition: PartitionParams::default(),
                 ..RegulariseParams::default()
             },

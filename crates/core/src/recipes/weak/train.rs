@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::features::FeatureTable;
 use crate::parallel::Monitor;
 use crate::recipes::regularise::{
-    DescribedPoints, Probabilities, RegulariseParams, Segments, Support, partition, point_graph,
+    DescribedPoints, Probabilities, RegulariseParams, Segments, Support, adjacency, partition,
 };
 use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
 use crate::recipes::{Fitted, LabelledCloud, Model, System, TrainOptions};
@@ -189,8 +189,7 @@ fn fit_partition(drafts: &[Draft<'_>], recipe: &WeakRecipe, options: &TrainOptio
     let mut labels = vec![None; points.len()];
     examples.iter().for_each(|e| labels[e.point as usize] = Some(e.code));
     let described = DescribedPoints { points, descriptors: local, labels: Some(&labels) };
-    let RegulariseParams { neighbours, adjacency, .. } = &recipe.regularise;
-    let graph = point_graph(points, *neighbours, adjacency, monitor)?;
+    let graph = adjacency(points, &recipe.regularise, monitor)?;
     let mut found = None;
     while let Intent::Strength(strength) = recipe.regularise.partition.intent {
         let search = partition(described, &graph, &recipe.regularise.partition, monitor)?;
