@@ -44,6 +44,7 @@ fn the_main_job_runs_from_training_to_pictures() {
     let trained =
         done(f, &[&["train", "a.laz", "b.ply", "-o", "my.model", "--seed", "3", "-j", "2"], &sets[..]].concat());
     assert!(trained.contains("building") && trained.contains("out-of-bag"), "{trained}");
+    assert!(trained.contains("held-out patches") && trained.contains("\nchosen: "), "{trained}");
     done(f, &["classify", "a.laz", "c.txt", "-m", "my.model", "-o", "named", "--probabilities"]);
     let scores = done(f, &["evaluate", "c.txt", "named/c.txt", "--format", "json", "-o", "s.csv", "-o", "s.png"]);
     let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
@@ -56,7 +57,8 @@ fn the_main_job_runs_from_training_to_pictures() {
         assert!(std::fs::read(f.join(picture)).unwrap().starts_with(b"\x89PNG"), "{picture}");
     }
     assert!(f.join("map.pgw").exists());
-    assert!(done(f, &["model", "show", "my.model"]).contains("most important features"));
+    let shown = done(f, &["model", "show", "my.model"]);
+    assert!(shown.contains("most important features") && shown.contains("\nregularisation: "), "{shown}");
     assert!(done(f, &["model", "show", "my.model", "--recipe"]).contains("levels = 5"));
     let left: Vec<_> = std::fs::read_dir(f)
         .unwrap()

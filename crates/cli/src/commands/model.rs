@@ -4,7 +4,7 @@ use super::{Context, sources};
 use crate::args::{Format, Model};
 use crate::exit_code::Failure;
 use scansion_core::classification::Predictor;
-use scansion_core::recipes::Model as ModelFile;
+use scansion_core::recipes::{Model as ModelFile, Regularise, RegulariseParams};
 use std::fmt::Write;
 
 pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
@@ -32,11 +32,13 @@ fn ranked(model: &ModelFile) -> Vec<(&str, f64)> {
 fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
     let parts: Vec<String> = model.classifier.parts().iter().map(|p| format!("{} {}", p.count, p.kind)).collect();
     let mut text = format!(
-        "{}: {}, {} features, trained at {:.1} points per square metre\n\n{:>5}  {:<20} {:>12}\n",
+        "{}: {}, {} features, trained at {:.1} points per square metre\n\
+         regularisation: {}\n\n{:>5}  {:<20} {:>12}\n",
         model.classifier.kind().name(),
         parts.join(", "),
         model.feature_names.len(),
         model.fingerprint.density,
+        regularisation(model),
         "code",
         "class",
         "samples"
@@ -52,6 +54,15 @@ fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
     text
 }
 
+/// The method that `classify` uses, and the strength of a field.
+fn regularisation(model: &ModelFile) -> String {
+    let RegulariseParams { method, strength, .. } = model.fitted.regularise();
+    match method {
+        Regularise::PointCrf | Regularise::SegmentCrf => format!("{}, strength {strength}", method.name()),
+        _ => method.name().into(),
+    }
+}
+
 fn csv(ranked: &[(&str, f64)]) -> String {
     let lines = ranked.iter().map(|(name, importance)| format!("{name},{importance}\n"));
     std::iter::once("feature,importance\n".to_string()).chain(lines).collect()
@@ -64,6 +75,7 @@ fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> Result<String, Failure> {
         "classes": model.classes.classes(),
         "samples": model.fingerprint.class_counts,
         "density": model.fingerprint.density,
+        "regularisation": regularisation(model),
         "features": ranked.iter().map(|(name, importance)| serde_json::json!({"name": name, "importance": importance})).collect::<Vec<_>>(),
         "recipe": model.fitted.recipe().to_toml()?,
     });

@@ -131,6 +131,13 @@ impl Confusion {
         self.skipped
     }
 
+    /// The counts without those of a part of the points, whose classes are the same.
+    #[must_use]
+    pub(crate) fn without(&self, part: &Self) -> Self {
+        let counts = self.counts.iter().zip(&part.counts).map(|(all, part)| all.saturating_sub(*part)).collect();
+        Self { counts, ..self.clone() }
+    }
+
     /// The sum of two matrices over the union of their classes.
     pub fn merge(&self, other: &Self) -> Self {
         let codes: Vec<u8> = self.classes.classes().iter().chain(other.classes.classes()).map(|c| c.code).collect();

@@ -25,13 +25,14 @@ pub use labels::{LabelParams, LabelledCloud, Labels, read_labels};
 pub use model::{FirstStage, Model};
 pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};
 pub use pyramid::{DepthScore, PyramidKind, PyramidRecipe, PyramidReport};
-pub use regularise::{Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
+pub use regularise::{ChoiceParams, Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
 pub use segment::{GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment};
 pub use suggest::{SuggestParams, Suggestion, suggest, suggestion_page};
 pub use system::any::{AnyFitted, AnyRecipe};
 pub use system::report::{ClassCount, Report};
 pub use system::settings::set_key;
 pub use system::{Fitted, Nothing, System, TrainOptions};
+pub use training::choice::{CandidateScore, ChoiceReport};
 pub use training::samples::TrainingParams;
 pub use weak::{
     ClassShares, Descriptors, Example, LabelledPosition, RoadExample, RoadParams, RoadSource, StrengthScore, WeakKind,

@@ -76,6 +76,9 @@ class PointClassifier(Classifier):
         The recipe as TOML, with all values written out.
     report_ : dict
         Report of the training: points, samples and weight of each class, ``warnings``, and more; only after ``fit``.
+    regularisation_ : dict or None
+        How the regularisation of the labels was chosen: ``method``, ``strength``, and ``candidates`` with the scores of
+        each; None if the recipe names a method. Only after ``fit``.
 
     Examples
     --------
@@ -100,6 +103,7 @@ class PointClassifier(Classifier):
     feature_names_in_: NDArray[np.object_]
     recipe_: str
     report_: dict[str, Any]
+    regularisation_: dict[str, Any] | None
 
     def __init__(
         self,
@@ -189,6 +193,7 @@ class PointClassifier(Classifier):
         if names:
             self.classes_ = np.array(self.class_names_)
         self.report_ = json.loads(report)
+        self.regularisation_ = self.report_.get("regularisation")
         for note in self.report_["warnings"]:
             warnings.warn(note, stacklevel=2)
         return self

@@ -4,6 +4,7 @@ use super::FoldParams;
 use crate::cloud::{Cloud, Column, MetricCloud, Values};
 use crate::error::Result;
 use crate::random::stream;
+use crate::recipes::training::checkerboard::Checkerboard;
 
 /// The squares of one cloud.
 #[derive(Clone, Copy)]
@@ -16,19 +17,18 @@ pub(super) struct Squares<'a> {
 }
 
 impl Squares<'_> {
-    fn of(&self, xyz: [f64; 3]) -> [i64; 2] {
-        [xyz[0], xyz[1]].map(|v| (v * self.metres / self.params.square).floor() as i64)
+    pub(super) fn board(&self) -> Checkerboard {
+        Checkerboard { square: self.params.square, metres: self.metres }
     }
 
     /// The colour of the checkerboard, 0 or 1.
     pub(super) fn fold(&self, xyz: [f64; 3]) -> usize {
-        let [x, y] = self.of(xyz);
-        (x.wrapping_add(y) & 1) as usize
+        self.board().colour(xyz)
     }
 
     /// Whether the points of this square are described without optional columns.
     fn lacks(&self, xyz: [f64; 3]) -> bool {
-        let [x, y] = self.of(xyz).map(|v| v as u64);
+        let [x, y] = self.board().of(xyz).map(|v| v as u64);
         let square = x.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ y.wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
         stream(self.seed ^ 0x6d69_7373, square).uniform() < self.params.missing
     }

@@ -16,7 +16,7 @@ use super::classify::rules::ClassRules;
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::model::Model;
-use super::regularise::{Regularise, RegulariseParams};
+use super::regularise::{Regularise, RegulariseParams, automatic};
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use super::training::samples::TrainingParams;
 use crate::classification::{BoostingParams, ForestParams};
@@ -78,7 +78,8 @@ pub struct AirborneRecipe {
     pub boosting: BoostingParams,
     /// What the classes become in the end.
     pub classes: ClassRules,
-    /// Regularisation of the labels.
+    /// Regularisation of the labels; training chooses a method, which may be none.
+    #[serde(deserialize_with = "automatic")]
     pub regularise: RegulariseParams,
 }
 
@@ -110,7 +111,7 @@ impl Default for AirborneRecipe {
                 isolated: 5,
                 ..ClassRules::default()
             },
-            regularise: RegulariseParams::default(),
+            regularise: RegulariseParams::automatic(),
         }
     }
 }

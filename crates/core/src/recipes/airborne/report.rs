@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::recipes::system::report::{ClassCount, Report, json_of};
+use crate::recipes::training::choice::ChoiceReport;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -20,6 +21,8 @@ pub struct AirborneReport {
     pub first_features: usize,
     /// Number of features that occur in some tree of the second stage.
     pub used_features: usize,
+    /// The comparison of ways to regularise; `None` if the recipe names one.
+    pub regularisation: Option<ChoiceReport>,
     /// Warnings for the user: classes that were left out or are rare.
     pub warnings: Vec<String>,
 }
@@ -43,6 +46,9 @@ impl Report for AirborneReport {
             self.square
         );
         let _ = writeln!(text, "second stage: {} features used", self.used_features);
+        if let Some(choice) = &self.regularisation {
+            text.push_str(&choice.text());
+        }
         text
     }
 

@@ -5,7 +5,8 @@ use super::classify::heights;
 use super::folds::Squares;
 use super::report::AirborneReport;
 use crate::classification::{
-    Boosting, Classifier, Fingerprint, Forest, ForestParams, ForestPart, Learner, Predictor, Samples, argmax,
+    Boosting, BoostingParams, Classifier, Fingerprint, Forest, ForestParams, ForestPart, Learner, Predictor, Samples,
+    argmax,
 };
 use crate::cloud::{MetricCloud, Points};
 use crate::error::{Error, Result};
@@ -14,6 +15,8 @@ use crate::features::{self, Context, Rated};
 use crate::parallel::Monitor;
 use crate::recipes::classify::predict::CloudPredictor;
 use crate::recipes::model::{FirstStage, Stage};
+use crate::recipes::regularise::Regularise;
+use crate::recipes::training::choice::{ChoiceReport, CrossTraining, Labelled, Plan, Trial, choose};
 use crate::recipes::training::sources::{Source, Sources};
 use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
@@ -30,13 +33,15 @@ pub(super) fn train(
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
     let lessons = Lessons { recipe, data: &data, sources: &sources };
-    let first = lessons.first_stage(monitor)?;
+    let mut first = lessons.first_stage(monitor)?;
     let halves = first.halves(&lessons, monitor)?;
-    let (second, right) = lessons.second_stage(&first, &halves, monitor)?;
+    let (second, right) = lessons.second_stage(&mut first, &halves, monitor)?;
     let samples = second.samples(&sources);
-    let boosting = crate::classification::BoostingParams {
-        seed: recipe.boosting.seed.wrapping_add(recipe.seed),
-        ..recipe.boosting.clone()
+    let boosting = BoostingParams { seed: recipe.boosting.seed.wrapping_add(recipe.seed), ..recipe.boosting.clone() };
+    let regularisation = chosen_regularisation(&second, &lessons, &boosting, monitor)?;
+    let recipe = AirborneRecipe {
+        regularise: regularisation.as_ref().map_or(recipe.regularise.clone(), |r| r.applied_to(&recipe.regularise)),
+        ..recipe.clone()
     };
     let trained: Boosting = boosting.train(&samples, monitor)?;
     let density = density(&data, monitor)?;
@@ -49,6 +54,7 @@ pub(super) fn train(
         square: recipe.folds.square,
         first_features: first.names.len(),
         used_features: used.len(),
+        regularisation,
         warnings: sources.warnings.clone(),
     };
     let [a, b] = halves;
@@ -60,11 +66,33 @@ pub(super) fn train(
         }),
         fingerprint: fingerprint.select(&used),
         feature_names: used.iter().map(|&f| second.names[f].clone()).collect(),
-        fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }.into(),
+        fitted: Fitted { recipe, learned: Nothing {} }.into(),
         classes: sources.classes.clone(),
         classifier: Classifier::Boosting(trained),
     };
     Ok((model, report))
+}
+
+/// The comparison of regularisations on held-out patches; `None` if the recipe names one. Points are rated by the forest
+/// of the other colour, then by boosted trees of the other colour.
+fn chosen_regularisation(
+    second: &Described,
+    lessons: &Lessons<'_>,
+    boosting: &BoostingParams,
+    monitor: &Monitor,
+) -> Result<Option<ChoiceReport>> {
+    let params = &lessons.recipe.regularise;
+    if params.method != Regularise::Auto {
+        return Ok(None);
+    }
+    let training = CrossTraining {
+        samples: second.samples(lessons.sources),
+        colours: &second.folds,
+        classes: &lessons.sources.classes,
+        seed: lessons.recipe.seed,
+        learn: |samples: &Samples<'_>, monitor: &Monitor| boosting.train(samples, monitor).map(Classifier::Boosting),
+    };
+    choose(&second.trials, &training, params, monitor).map(Some)
 }
 
 /// What the training of both stages reads.
@@ -83,6 +111,8 @@ struct Described {
     /// Fold of each sample, 0 or 1.
     folds: Vec<usize>,
     weights: Vec<f32>,
+    /// Of each source, the patches on which regularisations are compared; without points if there is nothing to choose.
+    trials: Vec<Trial>,
 }
 
 /// A source as it is described: with heights above the ground, and without some of its columns.
@@ -156,8 +186,10 @@ impl Lessons<'_> {
         self.each(monitor, |source, prepared| {
             let Prepared { scene, squares, .. } = prepared;
             let points = source.points();
-            let (table, _) = features::table_at(scene, &self.recipe.features, &points, monitor)?;
-            described.values.extend_from_slice(&table.values);
+            let plan = self.plan(source, prepared, monitor)?;
+            let (table, _) = features::table_at(scene, &self.recipe.features, &plan.points, monitor)?;
+            described.values.extend_from_slice(&table.values[..points.len() * table.width()]);
+            described.trials.push(plan.into_trial(&table));
             described.labels.extend(source.labels(&self.sources.classes));
             described.folds.extend(points.iter().map(|&p| squares.fold(scene.cloud.xyz(p as usize))));
             described.names = table.names;
@@ -166,8 +198,20 @@ impl Lessons<'_> {
         Ok(described)
     }
 
+    /// The points of a source whose features are needed: its samples and, if a regularisation is to be chosen, patches.
+    fn plan(&self, source: &Source, prepared: &Prepared<'_>, monitor: &Monitor) -> Result<Plan> {
+        let AirborneRecipe { regularise, training, .. } = self.recipe;
+        if regularise.method != Regularise::Auto {
+            return Ok(Plan::samples(&source.points()));
+        }
+        let codes = source.codes(self.data, &self.sources.classes, training);
+        let Prepared { scene, squares, .. } = prepared;
+        let labelled = Labelled { scene, codes: &codes, board: squares.board(), seed: squares.seed };
+        Plan::new(&labelled, &source.points(), &regularise.choice, monitor)
+    }
+
     /// The samples with the features of the second stage, and how many of them the first stage names right.
-    fn second_stage(&self, first: &Described, halves: &[Forest; 2], monitor: &Monitor) -> Result<(Described, u64)> {
+    fn second_stage(&self, first: &mut Described, halves: &[Forest; 2], monitor: &Monitor) -> Result<(Described, u64)> {
         let codes: Vec<u8> = self.sources.classes.classes().iter().map(|class| class.code).collect();
         let kept = self.kept(&first.names);
         let own = kept.iter().map(|&column| first.names[column].clone());
@@ -175,8 +219,10 @@ impl Lessons<'_> {
             names: own.chain(self.recipe.context.names(&codes)).collect(),
             labels: first.labels.clone(),
             weights: first.weights.clone(),
+            folds: first.folds.clone(),
             ..Described::default()
         };
+        let mut trials = std::mem::take(&mut first.trials).into_iter();
         let halves = halves.clone().map(Classifier::Forest);
         let (mut sample, mut right) = (0, 0);
         self.each(monitor, |source, prepared| {
@@ -194,6 +240,17 @@ impl Lessons<'_> {
                 right += u64::from(argmax(own) == usize::from(first.labels[sample]));
                 sample += 1;
             }
+            let mut trial = trials.next().unwrap_or_default();
+            let mut rows = Vec::with_capacity(trial.points.len() * described.names.len());
+            for (own, &point) in trial.rows.chunks_exact(first.names.len()).zip(&trial.points) {
+                let row = row_of[point as usize] as usize;
+                let rated = &rated.probabilities[row * codes.len()..][..codes.len()];
+                context.describe(prepared.points.positions.xyz(row), rated, &mut around);
+                rows.extend(kept.iter().map(|&column| own[column]));
+                rows.extend_from_slice(&around);
+            }
+            trial.rows = rows;
+            described.trials.push(trial);
             Ok(())
         })?;
         Ok((described, right))

@@ -95,7 +95,12 @@ impl ClassifyParams {
     /// The model's regularisation with the method that the caller asks for.
     pub(in crate::recipes) fn regularise_of(&self, model: &Model) -> RegulariseParams {
         let own = model.fitted.regularise();
-        RegulariseParams { method: self.regularise.unwrap_or(own.method), ..own.clone() }
+        let method = match self.regularise.unwrap_or(own.method) {
+            // A choice that no training has made.
+            Regularise::Auto => Regularise::None,
+            method => method,
+        };
+        RegulariseParams { method, ..own.clone() }
     }
 
     /// The cloud in metres: the unit is the caller's, else that of the recipe, else the cloud's own.

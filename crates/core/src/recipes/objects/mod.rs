@@ -123,6 +123,7 @@ impl System for ObjectsRecipe {
         self.elevation.validate()?;
         self.training.validate()?;
         self.validate_classifiers()?;
+        self.regularise.not_automatic(Self::NAME)?;
         self.regularise.validate()
     }
 

@@ -6,7 +6,10 @@ use crate::classification::Samples;
 use crate::error::Result;
 use crate::features::{self, FeatureSet};
 use crate::parallel::Monitor;
+use crate::recipes::regularise::Regularise;
 use crate::recipes::training::TrainingData;
+use crate::recipes::training::checkerboard::Checkerboard;
+use crate::recipes::training::choice::{Labelled, Plan, Trial};
 use crate::recipes::training::sources::Sources;
 
 /// Edge of the squares that cross-validation holds out together, metres.
@@ -20,6 +23,10 @@ pub(super) struct Described {
     /// Weight of each sample; empty if all are equal.
     pub(super) weights: Vec<f32>,
     pub(super) blocks: Vec<u32>,
+    /// Colour of the square of each sample on the checkerboard of the choice of a regularisation.
+    pub(super) colours: Vec<usize>,
+    /// The patches of that choice; empty if there is nothing to choose.
+    pub(super) trials: Vec<Trial>,
     pub(super) names: Vec<String>,
     pub(super) classes: ClassTable,
     /// The features; the first scale is set.
@@ -48,15 +55,27 @@ impl Described {
             weights: sources.sample_weights(),
             ..Self::default()
         };
-        for source in &sources.list {
+        for (number, source) in (0..).zip(&sources.list) {
+            let board = Checkerboard::of_cloud(&data.scenes[source.cloud].metric, recipe.regularise.choice.square);
             described.labels.extend(source.labels(&sources.classes));
             source.with_scene(data, monitor, |scene| {
                 let points = source.points();
-                let (table, first_scale) = features::table_at(scene, &described.features, &points, monitor)?;
+                let plan = match recipe.regularise.method {
+                    Regularise::Auto => {
+                        let codes = source.codes(data, &sources.classes, &recipe.training);
+                        let seed = recipe.seed.wrapping_add(number);
+                        let labelled = Labelled { scene, codes: &codes, board, seed };
+                        Plan::new(&labelled, &points, &recipe.regularise.choice, monitor)?
+                    }
+                    _ => Plan::samples(&points),
+                };
+                let (table, first_scale) = features::table_at(scene, &described.features, &plan.points, monitor)?;
                 described.features.pyramid.first_scale = Some(first_scale);
-                described.values.extend_from_slice(&table.values);
-                let block = |&p: &u32| block_of(source.cloud, scene.cloud.xyz(p as usize), scene.metres);
-                described.blocks.extend(points.iter().map(block));
+                described.values.extend_from_slice(&table.values[..points.len() * table.width()]);
+                described.trials.push(plan.into_trial(&table));
+                let xyz = |&p: &u32| scene.cloud.xyz(p as usize);
+                described.blocks.extend(points.iter().map(|p| block_of(source.cloud, xyz(p), scene.metres)));
+                described.colours.extend(points.iter().map(|p| board.colour(xyz(p))));
                 described.names = table.names;
                 Ok(())
             })?;

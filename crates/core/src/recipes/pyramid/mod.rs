@@ -14,7 +14,7 @@ pub use report::{DepthScore, PyramidReport};
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::model::Model;
-use super::regularise::{Regularise, RegulariseParams};
+use super::regularise::{Regularise, RegulariseParams, automatic};
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
@@ -35,7 +35,7 @@ pub enum PyramidKind {
 
 /// The parameters of the pyramid recipe (Hackel 2018, chapter 4.4); the defaults are the thesis's, except for rare
 /// classes.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PyramidRecipe {
     /// Always `pyramid`.
@@ -54,8 +54,25 @@ pub struct PyramidRecipe {
     pub boosting: BoostingParams,
     /// Bagging.
     pub bagging: BaggingParams,
-    /// Regularisation of the labels; Hackel 2018 has none.
+    /// Regularisation of the labels. Hackel 2018 has none; training chooses a method, which may be none.
+    #[serde(deserialize_with = "automatic")]
     pub regularise: RegulariseParams,
+}
+
+impl Default for PyramidRecipe {
+    fn default() -> Self {
+        Self {
+            recipe: PyramidKind::default(),
+            seed: 0,
+            classifier: ClassifierKind::default(),
+            features: FeatureSet::default(),
+            training: TrainingParams::default(),
+            forest: ForestParams::default(),
+            boosting: BoostingParams::default(),
+            bagging: BaggingParams::default(),
+            regularise: RegulariseParams::automatic(),
+        }
+    }
 }
 
 offers_classifiers!(PyramidRecipe);

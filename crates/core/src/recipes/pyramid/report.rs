@@ -3,6 +3,7 @@
 use super::described::BLOCK;
 use crate::error::Result;
 use crate::recipes::system::report::{ClassCount, Report, json_of};
+use crate::recipes::training::choice::ChoiceReport;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -36,6 +37,8 @@ pub struct PyramidReport {
     pub folds: usize,
     /// Scores of the cross-validation, one for each depth tried.
     pub depths: Vec<DepthScore>,
+    /// The comparison of ways to regularise; `None` if the recipe names one.
+    pub regularisation: Option<ChoiceReport>,
     /// Warnings for the user: classes that were left out or are rare.
     pub warnings: Vec<String>,
 }
@@ -72,6 +75,9 @@ impl Report for PyramidReport {
                 "out-of-bag accuracy {:.2} % (neighbouring samples leak: expect less on a new scene)",
                 100.0 * score
             );
+        }
+        if let Some(choice) = &self.regularisation {
+            text.push_str(&choice.text());
         }
         text
     }

@@ -1,13 +1,15 @@
-//! Model selection: the depth of the trees, by cross-validation on spatial blocks.
+//! Model selection by cross-validation on spatial blocks: the depth of the trees, and the method of regularisation.
 
 use super::PyramidRecipe;
 use super::described::Described;
 use super::report::DepthScore;
-use crate::classification::ClassifierParams;
 use crate::classification::cross_validation::{GridScore, grid_search, grouped_folds};
+use crate::classification::{ClassifierParams, Samples};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::TrainOptions;
+use crate::recipes::regularise::{Regularise, RegulariseParams};
+use crate::recipes::training::choice::{ChoiceReport, CrossTraining, choose};
 
 /// The recipe with the best of `options.depths` (of equal ones the first), and the scores of all; unchanged if no
 /// cross-validation is asked for.
@@ -56,4 +58,25 @@ fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
         *limit = Some(depth);
     }
     params
+}
+
+/// The regularisation that the recipe names, or the one that is best on held-out patches, with the scores of all.
+pub(super) fn chosen_regularisation(
+    described: &Described,
+    recipe: &PyramidRecipe,
+    monitor: &Monitor,
+) -> Result<(RegulariseParams, Option<ChoiceReport>)> {
+    if recipe.regularise.method != Regularise::Auto {
+        return Ok((recipe.regularise.clone(), None));
+    }
+    let params = recipe.classifier().with_seed(recipe.seed);
+    let training = CrossTraining {
+        samples: described.samples(),
+        colours: &described.colours,
+        classes: &described.classes,
+        seed: recipe.seed,
+        learn: |samples: &Samples<'_>, monitor: &Monitor| params.train(samples, monitor),
+    };
+    let report = choose(&described.trials, &training, &recipe.regularise, monitor)?;
+    Ok((report.applied_to(&recipe.regularise), Some(report)))
 }

@@ -3,7 +3,7 @@
 use super::PyramidRecipe;
 use super::described::Described;
 use super::report::PyramidReport;
-use super::select::chosen_depth;
+use super::select::{chosen_depth, chosen_regularisation};
 use crate::classification::{Fingerprint, Predictor};
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -12,7 +12,7 @@ use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
 
 /// Trains a model. The finest voxel, if the recipe leaves it open, is that of the first cloud's point spacing; the depth
-/// is the best of `options.depths`.
+/// is the best of `options.depths`, and the regularisation is chosen if the recipe says `auto`.
 pub(super) fn train(
     recipe: &PyramidRecipe,
     clouds: &[LabelledCloud],
@@ -23,9 +23,12 @@ pub(super) fn train(
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
-    let described = Described::new(&data, &sources, recipe, monitor)?;
+    let mut described = Described::new(&data, &sources, recipe, monitor)?;
     let recipe = PyramidRecipe { features: described.features.clone(), ..recipe.clone() };
     let (recipe, depths) = chosen_depth(&described, recipe, options, monitor)?;
+    let (regularise, regularisation) = chosen_regularisation(&described, &recipe, monitor)?;
+    let recipe = PyramidRecipe { regularise, ..recipe };
+    described.trials = Vec::new();
     let params = recipe.classifier().with_seed(recipe.seed);
     let (classifier, out_of_bag_accuracy) = params.train_with_score(&described.samples(), monitor)?;
     let (classifier, used) = classifier.retain_used();
@@ -38,6 +41,7 @@ pub(super) fn train(
         features: described.names.len(),
         folds: if options.cross_validates() { options.folds() } else { 0 },
         depths,
+        regularisation,
         warnings: sources.warnings,
     };
     let model = Model {

@@ -5,12 +5,15 @@
 //! clouds*, ISPRS Archives XLII-1/W1, 2017, doi:10.5194/isprs-archives-XLII-1-W1-151-2017, sections 3 and 4.
 //! `docs/weak.md` has the equations.
 
+mod choice;
 mod field;
 mod on_segments;
 mod params;
 mod support;
 
+pub use choice::ChoiceParams;
 pub(super) use on_segments::{Again, Segments};
+pub(super) use params::automatic;
 pub use params::{Posterior, Regularise, RegulariseParams};
 pub(super) use support::{DescribedPoints, Support, adjacency, partition, point_graph};
 

@@ -1,10 +1,11 @@
 //! Parameters of regularisation.
 
+use super::choice::ChoiceParams;
 use crate::error::{Error, Result};
 use crate::graph::KnnGraphParams;
 use crate::neighbours::OptimalParams;
 use crate::segmentation::{Intent, PartitionParams};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// The method of regularisation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,10 +22,12 @@ pub enum Regularise {
     Consensus,
     /// A conditional random field on the segments: the paper's method.
     SegmentCrf,
+    /// Training chooses one of the others (recipes `pyramid` and `airborne`); nowhere else than in a recipe.
+    Auto,
 }
 
 impl Regularise {
-    /// All methods.
+    /// All methods; `auto` is none.
     pub const ALL: [Self; 5] = [Self::None, Self::Local, Self::PointCrf, Self::Consensus, Self::SegmentCrf];
 
     /// The name as in TOML and on the command line.
@@ -35,6 +38,7 @@ impl Regularise {
             Self::PointCrf => "point-crf",
             Self::Consensus => "consensus",
             Self::SegmentCrf => "segment-crf",
+            Self::Auto => "auto",
         }
     }
 
@@ -51,6 +55,7 @@ impl Regularise {
             Self::PointCrf => "Conditional random field on the points",
             Self::Consensus => "The most probable class of each segment, by its mean probabilities",
             Self::SegmentCrf => "Conditional random field on the segments (Guinard and Landrieu 2017)",
+            Self::Auto => "Chosen in training",
         }
     }
 }
@@ -92,6 +97,8 @@ pub struct RegulariseParams {
     pub neighbourhood: OptimalParams,
     /// The segments. The strength is 0.03, which suits streets and airborne scans; the weak recipe starts with 0.1.
     pub partition: PartitionParams,
+    /// How training chooses if the method is `auto`.
+    pub choice: ChoiceParams,
 }
 
 impl Default for RegulariseParams {
@@ -106,11 +113,29 @@ impl Default for RegulariseParams {
             near: 0.5,
             neighbourhood: OptimalParams::default(),
             partition: PartitionParams { intent: Intent::Strength(0.03), ..PartitionParams::default() },
+            choice: ChoiceParams::default(),
         }
     }
 }
 
 impl RegulariseParams {
+    /// The defaults of recipes whose training chooses the method.
+    pub(in crate::recipes) fn automatic() -> Self {
+        Self { method: Regularise::Auto, ..Self::default() }
+    }
+
+    /// Fails if the method is to be chosen in the training of a recipe that cannot do that.
+    pub(in crate::recipes) fn not_automatic(&self, recipe: &str) -> Result<()> {
+        match self.method {
+            Regularise::Auto => {
+                let methods = Regularise::ALL.map(Regularise::name).join(", ");
+                let allowed = format!("{methods}: training of the recipe {recipe} does not choose");
+                Err(Error::parameter("regularise.method", "auto", allowed))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Checks the ranges of all fields.
     ///
     /// # Errors
@@ -130,6 +155,16 @@ impl RegulariseParams {
         }
         self.adjacency.validate()?;
         self.neighbourhood.validate()?;
+        self.choice.validate()?;
         self.partition.validate()
     }
+}
+
+/// Reads the section of a recipe whose training chooses the method if the section does not name one.
+pub(in crate::recipes) fn automatic<'de, D: Deserializer<'de>>(
+    from: D,
+) -> std::result::Result<RegulariseParams, D::Error> {
+    let mut section = toml::Table::deserialize(from)?;
+    section.entry("method").or_insert_with(|| Regularise::Auto.name().into());
+    section.try_into().map_err(serde::de::Error::custom)
 }

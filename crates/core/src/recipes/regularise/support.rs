@@ -70,7 +70,7 @@ impl Support {
         monitor: &Monitor,
     ) -> Result<Self> {
         params.validate()?;
-        if params.method == Regularise::None {
+        if matches!(params.method, Regularise::None | Regularise::Auto) {
             return Ok(Self::Alone(points.len()));
         }
         let graph = adjacency(points, params, monitor)?;

@@ -1,6 +1,8 @@
 //! What training of every method begins and ends with: the labelled clouds in metres, their classes, and counts for the
 //! report.
 
+pub(in crate::recipes) mod checkerboard;
+pub(in crate::recipes) mod choice;
 pub(in crate::recipes) mod classifiers;
 pub(in crate::recipes) mod samples;
 pub(in crate::recipes) mod sources;

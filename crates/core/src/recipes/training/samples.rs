@@ -93,7 +93,8 @@ impl TrainingParams {
         }
     }
 
-    fn excludes(&self, x: f64, y: f64) -> bool {
+    /// Whether a place, in the file's coordinates, is excluded from training.
+    pub(in crate::recipes) fn excludes(&self, x: f64, y: f64) -> bool {
         self.exclude.iter().any(|b| x >= b[0] && y >= b[1] && x <= b[2] && y <= b[3])
     }
 }

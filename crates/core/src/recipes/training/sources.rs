@@ -94,6 +94,24 @@ impl Source {
         self.candidates.iter().filter_map(|c| classes.position(c.code)).map(|position| position as u16)
     }
 
+    /// The code of each point of the cloud or copy, if it is learned and the point is not excluded.
+    pub(in crate::recipes) fn codes(
+        &self,
+        data: &TrainingData<'_>,
+        classes: &ClassTable,
+        params: &TrainingParams,
+    ) -> Vec<Option<u8>> {
+        let LabelledScene { metric, labels } = &data.scenes[self.cloud];
+        let known = |point: usize| {
+            let xyz = metric.cloud.xyz(point);
+            labels.codes[point].filter(|&code| classes.position(code).is_some() && !params.excludes(xyz[0], xyz[1]))
+        };
+        match &self.copy {
+            None => (0..metric.cloud.len()).map(known).collect(),
+            Some(kept) => kept.iter().map(|&point| known(point as usize)).collect(),
+        }
+    }
+
     /// The point of each sample.
     pub(in crate::recipes) fn points(&self) -> Vec<u32> {
         self.candidates.iter().map(|c| c.point).collect()

@@ -129,6 +129,7 @@ impl System for WeakRecipe {
         self.labels.validate()?;
         self.forest.validate()?;
         self.shares.validate()?;
+        self.regularise.not_automatic(Self::NAME)?;
         self.regularise.validate()
     }
 
