@@ -43,10 +43,10 @@ fn trained(cloud: LabelledCloud) -> (Model, ChoiceReport) {
     (model, report.regularisation.unwrap())
 }
 
-/// Fields of 12 m whose intensities overlap.
+/// Fields of 7 m whose intensities overlap.
 fn fields(side: usize) -> LabelledCloud {
     plain(side, |[x, y], random| {
-        let wood = ((x / 12.0) as usize + (y / 12.0) as usize) % 2 == 1;
+        let wood = ((x / 7.0) as usize + (y / 7.0) as usize) % 2 == 1;
         (if wood { 5 } else { 2 }, (100.0 * random.uniform() + if wood { 40.0 } else { 0.0 }) as u16)
     })
 }
