@@ -272,3 +272,13 @@ def test_a_list_of_clouds_with_three_columns_is_a_list_of_clouds():
     given = [np.asarray(cloud["Classification"]) for cloud in clouds]
     model = PointClassifier(RECIPE).fit(clouds, given)
     assert sum(entry["points"] for entry in model.report_["classes"]) == sum(len(cloud) for cloud in clouds)
+
+
+def test_training_chooses_a_regularisation_and_reports_the_comparison(fitted):
+    choice = fitted.regularisation_
+    tried = {(found["method"], found["strength"]) for found in choice["candidates"]}
+    assert ("none", None) in tried and ("segment-crf", 1.0) in tried
+    assert (choice["method"], choice["strength"]) in tried
+    assert f'method = "{choice["method"]}"' in fitted.recipe_
+    xyz, labels = street(0)
+    assert PointClassifier({**RECIPE, "regularise.method": "none"}).fit(xyz, labels).regularisation_ is None
