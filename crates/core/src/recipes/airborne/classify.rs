@@ -49,7 +49,7 @@ pub(super) fn classify(recipe: &AirborneRecipe, job: &Job<'_>, monitor: &Monitor
         return Ok(result.compared(fit.or(own.shares())));
     }
     let points = job.scene.points(monitor)?;
-    let values = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?;
+    let values = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?.probabilities;
     let given = Probabilities { values: &values, classes: codes.len() };
     let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
     Ok(job.decided(&points, &found, monitor)?.compared(fit))

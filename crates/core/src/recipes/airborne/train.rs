@@ -275,7 +275,8 @@ impl Lessons<'_> {
         let classes = self.sources.classes.len();
         let by = |classifier| {
             let stage = Stage { names, classifier, training: None };
-            CloudPredictor::new(scene, &self.recipe.features, stage, monitor)?.of_points(&row_of, points.len(), monitor)
+            let predictor = CloudPredictor::new(scene, &self.recipe.features, stage, monitor)?;
+            Ok::<_, Error>(predictor.of_points(&row_of, points.len(), monitor)?.probabilities)
         };
         let [a, mut b] = [by(&halves[0])?, by(&halves[1])?];
         for (row, &point) in points.frame.index.iter().enumerate() {

@@ -135,9 +135,9 @@ impl Fit {
     }
 }
 
-/// What a classifier says about all points of a cloud.
-pub(in crate::recipes) struct RatedCloud {
-    /// Class probabilities of each point of the cloud, row-major; 0 for points without features.
+/// What a classifier says about points.
+pub(in crate::recipes) struct Rating {
+    /// Class probabilities, row-major.
     pub(in crate::recipes) probabilities: Vec<f32>,
     /// How the features compare with those of the training.
     pub(in crate::recipes) fit: Fit,
@@ -237,11 +237,11 @@ impl<'a> CloudPredictor<'a> {
         })
     }
 
-    /// Class probabilities of all `points` points of the cloud.
+    /// Class probabilities of all `points` points of the cloud; 0 for those that have no features.
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(in crate::recipes) fn of_cloud(&self, points: usize, monitor: &Monitor) -> Result<RatedCloud> {
+    pub(in crate::recipes) fn of_cloud(&self, points: usize, monitor: &Monitor) -> Result<Rating> {
         let classes = self.classifier.classes();
         let mut values = vec![0.0; points * classes];
         let place = |points: &[u32], rows: &[f32]| {
@@ -250,14 +250,14 @@ impl<'a> CloudPredictor<'a> {
             }
         };
         let fit = self.run(place, monitor)?;
-        Ok(RatedCloud { probabilities: values, fit })
+        Ok(Rating { probabilities: values, fit })
     }
 
     /// Class probabilities of `rows` points, row-major; `row_of` is the row of each point of the cloud.
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(in crate::recipes) fn of_points(&self, row_of: &[u32], rows: usize, monitor: &Monitor) -> Result<Vec<f32>> {
+    pub(in crate::recipes) fn of_points(&self, row_of: &[u32], rows: usize, monitor: &Monitor) -> Result<Rating> {
         let classes = self.classifier.classes();
         let mut values = vec![0.0; rows * classes];
         let place = |points: &[u32], rows: &[f32]| {
@@ -265,8 +265,8 @@ impl<'a> CloudPredictor<'a> {
                 values[row_of[point as usize] as usize * classes..][..classes].copy_from_slice(row);
             }
         };
-        self.run(place, monitor)?;
-        Ok(values)
+        let fit = self.run(place, monitor)?;
+        Ok(Rating { probabilities: values, fit })
     }
 
     /// Gives `sink` the points of each group, as indices in the cloud, and their class probabilities, row-major. A point

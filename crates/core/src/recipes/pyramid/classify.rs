@@ -16,11 +16,11 @@ pub(super) fn classify(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor)
     let points = job.scene.points(monitor)?;
     let row_of = points.frame.rows(job.scene.cloud.len());
     let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model.stage(), monitor)?;
-    let values = predictor.of_points(&row_of, points.len(), monitor)?;
+    let rating = predictor.of_points(&row_of, points.len(), monitor)?;
     drop((predictor, row_of));
-    let given = Probabilities { values: &values, classes: job.model.classes.len() };
+    let given = Probabilities { values: &rating.probabilities, classes: job.model.classes.len() };
     let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
-    job.decided(&points, &found, monitor)
+    Ok(job.decided(&points, &found, monitor)?.compared(rating.fit.shares()))
 }
 
 /// Features and probabilities are discarded block by block.

@@ -125,6 +125,7 @@ impl Described<'_> {
         };
         let row_of = points.frame.rows(metric.cloud.len());
         let first = FirstColumns { table: &self.paper, row_of: &row_of };
-        CloudPredictor::after(first, metric, set, classifier, monitor)?.of_points(&row_of, points.len(), monitor)
+        let predictor = CloudPredictor::after(first, metric, set, classifier, monitor)?;
+        Ok(predictor.of_points(&row_of, points.len(), monitor)?.probabilities)
     }
 }
