@@ -115,7 +115,7 @@ fn a_village_like_the_first_is_named_right_and_its_trees_by_their_height() {
     let Village { cloud, codes } = village(2);
     let found = run(&cloud, model(), &plain());
     assert!(share(&found.codes, |i| codes[i]) > 0.97, "{}", share(&found.codes, |i| codes[i]));
-    assert!(found.outside.is_some_and(|share| share < 0.2), "{:?}", found.outside);
+    assert!(found.fit.is_some_and(|fit| fit.outside < 0.2 && fit.beyond < 0.01), "{:?}", found.fit);
     let divided = run(&cloud, model(), &ClassifyParams::default());
     let same = divided.codes.iter().zip(&found.codes).filter(|(a, b)| a == b || **b == 5 && matches!(a, 3 | 4));
     assert!(same.count() as f64 / codes.len() as f64 > 0.999);
@@ -158,6 +158,23 @@ fn clouds_without_ground_of_three_points_or_of_one_place_get_an_answer() {
         assert_eq!(found.codes.len(), rows.len());
         assert!(found.codes.iter().all(|code| [1, 2, 3, 4, 5, 6, 7, 18].contains(code)));
         assert!(found.confidence.iter().all(|c| (0.0..=1.0).contains(c)));
+    }
+}
+
+#[test]
+fn a_cloud_beyond_the_training_is_warned_of_and_refused_by_the_built_in_model() {
+    let mut s = stream(6, 1);
+    let rows: Vec<[f64; 3]> = (0..20_000).map(|_| [(); 3].map(|()| s.uniform() * 80.0)).collect();
+    let noise = Cloud::from_rows(&rows).unwrap();
+    for model in [model(), &recipes::default_model().unwrap()] {
+        let found = run(&noise, model, &plain());
+        assert!(found.fit.is_some_and(|fit| fit.beyond > 0.05), "{:?}", found.fit);
+        assert!(
+            found.warnings.iter().any(|text| text.contains("beyond all of those in training")),
+            "{:?}",
+            found.warnings
+        );
+        assert!(recipes::builtin_misfit(&found).is_some_and(|why| why.contains("beyond")));
     }
 }
 

@@ -14,7 +14,7 @@ use crate::recipes::regularise::{Regularise, RegulariseParams};
 #[cfg(test)]
 use crate::recipes::system::height::HeightRecipe;
 use crate::recipes::system::report::Report;
-use crate::recipes::system::settings::{explained, set_key};
+use crate::recipes::system::settings::{explained, set_key, with_defaults};
 use crate::recipes::system::{Fitted, System, TrainOptions};
 use crate::recipes::weak::WeakRecipe;
 use serde::Serialize;
@@ -57,11 +57,26 @@ macro_rules! systems {
                 Err(unknown(name))
             }
 
-            /// Reads TOML; the message about a wrong key gives its line and the nearest valid key.
+            /// Reads TOML that somebody has written: values not given are the defaults of the recipe, in each section too. The
+            /// message about a wrong key gives its line and the nearest valid key.
             ///
             /// # Errors
             /// If the text is not TOML, or a recipe, key or value is unknown.
             pub fn from_toml(text: &str) -> Result<Self> {
+                let name = recipe_of(text)?;
+                $($(#[cfg($cfg)])? {
+                    if name == <$recipe>::NAME {
+                        return Ok(Self::$name(Box::new(with_defaults(text)?)));
+                    }
+                })*
+                Err(unknown(&name))
+            }
+
+            /// Reads TOML in which all values are written out, as by [`AnyRecipe::to_toml`]: an absent optional value is none.
+            ///
+            /// # Errors
+            /// As [`AnyRecipe::from_toml`].
+            fn complete(text: &str) -> Result<Self> {
                 let name = recipe_of(text)?;
                 $($(#[cfg($cfg)])? {
                     if name == <$recipe>::NAME {
@@ -150,7 +165,7 @@ macro_rules! systems {
 
             /// Combines a recipe and what was learned, as read from a model file.
             pub(in crate::recipes) fn from_toml(recipe: &str, learned: &str) -> Result<Self> {
-                match AnyRecipe::from_toml(recipe)? {
+                match AnyRecipe::complete(recipe)? {
                     $($(#[cfg($cfg)])? AnyRecipe::$name(recipe) => {
                         recipe.validate()?;
                         let learned = explained(learned)?;
@@ -242,7 +257,7 @@ impl AnyRecipe {
         for setting in settings {
             set_key(&mut table, setting)?;
         }
-        Self::from_toml(&table.to_string())
+        Self::complete(&table.to_string())
     }
 }
 

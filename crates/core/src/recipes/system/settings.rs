@@ -1,6 +1,8 @@
 //! Recipes as TOML: reading with explanations, and single settings `a.b.c=value`.
 
 use crate::error::{Error, Result};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// Largest number of parts of a key; those of recipes have up to four.
 const DEEPEST: usize = 16;
@@ -41,8 +43,35 @@ fn parse_value(text: &str) -> toml::Value {
 }
 
 /// Reads TOML; error messages give the place and suggest the intended key.
-pub(in crate::recipes) fn explained<T: serde::de::DeserializeOwned>(text: &str) -> Result<T> {
+pub(in crate::recipes) fn explained<T: DeserializeOwned>(text: &str) -> Result<T> {
     toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
+}
+
+/// Reads TOML like [`explained`]; values not given are those of `T::default()`, in the tables in it too.
+pub(in crate::recipes) fn with_defaults<T: DeserializeOwned + Serialize + Default>(text: &str) -> Result<T> {
+    let written: T = explained(text)?;
+    let given: toml::Table = text.parse().map_err(|e| Error::input(format!("recipe: {e}")))?;
+    let mut all = toml::Table::try_from(T::default()).map_err(|e| Error::input(format!("recipe: {e}")))?;
+    put(&mut all, given);
+    Ok(all.try_into().unwrap_or(written))
+}
+
+/// Puts the given values into a table. A choice with a value (a table of one key) takes the place of another choice.
+fn put(table: &mut toml::Table, given: toml::Table) {
+    for (key, value) in given {
+        match (table.get_mut(&key), value) {
+            (Some(toml::Value::Table(here)), toml::Value::Table(value)) if !other_choice(here, &value) => {
+                put(here, value)
+            }
+            (_, value) => {
+                table.insert(key, value);
+            }
+        }
+    }
+}
+
+fn other_choice(here: &toml::Table, value: &toml::Table) -> bool {
+    here.len() == 1 && value.len() == 1 && here.keys().ne(value.keys())
 }
 
 /// Adds "did you mean" to serde's message about an unknown field.
@@ -76,6 +105,30 @@ mod tests {
             message.contains("treees") && message.contains("line 3") && message.contains("did you mean `trees`"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn values_that_are_not_written_are_those_of_the_recipe() {
+        for name in AnyRecipe::NAMES {
+            let default = AnyRecipe::named(name).unwrap();
+            let written = format!("recipe = \"{name}\"\n[forest]\n");
+            assert_eq!(AnyRecipe::from_toml(&written).unwrap(), default, "{name}");
+            assert_eq!(AnyRecipe::from_toml(&default.to_toml().unwrap()).unwrap(), default, "{name}");
+        }
+        let read = |text: &str| AnyRecipe::from_toml(text).unwrap();
+        let set = |name: &str, setting: &str| AnyRecipe::named(name).unwrap().with_settings([setting]).unwrap();
+        let pairs = [
+            ("recipe = \"weak\"\n[regularise]\nstrength = 2.0\n", set("weak", "regularise.strength=2.0")),
+            ("recipe = \"airborne\"\n[features]\nreturns = false\n", set("airborne", "features.returns=false")),
+            ("[forest]\nmax_features = { count = 5 }\n", set("pyramid", "forest.max_features.count=5")),
+        ];
+        for (text, expected) in pairs {
+            assert_eq!(read(text), expected, "{text}");
+        }
+        // Another choice than that of the default takes its place.
+        let text = "recipe = \"weak\"\n[regularise.partition.intent]\nsmallest-object = 0.5\n";
+        let partition = |recipe: &AnyRecipe| recipe.to_toml().unwrap().contains("smallest-object = 0.5");
+        assert!(partition(&read(text)), "{}", read(text).to_toml().unwrap());
     }
 
     #[test]
