@@ -1,6 +1,6 @@
 //! The built-in model: ground, vegetation and building in airborne scans.
 
-use super::classify::{Classified, UNLIKE};
+use super::classify::Classified;
 use super::model::Model;
 use crate::error::Result;
 use std::path::Path;
@@ -21,13 +21,7 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
     let dense = (result.density > DENSEST).then(|| {
         format!("there are {:.0} points per square metre (airborne and UAV scans: up to {DENSEST})", result.density)
     });
-    let unlike = result.fit.filter(|fit| fit.beyond > UNLIKE).map(|fit| {
-        format!(
-            "{:.0} % of its feature values lie beyond all of those in training (airborne scans: up to 1)",
-            100.0 * fit.beyond
-        )
-    });
-    let reasons: Vec<String> = [confidence, dense, unlike].into_iter().flatten().collect();
+    let reasons: Vec<String> = [confidence, dense].into_iter().flatten().collect();
     (!reasons.is_empty()).then(|| {
         format!(
             "the built-in model is for airborne and UAV scans and does not know this cloud: {}",

@@ -21,7 +21,7 @@ const OTHER: f64 = 8.0;
 
 /// Share of the feature values beyond all of those in training that causes a warning. With the built-in model airborne
 /// scans have up to 0.01, an office 0.15, depth images 0.26.
-pub(in crate::recipes) const UNLIKE: f64 = 0.05;
+const UNLIKE: f64 = 0.05;
 
 /// Parameters of [`classify`].
 #[derive(Clone, Debug, Default, PartialEq)]
