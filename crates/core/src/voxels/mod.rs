@@ -16,7 +16,6 @@ mod candidates;
 pub(crate) mod cells;
 mod columns;
 mod grid;
-pub(crate) mod index;
 mod level;
 pub mod morton;
 pub(crate) mod rows;

@@ -3,8 +3,8 @@
 use super::Rated;
 use crate::error::Result;
 use crate::parallel::{Monitor, concat_watched, map_ordered};
+use crate::voxels::cells::index::{CellIndex, Walk, block_of};
 use crate::voxels::cells::{CellKey, Cells, cell_of};
-use crate::voxels::index::{CellIndex, Walk, block_of};
 use crate::voxels::rows::{RowGrid, neighbours};
 use std::ops::Range;
 

@@ -3,8 +3,8 @@
 use super::Rated;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor};
+use crate::voxels::cells::index::CellIndex;
 use crate::voxels::cells::{Cells, cell_of};
-use crate::voxels::index::CellIndex;
 
 /// Cells in plan of one size, with their points from the lowest to the highest.
 #[derive(Clone, Debug)]

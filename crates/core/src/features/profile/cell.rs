@@ -5,8 +5,8 @@ use super::surface::{Surface, surfaces};
 use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor};
+use crate::voxels::cells::index::CellIndex;
 use crate::voxels::cells::{Cells, cell_of};
-use crate::voxels::index::CellIndex;
 
 /// The occupied cells of one size.
 #[derive(Clone, Debug, Default)]

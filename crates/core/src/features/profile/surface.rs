@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::parallel::{Monitor, concat_watched, map_ordered};
-use crate::voxels::index::{Walk, block_of};
+use crate::voxels::cells::index::{Walk, block_of};
 
 /// Cells of a block.
 const BLOCK: usize = 4096;

@@ -1,6 +1,8 @@
 //! Items sorted into the cells of a grid. Cells are found by sorted keys instead of a hash table, so that their order
 //! is the same on every machine.
 
+pub(crate) mod index;
+
 use crate::csr::Csr;
 use crate::error::Result;
 use crate::parallel::{Monitor, map_watched, sort_watched, watched};

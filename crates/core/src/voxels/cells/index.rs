@@ -1,6 +1,6 @@
 //! Finds occupied cells: by their key, and around every cell in turn.
 
-use super::cells::CellKey;
+use super::CellKey;
 use std::ops::Range;
 
 /// Entries of the table of slabs for each occupied cell, at most; with a larger extent an entry covers more slabs.
