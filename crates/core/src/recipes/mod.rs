@@ -1,7 +1,7 @@
 //! Recipes: the published methods from cloud to labels. Each has a folder whose `mod.rs` reads like the method section of
 //! its paper; its parameters are saved as TOML. What they have in common is [`System`].
 
-mod airborne;
+mod auto_context;
 mod builtin;
 mod classify;
 mod labels;
@@ -15,7 +15,7 @@ mod system;
 mod training;
 mod weak;
 
-pub use airborne::{AirborneKind, AirborneRecipe, AirborneReport, FoldParams};
+pub use auto_context::{AutoContextKind, AutoContextRecipe, AutoContextReport, FoldParams};
 pub use builtin::{BUILTIN_MAP, builtin_misfit, default_model};
 pub use classify::rules::ClassRules;
 pub use classify::statistics::{CloudStatistics, statistics};

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
-use crate::recipes::airborne::AirborneRecipe;
+use crate::recipes::auto_context::AutoContextRecipe;
 use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
 use crate::recipes::classify::{Classified, Job};
@@ -242,7 +242,7 @@ systems! {
     /// Hasanpour Zaryabi et al. 2022: classifies segments instead of points.
     Objects: ObjectsRecipe;
     /// Heights above the ground, profiles and auto-context: the recipe of the built-in model.
-    Airborne: AirborneRecipe;
+    AutoContext: AutoContextRecipe;
     /// The example of CONTRIBUTING.md.
     Height: HeightRecipe, only in test;
 }

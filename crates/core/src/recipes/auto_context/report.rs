@@ -8,7 +8,7 @@ use std::fmt::Write;
 
 /// Report of the training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct AirborneReport {
+pub struct AutoContextReport {
     /// Each labelled class, ascending by code; those that were left out have no samples.
     pub classes: Vec<ClassCount>,
     /// Number of points skipped because they are unlabelled.
@@ -27,7 +27,7 @@ pub struct AirborneReport {
     pub warnings: Vec<String>,
 }
 
-impl Report for AirborneReport {
+impl Report for AutoContextReport {
     fn classes(&self) -> &[ClassCount] {
         &self.classes
     }

@@ -1,9 +1,9 @@
 //! Training of both stages.
 
-use super::AirborneRecipe;
+use super::AutoContextRecipe;
 use super::classify::heights;
 use super::folds::Squares;
-use super::report::AirborneReport;
+use super::report::AutoContextReport;
 use crate::classification::{
     Boosting, BoostingParams, Classifier, Fingerprint, Forest, ForestParams, ForestPart, Learner, Predictor, Samples,
     argmax,
@@ -22,13 +22,13 @@ use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
 
 pub(super) fn train(
-    recipe: &AirborneRecipe,
+    recipe: &AutoContextRecipe,
     clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Model, AirborneReport)> {
-    options.without_strengths(AirborneRecipe::NAME)?;
-    options.without_depths(AirborneRecipe::NAME)?;
+) -> Result<(Model, AutoContextReport)> {
+    options.without_strengths(AutoContextRecipe::NAME)?;
+    options.without_depths(AutoContextRecipe::NAME)?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
@@ -39,7 +39,7 @@ pub(super) fn train(
     let samples = second.samples(&sources);
     let boosting = BoostingParams { seed: recipe.boosting.seed.wrapping_add(recipe.seed), ..recipe.boosting.clone() };
     let regularisation = chosen_regularisation(&second, &lessons, &boosting, monitor)?;
-    let recipe = AirborneRecipe {
+    let recipe = AutoContextRecipe {
         regularise: regularisation.as_ref().map_or(recipe.regularise.clone(), |r| r.applied_to(&recipe.regularise)),
         ..recipe.clone()
     };
@@ -47,7 +47,7 @@ pub(super) fn train(
     let density = density(&data, monitor)?;
     let fingerprint = Fingerprint::of(&samples, density);
     let (trained, used) = trained.retain_used();
-    let report = AirborneReport {
+    let report = AutoContextReport {
         classes: sources.counts.clone(),
         unlabelled: data.unlabelled(),
         first_stage_accuracy: right as f64 / second.labels.len().max(1) as f64,
@@ -97,7 +97,7 @@ fn chosen_regularisation(
 
 /// What the training of both stages reads.
 struct Lessons<'a> {
-    recipe: &'a AirborneRecipe,
+    recipe: &'a AutoContextRecipe,
     data: &'a TrainingData<'a>,
     sources: &'a Sources,
 }
@@ -200,7 +200,7 @@ impl Lessons<'_> {
 
     /// The points of a source whose features are needed: its samples and, if a regularisation is to be chosen, patches.
     fn plan(&self, source: &Source, prepared: &Prepared<'_>, monitor: &Monitor) -> Result<Plan> {
-        let AirborneRecipe { regularise, training, .. } = self.recipe;
+        let AutoContextRecipe { regularise, training, .. } = self.recipe;
         if regularise.method != Regularise::Auto {
             return Ok(Plan::samples(&source.points()));
         }

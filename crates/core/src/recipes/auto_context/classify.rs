@@ -1,6 +1,6 @@
 //! Classification: heights above the ground, the first stage, then the second.
 
-use super::AirborneRecipe;
+use super::AutoContextRecipe;
 use crate::cloud::{MetricCloud, Points};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -14,7 +14,7 @@ use crate::voxels::planar_density;
 pub(super) fn heights(
     scene: &MetricCloud<'_>,
     points: &Points,
-    recipe: &AirborneRecipe,
+    recipe: &AutoContextRecipe,
     monitor: &Monitor,
 ) -> Result<Vec<f32>> {
     let mut heights = vec![f32::NAN; scene.cloud.len()];
@@ -25,7 +25,7 @@ pub(super) fn heights(
     Ok(heights)
 }
 
-pub(super) fn classify(recipe: &AirborneRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
     let model = job.model;
     let Some(first) = &model.first else {
         return Err(Error::ModelMismatch("a model of the recipe airborne needs a first classifier".into()));

@@ -10,7 +10,7 @@ mod folds;
 mod report;
 mod train;
 
-pub use report::AirborneReport;
+pub use report::AutoContextReport;
 
 use super::classify::rules::ClassRules;
 use super::classify::{Classified, Job};
@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 /// The name of the recipe, in its TOML.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum AirborneKind {
+pub enum AutoContextKind {
     /// Two stages, with heights above the ground.
     #[default]
     Airborne,
@@ -55,9 +55,9 @@ impl Default for FoldParams {
 /// The parameters of the recipe `airborne`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct AirborneRecipe {
+pub struct AutoContextRecipe {
     /// Always `airborne`.
-    pub recipe: AirborneKind,
+    pub recipe: AutoContextKind,
     /// Seed of all random draws.
     pub seed: u64,
     /// Whether the second stage uses the features of the pyramid too; without them it is faster.
@@ -83,14 +83,14 @@ pub struct AirborneRecipe {
     pub regularise: RegulariseParams,
 }
 
-impl Default for AirborneRecipe {
+impl Default for AutoContextRecipe {
     fn default() -> Self {
         let pyramid = PyramidParams { first_scale: Some(0.25), levels: 8, ..PyramidParams::default() };
         let profile = ProfileParams { cells: vec![0.5, 1.0, 2.0, 4.0], ..ProfileParams::default() };
         let features =
             FeatureSet { returns: true, optional: true, height: true, pyramid, profile, ..FeatureSet::default() };
         Self {
-            recipe: AirborneKind::Airborne,
+            recipe: AutoContextKind::Airborne,
             seed: 0,
             pyramid_twice: false,
             features,
@@ -116,10 +116,10 @@ impl Default for AirborneRecipe {
     }
 }
 
-impl System for AirborneRecipe {
+impl System for AutoContextRecipe {
     const NAME: &'static str = "airborne";
     type Learned = Nothing;
-    type Report = AirborneReport;
+    type Report = AutoContextReport;
 
     fn validate(&self) -> Result<()> {
         self.features.validate()?;
@@ -182,7 +182,7 @@ impl System for AirborneRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, AirborneReport)> {
+    ) -> Result<(Model, AutoContextReport)> {
         train::train(self, clouds, options, monitor)
     }
 
