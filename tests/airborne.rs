@@ -52,7 +52,7 @@ fn labelled(village: Village) -> LabelledCloud {
 }
 
 /// Small enough for a test.
-const RECIPE: &str = "recipe = \"airborne\"\n[features.pyramid]\nfirst_scale = 0.5\nlevels = 5\n[training]\nvoxel = 0.5\n\
+const RECIPE: &str = "recipe = \"airborne\"\nrated_voxel = 1.0\n[features.pyramid]\nfirst_scale = 0.5\nlevels = 5\n[training]\nvoxel = 0.5\n\
                       per_copy = 1500\ndensities = [2.0]\n[forest]\ntrees = 12\n[boosting]\nrounds = 20\n";
 
 fn model() -> &'static Model {
@@ -140,6 +140,38 @@ fn every_number_of_threads_trains_and_classifies_the_same_bytes() {
     let one = on(1);
     assert!(one == on(3));
     assert_eq!(Model::from_bytes(&one.0, Path::new("again")).unwrap().to_bytes().unwrap(), one.0);
+}
+
+#[test]
+fn the_presets_name_smaller_villages_right() {
+    // A village of a quarter, and of a twentieth, of the size is one of streets, and of rooms.
+    for (name, size) in [("mobile", 0.25), ("indoor", 0.05)] {
+        let small = |seed: u64| {
+            let Village { cloud, codes } = village(seed);
+            let rows: Vec<[f64; 3]> = (0..cloud.len()).map(|i| cloud.xyz(i).map(|v| v * size)).collect();
+            Village { cloud: Cloud::from_rows(&rows).unwrap(), codes }
+        };
+        let recipe = AnyRecipe::named(name).unwrap();
+        let quick = ["features.pyramid.levels=6", "forest.trees=12", "boosting.rounds=20", "training.per_copy=1500"];
+        let recipe = recipe.with_settings(quick).unwrap();
+        assert_eq!(recipe.name(), name);
+        let (model, _) = recipe.train(&[labelled(small(1))], &TrainOptions::default(), &Monitor::default()).unwrap();
+        let model = Model::from_bytes(&model.to_bytes().unwrap(), Path::new("again")).unwrap();
+        assert_eq!(model.fitted.recipe().name(), name);
+        let Village { cloud, codes } = small(2);
+        let found = run(&cloud, &model, &plain());
+        let right = share(&found.codes, |i| codes[i]);
+        assert!(right > 0.95, "{name}: {right}");
+    }
+}
+
+#[test]
+fn one_point_a_voxel_is_enough_for_the_first_stage() {
+    let Village { cloud, codes } = village(2);
+    let every = trained(&AnyRecipe::from_toml(RECIPE).unwrap().with_settings(["rated_voxel=0"]).unwrap());
+    let [all, few] = [&every, model()].map(|model| run(&cloud, model, &plain()));
+    let [all, few] = [all, few].map(|found| share(&found.codes, |i| codes[i]));
+    assert!((all - few).abs() < 0.01, "{all} {few}");
 }
 
 #[test]

@@ -161,7 +161,7 @@ impl Command {
         };
         // A recipe may be given by name.
         let named = |path: &&Path| {
-            !path.to_str().is_some_and(|n| AnyRecipe::NAMES.contains(&n) || SegmentParams::named(n).is_some())
+            !path.to_str().is_some_and(|n| AnyRecipe::names().contains(&n) || SegmentParams::named(n).is_some())
         };
         many.iter()
             .map(PathBuf::as_path)
@@ -230,8 +230,8 @@ impl Unlabelled {
 /// The recipe, and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), or a
-    /// TOML file [default: pyramid]
+    /// Recipe: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), airborne,
+    /// mobile or indoor (two stages with context), or a TOML file [default: pyramid]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated

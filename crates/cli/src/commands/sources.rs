@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub(crate) fn any_recipe(args: &RecipeArgs) -> Result<AnyRecipe> {
     let base = match &args.recipe {
         None => AnyRecipe::named("pyramid")?,
-        Some(path) => match path.to_str().filter(|name| AnyRecipe::NAMES.contains(name)) {
+        Some(path) => match path.to_str().filter(|name| AnyRecipe::names().contains(name)) {
             Some(name) => AnyRecipe::named(name)?,
             None => AnyRecipe::from_toml(&text(path)?).map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
         },

@@ -15,6 +15,7 @@ pub use context::{Context, ContextParams, Rated};
 pub use extractor::extras::colours;
 pub use extractor::spacing::spacing;
 pub use extractor::stream::{FeatureStream, Rows};
+pub(crate) use extractor::tiles::Middle;
 pub use extractor::tiles::Tiles;
 pub use extractor::{Extractor, Scratch, Wanted};
 pub use normals::{Normals, normals};

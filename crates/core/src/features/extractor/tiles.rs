@@ -103,8 +103,27 @@ impl<'a> Tiles<'a> {
     }
 
     /// Index in the cloud of each sorted point.
-    pub(super) fn indices(&self) -> &[u32] {
+    pub(crate) fn indices(&self) -> &[u32] {
         &self.sorted.points.frame.index
+    }
+
+    /// The point in the middle of each voxel, in the sorted order. The voxels are those of the level of the pyramid whose
+    /// edge, metres, is the nearest. O(n) time, 8 bytes a voxel.
+    pub(crate) fn middles(&self, edge: f64) -> Vec<Middle> {
+        let Sorted { points, grid } = &self.sorted;
+        let level = (edge / grid.size).log2().round().clamp(0.0, 20.0) as u32;
+        let mut middles = Vec::new();
+        let code = |i: usize| grid.code(points.positions.xyz(i)) >> (3 * level);
+        let (mut first, mut here) = (0, None);
+        for i in 0..=points.len() {
+            let next = (i < points.len()).then(|| code(i));
+            if next != here && i > first {
+                middles.push(Middle { place: middle_of(&points.positions, first..i) as u32, end: i as u32 });
+                first = i;
+            }
+            here = next;
+        }
+        middles
     }
 
     /// Calls `describe` with an extractor of each part's points for which `wanted` holds (by their index in the cloud), and
@@ -185,6 +204,33 @@ impl<'a> Tiles<'a> {
         let queries = self.sorted.points.select(places, monitor)?;
         Ok(Extractor { plan: self.plan.clone(), stages, profiles: Arc::default(), queries, part: 0 })
     }
+}
+
+/// The point in the middle of a voxel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Middle {
+    /// Its place in the sorted order.
+    pub(crate) place: u32,
+    /// The place after the last point of the voxel, which is that of the first point of the next voxel.
+    pub(crate) end: u32,
+}
+
+/// The point of a range that is nearest to the mean of all of them; the first of several.
+fn middle_of(positions: &Positions, range: Range<usize>) -> usize {
+    if range.len() < 3 {
+        return range.start;
+    }
+    let mut sum = [0.0f64; 3];
+    for i in range.clone() {
+        sum.iter_mut().zip(positions.xyz(i)).for_each(|(s, v)| *s += f64::from(v));
+    }
+    let mean = sum.map(|s| s / range.len() as f64);
+    let distance = |i: usize| {
+        let at = positions.xyz(i);
+        (0..3).map(|a| (f64::from(at[a]) - mean[a]).powi(2)).sum::<f64>()
+    };
+    let first = (range.start, distance(range.start));
+    range.map(|i| (i, distance(i))).fold(first, |best, other| if other.1 < best.1 { other } else { best }).0
 }
 
 /// The division of sorted points into octants of octants, until none has more than `most` points.
@@ -272,5 +318,38 @@ mod tests {
         };
         tiles.each(|point| point % 3 > 0, &monitor, describe).unwrap();
         assert!(seen == (0..cloud.len()).filter(|p| p % 3 > 0).count() && again > 0, "{seen} {again}");
+    }
+
+    #[test]
+    fn the_point_in_the_middle_of_a_voxel_is_the_nearest_to_its_mean() {
+        let mut s = stream(5, 0);
+        let rows: Vec<[f64; 3]> = (0..3000).map(|_| [0; 3].map(|_| s.uniform() * 6.0)).collect();
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let mut set = FeatureSet::default();
+        (set.pyramid.levels, set.pyramid.first_scale) = (3, Some(0.25));
+        let monitor = Monitor::default();
+        let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
+        let tiles = Tiles::prepare(&scene, &set, Wanted::All, &monitor).unwrap();
+        let positions = &tiles.sorted.points.positions;
+        for (edge, size) in [(0.25, 0.25f32), (0.9, 1.0), (0.01, 0.25)] {
+            let voxel = |i: usize| positions.xyz(i).map(|v| (v / size) as u32);
+            let middles = tiles.middles(edge);
+            let (mut first, mut seen) = (0, std::collections::HashSet::new());
+            for middle in middles {
+                let own = voxel(first);
+                assert!(seen.insert(own), "each voxel once");
+                let all: Vec<usize> = (0..positions.len()).filter(|&i| voxel(i) == own).collect();
+                assert_eq!(all, (first..middle.end as usize).collect::<Vec<_>>());
+                let mean =
+                    |a: usize| all.iter().map(|&i| f64::from(positions.xyz(i)[a])).sum::<f64>() / all.len() as f64;
+                let mean = [mean(0), mean(1), mean(2)];
+                let distance =
+                    |i: usize| (0..3).map(|a| (f64::from(positions.xyz(i)[a]) - mean[a]).powi(2)).sum::<f64>();
+                let least = all.iter().map(|&i| distance(i)).fold(f64::INFINITY, f64::min);
+                assert!(distance(middle.place as usize) <= least + 1e-12);
+                first = middle.end as usize;
+            }
+            assert_eq!(first, positions.len());
+        }
     }
 }

@@ -7,6 +7,7 @@ use crate::parallel::Monitor;
 use crate::recipes::classify::predict::{CloudPredictor, ContextColumns};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, Regularise, regularise};
+use crate::recipes::system::System;
 use crate::terrain::filtered_heights;
 use crate::voxels::planar_density;
 
@@ -28,14 +29,14 @@ pub(super) fn heights(
 pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
     let model = job.model;
     let Some(first) = &model.first else {
-        return Err(Error::ModelMismatch("a model of the recipe airborne needs a first classifier".into()));
+        return Err(Error::ModelMismatch(format!("a model of the recipe {} needs a first classifier", recipe.name())));
     };
     let points = job.scene.points(monitor)?;
     let heights = heights(job.scene, &points, recipe, monitor)?;
     let density = planar_density(&points.positions, monitor)?;
     drop(points);
     let scene = MetricCloud { heights: Some(&heights), ..job.scene.clone() };
-    let rated = CloudPredictor::new(&scene, &recipe.features, first.stage(), monitor)?;
+    let rated = CloudPredictor::new(&scene, &recipe.features, first.stage(), monitor)?.by_voxel(recipe.rated_voxel);
     let first = rated.of_cloud(scene.cloud.len(), monitor)?;
     let fit = first.fit.shares();
     let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();

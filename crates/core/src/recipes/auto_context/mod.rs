@@ -26,13 +26,29 @@ use crate::parallel::Monitor;
 use crate::terrain::HeightParams;
 use serde::{Deserialize, Serialize};
 
-/// The name of the recipe, in its TOML.
+/// The name of the recipe, in its TOML: the kind of scans that its defaults are for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AutoContextKind {
-    /// Two stages, with heights above the ground.
+    /// Scans from aircraft and UAV.
     #[default]
     Airborne,
+    /// Scans of streets from vehicles, and terrestrial scans.
+    Mobile,
+    /// Scans of rooms.
+    Indoor,
+}
+
+impl AutoContextKind {
+    const ALL: [Self; 3] = [Self::Airborne, Self::Mobile, Self::Indoor];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Airborne => "airborne",
+            Self::Mobile => "mobile",
+            Self::Indoor => "indoor",
+        }
+    }
 }
 
 /// The division of the training data that gives the second stage honest probabilities of the first.
@@ -52,16 +68,20 @@ impl Default for FoldParams {
     }
 }
 
-/// The parameters of the recipe `airborne`.
+/// The parameters of the recipes `airborne` (the default), `mobile` and `indoor`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AutoContextRecipe {
-    /// Always `airborne`.
+    /// `airborne`, `mobile` or `indoor`: whose defaults these are.
     pub recipe: AutoContextKind,
     /// Seed of all random draws.
     pub seed: u64,
     /// Whether the second stage uses the features of the pyramid too; without them it is faster.
     pub pyramid_twice: bool,
+    /// Edge, metres, of the voxels in each of which the first stage rates one point, that in the middle; the others get
+    /// its probabilities. The nearest level of the pyramid is taken. 0: every point is rated.
+    #[serde(default = "every_point")]
+    pub rated_voxel: f64,
     /// Features and their scales.
     pub features: FeatureSet,
     /// The ground, for heights above it.
@@ -83,6 +103,11 @@ pub struct AutoContextRecipe {
     pub regularise: RegulariseParams,
 }
 
+/// The value of `rated_voxel` in models of programs that did not have it.
+fn every_point() -> f64 {
+    0.0
+}
+
 impl Default for AutoContextRecipe {
     fn default() -> Self {
         let pyramid = PyramidParams { first_scale: Some(0.25), levels: 8, ..PyramidParams::default() };
@@ -93,6 +118,7 @@ impl Default for AutoContextRecipe {
             recipe: AutoContextKind::Airborne,
             seed: 0,
             pyramid_twice: false,
+            rated_voxel: 0.5,
             features,
             ground: HeightParams::default(),
             training: TrainingParams {
@@ -116,10 +142,59 @@ impl Default for AutoContextRecipe {
     }
 }
 
+impl AutoContextRecipe {
+    /// The defaults for streets: finer scales, and no profiles, which learn the few objects of a street by heart.
+    pub fn mobile() -> Self {
+        let pyramid = PyramidParams { first_scale: Some(0.1), levels: 8, ..PyramidParams::default() };
+        Self {
+            recipe: AutoContextKind::Mobile,
+            pyramid_twice: true,
+            rated_voxel: 0.2,
+            features: FeatureSet { optional: true, height: true, pyramid, ..FeatureSet::default() },
+            training: TrainingParams { voxel: 0.1, per_copy: 4000, ..TrainingParams::default() },
+            folds: FoldParams { square: 15.0, ..FoldParams::default() },
+            context: ContextParams {
+                voxels: vec![0.25, 0.5, 1.0, 2.0],
+                cells: vec![0.5, 1.0, 2.0, 4.0],
+                stacks: vec![0.5, 1.0],
+            },
+            classes: ClassRules::default(),
+            ..Self::default()
+        }
+    }
+
+    /// The defaults for rooms.
+    pub fn indoor() -> Self {
+        let mobile = Self::mobile();
+        let pyramid = PyramidParams { first_scale: Some(0.025), levels: 8, ..PyramidParams::default() };
+        Self {
+            recipe: AutoContextKind::Indoor,
+            rated_voxel: 0.1,
+            features: FeatureSet { pyramid, ..mobile.features },
+            training: TrainingParams { voxel: 0.02, ..mobile.training },
+            folds: FoldParams { square: 2.0, ..FoldParams::default() },
+            ..mobile
+        }
+    }
+}
+
 impl System for AutoContextRecipe {
-    const NAME: &'static str = "airborne";
+    const NAME: &'static str = AutoContextKind::Airborne.name();
+    const PRESETS: &'static [&'static str] = &[AutoContextKind::Mobile.name(), AutoContextKind::Indoor.name()];
     type Learned = Nothing;
     type Report = AutoContextReport;
+
+    fn named(name: &str) -> Option<Self> {
+        AutoContextKind::ALL.into_iter().find(|kind| kind.name() == name).map(|kind| match kind {
+            AutoContextKind::Airborne => Self::default(),
+            AutoContextKind::Mobile => Self::mobile(),
+            AutoContextKind::Indoor => Self::indoor(),
+        })
+    }
+
+    fn name(&self) -> &'static str {
+        self.recipe.name()
+    }
 
     fn validate(&self) -> Result<()> {
         self.features.validate()?;
@@ -136,6 +211,9 @@ impl System for AutoContextRecipe {
         }
         if !(0.0..=1.0).contains(&missing) {
             return Err(Error::parameter("folds.missing", missing, "a share, 0 to 1"));
+        }
+        if !(self.rated_voxel >= 0.0 && self.rated_voxel.is_finite()) {
+            return Err(Error::parameter("rated_voxel", self.rated_voxel, "metres, 0 or more"));
         }
         match self.forest.trees {
             1 => {

@@ -27,8 +27,8 @@ pub(super) fn train(
     options: &TrainOptions,
     monitor: &Monitor,
 ) -> Result<(Model, AutoContextReport)> {
-    options.without_strengths(AutoContextRecipe::NAME)?;
-    options.without_depths(AutoContextRecipe::NAME)?;
+    options.without_strengths(recipe.name())?;
+    options.without_depths(recipe.name())?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
@@ -275,7 +275,8 @@ impl Lessons<'_> {
         let classes = self.sources.classes.len();
         let by = |classifier| {
             let stage = Stage { names, classifier, training: None };
-            let predictor = CloudPredictor::new(scene, &self.recipe.features, stage, monitor)?;
+            let predictor =
+                CloudPredictor::new(scene, &self.recipe.features, stage, monitor)?.by_voxel(self.recipe.rated_voxel);
             Ok::<_, Error>(predictor.of_points(&row_of, points.len(), monitor)?.probabilities)
         };
         let [a, mut b] = [by(&halves[0])?, by(&halves[1])?];

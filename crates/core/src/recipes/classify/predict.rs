@@ -4,7 +4,9 @@
 use crate::classification::{Classifier, ClassifierScratch, Fingerprint, Predictor};
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
-use crate::features::{Context, ContextParams, Extractor, FeatureSet, FeatureTable, Rated, Scratch, Tiles, Wanted};
+use crate::features::{
+    Context, ContextParams, Extractor, FeatureSet, FeatureTable, Middle, Rated, Scratch, Tiles, Wanted,
+};
 use crate::parallel::{Monitor, map_ordered_with};
 use crate::recipes::classify::FeatureFit;
 use crate::recipes::model::Stage;
@@ -24,6 +26,8 @@ pub(in crate::recipes) struct CloudPredictor<'a> {
     /// Summary of the samples that it was trained on.
     training: Option<&'a Fingerprint>,
     beside: Beside<'a>,
+    /// Of each voxel, the only point that is rated; empty if all points are.
+    middles: Vec<Middle>,
 }
 
 /// Columns beside those of the tiles.
@@ -195,6 +199,7 @@ impl<'a> CloudPredictor<'a> {
             names: stage.names,
             training: stage.training,
             beside: Beside::Nothing,
+            middles: Vec::new(),
         })
     }
 
@@ -210,7 +215,7 @@ impl<'a> CloudPredictor<'a> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let tiles = Tiles::prepare(scene, set, Wanted::All, monitor)?;
-        Ok(Self { tiles, classifier, names: &[], training: None, beside: Beside::First(first) })
+        Ok(Self { tiles, classifier, names: &[], training: None, beside: Beside::First(first), middles: Vec::new() })
     }
 
     /// The same points for the second of two classifiers, whose columns are features of the set, then those of the
@@ -234,7 +239,28 @@ impl<'a> CloudPredictor<'a> {
             names: stage.names,
             training: stage.training,
             beside: Beside::Context(context),
+            middles: Vec::new(),
         })
+    }
+
+    /// Rates only the point in the middle of each voxel of this edge, metres; the others get its probabilities. 0: rates
+    /// every point.
+    pub(in crate::recipes) fn by_voxel(self, edge: f64) -> Self {
+        let middles = if edge > 0.0 { self.tiles.middles(edge) } else { Vec::new() };
+        Self { middles, ..self }
+    }
+
+    /// Gives each point the probabilities of the point in the middle of its voxel.
+    fn spread(&self, values: &mut [f32], row_of: impl Fn(u32) -> usize) {
+        let (classes, index) = (self.classifier.classes(), self.tiles.indices());
+        let mut first = 0;
+        for middle in &self.middles {
+            let from = row_of(index[middle.place as usize]) * classes;
+            for place in (first..middle.end).filter(|&place| place != middle.place) {
+                values.copy_within(from..from + classes, row_of(index[place as usize]) * classes);
+            }
+            first = middle.end;
+        }
     }
 
     /// Class probabilities of all `points` points of the cloud; 0 for those that have no features.
@@ -250,6 +276,7 @@ impl<'a> CloudPredictor<'a> {
             }
         };
         let fit = self.run(place, monitor)?;
+        self.spread(&mut values, |point| point as usize);
         Ok(Rating { probabilities: values, fit })
     }
 
@@ -266,6 +293,7 @@ impl<'a> CloudPredictor<'a> {
             }
         };
         let fit = self.run(place, monitor)?;
+        self.spread(&mut values, |point| row_of[point as usize] as usize);
         Ok(Rating { probabilities: values, fit })
     }
 
@@ -276,10 +304,11 @@ impl<'a> CloudPredictor<'a> {
     /// # Errors
     /// If the work was cancelled.
     pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&[u32], &[f32]), monitor: &Monitor) -> Result<Fit> {
-        monitor.stage("classify", self.tiles.len() as u64);
+        let rated = self.rated();
+        monitor.stage("classify", if rated.is_empty() { self.tiles.len() } else { self.middles.len() } as u64);
         let (mut around, mut fit) = (None, Fit::default());
         self.tiles.each(
-            |_| true,
+            |point| rated.is_empty() || rated[point as usize],
             monitor,
             |extractor| {
                 if let Beside::Context(columns) = &self.beside
@@ -299,6 +328,17 @@ impl<'a> CloudPredictor<'a> {
             },
         )?;
         Ok(fit)
+    }
+
+    /// For each point of the cloud, whether it is rated; empty if all are.
+    fn rated(&self) -> Vec<bool> {
+        if self.middles.is_empty() {
+            return Vec::new();
+        }
+        let index = self.tiles.indices();
+        let mut rated = vec![false; index.iter().max().map_or(0, |&last| last as usize + 1)];
+        self.middles.iter().for_each(|middle| rated[index[middle.place as usize] as usize] = true);
+        rated
     }
 
     /// Classifies the points of an extractor; returns the rows that need a wider margin.

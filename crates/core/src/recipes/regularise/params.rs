@@ -91,6 +91,7 @@ pub struct RegulariseParams {
     /// Edges longer than this, metres, lose weight with the square of their length: they count (near/d)² times. Without
     /// that, points that are far from each other in a thin cloud persuade each other as if they were neighbours. If
     /// infinite, no edge loses weight: the paper's field, and the default of the recipe `weak`.
+    #[serde(default = "infinite")]
     pub near: f64,
     /// Neighbourhoods for the descriptors on which the segments are based. The weak recipe has descriptors of its own and
     /// does not use these.
@@ -99,6 +100,11 @@ pub struct RegulariseParams {
     pub partition: PartitionParams,
     /// How training chooses if the method is `auto`.
     pub choice: ChoiceParams,
+}
+
+/// The value of `near` in models of programs that did not have it.
+fn infinite() -> f64 {
+    f64::INFINITY
 }
 
 impl Default for RegulariseParams {

@@ -37,21 +37,28 @@ macro_rules! systems {
 
         impl AnyRecipe {
             /// The names of the recipes.
-            pub const NAMES: &'static [&'static str] = &[$($(#[cfg($cfg)])? <$recipe>::NAME),*];
+            pub fn names() -> Vec<&'static str> {
+                let mut names = Vec::new();
+                $($(#[cfg($cfg)])? {
+                    names.push(<$recipe>::NAME);
+                    names.extend(<$recipe>::PRESETS);
+                })*
+                names
+            }
 
             /// Its name.
             pub fn name(&self) -> &'static str {
-                match self { $($(#[cfg($cfg)])? Self::$name(_) => <$recipe>::NAME,)* }
+                match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.name(),)* }
             }
 
             /// The recipe with that name, with all defaults.
             ///
             /// # Errors
-            /// If the name is not in [`AnyRecipe::NAMES`].
+            /// If the name is not in [`AnyRecipe::names`].
             pub fn named(name: &str) -> Result<Self> {
                 $($(#[cfg($cfg)])? {
-                    if name == <$recipe>::NAME {
-                        return Ok(Self::$name(Box::default()));
+                    if let Some(recipe) = <$recipe>::named(name) {
+                        return Ok(Self::$name(Box::new(recipe)));
                     }
                 })*
                 Err(unknown(name))
@@ -65,8 +72,8 @@ macro_rules! systems {
             pub fn from_toml(text: &str) -> Result<Self> {
                 let name = recipe_of(text)?;
                 $($(#[cfg($cfg)])? {
-                    if name == <$recipe>::NAME {
-                        return Ok(Self::$name(Box::new(with_defaults(text)?)));
+                    if let Some(defaults) = <$recipe>::named(&name) {
+                        return Ok(Self::$name(Box::new(with_defaults(text, &defaults)?)));
                     }
                 })*
                 Err(unknown(&name))
@@ -79,7 +86,7 @@ macro_rules! systems {
             fn complete(text: &str) -> Result<Self> {
                 let name = recipe_of(text)?;
                 $($(#[cfg($cfg)])? {
-                    if name == <$recipe>::NAME {
+                    if <$recipe>::named(&name).is_some() {
                         return Ok(Self::$name(Box::new(explained(text)?)));
                     }
                 })*
@@ -241,7 +248,7 @@ systems! {
     Weak: WeakRecipe;
     /// Hasanpour Zaryabi et al. 2022: classifies segments instead of points.
     Objects: ObjectsRecipe;
-    /// Heights above the ground, profiles and auto-context: the recipe of the built-in model.
+    /// Heights above the ground and auto-context, for airborne (the built-in model), mobile and indoor scans.
     AutoContext: AutoContextRecipe;
     /// The example of CONTRIBUTING.md.
     Height: HeightRecipe, only in test;
@@ -283,7 +290,7 @@ fn recipe_of(text: &str) -> Result<String> {
 }
 
 fn unknown(name: &str) -> Error {
-    Error::parameter("recipe", name, AnyRecipe::NAMES.join(", "))
+    Error::parameter("recipe", name, AnyRecipe::names().join(", "))
 }
 
 fn written(value: &impl Serialize) -> Result<String> {
@@ -307,7 +314,7 @@ mod tests {
 
     #[test]
     fn recipes_survive_toml_and_tell_their_kind() {
-        for name in AnyRecipe::NAMES {
+        for name in AnyRecipe::names() {
             let recipe = AnyRecipe::named(name).unwrap().with_seed(3);
             let text = recipe.to_toml().unwrap();
             assert!(text.contains(&format!("recipe = \"{name}\"")), "{text}");

@@ -28,6 +28,9 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     /// The name of the recipe, in its TOML and on the command line.
     const NAME: &'static str;
 
+    /// Names of further recipes of the method: the same settings with other defaults, for other kinds of scans.
+    const PRESETS: &'static [&'static str] = &[];
+
     /// Whether an elevation model of the terrain can be given to it.
     const TAKES_ELEVATION: bool = false;
 
@@ -36,6 +39,16 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
 
     /// What training reports.
     type Report: Report + 'static;
+
+    /// The recipe with this name, one of [`System::NAME`] and [`System::PRESETS`], with all defaults.
+    fn named(name: &str) -> Option<Self> {
+        (name == Self::NAME).then(Self::default)
+    }
+
+    /// The name of this recipe.
+    fn name(&self) -> &'static str {
+        Self::NAME
+    }
 
     /// Checks all parts.
     ///

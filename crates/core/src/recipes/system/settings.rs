@@ -47,11 +47,11 @@ pub(in crate::recipes) fn explained<T: DeserializeOwned>(text: &str) -> Result<T
     toml::from_str(text).map_err(|e| Error::input(format!("recipe: {}", explain(&e.to_string()))))
 }
 
-/// Reads TOML like [`explained`]; values not given are those of `T::default()`, in the tables in it too.
-pub(in crate::recipes) fn with_defaults<T: DeserializeOwned + Serialize + Default>(text: &str) -> Result<T> {
+/// Reads TOML like [`explained`]; values not given are those of `defaults`, in the tables in it too.
+pub(in crate::recipes) fn with_defaults<T: DeserializeOwned + Serialize>(text: &str, defaults: &T) -> Result<T> {
     let written: T = explained(text)?;
     let given: toml::Table = text.parse().map_err(|e| Error::input(format!("recipe: {e}")))?;
-    let mut all = toml::Table::try_from(T::default()).map_err(|e| Error::input(format!("recipe: {e}")))?;
+    let mut all = toml::Table::try_from(defaults).map_err(|e| Error::input(format!("recipe: {e}")))?;
     put(&mut all, given);
     Ok(all.try_into().unwrap_or(written))
 }
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn values_that_are_not_written_are_those_of_the_recipe() {
-        for name in AnyRecipe::NAMES {
+        for name in AnyRecipe::names() {
             let default = AnyRecipe::named(name).unwrap();
             let written = format!("recipe = \"{name}\"\n[forest]\n");
             assert_eq!(AnyRecipe::from_toml(&written).unwrap(), default, "{name}");
