@@ -8,6 +8,7 @@ mod optimal;
 mod params;
 mod profile;
 mod pyramid;
+mod radius;
 mod table;
 mod tensor;
 
@@ -22,4 +23,6 @@ pub use normals::{Normals, normals};
 pub use optimal::{OptimalFeatures, local_descriptors, optimal_features, optimal_features_of};
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};
 pub use profile::{ProfileParams, Profiles};
+pub(crate) use radius::StackedFeatures;
+pub use radius::{Quantity, RadiusParams, Shape, radius_features};
 pub use table::{FeatureTable, table, table_at};

@@ -4,6 +4,7 @@ mod distances;
 mod knn;
 mod nearest;
 mod optimal;
+pub(crate) mod stacks;
 mod within;
 
 pub use distances::map_distances;

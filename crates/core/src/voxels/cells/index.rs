@@ -41,6 +41,20 @@ impl<K: CellKey> CellIndex<K> {
         let (start, end) = (*self.starts.get(entry)? as usize, *self.starts.get(entry + 1)? as usize);
         self.keys[start..end].binary_search(&key).ok().map(|place| start + place)
     }
+
+    /// The first cell that is not before this key; the number of cells if all are.
+    pub(crate) fn seek(&self, key: K) -> usize {
+        let entry = (key.axes()[0] - self.first) >> self.shift;
+        let Ok(entry) = usize::try_from(entry) else { return 0 };
+        let Some(&end) = self.starts.get(entry + 1) else { return self.keys.len() };
+        let (start, end) = (self.starts[entry] as usize, end as usize);
+        start + self.keys[start..end].partition_point(|other| *other < key)
+    }
+
+    /// The keys of all cells, ascending.
+    pub(crate) fn keys(&self) -> &[K] {
+        &self.keys
+    }
 }
 
 /// A walk along ascending cells in plan that knows the occupied cells around the present one, `SIDE` rows on each side.
@@ -102,6 +116,20 @@ mod tests {
     use crate::parallel::Monitor;
     use crate::random::stream;
     use crate::voxels::cells::{Cells, cell_of};
+
+    #[test]
+    fn a_key_is_sought_as_in_the_whole_list() {
+        for reach in [5.0, 300.0, 1e6] {
+            let keys = keys(reach);
+            let index = CellIndex::new(keys.clone());
+            let mut s = stream(8, 9);
+            for _ in 0..2000 {
+                let key = cell_of([s.uniform() - 0.5, s.uniform() - 0.5].map(|v| 1.3 * v * reach));
+                assert_eq!(index.seek(key), keys.partition_point(|other| *other < key));
+            }
+        }
+        assert_eq!(CellIndex::<[i32; 2]>::new(Vec::new()).seek([3, 3]), 0);
+    }
 
     fn keys(reach: f64) -> Vec<[i32; 2]> {
         let mut s = stream(3, 9);
