@@ -1,6 +1,7 @@
 //! Undirected weighted graphs on points and on segments, and algorithms on them.
 
 mod build;
+mod centrality;
 mod components;
 mod felzenszwalb;
 mod incidence;
@@ -11,6 +12,7 @@ mod union_find;
 mod weight;
 
 pub use build::{KnnGraphParams, Multiplicity, knn_graph};
+pub use centrality::{Centrality, centrality};
 pub use components::{Components, connected_components};
 pub use felzenszwalb::{EdgeMeaning, FelzenszwalbMerger, FelzenszwalbParams, felzenszwalb};
 pub use incidence::Incidence;

@@ -16,9 +16,11 @@ pub(crate) mod closed_form;
 pub(crate) mod jacobi;
 mod moments;
 pub(crate) mod shape;
+mod spread;
 mod sym3;
 
 pub(crate) use moments::Moments;
+pub(crate) use spread::Spread;
 pub use sym3::{Eigen3, Sym3, mean, medoid};
 
 #[cfg(test)]
