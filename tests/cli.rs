@@ -204,12 +204,18 @@ fn every_method_parts_a_scan_and_objects_are_learned_and_named() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();
     scansion_core::io::write(&f.join("a.laz"), &street(25.0, 7), &Default::default()).unwrap();
-    for method in ["riemannian", "local-graph", "slic", "vccs", "region-growing", "octree-region-growing", "merge"] {
+    for method in
+        ["riemannian", "local-graph", "slic", "vccs", "region-growing", "octree-region-growing", "merge", "clusters"]
+    {
         let said = done(f, &["segment", "a.laz", "-o", "s.laz", "--method", method, "--format", "json"]);
         let said: serde_json::Value = serde_json::from_str(&said).unwrap();
         assert_eq!(said["method"], method);
         assert!(said["segments"].as_u64().unwrap() > 1 && said["oracle_accuracy"].as_f64().unwrap() > 0.5, "{said}");
     }
+    let said = done(f, &["segment", "a.laz", "-o", "c.laz", "--method", "clusters", "--set", "clusters.angle_deg=20"]);
+    assert!(said.contains("angle 20 degrees: given") && said.contains("median distance to neighbour 16"), "{said}");
+    let dimensions = done(f, &["info", "c.laz"]);
+    assert!(["ClusterID_L1", "ClusterID_L4", "ClusterCentrality"].iter().all(|name| dimensions.contains(name)));
     let levels = done(f, &["segment", "a.laz", "-o", "l.laz", "--recipe", "riemannian", "--levels", "3,4"]);
     assert!(levels.contains("supervoxels") && levels.contains("cuts s"), "{levels}");
     assert!(done(f, &["info", "l.laz"]).contains("ClusterID_L2"));

@@ -17,7 +17,9 @@ pub(crate) const CLUSTER: &str = "ClusterID";
 pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> {
     io::check_cloud_output(&args.output)?;
     let names = (0..=args.levels.len()).map(|l| if l == 0 { CLUSTER.into() } else { format!("{CLUSTER}_L{l}") });
-    let dimensions: Vec<Column> = names.map(|name: String| Column::new(name, Values::U32(Vec::new()))).collect();
+    let own = settings(&args.segments)?.method.dimensions().iter().map(ToString::to_string);
+    let dimensions: Vec<Column> =
+        names.chain(own).map(|name: String| Column::new(name, Values::U32(Vec::new()))).collect();
     io::check_dimensions(&args.input, &args.output, &dimensions)?;
     let (cloud, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
     io::check_steps(&args.input, &args.output, &cloud, &context.write_options())?;
@@ -26,6 +28,7 @@ pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> 
     for (level, clusters) in found.levels.into_iter().enumerate() {
         edits.push(Edit::Dimension(Column::new(format!("{CLUSTER}_L{}", level + 1), Values::U32(clusters))));
     }
+    edits.extend(found.columns.into_iter().map(Edit::Dimension));
     let report = io::rewrite(&args.input, &args.output, &edits, &context.write_options())?;
     context.report(&args.output, &report);
     context.printer.data(&match context.printer.format {
@@ -75,6 +78,7 @@ fn settings(args: &SegmentArgs) -> Result<SegmentParams, Failure> {
     params.partition.cutoff = args.cutoff.unwrap_or(params.partition.cutoff);
     (params.partition.seed, params.riemannian.seed) =
         (args.seed.unwrap_or(params.partition.seed), args.seed.unwrap_or(params.riemannian.seed));
+    params.clusters.seed = args.seed.unwrap_or(params.clusters.seed);
     Ok(aimed(args, params)?)
 }
 
@@ -104,6 +108,11 @@ fn table(report: &SegmentReport) -> String {
         value.iter().for_each(|value| text += &format!(", {what} {value}"));
     }
     text.push('\n');
+    if let Some(clusters) = &report.clusters {
+        clusters.automatic.reasons.iter().for_each(|reason| text += &format!("  {reason}\n"));
+        let [segments, merged, categories, _] = clusters.counts;
+        let _ = writeln!(text, "  level 1: {segments} segments, level 2: {merged}, level 3: {categories} categories");
+    }
     if !report.levels.is_empty() {
         text += &levels(&report.levels);
     }

@@ -46,11 +46,15 @@ pub enum Group {
     SegmentColour,
     /// Heights above the ground of the points of a segment.
     SegmentHeight,
+    /// The clusters of the point on four levels, by their numbers.
+    ClusterRank,
+    /// The clusters of the point on four levels, by their shapes.
+    ClusterDescriptor,
 }
 
 impl Group {
     /// All groups, in the order of the registry.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::Covariance,
         Self::Contour,
         Self::Height,
@@ -63,6 +67,8 @@ impl Group {
         Self::SegmentShape,
         Self::SegmentColour,
         Self::SegmentHeight,
+        Self::ClusterRank,
+        Self::ClusterDescriptor,
     ];
 
     /// The group's name in lists.
@@ -80,6 +86,8 @@ impl Group {
             Self::SegmentShape => "segment-shape",
             Self::SegmentColour => "segment-colour",
             Self::SegmentHeight => "segment-height",
+            Self::ClusterRank => "cluster-rank",
+            Self::ClusterDescriptor => "cluster-descriptor",
         }
     }
 
@@ -89,6 +97,7 @@ impl Group {
             Self::Covariance | Self::Contour | Self::Height => Scope::Level,
             Self::Profile => Scope::Cell,
             Self::Colour | Self::Intensity | Self::Returns | Self::Optimal | Self::Terrain => Scope::Point,
+            Self::ClusterRank | Self::ClusterDescriptor => Scope::Point,
             Self::SegmentShape | Self::SegmentColour | Self::SegmentHeight => Scope::Segment,
         }
     }
@@ -105,6 +114,7 @@ impl Group {
             Self::Optimal => "the k_min..k_max nearest points",
             Self::Terrain => "the road or ground points nearby",
             Self::SegmentShape | Self::SegmentColour | Self::SegmentHeight => "the points of the segment",
+            Self::ClusterRank | Self::ClusterDescriptor => "the clusters of the point, and those that touch them",
         }
     }
 
@@ -244,6 +254,18 @@ registry! {
     SegmentBlueRange "BlueRange" SegmentColour: "blue max - blue min", "0..1", "-", "-";
     SegmentMeanHeight "MeanHeight" SegmentHeight: "mean height above ground", "any", "m", "NaN";
     SegmentMaxHeight "MaxHeight" SegmentHeight: "largest height above ground", "any", "m", "NaN";
+    ClusterRank1 "ClusterL1" ClusterRank: "rank by size of the segment / number of segments", "0..1", "-", "0";
+    ClusterRank2 "ClusterL2" ClusterRank: "rank by size of the merged segment / number of these", "0..1", "-", "0";
+    ClusterCategory "ClusterL3" ClusterRank: "rank by height of the category / number of categories", "0..1", "-", "0";
+    ClusterCentral "ClusterL4" ClusterRank: "centrality, mean of three levels", "0..1", "-", "0";
+    ClusterSize1 "ClusterSizeL1" ClusterDescriptor: "log10 of the points of the segment", ">= 0", "-", "0";
+    ClusterPlanarity1 "ClusterPlanarityL1" ClusterDescriptor: "(l2 - l3) / l1 of the segment", "0..1", "-", "0";
+    ClusterVerticality1 "ClusterVerticalityL1" ClusterDescriptor: "1 - |z . e3| of the segment", "0..1", "-", "0";
+    ClusterSize2 "ClusterSizeL2" ClusterDescriptor: "log10 of the points of the merged segment", ">= 0", "-", "0";
+    ClusterPlanarity2 "ClusterPlanarityL2" ClusterDescriptor: "(l2 - l3) / l1 of the merged segment", "0..1", "-", "0";
+    ClusterVerticality2 "ClusterVerticalityL2" ClusterDescriptor: "1 - |z . e3| of the merged segment", "0..1", "-", "0";
+    ClusterHeight "ClusterHeightL3" ClusterDescriptor: "mean height of the category", "any", "m", "0";
+    ClusterCentrality "ClusterCentralityL4" ClusterDescriptor: "centrality, mean of three levels", "0..1", "-", "0";
 }
 
 impl Feature {
@@ -317,6 +339,6 @@ mod tests {
         let grouped: Vec<&Definition> = Group::ALL.into_iter().flat_map(Group::definitions).collect();
         assert_eq!(grouped, ALL.iter().collect::<Vec<_>>());
         let counts = Group::ALL.map(|group| group.definitions().count());
-        assert_eq!(counts, [9, 4, 3, 24, 3, 1, 3, 4, 2, 9, 9, 2]);
+        assert_eq!(counts, [9, 4, 3, 24, 3, 1, 3, 4, 2, 9, 9, 2, 4, 8]);
     }
 }

@@ -4,6 +4,7 @@
 mod auto_context;
 mod builtin;
 mod classify;
+mod clusters;
 mod labels;
 mod model;
 mod objects;
@@ -20,13 +21,16 @@ pub use builtin::{BUILTIN_MAP, builtin_misfit, default_model};
 pub use classify::rules::ClassRules;
 pub use classify::statistics::{CloudStatistics, statistics};
 pub use classify::{Classified, ClassifyParams, FeatureFit, Job, classify};
+pub use clusters::{ClusterSet, ClusterTable, ClusterTableParams, cluster_table};
 pub use labels::file::{LabelFile, Picking};
 pub use labels::{LabelParams, LabelledCloud, Labels, read_labels};
 pub use model::{FirstStage, Model};
 pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};
 pub use pyramid::{DepthScore, PyramidKind, PyramidRecipe, PyramidReport};
 pub use regularise::{ChoiceParams, Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
-pub use segment::{GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment};
+pub use segment::{
+    ClusterReport, GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment,
+};
 pub use suggest::{SuggestParams, Suggestion, suggest, suggestion_page};
 pub use system::any::{AnyFitted, AnyRecipe};
 pub use system::report::{ClassCount, Report};

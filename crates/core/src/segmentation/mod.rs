@@ -1,5 +1,6 @@
 //! Segmentation: partitions of a cloud into segments.
 
+mod cluster_levels;
 mod connected;
 mod descriptors;
 mod local_graphs;
@@ -14,6 +15,10 @@ mod riemannian;
 mod segment_graph;
 mod supervoxels;
 
+pub use cluster_levels::{
+    Automatic, AutomaticParams, ClusterForm, ClusterInput, ClusterLevels, ClusterParams, HartiganParams, KMeans,
+    KMeansStart, NumberRows, automatic_parameters, cluster_levels, hartigan,
+};
 pub use connected::connected_partition;
 pub use descriptors::{SegmentShape, segment_means, segment_shapes};
 pub use local_graphs::{Combination, LocalGraphParams, SurfaceRule, local_graphs};

@@ -3,7 +3,7 @@
 //! A new method needs a file here with its [`PartitionMethod`], one line in the list below, a section in
 //! [`SegmentParams`] if it has parameters, and its lines in `docs/partitions.md`.
 
-use super::growing::{OctreeRegionGrowing, RegionGrowing};
+use super::growing::{Clusters, OctreeRegionGrowing, RegionGrowing};
 use super::on_points::OnPoints;
 use super::on_supervoxels::{LocalGraphs, Supervoxels};
 use super::riemannian::Riemannian;
@@ -31,6 +31,11 @@ pub(super) trait PartitionMethod: Sync {
     /// Whether it reads colours.
     fn reads_colours(&self) -> bool {
         false
+    }
+
+    /// Names of dimensions that it gives besides the segments.
+    fn dimensions(&self) -> &'static [&'static str] {
+        &[]
     }
 
     /// Whether it segments at several depths of an octree.
@@ -89,9 +94,15 @@ methods! {
     Vccs, "vccs", "VCCS supervoxels on adjacent voxels", Supervoxels(SupervoxelMode::Vccs);
     RegionGrowing, "region-growing", "Region growing on points", RegionGrowing;
     OctreeRegionGrowing, "octree-region-growing", "Octree-based region growing", OctreeRegionGrowing;
+    Clusters, "clusters", "Clusters at four levels (Grilli, Poux and Remondino 2021)", Clusters;
 }
 
 impl SegmentMethod {
+    /// Names of dimensions that the method gives besides the segments.
+    pub fn dimensions(self) -> &'static [&'static str] {
+        self.method().dimensions()
+    }
+
     /// The names of the methods for which `holds`, for messages.
     pub(super) fn those(holds: impl Fn(&dyn PartitionMethod) -> bool) -> String {
         let names: Vec<&str> = Self::ALL.iter().filter(|m| holds(m.method())).map(|m| m.name()).collect();

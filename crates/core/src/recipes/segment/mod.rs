@@ -13,14 +13,14 @@ pub use params::{GrowingParams, SegmentParams};
 
 use super::Labels;
 use super::regularise::point_graph;
-use crate::cloud::{Cloud, MetricCloud, Points};
+use crate::cloud::{Cloud, Column, MetricCloud, Points};
 use crate::error::Result;
 use crate::evaluation::{BoundaryScores, SizeBin, boundary_scores, oracle_accuracy, size_histogram};
 use crate::features::{FeatureTable, optimal_features};
 use crate::graph::Graph;
 use crate::neighbours::OptimalParams;
 use crate::parallel::{Monitor, watched};
-use crate::segmentation::{Partition, StageSeconds, Trial};
+use crate::segmentation::{Automatic, Partition, StageSeconds, Trial};
 use method::SegmentScene;
 use parted::{Level, Parted};
 use serde::Serialize;
@@ -40,6 +40,8 @@ pub struct Segmented {
     /// For each requested level the segment of each point of the cloud, from 1; 0 where coordinates are not finite or
     /// stray.
     pub levels: Vec<Vec<u32>>,
+    /// Further dimensions of all points of the cloud, with the names of [`SegmentMethod::dimensions`].
+    pub columns: Vec<Column>,
     /// Report on the segmentation.
     pub report: SegmentReport,
 }
@@ -71,6 +73,8 @@ pub struct SegmentReport {
     pub supervoxels: Option<usize>,
     /// The requested levels.
     pub levels: Vec<LevelReport>,
+    /// Method `clusters`: its parameters, and the clusters of each level.
+    pub clusters: Option<ClusterReport>,
     /// The strengths that were tried, ascending.
     pub trials: Vec<Trial>,
     /// Histogram of segment sizes.
@@ -79,6 +83,15 @@ pub struct SegmentReport {
     pub oracle_accuracy: Option<f64>,
     /// Boundary recall and precision with a tolerance of one edge, if labels are known.
     pub boundaries: Option<BoundaryScores>,
+}
+
+/// Clusters at four levels.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ClusterReport {
+    /// The parameters, and where each comes from.
+    pub automatic: Automatic,
+    /// Number of clusters on each level.
+    pub counts: [u32; 4],
 }
 
 /// One level of a multi-scale segmentation (Li 2018, Tables 2 and 3).
@@ -125,7 +138,8 @@ pub fn segment(cloud: &Cloud, labels: Option<&Labels>, params: &SegmentParams, m
     };
     let clusters = in_cloud(&found.partition)?;
     let levels = found.levels.iter().map(|level| in_cloud(&level.segments)).collect::<Result<_>>()?;
-    Ok(Segmented { clusters, levels, descriptors: found.descriptors, partition: found.partition, points, report })
+    let Parted { partition, descriptors, columns, .. } = found;
+    Ok(Segmented { clusters, levels, descriptors, partition, points, columns, report })
 }
 
 fn judge(found: &Parted, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<SegmentReport> {
@@ -133,6 +147,7 @@ fn judge(found: &Parted, scene: &SegmentScene<'_>, params: &SegmentParams, monit
     let mut report = SegmentReport {
         method: params.method,
         segments: found.partition.len(),
+        clusters: found.clusters.clone(),
         strength: found.strength,
         supervoxels: found.supervoxels,
         trials: found.trials.clone(),

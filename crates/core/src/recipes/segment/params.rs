@@ -8,7 +8,7 @@ use crate::neighbours::OptimalParams;
 use crate::recipes::objects::ObjectSegments;
 use crate::recipes::system::settings::{explained, set_key};
 use crate::segmentation::{
-    Intent, Leftovers, OctreeGrowingParams, PartitionParams, RegionGrowingParams, RiemannianParams,
+    ClusterParams, Intent, Leftovers, OctreeGrowingParams, PartitionParams, RegionGrowingParams, RiemannianParams,
 };
 use serde::{Deserialize, Serialize};
 
@@ -56,6 +56,8 @@ pub struct SegmentParams {
     pub region_growing: RegionGrowingParams,
     /// `octree-region-growing`.
     pub octree_region_growing: OctreeGrowingParams,
+    /// `clusters`.
+    pub clusters: ClusterParams,
 }
 
 impl Default for SegmentParams {
@@ -72,6 +74,7 @@ impl Default for SegmentParams {
             growing: GrowingParams::default(),
             region_growing: RegionGrowingParams::default(),
             octree_region_growing: OctreeGrowingParams::default(),
+            clusters: ClusterParams::default(),
         }
     }
 }
@@ -144,7 +147,8 @@ impl SegmentParams {
         self.riemannian.validate()?;
         self.objects.validate()?;
         self.region_growing.validate()?;
-        self.octree_region_growing.validate()
+        self.octree_region_growing.validate()?;
+        self.clusters.validate()
     }
 }
 

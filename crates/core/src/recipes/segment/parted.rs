@@ -1,5 +1,7 @@
 //! What every method of segmentation gives.
 
+use super::ClusterReport;
+use crate::cloud::Column;
 use crate::features::FeatureTable;
 use crate::graph::Graph;
 use crate::segmentation::{Partition, Scale, StageSeconds, Trial};
@@ -14,6 +16,9 @@ pub(super) struct Parted {
     pub(super) trials: Vec<Trial>,
     pub(super) supervoxels: Option<usize>,
     pub(super) levels: Vec<Level>,
+    /// Dimensions of the points of the cloud.
+    pub(super) columns: Vec<Column>,
+    pub(super) clusters: Option<ClusterReport>,
 }
 
 /// The partition at one depth.

@@ -75,7 +75,7 @@ pub fn region_growing(
 }
 
 /// All points, the flattest first. Variations are not negative, so that their bit patterns sort like the values.
-fn seeds(variation: &[f32], monitor: &Monitor) -> Result<impl Iterator<Item = u32>> {
+pub(super) fn seeds(variation: &[f32], monitor: &Monitor) -> Result<impl Iterator<Item = u32>> {
     let key = |i: usize| u64::from((variation[i].max(0.0) + 0.0).to_bits()) << 32 | i as u64;
     let mut keys: Vec<u64> = map_watched(variation.len(), monitor, key)?;
     sort_watched(&mut keys, monitor)?;

@@ -3,6 +3,7 @@
 mod grow;
 mod octree_growing;
 mod params;
+pub(super) mod planar;
 mod refine;
 mod result;
 mod voxels;

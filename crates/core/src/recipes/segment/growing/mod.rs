@@ -1,4 +1,8 @@
-//! Region growing on points (Rabbani et al. 2006) and on an octree (Vo et al. 2015).
+//! Region growing on points (Rabbani et al. 2006) and on an octree (Vo et al. 2015), and clusters of regions.
+
+mod clusters;
+
+pub(super) use clusters::Clusters;
 
 use super::method::{PartitionMethod, SegmentScene};
 use super::{Parted, SegmentParams};
