@@ -14,6 +14,7 @@ METHODS = [
     "vccs",
     "region-growing",
     "octree-region-growing",
+    "clusters",
 ]
 
 

@@ -21,6 +21,7 @@ from scansion import evaluation, features, graph, neighbours, regularisation, se
 
 EARLY, LATE = 0.02, 0.97
 METHODS = ("slic", "vccs", "local-graph", "riemannian", "region-growing", "octree-region-growing", "merge", "cut-pursuit")
+METHODS += ("clusters",)
 
 
 def interrupted(work, after):

@@ -8,7 +8,7 @@ use crate::json;
 use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use scansion_core::features::{self, FeatureSet, PyramidParams};
+use scansion_core::features::{self, FeatureSet, PyramidParams, Quantity, RadiusParams};
 use scansion_core::graph::Orientation;
 use scansion_core::neighbours::knn;
 use std::sync::Arc;
@@ -78,4 +78,31 @@ pub(crate) fn normals<'py>(
     })?;
     let directions = to_matrix(py, found.directions.into_flattened(), 3)?;
     Ok((directions, PyArray1::from_vec(py, found.variation)))
+}
+
+/// Quantities of the points within each radius of each point, one row a point, radius after radius.
+#[pyfunction]
+#[pyo3(signature = (cloud, names, settings, metres_per_unit = None, n_jobs = None))]
+pub(crate) fn radius_features<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    names: Vec<String>,
+    settings: &str,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let params: RadiusParams = json::settings(settings)?;
+    let quantities = names.iter().map(|name| Quantity::named(name)).collect::<Result<Vec<_>, _>>().map_err(raise)?;
+    let cloud = Arc::clone(&cloud.inner);
+    let values = call(py, n_jobs, |monitor| {
+        let points = points(&cloud, metres_per_unit, monitor)?;
+        features::radius_features(&points.positions, &quantities, &params, monitor)
+    })?;
+    to_matrix(py, values, quantities.len() * params.radii.len())
+}
+
+/// Names of all quantities of `radius_features`.
+#[pyfunction]
+pub(crate) fn radius_names() -> Vec<&'static str> {
+    Quantity::ALL.iter().map(|quantity| quantity.name()).collect()
 }

@@ -4,6 +4,7 @@ mod call;
 mod classification;
 mod cli;
 mod cloud;
+mod clusters;
 mod convert;
 mod error;
 mod evaluation;
@@ -32,11 +33,15 @@ mod _core {
     #[pymodule_export]
     use crate::cloud::Cloud;
     #[pymodule_export]
+    use crate::clusters::{automatic_parameters, cluster_levels, cluster_table};
+    #[pymodule_export]
     use crate::error::FileFormatError;
     #[pymodule_export]
     use crate::evaluation::{confusion_matrix, report, scores, segmentation_error};
     #[pymodule_export]
     use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale, normals};
+    #[pymodule_export]
+    use crate::features::{radius_features, radius_names};
     #[pymodule_export]
     use crate::filters::{filter, inside_polygon, polygon_text, radius_outliers, statistical_outliers};
     #[pymodule_export]

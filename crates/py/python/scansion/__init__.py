@@ -10,6 +10,7 @@ from scansion._bagging import BaggingClassifier
 from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
 from scansion._cloud import PointCloud
+from scansion._clusters import ClusterFeatures
 from scansion._core import FileFormatError, __version__
 from scansion._files import blocks, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._forest import RandomForestClassifier
@@ -21,6 +22,7 @@ from scansion._weak import WeakClassifier
 __all__ = [
     "BaggingClassifier",
     "Classified",
+    "ClusterFeatures",
     "FileFormatError",
     "GradientBoostingClassifier",
     "ObjectClassifier",

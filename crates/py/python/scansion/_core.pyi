@@ -13,6 +13,9 @@ __all__ = [
     "__version__",
     "alpha_beta_swap",
     "alpha_expansion",
+    "automatic_parameters",
+    "cluster_levels",
+    "cluster_table",
     "confusion_matrix",
     "connected_components",
     "convert",
@@ -49,6 +52,8 @@ __all__ = [
     "optimal",
     "partition",
     "polygon_text",
+    "radius_features",
+    "radius_names",
     "radius_outliers",
     "read",
     "recipe_columns",
@@ -229,6 +234,23 @@ def feature_names(settings: str, first_scale: float) -> list[str]: ...
 def feature_columns(settings: str) -> list[str]: ...
 def feature_definitions() -> str: ...
 def feature_preset(name: str) -> str: ...
+def radius_features(
+    cloud: Cloud,
+    names: list[str],
+    settings: str,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.float32]: ...
+def radius_names() -> list[str]: ...
+def automatic_parameters(
+    cloud: Cloud, settings: str, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> str: ...
+def cluster_levels(
+    cloud: Cloud, settings: str, colour: bool, metres_per_unit: float | None = None, n_jobs: int | None = None
+) -> tuple[NDArray[np.uint32], NDArray[np.float32], str]: ...
+def cluster_table(
+    cloud: Cloud, settings: str, n_jobs: int | None = None
+) -> tuple[NDArray[np.float32], list[str], str]: ...
 def fit_bagging(
     table: NDArray[np.float32],
     labels: NDArray[np.uint16],

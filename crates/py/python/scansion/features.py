@@ -7,6 +7,7 @@ chapter 4.4.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from scansion import _core
 from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
 
-__all__ = ["definitions", "multiscale", "names", "normals", "preset"]
+__all__ = ["definitions", "multiscale", "names", "normals", "preset", "radius", "radius_names"]
 
 
 def multiscale(
@@ -217,3 +218,79 @@ def normals(
     else:
         side = {"sensor": [float(v) for v in orientation]}
     return _core.normals(as_cloud(xyz, columns=[])._core, k, json.dumps(side), metres_per_unit, n_jobs)
+
+
+def radius(
+    xyz: Any,
+    radii: float | Sequence[float] = 1.0,
+    features: Sequence[str] | None = None,
+    *,
+    shape: Literal["sphere", "cylinder"] = "sphere",
+    divisor: Literal["n", "n-1"] = "n-1",
+    normalise: bool = False,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.float32]:
+    """Covariance features of all points within a radius of each point: names and values of jakteristics.
+
+    ``features.radius(xyz, 0.5, ["planarity", "nz"])`` stands for ``jakteristics.compute_features(xyz, 0.5,
+    feature_names=["planarity", "nz"])`` (version 0.6.2). Differences: several radii may be given; the number of neighbours
+    has no limit; where all points of a neighbourhood are in one place, or it holds fewer than three, features are 0
+    instead of NaN; the largest component of eigenvectors is positive; points are compared in float32 metres relative to a
+    corner of the cloud, so that a point whose distance is the radius but for 1e-7 of the extent may be counted
+    otherwise; ``eigenvector2x`` is the x of the second eigenvector (in jakteristics, the second component of the first
+    row).
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    radii : float or sequence of float
+        In metres, each above 0.
+    features : sequence of str, optional
+        Names as in `radius_names`; all by default.
+    shape : {"sphere", "cylinder"}
+        All points within the radius, or within it in plan, at any height.
+    divisor : {"n", "n-1"}
+        Divisor of the covariance.
+    normalise : bool
+        Whether eigenvalues are divided by their sum before omnivariance and entropy.
+    metres_per_unit : float, optional
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
+    n_jobs : int, optional
+        Number of threads; None and -1 use all. The result does not depend on it.
+
+    Returns
+    -------
+    array of shape (n, number of radii * number of features), float32
+        The features at the first radius, then those at the second.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import features
+    >>> plane = np.stack(np.meshgrid(np.arange(9.0), np.arange(9.0), [0.0]), -1).reshape(-1, 3)
+    >>> features.radius(plane, [1.0, 1.5], ["number_of_neighbors", "verticality"])[40].tolist()
+    [5.0, 0.0, 9.0, 0.0]
+    """
+    choice(shape, "shape", ("sphere", "cylinder"))
+    choice(divisor, "divisor", ("n", "n-1"))
+    given = [radii] if np.ndim(radii) == 0 else list(radii)  # type: ignore[arg-type]
+    if not np.all(np.isfinite(np.asarray(given, dtype=np.float64))):
+        raise ValueError(f"radii: found {given}, expected finite numbers")
+    settings = {"radii": [float(r) for r in given], "shape": shape, "divisor": divisor, "normalise": normalise}
+    wanted = radius_names() if features is None else list(features)
+    cloud = as_cloud(xyz, columns=[])
+    return _core.radius_features(cloud._core, wanted, to_json(settings), metres_per_unit, n_jobs)
+
+
+def radius_names() -> list[str]:
+    """Names of all features of `radius`, those of jakteristics.
+
+    Examples
+    --------
+    >>> from scansion import features
+    >>> features.radius_names()[:3]
+    ['eigenvalue_sum', 'omnivariance', 'eigenentropy']
+    """
+    return _core.radius_names()

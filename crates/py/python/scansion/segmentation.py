@@ -9,16 +9,21 @@ from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._arrays import as_array, to_json
+from scansion._clusters import Automatic, ClusterLevels, automatic_parameters, cluster_levels
 from scansion._graph import valued
 from scansion._partition import Partition, PartitionParams, partition
 from scansion._regions import Riemannian, octree_region_growing, region_growing, riemannian
 from scansion._supervoxels import object_features, supervoxels
 
 __all__ = [
+    "Automatic",
+    "ClusterLevels",
     "Partition",
     "PartitionParams",
     "Riemannian",
     "Segments",
+    "automatic_parameters",
+    "cluster_levels",
     "cut_pursuit",
     "merge",
     "object_features",
