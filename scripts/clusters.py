@@ -9,6 +9,7 @@ about other places. 20,000 points of the training part are drawn for each seed. 
 
 import pathlib
 import sys
+import textwrap
 import time
 
 import numpy as np
@@ -82,12 +83,13 @@ def scene(path, seeds):
         covered = label > 0
         best = table.argmax(1)[inverse]
         oracle.append((covered.mean(), (best == code)[covered].mean()))
-    print(f"{len(code):,} points. " + "; ".join(automatic.reasons) + ".")
-    print(
-        f"\nLevel 1: {levels.counts[0]:,} segments with {100 * oracle[0][0]:.1f} % of the points, of which {100 * oracle[0][1]:.2f} % are "
-        f"right if each segment gets its most frequent class; level 2: {levels.counts[1]:,} and {100 * oracle[1][1]:.2f} %; "
-        f"level 3: {levels.counts[2]} categories.\n"
+    print(textwrap.fill(f"{len(code):,} points. " + "; ".join(automatic.reasons) + ".", 118) + "\n")
+    text = (
+        f"Level 1: {levels.counts[0]:,} segments with {100 * oracle[0][0]:.1f} % of the points, of which "
+        f"{100 * oracle[0][1]:.2f} % are right if each segment gets its most frequent class; level 2: {levels.counts[1]:,} and {100 * oracle[1][1]:.2f} %; "
+        f"level 3: {levels.counts[2]} categories."
     )
+    print(textwrap.fill(text, 118) + "\n")
     classes = np.unique(code[~train])
     print("| set | form | colour | features | s | OA | weighted F1 | macro F1 |", *(f"{c} |" for c in classes))
     print("|---|---|---|---|---|---|---|---|" + "---|" * len(classes))
@@ -107,7 +109,7 @@ def scene(path, seeds):
 
 def row(name, form, colour, table, seconds, means, f1, classes):
     head = f"| {name} | {form} | {'yes' if colour else 'no'} | {table.shape[1]} | {seconds:.1f} |"
-    return head + "".join(f" {100 * v:.2f} |" for v in [*means, *(f1.get(c, 0.0) for c in classes)])
+    return head + "".join(f" {100 * v:.1f} |" for v in [*means, *(f1.get(c, 0.0) for c in classes)])
 
 
 if __name__ == "__main__":
