@@ -37,6 +37,9 @@ def test_features_within_a_radius_are_those_of_jakteristics(radius):
     for axis in "xyz":
         np.testing.assert_allclose(np.abs(of[f"n{axis}"][clear]), np.abs(theirs[f"n{axis}"][clear]), atol=2e-3)
         assert (of[f"eigenvector3{axis}"] == of[f"n{axis}"]).all()
+    for i in (1, 2, 3):
+        cosine = sum(of[f"eigenvector{i}{axis}"] * theirs[f"eigenvector{i}{axis}"] for axis in "xyz")
+        assert np.abs(cosine[clear]).min() > 0.999
 
 
 def test_cylinders_radii_and_divisors_are_those_of_numpy():

@@ -238,8 +238,7 @@ def radius(
     has no limit; where all points of a neighbourhood are in one place, or it holds fewer than three, features are 0
     instead of NaN; the largest component of eigenvectors is positive; points are compared in float32 metres relative to a
     corner of the cloud, so that a point whose distance is the radius but for 1e-7 of the extent may be counted
-    otherwise; ``eigenvector2x`` is the x of the second eigenvector (in jakteristics, the second component of the first
-    row).
+    otherwise.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 /// Factor from the median absolute deviation to the standard deviation of normally distributed values.
 const DEVIATION: f64 = 1.4826;
-/// Radius for a cloud that is a single place, metres; every other one gives the same segments.
+/// Radius of a cloud that is a single place, metres, where it does not matter.
 const NO_EXTENT: f64 = 1.0;
 /// Sampled points that one task examines.
 const BLOCK: usize = 256;
@@ -59,6 +59,10 @@ pub fn automatic_parameters(points: &Positions, params: &ClusterParams, monitor:
 
 pub(super) fn prepare(points: &Positions, params: &ClusterParams, monitor: &Monitor) -> Result<Prepared> {
     params.validate()?;
+    let first = points.iter().next();
+    if points.iter().all(|at| Some(at) == first) && first.is_none_or(|at| at.iter().all(|v| v.is_finite())) {
+        return Ok(without_extent(params));
+    }
     let sample = stream(params.seed, 0).choose(points.len(), params.automatic.sample);
     let (radius, why_radius) = match params.radius {
         Some(radius) => (radius, given("radius", format!("{radius} m"))),
@@ -102,6 +106,22 @@ pub(super) fn prepare(points: &Positions, params: &ClusterParams, monitor: &Moni
     Ok(Prepared { automatic, stacks, normals, variation })
 }
 
+/// A cloud that is one place has no surfaces: its points are left out, so that they are not compared with each other.
+fn without_extent(params: &ClusterParams) -> Prepared {
+    let radius = params.radius.unwrap_or(NO_EXTENT);
+    let a = &params.automatic;
+    let automatic = Automatic {
+        radius,
+        min_size: params.min_size.unwrap_or(a.size_least),
+        angle_deg: params.angle_deg.unwrap_or(a.angle_least_deg),
+        offset: params.offset.unwrap_or(a.offset_least * radius),
+        reasons: ["radius", "least size", "angle", "offset"]
+            .map(|name| format!("{name}: the cloud has no extent"))
+            .into(),
+    };
+    Prepared { automatic, stacks: Stacks::default(), normals: Vec::new(), variation: Vec::new() }
+}
+
 fn given(what: &str, value: String) -> String {
     format!("{what} {value}: given")
 }
@@ -117,14 +137,10 @@ fn found_radius(
     let near = nearest_of(points, &points.select(sample, monitor)?, k + 1, monitor)?;
     let radius = median((0..sample.len()).map(|i| near.squared_distances(i)[k].sqrt()).collect());
     if radius <= 0.0 {
-        let first = points.iter().next();
-        return match points.iter().all(|at| Some(at) == first) {
-            true => Ok((NO_EXTENT, format!("radius {NO_EXTENT} m: the cloud has no extent"))),
-            false => Err(Error::input(format!(
-                "half of the points coincide with {k} others, so that no radius of neighbourhoods can be found (allowed: \
-                 a cloud without duplicates, or a radius)"
-            ))),
-        };
+        return Err(Error::input(format!(
+            "half of the points coincide with {k} others, so that no radius of neighbourhoods can be found (allowed: a cloud \
+             without duplicates, or a radius)"
+        )));
     }
     let reason = format!("radius {radius:.4} m: median distance to neighbour {k} of {} points", sample.len());
     Ok((radius, reason))

@@ -5,7 +5,7 @@ use super::params::ClusterParams;
 use crate::error::Result;
 use crate::linalg::Spread;
 use crate::neighbours::stacks::{Ball, Stacks};
-use crate::parallel::{Monitor, map_ordered_with, map_watched};
+use crate::parallel::{Monitor, map_ordered_with, map_watched, watched};
 use crate::segmentation::region_growing::planar::{PlanarLimits, Surface, connected_rest, planar_regions};
 
 /// Points that one task examines.
@@ -54,7 +54,7 @@ pub(super) fn first_level(prepared: &Prepared, params: &ClusterParams, monitor: 
         join(stacks, &mut labels, Kept { is_kept: &is_kept, radius }, monitor)?;
     }
     labels.iter_mut().filter(|l| !is_kept[**l as usize]).for_each(|l| *l = NONE);
-    Ok(by_size(stacks, labels, planes))
+    by_size(stacks, labels, planes, monitor)
 }
 
 /// Each point without a region joins, of the regions with a point within the radius, the one whose plane is nearest, if
@@ -62,8 +62,10 @@ pub(super) fn first_level(prepared: &Prepared, params: &ClusterParams, monitor: 
 fn adopt(stacks: &Stacks, labels: &mut [u32], limits: &PlanarLimits, monitor: &Monitor) -> Result<()> {
     let count = labels.iter().copied().max().unwrap_or(0) as usize;
     let mut spreads = vec![Spread::default(); count + 1];
-    for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NONE) {
-        spreads[label as usize].join(&Spread::of(stacks.positions.xyz(i).map(f64::from)));
+    for piece in watched(labels.len(), monitor) {
+        for i in piece?.filter(|&i| labels[i] != NONE) {
+            spreads[labels[i] as usize].join(&Spread::of(stacks.positions.xyz(i).map(f64::from)));
+        }
     }
     let planes = map_watched(count + 1, monitor, |label| {
         let Spread { mean, .. } = spreads[label];
@@ -142,7 +144,7 @@ fn join(stacks: &Stacks, labels: &mut [u32], kept: Kept<'_>, monitor: &Monitor) 
 }
 
 /// Numbers the segments by decreasing size; those up to `planes` were grown as planes.
-fn by_size(stacks: &Stacks, mut labels: Vec<u32>, planes: u32) -> First {
+fn by_size(stacks: &Stacks, mut labels: Vec<u32>, planes: u32, monitor: &Monitor) -> Result<First> {
     let largest = labels.iter().copied().max().unwrap_or(0) as usize;
     let (mut sizes, mut firsts) = (vec![0u32; largest + 1], vec![u32::MAX; largest + 1]);
     for (i, &label) in labels.iter().enumerate() {
@@ -154,12 +156,14 @@ fn by_size(stacks: &Stacks, mut labels: Vec<u32>, planes: u32) -> First {
     let mut number = vec![NONE; largest + 1];
     order.iter().zip(1..).for_each(|(&l, n)| number[l as usize] = n);
     let mut objects: Vec<Object> = order.iter().map(|&l| Object { planar: l <= planes, ..Object::default() }).collect();
-    for (i, label) in labels.iter_mut().enumerate() {
-        *label = number[*label as usize];
-        if *label != NONE {
-            let at = stacks.positions.xyz(i).map(f64::from);
-            objects[*label as usize - 1].spread.join(&Spread::of(at));
+    for piece in watched(labels.len(), monitor) {
+        for i in piece? {
+            labels[i] = number[labels[i] as usize];
+            if labels[i] != NONE {
+                let at = stacks.positions.xyz(i).map(f64::from);
+                objects[labels[i] as usize - 1].spread.join(&Spread::of(at));
+            }
         }
     }
-    First { labels, objects }
+    Ok(First { labels, objects })
 }

@@ -129,7 +129,7 @@ fn clouds_without_segments_planes_or_extent() {
     assert_eq!(found.counts[0], 1);
     let far = [sheet(30, |a, b| [a, b, 0.0]), sheet(30, |a, b| [a + 5000.0, b, 300.0])].concat();
     assert_eq!(levels(&Positions::from_rows(&far), &ClusterParams::default()).counts[..2], [2, 2]);
-    for count in [0, 1, 9, 99] {
+    for count in [0, 1, 9, 99, 300_000] {
         let pile = levels(&Positions::from_rows(&vec![[1.0; 3]; count]), &ClusterParams::default());
         assert_eq!((pile.counts[0], pile.len()), (0, count));
     }

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::linalg::arithmetic::Exact;
 use crate::linalg::shape::Shape;
 use crate::neighbours::stacks::Stacks;
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor};
 
 /// Descriptors without colour: height, size, three shares of eigenvalues, verticality, three lengths of sides.
 const PLAIN: usize = 9;
@@ -43,7 +43,7 @@ pub(super) struct Third {
 /// If the work was cancelled.
 pub(super) fn third_level(merged: &Merged<'_>, params: &ClusterParams, monitor: &Monitor) -> Result<Third> {
     let width = if merged.colours.is_some() { COLOURED } else { PLAIN };
-    let mut values = describe(merged, width);
+    let mut values = describe(merged, width, monitor)?;
     let heights: Vec<f64> = values.chunks_exact(width).map(|row| row[0]).collect();
     standardise(&mut values, width);
     let found = hartigan(NumberRows { values: &values, width }, &params.categories, params.seed, monitor)?;
@@ -63,12 +63,14 @@ pub(super) fn third_level(merged: &Merged<'_>, params: &ClusterParams, monitor: 
 }
 
 /// The descriptors, row after row.
-fn describe(merged: &Merged<'_>, width: usize) -> Vec<f64> {
+fn describe(merged: &Merged<'_>, width: usize, monitor: &Monitor) -> Result<Vec<f64>> {
     let eigen: Vec<_> = merged.objects.iter().map(|object| object.spread.eigen()).collect();
     let lowest = merged.stacks.positions.z.iter().copied().fold(f32::INFINITY, f32::min);
     let mut sides = vec![[[f64::INFINITY, f64::NEG_INFINITY]; 3]; merged.objects.len()];
     let mut sums = vec![[0.0f64; 4]; merged.objects.len()];
+    let mut looks = Looks::at(monitor);
     for i in 0..merged.stacks.len() {
+        looks.steps(8)?;
         let Some(o) = (merged.of)(i) else { continue };
         let point = merged.stacks.index[i] as usize;
         let height = merged.heights.map_or(merged.stacks.positions.z[i] - lowest, |heights| heights[point]);
@@ -93,7 +95,7 @@ fn describe(merged: &Merged<'_>, width: usize) -> Vec<f64> {
         values.extend(sides[o].map(|[low, high]| if high > low { high - low } else { 0.0 }));
         values.extend((1..1 + width - PLAIN).map(|c| sums[o][c] / count));
     }
-    values
+    Ok(values)
 }
 
 /// Columns of mean 0 and standard deviation 1; 0 where all values are equal.

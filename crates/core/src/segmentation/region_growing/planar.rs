@@ -61,9 +61,9 @@ pub(crate) fn planar_regions(surface: Surface<'_>, limits: &PlanarLimits, monito
     }
     monitor.stage("planar regions", count as u64);
     let cosine = limits.angle_deg.to_radians().cos();
-    let mut spreading = Spreading::new(stacks, limits.radius);
+    let mut spreading = Spreading::new(stacks, limits.radius, monitor);
     let mut labels = vec![0u32; count];
-    let (mut regions, mut looks) = (0, Looks::at(monitor));
+    let mut regions = 0;
     for seed in seeds(variation, monitor)? {
         if labels[seed as usize] > 0 {
             continue;
@@ -85,8 +85,7 @@ pub(crate) fn planar_regions(surface: Surface<'_>, limits: &PlanarLimits, monito
                 next_fit = (spread.count * limits.growth).max(spread.count + 1.0);
             }
             true
-        });
-        looks.steps(64 * taken)?;
+        })?;
         monitor.advance(taken as u64);
     }
     GrownRegions::numbered(labels, regions, limits.min_size..=u32::MAX, monitor)
@@ -104,13 +103,12 @@ pub(crate) fn connected_rest(
     monitor: &Monitor,
 ) -> Result<Vec<usize>> {
     let first = labels.iter().copied().max().unwrap_or(0);
-    let mut spreading = Spreading::new(stacks, radius);
-    let (mut sizes, mut looks) = (Vec::new(), Looks::at(monitor));
+    let mut spreading = Spreading::new(stacks, radius, monitor);
+    let mut sizes = Vec::new();
     for seed in 0..labels.len() as u32 {
         if labels[seed as usize] == 0 {
             let region = first + 1 + sizes.len() as u32;
-            sizes.push(spreading.from(seed, region, labels, |_| true));
-            looks.steps(64 * sizes.last().copied().unwrap_or(0))?;
+            sizes.push(spreading.from(seed, region, labels, |_| true)?);
         }
     }
     Ok(sizes)
@@ -122,17 +120,18 @@ struct Spreading<'a> {
     radius: f64,
     front: Vec<u32>,
     runs: Vec<Range<u32>>,
+    looks: Looks<'a>,
 }
 
 impl<'a> Spreading<'a> {
-    fn new(stacks: &'a Stacks, radius: f64) -> Self {
-        Self { stacks, radius, front: Vec::new(), runs: Vec::new() }
+    fn new(stacks: &'a Stacks, radius: f64, monitor: &'a Monitor) -> Self {
+        Self { stacks, radius, front: Vec::new(), runs: Vec::new(), looks: Looks::at(monitor) }
     }
 
     /// Labels the seed and every point without a label that `takes` accepts and that a chain of neighbours joins with
     /// the seed; returns how many.
-    fn from(&mut self, seed: u32, label: u32, labels: &mut [u32], mut takes: impl FnMut(u32) -> bool) -> usize {
-        let Self { stacks, radius, front, runs } = self;
+    fn from(&mut self, seed: u32, label: u32, labels: &mut [u32], mut takes: impl FnMut(u32) -> bool) -> Result<usize> {
+        let Self { stacks, radius, front, runs, looks } = self;
         takes(seed);
         labels[seed as usize] = label;
         front.clear();
@@ -141,6 +140,7 @@ impl<'a> Spreading<'a> {
         while let Some(&current) = front.get(at) {
             at += 1;
             let ball = Ball { at: stacks.positions.xyz(current as usize), radius: *radius };
+            looks.steps(64)?;
             stacks.around(ball, runs, |i| {
                 if labels[i as usize] == 0 && takes(i) {
                     labels[i as usize] = label;
@@ -148,7 +148,7 @@ impl<'a> Spreading<'a> {
                 }
             });
         }
-        front.len()
+        Ok(front.len())
     }
 }
 
