@@ -44,6 +44,11 @@ fn heading(scope: Scope) -> &'static str {
              `GapBelow_r0p5` for\n0.5 m. Used by the recipe [`airborne`](airborne.md); others take them with the setting \
              `features.profile.cells`.\n"
         }
+        Scope::Class => {
+            "## Context\n\nFor each point and class, with p the probability of the class in the first of two stages \
+             ([auto-context](airborne.md));\nthe column has the code of the class and the edge of the voxels or cells \
+             appended, as in `Voxel_6_r0p5`. Used by the\nrecipes `airborne`, `mobile` and `indoor`.\n"
+        }
         Scope::Point => {
             "## Features of points\n\nOnce for each point: its own columns (recipe `airborne`; recipe `pyramid` on request), its\n\
              [optimal neighbourhood](optimal-neighbourhood.md) and the [terrain](terrain.md) (recipe `weak`; the height above the\n\
@@ -64,7 +69,7 @@ fn row(d: &Definition) -> String {
 
 fn page() -> String {
     let mut page = HEAD.to_string();
-    for scope in [Scope::Level, Scope::Cell, Scope::Point, Scope::Segment] {
+    for scope in [Scope::Level, Scope::Cell, Scope::Class, Scope::Point, Scope::Segment] {
         page += &format!("\n{}", heading(scope));
         for group in Group::ALL.into_iter().filter(|group| group.scope() == scope) {
             page += &format!("\n### {}\n\nFrom {}.\n\n", group.name(), group.reach());
@@ -102,6 +107,7 @@ fn the_features_of_the_built_in_model_are_in_the_registry() {
     let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();
     let context = ContextParams::default().names(&codes);
     let scopes = [Scope::Level, Scope::Cell, Scope::Point];
+    assert!(context.iter().all(|name| Feature::named(name, Scope::Class).is_some()), "{context:?}");
     let registered = |name: &String| scopes.iter().any(|&scope| Feature::named(name, scope).is_some());
     let first = model.first.map(|first| first.feature_names).unwrap_or_default();
     assert!(!first.is_empty() && first.iter().all(registered), "{first:?}");

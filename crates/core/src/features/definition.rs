@@ -12,6 +12,8 @@ pub enum Scope {
     Level,
     /// A point in its cell of a grid in plan: a value for each cell size, which is in its name.
     Cell,
+    /// A point and a class: a value for each class, and for each size of surroundings, with both in its name.
+    Class,
     /// A point.
     Point,
     /// A segment.
@@ -30,6 +32,8 @@ pub enum Group {
     Height,
     /// Heights in the point's cell of a grid in plan, and the surface of highest points around it.
     Profile,
+    /// What a first classifier says about the surroundings.
+    Context,
     /// The point's own colour.
     Colour,
     /// The point's own intensity.
@@ -54,11 +58,12 @@ pub enum Group {
 
 impl Group {
     /// All groups, in the order of the registry.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Covariance,
         Self::Contour,
         Self::Height,
         Self::Profile,
+        Self::Context,
         Self::Colour,
         Self::Intensity,
         Self::Returns,
@@ -78,6 +83,7 @@ impl Group {
             Self::Contour => "contour",
             Self::Height => "height",
             Self::Profile => "profile",
+            Self::Context => "context",
             Self::Colour => "colour",
             Self::Intensity => "intensity",
             Self::Returns => "returns",
@@ -96,6 +102,7 @@ impl Group {
         match self {
             Self::Covariance | Self::Contour | Self::Height => Scope::Level,
             Self::Profile => Scope::Cell,
+            Self::Context => Scope::Class,
             Self::Colour | Self::Intensity | Self::Returns | Self::Optimal | Self::Terrain => Scope::Point,
             Self::ClusterRank | Self::ClusterDescriptor => Scope::Point,
             Self::SegmentShape | Self::SegmentColour | Self::SegmentHeight => Scope::Segment,
@@ -109,6 +116,7 @@ impl Group {
             Self::Contour => "the k nearest points of the level, and their k nearest",
             Self::Height => "the points of the level in a vertical column",
             Self::Profile => "the points of 7 x 7 cells in plan",
+            Self::Context => "the probabilities of a first classifier in 3 x 3 x 3 voxels or 3 x 3 cells in plan",
             Self::Colour | Self::Returns => "the point",
             Self::Intensity => "the point, and the median of the cloud",
             Self::Optimal => "the k_min..k_max nearest points",
@@ -221,6 +229,12 @@ registry! {
     SurfaceMean5 "SurfaceMean5" Profile: "z - mean of the highest points of 5 x 5 cells", "any", "m", "NaN";
     LeastRoughness3 "LeastRoughness3" Profile: "least SurfaceRoughness3 of 3 x 3 cells", ">= 0", "m", "NaN";
     SurfaceCover5 "SurfaceCover5" Profile: "share of 5 x 5 cells with points", "0..1", "-", "NaN";
+    ContextOwn "Own" Context: "p of the point", "0..1", "-", "-";
+    ContextVoxel "Voxel" Context: "mean p in 3 x 3 x 3 voxels", "0..1", "-", "-";
+    ContextCell "Cell" Context: "mean p in 3 x 3 cells in plan", "0..1", "-", "-";
+    ContextBelow "Below" Context: "mean p of the points of the cell that are not above the point", "0..1", "-", "-";
+    ContextAbove "Above" Context: "mean p of the points of the cell that are not below the point", "0..1", "-", "-";
+    ContextTop "Top" Context: "mean p of the highest points of the cell", "0..1", "-", "-";
     Red "Red" Colour: "red / largest value of the type", "0..1", "-", "-";
     Green "Green" Colour: "green / largest value of the type", "0..1", "-", "-";
     Blue "Blue" Colour: "blue / largest value of the type", "0..1", "-", "-";
@@ -274,10 +288,12 @@ impl Feature {
         &ALL[self as usize]
     }
 
-    /// The feature of this column name; those of a level with their scale, as in `Planarity_r0p4`.
+    /// The feature of this column name; those of a level with their scale, as in `Planarity_r0p4`, those of a class with
+    /// its code too, as in `Voxel_6_r0p5`.
     pub fn named(name: &str, scope: Scope) -> Option<Self> {
         let base = match scope {
             Scope::Level | Scope::Cell => name.rsplit_once("_r")?.0,
+            Scope::Class => name.split_once('_')?.0,
             Scope::Point | Scope::Segment => name,
         };
         ALL.iter().find(|d| d.group.scope() == scope && d.name == base).map(|d| d.feature)
@@ -294,8 +310,14 @@ pub fn scaled_name(feature: &Definition, scale: f64) -> String {
     format!("{}_r{}", feature.name, scale_text(scale))
 }
 
+/// Name of a feature for the class of a code, in surroundings of a size if it has one, as in `Voxel_6_r0p5`.
+pub fn class_name(feature: &Definition, code: u8, size: Option<f64>) -> String {
+    let size = size.map(|size| format!("_r{}", scale_text(size)));
+    format!("{}_{code}{}", feature.name, size.unwrap_or_default())
+}
+
 /// A scale in metres with `p` for the decimal point, as in `0p4`.
-pub(super) fn scale_text(scale: f64) -> String {
+fn scale_text(scale: f64) -> String {
     let mut scale = format!("{scale:.4}");
     scale.truncate(scale.trim_end_matches('0').trim_end_matches('.').len());
     scale.replace('.', "p")
@@ -307,7 +329,7 @@ mod tests {
 
     #[test]
     fn names_are_unique_within_a_scope_short_and_plain() {
-        for scope in [Scope::Level, Scope::Cell, Scope::Point, Scope::Segment] {
+        for scope in [Scope::Level, Scope::Cell, Scope::Class, Scope::Point, Scope::Segment] {
             let mut names: Vec<String> = of_scope(scope).map(|d| scaled_name(d, 1638.4)).collect();
             assert!(names.iter().all(|n| n.len() <= 31 && n.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')));
             names.sort();
@@ -325,8 +347,11 @@ mod tests {
         for definition in ALL {
             assert_eq!(definition.feature.definition(), definition);
             let scope = definition.group.scope();
-            let scaled = matches!(scope, Scope::Level | Scope::Cell);
-            let name = if scaled { scaled_name(definition, 0.4) } else { definition.name.to_owned() };
+            let name = match scope {
+                Scope::Level | Scope::Cell => scaled_name(definition, 0.4),
+                Scope::Class => class_name(definition, 6, Some(0.4)),
+                Scope::Point | Scope::Segment => definition.name.to_owned(),
+            };
             assert_eq!(Feature::named(&name, scope), Some(definition.feature));
         }
         assert_eq!(Feature::named("Planarity", Scope::Level), None);
@@ -339,6 +364,6 @@ mod tests {
         let grouped: Vec<&Definition> = Group::ALL.into_iter().flat_map(Group::definitions).collect();
         assert_eq!(grouped, ALL.iter().collect::<Vec<_>>());
         let counts = Group::ALL.map(|group| group.definitions().count());
-        assert_eq!(counts, [9, 4, 3, 24, 3, 1, 3, 4, 2, 9, 9, 2, 4, 8]);
+        assert_eq!(counts, [9, 4, 3, 24, 6, 3, 1, 3, 4, 2, 9, 9, 2, 4, 8]);
     }
 }

@@ -9,7 +9,7 @@ mod stacks;
 
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
-use crate::features::definition::scale_text;
+use crate::features::definition::{Feature, class_name};
 use crate::parallel::{Monitor, map_each};
 use blocks::{Plan, Solid};
 use serde::{Deserialize, Serialize};
@@ -55,17 +55,18 @@ impl ContextParams {
         all.fold(0.0, f64::max)
     }
 
-    /// Names of the features for classes of these codes: `Own`, `Voxel`, `Cell`, `Below`, `Above`, `Top` with the code
-    /// and the size.
+    /// Names of the features of the group `context` for classes of these codes, each with the code and the size.
     pub fn names(&self, codes: &[u8]) -> Vec<String> {
-        let mut names: Vec<String> = codes.iter().map(|code| format!("Own_{code}")).collect();
-        let mut add = |kind: &str, size: f64| {
-            names.extend(codes.iter().map(|code| format!("{kind}_{code}_r{}", scale_text(size))));
+        let mut names = Vec::new();
+        let mut add = |feature: Feature, size: Option<f64>| {
+            names.extend(codes.iter().map(|&code| class_name(feature.definition(), code, size)));
         };
-        self.voxels.iter().for_each(|&size| add("Voxel", size));
-        self.cells.iter().for_each(|&size| add("Cell", size));
+        add(Feature::ContextOwn, None);
+        self.voxels.iter().for_each(|&size| add(Feature::ContextVoxel, Some(size)));
+        self.cells.iter().for_each(|&size| add(Feature::ContextCell, Some(size)));
         for &size in &self.stacks {
-            ["Below", "Above", "Top"].into_iter().for_each(|kind| add(kind, size));
+            let stack = [Feature::ContextBelow, Feature::ContextAbove, Feature::ContextTop];
+            stack.into_iter().for_each(|feature| add(feature, Some(size)));
         }
         names
     }
