@@ -216,3 +216,19 @@ fn parts_get_the_labels_of_the_whole_if_its_statistics_are_known() {
     assert!(known.0 < 1e-4 && known.1 <= 2, "{known:?}");
     assert!(alone.0 > 0.01, "the shares of a part are not those of the whole: {alone:?}");
 }
+
+#[test]
+fn the_finest_scale_of_the_features_is_that_of_the_spacing() {
+    // On a lattice the spacing is the step; scales are 0.025 m times a power of two: 0.1, and 0.8 (1.6 is farther from 1).
+    for (step, name) in [(0.1, "Planarity_r0p1"), (1.0, "Planarity_r0p8")] {
+        let at = |i: usize| step * (i as f64);
+        let ground = (0..1600).map(|i| [at(i % 40), at(i / 40), 0.0]);
+        let wall = (0..1600).map(|i| [at(i % 40), at(20), at(i / 40 + 1)]);
+        let rows: Vec<[f64; 3]> = ground.chain(wall).collect();
+        let codes: Vec<u8> = (0..3200).map(|i| if i % 100 > 0 { 0 } else { 2 + 4 * u8::from(i >= 1600) }).collect();
+        let recipe = weak(&["features.pyramid.levels=2", "neighbourhood.k_max=12", "forest.trees=5"]);
+        let (model, _) =
+            recipe.train(&[labelled(&rows, &codes)], &TrainOptions::default(), &Monitor::default()).unwrap();
+        assert!(model.feature_names.iter().any(|n| n == name), "{:?}", model.feature_names);
+    }
+}

@@ -21,6 +21,8 @@
 
 pub mod error;
 
+mod settings;
+
 pub mod memory;
 
 pub mod random;

@@ -106,8 +106,8 @@ pub enum Splitter {
 pub struct ForestParams {
     /// Number of trees, 1..=10000.
     pub trees: usize,
-    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (written as 0) stands for 4096.
-    #[serde(with = "zero_is_none")]
+    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (`"none"` or 0 in a recipe) stands for 4096.
+    #[serde(with = "crate::settings::optional_or_zero")]
     pub max_depth: Option<usize>,
     /// Position of thresholds between values.
     pub trainer: Trainer,
@@ -213,20 +213,6 @@ pub(super) fn within(name: &'static str, value: usize, low: usize, high: usize) 
 
 fn share_in_range(name: &'static str, share: f64) -> Result<()> {
     if share > 0.0 && share <= 1.0 { Ok(()) } else { Err(Error::parameter(name, share, "a share above 0, at most 1")) }
-}
-
-/// TOML has no null: "no limit" is written as 0.
-pub(super) mod zero_is_none {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    #[expect(clippy::ref_option, reason = "the signature that serde asks for")]
-    pub(in super::super) fn serialize<S: Serializer>(value: &Option<usize>, serializer: S) -> Result<S::Ok, S::Error> {
-        value.unwrap_or(0).serialize(serializer)
-    }
-
-    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<usize>, D::Error> {
-        usize::deserialize(deserializer).map(|depth| (depth > 0).then_some(depth))
-    }
 }
 
 #[cfg(test)]

@@ -44,8 +44,8 @@ pub enum Column {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PyramidParams {
-    /// Edge of the finest voxel in metres; `None` (0 in a recipe) derives it from the cloud's point spacing.
-    #[serde(with = "zero_is_none")]
+    /// Edge of the finest voxel in metres; `None` (`"none"` or 0 in a recipe) derives it from the cloud's point spacing.
+    #[serde(with = "crate::settings::optional_or_zero")]
     pub first_scale: Option<f64>,
     /// Number of levels, each with voxels of twice the edge; 1..=16.
     pub levels: usize,
@@ -127,20 +127,6 @@ impl PyramidParams {
     }
 }
 
-/// TOML has no "none": it is written as 0.
-mod zero_is_none {
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub(super) fn serialize<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_f64(value.unwrap_or(0.0))
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
-        let value = Option::<f64>::deserialize(deserializer)?;
-        Ok(value.filter(|v| v.to_bits() << 1 != 0))
-    }
-}
-
 /// A feature of a set.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Offer {
@@ -175,8 +161,8 @@ pub struct FeatureSet {
     pub optional: bool,
     /// Use the height above the ground, for methods that find the ground first.
     pub height: bool,
-    /// Metres per unit of the coordinates; if absent, what the cloud says, else 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Metres per unit of the coordinates; `None` (`"none"` in a recipe): what the cloud says, else 1.
+    #[serde(with = "crate::settings::optional")]
     pub metres_per_unit: Option<f64>,
     /// The pyramid.
     pub pyramid: PyramidParams,

@@ -23,6 +23,7 @@ pub enum EdgeMeaning {
 #[serde(default, deny_unknown_fields)]
 pub struct FelzenszwalbParams {
     /// k: larger values give larger components; in units of the weights, ≥ 0. Infinite gives the connected components.
+    #[serde(deserialize_with = "crate::settings::number")]
     pub k: f64,
     /// The meaning of the edge weights.
     pub meaning: EdgeMeaning,

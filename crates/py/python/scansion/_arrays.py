@@ -82,14 +82,25 @@ def choice(value: Any, name: str, allowed: tuple[str, ...]) -> None:
         raise ValueError(f"{name}: found {value!r}, expected {' or '.join(repr(a) for a in allowed)}")
 
 
-def to_json(settings: Mapping[str, Any]) -> str:
-    """Settings as JSON, including numpy's numbers; numbers that are not finite are an error with their name."""
-    for name, value in settings.items():
-        if isinstance(value, Mapping):
-            to_json(value)
-        elif isinstance(value, (float, np.floating)) and not np.isfinite(value):
-            raise ValueError(f"{name}: found {value}, expected a finite number")
-    return json.dumps(settings, default=_plain)
+def to_json(settings: Mapping[str, Any], infinite: tuple[str, ...] = ()) -> str:
+    """Settings as JSON, including numpy's numbers; numbers that are not finite are an error with their name, except that
+    those named in ``infinite`` may be infinite."""
+    return json.dumps(_finite(settings, infinite), default=_plain)
+
+
+def _finite(settings: Mapping[str, Any], infinite: tuple[str, ...]) -> dict[str, Any]:
+    """The same with infinity as the core reads it in JSON: as a word."""
+    return {name: _word(name, value, infinite) for name, value in settings.items()}
+
+
+def _word(name: str, value: Any, infinite: tuple[str, ...]) -> Any:
+    if isinstance(value, Mapping):
+        return _finite(value, infinite)
+    if not isinstance(value, (float, np.floating)) or np.isfinite(value):
+        return value
+    if value == np.inf and name in infinite:
+        return "inf"
+    raise ValueError(f"{name}: found {value}, expected {'a' if name in infinite else 'a finite'} number")
 
 
 def _plain(value: Any) -> Any:

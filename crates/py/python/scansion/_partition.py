@@ -142,6 +142,8 @@ def partition(
     given = valued(values, edges, weights, node_weights)
     codes = None if labels is None else signed(labels, "labels")
     cloud = None if xyz is None else as_cloud(xyz, columns=[])._core
-    settings = to_json((params or PartitionParams()).settings())
+    settings = to_json((params or PartitionParams()).settings(), ("strength",))
     found, strength, trials = _core.partition(given, settings, cloud, codes, n_jobs)
-    return Partition(found, strength, json.loads(trials))
+    # JSON has no infinity: it says null.
+    tried = [{**t, "strength": np.inf if t["strength"] is None else t["strength"]} for t in json.loads(trials)]
+    return Partition(found, strength, tried)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scansion import _core
 from scansion._arrays import choice, to_json
 from scansion._cloud import as_cloud
+from scansion._settings import together
 
 
 class Riemannian(NamedTuple):
@@ -25,8 +26,8 @@ class Riemannian(NamedTuple):
 def riemannian(
     xyz: Any,
     *,
-    min_depth: int = 6,
-    strength: float = 0.1,
+    min_depth: int | None = None,
+    strength: float | None = None,
     settings: Mapping[str, Any] | None = None,
     n_jobs: int | None = None,
 ) -> Riemannian:
@@ -38,12 +39,13 @@ def riemannian(
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
-    min_depth : int
-        Least depth of the octree: the number of times that the cloud's cube is halved on each axis everywhere.
-    strength : float
-        Cost of an edge between segments; larger values give fewer, larger segments.
+    min_depth : int, optional
+        Least depth of the octree: the number of times that the cloud's cube is halved on each axis everywhere; 6 by default.
+    strength : float, optional
+        Cost of an edge between segments; larger values give fewer, larger segments; 0.1 by default.
     settings : mapping, optional
-        Further settings, as in a recipe: ``{"graph": {"nearest": 12}, "sides": "unsigned"}``.
+        Further settings, as in a recipe: ``{"graph": {"nearest": 12}, "octree.stop.absolute": 0.5}``. A setting that is
+        also given as an argument is an error.
     n_jobs : int, optional
         Number of threads; None and -1 use all. The result does not depend on it.
 
@@ -63,8 +65,7 @@ def riemannian(
     >>> bool(found.labels[2000] != found.labels[6000]), found.report["segments"] < found.report["supervoxels"]
     (True, True)
     """
-    given: dict[str, Any] = {**(settings or {}), "strength": strength}
-    given["octree"] = {"min_depth": min_depth, **given.get("octree", {})}
+    given = together(settings, strength=strength, octree__min_depth=min_depth)
     points, text = as_cloud(xyz, columns=[])._core, to_json(given)
     clusters, segments, report = _core.riemannian(points, text, n_jobs)
     return Riemannian(segments, clusters, json.loads(report))
@@ -119,7 +120,7 @@ def region_growing(
 
 
 def octree_region_growing(
-    xyz: Any, *, size: float = 2.0, settings: Mapping[str, Any] | None = None, n_jobs: int | None = None
+    xyz: Any, *, size: float | None = None, settings: Mapping[str, Any] | None = None, n_jobs: int | None = None
 ) -> NDArray[np.uint32]:
     """Octree-based region growing: flat voxels, refined at the boundary of regions (Vo et al. 2015).
 
@@ -127,10 +128,11 @@ def octree_region_growing(
     ----------
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
-    size : float
-        Edge of the largest voxels, metres.
+    size : float, optional
+        Edge of the largest voxels, metres; 2 by default. In ``settings`` it is ``largest_voxel``.
     settings : mapping, optional
-        Further settings, as in a recipe: ``{"residual": 0.05, "angle_deg": 15.0}``.
+        Further settings, as in a recipe: ``{"residual": 0.05, "angle_deg": 15.0}``. A setting that is also given as an
+        argument is an error.
     n_jobs : int, optional
         Number of threads; None and -1 use all. The result does not depend on it.
 
@@ -148,5 +150,5 @@ def octree_region_growing(
     >>> segmentation.octree_region_growing(planes).max()
     np.uint32(2)
     """
-    text = to_json({**(settings or {}), "largest_voxel": size})
+    text = to_json(together(settings, largest_voxel=size))
     return _core.octree_region_growing(as_cloud(xyz, columns=[])._core, text, n_jobs)

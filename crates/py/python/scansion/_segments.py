@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
+from scansion._arrays import to_json
 from scansion._cloud import measured
 from scansion._settings import recipe as read_recipe
 
@@ -199,4 +200,4 @@ def _aim(*aims: float | None) -> str:
     given = {name: float(value) for name, value in zip(names, aims, strict=True) if value is not None}
     if len(given) > 1:
         raise ValueError(f"found {', '.join(given)}, expected at most one of them")
-    return json.dumps(given or None)
+    return to_json(given, ("strength",)) if given else "null"

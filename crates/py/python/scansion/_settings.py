@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,13 +16,76 @@ from scansion import _core
 def recipe(given: Any) -> tuple[str, list[str]]:
     """The TOML of a recipe and the settings on top of it, from a path, a text, a mapping of dotted keys, or None."""
     if isinstance(given, Mapping):
-        settings = [f"{key}={json.dumps(value)}" for key, value in given.items() if key != "recipe"]
+        settings = [f"{key}={_toml(key, value)}" for key, value in _dotted(given) if key != "recipe"]
         return str(given.get("recipe", "")), settings
     if isinstance(given, str) and ("\n" in given or "=" in given):
         return given, []
     if given is None:
         return "", []
     return _core.settings_text(os.fspath(given)), []
+
+
+def _dotted(given: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and values of a mapping whose values may be mappings."""
+    for key, value in given.items():
+        if isinstance(value, Mapping):
+            yield from _dotted(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", value
+
+
+def _toml(key: str, value: Any) -> str:
+    """A value as TOML; None is the word "none"."""
+    if value is None:
+        return '"none"'
+    if isinstance(value, np.ndarray):
+        return _toml(key, value.tolist())
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    if isinstance(value, str):
+        return json.dumps(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(_toml(key, item) for item in value)}]"
+    raise TypeError(
+        f"{key}: found {value!r} of type {type(value).__name__}, expected a number, text, True, False, None or a list"
+    )
+
+
+def together(settings: Mapping[str, Any] | None, **named: Any) -> dict[str, Any]:
+    """Settings (nested, or with dotted keys) and arguments with a name of their own, of which those that are None were not
+    given; one that is given in both ways is an error."""
+    merged: dict[str, Any] = {}
+    for key, value in _dotted(settings or {}):
+        _put(merged, key, value)
+    for key, value in _dotted(named):
+        key = key.replace("__", ".")
+        if value is None:
+            continue
+        if _has(merged, key):
+            raise ValueError(f"settings: found {key}, which is an argument too; expected it once")
+        _put(merged, key, value)
+    return merged
+
+
+def _put(into: dict[str, Any], key: str, value: Any) -> None:
+    *parts, last = key.split(".")
+    for part in parts:
+        into = into.setdefault(part, {})
+        if not isinstance(into, dict):
+            raise ValueError(f"settings: found {key} and a value of {part}, expected one of them")
+    into[last] = value
+
+
+def _has(within: Any, key: str) -> bool:
+    for part in key.split("."):
+        if not isinstance(within, dict) or part not in within:
+            return False
+        within = within[part]
+    return True
 
 
 def seed(random_state: Any) -> int:

@@ -169,4 +169,4 @@ def felzenszwalb(
     each = as_weights(weights, len(pairs))
     if each is None:
         raise TypeError("weights: found None, expected one per edge")
-    return _core.felzenszwalb(nodes, pairs, each, to_json({"k": k, "meaning": meaning}))
+    return _core.felzenszwalb(nodes, pairs, each, to_json({"k": k, "meaning": meaning}, ("k",)))

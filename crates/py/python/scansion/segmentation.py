@@ -145,7 +145,9 @@ def cut_pursuit(
         "seed": random_state,
     }
     return Segments(
-        *_core.cut_pursuit(valued(values, edges, weights, node_weights), to_json(settings), n_jobs)
+        *_core.cut_pursuit(
+            valued(values, edges, weights, node_weights), to_json(settings, ("strength", "cutoff")), n_jobs
+        )
     )
 
 
@@ -187,5 +189,5 @@ def merge(
     >>> segmentation.merge([[0.0], [0.25], [5.0], [5.25]], edges, strength=0.5).labels.tolist()
     [0, 0, 1, 1]
     """
-    settings = to_json({"strength": strength, "cutoff": cutoff})
+    settings = to_json({"strength": strength, "cutoff": cutoff}, ("strength", "cutoff"))
     return Segments(*_core.merge_regions(valued(values, edges, weights, node_weights), settings))

@@ -1,6 +1,6 @@
 //! Parameters of boosting.
 
-use crate::classification::params::{ClassWeight, MAX_DEPTH, within, zero_is_none};
+use crate::classification::params::{ClassWeight, MAX_DEPTH, within};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -15,8 +15,8 @@ pub struct BoostingParams {
     pub learning_rate: f64,
     /// Largest number of leaves of a tree, 2..=65535.
     pub max_leaves: usize,
-    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (written as 0) stands for 4096.
-    #[serde(with = "zero_is_none")]
+    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (`"none"` or 0 in a recipe) stands for 4096.
+    #[serde(with = "crate::settings::optional_or_zero")]
     pub max_depth: Option<usize>,
     /// Least number of samples in a child, counted and also estimated from its share of the second derivatives; 1 or
     /// more.

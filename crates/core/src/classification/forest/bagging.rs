@@ -5,7 +5,7 @@
 
 use super::Forest;
 use crate::classification::learner::Learner;
-use crate::classification::params::{Bootstrap, ClassWeight, ForestParams, MaxFeatures, zero_is_none};
+use crate::classification::params::{Bootstrap, ClassWeight, ForestParams, MaxFeatures};
 use crate::classification::samples::Samples;
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 pub struct BaggingParams {
     /// Number of trees, 1..=10000.
     pub trees: usize,
-    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (written as 0) stands for 4096.
-    #[serde(with = "zero_is_none")]
+    /// Largest depth of a tree (splits between root and leaf), 1..=4096; `None` (`"none"` or 0 in a recipe) stands for 4096.
+    #[serde(with = "crate::settings::optional_or_zero")]
     pub max_depth: Option<usize>,
     /// Nodes with fewer distinct samples are not split, 2 or more.
     pub min_samples_split: usize,

@@ -62,8 +62,8 @@ pub struct ObjectsRecipe {
     pub recipe: ObjectsKind,
     /// Seed of all random draws.
     pub seed: u64,
-    /// Metres per unit of the coordinates; if absent, what the cloud says, else 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Metres per unit of the coordinates; `None` (`"none"` in a recipe): what the cloud says, else 1.
+    #[serde(with = "crate::settings::optional")]
     pub metres_per_unit: Option<f64>,
     /// The classifier: `rf`, `gbt` or `bagging`; each has its own section of parameters.
     pub classifier: ClassifierKind,

@@ -31,8 +31,8 @@ pub struct ObjectSegments {
     pub neighbours: usize,
     /// Orientation of the normals.
     pub orientation: Orientation,
-    /// Use the points' colours; if absent, they are used if the cloud has any.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Use the points' colours; `None` (`"none"` in a recipe): if the cloud has any.
+    #[serde(with = "crate::settings::optional")]
     pub colour: Option<bool>,
     /// The kind of supervoxels.
     pub supervoxels: SupervoxelMode,

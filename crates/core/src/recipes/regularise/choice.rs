@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct ChoiceParams {
     /// Edge of the squares of a checkerboard, metres: what is learned in the squares of one colour classifies those of
-    /// the other. `None` is a quarter of the longer side of each cloud. The recipe `airborne` takes `folds.square`
-    /// instead.
+    /// the other. `None` (`"none"` in a recipe) is a quarter of the longer side of each cloud. The recipe `airborne` takes
+    /// `folds.square` instead.
+    #[serde(with = "crate::settings::optional")]
     pub square: Option<f64>,
     /// Patches of each cloud and each of its thinned copies, at least 1: each in a square of its own.
     pub patches: usize,

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::graph::KnnGraphParams;
 use crate::neighbours::OptimalParams;
 use crate::recipes::objects::ObjectSegments;
-use crate::recipes::system::settings::{explained, set_key};
+use crate::recipes::system::settings::{explained, set_key, with_defaults};
 use crate::segmentation::{
     ClusterParams, Intent, Leftovers, OctreeGrowingParams, PartitionParams, RegionGrowingParams, RiemannianParams,
 };
@@ -86,12 +86,13 @@ impl SegmentParams {
         Some(Self { method, ..Self::default() })
     }
 
-    /// Reads TOML; the message about a wrong key gives its line and the nearest valid key.
+    /// Reads TOML; values not given are the defaults, in each section too. The message about a wrong key gives its line
+    /// and the nearest valid key.
     ///
     /// # Errors
     /// If the text is not TOML, or a key or value is unknown.
     pub fn from_toml(text: &str) -> Result<Self> {
-        explained(text)
+        with_defaults(text)
     }
 
     /// The parameters as TOML, with all values written out.
@@ -111,7 +112,7 @@ impl SegmentParams {
         for setting in settings {
             set_key(&mut table, setting)?;
         }
-        Self::from_toml(&table.to_string())
+        explained(&table.to_string())
     }
 
     /// Columns of a cloud that the method reads, besides labels.
@@ -155,6 +156,7 @@ impl SegmentParams {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::segmentation::StopRule;
 
     #[test]
     fn settings_survive_toml_and_reach_the_method() {
@@ -162,6 +164,13 @@ mod tests {
         assert_eq!(SegmentParams::from_toml(&params.to_toml().unwrap()).unwrap(), params);
         let other = params.with_settings(["objects.vccs.size=2", "method=slic"]).unwrap();
         assert_eq!((other.objects.vccs.size, other.method), (2.0, SegmentMethod::Slic));
+        let rule = params.with_settings(["riemannian.octree.stop.absolute=0.5"]).unwrap();
+        assert_eq!(rule.riemannian.octree.stop, StopRule::Absolute(0.5));
+        let aim = params.with_settings(["partition.intent.smallest-object=0.5", "partition.cutoff=3"]).unwrap();
+        assert_eq!((aim.partition.intent, aim.partition.cutoff), (Intent::SmallestObject(0.5), 3.0));
+        // A section that is written in part keeps the strength of this command, 0.03.
+        let written = SegmentParams::from_toml("[partition]\ncutoff = 3.0\n").unwrap();
+        assert_eq!((written.partition.intent, written.partition.cutoff), (Intent::Strength(0.03), 3.0));
         let message = params.with_settings(["objects.vccs.syze=2"]).unwrap_err().to_string();
         assert!(message.contains("syze") && message.contains("did you mean `size`"), "{message}");
     }

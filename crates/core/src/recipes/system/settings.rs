@@ -15,22 +15,20 @@ pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
     let bad = || Error::parameter("set", setting, "key=value, e.g. forest.trees=100");
     let (key, value) = setting.split_once('=').ok_or_else(bad)?;
     let value = parse_value(value.trim());
-    let mut parts: Vec<&str> = key.trim().split('.').take(DEEPEST + 1).collect();
+    let parts: Vec<&str> = key.trim().split('.').take(DEEPEST + 1).collect();
     if parts.len() > DEEPEST {
         let start: String = key.trim().chars().take(40).collect();
         return Err(Error::parameter("set", format!("{start}..."), format!("a key of at most {DEEPEST} parts")));
     }
-    let last = parts.pop().filter(|k| !k.is_empty()).ok_or_else(bad)?;
-    let mut here = table;
-    for part in parts {
-        let next = here.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-        if !next.is_table() {
-            // A choice given as a word becomes one with a value, e.g. forest.max_features.count=5.
-            *next = toml::Value::Table(toml::Table::new());
-        }
-        here = next.as_table_mut().ok_or_else(bad)?;
+    if parts.iter().any(|part| part.is_empty()) {
+        return Err(bad());
     }
-    here.insert(last.to_string(), value);
+    let given = parts.into_iter().rev().fold(value, |value, part| {
+        toml::Value::Table(toml::Table::from_iter([(part.to_string(), value)]))
+    });
+    if let toml::Value::Table(given) = given {
+        put(table, given);
+    }
     Ok(())
 }
 
@@ -89,7 +87,9 @@ fn explain(message: &str) -> String {
 #[cfg(test)]
 mod tests {
     use crate::classification::MaxFeatures;
+    use crate::features::{Column, PyramidParams};
     use crate::recipes::{AnyRecipe, PyramidRecipe};
+    use crate::segmentation::Intent;
 
     fn changed(setting: &str) -> crate::Result<PyramidRecipe> {
         match AnyRecipe::named("pyramid")?.with_settings([setting])? {
@@ -136,8 +136,49 @@ mod tests {
         assert_eq!(changed("forest.trees=7").unwrap().forest.trees, 7);
         assert_eq!(changed("seed=3").unwrap().seed, 3);
         assert_eq!(changed("forest.max_features.count=5").unwrap().forest.max_features, MaxFeatures::Count(5));
+        assert_eq!(changed("regularise.strength=inf").unwrap().regularise.strength, f64::INFINITY);
+        // A table changes what it names and keeps the rest.
+        let pyramid = changed("features.pyramid={ levels = 3, column = \"cell\" }").unwrap().features.pyramid;
+        assert_eq!(pyramid, PyramidParams { levels: 3, column: Column::Cell, ..PyramidParams::default() });
         for bad in ["seed.forest=5", "forest.trees", "forest.trees=many"] {
             assert!(changed(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn another_choice_takes_the_place_of_the_default() {
+        let weak = |setting: &str| match AnyRecipe::named("weak").unwrap().with_settings([setting]).unwrap() {
+            AnyRecipe::Weak(recipe) => recipe.regularise.partition.intent,
+            other => panic!("{}", other.name()),
+        };
+        assert_eq!(weak("regularise.partition.intent.smallest-object=0.5"), Intent::SmallestObject(0.5));
+        assert_eq!(weak("regularise.partition.intent={ strength = inf }"), Intent::Strength(f64::INFINITY));
+    }
+
+    #[test]
+    fn every_optional_value_can_be_none_and_is_written() {
+        let airborne = AnyRecipe::named("airborne").unwrap();
+        let scale = |recipe: AnyRecipe| match recipe {
+            AnyRecipe::Airborne(recipe) => recipe.features.pyramid.first_scale,
+            other => panic!("{}", other.name()),
+        };
+        assert_eq!(scale(airborne.clone()), Some(0.25));
+        for word in ["none", "0"] {
+            assert_eq!(scale(airborne.with_settings([format!("features.pyramid.first_scale={word}").as_str()]).unwrap()), None);
+            let text = format!("recipe = \"airborne\"\n[features.pyramid]\nfirst_scale = {}", if word == "0" { "0" } else { "\"none\"" });
+            assert_eq!(scale(AnyRecipe::from_toml(&text).unwrap()), None);
+        }
+        for (name, key) in [
+            ("pyramid", "features.metres_per_unit"),
+            ("pyramid", "regularise.choice.square"),
+            ("pyramid", "forest.max_depth"),
+            ("weak", "features.pyramid.first_scale"),
+            ("objects", "metres_per_unit"),
+            ("objects", "segments.colour"),
+        ] {
+            let none = AnyRecipe::named(name).unwrap().with_settings([format!("{key}=none").as_str()]).unwrap();
+            let last = key.rsplit('.').next().unwrap();
+            assert!(none.to_toml().unwrap().contains(&format!("{last} = \"none\"")), "{name} {key}");
         }
     }
 

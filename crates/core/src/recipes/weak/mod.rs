@@ -41,7 +41,7 @@ use super::system::{Fitted, System, TrainOptions};
 use crate::classification::ForestParams;
 use crate::cloud::names;
 use crate::error::Result;
-use crate::features::FeatureSet;
+use crate::features::{FeatureSet, PyramidParams};
 use crate::neighbours::OptimalParams;
 use crate::parallel::Monitor;
 use crate::segmentation::PartitionParams;
@@ -78,7 +78,7 @@ pub struct WeakRecipe {
     pub seed: u64,
     /// The features of a point.
     pub descriptors: Descriptors,
-    /// Multi-scale features (Hackel 2018, chapter 4.4).
+    /// Multi-scale features (Hackel 2018, chapter 4.4); the finest scale is that of the first cloud's point spacing.
     pub features: FeatureSet,
     /// Optimal neighbourhoods of the local descriptors.
     pub neighbourhood: OptimalParams,
@@ -96,11 +96,13 @@ pub struct WeakRecipe {
 
 impl Default for WeakRecipe {
     fn default() -> Self {
+        // The scans of the paper differ in density, so that no finest scale suits all.
+        let pyramid = PyramidParams { first_scale: None, ..PyramidParams::default() };
         Self {
             recipe: WeakKind::Weak,
             seed: 0,
             descriptors: Descriptors::default(),
-            features: FeatureSet::default(),
+            features: FeatureSet { pyramid, ..FeatureSet::default() },
             neighbourhood: OptimalParams::default(),
             road: RoadParams::default(),
             labels: WeakLabels::default(),

@@ -27,8 +27,10 @@ pub(super) const GREEDY_LINKS: usize = 10_000;
 pub struct MergeParams {
     /// ρ: cost of a boundary edge of weight 1, in units of squared feature difference. Larger: fewer, larger segments.
     /// ≥ 0; infinite gives one segment per connected component.
+    #[serde(deserialize_with = "crate::settings::number")]
     pub strength: f64,
     /// Segments of less weight than this are merged into their best neighbour, at any cost. ≥ 0; 0 keeps all.
+    #[serde(deserialize_with = "crate::settings::number")]
     pub cutoff: f64,
 }
 

@@ -22,7 +22,7 @@ pub enum Method {
 #[serde(rename_all = "kebab-case")]
 pub enum Intent {
     /// No search: this strength ρ. ≥ 0, may be infinite.
-    Strength(f64),
+    Strength(#[serde(deserialize_with = "crate::settings::number")] f64),
     /// Number of segments per hectare of covered ground (2 m cells in plan that hold points). > 0.
     SegmentsPerHectare(f64),
     /// The finest partition of which at most 5 % of the points lie in segments that are shorter than this in every
@@ -62,6 +62,7 @@ pub struct PartitionParams {
     /// What the partition should look like.
     pub intent: Intent,
     /// Segments of less weight than this are merged into their best neighbour at the end. ≥ 0; 0 keeps all.
+    #[serde(deserialize_with = "crate::settings::number")]
     pub cutoff: f64,
     /// Largest number of partitions computed in the search for the strength. At least 1.
     pub trials: usize,

@@ -26,9 +26,11 @@ pub enum Preset {
 pub struct CutPursuitParams {
     /// ρ: cost of a boundary edge of weight 1, in units of squared feature difference. Larger: fewer, larger segments.
     /// ≥ 0; infinite gives one segment per connected component.
+    #[serde(deserialize_with = "crate::settings::number")]
     pub strength: f64,
     /// Segments of less weight than this are merged into their best neighbour at the end, at any cost. ≥ 0; 0 keeps
     /// all.
+    #[serde(deserialize_with = "crate::settings::number")]
     pub cutoff: f64,
     /// Graphs of more nodes than this are first cut on a coarser graph, which is many times faster if segments are not
     /// very small. `usize::MAX`: never, as in the paper.
