@@ -7,7 +7,7 @@ use crate::json;
 use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use scansion_core::graph::{self, FelzenszwalbParams, Graph, KnnGraphParams};
+use scansion_core::graph::{self, FelzenszwalbParams, Graph, KnnGraphParams, Parallel, WeightedPairs};
 use scansion_core::neighbours::knn;
 use scansion_core::parallel::{Monitor, watched};
 use scansion_core::{Error, Result};
@@ -16,12 +16,17 @@ use std::sync::Arc;
 /// Edges `(m, 2)` and their weights.
 type Edges<'py> = (Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<f32>>);
 
+/// The nodes of each edge.
+fn pairs_of(edges: &[u32]) -> Result<&[[u32; 2]]> {
+    match edges.as_chunks::<2>() {
+        (pairs, []) => Ok(pairs),
+        _ => Err(Error::input(format!("edges: {} nodes are not pairs", edges.len()))),
+    }
+}
+
 /// A graph from pairs of nodes; without weights every edge has weight 1.
 pub(crate) fn graph_of(nodes: usize, edges: &[u32], weights: Option<&[f32]>, monitor: &Monitor) -> Result<Graph> {
-    let (pairs, rest) = edges.as_chunks::<2>();
-    if !rest.is_empty() {
-        return Err(Error::input(format!("edges: {} nodes are not pairs", edges.len())));
-    }
+    let pairs = pairs_of(edges)?;
     if let Some(weights) = weights {
         return Graph::new_watched(nodes, pairs, weights, monitor);
     }
@@ -86,7 +91,13 @@ pub(crate) fn minimum_spanning_tree<'py>(
 ) -> PyResult<Edges<'py>> {
     let (edges, weights) = (matrix(&edges, "edges")?, optional(weights.as_ref(), "weights")?);
     let tree = call(py, Some(1), |monitor| {
-        let graph = graph_of(nodes, edges, weights, monitor)?;
+        let graph = match weights {
+            Some(weights) => {
+                let given = WeightedPairs { pairs: pairs_of(edges)?, weights, parallel: Parallel::Least };
+                Graph::from_pairs(nodes, &given, monitor)?
+            }
+            None => graph_of(nodes, edges, None, monitor)?,
+        };
         let tree = graph::minimum_spanning_tree(&graph, monitor)?;
         let pairs: Vec<[u32; 2]> = tree.iter().map(|&e| graph.edges()[e as usize]).collect();
         let weights: Vec<f32> = tree.iter().map(|&e| graph.weights()[e as usize]).collect();
@@ -108,7 +119,8 @@ pub(crate) fn felzenszwalb<'py>(
     let params: FelzenszwalbParams = json::settings(settings)?;
     let (edges, weights) = (matrix(&edges, "edges")?, vector(&weights, "weights")?);
     let found = call(py, Some(1), |monitor| {
-        graph::felzenszwalb(&graph_of(nodes, edges, Some(weights), monitor)?, &params, monitor)
+        let given = WeightedPairs { pairs: pairs_of(edges)?, weights, parallel: params.meaning.parallel() };
+        graph::felzenszwalb(&Graph::from_pairs(nodes, &given, monitor)?, &params, monitor)
     })?;
     Ok((PyArray1::from_vec(py, found.of), found.count))
 }

@@ -37,12 +37,13 @@ impl Default for Batch {
     }
 }
 
-/// Eigenvalues λ1 ≥ λ2 ≥ λ3 ≥ 0 and e2, e3; coincident points have eigenvalues 0 and the coordinate axes.
+/// Eigenvalues λ1 ≥ λ2 ≥ λ3 ≥ 0, e2, e3 and the centre; coincident points have eigenvalues 0 and the coordinate axes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tensor {
     pub(super) values: [Lane; 3],
     pub(super) second: [Lane; 3],
     pub(super) normal: [Lane; 3],
+    pub(super) centre: [Lane; 3],
 }
 
 /// Conventions of the tensor.
@@ -55,21 +56,50 @@ pub(super) struct Convention {
 /// Eigenvalues and eigenvectors of the structure tensor of the first `count` rows.
 #[inline(always)]
 pub(super) fn tensor(batch: &Batch, count: usize, convention: Convention) -> Tensor {
-    let mut matrix = covariance(batch, count);
+    let mean = mean(batch, count);
+    let mut matrix = covariance(batch, count, &mean);
+    let mut centre = mean;
     if convention.centre == Centre::Medoid {
-        add_medoid(batch, count, &mut matrix);
+        centre = medoid(batch, count);
+        add_shift(&mean, &centre, &mut matrix);
     }
     if convention.divisor == Divisor::NMinusOne && count > 1 {
         let factor = count as f32 / (count as f32 - 1.0);
         scale(&mut matrix, factor);
     }
-    eigen(&matrix)
+    Tensor { centre, ..eigen(&matrix) }
+}
+
+/// λ3/Σλ with λ3 as the mean square of the distances from the plane through the centre; 0 where it is no more than the
+/// rounding of coordinates. Where λ3 is a millionth of λ1, the third eigenvalue of an `f32` matrix has lost its digits,
+/// but its eigenvector is exact enough for these distances. `at` is the largest coordinate of the query.
+#[inline(always)]
+pub(super) fn exact_variation(batch: &Batch, count: usize, divisor: Divisor, tensor: &Tensor, at: &Lane) -> Lane {
+    let Tensor { values, normal, centre, .. } = tensor;
+    let mut sums = [0.0; LANES];
+    for j in 0..count {
+        for l in 0..LANES {
+            let (x, y, z) = (batch.x[j][l] - centre[0][l], batch.y[j][l] - centre[1][l], batch.z[j][l] - centre[2][l]);
+            let apart = x * normal[0][l] + y * normal[1][l] + z * normal[2][l];
+            sums[l] += apart * apart;
+        }
+    }
+    let share = 1.0 / (count - usize::from(divisor == Divisor::NMinusOne && count > 1)).max(1) as f32;
+    let mut out = [0.0; LANES];
+    for l in 0..LANES {
+        let total = values[0][l] + values[1][l] + values[2][l];
+        let third = sums[l] * share;
+        let rounding = f32::EPSILON * (at[l] + 4.0 * total.sqrt());
+        let real = third > rounding * rounding;
+        let safe = if real { total } else { 1.0 };
+        out[l] = if real { third / safe } else { 0.0 };
+    }
+    out
 }
 
 /// xx, yy, zz, xy, xz, yz around the mean, divided by the count.
 #[inline(always)]
-fn covariance(batch: &Batch, count: usize) -> [Lane; 6] {
-    let mean = mean(batch, count);
+fn covariance(batch: &Batch, count: usize, mean: &[Lane; 3]) -> [Lane; 6] {
     let mut sums = [[0.0; LANES]; 6];
     for j in 0..count {
         for l in 0..LANES {
@@ -112,9 +142,9 @@ fn scale(lanes: &mut [Lane], factor: f32) {
     }
 }
 
-/// C around the medoid = C around the mean + (mean − medoid)(mean − medoid)ᵀ.
+/// The row with the least sum of distances to the others; the first of equal ones.
 #[inline(always)]
-fn add_medoid(batch: &Batch, count: usize, matrix: &mut [Lane; 6]) {
+fn medoid(batch: &Batch, count: usize) -> [Lane; 3] {
     let mut totals = [[0.0f32; LANES]; MOST];
     for i in 0..count {
         for j in i + 1..count {
@@ -137,7 +167,12 @@ fn add_medoid(batch: &Batch, count: usize, matrix: &mut [Lane; 6]) {
             at[2][l] = if nearer { batch.z[j][l] } else { at[2][l] };
         }
     }
-    let mean = mean(batch, count);
+    at
+}
+
+/// C around another centre = C around the mean + (mean − centre)(mean − centre)ᵀ.
+#[inline(always)]
+fn add_shift(mean: &[Lane; 3], at: &[Lane; 3], matrix: &mut [Lane; 6]) {
     for l in 0..LANES {
         let (x, y, z) = (mean[0][l] - at[0][l], mean[1][l] - at[1][l], mean[2][l] - at[2][l]);
         matrix[0][l] += x * x;
@@ -153,7 +188,7 @@ fn add_medoid(batch: &Batch, count: usize, matrix: &mut [Lane; 6]) {
 #[inline(always)]
 fn eigen(matrix: &[Lane; 6]) -> Tensor {
     let LaneEigen { values, vectors } = jacobi(matrix);
-    Tensor { values, second: with_fixed_sign(vectors[1]), normal: vectors[2] }
+    Tensor { values, second: with_fixed_sign(vectors[1]), normal: vectors[2], centre: Default::default() }
 }
 
 /// Flips the vector so that its largest component is positive (ties: the first of them).

@@ -1,6 +1,6 @@
 //! Graph-based segmentation of Felzenszwalb and Huttenlocher.
 
-use super::{Components, Graph, UnionFind};
+use super::{Components, Graph, Parallel, UnionFind};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, sort_stable_watched, watched};
 use serde::{Deserialize, Serialize};
@@ -54,7 +54,8 @@ impl FelzenszwalbParams {
 /// single node. An edge δ merges two components if δ ≤ min(Int1 + k/|C1|, Int2 + k/|C2|). For similarities w = 1 − δ
 /// that is w ≥ max(Int1 − k/|C1|, Int2 − k/|C2|), with Int = 1 for a single node.
 ///
-/// Returns the component of each node. O(m log m).
+/// Returns the component of each node. O(m log m). The graph of edges that may be given twice is
+/// [`Graph::from_pairs`] with [`EdgeMeaning::parallel`].
 ///
 /// ```
 /// use scansion_core::graph::{FelzenszwalbParams, Graph, felzenszwalb};
@@ -82,6 +83,16 @@ pub fn felzenszwalb(graph: &Graph, params: &FelzenszwalbParams, monitor: &Monito
         merger.join(piece?, params);
     }
     Components::numbered(graph.len(), |node| merger.component(node), monitor)
+}
+
+impl EdgeMeaning {
+    /// What edges that are given more than once weigh: the paper's edges are a set, of which the most alike merges first.
+    pub fn parallel(self) -> Parallel {
+        match self {
+            Self::Dissimilarity => Parallel::Least,
+            Self::Similarity => Parallel::Greatest,
+        }
+    }
 }
 
 impl FelzenszwalbParams {
@@ -158,7 +169,7 @@ impl FelzenszwalbMerger {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::graph::connected_components;
+    use crate::graph::{WeightedPairs, connected_components};
     use crate::random::{Stream, stream};
 
     /// A graph of up to 20 nodes with similarities that are multiples of 1/1024.
@@ -227,6 +238,17 @@ mod tests {
                 graph.edges().iter().zip(graph.weights()).filter(|(_, w)| **w == 1.0).map(|(e, _)| *e).collect();
             let perfect = Graph::new(graph.len(), &kept, &vec![1.0; kept.len()]).unwrap();
             assert_eq!(run(&graph, 0.0, EdgeMeaning::Similarity), components(&perfect));
+        }
+    }
+
+    #[test]
+    fn an_edge_that_is_given_twice_counts_once() {
+        // Two edges of 0.3 merge at k = 0.4; their sum, 0.6, would not.
+        for (meaning, weight) in [(EdgeMeaning::Dissimilarity, 0.3), (EdgeMeaning::Similarity, 0.7)] {
+            let pairs = [[0, 1], [1, 0]];
+            let given = WeightedPairs { pairs: &pairs, weights: &[weight; 2], parallel: meaning.parallel() };
+            let graph = Graph::from_pairs(2, &given, &Monitor::default()).unwrap();
+            assert_eq!(run(&graph, 0.4, meaning).count, 1);
         }
     }
 

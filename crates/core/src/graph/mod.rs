@@ -63,6 +63,15 @@ impl Graph {
     /// # Errors
     /// As [`Graph::new`], and if the work was cancelled.
     pub fn new_watched(nodes: usize, pairs: &[[u32; 2]], weights: &[f32], monitor: &Monitor) -> Result<Self> {
+        Self::from_pairs(nodes, &WeightedPairs { pairs, weights, parallel: Parallel::Sum }, monitor)
+    }
+
+    /// Like [`Graph::new_watched`], with the weight of parallel edges as the pairs say. O(m log m).
+    ///
+    /// # Errors
+    /// As [`Graph::new_watched`].
+    pub fn from_pairs(nodes: usize, given: &WeightedPairs<'_>, monitor: &Monitor) -> Result<Self> {
+        let WeightedPairs { pairs, weights, parallel } = *given;
         if nodes > u32::MAX as usize {
             return Err(Error::input(format!("{nodes} nodes in one graph; at most {} are possible", u32::MAX)));
         }
@@ -83,7 +92,7 @@ impl Graph {
         for piece in watched(rows.len(), monitor) {
             for &(edge, weight) in &rows[piece?] {
                 match graph.weights.last_mut() {
-                    Some(last) if graph.edges.last() == Some(&edge) => *last += weight,
+                    Some(last) if graph.edges.last() == Some(&edge) => *last = parallel.of(*last, weight),
                     _ => {
                         graph.edges.push(edge);
                         graph.weights.push(weight);
@@ -221,6 +230,39 @@ impl Graph {
     }
 }
 
+/// The weight of several edges between the same two nodes, in either direction.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum Parallel {
+    /// The sum: costs of a cut.
+    #[default]
+    Sum,
+    /// The least: lengths and dissimilarities.
+    Least,
+    /// The greatest: similarities.
+    Greatest,
+}
+
+impl Parallel {
+    fn of(self, a: f32, b: f32) -> f32 {
+        match self {
+            Self::Sum => a + b,
+            Self::Least => a.min(b),
+            Self::Greatest => a.max(b),
+        }
+    }
+}
+
+/// Edges to build a graph of.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WeightedPairs<'a> {
+    /// The nodes of each edge, in any order.
+    pub pairs: &'a [[u32; 2]],
+    /// The weight of each edge; finite, 0 or more.
+    pub weights: &'a [f32],
+    /// The weight of edges that are given more than once.
+    pub parallel: Parallel,
+}
+
 /// An edge while a graph is built: `[smaller node, larger node]` and its weight.
 type Row = ([u32; 2], f32);
 
@@ -281,6 +323,15 @@ mod tests {
         let adjacency = graph.adjacency();
         assert_eq!(adjacency.of(1).collect::<Vec<_>>(), [(0, 0), (2, 2)]);
         assert_eq!(adjacency.of(0).collect::<Vec<_>>(), [(1, 0), (3, 1)]);
+    }
+
+    #[test]
+    fn parallel_edges_have_the_weight_that_was_asked_for() {
+        let (pairs, weights) = (&[[2, 1], [0, 1], [1, 2], [1, 2]][..], &[0.5, 2.0, 0.25, 0.75][..]);
+        for (parallel, expected) in [(Parallel::Sum, 1.5), (Parallel::Least, 0.25), (Parallel::Greatest, 0.75)] {
+            let given = WeightedPairs { pairs, weights, parallel };
+            assert_eq!(Graph::from_pairs(3, &given, &Monitor::default()).unwrap().weights(), [2.0, expected]);
+        }
     }
 
     #[test]

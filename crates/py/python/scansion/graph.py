@@ -146,7 +146,7 @@ def felzenszwalb(
     edges : array_like of shape (m, 2)
         Pairs of nodes.
     weights : array_like of shape (m,)
-        Finite, 0 or more.
+        Finite, 0 or more. Of edges that are given more than once the most alike counts.
     k : float
         Larger values give larger components; in units of the weights.
     meaning : {"dissimilarity", "similarity"}

@@ -7,7 +7,7 @@ mod surfaces;
 
 use super::definition::{Feature, Group};
 use super::params::{Column, PyramidParams};
-use super::tensor::{Batch, Convention, LANES, Lane, MOST, Tensor, covariance_features, tensor};
+use super::tensor::{Batch, Convention, LANES, Lane, MOST, Tensor, covariance_features, exact_variation, tensor};
 use crate::cloud::Positions;
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -17,7 +17,7 @@ use pulp::{Arch, Simd, WithSimd};
 use region::Region;
 use slots::Slots;
 use std::ops::Range;
-use surfaces::{Packed, farthest, surfaces};
+use surfaces::{Packed, farthest, largest, surfaces, unpacked_variation};
 
 /// A level, and the region in which it is complete; `None` for everywhere.
 #[derive(Clone, Debug)]
@@ -182,7 +182,10 @@ impl Stage {
             return;
         }
         if params.include_query {
-            own_surface(&tensor, &covariance.surface_variation, count - 1, &mut work.scratch.surfaces);
+            let queries = work.job.queries(rows);
+            let at = largest(queries.points, &queries.lanes);
+            let variation = exact_variation(&work.scratch.batch, count, params.divisor, &tensor, &at);
+            own_surface(&tensor, &variation, count - 1, &mut work.scratch.surfaces);
         }
         let near = (params.near_share * count as f64).ceil() as usize;
         let (batch, surfaces) = (&work.scratch.batch, &work.scratch.surfaces);
@@ -327,7 +330,7 @@ fn unpack(packed: &[Packed], found: &[[u32; LANES]], surfaces: &mut Surfaces) {
             x[l] = f32::from(raw[0][l] as i16) * (1.0 / 32767.0);
             y[l] = f32::from(raw[1][l] as i16) * (1.0 / 32767.0);
             z[l] = f32::from(raw[2][l] as i16) * (1.0 / 32767.0);
-            variation[l] = f32::from(raw[3][l]) * (1.0 / 196_605.0);
+            variation[l] = unpacked_variation(raw[3][l]);
         }
     }
 }

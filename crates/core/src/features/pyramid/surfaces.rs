@@ -5,16 +5,34 @@ use super::{Queries, Scratch, Source, fill};
 use crate::cloud::Positions;
 use crate::error::Result;
 use crate::features::params::PyramidParams;
-use crate::features::tensor::{Batch, Convention, LANES, MOST, covariance_features, tensor};
+use crate::features::tensor::{Batch, Convention, LANES, Lane, MOST, exact_variation, tensor};
 use crate::parallel::{Monitor, map_ordered};
 use crate::voxels::Level;
 use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
 
 /// Level points that one task processes.
 const CHUNK: usize = 4096;
 
-/// Normal (three integers in -32767..=32767) and surface variation (0..=1/3 scaled to 0..=65535) of a level point.
+/// Normal (three integers in -32767..=32767) and surface variation ([`packed_variation`]) of a level point.
 pub(super) type Packed = [u16; 4];
+
+/// The exponent of 2^-32 in the bits of an `f32`, at the place that it has in a packed number.
+const LEAST: u32 = 95 << 11;
+
+/// A number below 1 as 5 bits of exponent and 11 of mantissa: 12 digits down to 2^-31, less is 0. A fixed number of decimals
+/// would lose the variation of smooth surfaces, which is a millionth where the scale is a thousand times the roughness.
+#[inline(always)]
+fn packed_variation(value: f32) -> u16 {
+    ((value.to_bits().wrapping_add(1 << 11)) >> 12).saturating_sub(LEAST).min(0xffff) as u16
+}
+
+/// The number of [`packed_variation`].
+#[inline(always)]
+pub(super) fn unpacked_variation(packed: u16) -> f32 {
+    let value = f32::from_bits((u32::from(packed).wrapping_add(LEAST)) << 12);
+    if packed > 0 { value } else { 0.0 }
+}
 
 /// First pass: normal and surface variation of every point of the level from its k nearest on the level (itself
 /// included), and which of them may differ on the complete level.
@@ -88,12 +106,22 @@ fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
         } else {
             tensor(&scratch.batch, count, convention)
         };
-        let variation = covariance_features(&found, false).surface_variation;
+        let variation = exact_variation(&scratch.batch, count, params.divisor, &found, &largest(points, &lanes));
         for (l, slot) in packed[lanes].iter_mut().enumerate() {
             let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
-            *slot = [part(0), part(1), part(2), (variation[l] * 196_605.0).round() as u16];
+            *slot = [part(0), part(1), part(2), packed_variation(variation[l])];
         }
     }
+}
+
+/// The largest coordinate of each of these points, by its absolute value.
+#[inline(always)]
+pub(super) fn largest(points: &Positions, lanes: &Range<usize>) -> Lane {
+    let mut out = [0.0; LANES];
+    for (most, i) in out.iter_mut().zip(lanes.clone()) {
+        *most = points.xyz(i).into_iter().fold(0.0, |most, v| v.abs().max(most));
+    }
+    out
 }
 
 /// Squared distance of the last of the first `found` neighbours of a lane, which are sorted.
@@ -102,5 +130,23 @@ pub(super) fn farthest(batch: &Batch, found: usize, lane: usize) -> f32 {
     match found.checked_sub(1) {
         Some(last) => batch.x[last][lane].powi(2) + batch.y[last][lane].powi(2) + batch.z[last][lane].powi(2),
         None => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variations_of_all_sizes_keep_their_digits() {
+        let mut value = 1.0f32 / 3.0;
+        while value > 1e-9 {
+            let back = unpacked_variation(packed_variation(value));
+            assert!((back - value).abs() <= value / 8000.0, "{value} {back}");
+            value *= 0.93;
+        }
+        assert_eq!(unpacked_variation(packed_variation(0.0)), 0.0);
+        assert_eq!(unpacked_variation(packed_variation(1e-12)), 0.0);
+        assert!(unpacked_variation(packed_variation(2.0)) < 1.0);
     }
 }

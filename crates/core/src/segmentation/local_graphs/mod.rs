@@ -27,7 +27,8 @@ const BLOCK: usize = 256;
 /// connects any two of them that are less than √3 S apart, with the weight W = Π exp(−D²/(2λ²)) over distance, features
 /// and surface connectivity (Eq. 2 and 4). The local graph is segmented by the method of Felzenszwalb and Huttenlocher
 /// on similarities. Each supervoxel thereby selects the others in its segment; two that select each other are linked,
-/// and the connected components of the links are the segments.
+/// and the connected components of the links are the segments. ([`Combination`] has the paper's way too: all segments of
+/// all local graphs, united where they share a supervoxel.)
 ///
 /// Returns a partition of the supervoxels; [`Supervoxels::point_partition`] transfers it to the points. O(V (N² log N +
 /// log V)).
@@ -43,14 +44,25 @@ pub fn local_graphs(supervoxels: &Supervoxels, params: &LocalGraphParams, monito
     monitor.stage("local graphs", shapes.len() as u64);
     let local = Local { shapes, near: &near, size: supervoxels.size(), params };
     let blocks = shapes.len().div_ceil(BLOCK);
-    let parts = map_ordered_with(0..blocks, monitor, Scratch::default, |scratch, block| {
-        let range = block * BLOCK..((block + 1) * BLOCK).min(shapes.len());
-        let chosen: Vec<Vec<u32>> = range.map(|centre| local.chosen(centre, scratch)).collect();
-        monitor.advance(chosen.len() as u64);
-        Ok(chosen)
-    })?;
-    let chosen: Vec<Vec<u32>> = parts.into_iter().flatten().collect();
-    let mut links = combine(&chosen, params.combination);
+    let range = |block: usize| block * BLOCK..((block + 1) * BLOCK).min(shapes.len());
+    let mut links: Vec<[u32; 2]> = match params.combination {
+        Combination::Shared => {
+            let parts = map_ordered_with(0..blocks, monitor, Scratch::default, |scratch, block| {
+                let links = range(block).flat_map(|centre| local.all_links(centre, scratch)).collect::<Vec<_>>();
+                monitor.advance(range(block).len() as u64);
+                Ok(links)
+            })?;
+            parts.into_iter().flatten().collect()
+        }
+        combination => {
+            let parts = map_ordered_with(0..blocks, monitor, Scratch::default, |scratch, block| {
+                let chosen: Vec<Vec<u32>> = range(block).map(|centre| local.chosen(centre, scratch)).collect();
+                monitor.advance(chosen.len() as u64);
+                Ok(chosen)
+            })?;
+            combine(&parts.into_iter().flatten().collect::<Vec<_>>(), combination)
+        }
+    };
     if params.attach_isolated {
         local.attach_isolated(&mut links);
     }
@@ -89,8 +101,8 @@ impl Local<'_> {
         if self.near.is_empty() { &[] } else { self.near.of(centre) }
     }
 
-    /// The supervoxels that `centre` selects: the others in its segment of its local graph, ascending.
-    fn chosen(&self, centre: usize, scratch: &mut Scratch) -> Vec<u32> {
+    /// Segments the local graph of a supervoxel; returns its members, the centre first.
+    fn divide(&self, centre: usize, scratch: &mut Scratch) -> Vec<u32> {
         let others = self.neighbours(centre);
         let member = |at: usize| if at == 0 { centre as u32 } else { others[at - 1] };
         scratch.edges.clear();
@@ -102,11 +114,25 @@ impl Local<'_> {
         }
         let form = FelzenszwalbParams { k: self.params.k, meaning: EdgeMeaning::Similarity };
         scratch.merger.merge(others.len() + 1, scratch.edges.iter().copied(), &form);
+        (0..=others.len()).map(member).collect()
+    }
+
+    /// The supervoxels that `centre` selects: the others in its segment of its local graph, ascending.
+    fn chosen(&self, centre: usize, scratch: &mut Scratch) -> Vec<u32> {
+        let members = self.divide(centre, scratch);
         let own = scratch.merger.component(0);
-        let held = (1..=others.len()).filter(|&at| scratch.merger.component(at as u32) == own);
-        let mut chosen: Vec<u32> = held.map(member).collect();
+        let held = (1..members.len()).filter(|&at| scratch.merger.component(at as u32) == own);
+        let mut chosen: Vec<u32> = held.map(|at| members[at]).collect();
         chosen.sort_unstable();
         chosen
+    }
+
+    /// Links that hold each segment of the local graph of `centre` together.
+    fn all_links(&self, centre: usize, scratch: &mut Scratch) -> Vec<[u32; 2]> {
+        let members = self.divide(centre, scratch);
+        let first = |at: usize, scratch: &mut Scratch| members[scratch.merger.component(at as u32) as usize];
+        let pairs = (0..members.len()).map(|at| [first(at, scratch), members[at]]);
+        pairs.filter(|[a, b]| a != b).collect()
     }
 
     /// Links each supervoxel that has no link to the most similar of those neighbours that have more than one link;
@@ -133,6 +159,7 @@ fn combine(chosen: &[Vec<u32>], combination: Combination) -> Vec<[u32; 2]> {
             match combination {
                 Combination::Mutual if back && i < j => links.push([i, j]),
                 Combination::Union if !back || i < j => links.push([i, j]),
+                // `Shared` has links of its own.
                 _ => {}
             }
         }
@@ -145,6 +172,7 @@ mod tests {
     use super::*;
     use crate::random::stream;
     use crate::segmentation::{PointAttributes, SupervoxelLabels};
+    use std::collections::BTreeSet;
 
     /// Supervoxels of one point each: a floor, a wall on it, and two that stand alone; in the order of `order`.
     fn scene(order: &[usize]) -> Supervoxels {
@@ -187,7 +215,7 @@ mod tests {
     fn the_order_of_the_supervoxels_does_not_matter() {
         let mut order = in_order();
         stream(42, 0).shuffle(&mut order);
-        for combination in [Combination::Mutual, Combination::Union] {
+        for combination in [Combination::Mutual, Combination::Union, Combination::Shared] {
             let params = LocalGraphParams { combination, k: 0.4, ..LocalGraphParams::default() };
             let expected = local_graphs(&scene(&in_order()), &params, &Monitor::default()).unwrap();
             let found = local_graphs(&scene(&order), &params, &Monitor::default()).unwrap();
@@ -201,6 +229,40 @@ mod tests {
         let chosen = vec![vec![1, 2], vec![0], vec![3], vec![0, 2]];
         assert_eq!(combine(&chosen, Combination::Mutual), [[0, 1], [2, 3]]);
         assert_eq!(combine(&chosen, Combination::Union), [[0, 1], [0, 2], [2, 3], [3, 0]]);
+    }
+
+    #[test]
+    fn local_segments_that_share_a_supervoxel_are_one() {
+        // By the letter: every local graph is a list of sets, and sets that meet are united until none do.
+        let supervoxels = scene(&in_order());
+        for k in [0.2, 0.4, 0.9] {
+            let params =
+                LocalGraphParams { combination: Combination::Shared, attach_isolated: false, k, ..Default::default() };
+            let found = local_graphs(&supervoxels, &params, &Monitor::default()).unwrap();
+            let shapes = supervoxels.shapes();
+            let centroids: Positions = shapes.iter().map(|s| s.centroid).collect();
+            let near = knn(&centroids, params.neighbours, &Monitor::default()).unwrap();
+            let local = Local { shapes, near: &near, size: supervoxels.size(), params: &params };
+            let mut sets: Vec<BTreeSet<u32>> = Vec::new();
+            for centre in 0..shapes.len() {
+                let mut scratch = Scratch::default();
+                let members = local.divide(centre, &mut scratch);
+                for at in 0..members.len() as u32 {
+                    let root = scratch.merger.component(at);
+                    let one: BTreeSet<u32> = (0..members.len() as u32)
+                        .filter(|&other| scratch.merger.component(other) == root)
+                        .map(|other| members[other as usize])
+                        .collect();
+                    let (meet, apart) = sets.into_iter().partition(|set: &BTreeSet<u32>| !set.is_disjoint(&one));
+                    let united = Vec::into_iter(meet).fold(one, |all, set| &all | &set);
+                    sets = apart;
+                    sets.push(united);
+                }
+            }
+            let of = |i: u32| sets.iter().position(|set| set.contains(&i)).unwrap() as u32;
+            let expected: Vec<u32> = (0..shapes.len() as u32).map(of).collect();
+            assert_eq!(Partition::from_labels(&expected).unwrap(), found, "k {k}");
+        }
     }
 
     #[test]

@@ -24,6 +24,8 @@ pub enum Combination {
     Mutual,
     /// It is enough that one selects the other.
     Union,
+    /// Local segments that share a supervoxel are one, those without the centre too (Hasanpour Zaryabi et al. 2022).
+    Shared,
 }
 
 /// Parameters of [`local_graphs`](crate::segmentation::local_graphs()).
@@ -70,9 +72,15 @@ impl Default for LocalGraphParams {
 }
 
 impl LocalGraphParams {
-    /// The surface rule as printed in Hasanpour Zaryabi et al. 2022, the rest as by default.
+    /// The surface rule and the combination as printed in Hasanpour Zaryabi et al. 2022, and no step for supervoxels
+    /// without a link. The paper gives N and the reach, but neither λ nor k: those of the default.
     pub fn paper() -> Self {
-        Self { surface: SurfaceRule::Paper, ..Self::default() }
+        Self {
+            surface: SurfaceRule::Paper,
+            combination: Combination::Shared,
+            attach_isolated: false,
+            ..Self::default()
+        }
     }
 
     /// Checks the ranges.

@@ -65,6 +65,7 @@ mod tests {
     use super::super::testing::{floor_and_wall, points_of};
     use super::*;
     use crate::graph::{Graph, connected_components};
+    use crate::random::stream;
 
     fn params() -> VccsParams {
         VccsParams { voxel: 0.4, ..VccsParams::default() }
@@ -91,6 +92,22 @@ mod tests {
         let held: std::collections::BTreeSet<u32> =
             (0..voxels.len()).filter(|&v| of(v) != NO_SUPERVOXEL).map(|v| pieces.of[v]).collect();
         assert_eq!(held.len(), found.len());
+    }
+
+    #[test]
+    fn the_order_of_the_points_and_the_sides_of_their_normals_do_not_matter() {
+        let scene = floor_and_wall();
+        let mut order: Vec<u32> = (0..scene.points.len() as u32).collect();
+        stream(7, 0).shuffle(&mut order);
+        let points: Positions = order.iter().map(|&i| scene.points.xyz(i as usize)).collect();
+        let turned = |i: u32| scene.normals[i as usize].map(|v| if i % 3 == 0 { -v } else { v });
+        let normals: Vec<[f32; 3]> = order.iter().map(|&i| turned(i)).collect();
+        let attributes = PointAttributes { normals: Some(&normals), colours: None };
+        let plain = PointAttributes { normals: Some(&scene.normals), colours: None };
+        let expected = vccs(&scene.points, &plain, &params(), &Monitor::default()).unwrap();
+        let found = vccs(&points, &attributes, &params(), &Monitor::default()).unwrap();
+        let differ = order.iter().zip(found.labels()).filter(|&(&i, &s)| expected.labels()[i as usize] != s).count();
+        assert_eq!(differ, 0);
     }
 
     #[test]

@@ -5,7 +5,7 @@ mod deep;
 pub(super) mod unpack;
 
 use super::header::vlr::{Vlr, read_at};
-use super::header::{Header, RECORD_SIZES, bad, u16_at, u32_at};
+use super::header::{Header, RECORD_SIZES, bad, put, u16_at, u32_at};
 use crate::error::{Error, Mismatch, Result};
 use decoder::{guarded, layered};
 use laz::laszip::{ChunkTable, ChunkTableEntry, LazItemType};
@@ -164,9 +164,6 @@ fn check_items(path: &Path, header: &Header, vlr: &Vlr) -> Result<LazVlr> {
             return Err(wrong("LAZ compressor", other.to_string(), "2 (pointwise chunked) or 3 (layered chunked)"));
         }
     }
-    if u32_at(&vlr.data, 12) == 0 {
-        return Err(wrong("LAZ chunk size", "0".into(), "1 or more"));
-    }
     let bytes = item_bytes(&vlr.data).map_err(|(found, allowed)| wrong("LAZ item", found, &allowed))?;
     if bytes != u64::from(header.record_length) {
         return Err(wrong(
@@ -175,7 +172,12 @@ fn check_items(path: &Path, header: &Header, vlr: &Vlr) -> Result<LazVlr> {
             &format!("{} as the header says", header.record_length),
         ));
     }
-    let parsed = LazVlr::from_buffer(&vlr.data).map_err(|e| unsupported(format!("LAZ record: {e}")))?;
+    let mut data = vlr.data.clone();
+    if u32_at(&data, 12) == 0 {
+        // Chunks of any size, as LASzip reads it; lasR writes it.
+        put(&mut data, 12, &u32::MAX.to_le_bytes());
+    }
+    let parsed = LazVlr::from_buffer(&data).map_err(|e| unsupported(format!("LAZ record: {e}")))?;
     let base = match (header.format, parsed.items().first().map(LazItem::item_type)) {
         (0..=5, Some(LazItemType::Point10)) | (6..=10, Some(LazItemType::Point14)) => true,
         _ => RECORD_SIZES.len() < usize::from(header.format),

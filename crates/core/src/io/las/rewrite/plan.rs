@@ -88,15 +88,18 @@ fn same_type(old: &Extra, column: &Column) -> Result<usize> {
     }
 }
 
-/// Adds descriptors to the Extra Bytes record, or creates it.
+/// Adds descriptors to the Extra Bytes record, or creates it. Several records become one, the first, because other software
+/// reads only that one.
 pub(in crate::io::las) fn describe(vlrs: &mut Vec<Vlr>, undescribed: usize, added: &[u8]) -> Result<()> {
-    let mut data = extra::undescribed(undescribed);
+    let described = vlrs.iter().filter(|v| extra::is_record(v));
+    let mut data: Vec<u8> = described.flat_map(|v| &v.data[..v.data.len() / 192 * 192]).copied().collect();
+    data.extend(extra::undescribed(undescribed));
     data.extend_from_slice(added);
-    // If there are several, the last one, because descriptors are in the order of the bytes.
-    match vlrs.iter_mut().rfind(|v| extra::is_record(v)) {
-        Some(vlr) => {
-            let whole = vlr.data.len() / 192 * 192;
-            vlr.set_data([&vlr.data[..whole], &data].concat());
+    match vlrs.iter().position(extra::is_record) {
+        Some(first) => {
+            let mut place = 0..;
+            vlrs.retain(|v| !extra::is_record(v) | (place.next() == Some(first)));
+            vlrs[first].set_data(data);
         }
         None => vlrs.push(Vlr::new("LASF_Spec", 4, "Extra Bytes Record", data)),
     }

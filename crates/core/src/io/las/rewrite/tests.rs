@@ -113,6 +113,9 @@ fn a_dimension_is_described_after_all_others_in_a_file_with_two_descriptions() {
     rewrite(&odd, &target, &[edit], &WriteOptions::default()).unwrap();
     let (before, after) = (io::read(&odd).unwrap(), io::read(&target).unwrap());
     assert_eq!(after.column("Third").unwrap().values, values);
+    // Other software reads the first record only.
+    let described = Records::open(&target).unwrap().vlrs.into_iter().filter(extra::is_record);
+    assert_eq!(described.map(|v| v.data.len()).collect::<Vec<_>>(), [3 * 192]);
     for name in ["First", "Second"] {
         assert_eq!(before.column(name).unwrap(), after.column(name).unwrap());
     }
@@ -166,6 +169,37 @@ fn one_chunk(source: &Path, target: &Path, (bytes, points): (&[u8], u64)) {
     file.extend(bytes);
     file.extend(crate::io::las::chunks::encode_table(target, &vlr, &[(points, bytes.len() as u64)]).unwrap());
     std::fs::write(target, file).unwrap();
+}
+
+#[test]
+fn a_chunk_size_of_zero_means_chunks_of_any_size() {
+    // lasR writes COPC files with it; LASzip takes it for the largest number, which says the same.
+    let folder = tempfile::tempdir().unwrap();
+    for (minor, format) in [(4, 7), (3, 3)] {
+        let (source, target) = (input(folder.path(), (minor, format), "in.laz"), folder.path().join("zero.laz"));
+        let records = Records::open(&source).unwrap();
+        let [chunk] = records.chunks.as_ref().unwrap().list[..] else { panic!("one chunk") };
+        let at = records.header.points_at as usize;
+        let bytes = std::fs::read(&source).unwrap();
+        let mut file = bytes[..at].to_vec();
+        if minor >= 4 {
+            put(&mut file, 235, &[0; 12]);
+        }
+        let name = file.windows(14).position(|w| w == b"laszip encoded").unwrap();
+        put(&mut file, name - 2 + 54 + 12, &[0; 4]);
+        let mut vlr = records.vlrs.iter().find(|v| v.is("laszip encoded", 22204)).unwrap().data.clone();
+        put(&mut vlr, 12, &u32::MAX.to_le_bytes());
+        let vlr = laz::LazVlr::from_buffer(&vlr).unwrap();
+        let points = &bytes[chunk.at as usize..(chunk.at + chunk.bytes) as usize];
+        file.extend((at as u64 + 8 + chunk.bytes).to_le_bytes());
+        file.extend(points);
+        file.extend(crate::io::las::chunks::encode_table(&target, &vlr, &[(chunk.points, chunk.bytes)]).unwrap());
+        std::fs::write(&target, file).unwrap();
+        assert!(io::read(&target).unwrap() == io::read(&source).unwrap());
+        let copy = folder.path().join("copy.laz");
+        rewrite(&target, &copy, &[], &WriteOptions::default()).unwrap();
+        assert!(io::read(&copy).unwrap() == io::read(&source).unwrap());
+    }
 }
 
 #[test]

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 /// Voxels that one task updates.
 const BLOCK: usize = 4096;
-/// Centres whose sums are in memory at the same time, 56 bytes each.
+/// Centres whose sums are in memory at the same time, 104 bytes each.
 const CENTRES: usize = 1 << 20;
 
 /// The distance D: a factor for each of the three differences.
