@@ -14,6 +14,8 @@ ROOT = Path(__file__).resolve().parent.parent
 def data() -> Path:
     """The folder of real clouds."""
     folder = Path(os.environ.get("SCANSION_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir() and "SCANSION_REQUIRE_DATA" in os.environ:
+        pytest.fail(f"real clouds are absent: no folder {folder}")
     if not folder.is_dir():
         pytest.skip("real clouds are absent; set SCANSION_DATA to their folder")
     return folder

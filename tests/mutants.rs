@@ -303,10 +303,7 @@ fn a_file_cut_at_any_byte_is_refused() {
 /// Every file of the hostile corpus through the commands that read, with limited memory and time.
 #[test]
 fn the_hostile_corpus_passes_every_reading_command() {
-    let Some(hostile) = data().map(|d| d.join("hostile")).filter(|d| d.is_dir()) else {
-        eprintln!("skipped: the hostile corpus is not here (set SCANSION_DATA)");
-        return;
-    };
+    let Some(hostile) = data().map(|d| d.join("hostile")) else { return };
     let mut paths: Vec<PathBuf> = std::fs::read_dir(hostile).unwrap().map(|e| e.unwrap().path()).collect();
     paths.retain(|path| path.metadata().unwrap().len() <= 1 << 20);
     let slowest = paths.par_iter().map(|path| commands(path.to_str().unwrap())).max().unwrap();

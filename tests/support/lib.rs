@@ -4,6 +4,7 @@ pub mod samples;
 
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::random::stream;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// A street of `size` metres with houses and trees, about 12 points per square metre, classes 2, 5, 6.
@@ -36,12 +37,27 @@ pub fn street(size: f64, seed: u64) -> Cloud {
     cloud
 }
 
-/// The folder of the shared real data, if it is there: `SCANSION_DATA`, else `../shared/data` beside the workspace.
+/// The folder of the shared real data, if it is there: `SCANSION_DATA`, else `../shared/data` beside the workspace. A test
+/// that goes without says so, and is counted: its name is appended to the file `SCANSION_SKIPPED`.
+///
+/// # Panics
+/// If the data are absent and `SCANSION_REQUIRE_DATA` is set.
 #[must_use]
 pub fn data() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     let folder = std::env::var_os("SCANSION_DATA").map_or(beside, PathBuf::from);
-    folder.is_dir().then_some(folder)
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    let absent = format!("the real clouds are absent: no folder {} (set SCANSION_DATA)", folder.display());
+    assert!(std::env::var_os("SCANSION_REQUIRE_DATA").is_none(), "{absent}");
+    let test = std::thread::current().name().unwrap_or("a test").to_string();
+    eprintln!("skipped {test}: {absent}");
+    if let Some(list) = std::env::var_os("SCANSION_SKIPPED") {
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(list);
+        writeln!(file.expect("the list of skipped tests can be written"), "{test}").expect("it has room");
+    }
+    None
 }
 
 /// The embedded scan of `scansion demo`.

@@ -54,7 +54,7 @@ pub(crate) fn mapped_codes(py: Python<'_>, map: &str) -> PyResult<Py<PyBytes>> {
 
 /// The recipe from TOML text or a name, with changed settings.
 fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<AnyRecipe> {
-    let base = match AnyRecipe::names().contains(&recipe) {
+    let base = match AnyRecipe::is_name(recipe) {
         true => AnyRecipe::named(recipe)?,
         false => AnyRecipe::from_toml(recipe)?,
     };

@@ -4,7 +4,7 @@ use super::choices::{classifiers, regularisations};
 use super::{LabelArgs, RecipeArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, Subcommand};
 use scansion_core::classification::ClassifierKind;
-use scansion_core::recipes::Regularise;
+use scansion_core::recipes::{GridAxis, Regularise};
 use std::path::PathBuf;
 
 /// scansion features IN -o OUT
@@ -54,12 +54,12 @@ pub(crate) struct Train {
     #[arg(long, value_parser = classifiers())]
     pub(crate) classifier: Option<ClassifierKind>,
     /// Train on a few labels per class: the same as --recipe weak
-    #[arg(long, conflicts_with_all = ["recipe", "cross_validate", "grid_depth"])]
+    #[arg(long, conflicts_with_all = ["recipe", "grid_depth"])]
     pub(crate) weak: bool,
-    /// Labels picked by hand, for any recipe: a table x,y,z,class or cluster_id,class, or a cloud whose classes are used; the labels of
-    /// the inputs are then ignored
+    /// Labels picked by hand, for any recipe: a table x,y,z,class or cluster_id,class, or a cloud whose classes are used; of
+    /// any of the inputs, whose own labels are then ignored; may be repeated
     #[arg(long, value_name = "FILE")]
-    pub(crate) weak_labels: Option<PathBuf>,
+    pub(crate) weak_labels: Vec<PathBuf>,
     /// Use at most this many random labels of each class (weak recipe)
     #[arg(long, value_name = "N")]
     pub(crate) per_class: Option<u32>,
@@ -69,9 +69,16 @@ pub(crate) struct Train {
     /// Ground heights to use instead of those of the road: an ESRI ASCII grid (weak recipe)
     #[arg(long, value_name = "FILE")]
     pub(crate) elevation_model: Option<PathBuf>,
-    /// Also evaluate the recipe by k-fold cross-validation on spatial blocks
+    /// Also evaluate the recipe by k-fold cross-validation on squares of the clouds
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=20))]
     pub(crate) cross_validate: Option<u8>,
+    /// Edge of these squares, metres [default: 50, halved until there are two squares a fold]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) block: Option<f64>,
+    /// Try these values of a key of the recipe by cross-validation (5 folds without --cross-validate), and keep the best;
+    /// may be repeated for all combinations, e.g. --grid forest.max_depth=18,30
+    #[arg(long, value_name = "KEY=VALUE,...", conflicts_with_all = ["grid_depth", "grid_strength"])]
+    pub(crate) grid: Vec<GridAxis>,
     /// Try these depths by cross-validation, and keep the best (Hackel 2018: 30,33,...,60)
     #[arg(long, value_name = "DEPTHS", value_delimiter = ',')]
     pub(crate) grid_depth: Vec<usize>,

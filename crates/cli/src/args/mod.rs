@@ -148,7 +148,10 @@ impl Command {
             Self::Merge(args) => (args.files.split_last().map_or(&[], |(_, inputs)| inputs), vec![]),
             Self::Diff(args) => return vec![&args.a, &args.b],
             Self::Features(args) => (&[], vec![&args.input, &args.recipe.recipe]),
-            Self::Train(args) => (&args.inputs, vec![&args.weak_labels, &args.recipe.recipe]),
+            Self::Train(args) => {
+                let files = args.inputs.iter().chain(&args.weak_labels).map(PathBuf::as_path);
+                return files.chain(args.recipe.recipe.as_deref().filter(|path| !is_name(path))).collect();
+            }
             Self::Classify(args) => (&args.inputs, vec![&args.model]),
             Self::Segment(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe]),
             Self::Suggest(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe, &args.model]),
@@ -159,15 +162,17 @@ impl Command {
             Self::Render(args) => (std::slice::from_ref(&args.input), vec![&args.truth]),
             Self::Model(Model::Show { model, .. }) => (&[], vec![model]),
         };
-        // A recipe may be given by name.
-        let named = |path: &&Path| {
-            !path.to_str().is_some_and(|n| AnyRecipe::names().contains(&n) || SegmentParams::named(n).is_some())
-        };
+        let named = |path: &&Path| !is_name(path);
         many.iter()
             .map(PathBuf::as_path)
             .chain(others.into_iter().flatten().map(PathBuf::as_path).filter(named))
             .collect()
     }
+}
+
+/// Whether a recipe is given by name.
+fn is_name(recipe: &Path) -> bool {
+    recipe.to_str().is_some_and(|n| AnyRecipe::is_name(n) || SegmentParams::named(n).is_some())
 }
 
 /// Source and meaning of the labels.
@@ -230,8 +235,9 @@ impl Unlabelled {
 /// The recipe, and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), airborne,
-    /// mobile or indoor (two stages with context), or a TOML file [default: pyramid]
+    /// Recipe: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), with -paper
+    /// behind the name without our additions; airborne, mobile or indoor (two stages with context); or a TOML file
+    /// [default: pyramid]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated

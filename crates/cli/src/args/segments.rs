@@ -35,7 +35,8 @@ pub(crate) struct SegmentArgs {
     /// Smallest neighbourhood of a point (20 or more on scans that consist of lines) [default: 10]
     #[arg(long, value_name = "K")]
     pub(crate) k_min: Option<usize>,
-    /// Settings of all methods as TOML, or the name of a method, e.g. riemannian; flags take precedence
+    /// Settings of all methods as TOML, or the name of a method, e.g. riemannian, or riemannian-paper
+    /// for it as printed; flags take precedence
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting, e.g. objects.vccs.voxel=0.4; may be repeated

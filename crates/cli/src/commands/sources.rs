@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub(crate) fn any_recipe(args: &RecipeArgs) -> Result<AnyRecipe> {
     let base = match &args.recipe {
         None => AnyRecipe::named("pyramid")?,
-        Some(path) => match path.to_str().filter(|name| AnyRecipe::names().contains(name)) {
+        Some(path) => match path.to_str().filter(|name| AnyRecipe::is_name(name)) {
             Some(name) => AnyRecipe::named(name)?,
             None => AnyRecipe::from_toml(&text(path)?).map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
         },
@@ -52,10 +52,18 @@ pub(crate) fn model(path: Option<&Path>) -> Result<Model> {
     path.map_or_else(default_model, Model::load)
 }
 
-/// Pairs each input with its output: a file for one input, a folder for several (or if it is a folder already).
+/// Pairs each input with its output: a file for one input, a folder for several, if it is a folder already, or if its
+/// name ends in a separator.
 pub(crate) fn outputs(inputs: &[PathBuf], output: &Path) -> std::result::Result<Vec<(PathBuf, PathBuf)>, Failure> {
-    if let ([input], false) = (inputs, output.is_dir()) {
+    let folder = output.is_dir() || output.to_string_lossy().ends_with(std::path::is_separator);
+    if let ([input], false) = (inputs, folder) {
         return Ok(vec![(input.clone(), output.to_path_buf())]);
+    }
+    if !folder && io::is_cloud_name(output) {
+        let (name, count) = (output.display(), inputs.len());
+        let text =
+            format!("{name} is the name of one file, but there are {count} inputs: name a folder, e.g. classified/");
+        return Err(Failure::Usage(text));
     }
     std::fs::create_dir_all(output).map_err(|e| Error::io(output, e))?;
     let mut pairs: Vec<(PathBuf, PathBuf)> = Vec::new();
@@ -160,5 +168,13 @@ mod tests {
         let one = outputs(&inputs[..1], &folder).unwrap();
         assert_eq!(one[0].1, folder.join("x.laz"));
         std::fs::remove_dir(&folder).unwrap();
+        // A name that ends in a separator is a folder, also for one input; a .laz is none for several.
+        let named = PathBuf::from(format!("{}/", folder.display()));
+        assert_eq!(outputs(&inputs[..1], &named).unwrap()[0].1, folder.join("x.laz"));
+        std::fs::remove_dir(&folder).unwrap();
+        let two = [PathBuf::from("x.laz"), PathBuf::from("y.laz")];
+        let file = folder.with_extension("laz");
+        assert!(matches!(outputs(&two, &file), Err(Failure::Usage(text)) if text.contains("2 inputs")));
+        assert!(!file.exists());
     }
 }

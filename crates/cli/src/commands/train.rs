@@ -6,28 +6,72 @@ use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::io::{self, Columns};
-use scansion_core::recipes::{AnyRecipe, ClassCount, LabelFile, LabelledCloud, Model, Picking, Report, TrainOptions};
+use scansion_core::recipes::{
+    AnyRecipe, ClassCount, Grid, LabelFile, LabelledCloud, Model, PickedCloud, Picking, Report, SearchParams,
+    SearchReport, TrainOptions, search,
+};
 use std::fmt::Write;
 use std::path::Path;
 
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     Model::check_output(&args.output)?;
-    let recipe = recipe(args)?;
-    let options = TrainOptions {
+    let mut recipe = recipe(args)?;
+    let mut options = TrainOptions {
         folds: args.cross_validate.map(usize::from),
+        block: args.block,
         depths: args.grid_depth.clone(),
         strengths: args.grid_strength.clone(),
         elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
     };
-    let clouds = read_all(args, &recipe, context)?;
+    if args.block.is_some() && args.grid.is_empty() && !options.cross_validates() {
+        return Err(Failure::Usage("--block needs --cross-validate, --grid or --grid-depth".into()));
+    }
+    let mut clouds = read_all(args, &recipe, context)?;
+    let searched = searched(args, &recipe, &mut clouds, &options, context)?;
+    if let Some(SearchReport { best, tried, .. }) = &searched {
+        recipe = recipe.with_settings(tried[*best].settings.iter().map(String::as_str))?;
+        options.folds = None;
+    }
     let (model, report) = recipe.train(&clouds, &options, &context.monitor)?;
     model.save(&args.output)?;
     report.warnings().iter().for_each(|w| context.printer.warning(w));
     context.printer.data(&match context.printer.format {
-        Format::Json => report.json()?,
+        Format::Json => json(&*report, searched.as_ref())?,
         Format::Csv => class_csv(report.classes(), report.unit()),
-        Format::Table => table(&*report, &args.output),
+        Format::Table => searched.map(|search| search.text()).unwrap_or_default() + &table(&*report, &args.output),
     })
+}
+
+/// The cross-validation that was asked for, except that of the depths of the pyramid recipe, which is a part of its training
+/// and need not compute features again.
+fn searched(
+    args: &Train,
+    recipe: &AnyRecipe,
+    clouds: &mut [LabelledCloud],
+    options: &TrainOptions,
+    context: &Context<'_>,
+) -> Result<Option<SearchReport>, Failure> {
+    let own = matches!(recipe, AnyRecipe::Pyramid(_)) || !options.depths.is_empty();
+    if args.grid.is_empty() && (own || options.folds.is_none()) {
+        return Ok(None);
+    }
+    let params = SearchParams {
+        grid: Grid { axes: args.grid.clone() },
+        folds: options.folds(),
+        block: options.block,
+        elevation: options.elevation.clone(),
+    };
+    Ok(Some(search(recipe, clouds, &params, &context.monitor)?))
+}
+
+/// The report, with the cross-validation under `search`.
+fn json(report: &dyn Report, searched: Option<&SearchReport>) -> Result<String, Failure> {
+    let text = report.json()?;
+    let Some(searched) = searched else { return Ok(text) };
+    let wrong = |e| Error::input(format!("report: {e}"));
+    let mut value: serde_json::Value = serde_json::from_str(&text).map_err(wrong)?;
+    value["search"] = serde_json::to_value(searched).map_err(wrong)?;
+    Ok(serde_json::to_string_pretty(&value).map_err(wrong)?)
 }
 
 /// The recipe with the settings that have a flag of their own; `--weak` is the same as `--recipe weak`.
@@ -50,28 +94,35 @@ fn recipe(args: &Train) -> Result<AnyRecipe, Failure> {
 /// Reads all inputs and their labels.
 fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<Vec<LabelledCloud>, Failure> {
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
-    let source = LabelSource::new(&args.labels, &[&inputs[..], args.weak_labels.as_deref().as_slice()].concat())?;
-    let picked = args.weak_labels.as_deref().map(|path| picked(path, &source, context)).transpose()?;
-    let labels = if picked.is_some() { "ClusterID" } else { args.labels.label_dimension.as_str() };
+    let weak: Vec<&Path> = args.weak_labels.iter().map(AsRef::as_ref).collect();
+    let source = LabelSource::new(&args.labels, &[&inputs[..], &weak[..]].concat())?;
+    let files = weak.iter().map(|path| picked(path, &source, context)).collect::<Result<Vec<_>, Failure>>()?;
+    let labels = if files.is_empty() { args.labels.label_dimension.as_str() } else { "ClusterID" };
     let mut options = context.read_options();
     options.columns = Columns::Only([recipe.columns(), vec![labels.to_string()]].concat());
+    if !files.is_empty() {
+        let clouds =
+            inputs.iter().map(|path| io::read_with(path, &options)).collect::<scansion_core::Result<Vec<_>>>()?;
+        let picked = clouds.iter().map(|cloud| {
+            let metres = cloud.metres(recipe.metres_per_unit())?;
+            Ok(PickedCloud { cloud, picking: Picking { metres, within: recipe.label_distance() } })
+        });
+        let picked = picked.collect::<scansion_core::Result<Vec<_>>>()?;
+        let labels = LabelFile::apply_all(&files, &picked, &context.monitor).map_err(|e| match &inputs[..] {
+            [one] => Error::input(format!("{}: {e}", one.display())),
+            _ => e,
+        })?;
+        return Ok(clouds.into_iter().zip(labels).map(|(cloud, labels)| LabelledCloud { cloud, labels }).collect());
+    }
     let read = |path: &Path| -> Result<LabelledCloud, Failure> {
         let cloud = io::read_with(path, &options)?;
-        let labels = match &picked {
-            Some(file) => {
-                let metres = cloud.metres(recipe.metres_per_unit())?;
-                let picking = Picking { metres, within: recipe.label_distance() };
-                (file.apply(&cloud, &picking, &context.monitor))
-                    .map_err(|e| Error::input(format!("{}: {e}", path.display())))?
-            }
-            None => source.read(path, &cloud, context)?,
-        };
+        let labels = source.read(path, &cloud, context)?;
         Ok(LabelledCloud { cloud, labels })
     };
     let clouds = inputs.into_iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
     match source.absent(clouds.iter().map(|labelled| &labelled.labels)) {
-        Some(text) if picked.is_none() => Err(Error::input(text).into()),
-        _ => Ok(clouds),
+        Some(text) => Err(Error::input(text).into()),
+        None => Ok(clouds),
     }
 }
 

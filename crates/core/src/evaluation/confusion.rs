@@ -101,6 +101,13 @@ impl Confusion {
         Ok(())
     }
 
+    /// Adds row-major counts over the same classes, in the same order; counts of another number of classes are ignored.
+    pub(crate) fn add_counts(&mut self, counts: &[u64]) {
+        if counts.len() == self.counts.len() {
+            self.counts.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+        }
+    }
+
     /// The classes of rows and columns.
     pub fn classes(&self) -> &ClassTable {
         &self.classes

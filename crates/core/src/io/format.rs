@@ -27,6 +27,11 @@ pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
+/// Whether the name has the extension of a cloud format that can be written.
+pub fn is_cloud_name(path: &Path) -> bool {
+    WRITTEN.contains(&extension(path).as_str())
+}
+
 /// Fails if the extension is not that of a cloud format that can be written.
 pub(super) fn check_target(path: &Path) -> Result<()> {
     let refused = |reason: String| Err(Error::Unsupported { path: path.to_path_buf(), reason });

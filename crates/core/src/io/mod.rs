@@ -23,6 +23,7 @@ mod text;
 mod verify;
 
 pub use blocks::{Blocks, blocks};
+pub use format::is_cloud_name;
 pub use info::{FileInfo, Octree};
 pub use label_table::{LabelRow, LabelTable};
 pub use options::{Bounds, Columns, ReadOptions, Selection, WriteOptions};

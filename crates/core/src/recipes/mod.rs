@@ -10,6 +10,7 @@ mod model;
 mod objects;
 mod pyramid;
 mod regularise;
+mod search;
 mod segment;
 mod suggest;
 mod system;
@@ -22,12 +23,13 @@ pub use classify::rules::ClassRules;
 pub use classify::statistics::{CloudStatistics, statistics};
 pub use classify::{Classified, ClassifyParams, FeatureFit, Job, classify};
 pub use clusters::{ClusterSet, ClusterTable, ClusterTableParams, cluster_table};
-pub use labels::file::{LabelFile, Picking};
+pub use labels::file::{LabelFile, PickedCloud, Picking};
 pub use labels::{LabelParams, LabelledCloud, Labels, read_labels};
 pub use model::{FirstStage, Model};
 pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};
 pub use pyramid::{DepthScore, PyramidKind, PyramidRecipe, PyramidReport};
 pub use regularise::{ChoiceParams, Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
+pub use search::{Grid, GridAxis, SearchParams, SearchReport, SearchScore, search};
 pub use segment::{
     ClusterReport, GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment,
 };

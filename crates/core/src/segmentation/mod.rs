@@ -24,9 +24,9 @@ pub use descriptors::{SegmentShape, segment_means, segment_shapes};
 pub use local_graphs::{Combination, LocalGraphParams, SurfaceRule, local_graphs};
 pub use majority::{Majority, majorities, oracle_accuracy};
 pub use minimal_partition::{
-    Aim, Candidate, ChosenSegments, CutPursuit, CutPursuitParams, Intent, Merge, MergeParams, Method, PartitionInput,
-    PartitionParams, Preset, Signal, StrengthSearch, Trial, cut_pursuit, merge, partition_by_intent, recut,
-    search_strength,
+    Aim, Candidate, ChosenSegments, CutPursuit, CutPursuitParams, CutPursuitSteps, Intent, Merge, MergeParams, Method,
+    PartitionInput, PartitionParams, Preset, Signal, StrengthSearch, Trial, cut_pursuit, merge, partition_by_intent,
+    recut, search_strength,
 };
 pub use object_features::{ObjectAttributes, object_features};
 pub use octree::{Cube, Leaf, Octree, OctreeParams, StopRule, octree};

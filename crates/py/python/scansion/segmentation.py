@@ -131,18 +131,20 @@ def cut_pursuit(
     settings = {
         "strength": strength,
         "cutoff": cutoff,
-        "coarse_above": 2**32 - 1 if coarse_above is None else coarse_above,
-        "cycles": cycles,
-        "flow_steps": flow_steps,
-        "means_steps": means_steps,
-        "restarts": restarts,
-        "attempts": attempts,
-        "max_iterations": max_iterations,
-        "tolerance": tolerance,
-        "guard": guard,
-        "backward": backward,
-        "moves": moves,
         "seed": random_state,
+        "steps": {
+            "coarse_above": coarse_above,
+            "cycles": cycles,
+            "flow_steps": flow_steps,
+            "means_steps": means_steps,
+            "restarts": restarts,
+            "attempts": attempts,
+            "max_iterations": max_iterations,
+            "tolerance": tolerance,
+            "guard": guard,
+            "backward": backward,
+            "moves": moves,
+        },
     }
     return Segments(
         *_core.cut_pursuit(

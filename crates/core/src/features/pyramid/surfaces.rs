@@ -142,7 +142,7 @@ mod tests {
         let mut value = 1.0f32 / 3.0;
         while value > 1e-9 {
             let back = unpacked_variation(packed_variation(value));
-            assert!((back - value).abs() <= value / 8000.0, "{value} {back}");
+            assert!((back - value).abs() <= value / 4096.0, "{value} {back}");
             value *= 0.93;
         }
         assert_eq!(unpacked_variation(packed_variation(0.0)), 0.0);

@@ -6,6 +6,7 @@ use crate::io::{LabelRow, LabelTable};
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::Labels;
+use std::collections::HashSet;
 use std::path::Path;
 
 /// Labels picked by hand: positions with a class (for the nearest point), or segments with a class (for all points with
@@ -22,6 +23,30 @@ pub struct Picking {
     pub metres: f64,
     /// Largest distance of a position from its point, metres.
     pub within: f64,
+}
+
+/// A cloud that picked labels belong to.
+#[derive(Clone, Copy, Debug)]
+pub struct PickedCloud<'a> {
+    /// The cloud.
+    pub cloud: &'a Cloud,
+    /// How positions find their points in it.
+    pub picking: Picking,
+}
+
+/// The point that a position belongs to.
+#[derive(Clone, Copy)]
+struct Nearest {
+    /// Metres.
+    distance: f64,
+    cloud: usize,
+    point: usize,
+}
+
+/// The segments that a cloud has.
+fn clusters(cloud: &Cloud) -> HashSet<u32> {
+    let column = cloud.column("ClusterID");
+    column.map(|column| (0..cloud.len()).map(|i| column.values.get(i) as u32).collect()).unwrap_or_default()
 }
 
 impl LabelFile {
@@ -49,6 +74,98 @@ impl LabelFile {
         self.apply_positions(cloud, picking, &mut codes, monitor)?;
         self.apply_segments(cloud, &mut codes)?;
         Ok(Labels::new(codes, cloud.scheme))
+    }
+
+    /// The labels of the points of several clouds, from several files. A position belongs to the cloud with the nearest
+    /// point, the first of equally near ones; a segment to the only cloud that has it.
+    ///
+    /// # Errors
+    /// If a position is too far from the points of every cloud, no cloud or several have a segment, or a point gets two
+    /// classes.
+    pub fn apply_all(files: &[Self], clouds: &[PickedCloud<'_>], monitor: &Monitor) -> Result<Vec<Labels>> {
+        let mut codes: Vec<Vec<Option<u8>>> = clouds.iter().map(|picked| vec![None; picked.cloud.len()]).collect();
+        for file in files {
+            match clouds {
+                [PickedCloud { cloud, picking }] => {
+                    file.apply_positions(cloud, picking, &mut codes[0], monitor)?;
+                    file.apply_segments(cloud, &mut codes[0])?;
+                }
+                _ => {
+                    file.spread_positions(clouds, &mut codes, monitor)?;
+                    for (part, slots) in file.segments_of(clouds)?.iter().zip(&mut codes) {
+                        if let Some((part, cloud)) = part {
+                            part.apply_segments(cloud, slots)?;
+                        }
+                    }
+                }
+            }
+        }
+        Ok(codes.into_iter().zip(clouds).map(|(codes, picked)| Labels::new(codes, picked.cloud.scheme)).collect())
+    }
+
+    /// Gives each position to the cloud with the nearest point.
+    fn spread_positions(
+        &self,
+        clouds: &[PickedCloud<'_>],
+        codes: &mut [Vec<Option<u8>>],
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let rows = &self.table.positions;
+        let mut best: Vec<Option<Nearest>> = vec![None; rows.len()];
+        for (number, PickedCloud { cloud, picking }) in clouds.iter().enumerate() {
+            let Some([low, high]) = cloud.bounds_watched(monitor)? else { continue };
+            let reach = picking.within / picking.metres;
+            let inside = |at: &[f64; 3]| (0..3).all(|a| at[a] >= low[a] - reach && at[a] <= high[a] + reach);
+            let near: Vec<usize> = (0..rows.len()).filter(|&row| inside(&rows[row].of)).collect();
+            if near.is_empty() {
+                continue;
+            }
+            let points = MetricCloud::new(cloud, Some(picking.metres), monitor)?.some_points(monitor)?;
+            let places = Cloud::from_rows(&near.iter().map(|&row| rows[row].of).collect::<Vec<_>>())?;
+            let queries = MetricCloud::new(&places, Some(picking.metres), monitor)?.points_and_strays(monitor)?;
+            let queries = queries.moved_to(points.frame.origin)?;
+            let found = nearest_of(&points.positions, &queries.positions, 1, monitor)?;
+            for (q, &row) in near.iter().enumerate() {
+                let distance = f64::from(found.squared_distances(q)[0]).sqrt();
+                if distance <= picking.within && best[row].is_none_or(|known| distance < known.distance) {
+                    let point = points.frame.index[found.of(q)[0] as usize] as usize;
+                    best[row] = Some(Nearest { distance, cloud: number, point });
+                }
+            }
+        }
+        for (row, found) in rows.iter().zip(best) {
+            let Some(Nearest { cloud, point, .. }) = found else {
+                let within = clouds.iter().map(|picked| picked.picking.within).fold(0.0, f64::max);
+                let found = format!("{:?} is near no point of the {} clouds", row.of, clouds.len());
+                let allowed = format!("at most {within} m from a point of one of them; check the coordinate system");
+                return Err(self.table.wrong(row.line, found, &allowed));
+            };
+            self.put(row.line, &mut codes[cloud][point], row.code)?;
+        }
+        Ok(())
+    }
+
+    /// The segments of each cloud, as files of their own.
+    fn segments_of<'a>(&self, clouds: &[PickedCloud<'a>]) -> Result<Vec<Option<(Self, &'a Cloud)>>> {
+        let mut parts: Vec<Vec<LabelRow<u32>>> = vec![Vec::new(); clouds.len()];
+        let there: Vec<HashSet<u32>> = clouds.iter().map(|picked| clusters(picked.cloud)).collect();
+        for row in &self.table.segments {
+            let owners: Vec<usize> = (0..clouds.len()).filter(|&c| there[c].contains(&row.of)).collect();
+            match owners[..] {
+                [one] => parts[one].push(*row),
+                _ => {
+                    let found = format!("cluster_id {} in {} of {} clouds", row.of, owners.len(), clouds.len());
+                    let allowed = "a ClusterID that one of them has; with several clouds give positions x,y,z,class";
+                    return Err(self.table.wrong(row.line, found, allowed));
+                }
+            }
+        }
+        let part = |segments| LabelTable { path: self.table.path.clone(), positions: Vec::new(), segments };
+        let parts = parts
+            .into_iter()
+            .zip(clouds)
+            .map(|(rows, picked)| (!rows.is_empty()).then(|| (Self { table: part(rows) }, picked.cloud)));
+        Ok(parts.collect())
     }
 
     fn apply_positions(
@@ -107,7 +224,7 @@ impl LabelFile {
         for &LabelRow { line, of: segment, code } in &self.table.segments {
             self.put(line, classes.entry(segment).or_insert(None), code)?;
         }
-        let mut seen = std::collections::HashSet::new();
+        let mut seen = HashSet::new();
         for (i, place) in codes.iter_mut().enumerate() {
             let segment = column.values.get(i) as u32;
             if let Some(Some(code)) = classes.get(&segment) {
@@ -166,6 +283,26 @@ mod tests {
         assert_eq!(codes("class,x,y,z\n6,1.1,0,0\n2, 2.9, 0.1, 0\n"), expected);
         assert_eq!(codes("# picked by hand\n1.1 0 0 6\n2.9 0.1 0 2\n"), expected);
         assert_eq!(codes("cluster_id;x;y;z;class\n1;0;0;0;5\n2;2;0;0;\n"), [Some(5), Some(5), None, None]);
+    }
+
+    #[test]
+    fn positions_belong_to_the_tile_of_the_nearest_point_and_files_add_up() {
+        let tile = |x: f64| Cloud::from_rows(&[[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x + 2.0, 0.0, 0.0]]).unwrap();
+        let (west, mut east) = (tile(0.0), tile(3.0));
+        east.set_column(Column::new("ClusterID", Values::U32(vec![7, 7, 8]))).unwrap();
+        let tiles = [&west, &east].map(|cloud| PickedCloud { cloud, picking: NEAR });
+        let apply = |texts: &[&str]| {
+            let files: Vec<LabelFile> = texts.iter().map(|text| read(text).unwrap()).collect();
+            LabelFile::apply_all(&files, &tiles, &Monitor::default())
+        };
+        // 2.6 lies between the tiles, nearer to the point at 3.
+        let both = apply(&["x,y,z,class\n0.1,0,0,2\n2.6,0,0,6\n", "cluster_id,class\n8,5\n"]).unwrap();
+        assert_eq!(both[0].codes, [Some(2), None, None]);
+        assert_eq!(both[1].codes, [Some(6), None, Some(5)]);
+        let message = |texts: &[&str]| apply(texts).unwrap_err().to_string();
+        assert!(message(&["x,y,z,class\n9,0,0,2\n"]).contains("near no point of the 2 clouds"));
+        assert!(message(&["cluster_id,class\n9,2\n"]).contains("0 of 2 clouds"));
+        assert!(message(&["x,y,z,class\n0,0,0,2\n", "x,y,z,class\n0,0,0,3\n"]).contains("class 3"));
     }
 
     #[test]

@@ -8,21 +8,20 @@ use crate::features::{self, FeatureSet};
 use crate::parallel::Monitor;
 use crate::recipes::regularise::Regularise;
 use crate::recipes::training::TrainingData;
+use crate::recipes::training::blocks::Place;
 use crate::recipes::training::checkerboard::Checkerboard;
 use crate::recipes::training::choice::{Labelled, Plan, Trial};
 use crate::recipes::training::sources::Sources;
 
-/// Edge of the squares that cross-validation holds out together, metres.
-pub(super) const BLOCK: f64 = 50.0;
-
-/// Feature vectors of the chosen points, the position of their class, and their 50 m square.
+/// Feature vectors of the chosen points, the position of their class, and their places.
 #[derive(Default)]
 pub(super) struct Described {
     pub(super) values: Vec<f32>,
     pub(super) labels: Vec<u16>,
     /// Weight of each sample; empty if all are equal.
     pub(super) weights: Vec<f32>,
-    pub(super) blocks: Vec<u32>,
+    /// For cross-validation, which holds out whole squares.
+    pub(super) places: Vec<Place>,
     /// Colour of the square of each sample on the checkerboard of the choice of a regularisation.
     pub(super) colours: Vec<usize>,
     /// The patches of that choice; empty if there is nothing to choose.
@@ -74,7 +73,7 @@ impl Described {
                 described.values.extend_from_slice(&table.values[..points.len() * table.width()]);
                 described.trials.push(plan.into_trial(&table));
                 let xyz = |&p: &u32| scene.cloud.xyz(p as usize);
-                described.blocks.extend(points.iter().map(|p| block_of(source.cloud, xyz(p), scene.metres)));
+                described.places.extend(points.iter().map(|p| Place::new(source.cloud, xyz(p), scene.metres)));
                 described.colours.extend(points.iter().map(|p| board.colour(xyz(p))));
                 described.names = table.names;
                 Ok(())
@@ -82,11 +81,4 @@ impl Described {
         }
         Ok(described)
     }
-}
-
-/// A number for the 50 m square that contains a point (hash collisions only merge squares).
-fn block_of(cloud: usize, xyz: [f64; 3], metres: f64) -> u32 {
-    let [x, y] = [xyz[0], xyz[1]].map(|v| (v * metres / BLOCK).floor() as i64 as u32);
-    let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ (cloud as u32).wrapping_mul(0xc2b2_ae3d);
-    mixed.wrapping_mul(0x27d4_eb2f) >> 8
 }

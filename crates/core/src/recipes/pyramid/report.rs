@@ -1,7 +1,7 @@
 //! Report of the training.
 
-use super::described::BLOCK;
 use crate::error::Result;
+use crate::evaluation::ClassScores;
 use crate::recipes::system::report::{ClassCount, Report, json_of};
 use crate::recipes::training::choice::ChoiceReport;
 use serde::Serialize;
@@ -16,6 +16,8 @@ pub struct DepthScore {
     pub accuracy: f64,
     /// Mean of the folds' mean F1, 0..1.
     pub mean_f1: f64,
+    /// Scores of each class over the held-out samples of all folds.
+    pub classes: Vec<ClassScores>,
 }
 
 /// Report of the training.
@@ -35,6 +37,8 @@ pub struct PyramidReport {
     pub features: usize,
     /// Folds of the cross-validation; 0 without.
     pub folds: usize,
+    /// Edge of the squares that the folds consist of, metres; 0 without.
+    pub block: f64,
     /// Scores of the cross-validation, one for each depth tried.
     pub depths: Vec<DepthScore>,
     /// The comparison of ways to regularise; `None` if the recipe names one.
@@ -58,11 +62,19 @@ impl Report for PyramidReport {
             let depth = score.max_depth.map_or("unlimited".into(), |depth| depth.to_string());
             let _ = writeln!(
                 text,
-                "depth {depth}: {}-fold accuracy {:.2} %, mean F1 {:.2} % (folds of {BLOCK} m squares)",
+                "depth {depth}: {}-fold accuracy {:.2} %, mean F1 {:.2} % (folds of {} m squares)",
                 self.folds,
                 100.0 * score.accuracy,
-                100.0 * score.mean_f1
+                100.0 * score.mean_f1,
+                self.block
             );
+            for ClassScores { code, name, precision, recall, f1_score, .. } in &score.classes {
+                let [precision, recall, f1] = [precision, recall, f1_score].map(|share| 100.0 * share);
+                let _ = writeln!(
+                    text,
+                    "{code:>5}  {name:<20} precision {precision:>6.2}  recall {recall:>6.2}  F1 {f1:>6.2} %"
+                );
+            }
         }
         let _ = writeln!(
             text,

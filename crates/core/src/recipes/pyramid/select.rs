@@ -3,12 +3,14 @@
 use super::PyramidRecipe;
 use super::described::Described;
 use super::report::DepthScore;
-use crate::classification::cross_validation::{GridScore, grid_search, grouped_folds};
+use crate::classification::cross_validation::{FoldScore, GridScore, grid_search};
 use crate::classification::{ClassifierParams, Samples};
 use crate::error::Result;
+use crate::evaluation::{ClassScores, Confusion};
 use crate::parallel::Monitor;
 use crate::recipes::TrainOptions;
 use crate::recipes::regularise::{Regularise, RegulariseParams};
+use crate::recipes::training::blocks::{SpatialFolds, spatial_folds};
 use crate::recipes::training::choice::{ChoiceReport, CrossTraining, choose};
 
 /// The recipe with the best of `options.depths` (of equal ones the first), and the scores of all; unchanged if no
@@ -18,16 +20,24 @@ pub(super) fn chosen_depth(
     recipe: PyramidRecipe,
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(PyramidRecipe, Vec<DepthScore>)> {
+) -> Result<(PyramidRecipe, TriedDepths)> {
     if !options.cross_validates() {
-        return Ok((recipe, Vec::new()));
+        return Ok((recipe, TriedDepths::default()));
     }
-    let (grid, depths) = cross_validate(described, &recipe, options, monitor)?;
-    let scored = grid.into_iter().zip(&depths).rev();
+    let (grid, tried) = cross_validate(described, &recipe, options, monitor)?;
+    let scored = grid.into_iter().zip(&tried.depths).rev();
     match scored.max_by(|(_, a), (_, b)| a.mean_f1.total_cmp(&b.mean_f1)) {
-        Some((best, _)) => Ok((recipe.with_classifier(best), depths)),
-        None => Ok((recipe, depths)),
+        Some((best, _)) => Ok((recipe.with_classifier(best), tried)),
+        None => Ok((recipe, tried)),
     }
+}
+
+/// Scores of the depths that were tried, and the squares of the folds.
+#[derive(Default)]
+pub(super) struct TriedDepths {
+    pub(super) depths: Vec<DepthScore>,
+    /// Edge of the squares, metres; 0 without cross-validation.
+    pub(super) block: f64,
 }
 
 /// k-fold cross-validation for each depth (of the recipe's own depth if none is given), on spatially disjoint folds of
@@ -37,8 +47,8 @@ fn cross_validate(
     recipe: &PyramidRecipe,
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Vec<ClassifierParams>, Vec<DepthScore>)> {
-    let folds = grouped_folds(&described.blocks, options.folds())?;
+) -> Result<(Vec<ClassifierParams>, TriedDepths)> {
+    let SpatialFolds { of: folds, square: block } = spatial_folds(&described.places, options.folds(), options.block)?;
     let mut grid = vec![recipe.classifier()];
     if !options.depths.is_empty() {
         grid = options.depths.iter().map(|&depth| with_depth(recipe.classifier(), depth)).collect();
@@ -48,9 +58,19 @@ fn cross_validate(
         max_depth: params.max_depth().and_then(|depth| *depth),
         accuracy: score.accuracy,
         mean_f1: score.mean_f1,
+        classes: class_scores(described, &score.folds),
     };
-    let scores = grid.iter_mut().zip(scores).map(score).collect();
-    Ok((grid, scores))
+    let depths = grid.iter_mut().zip(scores).map(score).collect();
+    Ok((grid, TriedDepths { depths, block }))
+}
+
+/// Scores of each class over all held-out samples.
+fn class_scores(described: &Described, folds: &[FoldScore]) -> Vec<ClassScores> {
+    let mut confusion = Confusion::new(described.classes.clone());
+    for fold in folds {
+        confusion.add_counts(&fold.confusion);
+    }
+    confusion.scores().labels
 }
 
 fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {

@@ -25,7 +25,7 @@ pub(super) fn train(
     let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
     let mut described = Described::new(&data, &sources, recipe, monitor)?;
     let recipe = PyramidRecipe { features: described.features.clone(), ..recipe.clone() };
-    let (recipe, depths) = chosen_depth(&described, recipe, options, monitor)?;
+    let (recipe, tried) = chosen_depth(&described, recipe, options, monitor)?;
     let (regularise, regularisation) = chosen_regularisation(&described, &recipe, monitor)?;
     let recipe = PyramidRecipe { regularise, ..recipe };
     described.trials = Vec::new();
@@ -40,7 +40,8 @@ pub(super) fn train(
         used_features: used.len(),
         features: described.names.len(),
         folds: if options.cross_validates() { options.folds() } else { 0 },
-        depths,
+        depths: tried.depths,
+        block: tried.block,
         regularisation,
         warnings: sources.warnings,
     };

@@ -8,7 +8,8 @@ use crate::neighbours::OptimalParams;
 use crate::recipes::objects::ObjectSegments;
 use crate::recipes::system::settings::{explained, set_key, with_defaults};
 use crate::segmentation::{
-    ClusterParams, Intent, Leftovers, OctreeGrowingParams, PartitionParams, RegionGrowingParams, RiemannianParams,
+    ClusterParams, CutPursuitSteps, Intent, Leftovers, LocalGraphParams, OctreeGrowingParams, PartitionParams,
+    RegionGrowingParams, RiemannianParams, SlicParams,
 };
 use serde::{Deserialize, Serialize};
 
@@ -80,10 +81,28 @@ impl Default for SegmentParams {
 }
 
 impl SegmentParams {
-    /// The defaults, with the method of that name; `None` if there is no such method.
+    /// The method of that name with its defaults, or, with `-paper` behind its name, as in its paper; `None` if there is no
+    /// such method.
     pub fn named(name: &str) -> Option<Self> {
-        let method = SegmentMethod::ALL.iter().copied().find(|method| method.name() == name)?;
-        Some(Self { method, ..Self::default() })
+        let (plain, paper) = name.strip_suffix("-paper").map_or((name, false), |plain| (plain, true));
+        let method = SegmentMethod::ALL.iter().copied().find(|method| method.name() == plain)?;
+        let params = Self { method, ..Self::default() };
+        if !paper {
+            return Some(params);
+        }
+        match method {
+            SegmentMethod::CutPursuit => {
+                let partition = PartitionParams { cut_pursuit: CutPursuitSteps::paper(), ..params.partition };
+                Some(Self { partition, ..params })
+            }
+            SegmentMethod::Riemannian => Some(Self { riemannian: RiemannianParams::paper(), ..params }),
+            SegmentMethod::LocalGraph | SegmentMethod::Slic => {
+                let local_graphs = LocalGraphParams::paper();
+                let objects = ObjectSegments { slic: SlicParams::paper(), local_graphs, ..params.objects };
+                Some(Self { objects, ..params })
+            }
+            _ => None,
+        }
     }
 
     /// Reads TOML; values not given are the defaults, in each section too. The message about a wrong key gives its line
@@ -92,7 +111,7 @@ impl SegmentParams {
     /// # Errors
     /// If the text is not TOML, or a key or value is unknown.
     pub fn from_toml(text: &str) -> Result<Self> {
-        with_defaults(text)
+        with_defaults(text, &Self::default())
     }
 
     /// The parameters as TOML, with all values written out.
@@ -182,7 +201,15 @@ mod tests {
             assert_eq!(SegmentParams::from_toml(&text).unwrap().method, method);
             assert_eq!(SegmentParams::named(method.name()).unwrap().method, method);
         }
-        assert!(SegmentParams::named("bricks").is_none());
+        assert!(SegmentParams::named("bricks").is_none() && SegmentParams::named("merge-paper").is_none());
+        let paper = |name: &str| SegmentParams::named(name).unwrap();
+        assert_eq!(paper("riemannian-paper").riemannian, RiemannianParams::paper());
+        assert_eq!(paper("cut-pursuit-paper").partition.cut_pursuit, CutPursuitSteps::paper());
+        assert_eq!(paper("local-graph-paper").objects.local_graphs, LocalGraphParams::paper());
+        for name in ["riemannian-paper", "cut-pursuit-paper", "local-graph-paper", "slic-paper"] {
+            paper(name).validate().unwrap();
+            assert_eq!(SegmentParams::from_toml(&paper(name).to_toml().unwrap()).unwrap(), paper(name));
+        }
     }
 
     #[test]

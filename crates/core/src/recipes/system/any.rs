@@ -51,11 +51,14 @@ macro_rules! systems {
                 match self { $($(#[cfg($cfg)])? Self::$name(recipe) => recipe.name(),)* }
             }
 
-            /// The recipe with that name, with all defaults.
+            /// The recipe with that name, with all defaults, or as in its paper.
             ///
             /// # Errors
-            /// If the name is not in [`AnyRecipe::names`].
+            /// If the name is neither in [`AnyRecipe::names`] nor in [`AnyRecipe::PAPERS`].
             pub fn named(name: &str) -> Result<Self> {
+                if let Some(paper) = Self::paper(name) {
+                    return paper;
+                }
                 $($(#[cfg($cfg)])? {
                     if let Some(recipe) = <$recipe>::named(name) {
                         return Ok(Self::$name(Box::new(recipe)));
@@ -290,7 +293,7 @@ fn recipe_of(text: &str) -> Result<String> {
 }
 
 fn unknown(name: &str) -> Error {
-    Error::parameter("recipe", name, AnyRecipe::names().join(", "))
+    Error::parameter("recipe", name, [&AnyRecipe::names()[..], &AnyRecipe::PAPERS].concat().join(", "))
 }
 
 fn written(value: &impl Serialize) -> Result<String> {

@@ -6,6 +6,7 @@
 pub(in crate::recipes) mod any;
 #[cfg(test)]
 mod height;
+mod papers;
 pub(in crate::recipes) mod report;
 pub(in crate::recipes) mod settings;
 
@@ -140,6 +141,8 @@ pub struct Nothing {}
 pub struct TrainOptions {
     /// Number of folds of the cross-validation; `None` is 5, and only if there is something to choose.
     pub folds: Option<usize>,
+    /// Edge of the squares that the folds consist of, metres; `None`: 50, halved until there are two squares a fold.
+    pub block: Option<f64>,
     /// Maximum depths of the trees to try (pyramid); the best is used.
     pub depths: Vec<usize>,
     /// Strengths of the random field to try (weak); the best is used.

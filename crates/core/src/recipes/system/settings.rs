@@ -23,9 +23,10 @@ pub fn set_key(table: &mut toml::Table, setting: &str) -> Result<()> {
     if parts.iter().any(|part| part.is_empty()) {
         return Err(bad());
     }
-    let given = parts.into_iter().rev().fold(value, |value, part| {
-        toml::Value::Table(toml::Table::from_iter([(part.to_string(), value)]))
-    });
+    let given = parts
+        .into_iter()
+        .rev()
+        .fold(value, |value, part| toml::Value::Table(toml::Table::from_iter([(part.to_string(), value)])));
     if let toml::Value::Table(given) = given {
         put(table, given);
     }
@@ -164,8 +165,14 @@ mod tests {
         };
         assert_eq!(scale(airborne.clone()), Some(0.25));
         for word in ["none", "0"] {
-            assert_eq!(scale(airborne.with_settings([format!("features.pyramid.first_scale={word}").as_str()]).unwrap()), None);
-            let text = format!("recipe = \"airborne\"\n[features.pyramid]\nfirst_scale = {}", if word == "0" { "0" } else { "\"none\"" });
+            assert_eq!(
+                scale(airborne.with_settings([format!("features.pyramid.first_scale={word}").as_str()]).unwrap()),
+                None
+            );
+            let text = format!(
+                "recipe = \"airborne\"\n[features.pyramid]\nfirst_scale = {}",
+                if word == "0" { "0" } else { "\"none\"" }
+            );
             assert_eq!(scale(AnyRecipe::from_toml(&text).unwrap()), None);
         }
         for (name, key) in [

@@ -1,6 +1,7 @@
 //! What training of every method begins and ends with: the labelled clouds in metres, their classes, and counts for the
 //! report.
 
+pub(in crate::recipes) mod blocks;
 pub(in crate::recipes) mod checkerboard;
 pub(in crate::recipes) mod choice;
 pub(in crate::recipes) mod classifiers;

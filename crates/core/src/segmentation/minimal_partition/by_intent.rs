@@ -80,7 +80,7 @@ fn solve(
     let PartitionParams { cutoff, seed, .. } = *params;
     match params.method {
         Method::CutPursuit => {
-            let params = CutPursuitParams { strength, cutoff, seed, ..CutPursuitParams::default() };
+            let params = CutPursuitParams { strength, cutoff, seed, steps: params.cut_pursuit.clone() };
             cut_pursuit(&input.signal, input.graph, &params, monitor).map(|found| (found.partition, found.energy))
         }
         Method::Merge => merge(&input.signal, input.graph, &MergeParams { strength, cutoff }, monitor)

@@ -19,7 +19,7 @@ mod piece;
 mod smooth;
 mod two_means;
 
-pub use params::{CutPursuitParams, Preset};
+pub use params::{CutPursuitParams, CutPursuitSteps, Preset};
 
 use super::Signal;
 use super::cutoff::absorb_small;
@@ -270,7 +270,9 @@ mod tests {
         for seed in 0..60 {
             let values = noisy_stretches(seed, 60);
             let signal = Signal::new(&values, 2).unwrap();
-            let params = CutPursuitParams { strength: 0.2, guard: true, ..Default::default() }.as_published();
+            let params = CutPursuitParams { strength: 0.2, ..Default::default() }.as_published();
+            let steps = CutPursuitSteps { guard: true, ..params.steps };
+            let params = CutPursuitParams { steps, ..params };
             let found = cut_pursuit(&signal, &chain(60), &params, &Monitor::default()).unwrap();
             assert!(found.trace.windows(2).all(|w| w[1] <= w[0]), "{:?}", found.trace);
         }
@@ -355,7 +357,11 @@ mod tests {
         let (values, graph) = noisy_fields(60);
         let signal = Signal::new(&values, 2).unwrap();
         for coarse_above in [1000, 10_000] {
-            let params = CutPursuitParams { strength: 0.5, coarse_above, ..Default::default() };
+            let params = CutPursuitParams {
+                strength: 0.5,
+                steps: CutPursuitSteps { coarse_above: Some(coarse_above), ..Default::default() },
+                ..Default::default()
+            };
             let with = |threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 pool.install(|| cut_pursuit(&signal, &graph, &params, &Monitor::default()).unwrap())

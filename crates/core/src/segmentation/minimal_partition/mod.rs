@@ -17,7 +17,7 @@ pub use by_intent::{
     Aim, Candidate, Intent, Method, PartitionInput, PartitionParams, StrengthSearch, Trial, partition_by_intent,
     search_strength,
 };
-pub use cut_pursuit::{CutPursuit, CutPursuitParams, Preset, cut_pursuit};
+pub use cut_pursuit::{CutPursuit, CutPursuitParams, CutPursuitSteps, Preset, cut_pursuit};
 pub(super) use links::{Cost, EdgeLinks, contract};
 pub use merge::{Merge, MergeParams, merge};
 pub use recut::{ChosenSegments, recut};

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::graph::{EdgeWeight, Orientation};
-use crate::segmentation::OctreeParams;
+use crate::segmentation::{CutPursuitSteps, OctreeParams};
 use serde::{Deserialize, Serialize};
 
 /// Whether normals are oriented.
@@ -138,6 +138,8 @@ pub struct RiemannianParams {
     pub clusters: KMeansParams,
     /// The graph of the supervoxels.
     pub graph: RiemannianGraphParams,
+    /// The steps of the optimisation.
+    pub cut_pursuit: CutPursuitSteps,
 }
 
 impl Default for RiemannianParams {
@@ -153,14 +155,21 @@ impl Default for RiemannianParams {
             octree: OctreeParams::adaptive(),
             clusters: KMeansParams::default(),
             graph: RiemannianGraphParams::default(),
+            cut_pursuit: CutPursuitSteps::default(),
         }
     }
 }
 
 impl RiemannianParams {
-    /// As printed: the octree's stop rule is λ3 < 0.5.
+    /// As printed: the octree's stop rule is λ3 < 0.5, clusters start at the centres of the leaves' cubes, and cut pursuit
+    /// is the published one.
     pub fn paper() -> Self {
-        Self { octree: OctreeParams::paper(), ..Self::default() }
+        Self {
+            octree: OctreeParams::paper(),
+            clusters: KMeansParams { start: Start::Cube, ..KMeansParams::default() },
+            cut_pursuit: CutPursuitSteps::paper(),
+            ..Self::default()
+        }
     }
 
     /// Checks the ranges.
@@ -181,6 +190,7 @@ impl RiemannianParams {
             return Err(Error::parameter(name, value, "1 or more"));
         }
         self.graph.edge_weight.validate()?;
+        self.cut_pursuit.validate()?;
         self.octree.validate()
     }
 }

@@ -196,7 +196,12 @@ fn run(points: &Positions, surface: &Surface, params: &RiemannianParams, monitor
     let start = Instant::now();
     let weights = node_weights(&supervoxels, params.node_weight);
     let signal = Signal::new(&nodes.features, nodes.width)?.with_weights(&weights)?;
-    let cut = CutPursuitParams { strength: params.strength, seed: params.seed, ..CutPursuitParams::default() };
+    let cut = CutPursuitParams {
+        strength: params.strength,
+        seed: params.seed,
+        steps: params.cut_pursuit.clone(),
+        ..CutPursuitParams::default()
+    };
     let optimum = cut_pursuit(&signal, &built.graph, &cut, monitor)?;
     let segments = supervoxels.coarser(&optimum.partition, monitor)?;
     seconds.optimisation = start.elapsed().as_secs_f64();

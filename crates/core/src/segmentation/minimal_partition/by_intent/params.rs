@@ -1,5 +1,6 @@
 //! Parameters of a partition whose strength is chosen from what the user wants.
 
+use super::super::cut_pursuit::CutPursuitSteps;
 use super::super::merge::check_not_negative;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -68,11 +69,20 @@ pub struct PartitionParams {
     pub trials: usize,
     /// Seed of cut pursuit.
     pub seed: u64,
+    /// The steps of cut pursuit.
+    pub cut_pursuit: CutPursuitSteps,
 }
 
 impl Default for PartitionParams {
     fn default() -> Self {
-        Self { method: Method::default(), intent: Intent::default(), cutoff: 0.0, trials: 14, seed: 0 }
+        Self {
+            method: Method::default(),
+            intent: Intent::default(),
+            cutoff: 0.0,
+            trials: 14,
+            seed: 0,
+            cut_pursuit: CutPursuitSteps::default(),
+        }
     }
 }
 
@@ -83,6 +93,7 @@ impl PartitionParams {
     /// [`Error::InvalidParameter`] with the value found and what is allowed.
     pub fn validate(&self) -> Result<()> {
         check_not_negative("cutoff", self.cutoff)?;
+        self.cut_pursuit.validate()?;
         if self.trials == 0 {
             return Err(Error::parameter("trials", 0, "1 or more"));
         }

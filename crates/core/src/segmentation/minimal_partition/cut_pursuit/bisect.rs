@@ -32,12 +32,13 @@ impl Scratch {
         let Self { piece, network } = self;
         // The first attempt takes the best of several random starts, the others one each: the best start often leads to
         // the same cut again.
-        let restarts = |attempt| if attempt == 0 { params.restarts } else { 1 };
-        let starts = (0..params.attempts).map(|attempt| starts(piece, restarts(attempt), random, monitor).transpose());
+        let restarts = |attempt| if attempt == 0 { params.steps.restarts } else { 1 };
+        let starts =
+            (0..params.steps.attempts).map(|attempt| starts(piece, restarts(attempt), random, monitor).transpose());
         let Some(starts) = starts.collect::<Option<Result<Vec<_>>>>().transpose()? else { return Ok(None) };
-        let cuts = Cuts { piece, steps: params.flow_steps, monitor };
+        let cuts = Cuts { piece, steps: params.steps.flow_steps, monitor };
         let attempt = |network: &mut MaxFlow, i: usize| {
-            let sides = two_means(piece, &starts[i], params.means_steps, monitor)?;
+            let sides = two_means(piece, &starts[i], params.steps.means_steps, monitor)?;
             let parts = cuts.parts(sides, network)?;
             parts.map(|parts| Ok((piece.energy(&parts, monitor)?, parts))).transpose()
         };
@@ -47,7 +48,7 @@ impl Scratch {
         };
         let mut best = None;
         let mut least = f64::INFINITY;
-        if params.guard {
+        if params.steps.guard {
             least = piece.energy(&vec![0; piece.len()], monitor)?;
         }
         for (energy, parts) in attempts.into_iter().flatten() {

@@ -51,10 +51,10 @@ pub(super) fn in_cycles(
     let start = energy(problem.objective(), &partition, monitor)?;
     let (centroids, trace) = (Vec::new(), vec![start]);
     let mut best = CutPursuit { partition, centroids, energy: start, iterations: 0, converged: false, trace };
-    for cycle in 0..params.cycles {
+    for cycle in 0..params.steps.cycles {
         let params = CutPursuitParams { seed: params.seed.wrapping_add(cycle as u64), ..params.clone() };
         let small_segments = NODES_A_SEGMENT * best.partition.len() > graph.len() / 2;
-        let found = if graph.len() > params.coarse_above && !small_segments {
+        let found = if params.steps.coarse_above.is_some_and(|most| graph.len() > most) && !small_segments {
             problem.coarse_cycle(&best.partition, &params)?
         } else {
             Pursuit::new(problem.objective(), best.partition.clone(), &params, monitor)?.run()?
@@ -66,7 +66,7 @@ pub(super) fn in_cycles(
         if gained > 0.0 {
             (best.energy, best.partition) = (found.energy, found.partition);
         }
-        if gained < params.tolerance * best.energy {
+        if gained < params.steps.tolerance * best.energy {
             break;
         }
     }
@@ -111,7 +111,7 @@ impl CoarseToFine<'_> {
     }
 
     fn moved(&self, partition: Partition) -> Result<Partition> {
-        if !self.params.moves {
+        if !self.params.steps.moves {
             return Ok(partition);
         }
         let incidence = self.graph.incidence(self.monitor)?;

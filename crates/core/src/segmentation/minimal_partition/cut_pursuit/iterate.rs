@@ -45,8 +45,8 @@ impl<'a> Pursuit<'a> {
     }
 
     pub(super) fn run(mut self) -> Result<CutPursuit> {
-        self.monitor.stage("cut pursuit", self.params.max_iterations as u64);
-        while self.found.iterations < self.params.max_iterations {
+        self.monitor.stage("cut pursuit", self.params.steps.max_iterations as u64);
+        while self.found.iterations < self.params.steps.max_iterations {
             if !self.round()? {
                 self.found.converged = true;
                 break;
@@ -63,10 +63,10 @@ impl<'a> Pursuit<'a> {
             return Ok(false);
         }
         self.divide(&splits)?;
-        if self.params.backward {
+        if self.params.steps.backward {
             self.merge()?;
         }
-        if self.params.moves {
+        if self.params.steps.moves {
             self.move_nodes()?;
         }
         let energy = energy(self.source.objective, &self.partition, self.monitor)?;
@@ -78,7 +78,7 @@ impl<'a> Pursuit<'a> {
             self.found.partition = self.partition.clone();
         }
         let gained = before - energy;
-        let little = gained >= 0.0 && gained < self.params.tolerance * before;
+        let little = gained >= 0.0 && gained < self.params.steps.tolerance * before;
         Ok(!(little || self.saturated.iter().all(|s| *s)))
     }
 

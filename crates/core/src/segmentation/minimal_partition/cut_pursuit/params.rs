@@ -32,9 +32,26 @@ pub struct CutPursuitParams {
     /// all.
     #[serde(deserialize_with = "crate::settings::number")]
     pub cutoff: f64,
+    /// Seed of the 2-means.
+    pub seed: u64,
+    /// What lowers Q further, and what saves time.
+    pub steps: CutPursuitSteps,
+}
+
+impl Default for CutPursuitParams {
+    fn default() -> Self {
+        Self { strength: 0.1, cutoff: 0.0, seed: 0, steps: CutPursuitSteps::default() }
+    }
+}
+
+/// The steps of cut pursuit: how much is tried, and when it ends.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CutPursuitSteps {
     /// Graphs of more nodes than this are first cut on a coarser graph, which is many times faster if segments are not
-    /// very small. `usize::MAX`: never, as in the paper.
-    pub coarse_above: usize,
+    /// very small. `None` (`"none"` in a recipe): never, as in the paper.
+    #[serde(with = "crate::settings::optional")]
+    pub coarse_above: Option<usize>,
     /// Number of repetitions of the whole method, each from the result before with another seed and, on large graphs,
     /// another coarse graph; ends early when a cycle gains less than the tolerance. At least 1.
     pub cycles: usize,
@@ -57,16 +74,12 @@ pub struct CutPursuitParams {
     pub backward: bool,
     /// After each iteration, move single nodes across boundaries where that lowers Q. Not part of the published method.
     pub moves: bool,
-    /// Seed of the 2-means.
-    pub seed: u64,
 }
 
-impl Default for CutPursuitParams {
+impl Default for CutPursuitSteps {
     fn default() -> Self {
         Self {
-            strength: 0.1,
-            cutoff: 0.0,
-            coarse_above: 10_000,
+            coarse_above: Some(10_000),
             cycles: 2,
             flow_steps: 3,
             means_steps: 5,
@@ -77,28 +90,14 @@ impl Default for CutPursuitParams {
             guard: false,
             backward: true,
             moves: true,
-            seed: 0,
         }
     }
 }
 
-impl CutPursuitParams {
+impl CutPursuitSteps {
     /// The published method: without repeated attempts, moves, cycles and coarse graphs.
-    pub fn as_published(self) -> Self {
-        Self { coarse_above: usize::MAX, cycles: 1, attempts: 1, moves: false, ..self }
-    }
-
-    /// The same with the effort of a preset of the reference implementation.
-    pub fn with_preset(self, preset: Preset) -> Self {
-        let (flow_steps, means_steps, restarts, max_iterations, tolerance) = match preset {
-            Preset::Thorough => (4, 8, 5, 20, 1e-3),
-            Preset::Standard => (3, 5, 2, 10, 1e-2),
-            Preset::Fast => (2, 5, 2, 5, 5e-2),
-            Preset::Fastest => (1, 3, 1, 5, 0.1),
-            Preset::Superpoints => (3, 5, 10, 15, 5e-2),
-        };
-        let backward = preset != Preset::Fastest;
-        Self { flow_steps, means_steps, restarts, max_iterations, tolerance, backward, ..self }
+    pub fn paper() -> Self {
+        Self { coarse_above: None, cycles: 1, attempts: 1, moves: false, ..Self::default() }
     }
 
     /// Checks the ranges.
@@ -106,8 +105,6 @@ impl CutPursuitParams {
     /// # Errors
     /// [`Error::InvalidParameter`] with the value found and what is allowed.
     pub fn validate(&self) -> Result<()> {
-        check_not_negative("strength", self.strength)?;
-        check_not_negative("cutoff", self.cutoff)?;
         check_not_negative("tolerance", self.tolerance)?;
         let counts = [
             ("flow_steps", self.flow_steps),
@@ -124,6 +121,38 @@ impl CutPursuitParams {
     }
 }
 
+impl CutPursuitParams {
+    /// The published method: [`CutPursuitSteps::paper`].
+    pub fn as_published(self) -> Self {
+        Self { steps: CutPursuitSteps::paper(), ..self }
+    }
+
+    /// The same with the effort of a preset of the reference implementation.
+    pub fn with_preset(self, preset: Preset) -> Self {
+        let (flow_steps, means_steps, restarts, max_iterations, tolerance) = match preset {
+            Preset::Thorough => (4, 8, 5, 20, 1e-3),
+            Preset::Standard => (3, 5, 2, 10, 1e-2),
+            Preset::Fast => (2, 5, 2, 5, 5e-2),
+            Preset::Fastest => (1, 3, 1, 5, 0.1),
+            Preset::Superpoints => (3, 5, 10, 15, 5e-2),
+        };
+        let backward = preset != Preset::Fastest;
+        let steps =
+            CutPursuitSteps { flow_steps, means_steps, restarts, max_iterations, tolerance, backward, ..self.steps };
+        Self { steps, ..self }
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::InvalidParameter`] with the value found and what is allowed.
+    pub fn validate(&self) -> Result<()> {
+        check_not_negative("strength", self.strength)?;
+        check_not_negative("cutoff", self.cutoff)?;
+        self.steps.validate()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -136,14 +165,17 @@ mod tests {
         assert!(refused(CutPursuitParams { strength: -1.0, ..default() }).contains("strength"));
         assert!(refused(CutPursuitParams { strength: f64::NAN, ..default() }).contains("strength"));
         assert!(refused(CutPursuitParams { cutoff: -0.5, ..default() }).contains("cutoff"));
-        assert!(refused(CutPursuitParams { flow_steps: 0, ..default() }).contains("flow_steps"));
+        assert!(
+            refused(CutPursuitParams { steps: CutPursuitSteps { flow_steps: 0, ..Default::default() }, ..default() })
+                .contains("flow_steps")
+        );
     }
 
     #[test]
     fn presets_keep_the_problem() {
         let params = CutPursuitParams { strength: 0.7, seed: 3, ..CutPursuitParams::default() };
         let fast = params.clone().with_preset(Preset::Fastest);
-        assert_eq!((fast.strength, fast.seed, fast.flow_steps, fast.backward), (0.7, 3, 1, false));
+        assert_eq!((fast.strength, fast.seed, fast.steps.flow_steps, fast.steps.backward), (0.7, 3, 1, false));
         assert!(fast.validate().is_ok());
     }
 }

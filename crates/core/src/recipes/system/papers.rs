@@ -1,0 +1,62 @@
+//! Recipes as in their papers, without our additions: the files in `assets/recipes`.
+
+use crate::error::Result;
+use crate::recipes::system::any::AnyRecipe;
+
+/// Name and text of each.
+const PAPERS: [(&str, &str); 3] = [
+    ("pyramid-paper", include_str!("../../../assets/recipes/pyramid-paper.toml")),
+    ("weak-paper", include_str!("../../../assets/recipes/weak-paper.toml")),
+    ("objects-paper", include_str!("../../../assets/recipes/objects-paper.toml")),
+];
+
+impl AnyRecipe {
+    /// The names of the recipes as in their papers.
+    pub const PAPERS: [&'static str; PAPERS.len()] = [PAPERS[0].0, PAPERS[1].0, PAPERS[2].0];
+
+    /// Whether a recipe has that name, [`AnyRecipe::PAPERS`] among them.
+    pub fn is_name(name: &str) -> bool {
+        Self::names().contains(&name) || Self::PAPERS.contains(&name)
+    }
+
+    /// The recipe as in its paper with that name; `None` if there is none.
+    pub(super) fn paper(name: &str) -> Option<Result<Self>> {
+        PAPERS.iter().find(|(known, _)| *known == name).map(|(_, text)| Self::from_toml(text))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipes::{Descriptors, Heights, Regularise};
+    use crate::segmentation::{CutPursuitSteps, LocalGraphParams, SlicParams};
+
+    #[test]
+    fn recipes_of_papers_have_none_of_the_additions_and_are_valid() {
+        for name in AnyRecipe::PAPERS {
+            let recipe = AnyRecipe::named(name).unwrap();
+            recipe.validate().unwrap();
+            let own = AnyRecipe::named(recipe.name()).unwrap();
+            assert!(recipe != own && name == format!("{}-paper", own.name()));
+            match recipe {
+                AnyRecipe::Weak(weak) => {
+                    assert_eq!((weak.descriptors, weak.shares.power), (Descriptors::Paper, 0.0));
+                    assert!(!weak.labels.hold && !weak.labels.fit_partition);
+                    assert_eq!(weak.regularise.partition.cut_pursuit, CutPursuitSteps::paper());
+                    assert_eq!((weak.regularise.method, weak.regularise.near), (Regularise::SegmentCrf, f64::INFINITY));
+                }
+                AnyRecipe::Pyramid(pyramid) => {
+                    assert_eq!(pyramid.regularise.method, Regularise::None);
+                    assert_eq!((pyramid.training.rare_below, pyramid.training.keep_samples), (0, 0));
+                    assert_eq!((pyramid.training.max_ratio, pyramid.forest.trees), (4.0, 50));
+                }
+                AnyRecipe::Objects(objects) => {
+                    assert_eq!(objects.heights, Heights::Datum);
+                    assert_eq!(objects.segments.local_graphs, LocalGraphParams::paper());
+                    assert_eq!(objects.segments.slic, SlicParams::paper());
+                }
+                other => panic!("{}", other.name()),
+            }
+        }
+    }
+}
