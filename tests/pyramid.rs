@@ -191,7 +191,8 @@ impl<'a> Twin<'a> {
         let mean = |part: &[(f64, f64)]| part.iter().map(|o| o.1).sum::<f64>() / part.len() as f64;
         let (close, beyond) = (mean(&order[..near]), mean(&order[near..]));
         if order[near].0 - order[near - 1].0 > 1e-3 * far && beyond > 1e-9 {
-            out[12] = Some((close / beyond, 1e-2 * (1.0 + close / beyond)));
+            let ratio = (close / beyond).min(1000.0);
+            out[12] = Some((ratio, 1e-2 * (1.0 + ratio)));
         }
     }
 

@@ -2,11 +2,12 @@
 
 use crate::call::call;
 use crate::cloud::Cloud;
-use crate::convert::{to_matrix, vector};
+use crate::convert::{matrix, to_matrix, vector};
 use crate::error::raise;
+use crate::graph::graph_of;
 use crate::json;
 use crate::neighbours::points;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use scansion_core::evaluation::{self, Confusion, LabelledPartition, SegmentationErrorParams, report as texts};
 use scansion_core::parallel::{Monitor, map_watched};
@@ -90,5 +91,48 @@ pub(crate) fn segmentation_error(
         let points = points(&cloud, None, monitor)?.positions;
         let labelled = LabelledPartition { points: &points, partition: &partition, truth: &truth };
         json::text(&evaluation::segmentation_error(labelled, &params, monitor)?)
+    })
+}
+
+/// Precision, sensitivity, specificity and accuracy of each class against the others, as JSON.
+#[pyfunction]
+pub(crate) fn one_vs_rest(
+    py: Python<'_>,
+    truth: PyReadonlyArray1<'_, i16>,
+    predicted: PyReadonlyArray1<'_, i16>,
+    names: Vec<String>,
+) -> PyResult<String> {
+    json::text(&confusion(py, &truth, &predicted, names)?.one_vs_rest()).map_err(raise)
+}
+
+/// Share of the most frequent label in each segment, NaN without labels; segments ordered by their first nodes.
+#[pyfunction]
+pub(crate) fn purities<'py>(
+    py: Python<'py>,
+    labels: PyReadonlyArray1<'_, u32>,
+    truth: PyReadonlyArray1<'_, i16>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let (labels, truth) = (vector(&labels, "labels")?, vector(&truth, "truth")?);
+    let found = call(py, Some(1), |monitor| {
+        let partition = Partition::from_labels_watched(labels, monitor)?;
+        evaluation::purities(&partition, &codes(truth, monitor)?)
+    })?;
+    Ok(PyArray1::from_vec(py, found.into_iter().map(|purity| purity.unwrap_or(f64::NAN)).collect()))
+}
+
+/// Agreement of the segments' boundaries with those of the labels on the edges of a graph, as JSON.
+#[pyfunction]
+pub(crate) fn boundary_scores(
+    py: Python<'_>,
+    edges: PyReadonlyArray2<'_, u32>,
+    labels: PyReadonlyArray1<'_, u32>,
+    truth: PyReadonlyArray1<'_, i16>,
+    hops: usize,
+) -> PyResult<String> {
+    let (edges, labels, truth) = (matrix(&edges, "edges")?, vector(&labels, "labels")?, vector(&truth, "truth")?);
+    call(py, Some(1), |monitor| {
+        let graph = graph_of(labels.len(), edges, None, monitor)?;
+        let partition = Partition::from_labels_watched(labels, monitor)?;
+        json::text(&evaluation::boundary_scores(&graph, &partition, &codes(truth, monitor)?, hops)?)
     })
 }

@@ -37,7 +37,9 @@ mod _core {
     #[pymodule_export]
     use crate::error::FileFormatError;
     #[pymodule_export]
-    use crate::evaluation::{confusion_matrix, report, scores, segmentation_error};
+    use crate::evaluation::{boundary_scores, confusion_matrix, one_vs_rest, purities};
+    #[pymodule_export]
+    use crate::evaluation::{report, scores, segmentation_error};
     #[pymodule_export]
     use crate::features::{feature_columns, feature_definitions, feature_names, feature_preset, multiscale, normals};
     #[pymodule_export]
@@ -55,11 +57,11 @@ mod _core {
     #[pymodule_export]
     use crate::partitions::{object_features, octree_region_growing, region_growing, riemannian, supervoxels};
     #[pymodule_export]
-    use crate::recipes::{Model, mapped_codes, recipe_columns};
+    use crate::recipes::{Model, mapped_codes, recipe_columns, search};
     #[pymodule_export]
     use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing};
     #[pymodule_export]
-    use crate::segmentation::{cut_pursuit, merge_regions, partition};
+    use crate::segmentation::{cut_pursuit, merge_regions, partition, segment_graph, segment_shapes};
     #[pymodule_export]
     use crate::segments::{segment, segment_columns, suggest};
     #[pymodule_export]

@@ -4,6 +4,7 @@ use crate::call::call;
 use crate::cloud::Cloud;
 use crate::convert::to_matrix;
 use crate::error::raise;
+use crate::json;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -14,8 +15,8 @@ use scansion_core::cloud::Cloud as CoreCloud;
 use scansion_core::io::read_ascii_grid;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    self, AnyRecipe, ClassRules, ClassifyParams, LabelParams, LabelledCloud, Model as CoreModel, Regularise,
-    TrainOptions, read_labels,
+    self, AnyRecipe, ClassRules, ClassifyParams, Grid, GridAxis, LabelParams, LabelledCloud, Model as CoreModel,
+    Regularise, SearchParams, TrainOptions, read_labels,
 };
 use scansion_core::terrain::ElevationModel;
 use std::path::{Path, PathBuf};
@@ -54,11 +55,52 @@ pub(crate) fn mapped_codes(py: Python<'_>, map: &str) -> PyResult<Py<PyBytes>> {
 
 /// The recipe from TOML text or a name, with changed settings.
 fn resolve(recipe: &str, settings: &[String]) -> scansion_core::Result<AnyRecipe> {
-    let base = match AnyRecipe::is_name(recipe) {
-        true => AnyRecipe::named(recipe)?,
-        false => AnyRecipe::from_toml(recipe)?,
-    };
+    let word = !recipe.is_empty() && recipe.chars().all(|ch| ch.is_alphabetic() || ch == '-');
+    let base = if word { AnyRecipe::named(recipe)? } else { AnyRecipe::from_toml(recipe)? };
     base.with_settings(settings.iter().map(String::as_str))
+}
+
+/// Cross-validation of a recipe, with all combinations of the values of some keys; the report as JSON.
+#[pyfunction]
+#[pyo3(signature = (clouds, recipe, settings, grid, dimension, map, unlabelled = None, folds = 5, block = None, n_jobs = None))]
+#[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
+pub(crate) fn search(
+    py: Python<'_>,
+    clouds: Vec<PyRef<'_, Cloud>>,
+    recipe: &str,
+    settings: Vec<String>,
+    grid: Vec<(String, Vec<String>)>,
+    dimension: String,
+    map: &str,
+    unlabelled: Option<Vec<u8>>,
+    folds: usize,
+    block: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<String> {
+    let clouds: Vec<_> = clouds.iter().map(|c| Arc::clone(&c.inner)).collect();
+    let recipe = resolve(recipe, &settings).map_err(raise)?;
+    recipe.validate().map_err(raise)?;
+    let labels = LabelParams { dimension, map: map.parse().map_err(raise)?, unlabelled, classes: Vec::new() };
+    let axes = grid.into_iter().map(|(key, values)| GridAxis { key, values }).collect();
+    let params = SearchParams { grid: Grid { axes }, folds, block, elevation: None };
+    call(py, n_jobs, |monitor| {
+        let mut clouds = labelled(clouds, &labels, monitor)?;
+        json::text(&recipes::search(&recipe, &mut clouds, &params, monitor)?)
+    })
+}
+
+/// Clouds with their labels; a cloud that nobody else holds is not copied.
+fn labelled(
+    clouds: Vec<Arc<CoreCloud>>,
+    labels: &LabelParams,
+    monitor: &Monitor,
+) -> scansion_core::Result<Vec<LabelledCloud>> {
+    let read = |cloud: Arc<CoreCloud>| {
+        let labels = read_labels(&cloud, labels)?;
+        let cloud = Arc::try_unwrap(cloud).or_else(|shared| shared.copied(monitor))?;
+        Ok(LabelledCloud { cloud, labels })
+    };
+    clouds.into_iter().map(read).collect()
 }
 
 /// The method of regularisation with that name.
@@ -98,12 +140,7 @@ impl Model {
         let recipe = resolve(recipe, &settings).map_err(raise)?;
         let labels = LabelParams { dimension, map: map.parse().map_err(raise)?, unlabelled, classes: Vec::new() };
         let train = |monitor: &Monitor| {
-            let read = |cloud: Arc<CoreCloud>| {
-                let labels = read_labels(&cloud, &labels)?;
-                let cloud = Arc::try_unwrap(cloud).or_else(|shared| shared.copied(monitor))?;
-                Ok(LabelledCloud { cloud, labels })
-            };
-            let clouds = clouds.into_iter().map(read).collect::<scansion_core::Result<Vec<_>>>()?;
+            let clouds = labelled(clouds, &labels, monitor)?;
             let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
             let options = TrainOptions { strengths, elevation, ..TrainOptions::default() };
             let (model, report) = recipe.train(&clouds, &options, monitor)?;

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use scansion_core::graph::Graph;
 use scansion_core::parallel::Monitor;
 use scansion_core::segmentation::{
-    self, CutPursuitParams, MergeParams, Partition, PartitionInput, PartitionParams, Signal,
+    self, CutPursuitParams, Interface, MergeParams, Partition, PartitionInput, PartitionParams, SegmentShape, Signal,
 };
 use scansion_core::{Error, Result};
 use std::sync::Arc;
@@ -115,4 +115,51 @@ pub(crate) fn partition<'py>(
         Ok((found, trials))
     })?;
     Ok((PyArray1::from_slice(py, found.partition.segments()), found.strength, trials))
+}
+
+/// The graph of adjacent segments: pairs of segments and the weight of each.
+#[pyfunction]
+#[pyo3(signature = (edges, labels, weights = None, weighted = false))]
+#[expect(clippy::type_complexity, reason = "two arrays")]
+pub(crate) fn segment_graph<'py>(
+    py: Python<'py>,
+    edges: PyReadonlyArray2<'_, u32>,
+    labels: PyReadonlyArray1<'_, u32>,
+    weights: Option<PyReadonlyArray1<'_, f32>>,
+    weighted: bool,
+) -> PyResult<(Bound<'py, PyArray2<u32>>, Bound<'py, PyArray1<f32>>)> {
+    let (edges, labels) = (matrix(&edges, "edges")?, vector(&labels, "labels")?);
+    let weights = optional(weights.as_ref(), "weights")?;
+    let interface = if weighted { Interface::Weight } else { Interface::Count };
+    let (pairs, weights) = call(py, Some(1), |monitor| {
+        let graph = graph_of(labels.len(), edges, weights, monitor)?;
+        let partition = Partition::from_labels_watched(labels, monitor)?;
+        Ok(segmentation::segment_graph(&graph, &partition, interface, monitor)?.into_edges())
+    })?;
+    Ok((to_matrix(py, pairs.into_flattened(), 2)?, PyArray1::from_vec(py, weights)))
+}
+
+/// Of each segment: number of points; centroid, lowest and highest corner, sides and axes of the oriented box.
+#[pyfunction]
+#[expect(clippy::type_complexity, reason = "two arrays")]
+pub(crate) fn segment_shapes<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    labels: PyReadonlyArray1<'_, u32>,
+) -> PyResult<(Bound<'py, PyArray1<u64>>, Bound<'py, PyArray2<f64>>)> {
+    let labels = vector(&labels, "labels")?;
+    let cloud = Arc::clone(&cloud.inner);
+    let (shapes, origin) = call(py, Some(1), |monitor| {
+        let points = points(&cloud, None, monitor)?;
+        let partition = Partition::from_labels_watched(labels, monitor)?;
+        Ok((segmentation::segment_shapes(&partition, &points.positions)?, points.frame.origin))
+    })?;
+    let placed = |at: [f64; 3]| [0, 1, 2].map(|a| at[a] + origin[a]);
+    let row = |shape: &SegmentShape| {
+        let SegmentShape { centroid, low, high, oriented, .. } = shape;
+        let places = [placed(*centroid), placed(*low), placed(*high), placed(oriented.centre), oriented.sides];
+        [places.into_iter().flatten().collect::<Vec<_>>(), oriented.axes.into_iter().flatten().collect()].concat()
+    };
+    let counts = shapes.iter().map(|shape| shape.points as u64).collect();
+    Ok((PyArray1::from_vec(py, counts), to_matrix(py, shapes.iter().flat_map(row).collect(), 24)?))
 }

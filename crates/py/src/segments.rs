@@ -23,7 +23,10 @@ type Levels<'py> = (Bound<'py, PyArray1<u32>>, Vec<Bound<'py, PyArray1<u32>>>, S
 /// Settings from TOML text, single settings, and JSON of an aim and a size.
 fn params(text: &str, settings: &[String], (aim, size): (&str, Option<f64>)) -> PyResult<SegmentParams> {
     let aim: Option<Intent> = json::settings(aim)?;
-    let base = SegmentParams::from_toml(text).map_err(raise)?;
+    let base = match SegmentParams::named(text) {
+        Some(params) => params,
+        None => SegmentParams::from_toml(text).map_err(raise)?,
+    };
     let mut params = base.with_settings(settings.iter().map(String::as_str)).map_err(raise)?;
     if let Some(aim) = aim {
         params = params.aimed(aim).map_err(raise)?;

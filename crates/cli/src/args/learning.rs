@@ -164,6 +164,13 @@ pub(crate) struct Evaluate {
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) unit: UnitArgs,
+    /// Compare segments instead of classes: the share of the class boundaries, in plan, that the segments miss, on cells
+    /// of this edge, metres (about the point spacing)
+    #[arg(long, value_name = "CELL", conflicts_with_all = ["model", "prediction_dimension", "map_predicted"])]
+    pub(crate) segmentation_error: Option<f64>,
+    /// Dimension with the segments, of the second file if there is one
+    #[arg(long, value_name = "NAME", default_value = "ClusterID", requires = "segmentation_error")]
+    pub(crate) segment_dimension: String,
     /// Also write the result: .json, .csv, or .png (confusion matrix); may be repeated
     #[arg(short, long)]
     pub(crate) output: Vec<PathBuf>,

@@ -5,10 +5,13 @@ use super::{Context, sources};
 use crate::args::{Evaluate, Format};
 use crate::exit_code::Failure;
 use scansion_core::classes::LabelMap;
-use scansion_core::cloud::{Cloud, names};
-use scansion_core::evaluation::{Confusion, report};
+use scansion_core::cloud::{Cloud, MetricCloud, names};
+use scansion_core::evaluation::{
+    ClassEdges, Confusion, LabelledPartition, SegmentationErrorParams, report, segmentation_error,
+};
 use scansion_core::io::{self, atomic};
-use scansion_core::recipes::{self, ClassifyParams, LabelParams, read_labels};
+use scansion_core::recipes::{self, ClassifyParams, LabelParams, Labels, read_labels};
+use scansion_core::segmentation::Partition;
 use scansion_core::{Error, images};
 use std::path::Path;
 
@@ -20,6 +23,9 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
     let cloud = io::read_with(&args.truth, &context.read_options())?;
     let truth = source.read_mapped((&args.truth, &cloud), &maps.truth, context)?;
     source.absent(std::iter::once(&truth)).iter().for_each(|text| context.printer.warning(text));
+    if let Some(cell) = args.segmentation_error {
+        return segments((args, cell), (&cloud, &truth), context);
+    }
     let predicted = maps.predicted(&predicted(args, &cloud, context)?, &args.labels.map)?;
     if predicted.len() != truth.codes.len() {
         let text = format!(
@@ -35,6 +41,50 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
         Format::Json => report::to_json(&confusion)?,
         Format::Csv => report::to_csv(&confusion),
         Format::Table => report::to_table(&confusion),
+    })
+}
+
+/// The segmentation error of the segments in a dimension.
+fn segments(
+    (args, cell): (&Evaluate, f64),
+    (cloud, truth): (&Cloud, &Labels),
+    context: &Context<'_>,
+) -> Result<(), Failure> {
+    if let Some(path) = args.output.iter().find(|path| path.extension().is_none_or(|e| e != "json")) {
+        return Err(Failure::Usage(format!("{}: write .json", path.display())));
+    }
+    let read = |path| io::read_with(path, &context.read_options());
+    let other = args.prediction.as_deref().map(read).transpose()?;
+    let other = other.as_ref().unwrap_or(cloud);
+    same_places(cloud, other)?;
+    let name = &args.segment_dimension;
+    let column = other.column(name).filter(|column| column.values.len() == truth.codes.len()).ok_or_else(|| {
+        Error::input(format!("no dimension {name} with the segments of the same points (scansion segment makes one)"))
+    })?;
+    let points = MetricCloud::new(cloud, context.unit, &context.monitor)?.points(&context.monitor)?;
+    let index = &points.frame.index;
+    let labels: Vec<u32> = index.iter().map(|&i| column.values.get(i as usize) as u32).collect();
+    let codes: Vec<Option<u8>> = index.iter().map(|&i| truth.codes[i as usize]).collect();
+    let partition = Partition::from_labels_watched(&labels, &context.monitor)?;
+    let labelled = LabelledPartition { points: &points.positions, partition: &partition, truth: &codes };
+    let params = SegmentationErrorParams { cell, ..SegmentationErrorParams::default() };
+    let found = segmentation_error(labelled, &params, &context.monitor)?;
+    let json = serde_json::to_string_pretty(&found).map_err(|e| Error::input(format!("report: {e}")))?;
+    args.output.iter().try_for_each(|path| atomic::write_bytes(path, json.as_bytes()))?;
+    context.printer.data(&match context.printer.format {
+        Format::Json => json,
+        Format::Csv => {
+            let line = |c: &ClassEdges| format!("{},{},{},{}\n", c.code, c.reference, c.error, c.precision);
+            let lines = found.classes.iter().map(line);
+            std::iter::once("code,boundary_cells,error,precision\n".to_string()).chain(lines).collect()
+        }
+        Format::Table => {
+            let line =
+                |c: &ClassEdges| format!("{:>5} {:>14} {:>8.3} {:>10.3}\n", c.code, c.reference, c.error, c.precision);
+            let head = format!("{:>5} {:>14} {:>8} {:>10}\n", "code", "boundary cells", "error", "precision");
+            let mean = format!("segmentation error {:.3}, precision {:.3}\n", found.error, found.precision);
+            std::iter::once(head).chain(found.classes.iter().map(line)).chain([mean]).collect()
+        }
     })
 }
 

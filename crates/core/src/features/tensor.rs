@@ -44,6 +44,8 @@ pub(super) struct Tensor {
     pub(super) second: [Lane; 3],
     pub(super) normal: [Lane; 3],
     pub(super) centre: [Lane; 3],
+    /// 1 over the divisor.
+    pub(super) share: f32,
 }
 
 /// Conventions of the tensor.
@@ -67,15 +69,16 @@ pub(super) fn tensor(batch: &Batch, count: usize, convention: Convention) -> Ten
         let factor = count as f32 / (count as f32 - 1.0);
         scale(&mut matrix, factor);
     }
-    Tensor { centre, ..eigen(&matrix) }
+    let divisor = count - usize::from(convention.divisor == Divisor::NMinusOne && count > 1);
+    Tensor { centre, share: 1.0 / divisor.max(1) as f32, ..eigen(&matrix) }
 }
 
 /// λ3/Σλ with λ3 as the mean square of the distances from the plane through the centre; 0 where it is no more than the
 /// rounding of coordinates. Where λ3 is a millionth of λ1, the third eigenvalue of an `f32` matrix has lost its digits,
 /// but its eigenvector is exact enough for these distances. `at` is the largest coordinate of the query.
 #[inline(always)]
-pub(super) fn exact_variation(batch: &Batch, count: usize, divisor: Divisor, tensor: &Tensor, at: &Lane) -> Lane {
-    let Tensor { values, normal, centre, .. } = tensor;
+pub(super) fn exact_variation(batch: &Batch, count: usize, tensor: &Tensor, at: &Lane) -> Lane {
+    let Tensor { values, normal, centre, share, .. } = tensor;
     let mut sums = [0.0; LANES];
     for j in 0..count {
         for l in 0..LANES {
@@ -84,7 +87,6 @@ pub(super) fn exact_variation(batch: &Batch, count: usize, divisor: Divisor, ten
             sums[l] += apart * apart;
         }
     }
-    let share = 1.0 / (count - usize::from(divisor == Divisor::NMinusOne && count > 1)).max(1) as f32;
     let mut out = [0.0; LANES];
     for l in 0..LANES {
         let total = values[0][l] + values[1][l] + values[2][l];
@@ -188,7 +190,7 @@ fn add_shift(mean: &[Lane; 3], at: &[Lane; 3], matrix: &mut [Lane; 6]) {
 #[inline(always)]
 fn eigen(matrix: &[Lane; 6]) -> Tensor {
     let LaneEigen { values, vectors } = jacobi(matrix);
-    Tensor { values, second: with_fixed_sign(vectors[1]), normal: vectors[2], centre: Default::default() }
+    Tensor { values, second: with_fixed_sign(vectors[1]), normal: vectors[2], centre: Default::default(), share: 1.0 }
 }
 
 /// Flips the vector so that its largest component is positive (ties: the first of them).

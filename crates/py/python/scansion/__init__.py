@@ -16,6 +16,7 @@ from scansion._files import blocks, convert, diff, info, merge, read, rewrite, s
 from scansion._forest import RandomForestClassifier
 from scansion._objects import ObjectClassifier
 from scansion._render import render
+from scansion._search import Search, search
 from scansion._segments import Segments, Suggestions, segment, suggest
 from scansion._weak import WeakClassifier
 
@@ -29,6 +30,7 @@ __all__ = [
     "PointClassifier",
     "PointCloud",
     "RandomForestClassifier",
+    "Search",
     "Segments",
     "Suggestions",
     "WeakClassifier",
@@ -48,6 +50,7 @@ __all__ = [
     "render",
     "rewrite",
     "salvage",
+    "search",
     "segment",
     "segmentation",
     "suggest",

@@ -18,7 +18,7 @@ from scansion._labels import classes_of, encoded, is_text, listed, signed, texts
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
 
-_LABELS = "Classification"
+LABELS = "Classification"
 
 Self = TypeVar("Self", bound="PointClassifier")
 
@@ -47,7 +47,7 @@ class PointClassifier(Classifier):
     Parameters
     ----------
     recipe : path, str or mapping, optional
-        A TOML recipe: its path, its text, or a mapping of dotted keys to values, as in
+        A TOML recipe: its path, its text, a name, or a mapping of keys (nested or dotted) to values, as in
         ``{"forest.trees": 100, "features.intensity": True}``. By default as in the thesis, except
         for rare classes.
     unlabelled : iterable of int or str, optional
@@ -169,11 +169,7 @@ class PointClassifier(Classifier):
         Warns about classes that were left out because they have too few points, and about rare ones.
         """
         recipe, settings = self._recipe()
-        several = isinstance(clouds, (list, tuple)) and not _is_rows(clouds)
-        clouds = list(clouds) if several else [clouds]
-        given = [None] * len(clouds) if labels is None else list(labels) if several else [labels]
-        if len(given) != len(clouds):
-            raise ValueError(f"labels: found {len(given)} arrays for {len(clouds)} clouds")
+        clouds, given = _listed_clouds(clouds, labels)
         given, names, unlabelled = self._known(given)
         wanted = _core.recipe_columns(recipe, settings)
         prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
@@ -181,7 +177,7 @@ class PointClassifier(Classifier):
             prepared,
             recipe,
             settings,
-            _LABELS,
+            LABELS,
             self.class_map,
             unlabelled,
             names,
@@ -295,7 +291,7 @@ class PointClassifier(Classifier):
             return float(np.mean(self._texts(self.classify(points, divided=False).codes)[known] == true[known].astype(str)))
         if labels is None and self.unlabelled is None:
             unlabelled = points._core.unlabelled()
-        given = points[_LABELS] if labels is None else labels
+        given = points[LABELS] if labels is None else labels
         codes = signed(given, "labels", len(points), unlabelled, self.class_map)
         self._check_labelled(codes >= 0)
         return float(np.mean((self.classify(points, divided=False).codes == codes)[codes >= 0]))
@@ -336,6 +332,22 @@ def _path(path: str | os.PathLike[str] | None) -> str | None:
     return None if path is None else os.fspath(path)
 
 
+def _listed_clouds(clouds: Any, labels: Any) -> tuple[list[Any], list[Any]]:
+    """The clouds, and the labels of each (None: its own)."""
+    several = isinstance(clouds, (list, tuple)) and not _is_rows(clouds)
+    clouds = list(clouds) if several else [clouds]
+    given = [None] * len(clouds) if labels is None else list(labels) if several else [labels]
+    if len(given) != len(clouds):
+        raise ValueError(f"labels: found {len(given)} arrays for {len(clouds)} clouds")
+    return clouds, given
+
+
+def labelled_clouds(clouds: Any, labels: Any, wanted: list[str]) -> list[PointCloud]:
+    """The clouds with these columns and their labels in the column Classification."""
+    listed_clouds, given = _listed_clouds(clouds, labels)
+    return [_labelled(cloud, y, wanted) for cloud, y in zip(listed_clouds, given, strict=True)]
+
+
 def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:
     """Whether a list is one cloud written as rows of x, y, z."""
     # A PointCloud is a sequence of the names of its columns, which may be three.
@@ -345,9 +357,9 @@ def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:
 
 def _labelled(cloud: Any, labels: Any, wanted: list[str]) -> PointCloud:
     """The cloud with its labels in the column Classification."""
-    points = as_cloud(cloud, columns=[*wanted, _LABELS])
+    points = as_cloud(cloud, columns=[*wanted, LABELS])
     if labels is not None:
         points = points.copy()
-        points[_LABELS] = labels
+        points[LABELS] = labels
         points.scheme = "own"
     return points

@@ -283,6 +283,30 @@ def confusion_matrix(
     truth: NDArray[np.int16], predicted: NDArray[np.int16], names: list[str]
 ) -> tuple[NDArray[np.uint64], NDArray[np.uint8]]: ...
 def scores(truth: NDArray[np.int16], predicted: NDArray[np.int16], names: list[str]) -> str: ...
+def one_vs_rest(truth: NDArray[np.int16], predicted: NDArray[np.int16], names: list[str]) -> str: ...
+def purities(labels: NDArray[np.uint32], truth: NDArray[np.int16]) -> NDArray[np.float64]: ...
+def boundary_scores(
+    edges: NDArray[np.uint32], labels: NDArray[np.uint32], truth: NDArray[np.int16], hops: int
+) -> str: ...
+def segment_graph(
+    edges: NDArray[np.uint32],
+    labels: NDArray[np.uint32],
+    weights: NDArray[np.float32] | None = None,
+    weighted: bool = False,
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+def segment_shapes(cloud: Cloud, labels: NDArray[np.uint32]) -> tuple[NDArray[np.uint64], NDArray[np.float64]]: ...
+def search(
+    clouds: list[Cloud],
+    recipe: str,
+    settings: list[str],
+    grid: list[tuple[str, list[str]]],
+    dimension: str,
+    map: str,
+    unlabelled: bytes | None = None,
+    folds: int = 5,
+    block: float | None = None,
+    n_jobs: int | None = None,
+) -> str: ...
 def report(truth: NDArray[np.int16], predicted: NDArray[np.int16], names: list[str]) -> str: ...
 def render(
     cloud: Cloud,

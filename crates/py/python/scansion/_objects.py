@@ -15,7 +15,8 @@ class ObjectClassifier(PointClassifier):
     Parameters
     ----------
     recipe : path, str or mapping, optional
-        A TOML recipe of the kind ``objects``: its path, its text, or a mapping of dotted keys to values, as in
+        A TOML recipe of the kind ``objects``: its path, its text, a name, or a mapping of keys (nested or dotted) to values,
+        as in
         ``{"segments.slic.size": 2.0, "training.share": 1.0, "classifier": "gbt"}``. By default as
         in ``docs/objects.md``.
     unlabelled : iterable of int or str, optional

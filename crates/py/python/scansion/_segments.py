@@ -42,7 +42,7 @@ class Suggestions(NamedTuple):
 def segment(
     cloud: Any,
     *,
-    method: str = "cut-pursuit",
+    method: str | None = None,
     strength: float | None = None,
     segments_per_hectare: float | None = None,
     smallest_object: float | None = None,
@@ -63,9 +63,9 @@ def segment(
     Parameters
     ----------
     cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
-    method : str
-        ``"cut-pursuit"``: linearity, planarity, scattering and verticality nearly constant on each segment; ``"merge"``:
-        the same, faster; ``"riemannian"``: l0 cut pursuit on the graph of an octree's supervoxels; ``"local-graph"``:
+    method : str, optional
+        The recipe's by default, else ``"cut-pursuit"``: linearity, planarity, scattering and verticality nearly constant
+        on each segment; ``"merge"``: the same, faster; ``"riemannian"``: l0 cut pursuit on the graph of an octree's supervoxels; ``"local-graph"``:
         supervoxels grouped by their local graphs; ``"slic"``, ``"vccs"``: supervoxels; ``"region-growing"``,
         ``"octree-region-growing"``: smooth and flat regions.
     strength : float, optional
@@ -83,8 +83,8 @@ def segment(
     levels : sequence of int
         Also divide the cloud at each of these least depths of the octree ("riemannian").
     recipe : path, str or mapping, optional
-        Settings of all methods: TOML as a path or text, or a mapping of dotted keys to values, as in
-        ``{"objects.vccs.voxel": 0.4}``. Other arguments take precedence.
+        Settings of all methods: TOML as a path or text, the name of a method (``"riemannian-paper"``: as printed), or a
+        mapping of keys, nested or dotted, to values, as in ``{"objects.vccs.voxel": 0.4}``. Other arguments take precedence.
     cutoff : float, optional
         Segments of fewer points are merged into their best neighbour ("cut-pursuit", "merge").
     k_min : int, optional
@@ -126,7 +126,7 @@ def suggest(
     uncertainty: ArrayLike | None = None,
     labelled: bool = False,
     page: str | os.PathLike[str] | None = None,
-    method: str = "cut-pursuit",
+    method: str | None = None,
     strength: float | None = None,
     segments_per_hectare: float | None = None,
     smallest_object: float | None = None,
@@ -179,11 +179,11 @@ def suggest(
 
 
 def _settings(
-    given: Any, method: str, cutoff: float | None, k_min: int | None, random_state: int | None
+    given: Any, method: str | None, cutoff: float | None, k_min: int | None, random_state: int | None
 ) -> tuple[str, list[str]]:
     """The core's settings as TOML and single settings."""
     text, settings = read_recipe(given)
-    settings.append(f"method={json.dumps(method)}")
+    settings += [] if method is None else [f"method={json.dumps(method)}"]
     if cutoff is not None:
         settings.append(f"partition.cutoff={float(cutoff)}")
     if k_min is not None:

@@ -14,14 +14,16 @@ from scansion import _core
 
 
 def recipe(given: Any) -> tuple[str, list[str]]:
-    """The TOML of a recipe and the settings on top of it, from a path, a text, a mapping of dotted keys, or None."""
+    """The TOML of a recipe and the settings on top of it, from a path, a text, a name, a mapping of dotted keys, or None."""
     if isinstance(given, Mapping):
-        settings = [f"{key}={_toml(key, value)}" for key, value in _dotted(given) if key != "recipe"]
+        settings = [f"{key}={toml_value(key, value)}" for key, value in _dotted(given) if key != "recipe"]
         return str(given.get("recipe", "")), settings
     if isinstance(given, str) and ("\n" in given or "=" in given):
         return given, []
     if given is None:
         return "", []
+    if isinstance(given, str) and given.replace("-", "").isalpha() and not os.path.exists(given):
+        return given, []
     return _core.settings_text(os.fspath(given)), []
 
 
@@ -34,12 +36,12 @@ def _dotted(given: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, A
             yield f"{before}{key}", value
 
 
-def _toml(key: str, value: Any) -> str:
+def toml_value(key: str, value: Any) -> str:
     """A value as TOML; None is the word "none"."""
     if value is None:
         return '"none"'
     if isinstance(value, np.ndarray):
-        return _toml(key, value.tolist())
+        return toml_value(key, value.tolist())
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, (int, np.integer)):
@@ -49,7 +51,7 @@ def _toml(key: str, value: Any) -> str:
     if isinstance(value, str):
         return json.dumps(value)
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_toml(key, item) for item in value)}]"
+        return f"[{', '.join(toml_value(key, item) for item in value)}]"
     raise TypeError(
         f"{key}: found {value!r} of type {type(value).__name__}, expected a number, text, True, False, None or a list"
     )

@@ -22,7 +22,8 @@ class WeakClassifier(PointClassifier):
     Parameters
     ----------
     recipe : path, str or mapping, optional
-        A TOML recipe of the kind ``weak``: its path, its text, or a mapping of dotted keys to values, as in
+        A TOML recipe of the kind ``weak``: its path, its text, a name, or a mapping of keys (nested or dotted) to values,
+        as in
         ``{"neighbourhood.k_min": 20, "regularise.strength": 0.5}``. By default the paper's method
         with the additions in ``docs/weak.md``.
     strengths : sequence of float

@@ -15,9 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 from scansion import _core
 from scansion._arrays import choice, column, native, to_json
 from scansion._cloud import as_cloud
+from scansion._graph import as_edges
 from scansion._labels import classes_of, encoded, is_text, signed, texts
 
-__all__ = ["confusion_matrix", "report", "scores", "segmentation_error"]
+__all__ = [
+    "boundary_scores",
+    "confusion_matrix",
+    "one_vs_rest",
+    "purities",
+    "report",
+    "scores",
+    "segmentation_error",
+]
 
 
 class _Pair(NamedTuple):
@@ -203,3 +212,109 @@ def segmentation_error(
         raise ValueError(f"truth: expected shape ({len(cloud)},), found ({len(codes_of)},)")
     found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, segments, codes_of, settings))
     return found
+
+
+def one_vs_rest(
+    truth: ArrayLike,
+    predicted: ArrayLike,
+    unlabelled: Iterable[Any] = (),
+    *,
+    map_truth: str = "",
+    map_predicted: str = "",
+) -> list[dict[str, Any]]:
+    """Precision, sensitivity, specificity and accuracy of each class against all others (Hasanpour Zaryabi et al. 2022).
+
+    Parameters
+    ----------
+    truth, predicted : array_like of shape (n,)
+        Class codes 0..255, or text, as for `scores`.
+    unlabelled : iterable of int or str
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+    map_truth, map_predicted : str
+        Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
+
+    Returns
+    -------
+    rows : list of dict
+        ``code``, ``precision``, ``sensitivity``, ``specificity`` and ``accuracy`` of each class.
+
+    Examples
+    --------
+    >>> from scansion.evaluation import one_vs_rest
+    >>> [row["specificity"] for row in one_vs_rest([2, 2, 6, 6], [2, 6, 6, 6])]
+    [1.0, 0.5]
+    """
+    rows: list[dict[str, Any]] = json.loads(
+        _core.one_vs_rest(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted)))
+    )
+    return rows
+
+
+def purities(labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any] = ()) -> NDArray[np.float64]:
+    """Share of the most frequent class in each segment.
+
+    Parameters
+    ----------
+    labels : array_like of shape (n,)
+        Segment of each point.
+    truth : array_like of shape (n,)
+        Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
+    unlabelled : iterable of int or str
+        Further labels in ``truth`` that mean "unlabelled".
+
+    Returns
+    -------
+    purities : array of shape (segments,)
+        In the order of the first points of the segments; NaN for segments without a label.
+
+    Examples
+    --------
+    >>> from scansion.evaluation import purities
+    >>> purities([5, 5, 3, 3], [2, 2, 6, 2]).tolist()
+    [1.0, 0.5]
+    """
+    segments, codes_of = _segments(labels, truth, unlabelled)
+    return _core.purities(segments, codes_of)
+
+
+def boundary_scores(
+    edges: Any, labels: ArrayLike, truth: ArrayLike, *, hops: int = 1, unlabelled: Iterable[Any] = ()
+) -> dict[str, Any]:
+    """Agreement of the boundaries of segments with those of the classes, on the edges of a graph.
+
+    Parameters
+    ----------
+    edges : array_like of shape (m, 2)
+        Pairs of points, e.g. of `scansion.graph.knn_graph`.
+    labels : array_like of shape (n,)
+        Segment of each point.
+    truth : array_like of shape (n,)
+        Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
+    hops : int
+        A boundary edge matches one of the other side that is at most this many edges away; 0: the same edge.
+    unlabelled : iterable of int or str
+        Further labels in ``truth`` that mean "unlabelled".
+
+    Returns
+    -------
+    scores : dict
+        ``recall`` and ``precision``, and the numbers of boundary edges, ``true_edges`` and ``found_edges``.
+
+    Examples
+    --------
+    >>> from scansion.evaluation import boundary_scores
+    >>> found = boundary_scores([[0, 1], [1, 2], [2, 3]], [0, 0, 1, 1], [2, 2, 2, 6], hops=0)
+    >>> found["recall"], found["true_edges"]
+    (0.0, 1)
+    """
+    segments, codes_of = _segments(labels, truth, unlabelled)
+    found: dict[str, Any] = json.loads(_core.boundary_scores(as_edges(edges), segments, codes_of, hops))
+    return found
+
+
+def _segments(
+    labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any]
+) -> tuple[NDArray[np.uint32], NDArray[np.int16]]:
+    """Segments and codes of the same points."""
+    codes_of = _pair(truth, truth, unlabelled, ("", "")).truth
+    return native(column(labels, "labels", len(codes_of)), np.uint32), codes_of

@@ -13,6 +13,7 @@ from scansion._clusters import Automatic, ClusterLevels, automatic_parameters, c
 from scansion._graph import valued
 from scansion._partition import Partition, PartitionParams, partition
 from scansion._regions import Riemannian, octree_region_growing, region_growing, riemannian
+from scansion._segment_shapes import SegmentShapes, segment_graph, segment_shapes
 from scansion._supervoxels import object_features, supervoxels
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Partition",
     "PartitionParams",
     "Riemannian",
+    "SegmentShapes",
     "Segments",
     "automatic_parameters",
     "cluster_levels",
@@ -31,6 +33,8 @@ __all__ = [
     "partition",
     "region_growing",
     "riemannian",
+    "segment_graph",
+    "segment_shapes",
     "supervoxels",
 ]
 

@@ -184,7 +184,7 @@ impl Stage {
         if params.include_query {
             let queries = work.job.queries(rows);
             let at = largest(queries.points, &queries.lanes);
-            let variation = exact_variation(&work.scratch.batch, count, params.divisor, &tensor, &at);
+            let variation = exact_variation(&work.scratch.batch, count, &tensor, &at);
             own_surface(&tensor, &variation, count - 1, &mut work.scratch.surfaces);
         }
         let near = (params.near_share * count as f64).ceil() as usize;

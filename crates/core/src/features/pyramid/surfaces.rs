@@ -106,7 +106,7 @@ fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
         } else {
             tensor(&scratch.batch, count, convention)
         };
-        let variation = exact_variation(&scratch.batch, count, params.divisor, &found, &largest(points, &lanes));
+        let variation = exact_variation(&scratch.batch, count, &found, &largest(points, &lanes));
         for (l, slot) in packed[lanes].iter_mut().enumerate() {
             let part = |a: usize| (found.normal[a][l] * 32767.0).round() as i16 as u16;
             *slot = [part(0), part(1), part(2), packed_variation(variation[l])];
