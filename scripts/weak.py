@@ -19,7 +19,7 @@ METHODS = {
     "consensus": "segments, no field",
     "segment-crf": "field on segments",
 }
-PAPER = {"descriptors": "paper", "shares.power": 0.0, "labels.hold": False}
+PAPER = "weak-paper"
 WAYS = {"default": "Defaults", "paper": "As the paper"}
 STREET, SCENE = (2, 5, 6, 14, 15), (2, 5, 6)
 
@@ -72,8 +72,7 @@ HEAD = """# Accuracy of the weakly supervised classification
 Written by `python scripts/weak.py DATA` ({seeds} seeds, {minutes:.0f} minutes on {cores} cores). A model trained on the labels of random
 points of each class classifies the whole cloud. Cells are overall accuracy / mean F1 in percent over all points of these
 classes, mean and standard deviation over the seeds. Method: [weak.md](weak.md). "As the paper" is
-`descriptors = "paper"`, `shares.power = 0` and `labels.hold = false`; finer segments where the labels need them
-(`labels.fit_partition`) stay on. Scores count all points. The last row of the Oakland tables counts only points without
+the recipe `weak-paper`. Scores count all points. The last row of the Oakland tables counts only points without
 a label (in part_10 all eight points of one class have one, so that the class is left out).
 
 """

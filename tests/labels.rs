@@ -289,3 +289,52 @@ fn a_few_stray_points_of_a_class_do_not_throttle_the_others() {
     let message = fails(f, &[&["train", "in.laz", "-o", "m.model", "--classes", "2,7"], &QUICK[..]].concat());
     assert!(message.contains("only one class") && message.contains("class 7 low noise is left out"), "{message}");
 }
+
+#[test]
+fn grids_tiles_and_folders_are_reached_from_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let west = coded(15.0, 1, [2, 5, 6]);
+    let moved: Vec<[f64; 3]> = (0..west.len()).map(|i| west.xyz(i)).map(|[x, y, z]| [x + 100.0, y, z]).collect();
+    let mut east = Cloud::from_rows(&moved).unwrap();
+    east.set_column(west.column("Classification").unwrap().clone()).unwrap();
+    // Twenty points of each class: the first file of positions has those of the west and some of the east.
+    let mut rows = [String::from("x,y,z,class\n"), String::from("x,y,z,class\n")];
+    for code in [2.0, 5.0, 6.0] {
+        let members = (0..west.len()).filter(|&i| west.column("Classification").unwrap().values.get(i) == code);
+        for (n, i) in members.step_by(7).take(20).enumerate() {
+            let [x, y, z] = if n % 2 == 0 { west.xyz(i) } else { moved[i] };
+            rows[usize::from(n > 10)] += &format!("{x},{y},{z},{code}\n");
+        }
+    }
+    for (name, text) in ["one.csv", "two.csv"].iter().zip(&rows) {
+        std::fs::write(f.join(name), text).unwrap();
+    }
+    write(&f.join("west.laz"), west);
+    write(&f.join("east.laz"), east);
+    let quick = |arguments: &[&'static str]| [arguments, &QUICK].concat();
+    let grid = ["-q", "--format", "json", "train", "west.laz", "-o", "grid.model", "--cross-validate", "2", "--grid"];
+    let (out, err) = done(f, &quick(&[&grid[..], &["forest.max_depth=1,9"]].concat()));
+    let report = json(&out);
+    assert!(err.is_empty() && report["search"]["tried"].as_array().unwrap().len() == 2, "{out}");
+    assert!(report["search"]["tried"][1]["scores"]["labels"][2]["f1_score"].as_f64().unwrap() > 0.5);
+    let plain = ["-q", "--format", "json", "train", "west.laz", "-o", "plain.model", "--cross-validate", "2"];
+    let report = json(&done(f, &quick(&plain)).0);
+    assert_eq!(report["depths"][0]["classes"].as_array().unwrap().len(), 3);
+    assert!(report["block"].as_f64().unwrap() < 15.0);
+    // The recipe weak has no cross-validation of its own.
+    let weak = ["--weak", "--set", "neighbourhood.k_max=20", "--set", "features.pyramid.levels=2"];
+    let tiles =
+        ["train", "west.laz", "east.laz", "-o", "weak.model", "--weak-labels", "one.csv", "--weak-labels", "two.csv"];
+    let (out, _) = done(f, &[&tiles[..], &weak, &["--cross-validate", "2"]].concat());
+    assert!(out.contains("2-fold cross-validation on squares"), "{out}");
+    let message = fails(f, &[&["train", "west.laz", "-o", "w.model", "--weak-labels", "two.csv"][..], &weak].concat());
+    assert!(message.contains("two.csv"), "{message}");
+    done(f, &["classify", "west.laz", "-m", "weak.model", "-o", "named/", "--map", "5=4", "--map", "6=17"]);
+    let codes = io::read(&f.join("named/west.laz")).unwrap().column("Classification").unwrap().values.to_f64();
+    assert!(codes.contains(&4.0) && codes.contains(&17.0) && !codes.contains(&5.0) && !codes.contains(&6.0));
+    let message = fails(f, &["classify", "west.laz", "east.laz", "-m", "weak.model", "-o", "both.laz"]);
+    assert!(message.contains("name a folder") && !f.join("both.laz").exists(), "{message}");
+    let message = fails(f, &["classify", "west.laz", "-m", "grid.model", "-o", "w.laz", "--set", "forest.trees=9"]);
+    assert!(message.contains("only has an effect in training"), "{message}");
+}

@@ -452,3 +452,12 @@ fn columns_too_narrow_for_the_extent_are_refused() {
     let cloud = Cloud::from_rows(&[[0.0; 3], [900_000.0, 5.0, 1.0]]).unwrap();
     assert!(table(&cloud, &set, &Monitor::default()).unwrap_err().to_string().contains("column_radius"));
 }
+
+#[test]
+fn an_unknown_feature_is_told_the_three_nearest() {
+    let all = FeatureSet::default().names(0.5);
+    let message = |name: &str| Wanted::Asked(&[name.to_string()]).names(&all).unwrap_err().to_string();
+    for (asked, nearest) in [("Planarty", "e.g. Planarity, "), ("planarity_r05", "e.g. Planarity_r0p5, ")] {
+        assert!(message(asked).contains(nearest) && message(asked).len() < 200, "{}", message(asked));
+    }
+}

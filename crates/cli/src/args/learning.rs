@@ -121,9 +121,9 @@ pub(crate) struct Classify {
     /// Keep the class of points with these codes
     #[arg(long, value_name = "CODES", value_delimiter = ',')]
     pub(crate) skip: Vec<u8>,
-    /// Change the model's codes in the output, e.g. 5=4
-    #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
-    pub(crate) map: String,
+    /// Change the model's codes in the output, e.g. 5=4; may be repeated
+    #[arg(long, value_name = "OLD=NEW,...")]
+    pub(crate) map: Vec<String>,
     #[command(flatten)]
     pub(crate) unit: UnitArgs,
     #[command(flatten)]

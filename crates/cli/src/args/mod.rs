@@ -178,9 +178,9 @@ fn is_name(recipe: &Path) -> bool {
 /// Source and meaning of the labels.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct LabelArgs {
-    /// Change codes before use, e.g. 3=5,4=5 or 3-4=5
-    #[arg(long, value_name = "OLD=NEW,...", default_value = "", hide_default_value = true)]
-    pub(crate) map: String,
+    /// Change codes before use, e.g. 3=5,4=5 or 3-4=5; may be repeated
+    #[arg(long, value_name = "OLD=NEW,...")]
+    pub(crate) map: Vec<String>,
     /// Change the codes of one input differently from --map, e.g. old_scan.laz:1=5; may be repeated, once per input
     #[arg(long, value_name = "FILE:OLD=NEW,...")]
     pub(crate) map_of: Vec<String>,

@@ -17,7 +17,7 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     if !args.set.is_empty() {
         model.fitted = model.fitted.with_settings(args.set.iter().map(String::as_str))?;
     }
-    let map: LabelMap = args.map.parse()?;
+    let map: LabelMap = args.map.join(",").parse()?;
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
     let mut failed = 0;
     let checked: Vec<_> = pairs.iter().map(|(_, output)| io::check_cloud_output(output)).collect();

@@ -26,7 +26,7 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
     if let Some(cell) = args.segmentation_error {
         return segments((args, cell), (&cloud, &truth), context);
     }
-    let predicted = maps.predicted(&predicted(args, &cloud, context)?, &args.labels.map)?;
+    let predicted = maps.predicted(&predicted(args, &cloud, context)?, &args.labels.map.join(","))?;
     if predicted.len() != truth.codes.len() {
         let text = format!(
             "{} points in the truth, {} in the prediction; both must be the same points in the same order",
@@ -111,7 +111,7 @@ impl Maps {
         };
         let asked = truth.is_some() || predicted.is_some();
         // If one side has its own map, the other side uses --map, or none.
-        let map: LabelMap = args.labels.map.parse()?;
+        let map: LabelMap = args.labels.map.join(",").parse()?;
         let predicted = predicted.or_else(|| asked.then(|| map.clone()));
         Ok(Self { truth: truth.unwrap_or(map), predicted })
     }

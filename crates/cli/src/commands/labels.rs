@@ -50,7 +50,7 @@ impl<'a> LabelSource<'a> {
     pub(crate) fn params(&self, input: &Path) -> Result<LabelParams> {
         Ok(LabelParams {
             dimension: self.args.label_dimension.clone(),
-            map: self.own_map(input).cloned().map_or_else(|| self.args.map.parse(), Ok)?,
+            map: self.own_map(input).cloned().map_or_else(|| self.args.map.join(",").parse(), Ok)?,
             unlabelled: self.args.unlabelled.codes(),
             classes: self.args.classes.clone(),
         })

@@ -263,10 +263,29 @@ fn matching(all: &[String], asked: &[String]) -> Result<Vec<String>> {
     let matches =
         |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
     if let Some(unknown) = asked.iter().find(|a| !all.iter().any(|name| matches(name, a))) {
-        return Err(Error::parameter("features", unknown, format!("one of {}", all.join(", "))));
+        return Err(unknown_feature(all, unknown));
     }
     let named = |name: &&String| asked.is_empty() || asked.iter().any(|a| matches(name, a));
     Ok(all.iter().filter(named).cloned().collect())
+}
+
+/// The error about an unknown name, with the three nearest ones, by edits.
+fn unknown_feature(all: &[String], unknown: &str) -> Error {
+    // A name without its scale stands for all scales: it is compared without theirs.
+    let scaled = unknown.contains("_r");
+    let plain = |name: &str| if scaled { name } else { name.split("_r").next().unwrap_or(name) }.to_string();
+    let mut names: Vec<String> = all.iter().map(|name| plain(name)).collect();
+    names.dedup();
+    let unknown_low = unknown.to_lowercase();
+    names.sort_by_key(|name| strsim::levenshtein(&name.to_lowercase(), &unknown_low));
+    let mut near: Vec<String> = Vec::new();
+    for name in names {
+        if near.len() < 3 && !near.contains(&name) {
+            near.push(name);
+        }
+    }
+    let expected = format!("one of {} features, e.g. {} (features --list has all)", all.len(), near.join(", "));
+    Error::parameter("features", unknown, expected)
 }
 
 /// For each feature of the set its column among the selected names, if it is one of them.
@@ -276,7 +295,7 @@ fn columns(all: &[String], names: &[String]) -> Result<Vec<Option<usize>>> {
         match all.iter().position(|a| a == name) {
             Some(i) if columns[i].is_none() => columns[i] = Some(column),
             Some(_) => return Err(Error::parameter("features", name, "each feature once")),
-            None => return Err(Error::parameter("features", name, format!("one of {}", all.join(", ")))),
+            None => return Err(unknown_feature(all, name)),
         }
     }
     Ok(columns)

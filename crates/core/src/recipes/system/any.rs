@@ -184,6 +184,10 @@ macro_rules! systems {
                 }
             }
 
+            fn training_only(&self) -> &'static [&'static str] {
+                match self { $($(#[cfg($cfg)])? Self::$name(_) => <$recipe>::TRAINING_ONLY,)* }
+            }
+
             /// Seed of all random draws.
             pub fn seed(&self) -> u64 {
                 match self { $($(#[cfg($cfg)])? Self::$name(fitted) => fitted.recipe.seed(),)* }
@@ -275,8 +279,22 @@ impl AnyFitted {
     /// The same with other settings; what was learned stays.
     ///
     /// # Errors
-    /// As [`AnyRecipe::with_settings`], or if a value is out of range.
+    /// As [`AnyRecipe::with_settings`], or if a value is out of range, or a setting has an effect in training only.
     pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
+        let settings: Vec<&str> = settings.into_iter().collect();
+        let key = |setting: &&str| setting.split('=').next().unwrap_or_default().trim().to_string();
+        let under = |key: &String| {
+            let begins =
+                |start: &&str| key.strip_prefix(start).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+            self.training_only().iter().any(begins)
+        };
+        if let Some(idle) = settings.iter().map(key).find(under) {
+            return Err(Error::parameter(
+                "set",
+                idle,
+                "a setting that classification reads: this one only has an effect in training",
+            ));
+        }
         let recipe = self.recipe().with_settings(settings)?;
         recipe.validate()?;
         self.with_recipe(recipe)
@@ -349,6 +367,9 @@ mod tests {
         assert_eq!(changed.regularise().strength, 2.0);
         assert_eq!(changed.learned_toml().unwrap(), fitted.learned_toml().unwrap());
         assert!(fitted.with_settings(["shares.power=2"]).is_err());
+        let idle = fitted.with_settings(["labels.per_class=3"]).unwrap_err().to_string();
+        assert!(idle.contains("labels.per_class") && idle.contains("only has an effect in training"), "{idle}");
+        assert!(fitted.with_settings(["labels.hold=false"]).is_ok());
         assert!(AnyFitted::from_toml("recipe = \"pyramid\"", learned).is_err());
         let wrong = AnyFitted::from_toml("recipe = \"weak\"\n[forest]\ntrees = 0", learned).unwrap_err().to_string();
         assert!(wrong.contains("trees"), "{wrong}");

@@ -35,6 +35,9 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     /// Whether an elevation model of the terrain can be given to it.
     const TAKES_ELEVATION: bool = false;
 
+    /// Keys of the recipe, or their beginnings, that only training reads: changes of a trained model's are refused.
+    const TRAINING_ONLY: &'static [&'static str] = &["training", "classifier", "forest", "boosting", "bagging"];
+
     /// What training learns besides the classifier; [`Nothing`] if nothing.
     type Learned: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
 

@@ -121,6 +121,16 @@ impl Default for WeakRecipe {
 impl System for WeakRecipe {
     const NAME: &'static str = "weak";
     const TAKES_ELEVATION: bool = true;
+    /// The forest finds the road of every cloud.
+    const TRAINING_ONLY: &'static [&'static str] = &[
+        "labels.per_class",
+        "labels.most",
+        "labels.within",
+        "labels.fit_partition",
+        "labels.fit_accuracy",
+        "labels.fit_trials",
+        "labels.fit_step",
+    ];
     type Learned = WeakLearned;
     type Report = WeakReport;
 

@@ -185,7 +185,7 @@ fn check_items(path: &Path, header: &Header, vlr: &Vlr) -> Result<LazVlr> {
     if !base {
         return Err(wrong(
             "LAZ items",
-            format!("{:?}", parsed.items().first().map(LazItem::item_type)),
+            parsed.items().first().map_or("none".into(), |item| format!("{:?}", item.item_type())),
             "the point item of the point format first",
         ));
     }
