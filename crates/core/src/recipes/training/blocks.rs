@@ -9,7 +9,7 @@ const LARGEST: f64 = 50.0;
 /// Least number of squares a fold, if the edge is chosen.
 const SQUARES: usize = 2;
 /// The edge is halved at most so often.
-const HALVINGS: usize = 20;
+const HALVINGS: u32 = 20;
 
 /// A place in plan, metres, and the number of its cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,8 +51,8 @@ pub(in crate::recipes) fn spatial_folds(places: &[Place], folds: usize, square: 
     }
     let count = |edge: f64| places.iter().map(|place| place.square(edge)).collect::<BTreeSet<_>>().len();
     let edge = square.unwrap_or_else(|| {
-        let halved = (0..HALVINGS).map(|n| LARGEST / f64::from(1u32 << n));
-        halved.clone().find(|&edge| count(edge) >= SQUARES * folds).or(halved.last()).unwrap_or(LARGEST)
+        let halved = |n: u32| LARGEST / f64::from(1u32 << n);
+        (0..HALVINGS).map(halved).find(|&edge| count(edge) >= SQUARES * folds).unwrap_or(halved(HALVINGS))
     });
     let found = count(edge);
     if found < folds {

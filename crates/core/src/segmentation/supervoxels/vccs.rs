@@ -101,7 +101,7 @@ mod tests {
         let mut order: Vec<u32> = (0..scene.points.len() as u32).collect();
         stream(7, 0).shuffle(&mut order);
         let points: Positions = order.iter().map(|&i| scene.points.xyz(i as usize)).collect();
-        let turned = |i: u32| scene.normals[i as usize].map(|v| if i % 3 == 0 { -v } else { v });
+        let turned = |i: u32| scene.normals[i as usize].map(|v| if i.is_multiple_of(3) { -v } else { v });
         let normals: Vec<[f32; 3]> = order.iter().map(|&i| turned(i)).collect();
         let attributes = PointAttributes { normals: Some(&normals), colours: None };
         let plain = PointAttributes { normals: Some(&scene.normals), colours: None };

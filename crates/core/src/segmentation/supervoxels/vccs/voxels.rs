@@ -84,11 +84,9 @@ impl Sum {
     pub(super) fn add(&mut self, voxel: &Voxel) {
         self.count += 1;
         let n = voxel.normal.map(f64::from);
-        for a in 0..3 {
-            self.place[a] += f64::from(voxel.place[a]);
-            self.colour[a] += f64::from(voxel.colour[a]);
-            self.normal.diagonal[a] += n[a] * n[a];
-        }
+        self.place.iter_mut().zip(voxel.place).for_each(|(sum, v)| *sum += f64::from(v));
+        self.colour.iter_mut().zip(voxel.colour).for_each(|(sum, v)| *sum += f64::from(v));
+        self.normal.diagonal.iter_mut().zip(n).for_each(|(sum, v)| *sum += v * v);
         for (sum, [a, b]) in self.normal.off.iter_mut().zip([[0, 1], [0, 2], [1, 2]]) {
             *sum += n[a] * n[b];
         }
