@@ -160,7 +160,7 @@ mod tests {
     fn every_optional_value_can_be_none_and_is_written() {
         let airborne = AnyRecipe::named("airborne").unwrap();
         let scale = |recipe: AnyRecipe| match recipe {
-            AnyRecipe::Airborne(recipe) => recipe.features.pyramid.first_scale,
+            AnyRecipe::AutoContext(recipe) => recipe.features.pyramid.first_scale,
             other => panic!("{}", other.name()),
         };
         assert_eq!(scale(airborne.clone()), Some(0.25));
