@@ -123,7 +123,7 @@ impl ClusterParams {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`Error::InvalidParameter`] with the value found and what is allowed.
+    /// [`crate::Error::InvalidParameter`] with the value found and what is allowed.
     pub fn validate(&self) -> Result<()> {
         let a = &self.automatic;
         let positive = |name, value: f64| range(value > 0.0 && value.is_finite(), name, value, "above 0, finite");
