@@ -92,6 +92,23 @@ fn the_built_in_model_names_a_flat_field_ground() {
 }
 
 #[test]
+fn the_built_in_model_finds_wires_over_a_field() {
+    let mut s = stream(9, 5);
+    let mut rows: Vec<[f64; 3]> =
+        (0..90_000).map(|_| [s.uniform() * 100.0, s.uniform() * 100.0, 50.0 + 0.02 * s.uniform()]).collect();
+    let field = rows.len();
+    // Three conductors that sag by 2 m, with a point each 0.3 m.
+    for wire in 0..3 {
+        let y = 40.0 + 6.0 * f64::from(wire);
+        rows.extend((0..330).map(|i| 0.3 * f64::from(i)).map(|x| [x, y, 62.0 + 2.0 * (x / 50.0 - 1.0).powi(2)]));
+    }
+    let cloud = Cloud::from_rows(&rows).unwrap();
+    let found = run(&cloud, &recipes::default_model().unwrap(), &ClassifyParams::default()).codes;
+    assert!(share(&found[..field], |_| 2) > 0.999);
+    assert!(share(&found[field..], |_| 14) > 0.97, "{}", share(&found[field..], |_| 14));
+}
+
+#[test]
 fn the_built_in_model_finds_walls_and_roofs_of_the_demo() {
     let mut cloud = io::read(&demo_scan()).unwrap();
     let params = LabelParams { map: recipes::BUILTIN_MAP.parse().unwrap(), ..LabelParams::default() };

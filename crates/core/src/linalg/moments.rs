@@ -25,6 +25,11 @@ impl Moments {
         self.off[2] += d[1] * d[2];
     }
 
+    /// Number of points.
+    pub(crate) fn count(&self) -> f64 {
+        self.count
+    }
+
     /// Mean, relative to the reference position; zero if there are no points.
     pub(crate) fn mean(&self) -> [f64; 3] {
         self.sum.map(|s| s / self.count.max(1.0))

@@ -19,7 +19,7 @@ mod weak;
 
 pub use auto_context::{AutoContextKind, AutoContextRecipe, AutoContextReport, FoldParams};
 pub use builtin::{BUILTIN_MAP, builtin_misfit, default_model};
-pub use classify::rules::ClassRules;
+pub use classify::rules::{ClassRules, LevelParams, WireParams};
 pub use classify::statistics::{CloudStatistics, statistics};
 pub use classify::{Classified, ClassifyParams, FeatureFit, Job, classify};
 pub use clusters::{ClusterSet, ClusterTable, ClusterTableParams, cluster_table};

@@ -12,7 +12,7 @@ mod train;
 
 pub use report::AutoContextReport;
 
-use super::classify::rules::ClassRules;
+use super::classify::rules::{ClassRules, LevelParams, WireParams};
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::model::Model;
@@ -134,6 +134,8 @@ impl Default for AutoContextRecipe {
             classes: ClassRules {
                 vegetation: vec![0.5, 1.5],
                 lowest_building: 0.3,
+                level: LevelParams::default(),
+                wires: WireParams::default(),
                 isolated: 5,
                 ..ClassRules::default()
             },

@@ -1,14 +1,21 @@
 //! What the classes of a model become in the end: vegetation by its height, buildings without height ground, isolated
-//! points noise, and points that the model does not know unclassified.
+//! points noise, wires wires, and points that the model does not know or the surroundings contradict unclassified.
+
+mod level;
+mod wires;
+
+pub use level::LevelParams;
+pub use wires::WireParams;
 
 use crate::classes::ClassTable;
-use crate::cloud::{MetricCloud, Positions};
+use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::{Error, Result};
 use crate::parallel::{Looks, Monitor};
 use crate::recipes::classify::Classified;
 use crate::terrain::{HeightParams, heights_above};
 use crate::voxels::cells::Cells;
 use crate::voxels::rows::RowGrid;
+use level::LevelRows;
 use serde::{Deserialize, Serialize};
 
 /// ASPRS codes.
@@ -18,6 +25,7 @@ const MEDIUM: u8 = 4;
 const HIGH: u8 = 5;
 const BUILDING: u8 = 6;
 const LOW_NOISE: u8 = 7;
+const WIRE: u8 = 14;
 const HIGH_NOISE: u8 = 18;
 /// Isolated points are noise if there is at most one of them in so many points.
 const NOISE_SHARE: usize = 100;
@@ -32,6 +40,12 @@ pub struct ClassRules {
     /// Building points (6) less than this above the ground, metres, become ground: no building is as low. 0: none. Only
     /// for models with the ASPRS classes 2 and 6.
     pub lowest_building: f64,
+    /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of bridges,
+    /// terraces). Only for models with the ASPRS classes 2 and 6.
+    pub level: LevelParams,
+    /// Vegetation, buildings (3 to 6) and unclassified points that are wires become wires (14). Only for models with the ASPRS classes 2 and 5,
+    /// but not 14.
+    pub wires: WireParams,
     /// Points of less confidence become unclassified; 0..1.
     pub abstain: f64,
     /// Points with at most this many others in the 27 voxels around them become noise: low (7) below the ground, else
@@ -44,7 +58,15 @@ pub struct ClassRules {
 
 impl Default for ClassRules {
     fn default() -> Self {
-        Self { vegetation: Vec::new(), lowest_building: 0.0, abstain: 0.0, isolated: 0, noise_voxel: 4.0 }
+        Self {
+            vegetation: Vec::new(),
+            lowest_building: 0.0,
+            level: LevelParams::none(),
+            wires: WireParams::none(),
+            abstain: 0.0,
+            isolated: 0,
+            noise_voxel: 4.0,
+        }
     }
 }
 
@@ -62,6 +84,8 @@ impl ClassRules {
         if !(self.lowest_building >= 0.0 && self.lowest_building.is_finite()) {
             return Err(Error::parameter("classes.lowest_building", self.lowest_building, "metres, 0 or more"));
         }
+        self.level.validate()?;
+        self.wires.validate()?;
         if !(self.noise_voxel > 0.0 && self.noise_voxel.is_finite()) {
             return Err(Error::parameter("classes.noise_voxel", self.noise_voxel, "metres, above 0"));
         }
@@ -89,11 +113,24 @@ impl ClassRules {
         self.lowest_building > 0.0 && has(GROUND) && has(BUILDING)
     }
 
+    /// Whether these rules look for buildings that are level with the ground in the result of a model with these classes.
+    fn levels(&self, classes: &ClassTable) -> bool {
+        let has = |code| classes.position(code).is_some();
+        self.level.share < 1.0 && has(GROUND) && has(BUILDING)
+    }
+
+    /// Whether these rules find wires in the result of a model with these classes.
+    pub fn finds_wires(&self, classes: &ClassTable) -> bool {
+        let has = |code| classes.position(code).is_some();
+        self.wires.length > 0.0 && has(GROUND) && has(HIGH) && !has(WIRE)
+    }
+
     /// All classes that can occur in the result of a model with these classes, besides the code of points without one.
     pub fn given(&self, classes: &ClassTable) -> ClassTable {
         let vegetation = if self.divides(classes) { vec![LOW, MEDIUM] } else { Vec::new() };
         let noise = if self.finds_noise(classes) { vec![LOW_NOISE, HIGH_NOISE] } else { Vec::new() };
-        let more = ClassTable::from_codes(&[vegetation, noise].concat());
+        let wires = if self.finds_wires(classes) { vec![WIRE] } else { Vec::new() };
+        let more = ClassTable::from_codes(&[vegetation, noise, wires].concat());
         let all = classes.classes().iter().chain(more.classes()).cloned().collect();
         ClassTable::new(all).unwrap_or_else(|_| classes.clone())
     }
@@ -106,8 +143,12 @@ impl ClassRules {
         scene: &MetricCloud<'_>,
         monitor: &Monitor,
     ) -> Result<()> {
-        if self.divides(classes) || self.finds_noise(classes) || self.lowers(classes) {
-            self.by_height(result, classes, scene, monitor)?;
+        let by_height = self.divides(classes) || self.finds_noise(classes) || self.lowers(classes);
+        if by_height || self.levels(classes) || self.finds_wires(classes) {
+            let points = scene.points(monitor)?;
+            if !points.is_empty() {
+                self.by_surroundings(result, classes, &points, monitor)?;
+            }
         }
         if self.abstain > 0.0 {
             let free = classes.free_code();
@@ -117,18 +158,48 @@ impl ClassRules {
         Ok(())
     }
 
-    /// The rules that need the height above the points that are named ground.
+    /// The rules that look at other points.
+    fn by_surroundings(
+        &self,
+        result: &mut Classified,
+        classes: &ClassTable,
+        points: &Points,
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let index = &points.frame.index;
+        // Looked for before low parts of buildings become ground, for these are level with it.
+        let level = match self.levels(classes) {
+            true => self.level.rows(points, &result.codes, result.density, monitor)?,
+            false => LevelRows::default(),
+        };
+        level.ground.iter().for_each(|&row| result.codes[index[row as usize] as usize] = GROUND);
+        let heights = self.by_height(result, classes, points, monitor)?;
+        let free = classes.free_code();
+        for row in level.unknown {
+            let code = &mut result.codes[index[row as usize] as usize];
+            *code = if *code == BUILDING { free } else { *code };
+        }
+        if self.finds_wires(classes) {
+            let high = |&row: &u32| {
+                let code = result.codes[index[row as usize] as usize];
+                let open = (LOW..=BUILDING).contains(&code) || code == free;
+                open && f64::from(heights[row as usize]) >= self.wires.height
+            };
+            let rows: Vec<u32> = (0..points.len() as u32).filter(high).collect();
+            let wires = self.wires.among(&rows, points, monitor)?;
+            wires.iter().for_each(|&row| result.codes[index[row as usize] as usize] = WIRE);
+        }
+        Ok(())
+    }
+
+    /// The rules that need the height above the points that are named ground; returns these heights.
     fn by_height(
         &self,
         result: &mut Classified,
         classes: &ClassTable,
-        scene: &MetricCloud<'_>,
+        points: &Points,
         monitor: &Monitor,
-    ) -> Result<()> {
-        let points = scene.points(monitor)?;
-        if points.is_empty() {
-            return Ok(());
-        }
+    ) -> Result<Vec<f32>> {
         let index = &points.frame.index;
         let isolated = match self.finds_noise(classes) {
             true => self.isolated(&points.positions, monitor)?,
@@ -139,9 +210,9 @@ impl ClassRules {
         let isolated = |row: usize| isolated.get(row).copied().unwrap_or(false);
         let ground = |(row, &point): (usize, &u32)| result.codes[point as usize] == GROUND && !isolated(row);
         let ground: Vec<bool> = index.iter().enumerate().map(ground).collect();
-        let heights = heights_above(&points, &ground, &HeightParams::default(), monitor)?;
+        let heights = heights_above(points, &ground, &HeightParams::default(), monitor)?;
         let (divides, lowers) = (self.divides(classes), self.lowers(classes));
-        for (row, (&point, height)) in index.iter().zip(heights).enumerate() {
+        for (row, (&point, &height)) in index.iter().zip(&heights).enumerate() {
             let code = &mut result.codes[point as usize];
             *code = match f64::from(height) {
                 h if isolated(row) => {
@@ -158,7 +229,7 @@ impl ClassRules {
                 _ => HIGH,
             };
         }
-        Ok(())
+        Ok(heights)
     }
 
     /// Whether each point has at most [`ClassRules::isolated`] others in the 27 voxels around it.
@@ -207,7 +278,7 @@ mod tests {
             lowest_building: 0.3,
             abstain: 0.5,
             isolated: 5,
-            noise_voxel: 4.0,
+            ..ClassRules::default()
         };
         rules.validate().unwrap();
         rules.apply(&mut result, &classes, &scene, &Monitor::default()).unwrap();
