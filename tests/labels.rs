@@ -338,3 +338,64 @@ fn grids_tiles_and_folders_are_reached_from_the_command_line() {
     let message = fails(f, &["classify", "west.laz", "-m", "grid.model", "-o", "w.laz", "--set", "forest.trees=9"]);
     assert!(message.contains("only has an effect in training"), "{message}");
 }
+
+/// Segments with a colour each; labels of some of their points, as a field and as polygons, name all of them.
+#[test]
+fn labels_of_a_few_points_are_spread_over_coloured_segments() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let cloud = street(40.0, 5);
+    write(&f.join("street.laz"), cloud.clone());
+    let segment = ["segment", "street.laz", "-o", "parts.laz", "--method", "clusters", "--colour"];
+    let (_, notes) = done(f, &segment);
+    assert!(notes.contains("colours: point format 6 became 7"), "{notes}");
+    let parts = io::read(&f.join("parts.laz")).unwrap();
+    let values = |name: &str| parts.column(name).unwrap().values.to_f64();
+    let (ids, red, green) = (values("ClusterID"), values("Red"), values("Green"));
+    assert_eq!(values("Classification"), cloud.column("Classification").unwrap().values.to_f64());
+    // One colour a segment, and different ones for the largest.
+    let colour = |id: f64| {
+        let own: Vec<usize> = (0..ids.len()).filter(|&i| ids[i] == id).collect();
+        assert!(own.iter().all(|&i| red[i] == red[own[0]] && green[i] == green[own[0]]));
+        [red[own[0]] as u32, green[own[0]] as u32]
+    };
+    assert!(
+        colour(1.0) != colour(2.0) && colour(2.0) != colour(3.0) && colour(1.0).iter().any(|&v| v % 257 == 0 && v > 0)
+    );
+
+    // Every hundredth point of a segment is labelled.
+    let truth = values("Classification");
+    let few: Vec<u8> = (0..ids.len()).map(|i| if i % 100 == 0 { truth[i] as u8 } else { 0 }).collect();
+    let mut labelled = parts.clone();
+    labelled.set_column(Column::new("Label", Values::U8(few))).unwrap();
+    io::write(&f.join("few.laz"), &labelled, &Default::default()).unwrap();
+    let train = |extra: &[&str]| {
+        let own = ["train", "few.laz", "-o", "few.model", "--format", "json"];
+        json(&done(f, &[&own[..], extra, &QUICK].concat()).0)
+    };
+    let field = ["--label-dimension", "Label", "--unlabelled", "0"];
+    let [alone, spread] = [&field[..], &[&field[..], &["--spread-over", "ClusterID"]].concat()].map(|arguments| {
+        let points = |class: &serde_json::Value| class["points"].as_u64().unwrap();
+        train(arguments)["classes"].as_array().unwrap().iter().map(points).sum::<u64>()
+    });
+    assert!(alone < 1000 && spread > 90 * alone, "{alone} {spread}");
+    let absent = [&["train", "few.laz", "-o", "x.model", "--spread-over", "Segment"][..], &QUICK].concat();
+    assert!(fails(f, &absent).contains("Segment"));
+
+    // Polygons: a strip of ground between the houses, and a roof.
+    let square = |class: u8, [x, y]: [f64; 2]| {
+        let (right, up) = (x + 2.0, y + 2.0);
+        let ring = format!("[[{x},{y}],[{right},{y}],[{right},{up}],[{x},{up}],[{x},{y}]]");
+        format!(
+            r#"{{"type":"Feature","properties":{{"class":{class}}},"geometry":{{"type":"Polygon","coordinates":[{ring}]}}}}"#
+        )
+    };
+    let features = [square(6, [5.0, 6.0]), square(2, [5.0, 16.0])].join(",");
+    let collection = format!(r#"{{"type":"FeatureCollection","features":[{features}]}}"#);
+    std::fs::write(f.join("areas.geojson"), collection).unwrap();
+    let found = train(&["--weak-labels", "areas.geojson", "--spread-over", "ClusterID"]);
+    let classes = found["classes"].as_array().unwrap();
+    let codes: Vec<u64> = classes.iter().map(|class| class["code"].as_u64().unwrap()).collect();
+    assert_eq!(codes, [2, 6]);
+    assert!(classes.iter().all(|class| class["points"].as_u64().unwrap() > 300), "{found}");
+}

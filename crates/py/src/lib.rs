@@ -1,5 +1,6 @@
 //! The Python package's native module `scansion._core`: registration only; one file for each module of the core.
 
+mod annotation;
 mod call;
 mod classification;
 mod cli;
@@ -26,6 +27,8 @@ use pyo3::prelude::*;
 
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use crate::annotation::{picked_labels, segment_colours, spread_labels};
     #[pymodule_export]
     use crate::classification::{Boosting, Forest, fit_bagging, fit_boosting, fit_forest};
     #[pymodule_export]

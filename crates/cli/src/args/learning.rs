@@ -56,10 +56,14 @@ pub(crate) struct Train {
     /// Train on a few labels per class: the same as --recipe weak
     #[arg(long, conflicts_with_all = ["recipe", "grid_depth"])]
     pub(crate) weak: bool,
-    /// Labels picked by hand, for any recipe: a table x,y,z,class or cluster_id,class, or a cloud whose classes are used; of
-    /// any of the inputs, whose own labels are then ignored; may be repeated
+    /// Labels picked by hand, for any recipe: a table x,y,z,class or cluster_id,class, polygons with a property class
+    /// (GeoJSON), or a cloud whose classes are used; of any of the inputs, whose own labels are then ignored; may be repeated
     #[arg(long, value_name = "FILE")]
     pub(crate) weak_labels: Vec<PathBuf>,
+    /// Spread the labels over the segments of this dimension, e.g. ClusterID: all points of a segment get the most frequent
+    /// of its labels
+    #[arg(long, value_name = "NAME")]
+    pub(crate) spread_over: Option<String>,
     /// Use at most this many random labels of each class (weak recipe)
     #[arg(long, value_name = "N")]
     pub(crate) per_class: Option<u32>,

@@ -58,6 +58,10 @@ pub(crate) struct Segment {
     /// Output: the input with the dimension ClusterID (from 1; 0 = none)
     #[arg(short, long)]
     pub(crate) output: PathBuf,
+    /// Also give each segment a colour of its own (points of none are grey), for labelling in a viewer; replaces the
+    /// colours of the file
+    #[arg(long, visible_alias = "color")]
+    pub(crate) colour: bool,
     #[command(flatten)]
     pub(crate) segments: SegmentArgs,
     /// Also divide the cloud at each of these least depths of the octree (riemannian), as dimensions ClusterID_L1,

@@ -5,6 +5,7 @@ use super::{Context, sources};
 use crate::args::{Format, LabelArgs, Segment, SegmentArgs};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::images::segment_colour;
 use scansion_core::io::{self, Columns, Edit};
 use scansion_core::recipes::{self, Labels, LevelReport, SegmentParams, SegmentReport, Segmented};
 use scansion_core::segmentation::Intent;
@@ -24,7 +25,11 @@ pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> 
     let (cloud, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
     io::check_steps(&args.input, &args.output, &cloud, &context.write_options())?;
     drop(cloud);
-    let mut edits = vec![Edit::Dimension(Column::new(CLUSTER, Values::U32(found.clusters)))];
+    let mut edits = Vec::new();
+    if args.colour {
+        edits.push(Edit::Colour(found.clusters.iter().map(|&segment| segment_colour(segment)).collect()));
+    }
+    edits.push(Edit::Dimension(Column::new(CLUSTER, Values::U32(found.clusters))));
     for (level, clusters) in found.levels.into_iter().enumerate() {
         edits.push(Edit::Dimension(Column::new(format!("{CLUSTER}_L{}", level + 1), Values::U32(clusters))));
     }

@@ -5,9 +5,10 @@ use super::{Context, sources};
 use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
 use scansion_core::Error;
+use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns};
 use scansion_core::recipes::{
-    AnyRecipe, ClassCount, Grid, LabelFile, LabelledCloud, Model, PickedCloud, Picking, Report, SearchParams,
+    AnyRecipe, ClassCount, Grid, LabelFile, LabelledCloud, Labels, Model, PickedCloud, Picking, Report, SearchParams,
     SearchReport, TrainOptions, search,
 };
 use std::fmt::Write;
@@ -99,7 +100,8 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
     let files = weak.iter().map(|path| picked(path, &source, context)).collect::<Result<Vec<_>, Failure>>()?;
     let labels = if files.is_empty() { args.labels.label_dimension.as_str() } else { "ClusterID" };
     let mut options = context.read_options();
-    options.columns = Columns::Only([recipe.columns(), vec![labels.to_string()]].concat());
+    let segments = args.spread_over.clone();
+    options.columns = Columns::Only([recipe.columns(), vec![labels.to_string()], Vec::from_iter(segments)].concat());
     if !files.is_empty() {
         let clouds =
             inputs.iter().map(|path| io::read_with(path, &options)).collect::<scansion_core::Result<Vec<_>>>()?;
@@ -112,12 +114,12 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
             [one] => Error::input(format!("{}: {e}", one.display())),
             _ => e,
         })?;
-        return Ok(clouds.into_iter().zip(labels).map(|(cloud, labels)| LabelledCloud { cloud, labels }).collect());
+        return clouds.into_iter().zip(labels).map(|(cloud, labels)| spread(args, cloud, labels)).collect();
     }
     let read = |path: &Path| -> Result<LabelledCloud, Failure> {
         let cloud = io::read_with(path, &options)?;
         let labels = source.read(path, &cloud, context)?;
-        Ok(LabelledCloud { cloud, labels })
+        spread(args, cloud, labels)
     };
     let clouds = inputs.into_iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
     match source.absent(clouds.iter().map(|labelled| &labelled.labels)) {
@@ -126,10 +128,19 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
     }
 }
 
-/// A label table, or the labels of a cloud.
+/// A cloud with its labels, spread over segments if that is asked for.
+fn spread(args: &Train, cloud: Cloud, labels: Labels) -> Result<LabelledCloud, Failure> {
+    let labels = match &args.spread_over {
+        Some(dimension) => labels.spread_over(&cloud, dimension)?,
+        None => labels,
+    };
+    Ok(LabelledCloud { cloud, labels })
+}
+
+/// A label table, polygons, or the labels of a cloud.
 fn picked(path: &Path, source: &LabelSource<'_>, context: &Context<'_>) -> Result<LabelFile, Failure> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if ["csv", "txt", "tsv"].contains(&extension.as_str()) {
+    if ["csv", "txt", "tsv", "geojson", "json"].contains(&extension.as_str()) {
         return Ok(LabelFile::read(path)?);
     }
     let cloud = io::read_with(path, &context.read_options())?;

@@ -9,7 +9,7 @@ mod outliers;
 mod params;
 
 pub use apply::{Filtered, Step, filter};
-pub use area::Area;
+pub use area::{Area, ClassArea};
 pub use files::{FilterReport, filter_file};
 pub use outliers::{OutlierParams, outliers, radius_outliers, statistical_outliers};
 pub use params::{FilterParams, HeightRange, RadiusParams, StatisticalParams};

@@ -12,6 +12,7 @@ mod values;
 
 pub use canvas::Image;
 pub use confusion::confusion_picture;
+pub use palette::segment_colour;
 
 use crate::classes::ClassTable;
 use crate::cloud::Cloud;

@@ -26,7 +26,7 @@ pub(super) fn ramp(share: f64) -> [f32; 3] {
 }
 
 /// Colour of a segment by its number: hues of consecutive numbers differ by the golden ratio; 0 is grey.
-pub(super) fn segment_colour(segment: u32) -> [u8; 3] {
+pub fn segment_colour(segment: u32) -> [u8; 3] {
     if segment == 0 {
         return [190; 3];
     }

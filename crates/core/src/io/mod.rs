@@ -52,6 +52,8 @@ pub enum Edit {
     Classification(Vec<u8>),
     /// A dimension, added or replaced.
     Dimension(Column),
+    /// New colours: red, green, blue. In LAS 257 times these values, in a point format that has colours.
+    Colour(Vec<[u8; 3]>),
     /// Names of class codes, stored in the Classification Lookup record of LAS; existing names are kept.
     ClassNames(Vec<(u8, String)>),
 }

@@ -6,6 +6,7 @@
 """
 
 from scansion import evaluation, features, filters, graph, neighbours, regularisation, segmentation, terrain
+from scansion._annotation import picked_labels, segment_colours, spread_labels
 from scansion._bagging import BaggingClassifier
 from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
@@ -45,6 +46,7 @@ __all__ = [
     "info",
     "merge",
     "neighbours",
+    "picked_labels",
     "read",
     "regularisation",
     "render",
@@ -52,7 +54,9 @@ __all__ = [
     "salvage",
     "search",
     "segment",
+    "segment_colours",
     "segmentation",
+    "spread_labels",
     "suggest",
     "terrain",
     "write",

@@ -1,8 +1,11 @@
 //! Areas: polygons with holes, from GeoJSON or well-known text.
 
+mod classes;
 mod geojson;
 mod polygon;
 mod wkt;
+
+pub use classes::ClassArea;
 
 use crate::cloud::Cloud;
 use crate::cloud::crs::codes_of;
@@ -61,6 +64,18 @@ impl Area {
     /// # Errors
     /// If the reference systems differ, or the work was cancelled.
     pub fn contains(&self, cloud: &Cloud, monitor: &Monitor) -> Result<Vec<bool>> {
+        let inside = self.inside(cloud, monitor)?;
+        if !inside.contains(&true) {
+            self.warn_if_apart(cloud, monitor)?;
+        }
+        Ok(inside)
+    }
+
+    /// The same without a warning if area and cloud are apart, as one of several tiles may be.
+    ///
+    /// # Errors
+    /// As [`Area::contains`].
+    pub fn inside(&self, cloud: &Cloud, monitor: &Monitor) -> Result<Vec<bool>> {
         let own = cloud.crs.as_deref().and_then(|crs| codes_of(crs).horizontal);
         if let (Some(code), Some(own)) = (self.code, own)
             && code != own
@@ -78,11 +93,7 @@ impl Area {
             };
             Ok(range.map(inside).collect::<Vec<bool>>())
         })?;
-        let inside = parts.concat();
-        if !inside.contains(&true) {
-            self.warn_if_apart(cloud, monitor)?;
-        }
-        Ok(inside)
+        Ok(parts.concat())
     }
 
     /// Whether a position is inside; false if it is not finite.

@@ -46,10 +46,17 @@ fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &
 /// Applies the edits to a cloud.
 pub(super) fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
     for edit in edits {
+        if let Edit::Colour(colours) = edit {
+            for (channel, name) in names::COLOUR.into_iter().enumerate() {
+                let values = Values::U8(colours.iter().map(|colour| colour[channel]).collect());
+                cloud.set_column(Column::new(name, values))?;
+            }
+            continue;
+        }
         cloud.set_column(match edit {
             Edit::Classification(codes) => Column::new(names::CLASSIFICATION, Values::U8(codes.clone())),
             Edit::Dimension(column) => column.clone(),
-            Edit::ClassNames(_) => continue,
+            Edit::ClassNames(_) | Edit::Colour(_) => continue,
         })?;
     }
     Ok(())

@@ -2,6 +2,7 @@
 
 use crate::cloud::{Cloud, MetricCloud};
 use crate::error::{Error, Result};
+use crate::filters::ClassArea;
 use crate::io::{LabelRow, LabelTable};
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
@@ -9,11 +10,12 @@ use crate::recipes::Labels;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Labels picked by hand: positions with a class (for the nearest point), or segments with a class (for all points with
-/// that `ClusterID`).
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Labels picked by hand: positions with a class (for the nearest point), segments with a class (for all points with
+/// that `ClusterID`), or polygons with a class (for all points in them).
+#[derive(Clone, Debug, Default)]
 pub struct LabelFile {
     table: LabelTable,
+    areas: Vec<ClassArea>,
 }
 
 /// How picked positions find their points.
@@ -50,19 +52,26 @@ fn clusters(cloud: &Cloud) -> HashSet<u32> {
 }
 
 impl LabelFile {
-    /// Reads a table: [`LabelTable::read`].
+    /// Reads a table ([`LabelTable::read`]) or, if the name ends in `.geojson` or `.json`, polygons ([`ClassArea::read`]).
     ///
     /// # Errors
     /// `path:line: what is wrong`.
     pub fn read(path: &Path) -> Result<Self> {
-        Ok(Self { table: LabelTable::read(path)? })
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        match ["geojson", "json"].contains(&extension.as_str()) {
+            true => {
+                let table = LabelTable { path: path.to_path_buf(), ..LabelTable::default() };
+                Ok(Self { table, areas: ClassArea::read(path)? })
+            }
+            false => Ok(Self { table: LabelTable::read(path)?, areas: Vec::new() }),
+        }
     }
 
     /// Labels at the points of a cloud whose class is in `labels`.
     pub fn of_cloud(path: &Path, cloud: &Cloud, labels: &Labels) -> Self {
         let row = |(i, code): (usize, &Option<u8>)| code.map(|code| LabelRow { line: i + 1, of: cloud.xyz(i), code });
         let positions = labels.codes.iter().enumerate().filter_map(row).collect();
-        Self { table: LabelTable { path: path.to_path_buf(), positions, segments: Vec::new() } }
+        Self { table: LabelTable { path: path.to_path_buf(), positions, segments: Vec::new() }, areas: Vec::new() }
     }
 
     /// The labels of a cloud's points. Each position must be near enough to a point.
@@ -70,10 +79,8 @@ impl LabelFile {
     /// # Errors
     /// If a position is too far from every point, the cloud lacks a segment, or a point gets two classes.
     pub fn apply(&self, cloud: &Cloud, picking: &Picking, monitor: &Monitor) -> Result<Labels> {
-        let mut codes: Vec<Option<u8>> = vec![None; cloud.len()];
-        self.apply_positions(cloud, picking, &mut codes, monitor)?;
-        self.apply_segments(cloud, &mut codes)?;
-        Ok(Labels::new(codes, cloud.scheme))
+        let labels = Self::apply_all(std::slice::from_ref(self), &[PickedCloud { cloud, picking: *picking }], monitor)?;
+        Ok(labels.into_iter().next().unwrap_or_default())
     }
 
     /// The labels of the points of several clouds, from several files. A position belongs to the cloud with the nearest
@@ -85,6 +92,7 @@ impl LabelFile {
     pub fn apply_all(files: &[Self], clouds: &[PickedCloud<'_>], monitor: &Monitor) -> Result<Vec<Labels>> {
         let mut codes: Vec<Vec<Option<u8>>> = clouds.iter().map(|picked| vec![None; picked.cloud.len()]).collect();
         for file in files {
+            file.apply_areas(clouds, &mut codes, monitor)?;
             match clouds {
                 [PickedCloud { cloud, picking }] => {
                     file.apply_positions(cloud, picking, &mut codes[0], monitor)?;
@@ -101,6 +109,31 @@ impl LabelFile {
             }
         }
         Ok(codes.into_iter().zip(clouds).map(|(codes, picked)| Labels::new(codes, picked.cloud.scheme)).collect())
+    }
+
+    /// Gives the points in each polygon its class.
+    fn apply_areas(&self, clouds: &[PickedCloud<'_>], codes: &mut [Vec<Option<u8>>], monitor: &Monitor) -> Result<()> {
+        for (number, ClassArea { area, code }) in (1..).zip(&self.areas) {
+            let path = self.table.path.display();
+            let mut found = false;
+            for (picked, slots) in clouds.iter().zip(codes.iter_mut()) {
+                let inside = area.inside(picked.cloud, monitor)?;
+                for (slot, _) in slots.iter_mut().zip(&inside).filter(|(_, inside)| **inside) {
+                    found = true;
+                    if let Some(other) = slot.replace(*code).filter(|other| other != code) {
+                        return Err(Error::input(format!(
+                            "{path}: polygon {number} with a class: class {code} where another label has {other}"
+                        )));
+                    }
+                }
+            }
+            if !found {
+                return Err(Error::input(format!(
+                    "{path}: polygon {number} with a class holds no point; check the coordinate system"
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// Gives each position to the cloud with the nearest point.
@@ -161,10 +194,9 @@ impl LabelFile {
             }
         }
         let part = |segments| LabelTable { path: self.table.path.clone(), positions: Vec::new(), segments };
-        let parts = parts
-            .into_iter()
-            .zip(clouds)
-            .map(|(rows, picked)| (!rows.is_empty()).then(|| (Self { table: part(rows) }, picked.cloud)));
+        let parts = parts.into_iter().zip(clouds).map(|(rows, picked)| {
+            (!rows.is_empty()).then(|| (Self { table: part(rows), areas: Vec::new() }, picked.cloud))
+        });
         Ok(parts.collect())
     }
 
@@ -303,6 +335,29 @@ mod tests {
         assert!(message(&["x,y,z,class\n9,0,0,2\n"]).contains("near no point of the 2 clouds"));
         assert!(message(&["cluster_id,class\n9,2\n"]).contains("0 of 2 clouds"));
         assert!(message(&["x,y,z,class\n0,0,0,2\n", "x,y,z,class\n0,0,0,3\n"]).contains("class 3"));
+    }
+
+    #[test]
+    fn polygons_label_all_points_in_them() {
+        let square = |x: f64, class: u8| {
+            format!(
+                r#"{{"type":"Feature","properties":{{"class":{class}}},"geometry":{{"type":"Polygon","coordinates":[[[{x},-1],[{},-1],[{},1],[{x},1],[{x},-1]]]}}}}"#,
+                x + 1.6,
+                x + 1.6
+            )
+        };
+        let apply = |features: &[String]| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("labels.geojson");
+            let text = format!(r#"{{"type":"FeatureCollection","features":[{}]}}"#, features.join(","));
+            std::fs::write(&path, text).unwrap();
+            LabelFile::read(&path).unwrap().apply(&cloud(), &NEAR, &Monitor::default())
+        };
+        let found = apply(&[square(-0.1, 6), square(2.9, 2)]).unwrap();
+        assert_eq!(found.codes, [Some(6), Some(6), None, Some(2)]);
+        let message = |features: &[String]| apply(features).unwrap_err().to_string();
+        assert!(message(&[square(-0.1, 6), square(0.9, 2)]).contains("polygon 2 with a class: class 2"));
+        assert!(message(&[square(90.0, 6)]).contains("holds no point"));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Labels of a cloud as class codes; unlabelled points are counted.
 
 pub(in crate::recipes) mod file;
+mod spread;
 
 use crate::classes::LabelMap;
 use crate::cloud::{Cloud, CodeScheme, names};

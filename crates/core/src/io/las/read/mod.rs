@@ -92,9 +92,14 @@ impl BlockReader for Reader {
 
 /// Fails if there is not one code a point.
 pub(super) fn check_codes(codes: &[u8], points: u64) -> Result<()> {
-    match codes.len() as u64 == points {
+    check_count("class codes", codes.len(), points)
+}
+
+/// Fails if there is not one value a point.
+pub(super) fn check_count(what: &str, values: usize, points: u64) -> Result<()> {
+    match values as u64 == points {
         true => Ok(()),
-        false => Err(Error::input(format!("{} class codes for {points} points", codes.len()))),
+        false => Err(Error::input(format!("{values} {what} for {points} points"))),
     }
 }
 

@@ -20,7 +20,7 @@ use super::records::outside::Outside;
 
 use super::chunks::unpack::SLAB;
 use super::header::vlr::laz_chunk_size;
-use super::read::{check_codes, check_values};
+use super::read::{check_codes, check_count, check_values};
 use super::records::stream::Stream;
 use super::records::{Records, par_records};
 use super::write::writer::{CHUNK, Front, Writer};
@@ -67,14 +67,20 @@ pub(in crate::io) fn rewrite_records(
         check_codes(codes, records.header.points)?;
     }
     let largest = codes.and_then(|c| c.iter().max().copied()).unwrap_or(0);
-    let format = records.header.format;
-    let to = (format < 6 && largest > 31).then(|| promote::target(format));
-    let mut report = rewrite_as(records, output, Changes { selection: *selection, format: to }, options)?;
-    if let Some(to) = to {
-        let note = format!("class codes up to {largest} need LAS 1.4: point format {format} became {to}");
-        report.notes.insert(0, note);
+    let from = records.header.format;
+    let (mut format, mut notes) = (from, Vec::new());
+    if from < 6 && largest > 31 {
+        format = promote::target(from);
+        notes.push(format!("class codes up to {largest} need LAS 1.4: point format {from} became {format}"));
     }
-    Ok(report)
+    if edits.iter().any(|edit| matches!(edit, Edit::Colour(_))) && promote::coloured(format) != format {
+        notes.push(format!("colours: point format {format} became {}", promote::coloured(format)));
+        format = promote::coloured(format);
+    }
+    let to = (format != from).then_some(format);
+    let mut report = rewrite_as(records, output, Changes { selection: *selection, format: to }, options)?;
+    notes.append(&mut report.notes);
+    Ok(RewriteReport { notes, ..report })
 }
 
 /// Copies `input` to `output` (LAS or LAZ by its extension), in another point format if requested.
@@ -122,8 +128,10 @@ pub(in crate::io) fn rewrite_as(
         report.notes.push("the octree of the COPC input is not kept; the output is plain LAZ".into());
     }
     for edit in edits {
-        if let Edit::Dimension(column) = edit {
-            check_values(&column.name, &column.values, report.points)?;
+        match edit {
+            Edit::Dimension(column) => check_values(&column.name, &column.values, report.points)?,
+            Edit::Colour(colours) => check_count("colours", colours.len(), report.points)?,
+            Edit::Classification(_) | Edit::ClassNames(_) => {}
         }
     }
     let plan = plan(&records, &mut front, edits, to)?;

@@ -21,6 +21,7 @@ struct Slot<'a> {
 /// All changes.
 pub(super) struct Plan<'a> {
     codes: Option<&'a [u8]>,
+    colours: Option<&'a [[u8; 3]]>,
     slots: Vec<Slot<'a>>,
     /// Point format of the input, and of the output if it differs.
     format: u8,
@@ -37,12 +38,16 @@ pub(super) fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], 
     let moved = base as isize - isize::try_from(usize::from(RECORD_SIZES[usize::from(header.format)])).unwrap_or(0);
     let (known, undescribed) = records.extras();
     let mut length = base + header.extra();
-    let (mut slots, mut added, mut codes) = (Vec::new(), Vec::new(), None);
+    let (mut slots, mut added, mut codes, mut colours) = (Vec::new(), Vec::new(), None, None);
     for edit in edits {
         let column = match edit {
             Edit::Dimension(column) => column,
             Edit::Classification(new) => {
                 codes = Some(&new[..]);
+                continue;
+            }
+            Edit::Colour(new) => {
+                colours = Some(&new[..]);
                 continue;
             }
             Edit::ClassNames(_) => continue,
@@ -74,7 +79,7 @@ pub(super) fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], 
         .map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
     put(&mut front.header, 105, &new_length.to_le_bytes());
     let old_length = usize::from(header.record_length);
-    Ok(Plan { codes, slots, format: header.format, to, old_length, new_length: length })
+    Ok(Plan { codes, colours, slots, format: header.format, to, old_length, new_length: length })
 }
 
 fn same_type(old: &Extra, column: &Column) -> Result<usize> {
@@ -117,9 +122,14 @@ impl Plan<'_> {
 
     /// Changes a record in place.
     pub(super) fn apply(&self, record: &mut [u8], i: usize) {
+        let format = self.to.unwrap_or(self.format);
         if let Some(codes) = self.codes {
-            let format = self.to.unwrap_or(self.format);
             Field::Classification.store(format, record, f64::from(codes[i]));
+        }
+        if let Some(colours) = self.colours {
+            for (field, value) in [Field::Red, Field::Green, Field::Blue].into_iter().zip(colours[i]) {
+                field.store(format, record, 257.0 * f64::from(value));
+            }
         }
         for slot in &self.slots {
             extra::store(slot.values, i, &mut record[slot.at..]);

@@ -15,6 +15,18 @@ pub(super) fn target(format: u8) -> u8 {
     }
 }
 
+/// The format that has all fields of another, and colours.
+pub(super) fn coloured(format: u8) -> u8 {
+    match format {
+        0 => 2,
+        1 => 3,
+        4 => 5,
+        6 => 7,
+        9 => 10,
+        _ => format,
+    }
+}
+
 /// Names of the fields that the new format lacks; empty if every record can be converted.
 pub(super) fn missing(from: u8, to: u8) -> Vec<&'static str> {
     let mut missing: Vec<&str> =
