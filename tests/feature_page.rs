@@ -44,6 +44,10 @@ fn heading(scope: Scope) -> &'static str {
              `GapBelow_r0p5` for\n0.5 m. Used by the recipe [`airborne`](airborne.md); others take them with the setting \
              `features.profile.cells`.\n"
         }
+        Scope::Radius => {
+            "## Features of spheres\n\nFor each point and radius; the column has the radius appended, as in \
+             `SphereLinearity_r0p5` for 0.5 m. Used by the recipe\n[`spheres`](spheres.md).\n"
+        }
         Scope::Class => {
             "## Context\n\nFor each point and class, with p the probability of the class in the first of two stages \
              ([auto-context](airborne.md));\nthe column has the code of the class and the edge of the voxels or cells \
@@ -69,7 +73,7 @@ fn row(d: &Definition) -> String {
 
 fn page() -> String {
     let mut page = HEAD.to_string();
-    for scope in [Scope::Level, Scope::Cell, Scope::Class, Scope::Point, Scope::Segment] {
+    for scope in [Scope::Level, Scope::Cell, Scope::Radius, Scope::Class, Scope::Point, Scope::Segment] {
         page += &format!("\n{}", heading(scope));
         for group in Group::ALL.into_iter().filter(|group| group.scope() == scope) {
             page += &format!("\n### {}\n\nFrom {}.\n\n", group.name(), group.reach());

@@ -16,7 +16,22 @@ const MOST_FILES: usize = 12;
 /// Folders with circles, and the submodules of each circle. Remove what no longer takes part in one.
 const CIRCLES: [(&str, &[&str]); 2] = [
     // A method trains a model, and a model holds the recipe of any method.
-    ("recipes", &["auto_context", "classify", "model", "objects", "pyramid", "system", "training", "weak"]),
+    (
+        "recipes",
+        &[
+            "auto_context",
+            "classify",
+            "clusters",
+            "model",
+            "objects",
+            "one_stage",
+            "pyramid",
+            "spheres",
+            "system",
+            "training",
+            "weak",
+        ],
+    ),
     // The parameters name a method, and every method takes the parameters.
     ("recipes/segment", &["growing", "method", "on_points", "on_supervoxels", "params", "riemannian"]),
 ];

@@ -1,52 +1,19 @@
 //! The recipe of Hasanpour Zaryabi et al. 2022 end to end, and all segmentation methods.
 
-use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::cloud::Cloud;
 use scansion_core::evaluation::Confusion;
 use scansion_core::parallel::Monitor;
-use scansion_core::random::stream;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, ObjectsRecipe, SegmentMethod, SegmentParams, System,
-    TrainOptions, classify, read_labels, segment,
+    AnyRecipe, ClassifyParams, LabelledCloud, ObjectsRecipe, SegmentMethod, SegmentParams, System, TrainOptions,
+    classify, segment,
 };
+use scansion_tests::village::{labelled, village};
 
 fn objects(settings: &[&str]) -> ObjectsRecipe {
     match AnyRecipe::named("objects").unwrap().with_settings(settings.iter().copied()).unwrap() {
         AnyRecipe::Objects(recipe) => *recipe,
         _ => unreachable!("the objects recipe was asked for"),
     }
-}
-
-/// A labelled field of 60 x 60 m on a slope with flat-roofed houses (6) and round trees (5), two points a metre.
-fn village(seed: u64) -> LabelledCloud {
-    let mut random = stream(seed, 1);
-    let mut spot = |low: f64, high: f64| low + (high - low) * random.uniform();
-    let houses: Vec<[f64; 3]> = (0..4)
-        .map(|i| [8.0 + 26.0 * f64::from(i % 2) + spot(0.0, 4.0), 8.0 + 26.0 * f64::from(i / 2), spot(4.0, 9.0)])
-        .collect();
-    let trees: Vec<[f64; 3]> =
-        (0..6).map(|i| [5.0 + 9.0 * f64::from(i), 27.0 + spot(-1.0, 1.0), spot(3.0, 7.0)]).collect();
-    let (mut rows, mut codes) = (Vec::new(), Vec::new());
-    for (i, j) in (0..120).flat_map(|i| (0..120).map(move |j| (i, j))) {
-        let (x, y) = (f64::from(i) * 0.5, f64::from(j) * 0.5);
-        let ground = 0.05 * x + 0.02 * spot(-1.0, 1.0);
-        let house = houses.iter().find(|h| (h[0]..h[0] + 12.0).contains(&x) && (h[1]..h[1] + 10.0).contains(&y));
-        let tree = trees.iter().find(|t| (x - t[0]).hypot(y - t[1]) < 2.5);
-        let (z, code) = match (house, tree) {
-            (Some(h), _) => (h[2] + 3.0, 6),
-            (None, Some(t)) => (ground + spot(0.3, t[2]), 5),
-            (None, None) => (ground, 2),
-        };
-        rows.push([x, y, z]);
-        codes.push(code);
-    }
-    labelled(&rows, &codes)
-}
-
-fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> LabelledCloud {
-    let mut cloud = Cloud::from_rows(rows).unwrap();
-    cloud.set_column(Column::new("Classification", Values::U8(codes.to_vec()))).unwrap();
-    let labels = read_labels(&cloud, &LabelParams { unlabelled: Some(vec![0]), ..LabelParams::default() }).unwrap();
-    LabelledCloud { cloud, labels }
 }
 
 const SIZE: &str = "segments.slic.size=2";

@@ -1,6 +1,7 @@
 //! Support for the integration tests: synthetic scenes with known labels, and the shared real data.
 
 pub mod samples;
+pub mod village;
 
 use scansion_core::cloud::{Cloud, Column, Values};
 use scansion_core::random::stream;

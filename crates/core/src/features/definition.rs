@@ -12,6 +12,8 @@ pub enum Scope {
     Level,
     /// A point in its cell of a grid in plan: a value for each cell size, which is in its name.
     Cell,
+    /// A point in the spheres of a radius: a value for each radius, which is in its name.
+    Radius,
     /// A point and a class: a value for each class, and for each size of surroundings, with both in its name.
     Class,
     /// A point.
@@ -32,6 +34,8 @@ pub enum Group {
     Height,
     /// Heights in the point's cell of a grid in plan, and the surface of highest points around it.
     Profile,
+    /// All points in spheres of several radii, each on a cloud that is thinned in proportion.
+    Sphere,
     /// What a first classifier says about the surroundings.
     Context,
     /// The point's own colour.
@@ -58,11 +62,12 @@ pub enum Group {
 
 impl Group {
     /// All groups, in the order of the registry.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Covariance,
         Self::Contour,
         Self::Height,
         Self::Profile,
+        Self::Sphere,
         Self::Context,
         Self::Colour,
         Self::Intensity,
@@ -83,6 +88,7 @@ impl Group {
             Self::Contour => "contour",
             Self::Height => "height",
             Self::Profile => "profile",
+            Self::Sphere => "sphere",
             Self::Context => "context",
             Self::Colour => "colour",
             Self::Intensity => "intensity",
@@ -102,6 +108,7 @@ impl Group {
         match self {
             Self::Covariance | Self::Contour | Self::Height => Scope::Level,
             Self::Profile => Scope::Cell,
+            Self::Sphere => Scope::Radius,
             Self::Context => Scope::Class,
             Self::Colour | Self::Intensity | Self::Returns | Self::Optimal | Self::Terrain => Scope::Point,
             Self::ClusterRank | Self::ClusterDescriptor => Scope::Point,
@@ -116,6 +123,7 @@ impl Group {
             Self::Contour => "the k nearest points of the level, and their k nearest",
             Self::Height => "the points of the level in a vertical column",
             Self::Profile => "the points of 7 x 7 cells in plan",
+            Self::Sphere => "the points within the radius, of a cloud thinned to voxels of a share of it",
             Self::Context => "the probabilities of a first classifier in 3 x 3 x 3 voxels or 3 x 3 cells in plan",
             Self::Colour | Self::Returns => "the point",
             Self::Intensity => "the point, and the median of the cloud",
@@ -169,7 +177,8 @@ macro_rules! registry {
             $(#[doc = concat!("`", $formula, "`")] $feature,)*
         }
 
-        /// All features: those of a level (Hackel 2018, Table 4.1), of a cell in plan, of the point itself, of its optimal neighbourhood
+        /// All features: those of a level (Hackel 2018, Table 4.1), of a cell in plan, of spheres (Thomas et al.
+        /// 2018, Table 1), of the point itself, of its optimal neighbourhood
         /// (Guinard & Landrieu 2017, section 2.1), of the terrain (section 2.2), and of segments (Hasanpour Zaryabi et
         /// al. 2022, Table 3).
         pub const ALL: &[Definition] = &[
@@ -229,6 +238,24 @@ registry! {
     SurfaceMean5 "SurfaceMean5" Profile: "z - mean of the highest points of 5 x 5 cells", "any", "m", "NaN";
     LeastRoughness3 "LeastRoughness3" Profile: "least SurfaceRoughness3 of 3 x 3 cells", ">= 0", "m", "NaN";
     SurfaceCover5 "SurfaceCover5" Profile: "share of 5 x 5 cells with points", "0..1", "-", "NaN";
+    SphereSum "SphereSum" Sphere: "l1 + l2 + l3", ">= 0", "m2", "0";
+    SphereOmnivariance "SphereOmnivariance" Sphere: "(l1 l2 l3)^(1/3)", ">= 0", "m2", "0";
+    SphereEigenentropy "SphereEigenentropy" Sphere: "-sum l ln(l), l in m2", "any", "m2", "0";
+    SphereLinearity "SphereLinearity" Sphere: "(l1 - l2) / l1", "0..1", "-", "0";
+    SpherePlanarity "SpherePlanarity" Sphere: "(l2 - l3) / l1", "0..1", "-", "0";
+    SphereSphericity "SphereSphericity" Sphere: "l3 / l1", "0..1", "-", "0";
+    SphereSurfaceVariation "SphereSurfaceVariation" Sphere: "l3 / (l1 + l2 + l3)", "0..1/3", "-", "0";
+    SphereVerticality1 "SphereVerticality1" Sphere: "|pi/2 - angle(e1, z)|", "0..pi/2", "rad", "0";
+    SphereVerticality3 "SphereVerticality3" Sphere: "|pi/2 - angle(e3, z)|", "0..pi/2", "rad", "0";
+    SphereMomentE1 "SphereMomentE1" Sphere: "|mean (p_n - p) . e1|", ">= 0", "m", "0";
+    SphereMomentE2 "SphereMomentE2" Sphere: "|mean (p_n - p) . e2|", ">= 0", "m", "0";
+    SphereMomentE3 "SphereMomentE3" Sphere: "|mean (p_n - p) . e3|", ">= 0", "m", "0";
+    SphereSecondMomentE1 "SphereSecondMomentE1" Sphere: "mean ((p_n - p) . e1)^2", ">= 0", "m2", "0";
+    SphereSecondMomentE2 "SphereSecondMomentE2" Sphere: "mean ((p_n - p) . e2)^2", ">= 0", "m2", "0";
+    SphereSecondMomentE3 "SphereSecondMomentE3" Sphere: "mean ((p_n - p) . e3)^2", ">= 0", "m2", "0";
+    SphereMomentZ "SphereMomentZ" Sphere: "mean (p_n - p) . z", "any", "m", "-";
+    SphereSecondMomentZ "SphereSecondMomentZ" Sphere: "mean ((p_n - p) . z)^2", ">= 0", "m2", "-";
+    SphereCount "SphereCount" Sphere: "number of points", ">= 1", "-", "-";
     ContextOwn "Own" Context: "p of the point", "0..1", "-", "-";
     ContextVoxel "Voxel" Context: "mean p in 3 x 3 x 3 voxels", "0..1", "-", "-";
     ContextCell "Cell" Context: "mean p in 3 x 3 cells in plan", "0..1", "-", "-";
@@ -292,7 +319,7 @@ impl Feature {
     /// its code too, as in `Voxel_6_r0p5`.
     pub fn named(name: &str, scope: Scope) -> Option<Self> {
         let base = match scope {
-            Scope::Level | Scope::Cell => name.rsplit_once("_r")?.0,
+            Scope::Level | Scope::Cell | Scope::Radius => name.rsplit_once("_r")?.0,
             Scope::Class => name.split_once('_')?.0,
             Scope::Point | Scope::Segment => name,
         };
@@ -329,7 +356,7 @@ mod tests {
 
     #[test]
     fn names_are_unique_within_a_scope_short_and_plain() {
-        for scope in [Scope::Level, Scope::Cell, Scope::Class, Scope::Point, Scope::Segment] {
+        for scope in [Scope::Level, Scope::Cell, Scope::Radius, Scope::Class, Scope::Point, Scope::Segment] {
             let mut names: Vec<String> = of_scope(scope).map(|d| scaled_name(d, 1638.4)).collect();
             assert!(names.iter().all(|n| n.len() <= 31 && n.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')));
             names.sort();
@@ -348,7 +375,7 @@ mod tests {
             assert_eq!(definition.feature.definition(), definition);
             let scope = definition.group.scope();
             let name = match scope {
-                Scope::Level | Scope::Cell => scaled_name(definition, 0.4),
+                Scope::Level | Scope::Cell | Scope::Radius => scaled_name(definition, 0.4),
                 Scope::Class => class_name(definition, 6, Some(0.4)),
                 Scope::Point | Scope::Segment => definition.name.to_owned(),
             };
@@ -364,6 +391,6 @@ mod tests {
         let grouped: Vec<&Definition> = Group::ALL.into_iter().flat_map(Group::definitions).collect();
         assert_eq!(grouped, ALL.iter().collect::<Vec<_>>());
         let counts = Group::ALL.map(|group| group.definitions().count());
-        assert_eq!(counts, [9, 4, 3, 24, 6, 3, 1, 3, 4, 2, 9, 9, 2, 4, 8]);
+        assert_eq!(counts, [9, 4, 3, 24, 18, 6, 3, 1, 3, 4, 2, 9, 9, 2, 4, 8]);
     }
 }

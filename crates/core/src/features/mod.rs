@@ -24,5 +24,5 @@ pub use optimal::{OptimalFeatures, local_descriptors, optimal_features, optimal_
 pub use params::{Centre, Column, Divisor, FeatureSet, PyramidParams};
 pub use profile::{ProfileParams, Profiles};
 pub(crate) use radius::StackedFeatures;
-pub use radius::{Quantity, RadiusParams, Shape, radius_features};
+pub use radius::{Quantity, RadiusParams, Shape, SphereParams, Spheres, radius_features};
 pub use table::{FeatureTable, table, table_at};

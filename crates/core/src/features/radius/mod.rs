@@ -1,9 +1,11 @@
 //! Features of the points within a radius of each point: in spheres, or in vertical cylinders.
 
 mod quantity;
+mod spheres;
 mod sums;
 
 pub use quantity::Quantity;
+pub use spheres::{SphereParams, Spheres};
 
 use super::params::Divisor;
 use crate::cloud::Positions;
@@ -190,8 +192,9 @@ impl WithSimd for Describe<'_> {
             let mut first = range.start;
             while first < range.end {
                 monitor.check()?;
-                let batch = Batch::of(stacks, first..range.end, radius);
-                let found = batch.surroundings(simd, params, scratch);
+                let batch = Batch::of(stacks, &stacks.positions, first..range.end, radius);
+                batch.sum(simd, params.shape, scratch);
+                let found = scratch.sums.solve(params.divisor);
                 for lane in 0..batch.points.len() {
                     let described = Described::of(&found, lane, params.normalise);
                     let row = &mut rows[(first - range.start + lane) * width + number * quantities.len()..];
@@ -204,9 +207,10 @@ impl WithSimd for Describe<'_> {
     }
 }
 
-/// Up to 16 consecutive points whose neighbours are searched together.
+/// Up to 16 consecutive places whose neighbours are searched together.
 struct Batch<'a> {
     stacks: &'a Stacks,
+    places: &'a Positions,
     points: Range<usize>,
     /// The box that holds them.
     block: Block,
@@ -214,18 +218,18 @@ struct Batch<'a> {
 }
 
 impl<'a> Batch<'a> {
-    /// The first of these points that lie within a cube of the radius.
-    fn of(stacks: &'a Stacks, range: Range<usize>, radius: f64) -> Self {
-        let mut block = Block::at(stacks.positions.xyz(range.start));
+    /// The first of these places that lie within a cube of the radius; neighbours are points of the stacks.
+    fn of(stacks: &'a Stacks, places: &'a Positions, range: Range<usize>, radius: f64) -> Self {
+        let mut block = Block::at(places.xyz(range.start));
         let mut end = range.start + 1;
         while end < range.end.min(range.start + LANES) {
-            let wider = block.with(stacks.positions.xyz(end));
+            let wider = block.with(places.xyz(end));
             if !wider.is_within(radius) {
                 break;
             }
             (block, end) = (wider, end + 1);
         }
-        Self { stacks, points: range.start..end, block, radius }
+        Self { stacks, places, points: range.start..end, block, radius }
     }
 
     /// The box whose surroundings are searched: for cylinders, of any height.
@@ -237,23 +241,22 @@ impl<'a> Batch<'a> {
         reach
     }
 
-    /// The points around each point; lanes without a point repeat the first.
+    /// Sums over the points around each place; lanes without a place repeat the first.
     #[inline(always)]
-    fn surroundings<S: Simd>(&self, simd: S, params: &RadiusParams, scratch: &mut Scratch) -> Surroundings {
+    fn sum<S: Simd>(&self, simd: S, shape: Shape, scratch: &mut Scratch) {
         let Self { stacks, ref points, radius, .. } = *self;
         let mut places = Places { at: [[0.0; LANES]; 3], limit: (radius * radius) as f32 };
         for lane in 0..LANES {
             let point = if lane < points.len() { points.start + lane } else { points.start };
-            let at = stacks.positions.xyz(point);
+            let at = self.places.xyz(point);
             (0..3).for_each(|a| places.at[a][lane] = at[a]);
         }
-        stacks.runs(&self.reach(params.shape), radius, &mut scratch.runs);
+        stacks.runs(&self.reach(shape), radius, &mut scratch.runs);
         scratch.sums.clear();
         for run in &scratch.runs {
             let run = run.start as usize..run.end as usize;
-            scratch.sums.add(simd, params.shape, &places, Candidates { points: &stacks.positions, run });
+            scratch.sums.add(simd, shape, &places, Candidates { points: &stacks.positions, run });
         }
-        scratch.sums.solve(params.divisor)
     }
 }
 

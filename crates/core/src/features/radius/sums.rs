@@ -43,6 +43,8 @@ impl Default for Sums {
 #[derive(Clone, Debug)]
 pub(super) struct Surroundings {
     pub(super) count: [f64; LANES],
+    /// Sums of the coordinates relative to the place: x, y, z, xx, yy, zz, xy, xz, yz.
+    pub(super) totals: [[f64; LANES]; SUMS - 1],
     pub(super) eigen: LaneEigen<f64, LANES>,
 }
 
@@ -107,7 +109,8 @@ impl Sums {
                 entry[l] *= scale[l];
             }
         }
-        Surroundings { count: self.double[0], eigen: jacobi(&matrix) }
+        let totals = std::array::from_fn(|k| self.double[k + 1]);
+        Surroundings { count: self.double[0], totals, eigen: jacobi(&matrix) }
     }
 }
 

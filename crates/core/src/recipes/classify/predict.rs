@@ -123,7 +123,7 @@ impl Fit {
     }
 
     /// Counts the values of a row.
-    fn look(&mut self, row: &[f32], training: &Fingerprint) {
+    pub(in crate::recipes) fn look(&mut self, row: &[f32], training: &Fingerprint) {
         let levels = training.quantiles.chunks_exact(Fingerprint::LEVELS.len());
         for (value, levels) in row.iter().zip(levels).filter(|(value, _)| value.is_finite()) {
             self.values += 1;
@@ -148,7 +148,7 @@ pub(in crate::recipes) struct Rating {
 }
 
 /// One point of this many is compared with the training samples.
-const LOOKED_AT: u32 = 16;
+pub(in crate::recipes) const LOOKED_AT: u32 = 16;
 
 /// Points of a group of blocks and their class probabilities.
 struct Group {

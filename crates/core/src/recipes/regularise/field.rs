@@ -1,15 +1,17 @@
 //! The conditional random field: a label for each node of a graph.
 
+use super::params::RegulariseParams;
 use crate::error::Result;
 use crate::graph::{Graph, connected_components};
 use crate::parallel::Monitor;
 use crate::regularisation::{ExpansionParams, Labelling, alpha_expansion};
 
 /// The labelling of lowest energy found by α-expansion. `costs` are the unary costs, row-major `nodes x classes`.
-pub(super) fn field(costs: &[f32], graph: &Graph, strength: f64, monitor: &Monitor) -> Result<Labelling> {
-    match strength.is_finite() {
+pub(super) fn field(costs: &[f32], graph: &Graph, params: &RegulariseParams, monitor: &Monitor) -> Result<Labelling> {
+    match params.strength.is_finite() {
         true => {
-            let expansion = ExpansionParams { strength, ..ExpansionParams::default() };
+            let RegulariseParams { strength, starts, .. } = *params;
+            let expansion = ExpansionParams { strength, starts, ..ExpansionParams::default() };
             alpha_expansion(costs, graph, &expansion, monitor)
         }
         false => of_components(costs, graph, monitor),

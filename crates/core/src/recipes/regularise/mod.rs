@@ -195,6 +195,7 @@ mod tests {
         };
         let params = || RegulariseParams { method: Regularise::PointCrf, ..RegulariseParams::default() };
         assert!(refused(given, RegulariseParams { strength: -1.0, ..params() }).contains("strength"));
+        assert!(refused(given, RegulariseParams { starts: 3, ..params() }).contains("starts"));
         assert!(refused(given, RegulariseParams { smoothing: 0.0, ..params() }).contains("smoothing"));
         assert!(refused(given, RegulariseParams { neighbours: 0, ..params() }).contains("neighbours"));
         assert!(refused(Probabilities { values: &values[3..], classes: 3 }, params()).contains("probabilities"));

@@ -76,7 +76,7 @@ impl Segments {
             Posterior::LogOfMean => self.costs(rows.iter().map(|p| -f64::from(*p).ln()), classes),
             Posterior::MeanOfLogs => self.costs(self.mean_of_logs(smooth, classes).into_iter(), classes),
         };
-        let found = field(&costs, &self.graph, params.strength, monitor)?;
+        let found = field(&costs, &self.graph, params, monitor)?;
         let labels = spread(&self.partition, &found.labels);
         Ok(Regularised { labels, rows, partition, energy: Some(found.energy) })
     }

@@ -123,7 +123,7 @@ impl Support {
             Self::Points(graph) => {
                 monitor.stage("random field", graph.len() as u64);
                 let costs: Vec<f32> = smooth.iter().map(|p| -p.ln()).collect();
-                let found = field(&costs, graph, params.strength, monitor)?;
+                let found = field(&costs, graph, params, monitor)?;
                 Ok(Regularised { labels: found.labels, rows: smooth, partition: None, energy: Some(found.energy) })
             }
             Self::Segments(segments) => segments.decide(Probabilities { values: &smooth, classes }, params, monitor),

@@ -6,11 +6,13 @@ use crate::recipes::auto_context::AutoContextRecipe;
 use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
 use crate::recipes::classify::{Classified, Job};
+use crate::recipes::clusters::ClustersRecipe;
 use crate::recipes::labels::LabelledCloud;
 use crate::recipes::model::Model;
 use crate::recipes::objects::ObjectsRecipe;
 use crate::recipes::pyramid::PyramidRecipe;
 use crate::recipes::regularise::{Regularise, RegulariseParams};
+use crate::recipes::spheres::SpheresRecipe;
 #[cfg(test)]
 use crate::recipes::system::height::HeightRecipe;
 use crate::recipes::system::report::Report;
@@ -257,6 +259,10 @@ systems! {
     Objects: ObjectsRecipe;
     /// Heights above the ground and auto-context, for airborne (the built-in model), mobile and indoor scans.
     AutoContext: AutoContextRecipe;
+    /// Grilli et al. 2021: clusters on four levels and a few features in spheres.
+    Clusters: ClustersRecipe;
+    /// Thomas et al. 2018: features in spheres of several radii.
+    Spheres: SpheresRecipe;
     /// The example of CONTRIBUTING.md.
     Height: HeightRecipe, only in test;
 }

@@ -4,15 +4,16 @@ use crate::error::Result;
 use crate::recipes::system::any::AnyRecipe;
 
 /// Name and text of each.
-const PAPERS: [(&str, &str); 3] = [
+const PAPERS: [(&str, &str); 4] = [
     ("pyramid-paper", include_str!("../../../assets/recipes/pyramid-paper.toml")),
     ("weak-paper", include_str!("../../../assets/recipes/weak-paper.toml")),
     ("objects-paper", include_str!("../../../assets/recipes/objects-paper.toml")),
+    ("clusters-paper", include_str!("../../../assets/recipes/clusters-paper.toml")),
 ];
 
 impl AnyRecipe {
     /// The names of the recipes as in their papers.
-    pub const PAPERS: [&'static str; PAPERS.len()] = [PAPERS[0].0, PAPERS[1].0, PAPERS[2].0];
+    pub const PAPERS: [&'static str; PAPERS.len()] = [PAPERS[0].0, PAPERS[1].0, PAPERS[2].0, PAPERS[3].0];
 
     /// Whether a recipe has that name, [`AnyRecipe::PAPERS`] among them.
     pub fn is_name(name: &str) -> bool {
@@ -29,7 +30,7 @@ impl AnyRecipe {
 mod tests {
     use super::*;
     use crate::recipes::{Descriptors, Heights, Regularise};
-    use crate::segmentation::{CutPursuitSteps, LocalGraphParams, SlicParams};
+    use crate::segmentation::{ClusterForm, CutPursuitSteps, LocalGraphParams, SlicParams};
 
     #[test]
     fn recipes_of_papers_have_none_of_the_additions_and_are_valid() {
@@ -44,6 +45,7 @@ mod tests {
                     assert!(!weak.labels.hold && !weak.labels.fit_partition);
                     assert_eq!(weak.regularise.partition.cut_pursuit, CutPursuitSteps::paper());
                     assert_eq!((weak.regularise.method, weak.regularise.near), (Regularise::SegmentCrf, f64::INFINITY));
+                    assert_eq!(weak.regularise.starts, 1);
                 }
                 AnyRecipe::Pyramid(pyramid) => {
                     assert_eq!(pyramid.regularise.method, Regularise::None);
@@ -54,6 +56,10 @@ mod tests {
                     assert_eq!(objects.heights, Heights::Datum);
                     assert_eq!(objects.segments.local_graphs, LocalGraphParams::paper());
                     assert_eq!(objects.segments.slic, SlicParams::paper());
+                }
+                AnyRecipe::Clusters(clusters) => {
+                    assert_eq!((clusters.form, clusters.clusters.edge_rounds), (ClusterForm::Rank, 0));
+                    assert_eq!((clusters.regularise.method, clusters.training.keep_samples), (Regularise::None, 0));
                 }
                 other => panic!("{}", other.name()),
             }

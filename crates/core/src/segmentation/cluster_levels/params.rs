@@ -57,14 +57,18 @@ impl Default for AutomaticParams {
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClusterParams {
-    /// ε: points within this distance are neighbours, metres, above 0; found in the cloud if absent.
+    /// ε: points within this distance are neighbours, metres, above 0; found in the cloud if absent (`"none"` in a recipe).
+    #[serde(with = "crate::settings::optional")]
     pub radius: Option<f64>,
     /// τ: least number of points of a segment, at least 1; found in the cloud if absent.
+    #[serde(with = "crate::settings::optional")]
     pub min_size: Option<u32>,
     /// α: largest angle between the normal of a point and of the region that takes it, degrees, 0..=90; found in the
     /// cloud if absent.
+    #[serde(with = "crate::settings::optional")]
     pub angle_deg: Option<f64>,
     /// δ: largest distance of a point from the plane of the region, metres, 0 or more; found in the cloud if absent.
+    #[serde(with = "crate::settings::optional")]
     pub offset: Option<f64>,
     /// How those that are absent are found.
     pub automatic: AutomaticParams,
