@@ -2,6 +2,7 @@
 
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, ReadOptions};
+use scansion_core::parallel::Monitor;
 use scansion_tests::data;
 use std::path::PathBuf;
 
@@ -191,4 +192,46 @@ fn every_odd_file_is_read_or_refused_soon() {
     }
     eprintln!("{read} read, {refused} refused");
     assert!(read > 110);
+}
+
+/// Text whose columns are named by a header row, by the caller or only by their number.
+#[test]
+fn columns_of_text_are_named_and_never_guessed_in_silence() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str, text: &str, columns: &[&str]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let monitor = Monitor::default();
+        let text_columns = columns.iter().map(ToString::to_string).collect();
+        let options = ReadOptions { text_columns, monitor: monitor.clone(), ..ReadOptions::default() };
+        io::read_with(&path, &options).map(|cloud| (cloud, monitor.warnings()))
+    };
+    // Names of surveyors, semicolons and decimal commas.
+    let survey = "Easting;Northing;Height;Code\n3450123,50;5712000,25;101,75;6\n3450124,00;5712001,00;-2,5;2\n";
+    let (cloud, warnings) = read("survey.csv", survey, &[]).unwrap();
+    assert_eq!((cloud.xyz(0), cloud.xyz(1)), ([3_450_123.5, 5_712_000.25, 101.75], [3_450_124.0, 5_712_001.0, -2.5]));
+    assert!(cloud.column("Code").is_some() && warnings.is_empty(), "{warnings:?}");
+    let (cloud, _) = read("tabs.txt", "1,5\t2,5\t3,5\n4,5\t5,5\t6\n", &[]).unwrap();
+    assert_eq!([cloud.xyz(0), cloud.xyz(1)], [[1.5, 2.5, 3.5], [4.5, 5.5, 6.0]]);
+    // Without names: a warning with the first line and what it is taken as.
+    let (cloud, warnings) = read("bare.xyz", "1 2 3 10 20 30\n", &[]).unwrap();
+    assert_eq!(cloud.column("Green").unwrap().values.get(0), 20.0);
+    assert!(
+        warnings[0].contains("\"1 2 3 10 20 30\"") && warnings[0].contains("x, y, z, Red, Green, Blue"),
+        "{warnings:?}"
+    );
+    assert!(read("plain.xyz", "1 2 3\n", &[]).unwrap().1.is_empty());
+    // Names given by the caller, with and without a header row.
+    for text in ["7 3 2 1 5\n", "a b c d e\n7 3 2 1 5\n"] {
+        let (cloud, warnings) = read("given.xyz", text, &["class", "z", "y", "x", "r"]).unwrap();
+        assert_eq!((cloud.len(), cloud.xyz(0), warnings.len()), (1, [1.0, 2.0, 3.0], 0));
+        let values = |name: &str| cloud.column(name).unwrap().values.get(0);
+        assert_eq!((values("Classification"), values("Red")), (7.0, 5.0));
+    }
+    let message = |text: &str, columns: &[&str]| read("bad.xyz", text, columns).unwrap_err().to_string();
+    let few = message("1 2 3 4\n", &["x", "y", "z"]);
+    assert!(few.contains("4 in 1 2 3 4") && few.contains("x, y, z"), "{few}");
+    assert!(message("1 2 3\n", &["x", "y", "class"]).contains("easting"));
+    assert!(message("1,5 2,5 3,5\n", &[]).contains("semicolons"));
+    assert!(message("1 2\n", &[]).contains("2 in 1 2"));
 }

@@ -399,3 +399,64 @@ fn labels_of_a_few_points_are_spread_over_coloured_segments() {
     assert_eq!(codes, [2, 6]);
     assert!(classes.iter().all(|class| class["points"].as_u64().unwrap() > 300), "{found}");
 }
+
+/// Classes that the model does not know are replaced with a warning that counts them; they can be kept, or the result
+/// written beside them; the summary is JSON and CSV, and the file tells what made its classes.
+#[test]
+fn what_is_replaced_is_told_and_the_file_knows_its_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let cloud = street(40.0, 3);
+    write(&f.join("street.laz"), cloud.clone());
+    done(f, &[&["train", "street.laz", "-o", "street.model"][..], &QUICK].concat());
+    let mut bridged = cloud.clone();
+    let old = cloud.column("Classification").unwrap().values.to_f64();
+    let code = |i: usize| {
+        if i < 300 {
+            17
+        } else if i < 340 {
+            65
+        } else {
+            old[i] as u8
+        }
+    };
+    let codes: Vec<u8> = (0..old.len()).map(code).collect();
+    bridged.set_column(Column::new("Classification", Values::U8(codes.clone()))).unwrap();
+    io::write(&f.join("bridge.laz"), &bridged, &Default::default()).unwrap();
+
+    let run = |output: &str, extra: &[&str]| {
+        let own = ["classify", "bridge.laz", "-m", "street.model", "--regularize", "none", "-o", output];
+        done(f, &[&own[..], extra].concat())
+    };
+    let (out, err) = run("a.laz", &["--format", "json"]);
+    assert!(err.contains("17 bridge deck (300 points)") && err.contains("--keep 17,65"), "{err}");
+    let found = json(&out);
+    assert_eq!(found["replaced"][0]["points"], 300);
+    let points: u64 = found["classes"].as_array().unwrap().iter().map(|c| c["points"].as_u64().unwrap()).sum();
+    assert_eq!(points, old.len() as u64);
+    let (out, _) = run("b.laz", &["--keep", "17,65", "--format", "csv"]);
+    assert!(out.contains("\"b.laz\",17,\"bridge deck\",300,"), "{out}");
+    let kept = io::read(&f.join("b.laz")).unwrap().column("Classification").unwrap().values.to_f64();
+    assert!((0..340).all(|i| kept[i] == f64::from(codes[i])));
+    let (_, err) = run("c.laz", &["--to", "PredictedClassification"]);
+    assert!(!err.contains("replaced"), "{err}");
+    let both = io::read(&f.join("c.laz")).unwrap();
+    assert_eq!(both.column("Classification").unwrap().values, Values::U8(codes));
+    let predicted = both.column("PredictedClassification").unwrap().values.to_f64();
+    let plain = io::read(&f.join("a.laz")).unwrap().column("Classification").unwrap().values.to_f64();
+    assert_eq!(predicted, plain);
+
+    // Classified again, the file tells of the last model only.
+    let told = |file: &str| json(&done(f, &["info", file, "--json"]).0)[0]["provenance"].as_str().map(json);
+    let first = told("a.laz").unwrap();
+    assert_eq!(
+        (&first["model"], &first["recipe"], &first["regularise"]),
+        (&"street.model".into(), &"pyramid".into(), &"none".into())
+    );
+    assert_eq!(first["checksum"].as_str().unwrap().len(), 64);
+    done(f, &["classify", "a.laz", "-m", "street.model", "-o", "d.laz", "--regularize", "local"]);
+    assert_eq!(told("d.laz").unwrap()["regularise"], "local");
+    assert!(told("bridge.laz").is_none());
+    let text = done(f, &["info", "d.laz"]).0;
+    assert_eq!(text.matches("scansion 1").count(), 1, "{text}");
+}

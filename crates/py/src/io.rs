@@ -12,17 +12,17 @@ use scansion_core::voxels::planar_density;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-/// Columns to keep besides the coordinates, box, and resolution.
-type Part = (Option<Vec<String>>, Option<Bounds>, Option<f64>);
+/// Columns to keep besides the coordinates, box, resolution, and names of the columns of text.
+type Part = (Option<Vec<String>>, Option<Bounds>, Option<f64>, Vec<String>);
 
-fn part((columns, bounds, resolution): Part, monitor: &Monitor) -> ReadOptions {
+fn part((columns, bounds, resolution, text_columns): Part, monitor: &Monitor) -> ReadOptions {
     let columns = columns.map_or(Columns::All, Columns::Only);
-    ReadOptions { columns, bounds, resolution, metres_per_unit: None, monitor: monitor.clone() }
+    ReadOptions { columns, bounds, resolution, metres_per_unit: None, text_columns, monitor: monitor.clone() }
 }
 
 /// Reads a file, or a part of it.
 #[pyfunction]
-#[pyo3(signature = (path, part = (None, None, None), n_jobs = None))]
+#[pyo3(signature = (path, part = (None, None, None, vec![]), n_jobs = None))]
 pub(crate) fn read(py: Python<'_>, path: PathBuf, part: Part, n_jobs: Option<i64>) -> PyResult<Cloud> {
     call(py, n_jobs, |monitor| io::read_with(&path, &self::part(part, monitor))).map(Cloud::of)
 }
@@ -39,7 +39,7 @@ pub(crate) struct Blocks {
 #[pymethods]
 impl Blocks {
     #[new]
-    #[pyo3(signature = (path, size, part = (None, None, None), n_jobs = None))]
+    #[pyo3(signature = (path, size, part = (None, None, None, vec![]), n_jobs = None))]
     fn new(py: Python<'_>, path: PathBuf, size: usize, part: Part, n_jobs: Option<i64>) -> PyResult<Self> {
         let monitor = Monitor::default();
         let blocks = call_with(py, n_jobs, &monitor, |monitor| io::blocks(&path, size, &self::part(part, monitor)))?;

@@ -35,7 +35,7 @@ scansion model show my.model --recipe prints all settings that --set and --recip
 pub(super) const CLASSIFY: &str = "Examples:
   scansion classify my.laz -o classified.laz                 with the built-in model for airborne scans
   scansion classify *.laz -m my.model -o classified/         many files into a folder
-  scansion classify my.laz -o classified.laz --only-unclassified --skip 9,17
+  scansion classify my.laz -o classified.laz --only-unclassified --keep 9,17
   scansion classify my.laz -o classified.laz --regularize segment-crf --set regularise.strength=2";
 
 pub(super) const SEGMENT: &str = "Examples:

@@ -122,9 +122,12 @@ pub(crate) struct Classify {
     /// Only classify points that are unclassified (codes 0 and 1; Semantic3D: 0)
     #[arg(short = 'u', long)]
     pub(crate) only_unclassified: bool,
-    /// Keep the class of points with these codes
-    #[arg(long, value_name = "CODES", value_delimiter = ',')]
-    pub(crate) skip: Vec<u8>,
+    /// Keep the class of points with these codes, e.g. 9,17 for water and bridges
+    #[arg(long, visible_alias = "skip", value_name = "CODES", value_delimiter = ',')]
+    pub(crate) keep: Vec<u8>,
+    /// Write the classes to this dimension, e.g. PredictedClassification, and leave Classification as it is
+    #[arg(long, value_name = "NAME")]
+    pub(crate) to: Option<String>,
     /// Change the model's codes in the output, e.g. 5=4; may be repeated
     #[arg(long, value_name = "OLD=NEW,...")]
     pub(crate) map: Vec<String>,

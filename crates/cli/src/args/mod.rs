@@ -56,6 +56,9 @@ pub(crate) struct Global {
     /// Format of the data on stdout
     #[arg(long, global = true, value_enum, default_value_t = Format::Table)]
     pub(crate) format: Format,
+    /// Names of the columns of text files, e.g. x,y,z,intensity,class or easting,northing,height; they replace a header row
+    #[arg(long, global = true, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) columns: Vec<String>,
     /// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere
     #[arg(long, global = true, value_enum, default_value_t = ProgressMode::Auto)]
     pub(crate) progress: ProgressMode,

@@ -1,5 +1,6 @@
 //! `scansion classify`: classifies every point and keeps everything else in the file.
 
+use super::classified::{Replaced, Summary, name_of};
 use super::{Context, sources};
 use crate::args::Classify;
 use crate::exit_code::Failure;
@@ -8,9 +9,12 @@ use scansion_core::classes::{ClassTable, LabelMap};
 use scansion_core::cloud::{Cloud, CodeScheme, Column, Values, names};
 use scansion_core::io::{self, Columns, Edit, run, salvage};
 use scansion_core::recipes::{self, ClassRules, Classified, ClassifyParams, Model};
-use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
+
+/// What the built-in model has no class for.
+const LIMITS: &str = "built-in model: cars, masts, long bridges and water have no class of their own and become vegetation, \
+                      building or ground; `scansion train` makes models with other classes";
 
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
     let mut model = sources::model(args.model.as_deref())?;
@@ -18,6 +22,9 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
         model.fitted = model.fitted.with_settings(args.set.iter().map(String::as_str))?;
     }
     let map: LabelMap = args.map.join(",").parse()?;
+    if args.model.is_none() {
+        context.printer.note(LIMITS);
+    }
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
     let mut failed = 0;
     let checked: Vec<_> = pairs.iter().map(|(_, output)| io::check_cloud_output(output)).collect();
@@ -51,9 +58,7 @@ fn one(
         io::check_dimensions(input, output, &dimensions(model, args))?;
     }
     let mut wanted = model.fitted.columns();
-    if args.only_unclassified || !args.skip.is_empty() {
-        wanted.push(names::CLASSIFICATION.into());
-    }
+    wanted.push(names::CLASSIFICATION.into());
     let mut options = context.read_options();
     options.columns = Columns::Only(wanted);
     let cloud = match args.salvage {
@@ -83,7 +88,9 @@ fn one(
     }
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);
-    let table = summary(&codes, &result, &given(model, args)?);
+    let given = given(model, args)?;
+    let replaced = if args.to.is_none() { replaced(&cloud, &codes, &mapped(&given, map)) } else { Vec::new() };
+    let summary = Summary::new(output, &codes, &result, &given).replacing(replaced);
     drop(cloud);
     let edits = edits(codes, result, (model, map), args)?;
     let report = if args.salvage {
@@ -101,8 +108,9 @@ fn one(
         output.display(),
         rate / 1e3
     ));
-    table.lines().for_each(|line| context.printer.note(line));
-    Ok(())
+    summary.table().lines().for_each(|line| context.printer.note(line));
+    summary.notice().iter().for_each(|text| context.printer.warning(text));
+    summary.data(context.printer.format).map_or(Ok(()), |text| context.printer.data(&text))
 }
 
 /// The rules of the model's recipe, with the user's confidence.
@@ -118,37 +126,26 @@ fn given(model: &Model, args: &Classify) -> Result<ClassTable, Failure> {
     Ok(rules(model, args)?.given(&model.classes))
 }
 
-/// A table of the classes that are written: points, share, mean confidence; and how the cloud compares with the training.
-fn summary(codes: &[u8], result: &Classified, classes: &ClassTable) -> String {
-    let mut sums = vec![(0u64, 0.0f64); 256];
-    for (&code, &confidence) in codes.iter().zip(&result.confidence) {
-        let (count, sum) = &mut sums[usize::from(code)];
-        (*count, *sum) = (*count + 1, *sum + f64::from(confidence));
-    }
-    let mut text = format!("{:>5}  {:<20} {:>12} {:>8} {:>11}\n", "code", "class", "points", "share", "confidence");
-    for (code, (count, sum)) in (0u8..=255).zip(sums).filter(|(_, (count, _))| *count > 0) {
-        // Codes of no class: those of unclassified and stray points.
-        let other = ClassTable::from_codes(&[code]);
-        let class = classes.position(code).map_or(other.classes().first(), |c| classes.classes().get(c));
-        let (name, share) = (class.map_or("", |class| &class.name), 100.0 * count as f64 / codes.len() as f64);
-        let _ = writeln!(text, "{code:>5}  {name:<20} {count:>12} {share:>6.2} % {:>11.2}", sum / count as f64);
-    }
-    if let Some(fit) = result.fit {
-        let _ = writeln!(
-            text,
-            "feature values: {:.0} % outside the middle 90 % of those in training, {:.1} % beyond all of them",
-            100.0 * fit.outside,
-            100.0 * fit.beyond
-        );
-    }
-    text
+/// What made the classes, as JSON: program, model and its checksum, recipe, regularisation.
+fn provenance(model: &Model, args: &Classify) -> Result<String, Failure> {
+    let own = model.fitted.regularise().method;
+    let file = args.model.as_deref().and_then(Path::file_name);
+    let text = serde_json::json!({
+        "program": concat!("scansion ", env!("CARGO_PKG_VERSION")),
+        "model": file.map_or("built-in".into(), |name| name.to_string_lossy()),
+        "checksum": model.checksum()?,
+        "recipe": model.fitted.recipe().name(),
+        "settings": args.set,
+        "regularise": args.regularize.unwrap_or(own).name(),
+    });
+    Ok(text.to_string())
 }
 
 /// The codes to write: the model's, except where the user wants the old ones kept.
 fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Vec<u8> {
     let old = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
-    let open: &[u8] = if cloud.scheme == CodeScheme::Semantic3d { &[0] } else { &[0, 1] };
-    let keep = |code: u8| args.skip.contains(&code) || (args.only_unclassified && !open.contains(&code));
+    let open = unclassified(cloud);
+    let keep = |code: u8| args.keep.contains(&code) || (args.only_unclassified && !open.contains(&code));
     let codes = result.codes.iter().enumerate();
     codes
         .map(|(i, &new)| match old.map(|v| v.get(i) as u8) {
@@ -156,6 +153,31 @@ fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) ->
             _ => map.apply(new),
         })
         .collect()
+}
+
+/// The codes of points without a class.
+fn unclassified(cloud: &Cloud) -> &'static [u8] {
+    if cloud.scheme == CodeScheme::Semantic3d { &[0] } else { &[0, 1] }
+}
+
+/// The codes of some classes in the output.
+fn mapped(classes: &ClassTable, map: &LabelMap) -> Vec<u8> {
+    classes.classes().iter().map(|class| map.apply(class.code)).collect()
+}
+
+/// Classes of the input that are written over, but are none of the `known` ones, which a result may have.
+fn replaced(cloud: &Cloud, codes: &[u8], known: &[u8]) -> Vec<Replaced> {
+    let Some(old) = cloud.column(names::CLASSIFICATION).map(|c| &c.values) else { return Vec::new() };
+    let mut counts = [0u64; 256];
+    for (i, &new) in codes.iter().enumerate() {
+        let old = old.get(i) as u8;
+        counts[usize::from(old)] += u64::from(old != new);
+    }
+    let open = unclassified(cloud);
+    let lost =
+        (0u8..=255).zip(counts).filter(|(code, points)| *points > 0 && !known.contains(code) && !open.contains(code));
+    let scheme = |code| ClassTable::of_scheme(&[code], cloud.scheme);
+    lost.map(|(code, points)| Replaced { code, name: name_of(code, &scheme(code)), points }).collect()
 }
 
 /// The dimensions that will be written, still empty.
@@ -167,7 +189,8 @@ fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
     if args.probabilities {
         list.extend(model.classes.classes().iter().map(|class| probability_of(&class.name)));
     }
-    list.into_iter().map(|name| Column::new(name, Values::F32(Vec::new()))).collect()
+    let own = args.to.iter().map(|name| Column::new(name, Values::U8(Vec::new())));
+    own.chain(list.into_iter().map(|name| Column::new(name, Values::F32(Vec::new())))).collect()
 }
 
 /// Name of the dimension with a class's probability.
@@ -182,11 +205,15 @@ fn edits(
     (model, map): (&Model, &LabelMap),
     args: &Classify,
 ) -> Result<Vec<Edit>, Failure> {
-    let mut edits = vec![Edit::Classification(codes)];
+    let mut edits = vec![match &args.to {
+        Some(name) => Edit::Dimension(Column::new(name, Values::U8(codes))),
+        None => Edit::Classification(codes),
+    }];
     if !args.no_extra {
         let classes = given(model, args)?;
         let names = classes.classes().iter().map(|c| (map.apply(c.code), c.name.clone())).collect();
         edits.push(Edit::ClassNames(names));
+        edits.push(Edit::Provenance(provenance(model, args)?));
         edits.push(Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))));
         edits.push(Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))));
     }

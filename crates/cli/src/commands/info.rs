@@ -165,6 +165,9 @@ fn table(described: &Described) -> String {
     if !info.vlrs.is_empty() {
         line("VLRs", info.vlrs.join(", "));
     }
+    if let Some(text) = &info.provenance {
+        line("classified by", text.clone());
+    }
     if let Some(stats) = &described.stats {
         line("density", format!("{:.1} points per square metre", stats.points_per_square_metre));
         line("spacing", format!("{:.3} m", stats.spacing_metres));

@@ -1,5 +1,6 @@
 //! One file per command: read, one call of the core, write.
 
+mod classified;
 mod classify;
 mod convert;
 mod demo;
@@ -40,19 +41,23 @@ pub(crate) struct Context<'a> {
     pub(crate) unit: Option<f64>,
     /// Scale of LAS outputs, if given by the user.
     pub(crate) scale: Option<[f64; 3]>,
+    /// Names of the columns of text files, if given by the user.
+    pub(crate) columns: &'a [String],
 }
 
 impl Context<'_> {
     /// Options for writing, with this run's scale, progress and cancellation.
     pub(crate) fn write_options(&self) -> WriteOptions {
-        let mut options = WriteOptions { scale: self.scale, ..WriteOptions::default() };
+        let text_columns = self.columns.to_vec();
+        let mut options = WriteOptions { scale: self.scale, text_columns, ..WriteOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
 
     /// Options for reading all columns, with this run's unit, progress and cancellation.
     pub(crate) fn read_options(&self) -> ReadOptions {
-        let mut options = ReadOptions { metres_per_unit: self.unit, ..ReadOptions::default() };
+        let text_columns = self.columns.to_vec();
+        let mut options = ReadOptions { metres_per_unit: self.unit, text_columns, ..ReadOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
@@ -74,7 +79,7 @@ impl Context<'_> {
 pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
     let (unit, scale) = (args.command.unit(), args.command.scale().map_err(Failure::Usage)?);
     let running = Interruptible::begin();
-    let context = Context { printer, monitor: running.monitor(), unit, scale };
+    let context = Context { printer, monitor: running.monitor(), unit, scale, columns: &args.global.columns };
     let progress = Progress::watch(&context.monitor, &args.global);
     let rules = Rules { monitor: context.monitor.clone(), replace: args.command.replace() };
     let outcome = threads::with_pool(args.global.threads, || {

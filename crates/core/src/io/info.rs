@@ -33,6 +33,9 @@ pub struct FileInfo {
     pub dimensions: Vec<String>,
     /// User and number of the variable length records.
     pub vlrs: Vec<String>,
+    /// How the classes were made, if this program made them: JSON.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<String>,
     /// The levels of a COPC file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub octree: Option<Octree>,
@@ -67,6 +70,7 @@ impl FileInfo {
             metres_per_unit: None,
             dimensions: Vec::new(),
             vlrs: Vec::new(),
+            provenance: None,
             octree: None,
             warnings: Vec::new(),
         }

@@ -56,6 +56,8 @@ pub enum Edit {
     Colour(Vec<[u8; 3]>),
     /// Names of class codes, stored in the Classification Lookup record of LAS; existing names are kept.
     ClassNames(Vec<(u8, String)>),
+    /// How the classes were made, as text, stored in a record of LAS; other formats do not keep it.
+    Provenance(String),
 }
 
 /// Report of [`rewrite`] and of what else writes files.

@@ -28,6 +28,8 @@ pub struct ReadOptions {
     pub resolution: Option<f64>,
     /// Metres per unit of the coordinates, overriding the file, above 0; `None`: as the file states.
     pub metres_per_unit: Option<f64>,
+    /// Names of the columns of text files, x, y and z among them; empty: those of the header row, or by their number.
+    pub text_columns: Vec<String>,
     /// Progress, cancellation and warnings.
     pub monitor: Monitor,
 }
@@ -67,6 +69,8 @@ pub struct WriteOptions {
     /// `None`: that of the input, or one that moves no point by more than a thousandth of the point spacing. Not for
     /// LAS to LAS.
     pub scale: Option<[f64; 3]>,
+    /// Names of the columns of the input, if it is text: as in [`ReadOptions`].
+    pub text_columns: Vec<String>,
     /// Progress, cancellation and warnings.
     pub monitor: Monitor,
 }

@@ -166,6 +166,15 @@ impl Model {
         Ok(bytes)
     }
 
+    /// The checksum in the model file, 64 hexadecimal digits: the same for the same model.
+    ///
+    /// # Errors
+    /// As [`Model::to_bytes`].
+    pub fn checksum(&self) -> Result<String> {
+        let path = Path::new("model");
+        Ok(read_header(&self.to_bytes()?, path)?.sha256)
+    }
+
     /// Reads a model from the bytes of its file; `path` is named in errors.
     ///
     /// # Errors

@@ -306,7 +306,7 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
         return points
     if isinstance(points, (str, os.PathLike)):
         name = os.fspath(points)
-        return PointCloud._wrap(_core.read(name, (columns, None, None)), name)
+        return PointCloud._wrap(_core.read(name, (columns, None, None, [])), name)
     if hasattr(points, "point_format") and hasattr(points, "header") and hasattr(points, "X"):
         return PointCloud.from_laspy(points)
     fields = getattr(getattr(points, "dtype", None), "names", None)

@@ -175,7 +175,7 @@ class Model:
     def importance(self) -> NDArray[np.float64]: ...
 
 _Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
-_Part = tuple[list[str] | None, _Bounds | None, float | None]
+_Part = tuple[list[str] | None, _Bounds | None, float | None, list[str]]
 
 @final
 class Blocks:

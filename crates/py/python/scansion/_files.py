@@ -33,6 +33,7 @@ def read(
     *,
     bounds: ArrayLike | None = None,
     resolution: float | None = None,
+    text_columns: list[str] | None = None,
 ) -> PointCloud:
     """Reads LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX or text.
 
@@ -46,6 +47,9 @@ def read(
         Only points in this box, lowest and highest corner, both included. Of COPC files only the parts in the box are read.
     resolution : float, optional
         Thin to points about this far apart, in the unit of the file, above 0; COPC files only.
+    text_columns : list of str, optional
+        Names of the columns of a text file, x, y and z (or easting, northing, height) among them; they replace a header
+        row. Without names and a header row, four, six and seven columns have the usual meaning, with a warning.
 
     Returns
     -------
@@ -60,7 +64,7 @@ def read(
         The file is malformed (the message gives the position) or its format is not supported.
     """
     name = os.fspath(path)
-    return PointCloud._wrap(_core.read(name, (columns, _box(bounds), resolution)), name)
+    return PointCloud._wrap(_core.read(name, (columns, _box(bounds), resolution, text_columns or [])), name)
 
 
 def blocks(
@@ -70,6 +74,7 @@ def blocks(
     *,
     bounds: ArrayLike | None = None,
     resolution: float | None = None,
+    text_columns: list[str] | None = None,
 ) -> Iterator[PointCloud]:
     """Reads a file as clouds of at most ``size`` points, in the order of the file; together they are what `read` returns.
 
@@ -81,7 +86,7 @@ def blocks(
         The file.
     size : int
         Largest number of points of a block, 1 or more.
-    columns, bounds, resolution
+    columns, bounds, resolution, text_columns
         As in `read`. Numbers in text are float64 in every block.
 
     Returns
@@ -91,7 +96,7 @@ def blocks(
     """
     if size < 1:
         raise ValueError(f"size: found {size}, expected 1 or more points a block")
-    part = (columns, _box(bounds), resolution)
+    part = (columns, _box(bounds), resolution, text_columns or [])
     return map(PointCloud._wrap, _core.Blocks(os.fspath(path), size, part))
 
 

@@ -333,9 +333,9 @@ mod tests {
 
     #[test]
     fn a_plane_has_the_moments_of_a_disc_on_every_scale() {
-        let rows: Vec<[f64; 3]> =
-            (0..90_000).map(|i| [f64::from(i % 300) * 0.1, f64::from(i / 300) * 0.1, 5.0]).collect();
-        let cloud = points(&rows);
+        let mut random = stream(5, 0);
+        let cloud =
+            points(&(0..90_000).map(|_| [30.0 * random.uniform(), 30.0 * random.uniform(), 5.0]).collect::<Vec<_>>());
         let params = SphereParams { first_radius: Some(0.5), scales: 4, resolution: 5.0 };
         let spheres = Spheres::new(&cloud, &params, &Monitor::default()).unwrap();
         let names = spheres.names();
@@ -350,14 +350,14 @@ mod tests {
         for (scale, radius) in [0.5, 1.0, 2.0, 4.0].into_iter().enumerate() {
             let of = |row: &[f32], k: usize| f64::from(row[scale * Spheres::WIDTH + k]);
             assert!((of(&inner, 0) / (0.5 * radius * radius) - 1.0).abs() < 0.15, "{}", of(&inner, 0));
-            assert!(of(&inner, 4) > 0.85 && of(&inner, 6) < 1e-6);
+            assert!(of(&inner, 4) > 0.6 && of(&inner, 6) < 1e-6);
             assert!((of(&inner, 8) - std::f64::consts::FRAC_PI_2).abs() < 1e-3 && of(&inner, 7) < 1e-3);
             assert!(of(&inner, 9).max(of(&inner, 10)) < 0.2 * radius && of(&inner, 15).abs() < 1e-4);
             // The middle of a half disc is 4 r / 3 π from its border, across the longer axis.
             let across = 4.0 * radius / (3.0 * std::f64::consts::PI);
             assert!((of(&border, 10) / across - 1.0).abs() < 0.35, "{} {across}", of(&border, 10));
-            // About as many points on every scale: discs of 5 voxels.
-            assert!((60.0..100.0).contains(&of(&inner, 17)), "{}", of(&inner, 17));
+            // About as many points on every scale: discs with a radius of 5 voxels.
+            assert!((40.0..100.0).contains(&of(&inner, 17)), "{}", of(&inner, 17));
         }
     }
 

@@ -4,6 +4,7 @@ use super::copc;
 use super::fields::of_format;
 use super::header::crs::{crs, other_vertical_unit};
 use super::records::Records;
+use super::rewrite::provenance;
 use crate::error::Result;
 use crate::io::FileInfo;
 use std::path::Path;
@@ -58,6 +59,7 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
             .chain(&records.evlrs)
             .map(|v| format!("{} {}", v.user(), super::header::u16_at(&v.head, 18)))
             .collect(),
+        provenance: provenance::get(&records.vlrs),
         warnings,
         octree: octree.and_then(Result::ok),
     })

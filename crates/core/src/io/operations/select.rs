@@ -33,7 +33,8 @@ fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &
         options.keeps_steps()?;
         return las::select(input, output, selection, options);
     }
-    let mut cloud = read_with(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
+    let (monitor, text_columns) = (options.monitor.clone(), options.text_columns.clone());
+    let mut cloud = read_with(input, &ReadOptions { monitor, text_columns, ..ReadOptions::default() })?;
     apply(&mut cloud, selection.edits)?;
     selection.check(cloud.len() as u64)?;
     if let Some(kept) = selection.kept {
@@ -56,7 +57,7 @@ pub(super) fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
         cloud.set_column(match edit {
             Edit::Classification(codes) => Column::new(names::CLASSIFICATION, Values::U8(codes.clone())),
             Edit::Dimension(column) => column.clone(),
-            Edit::ClassNames(_) | Edit::Colour(_) => continue,
+            Edit::ClassNames(_) | Edit::Colour(_) | Edit::Provenance(_) => continue,
         })?;
     }
     Ok(())

@@ -45,7 +45,14 @@ impl Reader {
             labels.check_lines(path)?;
         }
         let mut pieces = Pieces::open(path, "text", 0)?;
-        let (layout, first, lines) = layout::find(path, &mut pieces)?;
+        let (layout, first, lines) = layout::find(path, &mut pieces, &options.text_columns)?;
+        if let Some(line) = layout.guessed.as_ref().filter(|_| labels.is_none()) {
+            options.monitor.warn(format!(
+                "{}: no names of columns: the first line, {line:?}, is taken as {} (--columns names them)",
+                path.display(),
+                layout.names.join(", ")
+            ));
+        }
         let (mut targets, mut kept) = (Vec::new(), Vec::new());
         let last: HashMap<&String, usize> = layout.names.iter().zip(0..).collect();
         for (c, name) in layout.names.iter().enumerate() {
@@ -70,13 +77,16 @@ impl Reader {
 
     /// Reads another piece; false at the end.
     fn more(&mut self) -> Result<bool> {
-        let piece = match self.first.take() {
+        let mut piece = match self.first.take() {
             Some(piece) => piece,
             None => match self.pieces.next()? {
                 Some(piece) => piece,
                 None => return Ok(false),
             },
         };
+        if self.layout.decimal_commas {
+            piece.iter_mut().filter(|byte| **byte == b',').for_each(|byte| *byte = b'.');
+        }
         let parts = cut(&piece, PARTS);
         let width = self.columns.len();
         let read = map_ordered(parts.len(), &self.monitor, |i| Ok(rows::read(parts[i], &self.targets, width)))?;

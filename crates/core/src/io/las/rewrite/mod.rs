@@ -8,6 +8,7 @@ mod grid;
 mod kept;
 pub(super) mod merge;
 mod promote;
+pub(super) mod provenance;
 
 mod lookup;
 pub(super) mod plan;
@@ -131,15 +132,17 @@ pub(in crate::io) fn rewrite_as(
         match edit {
             Edit::Dimension(column) => check_values(&column.name, &column.values, report.points)?,
             Edit::Colour(colours) => check_count("colours", colours.len(), report.points)?,
-            Edit::Classification(_) | Edit::ClassNames(_) => {}
+            Edit::Classification(_) | Edit::ClassNames(_) | Edit::Provenance(_) => {}
         }
     }
     let plan = plan(&records, &mut front, edits, to)?;
-    edits.iter().for_each(|edit| {
-        if let Edit::ClassNames(names) = edit {
-            lookup::add(&mut front.vlrs, names);
+    for edit in edits {
+        match edit {
+            Edit::ClassNames(names) => lookup::add(&mut front.vlrs, names),
+            Edit::Provenance(text) => provenance::put(&mut front.vlrs, text)?,
+            _ => {}
         }
-    });
+    }
     let old = records.header.clone();
     let mut kept = kept.map(|marks| Kept::new(marks, &old, to));
     let mut writer = Writer::create(output, front)?;
