@@ -204,7 +204,7 @@ fn columns_of_text_are_named_and_never_guessed_in_silence() {
         let monitor = Monitor::default();
         let text_columns = columns.iter().map(ToString::to_string).collect();
         let options = ReadOptions { text_columns, monitor: monitor.clone(), ..ReadOptions::default() };
-        io::read_with(&path, &options).map(|cloud| (cloud, monitor.warnings()))
+        io::read_with(&path, &options).map(|cloud| (cloud, monitor.take_warnings()))
     };
     // Names of surveyors, semicolons and decimal commas.
     let survey = "Easting;Northing;Height;Code\n3450123,50;5712000,25;101,75;6\n3450124,00;5712001,00;-2,5;2\n";

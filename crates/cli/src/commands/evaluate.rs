@@ -35,7 +35,10 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
         );
         return Err(Error::input(text).into());
     }
-    let confusion = Confusion::from_partial(&truth.codes, &predicted)?.named(truth.scheme);
+    let mut confusion = Confusion::from_partial(&truth.codes, &predicted)?.named(truth.scheme);
+    if !args.labels.classes.is_empty() {
+        confusion = confusion.with_means_over(&args.labels.classes);
+    }
     args.output.iter().try_for_each(|path| write(path, &confusion, context))?;
     context.printer.data(&match context.printer.format {
         Format::Json => report::to_json(&confusion)?,

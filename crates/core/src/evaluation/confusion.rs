@@ -10,13 +10,15 @@ pub struct Confusion {
     classes: ClassTable,
     counts: Vec<u64>,
     skipped: u64,
+    /// Codes of the classes that means run over; `None`: those of the truth.
+    means: Option<Vec<u8>>,
 }
 
 impl Confusion {
     /// An empty matrix over these classes.
     pub fn new(classes: ClassTable) -> Self {
         let n = classes.len();
-        Self { classes, counts: vec![0; n * n], skipped: 0 }
+        Self { classes, counts: vec![0; n * n], skipped: 0, means: None }
     }
 
     /// Compares codes point by point. Points without a true label (`None`) are skipped and counted as such. The classes
@@ -40,7 +42,7 @@ impl Confusion {
         let codes: Vec<u8> = (0..=255).filter(occurs).collect();
         let counts = codes.iter().flat_map(|&t| codes.iter().map(move |&p| usize::from(t) * 256 + usize::from(p)));
         let counts = counts.map(|at| pairs[at]).collect();
-        Ok(Self { classes: ClassTable::from_codes(&codes), counts, skipped })
+        Ok(Self { classes: ClassTable::from_codes(&codes), counts, skipped, means: None })
     }
 
     /// Like [`Confusion::from_options`], with the codes that mean "no label" given.
@@ -78,6 +80,21 @@ impl Confusion {
     pub fn named(self, scheme: CodeScheme) -> Self {
         let codes: Vec<u8> = self.classes.classes().iter().map(|c| c.code).collect();
         Self { classes: ClassTable::of_scheme(&codes, scheme), ..self }
+    }
+
+    /// The same matrix, whose means run over these classes instead of those that occur in the truth.
+    #[must_use]
+    pub fn with_means_over(self, codes: &[u8]) -> Self {
+        Self { means: Some(codes.to_vec()), ..self }
+    }
+
+    /// Whether means run over the class of this number; classes that occur on neither side are left out.
+    pub(super) fn is_in_means(&self, class: usize) -> bool {
+        let (support, code) = (self.support(class), self.classes.classes()[class].code);
+        match &self.means {
+            None => support > 0,
+            Some(codes) => codes.contains(&code) && support + self.predicted(class) > 0,
+        }
     }
 
     /// The same matrix with other class names.

@@ -32,6 +32,10 @@ pub fn to_table(confusion: &Confusion) -> String {
         s.points,
         s.skipped
     );
+    let codes = |codes: Vec<u8>| codes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
+    let others: Vec<u8> = s.labels.iter().map(|l| l.code).filter(|code| !s.mean_over.contains(code)).collect();
+    let without = if others.is_empty() { String::new() } else { format!(", without {}", codes(others)) };
+    let _ = writeln!(text, "means over the classes {}{without}", codes(s.mean_over));
     let _ = writeln!(text, "\nrow: true class, column: named so, percent of the row");
     text + &matrix(confusion, width)
 }
@@ -87,6 +91,8 @@ mod tests {
     fn reports_hold_the_numbers_and_the_documented_keys() {
         let confusion = Confusion::from_labels(&[2, 2, 2, 6, 1], &[2, 2, 6, 6, 2], &[1]).unwrap();
         let table = to_table(&confusion);
+        let other = to_table(&Confusion::from_labels(&[2, 2, 6], &[2, 7, 6], &[]).unwrap());
+        assert!(other.contains("means over the classes 2, 6, without 7"), "{other}");
         assert!(table.contains("overall accuracy 75.00") && table.contains("1 skipped"), "{table}");
         let ground: Vec<&str> = table.lines().find(|l| l.contains("ground")).unwrap().split_whitespace().collect();
         assert_eq!(ground, ["2", "ground", "66.67", "100.00", "66.67", "80.00", "3"]);

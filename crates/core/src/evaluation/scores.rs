@@ -35,10 +35,12 @@ pub struct Scores {
     pub overall_accuracy: f64,
     /// Mean recall of the classes that occur in the truth.
     pub balanced_accuracy: f64,
-    /// Unweighted mean over the classes that occur in truth or prediction.
+    /// Unweighted mean over the classes of `mean_over`.
     pub mean_intersection_over_union: f64,
-    /// Unweighted mean over the classes that occur in truth or prediction.
+    /// Unweighted mean over the classes of `mean_over`.
     pub mean_f1_score: f64,
+    /// Codes of the classes that the means run over: those that occur in the truth, unless others were asked for.
+    pub mean_over: Vec<u8>,
     /// Mean F1 weighted by support.
     pub weighted_f1_score: f64,
     /// Cohen's κ: agreement beyond chance.
@@ -59,7 +61,9 @@ impl Confusion {
         let n = self.classes().len();
         let labels: Vec<ClassScores> = (0..n).map(|i| self.class_scores(i)).collect();
         let points = self.points() as f64;
-        let mean = |value: fn(&ClassScores) -> f64| quotient(labels.iter().map(value).sum(), n as f64);
+        let over: Vec<&ClassScores> =
+            labels.iter().enumerate().filter(|(i, _)| self.is_in_means(*i)).map(|(_, l)| l).collect();
+        let mean = |value: fn(&ClassScores) -> f64| quotient(over.iter().map(|l| value(l)).sum(), over.len() as f64);
         let weighted: f64 = labels.iter().map(|l| l.f1_score * l.support as f64).sum();
         let true_classes: Vec<f64> = labels.iter().filter(|l| l.support > 0).map(|l| l.recall).collect();
         let agreement = quotient((0..n).map(|i| self.count(i, i)).sum::<u64>() as f64, points);
@@ -72,6 +76,7 @@ impl Confusion {
             balanced_accuracy: quotient(true_classes.iter().sum(), true_classes.len() as f64),
             mean_intersection_over_union: mean(|l| l.intersection_over_union),
             mean_f1_score: mean(|l| l.f1_score),
+            mean_over: over.iter().map(|l| l.code).collect(),
             weighted_f1_score: quotient(weighted, points),
             kappa: quotient(agreement - chance, 1.0 - chance),
             confusion_matrix: (0..n).map(|t| (0..n).map(|p| self.count(t, p)).collect()).collect(),
@@ -132,6 +137,17 @@ mod tests {
                 assert!((l.f1_score - 2.0 * iou / (1.0 + iou)).abs() < 1e-12);
             }
         }
+    }
+
+    #[test]
+    fn a_class_that_only_the_prediction_has_is_shown_but_not_in_the_means() {
+        let confusion = Confusion::from_labels(&[2, 2, 2, 6, 6], &[2, 2, 18, 6, 6], &[]).unwrap();
+        let s = confusion.scores();
+        assert_eq!((s.labels.len(), &s.mean_over[..]), (3, &[2, 6][..]));
+        assert!((s.mean_intersection_over_union - (2.0 / 3.0 + 1.0) / 2.0).abs() < 1e-12);
+        let fixed = confusion.with_means_over(&[2, 5, 6, 18]).scores();
+        assert_eq!(fixed.mean_over, [2, 6, 18]);
+        assert!((fixed.mean_intersection_over_union - (2.0 / 3.0 + 1.0) / 3.0).abs() < 1e-12);
     }
 
     #[test]

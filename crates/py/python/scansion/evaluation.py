@@ -122,7 +122,8 @@ def scores(
     dict
         ``confusion_matrix``, ``labels`` (one dict a class: ``code``, ``name``, ``precision``, ``recall``,
         ``f1_score``, ``intersection_over_union``, ``support``), ``overall_accuracy``,
-        ``mean_intersection_over_union``, ``mean_f1_score``, ``kappa`` and more. All scores are in 0..1 (kappa in
+        ``mean_intersection_over_union``, ``mean_f1_score`` (over the classes in the truth, ``mean_over``), ``kappa`` and
+        more. All scores are in 0..1 (kappa in
         -1..1); an undefined score is 0.
 
     Examples
