@@ -172,3 +172,25 @@ fn a_cloud_of_our_own_is_read_alike_by_the_peer() {
         assert_eq!(back.column("Height").unwrap().values, cloud.column("Height").unwrap().values);
     }
 }
+
+#[test]
+fn columns_of_real_files_read_alone_are_those_read_with_all_others() {
+    let Some(data) = scansion_tests::data() else { return };
+    let list = std::fs::read_dir(data.join("hostile")).unwrap().map(|entry| entry.unwrap().path());
+    let mut compared = 0;
+    for path in list.filter(|path| path.extension().is_some_and(|e| e == "laz")) {
+        let Ok(whole) = io::read(&path) else { continue };
+        for column in whole.columns() {
+            let columns = io::Columns::Only(vec![column.name.clone()]);
+            let alone = io::read_with(&path, &io::ReadOptions { columns, ..Default::default() }).unwrap();
+            assert!(alone.coordinates() == whole.coordinates(), "{}", path.display());
+            // A name that occurs twice gets a number only when both columns are read.
+            if let Some(found) = alone.column(&column.name) {
+                let bits = |values: &Values| values.to_f64().into_iter().map(f64::to_bits).collect::<Vec<_>>();
+                assert!(bits(&found.values) == bits(&column.values), "{} {}", path.display(), column.name);
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 20, "{compared}");
+}

@@ -177,3 +177,30 @@ fn the_ground_filter_of_the_commands_has_its_own_defaults() {
     assert!(default == grid("b.asc", &given));
     assert!(default != grid("c.asc", &["--window", "18"]), "the hall is wider than twice 18 m");
 }
+
+/// The paper reports an F-score above 99.5 % on its data, from many more labels.
+#[test]
+fn the_ground_of_an_oakland_street_is_found_from_a_hundred_examples() {
+    use scansion_core::classification::ForestParams;
+    use scansion_core::cloud::Points;
+    use scansion_core::features::optimal_features;
+    use scansion_core::neighbours::OptimalParams;
+    use scansion_core::parallel::Monitor;
+    use scansion_core::random::stream;
+    use scansion_core::terrain::{RoadExample, road_points};
+    let Some(data) = scansion_tests::data() else { return };
+    let cloud = io::read(&data.join("oakland/part_14.laz")).unwrap();
+    let points = Points::from_cloud(&cloud, 1.0);
+    let codes = cloud.column("Classification").unwrap();
+    let road: Vec<bool> = points.frame.index.iter().map(|&i| codes.values.get(i as usize) == 2.0).collect();
+    let params = OptimalParams { k_step: 10, ..Default::default() };
+    let features = optimal_features(&points.positions, &params, &Monitor::default()).unwrap().table;
+    let mut random = stream(1, 0);
+    let example = |i: usize| RoadExample { descriptors: *features.row(i).first_chunk().unwrap(), road: road[i] };
+    let examples: Vec<RoadExample> = (0..100).map(|_| example(random.below(points.len()))).collect();
+    let found = road_points(&features, &examples, &ForestParams::breiman(), &Monitor::default()).unwrap();
+    let count = |a: bool, b: bool| found.iter().zip(&road).filter(|r| *r == (&a, &b)).count() as f64;
+    let score = 2.0 * count(true, true) / (2.0 * count(true, true) + count(true, false) + count(false, true));
+    println!("F {score}");
+    assert!(score > 0.95, "F {score}");
+}

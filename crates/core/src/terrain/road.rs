@@ -119,36 +119,4 @@ mod tests {
             assert!(found.contains(&true) && found.contains(&false));
         }
     }
-
-    fn shared(name: &str) -> Option<std::path::PathBuf> {
-        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let data = std::env::var_os("SCANSION_DATA").map_or_else(|| root.join("../shared/data"), Into::into);
-        let path = data.join(name);
-        if !path.exists() {
-            println!("skipped: {} is absent", path.display());
-        }
-        path.exists().then_some(path)
-    }
-
-    /// The paper reports an F-score above 99.5 % on its data, from many more labels.
-    #[test]
-    fn the_ground_of_an_oakland_street_is_found_from_a_hundred_examples() {
-        use crate::cloud::{Points, names};
-        use crate::features::optimal_features;
-        let Some(path) = shared("oakland/part_14.laz") else { return };
-        let cloud = crate::io::read(&path).unwrap();
-        let points = Points::from_cloud(&cloud, 1.0);
-        let codes = cloud.column(names::CLASSIFICATION).unwrap();
-        let road: Vec<bool> = points.frame.index.iter().map(|&i| codes.values.get(i as usize) == 2.0).collect();
-        let params = crate::neighbours::OptimalParams { k_step: 10, ..Default::default() };
-        let features = optimal_features(&points.positions, &params, &Monitor::default()).unwrap().table;
-        let mut s = stream(1, 0);
-        let examples: Vec<RoadExample> =
-            (0..100).map(|_| s.below(points.len())).map(|i| example(&features, i, road[i])).collect();
-        let found = road_points(&features, &examples, &ForestParams::breiman(), &Monitor::default()).unwrap();
-        let count = |a: bool, b: bool| found.iter().zip(&road).filter(|r| *r == (&a, &b)).count() as f64;
-        let score = 2.0 * count(true, true) / (2.0 * count(true, true) + count(true, false) + count(false, true));
-        println!("F {score}");
-        assert!(score > 0.95, "F {score}");
-    }
 }
