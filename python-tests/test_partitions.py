@@ -8,6 +8,7 @@ from scansion import evaluation, features, graph, neighbours, segmentation, terr
 METHODS = [
     "cut-pursuit",
     "merge",
+    "felzenszwalb",
     "riemannian",
     "local-graph",
     "slic",

@@ -20,7 +20,7 @@ import scansion
 from scansion import evaluation, features, graph, neighbours, regularisation, segmentation, terrain
 
 EARLY, LATE = 0.02, 0.97
-METHODS = ("slic", "vccs", "local-graph", "riemannian", "region-growing", "octree-region-growing", "merge", "cut-pursuit")
+METHODS = ("slic", "vccs", "local-graph", "riemannian", "region-growing", "octree-region-growing", "merge", "cut-pursuit", "felzenszwalb")
 METHODS += ("clusters",)
 
 

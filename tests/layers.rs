@@ -33,7 +33,7 @@ const CIRCLES: [(&str, &[&str]); 2] = [
         ],
     ),
     // The parameters name a method, and every method takes the parameters.
-    ("recipes/segment", &["growing", "method", "on_points", "on_supervoxels", "params", "riemannian"]),
+    ("recipes/segment", &["felzenszwalb", "growing", "method", "on_points", "on_supervoxels", "params", "riemannian"]),
 ];
 
 fn core() -> PathBuf {

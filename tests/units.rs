@@ -227,9 +227,16 @@ fn a_stray_point_changes_nothing_for_the_others() {
         assert_eq!(column(f, &output, names::CLASSIFICATION)[n..], vec![7.0; strays][..]);
         assert_eq!(column(f, &output, names::CONFIDENCE)[n..], vec![0.0; strays][..]);
     }
-    for method in
-        ["cut-pursuit", "riemannian", "local-graph", "slic", "vccs", "region-growing", "octree-region-growing"]
-    {
+    for method in [
+        "cut-pursuit",
+        "felzenszwalb",
+        "riemannian",
+        "local-graph",
+        "slic",
+        "vccs",
+        "region-growing",
+        "octree-region-growing",
+    ] {
         ends(f, &["segment", "clean.npz", "-o", "clean_out.npz", "--method", method], 0);
         let (_, err) = ends(f, &["segment", "one.npz", "-o", "one_out.npz", "--method", method], 0);
         assert!(err.contains("far from all others"), "{method}: {err}");

@@ -3,6 +3,7 @@
 //! A new method needs a file here with its [`PartitionMethod`], one line in the list below, a section in
 //! [`SegmentParams`] if it has parameters, and its lines in `docs/partitions.md`.
 
+use super::felzenszwalb::Felzenszwalb;
 use super::growing::{Clusters, OctreeRegionGrowing, RegionGrowing};
 use super::on_points::OnPoints;
 use super::on_supervoxels::{LocalGraphs, Supervoxels};
@@ -88,6 +89,8 @@ methods! {
     CutPursuit, "cut-pursuit", "l0 cut pursuit on the points (Guinard and Landrieu 2017): lower energy",
         OnPoints(Method::CutPursuit);
     Merge, "merge", "The same energy by greedy merging: faster", OnPoints(Method::Merge);
+    Felzenszwalb, "felzenszwalb", "Components by the differences within and between them (Felzenszwalb and Huttenlocher 2004)",
+        Felzenszwalb;
     Riemannian, "riemannian", "Supervoxels of an octree, their Riemannian graph, l0 cut pursuit (Li 2018)", Riemannian;
     LocalGraph, "local-graph", "Local graphs of supervoxels (Hasanpour Zaryabi et al. 2022)", LocalGraphs;
     Slic, "slic", "SLIC supervoxels on points", Supervoxels(SupervoxelMode::Slic);

@@ -1,5 +1,6 @@
 //! Segmentation of a cloud: descriptors, adjacency graph, partition, and its quality.
 
+mod felzenszwalb;
 mod growing;
 mod method;
 mod on_points;

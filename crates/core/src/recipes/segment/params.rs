@@ -3,7 +3,7 @@
 use super::SegmentMethod;
 use crate::cloud::names;
 use crate::error::{Error, Result};
-use crate::graph::KnnGraphParams;
+use crate::graph::{FelzenszwalbParams, KnnGraphParams};
 use crate::neighbours::OptimalParams;
 use crate::recipes::objects::ObjectSegments;
 use crate::recipes::system::settings::{explained, set_key, with_defaults};
@@ -38,7 +38,7 @@ pub struct SegmentParams {
     pub method: SegmentMethod,
     /// `riemannian`: segment the cloud at each of these least depths of the octree too.
     pub levels: Vec<u32>,
-    /// `cut-pursuit`, `merge`: number of nearest neighbours that each point is connected to, at least 1. The boundary
+    /// `cut-pursuit`, `merge`, `felzenszwalb`: number of nearest neighbours that each point is connected to, at least 1. The boundary
     /// scores of every method use this graph.
     pub neighbours: usize,
     /// Neighbourhoods of the four descriptors that are nearly constant on a segment.
@@ -47,6 +47,8 @@ pub struct SegmentParams {
     pub adjacency: KnnGraphParams,
     /// The partition: a strength, or an intent. Its `method` is that of [`SegmentParams::method`].
     pub partition: PartitionParams,
+    /// `felzenszwalb`: k, in units of the distance between descriptors; larger values give larger segments.
+    pub felzenszwalb: FelzenszwalbParams,
     /// `riemannian`.
     pub riemannian: RiemannianParams,
     /// `local-graph`, `slic`, `vccs`.
@@ -70,6 +72,7 @@ impl Default for SegmentParams {
             neighbourhood: OptimalParams::default(),
             adjacency: KnnGraphParams::default(),
             partition: PartitionParams { intent: Intent::Strength(0.03), ..PartitionParams::default() },
+            felzenszwalb: FelzenszwalbParams::default(),
             riemannian: RiemannianParams::default(),
             objects: ObjectSegments::default(),
             growing: GrowingParams::default(),
@@ -164,6 +167,7 @@ impl SegmentParams {
         self.neighbourhood.validate()?;
         self.adjacency.validate()?;
         self.partition.validate()?;
+        self.felzenszwalb.validate()?;
         self.riemannian.validate()?;
         self.objects.validate()?;
         self.region_growing.validate()?;
