@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from scansion import RandomForestClassifier
+from scansion import BaggingClassifier, RandomForestClassifier
 from sklearn.base import clone, is_classifier
 from sklearn.datasets import load_digits, load_iris, load_wine
 from sklearn.ensemble import RandomForestClassifier as Peer
@@ -121,3 +121,18 @@ def test_what_cannot_be_learned_from_is_refused_by_name():
     ]:
         with pytest.raises(ValueError, match=name):
             RandomForestClassifier(**{name: value}).fit(X, y)
+
+
+@pytest.mark.parametrize("kind", [RandomForestClassifier, BaggingClassifier])
+def test_permutation_importance_agrees_with_scikit_learn(kind):
+    inspection = pytest.importorskip("sklearn.inspection")
+    random = np.random.default_rng(0)
+    X = random.random((1500, 4)).astype(np.float32)
+    y = np.where(X[:, 2] + 0.3 * X[:, 0] > 0.6, "high", "low")
+    forest = kind(n_estimators=30, random_state=0).fit(X[:1000], y[:1000])
+    ours = forest.permutation_importance(X[1000:], y[1000:], n_repeats=20)
+    theirs = inspection.permutation_importance(forest, X[1000:], y[1000:], n_repeats=20, random_state=0)
+    np.testing.assert_allclose(ours.importances_mean, theirs.importances_mean, atol=0.02)
+    np.testing.assert_allclose(ours.importances_std, theirs.importances_std, atol=0.01)
+    with pytest.raises(ValueError, match="no class"):
+        forest.permutation_importance(X, np.full(1500, "other"))

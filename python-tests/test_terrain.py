@@ -223,3 +223,26 @@ def test_layers_of_many_pages_and_long_rows_are_sound(tmp_path, houses, corners)
         outer, hole = rings_of(rows[number]["geom"])
         np.testing.assert_array_equal(outer, features[number]["geometry"]["coordinates"][0])
         assert len(hole) == 4
+
+
+def test_the_road_and_the_position_with_respect_to_it(data):
+    from scansion import neighbours
+
+    cloud = scansion.read(data / "oakland" / "part_14.laz", columns=["Classification"])
+    truth = cloud["Classification"] == 2
+    features = np.asarray(neighbours.optimal(cloud, k_step=10)[1])
+    labels = np.full(len(cloud), -1)
+    picked = np.random.default_rng(0).choice(len(cloud), 100, replace=False)
+    labels[picked] = truth[picked]
+    road = terrain.road_points(features, labels, random_state=0)
+    assert 2 * (road & truth).sum() / (road.sum() + truth.sum()) > 0.93
+    found = terrain.road_position(cloud, road)
+    assert set(np.unique(found.position).tolist()) == {0.0, 0.5, 1.0} and found.area > 100 and found.border_length > 40
+    smaller = terrain.road_position(cloud, road, alpha=0.5)
+    assert smaller.area < found.area
+    with pytest.raises(ValueError, match="labels"):
+        terrain.road_points(features, truth * 2)
+    with pytest.raises(ValueError, match="are road"):
+        terrain.road_points(features, np.where(labels > 0, 1, -1))
+    with pytest.raises(ValueError, match="alpha"):
+        terrain.road_position(cloud, road, alpha=0.0)

@@ -4,6 +4,7 @@
 //! not have.
 
 use crate::error::raise;
+use crate::progress::Reports;
 use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use scansion_core::io::run::{Rules, run};
@@ -61,11 +62,13 @@ pub(crate) fn call_with<T: Send>(
     })
 }
 
-/// Waits until the work is done; a signal's exception (`KeyboardInterrupt`) cancels the work and is returned.
+/// Waits until the work is done and reports its progress; an exception of a signal (`KeyboardInterrupt`) or of the
+/// function that shows the progress cancels the work and is returned.
 fn watch(py: Python<'_>, done: &AtomicBool, monitor: &Monitor) -> PyResult<()> {
+    let mut reports = Reports::new(py);
     while !done.load(Ordering::Acquire) {
         py.detach(|| thread::park_timeout(POLL));
-        py.check_signals().inspect_err(|_| monitor.cancel())?;
+        py.check_signals().and_then(|()| reports.report(py, monitor)).inspect_err(|_| monitor.cancel())?;
     }
     Ok(())
 }

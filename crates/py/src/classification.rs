@@ -9,7 +9,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use scansion_core::classification::{
-    BaggingParams, Boosting as CoreBoosting, BoostingParams, Forest as CoreForest, ForestParams, Predictor, Samples,
+    BaggingParams, Boosting as CoreBoosting, BoostingParams, Forest as CoreForest, ForestParams, Importance,
+    PermutationParams, Predictor, Samples, permutation_importance as core_importance,
 };
 use scansion_core::parallel::Monitor;
 
@@ -62,6 +63,30 @@ pub(crate) fn fit_bagging(
 ) -> PyResult<(Forest, Option<f64>)> {
     let params: BaggingParams = json::settings(params)?;
     fit_trees(py, &samples(&table, &labels, &weights, classes)?, &params.forest(), (oob_score, n_jobs))
+}
+
+/// Mean loss of accuracy by shuffling each feature, and its standard deviation.
+type Losses<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
+/// Permutation importance of every feature of a forest on samples.
+#[pyfunction]
+#[pyo3(signature = (forest, table, labels, weights, repeats, seed, n_jobs = None))]
+#[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
+pub(crate) fn permutation_importance<'py>(
+    py: Python<'py>,
+    forest: &Forest,
+    table: PyReadonlyArray2<'_, f32>,
+    labels: PyReadonlyArray1<'_, u16>,
+    weights: Option<PyReadonlyArray1<'_, f32>>,
+    repeats: usize,
+    seed: u64,
+    n_jobs: Option<i64>,
+) -> PyResult<Losses<'py>> {
+    let samples = samples(&table, &labels, &weights, forest.inner.classes())?;
+    let params = PermutationParams { repeats, seed };
+    let found = call(py, n_jobs, |monitor| core_importance(&forest.inner, &samples, params, monitor))?;
+    let of = |value: fn(&Importance) -> f64| PyArray1::from_vec(py, found.iter().map(value).collect());
+    Ok((of(|loss| loss.mean), of(|loss| loss.deviation)))
 }
 
 /// Trained trees, losses in training and validation, and number of rounds kept.

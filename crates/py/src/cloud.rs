@@ -1,9 +1,9 @@
 //! Module `cloud`: the native object inside Python's `PointCloud`.
 
 use crate::call::in_pieces;
-use crate::convert::{axes, to_matrix, to_vector, values, vector};
+use crate::convert::{axes, holds, to_matrix, to_vector, values, vector};
 use crate::error::raise;
-use numpy::{PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use scansion_core::cloud::{Cloud as CoreCloud, CodeScheme, Column, Coordinates};
@@ -46,6 +46,13 @@ impl Cloud {
         to_matrix(py, rows, 3)
     }
 
+    /// One coordinate of all points: 0 is x, 1 is y, 2 is z.
+    fn axis<'py>(&self, py: Python<'py>, axis: usize) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let mut values = Vec::with_capacity(self.inner.len());
+        in_pieces(py, self.inner.len(), |piece| values.extend(piece.map(|i| self.inner.xyz(i)[axis.min(2)])))?;
+        Ok(PyArray1::from_vec(py, values))
+    }
+
     fn ticks<'py>(&self, py: Python<'py>) -> PyResult<Option<Ticks<'py>>> {
         match self.inner.coordinates() {
             Coordinates::Float(_) => Ok(None),
@@ -77,6 +84,14 @@ impl Cloud {
     fn set_column(&mut self, name: &str, array: &Bound<'_, PyAny>) -> PyResult<()> {
         let column = Column::new(name, values(array, name)?);
         Arc::make_mut(&mut self.inner).set_column(column).map_err(raise)
+    }
+
+    /// Takes over what was written into the array of a column.
+    fn update_column(&mut self, name: &str, array: &Bound<'_, PyAny>) -> PyResult<()> {
+        match self.inner.column(name) {
+            Some(column) if !holds(&column.values, array)? => self.set_column(name, array),
+            _ => Ok(()),
+        }
     }
 
     fn remove_column(&mut self, name: &str) -> bool {

@@ -71,3 +71,20 @@ pub(crate) fn values(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Values> {
     let message = "expected a one-dimensional numpy array of 8 to 64-bit integers or 32 or 64-bit floats";
     Err(PyTypeError::new_err(format!("column {name}: {message}, found {}", array.get_type())))
 }
+
+/// Whether an array of the column's own type has the column's values, bit by bit.
+pub(crate) fn holds(values: &Values, array: &Bound<'_, PyAny>) -> PyResult<bool> {
+    macro_rules! of_its_type {
+        ($($variant:ident $element:ty),*) => {
+            match values {
+                $(Values::$variant(own) => {
+                    let array = array.extract::<PyReadonlyArray1<'_, $element>>()?;
+                    let array = vector(&array, "column")?;
+                    let same = |(a, b): (&$element, &$element)| a.to_ne_bytes() == b.to_ne_bytes();
+                    Ok(own.len() == array.len() && own.iter().zip(array).all(same))
+                })*
+            }
+        };
+    }
+    of_its_type!(U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, U64 u64, I64 i64, F32 f32, F64 f64)
+}

@@ -17,6 +17,7 @@ mod io;
 mod json;
 mod neighbours;
 mod partitions;
+mod progress;
 mod recipes;
 mod regularisation;
 mod segmentation;
@@ -30,7 +31,7 @@ mod _core {
     #[pymodule_export]
     use crate::annotation::{picked_labels, segment_colours, spread_labels};
     #[pymodule_export]
-    use crate::classification::{Boosting, Forest, fit_bagging, fit_boosting, fit_forest};
+    use crate::classification::{Boosting, Forest, fit_bagging, fit_boosting, fit_forest, permutation_importance};
     #[pymodule_export]
     use crate::cli::run;
     #[pymodule_export]
@@ -60,7 +61,9 @@ mod _core {
     #[pymodule_export]
     use crate::partitions::{object_features, octree_region_growing, region_growing, riemannian, supervoxels};
     #[pymodule_export]
-    use crate::recipes::{Model, mapped_codes, recipe_columns, search};
+    use crate::progress::follow;
+    #[pymodule_export]
+    use crate::recipes::{Model, mapped_codes, recipe_columns, search, spatial_folds};
     #[pymodule_export]
     use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing};
     #[pymodule_export]
@@ -68,7 +71,7 @@ mod _core {
     #[pymodule_export]
     use crate::segments::{segment, segment_columns, suggest};
     #[pymodule_export]
-    use crate::terrain::{footprints, ground_points, height_above_ground, heights};
+    use crate::terrain::{footprints, ground_points, height_above_ground, heights, road_points, road_position};
     #[pymodule_export]
     use crate::terrain::{terrain_raster, write_footprints, write_raster};
 

@@ -89,6 +89,21 @@ pub(crate) fn search(
     })
 }
 
+/// The fold of each point, of whole squares.
+#[pyfunction]
+#[pyo3(signature = (cloud, folds, block = None, metres_per_unit = None))]
+pub(crate) fn spatial_folds<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    folds: usize,
+    block: Option<f64>,
+    metres_per_unit: Option<f64>,
+) -> PyResult<Bound<'py, PyArray1<u32>>> {
+    let cloud = Arc::clone(&cloud.inner);
+    let found = call(py, Some(1), |_| recipes::square_folds(&cloud, metres_per_unit, folds, block))?;
+    Ok(PyArray1::from_vec(py, found))
+}
+
 /// Clouds with their labels; a cloud that nobody else holds is not copied.
 fn labelled(
     clouds: Vec<Arc<CoreCloud>>,

@@ -7,9 +7,13 @@ use crate::json;
 use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use scansion_core::classification::ForestParams;
 use scansion_core::cloud::{MetricCloud, Raster};
+use scansion_core::features::FeatureTable;
 use scansion_core::io::{self, Georeference};
-use scansion_core::terrain::{self, ElevationModel, ElevationParams, GroundParams};
+use scansion_core::terrain::{
+    self, AlphaParams, AlphaShape, ElevationModel, ElevationParams, GroundParams, RoadExample,
+};
 use scansion_core::terrain::{FootprintParams, ProductParams, Survey};
 use scansion_core::{Error, Result};
 use std::path::PathBuf;
@@ -51,6 +55,54 @@ pub(crate) fn heights<'py>(
         let points = points(&cloud, metres_per_unit, monitor)?;
         ElevationModel::fit(&points, ground, &params, monitor)?.heights(&points, monitor)
     })?;
+    Ok(PyArray1::from_vec(py, found))
+}
+
+/// Position of each point with respect to the road, area of the road, and length of its border.
+#[pyfunction]
+#[pyo3(signature = (cloud, road, settings, metres_per_unit = None, n_jobs = None))]
+pub(crate) fn road_position<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    road: PyReadonlyArray1<'py, bool>,
+    settings: &str,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<(Bound<'py, PyArray1<f32>>, f64, f64)> {
+    let params: AlphaParams = json::settings(settings)?;
+    let road = vector(&road, "road")?;
+    let cloud = Arc::clone(&cloud.inner);
+    let (position, shape) = call(py, n_jobs, |monitor| {
+        let points = points(&cloud, metres_per_unit, monitor)?;
+        let shape = AlphaShape::fit(&points, road, &params, monitor)?;
+        Ok((terrain::position(&points, &shape, params.rim, monitor)?, shape))
+    })?;
+    Ok((PyArray1::from_vec(py, position), shape.area(), shape.border_length()))
+}
+
+/// The points that a forest considers road; `labels` are 1 (road), 0 (not road) or negative (unlabelled).
+#[pyfunction]
+#[pyo3(signature = (table, labels, trees, seed, n_jobs = None))]
+pub(crate) fn road_points<'py>(
+    py: Python<'py>,
+    table: PyReadonlyArray2<'_, f32>,
+    labels: PyReadonlyArray1<'_, i16>,
+    trees: usize,
+    seed: u64,
+    n_jobs: Option<i64>,
+) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    let params = ForestParams { trees, seed, ..ForestParams::breiman() };
+    let (values, labels) = (matrix(&table, "features")?, vector(&labels, "labels")?);
+    let local = FeatureTable {
+        names: ["Linearity", "Planarity", "Scattering", "Verticality"].map(String::from).to_vec(),
+        values: values.to_vec(),
+    };
+    let example = |(row, &label): (usize, &i16)| {
+        let descriptors = *local.row(row).first_chunk()?;
+        (label >= 0).then_some(RoadExample { descriptors, road: label > 0 })
+    };
+    let examples: Vec<RoadExample> = labels.iter().enumerate().filter_map(example).collect();
+    let found = call(py, n_jobs, |monitor| terrain::road_points(&local, &examples, &params, monitor))?;
     Ok(PyArray1::from_vec(py, found))
 }
 

@@ -42,6 +42,7 @@ pub use system::any::{AnyFitted, AnyRecipe};
 pub use system::report::{ClassCount, Report};
 pub use system::settings::set_key;
 pub use system::{Fitted, Nothing, System, TrainOptions};
+pub use training::blocks::square_folds;
 pub use training::choice::{CandidateScore, ChoiceReport};
 pub use training::samples::TrainingParams;
 pub use weak::{

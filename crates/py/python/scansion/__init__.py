@@ -12,13 +12,16 @@ from scansion._boosting import GradientBoostingClassifier
 from scansion._classifier import Classified, PointClassifier
 from scansion._cloud import PointCloud
 from scansion._clusters import ClusterFeatures
+from scansion._concatenate import concatenate
 from scansion._core import FileFormatError, __version__
 from scansion._files import blocks, convert, diff, info, merge, read, rewrite, salvage, write
 from scansion._forest import RandomForestClassifier
 from scansion._objects import ObjectClassifier
+from scansion._progress import progress
 from scansion._render import render
 from scansion._search import Search, search
 from scansion._segments import Segments, Suggestions, segment, suggest
+from scansion._spatial import SpatialKFold
 from scansion._weak import WeakClassifier
 
 __all__ = [
@@ -33,10 +36,12 @@ __all__ = [
     "RandomForestClassifier",
     "Search",
     "Segments",
+    "SpatialKFold",
     "Suggestions",
     "WeakClassifier",
     "__version__",
     "blocks",
+    "concatenate",
     "convert",
     "diff",
     "evaluation",
@@ -47,6 +52,7 @@ __all__ = [
     "merge",
     "neighbours",
     "picked_labels",
+    "progress",
     "read",
     "regularisation",
     "render",

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
+from scansion._importance import ForestClassifier
 from scansion._settings import class_weight, seed, share, whole
-from scansion._table import TableClassifier, TrainingData
+from scansion._table import TrainingData
 
 
-class BaggingClassifier(TableClassifier):
+class BaggingClassifier(ForestClassifier):
     """Bagging (Breiman 1996, doi:10.1007/BF00058655): the mean of unpruned trees on bootstrap samples.
 
     Every tree tries all features at every node. The same data, parameters and ``random_state`` give the same bytes, for any

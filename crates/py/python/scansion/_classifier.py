@@ -15,6 +15,7 @@ from scansion import _core
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
 from scansion._labels import classes_of, encoded, is_text, listed, signed, texts
+from scansion._progress import Progress, following
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
 
@@ -152,7 +153,12 @@ class PointClassifier(Classifier):
         self._model.save(os.fspath(path))
 
     def fit(
-        self: Self, clouds: Any, labels: Any = None, *, elevation_model: str | os.PathLike[str] | None = None
+        self: Self,
+        clouds: Any,
+        labels: Any = None,
+        *,
+        elevation_model: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
     ) -> Self:
         """Trains on labelled clouds.
 
@@ -165,6 +171,8 @@ class PointClassifier(Classifier):
             cloud's column Classification.
         elevation_model : path, optional
             Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
+        progress : bool or callable, optional
+            Show the progress, as `scansion.progress`.
 
         Warns about classes that were left out because they have too few points, and about rare ones.
         """
@@ -173,18 +181,19 @@ class PointClassifier(Classifier):
         given, names, unlabelled = self._known(given)
         wanted = _core.recipe_columns(recipe, settings)
         prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
-        model, report = _core.Model.train(
-            prepared,
-            recipe,
-            settings,
-            LABELS,
-            self.class_map,
-            unlabelled,
-            names,
-            self._strengths(),
-            _path(elevation_model),
-            self.n_jobs,
-        )
+        with following(progress):
+            model, report = _core.Model.train(
+                prepared,
+                recipe,
+                settings,
+                LABELS,
+                self.class_map,
+                unlabelled,
+                names,
+                self._strengths(),
+                _path(elevation_model),
+                self.n_jobs,
+            )
         self._take(model)
         if names:
             self.classes_ = np.array(self.class_names_)
@@ -215,6 +224,7 @@ class PointClassifier(Classifier):
         elevation_model: str | os.PathLike[str] | None = None,
         abstain: float | None = None,
         divided: bool = True,
+        progress: Progress = None,
     ) -> Classified:
         """Class, confidence and entropy of every point.
 
@@ -234,25 +244,31 @@ class PointClassifier(Classifier):
         divided : bool
             Apply the rules of the recipe: the built-in model's vegetation becomes low, medium and high
             (3, 4, 5), isolated points noise (7, 18). Otherwise, as in `predict`, only ``codes_`` occur.
+        progress : bool or callable, optional
+            Show the progress, as `scansion.progress`.
         """
         self._check_is_fitted()
         points = as_cloud(cloud, columns=_core.recipe_columns(self.recipe_, []))
-        found = self._model.classify(
-            points._core, probabilities, regularize, metres_per_unit, _path(elevation_model), abstain, divided, self.n_jobs
-        )
+        grid = _path(elevation_model)
+        with following(progress):
+            found = self._model.classify(
+                points._core, probabilities, regularize, metres_per_unit, grid, abstain, divided, self.n_jobs
+            )
         for note in found[4]:
             warnings.warn(note, stacklevel=2)
         return Classified(*found[:4])
 
-    def predict(self, cloud: Any) -> NDArray[Any]:
+    def predict(self, cloud: Any, *, regularize: str | None = None, progress: Progress = None) -> NDArray[Any]:
         """The class of every point, in the cloud's order: its code, or its text if ``fit`` was given text ("" where
         coordinates are not finite).
 
         Parameters
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        regularize, progress
+            As in `classify`.
         """
-        found = self.classify(cloud, divided=False).codes
+        found = self.classify(cloud, divided=False, regularize=regularize, progress=progress).codes
         return self._texts(found) if self.classes_.dtype.kind == "U" else found
 
     def _texts(self, found: NDArray[np.uint8]) -> NDArray[np.str_]:
@@ -261,45 +277,60 @@ class PointClassifier(Classifier):
         names[self.codes_] = self.class_names_
         return np.asarray(names[found])
 
-    def predict_proba(self, cloud: Any) -> NDArray[np.float32]:
+    def predict_proba(
+        self, cloud: Any, *, regularize: str | None = None, progress: Progress = None
+    ) -> NDArray[np.float32]:
         """Probability of each class for every point, columns in the order of ``classes_``.
 
         Parameters
         ----------
         cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        regularize, progress
+            As in `classify`.
         """
-        found = self.classify(cloud, probabilities=True).probabilities
+        found = self.classify(cloud, probabilities=True, regularize=regularize, progress=progress).probabilities
         assert found is not None
         return found
 
-    def score(self, cloud: Any, labels: ArrayLike | None = None) -> float:
+    def score(self, clouds: Any, labels: Any = None, *, regularize: str | None = None) -> float:
         """Accuracy: share of the labelled points that are classified correctly, 0..1.
 
         Parameters
         ----------
-        cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
-        labels : array_like of shape (n,), optional
-            Class codes or text as for ``fit``; by default the cloud's column Classification. ``unlabelled``
-            and ``class_map`` are applied as in ``fit``.
+        clouds : cloud or list of clouds
+            As for ``fit``: each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
+        labels : array_like of shape (n,) or list of such, optional
+            Class codes or text as for ``fit``; by default each cloud's column Classification. ``unlabelled`` and
+            ``class_map`` are applied as in ``fit``.
+        regularize : str, optional
+            As in `classify`.
         """
+        self._check_is_fitted()
+        counts = [self._right(cloud, y, regularize) for cloud, y in zip(*_listed_clouds(clouds, labels), strict=True)]
+        right, known, points = (sum(count) for count in zip(*counts, strict=True))
+        if not known:
+            raise ValueError(f"labels: found no label among {points} points, expected some to score by")
+        return float(right / known)
+
+    def _right(self, cloud: Any, labels: Any, regularize: str | None) -> tuple[int, int, int]:
+        """Labelled points that are classified correctly, all labelled points, and all points of a cloud."""
         points = as_cloud(cloud)
         unlabelled = self.unlabelled if self.unlabelled is not None else ()
         if labels is not None and is_text(labels):
             true = texts(labels, "labels", len(points))
-            known = np.array([text is not None and text not in set(unlabelled) for text in true.tolist()], dtype=bool)
-            self._check_labelled(known)
-            return float(np.mean(self._texts(self.classify(points, divided=False).codes)[known] == true[known].astype(str)))
+            skipped = {None, *unlabelled}
+            known = np.array([text not in skipped for text in true.tolist()], dtype=bool)
+            found: NDArray[Any] = self._texts(self.classify(points, divided=False, regularize=regularize).codes)
+            return int((found[known] == true[known].astype(str)).sum()), int(known.sum()), len(points)
         if labels is None and self.unlabelled is None:
             unlabelled = points._core.unlabelled()
         given = points[LABELS] if labels is None else labels
         codes = signed(given, "labels", len(points), unlabelled, self.class_map)
-        self._check_labelled(codes >= 0)
-        return float(np.mean((self.classify(points, divided=False).codes == codes)[codes >= 0]))
-
-    @staticmethod
-    def _check_labelled(known: NDArray[np.bool_]) -> None:
+        known = codes >= 0
         if not known.any():
-            raise ValueError(f"labels: found no label among {len(known)} points, expected some to score by")
+            return 0, 0, len(points)
+        found = self.classify(points, divided=False, regularize=regularize).codes
+        return int((found == codes)[known].sum()), int(known.sum()), len(points)
 
     @property
     def feature_importances_(self) -> NDArray[np.float64]:

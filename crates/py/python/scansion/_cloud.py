@@ -5,45 +5,23 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import column, coordinates, mask, native
-
-_LASPY_NAMES = {
-    "intensity": "Intensity",
-    "return_number": "ReturnNumber",
-    "number_of_returns": "NumberOfReturns",
-    "synthetic": "Synthetic",
-    "key_point": "KeyPoint",
-    "withheld": "Withheld",
-    "overlap": "Overlap",
-    "scanner_channel": "ScanChannel",
-    "scan_direction_flag": "ScanDirectionFlag",
-    "edge_of_flight_line": "EdgeOfFlightLine",
-    "classification": "Classification",
-    "user_data": "UserData",
-    "point_source_id": "PointSourceId",
-    "gps_time": "GpsTime",
-    "red": "Red",
-    "green": "Green",
-    "blue": "Blue",
-    "nir": "Infrared",
-}
-"""laspy's dimension names and ours (PDAL's)."""
-
-_SCAN_ANGLE = "ScanAngle"
-_SCAN_ANGLE_UNIT = 0.006
-"""Degrees in one unit of the scan angle of point formats 6 to 10 (LAS 1.4 R15)."""
+from scansion._arrays import as_array, column, coordinates, mask, native
+from scansion._cloud_table import as_html, as_text, rows
+from scansion._laspy import from_laspy, to_laspy
 
 
 class PointCloud:
     """Points with named columns, one value a point.
 
-    Coordinates of LAS files are kept as the integers in the file, so that writing gives the same bytes.
+    Coordinates of LAS files are kept as the integers in the file, so that writing gives the same bytes. ``cloud["name"]`` is
+    the column itself: what is written into it is in the cloud. ``cloud[mask]``, ``cloud[indices]`` and ``cloud[a:b]`` are
+    new clouds of some of the points. As an array, a cloud is its coordinates.
 
     Parameters
     ----------
@@ -60,14 +38,22 @@ class PointCloud:
     --------
     >>> import numpy as np
     >>> import scansion
-    >>> cloud = scansion.PointCloud(np.zeros((2, 3)), Classification=np.array([2, 6], dtype=np.uint8))
+    >>> cloud = scansion.PointCloud([[0, 0, 1], [1, 0, 7]], Classification=np.array([2, 6], dtype=np.uint8))
     >>> len(cloud), cloud.columns
     (2, ['Classification'])
+    >>> cloud["Classification"][cloud.z > 5] = 5
     >>> cloud["Classification"]
-    array([2, 6], dtype=uint8)
+    array([2, 5], dtype=uint8)
+    >>> cloud[cloud.z > 5].xyz
+    array([[1., 0., 7.]])
+    >>> cloud
+    PointCloud: 2 points
+           X      Y      Z  Classification
+    0  0.000  0.000  1.000               2
+    1  1.000  0.000  7.000               5
     """
 
-    __slots__ = ("_core", "_header", "_path")
+    __slots__ = ("_header", "_native", "_path", "_views")
 
     def __init__(
         self,
@@ -77,33 +63,68 @@ class PointCloud:
         metres_per_unit: float | None = None,
         **columns: ArrayLike,
     ) -> None:
-        self._core = _core.Cloud.from_xyz(coordinates(xyz))
-        self._path: str | None = None
-        self._header: dict[str, Any] | None = None
+        self._take(_core.Cloud.from_xyz(coordinates(xyz)), None)
         self._fill(crs, metres_per_unit, columns)
 
+    def _take(self, core: _core.Cloud, path: str | None) -> None:
+        self._native, self._path = core, path
+        self._header: dict[str, Any] | None = None
+        self._views: dict[str, NDArray[Any]] = {}
+
     def _fill(self, crs: str | None, metres_per_unit: float | None, columns: Mapping[str, ArrayLike]) -> None:
-        self._core.crs = crs
+        self._native.crs = crs
         if metres_per_unit is not None:
-            self._core.metres_per_unit = metres_per_unit
+            self._native.metres_per_unit = metres_per_unit
         for name, values in columns.items():
             self[name] = values
 
     @classmethod
     def _wrap(cls, core: _core.Cloud, path: str | None = None) -> PointCloud:
         cloud = cls.__new__(cls)
-        cloud._core, cloud._path, cloud._header = core, path, None
+        cloud._take(core, path)
         return cloud
 
     @property
+    def _core(self) -> _core.Cloud:
+        """The native cloud, with what was written into the arrays of its columns."""
+        for name, values in self._views.items():
+            self._native.update_column(name, values)
+        return self._native
+
+    @property
     def xyz(self) -> NDArray[np.float64]:
-        """Coordinates, a new ``(n, 3)`` array."""
-        return self._core.xyz()
+        """Coordinates, an ``(n, 3)`` array that cannot be written: ``cloud.xyz.copy()`` can, and `PointCloud` takes it."""
+        return _read_only(self._native.xyz())
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """The first coordinate, read-only."""
+        return _read_only(self._native.axis(0))
+
+    @property
+    def y(self) -> NDArray[np.float64]:
+        """The second coordinate, read-only."""
+        return _read_only(self._native.axis(1))
+
+    @property
+    def z(self) -> NDArray[np.float64]:
+        """The height, read-only."""
+        return _read_only(self._native.axis(2))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of the coordinates: (number of points, 3)."""
+        return len(self), 3
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is False:
+            raise ValueError("copy: found False; the coordinates of a cloud are always copied")
+        return as_array(self._native.xyz(), dtype, False)
 
     @property
     def columns(self) -> list[str]:
         """Names of the columns, in the order of the file."""
-        return self._core.columns()
+        return self._native.columns()
 
     @property
     def header(self) -> dict[str, Any]:
@@ -116,33 +137,33 @@ class PointCloud:
     @property
     def crs(self) -> str | None:
         """Coordinate reference system as the file states it (WKT, or ``EPSG:n``)."""
-        return self._core.crs
+        return self._native.crs
 
     @crs.setter
     def crs(self, crs: str | None) -> None:
-        self._core.crs = crs
+        self._native.crs = crs
 
     @property
     def metres_per_unit(self) -> float | None:
         """Metres per unit of the coordinates, if the file states it."""
-        return self._core.metres_per_unit
+        return self._native.metres_per_unit
 
     @metres_per_unit.setter
     def metres_per_unit(self, metres: float | None) -> None:
-        self._core.metres_per_unit = metres
+        self._native.metres_per_unit = metres
 
     @property
     def scheme(self) -> str:
         """The class list of the codes in the column Classification: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
         ``"semantic3d"`` (0 is) or ``"own"`` (every code is a class). Set by readers; may be changed."""
-        return self._core.scheme
+        return self._native.scheme
 
     @scheme.setter
     def scheme(self, scheme: str) -> None:
-        self._core.scheme = scheme
+        self._native.scheme = scheme
 
     def __len__(self) -> int:
-        return len(self._core)
+        return len(self._native)
 
     def __contains__(self, name: object) -> bool:
         return name in self.columns
@@ -150,26 +171,68 @@ class PointCloud:
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        values = self._core.column(name)
-        if values is None:
-            raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
-        return values
+    @overload
+    def __getitem__(self, key: str) -> NDArray[Any]: ...
+
+    @overload
+    def __getitem__(self, key: Any) -> PointCloud: ...
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, str):
+            return self._column(key)
+        if isinstance(key, tuple) and len(key) == 2 and key[1] is Ellipsis:
+            key = key[0]  # As scikit-learn indexes what has a shape.
+        if isinstance(key, slice):
+            return self.select(np.arange(len(self))[key])
+        points = np.atleast_1d(np.asarray(key))
+        if points.size and (points.ndim != 1 or points.dtype.kind not in "biu"):
+            raise TypeError(f"expected the name of a column, bools, indices or a slice, found {key!r}")
+        # Negative indices count from the end, as in numpy.
+        return self.select(points if points.dtype.kind != "i" else np.where(points < 0, points + len(self), points))
+
+    def _column(self, name: str) -> NDArray[Any]:
+        if name not in self._views:
+            values = self._native.column(name)
+            if values is None:
+                raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
+            self._views[name] = values
+        return self._views[name]
 
     def __setitem__(self, name: str, values: ArrayLike) -> None:
-        self._core.set_column(name, column(values, name, len(self)))
+        if not isinstance(name, str):
+            raise TypeError(f'expected the name of a column, found {name!r}; some points: cloud["name"][points] = values')
+        self._native.set_column(name, column(values, name, len(self)))
+        self._views.pop(name, None)
 
     def __delitem__(self, name: str) -> None:
-        if not self._core.remove_column(name):
+        if not self._native.remove_column(name):
             raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
+        self._views.pop(name, None)
 
     def __repr__(self) -> str:
-        return f"PointCloud({len(self)} points; columns: {', '.join(self.columns) or 'none'})"
+        return as_text(self)
+
+    def _repr_html_(self) -> str:
+        return as_html(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        columns = {name: self[name] for name in self.columns}
-        ticks = self._core.ticks()
-        return _restore, (self.xyz if ticks is None else ticks, self.crs, self.metres_per_unit, columns, self.scheme)
+        core = self._core
+        columns = {name: core.column(name) for name in self.columns}
+        ticks = core.ticks()
+        return _restore, (core.xyz() if ticks is None else ticks, self.crs, self.metres_per_unit, columns, self.scheme)
+
+    def to_pandas(self) -> Any:
+        """The points as a ``pandas.DataFrame``: X, Y, Z and the columns; needs pandas.
+
+        Examples
+        --------
+        >>> import scansion
+        >>> scansion.PointCloud([[1, 2, 3]], Classification=[2]).to_pandas().columns.tolist()
+        ['X', 'Y', 'Z', 'Classification']
+        """
+        import pandas
+
+        return pandas.DataFrame(rows(self))
 
     def copy(self) -> PointCloud:
         """An independent copy."""
@@ -204,56 +267,16 @@ class PointCloud:
     @classmethod
     def from_laspy(cls, las: Any) -> PointCloud:
         """A cloud from a ``laspy.LasData``: its exact integers, its dimensions and its reference system."""
-        ticks = np.column_stack([np.asarray(las.X), np.asarray(las.Y), np.asarray(las.Z)]).astype(np.int32)
-        scale, offset = (
-            tuple(float(v) for v in values) for values in (las.header.scales, las.header.offsets)
-        )
-        cloud = cls._wrap(_core.Cloud.from_ticks(np.ascontiguousarray(ticks), scale, offset))
-        for name in las.point_format.dimension_names:
-            if name in ("X", "Y", "Z"):
-                continue
-            values = np.asarray(las[name])
-            if name in ("scan_angle", "scan_angle_rank"):
-                unit = _SCAN_ANGLE_UNIT if name == "scan_angle" else 1.0
-                # As the core does: both factors in single precision.
-                cloud[_SCAN_ANGLE] = values.astype(np.float32) * np.float32(unit)
-            elif values.ndim == 1 and values.dtype.kind in "fiub":
-                cloud[_LASPY_NAMES.get(name, name)] = values
-        cloud.scheme = "asprs"
-        parsed = _laspy_crs(las.header)
-        cloud.crs = parsed
-        return cloud
+        return from_laspy(cls, las)
 
     def to_laspy(self) -> Any:
         """The cloud as ``laspy.LasData`` of LAS 1.4; needs the extra ``scansion[las]``."""
-        import laspy
+        return to_laspy(self)
 
-        colour, infrared = "Red" in self, "Infrared" in self
-        header = laspy.LasHeader(version="1.4", point_format=8 if infrared else 7 if colour else 6)
-        ticks = self._core.ticks()
-        xyz = self.xyz
-        if ticks is not None:
-            header.scales, header.offsets = np.array(ticks[1]), np.array(ticks[2])
-        else:
-            header.scales, header.offsets = (np.array(values) for values in self._core.las_frame())
-        if (wkt := self._core.wkt()) is not None:
-            header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
-            header.global_encoding.wkt = True
-        las = laspy.LasData(header)
-        las.x, las.y, las.z = xyz[:, 0], xyz[:, 1], xyz[:, 2]
-        if ticks is not None:
-            las.X, las.Y, las.Z = ticks[0][:, 0], ticks[0][:, 1], ticks[0][:, 2]
-        known = {ours: theirs for theirs, ours in _LASPY_NAMES.items()}
-        for name in self.columns:
-            values = self[name]
-            if name == _SCAN_ANGLE:
-                las.scan_angle = np.round(values / _SCAN_ANGLE_UNIT).astype(np.int16)
-            elif known.get(name) in set(header.point_format.dimension_names):
-                las[known[name]] = values
-            else:
-                las.add_extra_dim(laspy.ExtraBytesParams(name=name, type=values.dtype))
-                las[name] = values
-        return las
+
+def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    array.flags.writeable = False
+    return array
 
 
 def _restore(
@@ -271,17 +294,6 @@ def _restore(
     return cloud
 
 
-def _laspy_crs(header: Any) -> str | None:
-    for vlr in header.vlrs:
-        text = getattr(vlr, "string", None)
-        if getattr(vlr, "record_id", None) == 2112 and text:
-            return str(text).rstrip("\0")
-    keys = [vlr.geo_keys for vlr in header.vlrs if getattr(vlr, "record_id", None) == 34735]
-    values = {key.id: key.value_offset for key in (keys[0] if keys else []) if key.tiff_tag_location == 0}
-    code = values.get(3072, values.get(2048) if values.get(1024) == 2 else None)
-    return f"EPSG:{code}" if code not in (None, 0, 32767) else None
-
-
 def measured(points: Any, columns: list[str], metres_per_unit: float | None) -> PointCloud:
     """`as_cloud` with another unit, if one is given; the caller's cloud is not changed."""
     cloud = as_cloud(points, columns=columns)
@@ -297,8 +309,8 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
 
     Parameters
     ----------
-    points : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
-        A structured array needs the fields X, Y, Z (or x, y, z); its other fields become columns.
+    points : PointCloud, path, laspy.LasData, pandas.DataFrame, structured array or array_like of shape (n, 3)
+        A structured array or a table needs the fields X, Y, Z (or x, y, z); its other fields become columns.
     columns : list of str, optional
         Columns to read if ``points`` is a path; all by default.
     """
@@ -309,14 +321,16 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
         return PointCloud._wrap(_core.read(name, (columns, None, None, [])), name)
     if hasattr(points, "point_format") and hasattr(points, "header") and hasattr(points, "X"):
         return PointCloud.from_laspy(points)
-    fields = getattr(getattr(points, "dtype", None), "names", None)
-    if fields is None:
+    table = hasattr(points, "columns") and hasattr(points, "to_numpy")
+    fields = list(points.columns) if table else getattr(getattr(points, "dtype", None), "names", None)
+    if fields is None or (table and len(fields) == 3 and not {"x", "X"} & set(fields)):
         return PointCloud(points)
     for axes in ("XYZ", "xyz"):
         if all(axis in fields for axis in axes):
             cloud = PointCloud(np.column_stack([np.asarray(points[axis], dtype=np.float64) for axis in axes]))
             for name in fields:
                 if name not in axes:
-                    cloud[name] = points[name]
+                    cloud[str(name)] = points[name]
             return cloud
-    raise ValueError(f"structured array: expected the fields X, Y, Z or x, y, z, found {', '.join(fields)}")
+    kind = "table" if table else "structured array"
+    raise ValueError(f"{kind}: expected the fields X, Y, Z or x, y, z, found {', '.join(map(str, fields))}")

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Any, Final, TypeAlias, final
 
 import numpy as np
@@ -32,6 +33,7 @@ __all__ = [
     "fit_bagging",
     "fit_boosting",
     "fit_forest",
+    "follow",
     "footprints",
     "ground_points",
     "height_above_ground",
@@ -53,6 +55,7 @@ __all__ = [
     "one_vs_rest",
     "optimal",
     "partition",
+    "permutation_importance",
     "polygon_text",
     "purities",
     "radius_features",
@@ -65,6 +68,8 @@ __all__ = [
     "report",
     "rewrite",
     "riemannian",
+    "road_points",
+    "road_position",
     "run",
     "salvage",
     "scores",
@@ -75,6 +80,7 @@ __all__ = [
     "segment_shapes",
     "segmentation_error",
     "settings_text",
+    "spatial_folds",
     "statistical_outliers",
     "statistics",
     "suggest",
@@ -101,11 +107,13 @@ class Cloud:
     def __len__(self) -> int: ...
     def copy(self) -> Cloud: ...
     def xyz(self) -> NDArray[np.float64]: ...
+    def axis(self, axis: int) -> NDArray[np.float64]: ...
     def ticks(self) -> tuple[NDArray[np.int32], list[float], list[float]] | None: ...
     def select(self, indices: NDArray[np.uint32]) -> Cloud: ...
     def columns(self) -> list[str]: ...
     def column(self, name: str) -> NDArray[Any] | None: ...
     def set_column(self, name: str, array: NDArray[Any]) -> None: ...
+    def update_column(self, name: str, array: NDArray[Any]) -> None: ...
     def remove_column(self, name: str) -> bool: ...
     crs: str | None
     metres_per_unit: float | None
@@ -228,6 +236,29 @@ def picked_labels(
 ) -> NDArray[np.int16]: ...
 def spread_labels(labels: NDArray[np.int16], segments: NDArray[Any]) -> NDArray[np.int16]: ...
 def segment_colours(segments: NDArray[np.uint32]) -> NDArray[np.uint8]: ...
+def follow(follower: Callable[[str, int, int], Any] | None = None) -> Callable[[str, int, int], Any] | None: ...
+def spatial_folds(
+    cloud: Cloud, folds: int, block: float | None = None, metres_per_unit: float | None = None
+) -> NDArray[np.uint32]: ...
+def permutation_importance(
+    forest: Forest,
+    table: NDArray[np.float32],
+    labels: NDArray[np.uint16],
+    weights: NDArray[np.float32] | None,
+    repeats: int,
+    seed: int,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def road_position(
+    cloud: Cloud,
+    road: NDArray[np.bool_],
+    settings: str,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.float32], float, float]: ...
+def road_points(
+    table: NDArray[np.float32], labels: NDArray[np.int16], trees: int, seed: int, n_jobs: int | None = None
+) -> NDArray[np.bool_]: ...
 def suggest(
     cloud: Cloud,
     recipe: str,

@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._arrays import choice
+from scansion._importance import ForestClassifier
 from scansion._settings import class_weight, seed, share, whole
-from scansion._table import TableClassifier, TrainingData
+from scansion._table import TrainingData
 
 BAG = 0.632
 """Share of the samples that each tree is trained on with the trainer "ethz"."""
 
 
-class RandomForestClassifier(TableClassifier):
+class RandomForestClassifier(ForestClassifier):
     """Random forest (Breiman 2001, doi:10.1023/A:1010933404324) on binned features.
 
     The same data, parameters and ``random_state`` give the same bytes, for any number of threads.

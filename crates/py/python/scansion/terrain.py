@@ -11,10 +11,12 @@ from scansion import _core
 from scansion._arrays import native, to_json
 from scansion._cloud import as_cloud
 from scansion._footprints import footprints, write_footprints
+from scansion._road import RoadPosition, road_points, road_position
 from scansion._surfaces import Raster, chm, dsm, dtm, height_above_ground, write_raster
 
 __all__ = [
     "Raster",
+    "RoadPosition",
     "chm",
     "dsm",
     "dtm",
@@ -22,6 +24,8 @@ __all__ = [
     "ground_points",
     "height_above_ground",
     "heights",
+    "road_points",
+    "road_position",
     "write_footprints",
     "write_raster",
 ]

@@ -1,6 +1,7 @@
 //! Folds of whole squares: neighbouring points resemble each other, so that they are held out together.
 
 use crate::classification::cross_validation::grouped_folds;
+use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -69,6 +70,18 @@ pub(in crate::recipes) fn spatial_folds(places: &[Place], folds: usize, square: 
     };
     let groups: Vec<u32> = places.iter().map(|place| number(place.square(edge))).collect();
     Ok(SpatialFolds { of: grouped_folds(&groups, folds)?, square: edge })
+}
+
+/// The fold of each point of a cloud, as the cross-validation of recipes divides labelled points: whole squares of
+/// `block` metres, without it 50, halved until there are two squares a fold.
+///
+/// # Errors
+/// If there are fewer than 2 folds, the edge is not above 0, there are fewer squares than folds, or the unit is not a
+/// length.
+pub fn square_folds(cloud: &Cloud, metres_per_unit: Option<f64>, folds: usize, block: Option<f64>) -> Result<Vec<u32>> {
+    let metres = cloud.metres(metres_per_unit)?;
+    let places: Vec<Place> = (0..cloud.len()).map(|i| Place::new(0, cloud.xyz(i), metres)).collect();
+    Ok(spatial_folds(&places, folds, block)?.of)
 }
 
 #[cfg(test)]

@@ -1,0 +1,102 @@
+"""Exchange with laspy: its dimensions, exact integers and reference systems."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scansion import _core
+
+if TYPE_CHECKING:
+    from scansion._cloud import PointCloud
+
+_LASPY_NAMES = {
+    "intensity": "Intensity",
+    "return_number": "ReturnNumber",
+    "number_of_returns": "NumberOfReturns",
+    "synthetic": "Synthetic",
+    "key_point": "KeyPoint",
+    "withheld": "Withheld",
+    "overlap": "Overlap",
+    "scanner_channel": "ScanChannel",
+    "scan_direction_flag": "ScanDirectionFlag",
+    "edge_of_flight_line": "EdgeOfFlightLine",
+    "classification": "Classification",
+    "user_data": "UserData",
+    "point_source_id": "PointSourceId",
+    "gps_time": "GpsTime",
+    "red": "Red",
+    "green": "Green",
+    "blue": "Blue",
+    "nir": "Infrared",
+}
+"""laspy's dimension names and ours (PDAL's)."""
+
+_SCAN_ANGLE = "ScanAngle"
+_SCAN_ANGLE_UNIT = 0.006
+"""Degrees in one unit of the scan angle of point formats 6 to 10 (LAS 1.4 R15)."""
+
+
+def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
+    """A cloud from a ``laspy.LasData``: its exact integers, its dimensions and its reference system."""
+    ticks = np.column_stack([np.asarray(las.X), np.asarray(las.Y), np.asarray(las.Z)]).astype(np.int32)
+    scale, offset = (tuple(float(v) for v in values) for values in (las.header.scales, las.header.offsets))
+    cloud = kind._wrap(_core.Cloud.from_ticks(np.ascontiguousarray(ticks), scale, offset))
+    for name in las.point_format.dimension_names:
+        if name in ("X", "Y", "Z"):
+            continue
+        values = np.asarray(las[name])
+        if name in ("scan_angle", "scan_angle_rank"):
+            unit = _SCAN_ANGLE_UNIT if name == "scan_angle" else 1.0
+            # As the core does: both factors in single precision.
+            cloud[_SCAN_ANGLE] = values.astype(np.float32) * np.float32(unit)
+        elif values.ndim == 1 and values.dtype.kind in "fiub":
+            cloud[_LASPY_NAMES.get(name, name)] = values
+    cloud.scheme = "asprs"
+    cloud.crs = _laspy_crs(las.header)
+    return cloud
+
+
+def to_laspy(cloud: PointCloud) -> Any:
+    """The cloud as ``laspy.LasData`` of LAS 1.4."""
+    import laspy
+
+    core = cloud._core
+    colour, infrared = "Red" in cloud, "Infrared" in cloud
+    header = laspy.LasHeader(version="1.4", point_format=8 if infrared else 7 if colour else 6)
+    ticks = core.ticks()
+    xyz = cloud.xyz
+    if ticks is not None:
+        header.scales, header.offsets = np.array(ticks[1]), np.array(ticks[2])
+    else:
+        header.scales, header.offsets = (np.array(values) for values in core.las_frame())
+    if (wkt := core.wkt()) is not None:
+        header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+        header.global_encoding.wkt = True
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = xyz[:, 0], xyz[:, 1], xyz[:, 2]
+    if ticks is not None:
+        las.X, las.Y, las.Z = ticks[0][:, 0], ticks[0][:, 1], ticks[0][:, 2]
+    known = {ours: theirs for theirs, ours in _LASPY_NAMES.items()}
+    for name in cloud.columns:
+        values = cloud[name]
+        if name == _SCAN_ANGLE:
+            las.scan_angle = np.round(values / _SCAN_ANGLE_UNIT).astype(np.int16)
+        elif known.get(name) in set(header.point_format.dimension_names):
+            las[known[name]] = values
+        else:
+            las.add_extra_dim(laspy.ExtraBytesParams(name=name, type=values.dtype))
+            las[name] = values
+    return las
+
+
+def _laspy_crs(header: Any) -> str | None:
+    for vlr in header.vlrs:
+        text = getattr(vlr, "string", None)
+        if getattr(vlr, "record_id", None) == 2112 and text:
+            return str(text).rstrip("\0")
+    keys = [vlr.geo_keys for vlr in header.vlrs if getattr(vlr, "record_id", None) == 34735]
+    values = {key.id: key.value_offset for key in (keys[0] if keys else []) if key.tiff_tag_location == 0}
+    code = values.get(3072, values.get(2048) if values.get(1024) == 2 else None)
+    return f"EPSG:{code}" if code not in (None, 0, 32767) else None
