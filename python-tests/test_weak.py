@@ -90,9 +90,29 @@ def test_segments_and_suggestions(labelled):
         scansion.suggest(labelled.xyz, 5, uncertainty=[0.5])
 
 
+def test_a_second_round_takes_labels_and_model_of_the_first(labelled, tmp_path):
+    first = scansion.suggest(labelled.xyz, 6)
+    labels = np.full(len(labelled), -1)
+    for segment in first.segments:
+        own = first.cluster_id == segment["cluster_id"]
+        labels[own] = np.bincount(labelled["Classification"][own]).argmax()
+    model = WeakClassifier(random_state=0).fit(labelled.xyz, labels)
+    model.save(tmp_path / "a.model")
+    second = scansion.suggest(labelled.xyz, 3, model=tmp_path / "a.model", labels=labels, page=tmp_path / "page.html")
+    asked = {segment["cluster_id"] for segment in first.segments}
+    assert second.segments and all(s["cluster_id"] not in asked and s["uncertainty"] < 1 for s in second.segments)
+    assert '[2,"class 2"]' in (tmp_path / "page.html").read_text()
+    own = scansion.suggest(labelled.xyz, 3, model=model, labels=labels).segments
+    assert own == second.segments
+    for wrong in ({"labels": labels, "labelled": True}, {"model": model, "uncertainty": np.ones(len(labels))}):
+        with pytest.raises(ValueError, match="expected one of them"):
+            scansion.suggest(labelled.xyz, 3, **wrong)
+
+
 def test_suggestions_are_drawn_on_a_page(labelled, tmp_path):
     page = tmp_path / "page.html"
-    asked = scansion.suggest(labelled.xyz, 3, page=page)
+    asked = scansion.suggest(labelled.xyz, 3, page=page, offer={9: "water, deep"})
+    assert '[[9,"water  deep"]]' in page.read_text()
     assert page.read_text().count("data:image/png;base64,") == 2 * len(asked.segments) > 0
     with pytest.raises(OSError, match="absent"):
         scansion.suggest(labelled.xyz, 3, page=tmp_path / "absent" / "page.html")

@@ -145,11 +145,12 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     assert!(table.contains("segments by cut-pursuit, strength") && table.contains("oracle accuracy"), "{table}");
     done(f, &["render", "s.laz", "-o", "s.png", "--by", "ClusterID"]);
     let said =
-        done(f, &["suggest", "a.laz", "-n", "8", "-o", "l.csv", "-o", "l.html", "-o", "l.laz", "--format", "json"]);
+        done(f, &["suggest", "a.laz", "-n", "6", "-o", "l.csv", "-o", "l.html", "-o", "l.laz", "--format", "json"]);
     let said: serde_json::Value = serde_json::from_str(&said).unwrap();
-    assert_eq!(said.as_array().unwrap().len(), 8);
+    assert_eq!(said.as_array().unwrap().len(), 6);
     let page = std::fs::read_to_string(f.join("l.html")).unwrap();
-    assert_eq!(page.matches("data:image/png;base64,").count(), 16);
+    assert!(page.contains(r#"[2,"ground"]"#) && page.contains("localStorage"), "the well-known classes");
+    assert_eq!(page.matches("data:image/png;base64,").count(), 12);
     assert!(!page.contains("http"), "the page must not need the internet");
     // Fills in the table with the true classes.
     let list = std::fs::read_to_string(f.join("l.csv")).unwrap();
@@ -163,6 +164,17 @@ fn a_few_labels_go_from_suggestions_to_a_named_scan() {
     let trained =
         done(f, &["train", "l.laz", "--weak", "--weak-labels", "labels.csv", "-o", "m.model", "--per-class", "50"]);
     assert!(trained.contains("strength of the field"), "{trained}");
+    // The second round leaves out the segments of the first, which the cloud or the same segmentation names.
+    let first: Vec<&serde_json::Value> = said.as_array().unwrap().iter().map(|s| &s["cluster_id"]).collect();
+    for cloud in ["l.laz", "a.laz"] {
+        let again = ["suggest", cloud, "-n", "4", "-m", "m.model", "--weak-labels", "labels.csv", "--format", "json"];
+        let again = done(f, &[&again[..], &["-o", "2.html", "--offer", "2,64=tram"]].concat());
+        let again: serde_json::Value = serde_json::from_str(&again).unwrap();
+        assert!(again.as_array().unwrap().iter().all(|s| !first.contains(&&s["cluster_id"])), "{again}");
+        assert!(!again.as_array().unwrap().is_empty() && again[0]["uncertainty"].as_f64().unwrap() < 1.0, "{again}");
+    }
+    assert!(std::fs::read_to_string(f.join("2.html")).unwrap().contains(r#"[[2,"ground"],[64,"tram"]]"#));
+    fails(f, &["suggest", "a.laz", "-o", "x.csv", "--offer", "tram"], 2);
     done(f, &["classify", "a.laz", "-m", "m.model", "-o", "n.laz"]);
     let scores = done(f, &["evaluate", "a.laz", "n.laz", "--format", "json"]);
     let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
@@ -204,9 +216,17 @@ fn every_method_parts_a_scan_and_objects_are_learned_and_named() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();
     scansion_core::io::write(&f.join("a.laz"), &street(25.0, 7), &Default::default()).unwrap();
-    for method in
-        ["riemannian", "local-graph", "slic", "vccs", "region-growing", "octree-region-growing", "merge", "clusters"]
-    {
+    for method in [
+        "felzenszwalb",
+        "riemannian",
+        "local-graph",
+        "slic",
+        "vccs",
+        "region-growing",
+        "octree-region-growing",
+        "merge",
+        "clusters",
+    ] {
         let said = done(f, &["segment", "a.laz", "-o", "s.laz", "--method", method, "--format", "json"]);
         let said: serde_json::Value = serde_json::from_str(&said).unwrap();
         assert_eq!(said["method"], method);

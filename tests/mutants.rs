@@ -11,7 +11,8 @@ use scansion_core::io::{self, PointReader, ReadOptions, WriteOptions, salvage};
 use scansion_core::parallel::Monitor;
 use scansion_core::random::{Stream, stream};
 use scansion_core::recipes::{
-    AnyRecipe, LabelParams, LabelledCloud, SegmentParams, SuggestParams, TrainOptions, read_labels, segment, suggest,
+    AnyRecipe, KnownPoints, LabelParams, LabelledCloud, SegmentParams, SuggestParams, TrainOptions, read_labels,
+    segment, suggest,
 };
 use scansion_tests::data;
 use scansion_tests::samples::{self, FORMATS, Sample, seal};
@@ -95,7 +96,8 @@ fn learn(path: &Path) {
     let Ok(labels) = read_labels(&cloud, &LabelParams::default()) else { return };
     let _ = Confusion::from_partial(&labels.codes, &labels.codes);
     if let Ok(segments) = segment(&cloud, Some(&labels), &SegmentParams::default(), &monitor) {
-        let _ = suggest(&segments, None, Some(&labels), &SuggestParams::default());
+        let known = KnownPoints { labels: Some(&labels), ..KnownPoints::default() };
+        let _ = suggest(&segments, known, &SuggestParams::default(), &monitor);
     }
     let few =
         AnyRecipe::named("pyramid").unwrap().with_settings(["forest.trees=3", "training.keep_samples=50"]).unwrap();

@@ -2,14 +2,17 @@
 
 use crate::call::call;
 use crate::cloud::Cloud;
-use crate::convert::vector;
+use crate::convert::matrix;
 use crate::error::raise;
 use crate::json;
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{PyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use scansion_core::classes::ClassTable;
 use scansion_core::cloud::{Cloud as CoreCloud, names};
 use scansion_core::io::atomic;
-use scansion_core::recipes::{self, LabelParams, Labels, SegmentParams, SuggestParams, read_labels};
+use scansion_core::recipes::{
+    self, Doubt, KnownPoints, LabelParams, Labels, SegmentParams, SuggestParams, read_labels,
+};
 use scansion_core::segmentation::Intent;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -62,9 +65,10 @@ pub(crate) fn segment<'py>(
     Ok((PyArray1::from_vec(py, clusters), levels, report))
 }
 
-/// Divides a cloud into segments and suggests those whose labels would help most.
+/// Divides a cloud into segments and suggests those whose labels would help most. `doubt` is a column of uncertainties, or
+/// a column of probabilities for each of several classes.
 #[pyfunction]
-#[pyo3(signature = (cloud, recipe, settings, aim, wishes, size = None, uncertainty = None, labelled = false, page = None, n_jobs = None))]
+#[pyo3(signature = (cloud, recipe, settings, aim, wishes, size = None, doubt = None, labelled = false, page = None, n_jobs = None))]
 #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
 pub(crate) fn suggest<'py>(
     py: Python<'py>,
@@ -74,24 +78,34 @@ pub(crate) fn suggest<'py>(
     aim: &str,
     wishes: &str,
     size: Option<f64>,
-    uncertainty: Option<PyReadonlyArray1<'_, f32>>,
+    doubt: Option<PyReadonlyArray2<'_, f32>>,
     labelled: bool,
-    page: Option<PathBuf>,
+    page: Option<(PathBuf, String)>,
     n_jobs: Option<i64>,
 ) -> PyResult<Parted<'py>> {
     let params = params(recipe, &settings, (aim, size))?;
     let wishes: SuggestParams = json::settings(wishes)?;
-    let uncertainty = uncertainty.as_ref().map(|u| vector(u, "uncertainty").map(<[f32]>::to_vec)).transpose()?;
+    let doubt = match &doubt {
+        Some(values) => Some((matrix(values, "uncertainty")?, values.shape()[1])),
+        None => None,
+    };
+    let offered = |text: String| text.parse::<ClassTable>().map_err(raise);
+    let page = page.map(|(path, text)| offered(text).map(|classes| (path, classes))).transpose()?;
     let cloud = Arc::clone(&cloud.inner);
     let (clusters, found) = call(py, n_jobs, |monitor| {
-        page.as_deref().map_or(Ok(()), atomic::check_output)?;
+        page.as_ref().map_or(Ok(()), |(path, _)| atomic::check_output(path))?;
         let labels = labels(&cloud)?;
         let mut parted = recipes::segment(&cloud, labels.as_ref(), &params, monitor)?;
         parted.describe(&params.neighbourhood, monitor)?;
-        let known = labels.as_ref().filter(|_| labelled);
-        let found = recipes::suggest(&parted, uncertainty.as_deref(), known, &wishes)?;
-        if let Some(path) = &page {
-            let text = recipes::suggestion_page(&found, &cloud, &parted, monitor)?;
+        let labels = labels.as_ref().filter(|_| labelled);
+        let doubt = doubt.map(|(values, width)| match width {
+            1 => Doubt::Uncertainty(values),
+            classes => Doubt::Probabilities(values, classes),
+        });
+        let known = KnownPoints { doubt, labels };
+        let found = recipes::suggest(&parted, known, &wishes, monitor)?;
+        if let Some((path, offered)) = &page {
+            let text = recipes::suggestion_page(&found, &parted, offered, monitor)?;
             atomic::write_bytes(path, text.as_bytes())?;
         }
         Ok((parted.clusters, json::text(&found)?))

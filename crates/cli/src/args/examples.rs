@@ -46,7 +46,12 @@ pub(super) const SEGMENT: &str = "Examples:
 
 pub(super) const SUGGEST: &str = "Examples:
   scansion suggest my.laz -n 30 -o page.html -o segments.laz     a page to label on, and its segments
-  scansion train segments.laz --weak --weak-labels labels.csv -o my.model";
+  scansion train segments.laz --weak --weak-labels labels.csv -o my.model
+  scansion suggest segments.laz -n 30 -m my.model --weak-labels labels.csv -o page2.html   the next round
+  scansion train segments.laz --weak --weak-labels labels.csv --weak-labels labels2.csv -o better.model
+
+The first round takes segments that are unlike each other; with a model, those it is unsure of. In the page, keys give the
+classes of --offer, and the browser keeps the choices.";
 
 pub(super) const TERRAIN: &str = "Examples:
   scansion terrain my.laz -o dtm.tif                         heights of the ground, 1 m cells

@@ -157,7 +157,11 @@ impl Command {
             }
             Self::Classify(args) => (&args.inputs, vec![&args.model]),
             Self::Segment(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe]),
-            Self::Suggest(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe, &args.model]),
+            Self::Suggest(args) => {
+                let files = std::iter::once(&args.input).chain(&args.weak_labels).chain(&args.model);
+                let recipe = args.segments.recipe.as_deref().filter(|path| !is_name(path));
+                return files.map(PathBuf::as_path).chain(recipe).collect();
+            }
             Self::Terrain(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Height(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Filter(args) => return std::iter::once(&*args.input).chain(args.polygon_file()).collect(),

@@ -3,6 +3,7 @@
 use super::choices::segment_methods;
 use super::{LabelArgs, ScaleArgs, UnitArgs, examples};
 use clap::Args as ClapArgs;
+use scansion_core::classes::ClassTable;
 use scansion_core::recipes::SegmentMethod;
 use std::path::PathBuf;
 
@@ -95,9 +96,16 @@ pub(crate) struct Suggest {
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Leave out segments that contain a label
-    #[arg(long)]
+    /// Labels of earlier rounds, as for train: their segments are left out, and what is unlike them comes first; may be
+    /// repeated
+    #[arg(long, value_name = "FILE")]
+    pub(crate) weak_labels: Vec<PathBuf>,
+    /// The same for the labels in the cloud
+    #[arg(long, conflicts_with = "weak_labels")]
     pub(crate) labelled: bool,
+    /// Classes that the page offers, CODE or CODE=NAME, e.g. 2,5,64=vehicle [default: the model's, else well-known ones]
+    #[arg(long, value_name = "CLASSES")]
+    pub(crate) offer: Option<ClassTable>,
     #[command(flatten)]
     pub(crate) segments: SegmentArgs,
     #[command(flatten)]

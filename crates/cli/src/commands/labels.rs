@@ -5,7 +5,7 @@ use crate::args::LabelArgs;
 use scansion_core::classes::LabelMap;
 use scansion_core::cloud::{Cloud, CodeScheme};
 use scansion_core::io;
-use scansion_core::recipes::{LabelParams, Labels, read_labels};
+use scansion_core::recipes::{LabelFile, LabelParams, Labels, read_labels};
 use scansion_core::{Error, Result};
 use std::path::Path;
 
@@ -85,6 +85,17 @@ impl<'a> LabelSource<'a> {
             context.printer.note(&format!("{}: {note}", input.display()));
         }
         Ok(labels)
+    }
+
+    /// A table of picked labels, polygons, or the labels of a cloud.
+    pub(crate) fn picked(&self, path: &Path, context: &Context<'_>) -> Result<LabelFile> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        if ["csv", "txt", "tsv", "geojson", "json"].contains(&extension.as_str()) {
+            return LabelFile::read(path);
+        }
+        let cloud = io::read_with(path, &context.read_options())?;
+        let labels = self.read(path, &cloud, context)?;
+        Ok(LabelFile::of_cloud(path, &cloud, &labels))
     }
 
     /// Classes in `--classes` that no input has.

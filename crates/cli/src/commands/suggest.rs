@@ -1,13 +1,18 @@
 //! `scansion suggest`: suggests the segments to label next.
 
+use super::labels::LabelSource;
 use super::segment::{CLUSTER, parted};
 use super::{Context, sources};
 use crate::args::{Format, Suggest};
 use crate::exit_code::Failure;
+use scansion_core::classes::ClassTable;
 use scansion_core::cloud::{Cloud, Column, Values};
-use scansion_core::io::{self, Edit, atomic};
+use scansion_core::io::{self, Columns, Edit, atomic};
 use scansion_core::neighbours::OptimalParams;
-use scansion_core::recipes::{self, ClassifyParams, SuggestParams, Suggestion};
+use scansion_core::recipes::{
+    self, ClassifyParams, Doubt, KnownPoints, LabelFile, Labels, Model, PickedCloud, Picking, Regularise, Segmented,
+    SuggestParams, Suggestion, WeakLabels,
+};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -21,19 +26,32 @@ pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> 
             io::check_dimensions(&args.input, path, &[Column::new(CLUSTER, Values::U32(Vec::new()))])?;
         }
     }
-    let (cloud, labels, mut segmented) = parted(&args.input, (&args.segments, &[]), &args.labels, context)?;
+    let model = args.model.as_deref().map(|path| sources::model(Some(path))).transpose()?;
+    let offered = match (&args.offer, &model) {
+        (Some(list), _) => list.clone(),
+        (None, Some(model)) => model.classes.clone(),
+        (None, None) => ClassTable::default(),
+    };
+    let (cloud, own, mut segmented) = parted(&args.input, (&args.segments, &[]), &args.labels, context)?;
     segmented.describe(&OptimalParams::default(), &context.monitor)?;
-    let uncertainty = args.model.as_deref().map(|model| uncertainty(&args.input, model, context)).transpose()?;
-    let labels = labels.filter(|_| args.labelled);
+    let picked = picked(args, &segmented, context)?;
+    let said = match &model {
+        Some(model) => Some((probabilities(&args.input, model, context)?, model.classes.len())),
+        None => None,
+    };
+    let known = KnownPoints {
+        doubt: said.as_ref().map(|(values, classes)| Doubt::Probabilities(values, *classes)),
+        labels: picked.as_ref().or(own.as_ref().filter(|_| args.labelled)),
+    };
     let params = SuggestParams { count: args.count, ..SuggestParams::default() };
-    let found = recipes::suggest(&segmented, uncertainty.as_deref(), labels.as_ref(), &params)?;
+    let found = recipes::suggest(&segmented, known, &params, &context.monitor)?;
     for (path, kind) in args.output.iter().zip(kinds) {
         match kind {
             Kind::Table => atomic::write_bytes(path, csv(&found, &cloud).as_bytes())?,
-            Kind::Page => atomic::write_bytes(
-                path,
-                recipes::suggestion_page(&found, &cloud, &segmented, &context.monitor)?.as_bytes(),
-            )?,
+            Kind::Page => {
+                let page = recipes::suggestion_page(&found, &segmented, &offered, &context.monitor)?;
+                atomic::write_bytes(path, page.as_bytes())?;
+            }
             Kind::Cloud => {
                 let column = Column::new(CLUSTER, Values::U32(segmented.clusters.clone()));
                 let report = io::rewrite(&args.input, path, &[Edit::Dimension(column)], &context.write_options())?;
@@ -46,6 +64,27 @@ pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> 
         Format::Csv => csv(&found, &cloud),
         Format::Table => table(&found),
     })
+}
+
+/// The labels of earlier rounds. Segments in their tables are those of the input's ClusterID if it has one, else those
+/// found now, which are the same while the settings are.
+fn picked(args: &Suggest, segmented: &Segmented, context: &Context<'_>) -> Result<Option<Labels>, Failure> {
+    if args.weak_labels.is_empty() {
+        return Ok(None);
+    }
+    let paths: Vec<&Path> = args.weak_labels.iter().map(AsRef::as_ref).collect();
+    let source = LabelSource::new(&args.labels, &paths)?;
+    let files: Vec<LabelFile> =
+        paths.iter().map(|path| source.picked(path, context)).collect::<scansion_core::Result<_>>()?;
+    let mut options = context.read_options();
+    options.columns = Columns::Only(vec![CLUSTER.to_string()]);
+    let mut cloud = io::read_with(&args.input, &options)?;
+    if cloud.column(CLUSTER).is_none() {
+        cloud.set_column(Column::new(CLUSTER, Values::U32(segmented.clusters.clone())))?;
+    }
+    let picking = Picking { metres: cloud.metres(None)?, within: WeakLabels::default().within };
+    let labels = LabelFile::apply_all(&files, &[PickedCloud { cloud: &cloud, picking }], &context.monitor)?;
+    Ok(labels.into_iter().next())
 }
 
 /// The kind of an output, by its extension.
@@ -64,14 +103,12 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
     }
 }
 
-/// Normalised entropy of each point, by a model without regularisation.
-fn uncertainty(input: &Path, model: &Path, context: &Context<'_>) -> Result<Vec<f32>, Failure> {
-    let model = sources::model(Some(model))?;
+/// Class probabilities of each point, by a model without regularisation.
+fn probabilities(input: &Path, model: &Model, context: &Context<'_>) -> Result<Vec<f32>, Failure> {
     let cloud = io::read_with(input, &context.read_options())?;
-    let params = ClassifyParams { regularise: Some(recipes::Regularise::Local), ..ClassifyParams::default() };
-    let found = recipes::classify(&cloud, &model, &params, &context.monitor)?;
-    let most = (model.classes.len() as f32).ln().max(f32::MIN_POSITIVE);
-    Ok(found.entropy.iter().map(|e| (e / most).clamp(0.0, 1.0)).collect())
+    let params =
+        ClassifyParams { regularise: Some(Regularise::None), probabilities: true, ..ClassifyParams::default() };
+    Ok(recipes::classify(&cloud, model, &params, &context.monitor)?.probabilities.unwrap_or_default())
 }
 
 /// The table that `scansion train --weak-labels` accepts when its last column is filled in.

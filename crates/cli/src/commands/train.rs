@@ -97,7 +97,7 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
     let inputs: Vec<&Path> = args.inputs.iter().map(AsRef::as_ref).collect();
     let weak: Vec<&Path> = args.weak_labels.iter().map(AsRef::as_ref).collect();
     let source = LabelSource::new(&args.labels, &[&inputs[..], &weak[..]].concat())?;
-    let files = weak.iter().map(|path| picked(path, &source, context)).collect::<Result<Vec<_>, Failure>>()?;
+    let files = weak.iter().map(|path| source.picked(path, context)).collect::<scansion_core::Result<Vec<_>>>()?;
     let labels = if files.is_empty() { args.labels.label_dimension.as_str() } else { "ClusterID" };
     let mut options = context.read_options();
     let segments = args.spread_over.clone();
@@ -135,17 +135,6 @@ fn spread(args: &Train, cloud: Cloud, labels: Labels) -> Result<LabelledCloud, F
         None => labels,
     };
     Ok(LabelledCloud { cloud, labels })
-}
-
-/// A label table, polygons, or the labels of a cloud.
-fn picked(path: &Path, source: &LabelSource<'_>, context: &Context<'_>) -> Result<LabelFile, Failure> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if ["csv", "txt", "tsv", "geojson", "json"].contains(&extension.as_str()) {
-        return Ok(LabelFile::read(path)?);
-    }
-    let cloud = io::read_with(path, &context.read_options())?;
-    let labels = source.read(path, &cloud, context)?;
-    Ok(LabelFile::of_cloud(path, &cloud, &labels))
 }
 
 /// Table rows of the classes: points and samples; `samples` is the heading of the latter.

@@ -87,6 +87,7 @@ impl From<ClassTable> for Vec<Class> {
     }
 }
 
+mod listed;
 pub mod preset;
 mod remap;
 pub use remap::LabelMap;

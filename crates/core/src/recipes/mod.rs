@@ -37,7 +37,7 @@ pub use segment::{
     ClusterReport, GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment,
 };
 pub use spheres::{SphereGroups, SpheresKind, SpheresRecipe};
-pub use suggest::{SuggestParams, Suggestion, suggest, suggestion_page};
+pub use suggest::{Doubt, KnownPoints, SuggestParams, Suggestion, suggest, suggestion_page};
 pub use system::any::{AnyFitted, AnyRecipe};
 pub use system::report::{ClassCount, Report};
 pub use system::settings::set_key;

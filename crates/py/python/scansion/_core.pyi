@@ -266,9 +266,9 @@ def suggest(
     aim: str,
     wishes: str,
     size: float | None = None,
-    uncertainty: NDArray[np.float32] | None = None,
+    doubt: NDArray[np.float32] | None = None,
     labelled: bool = False,
-    page: str | None = None,
+    page: tuple[str, str] | None = None,
     n_jobs: int | None = None,
 ) -> tuple[NDArray[np.uint32], str]: ...
 def multiscale(cloud: Cloud, settings: str, n_jobs: int | None = None) -> NDArray[np.float32]: ...

@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import to_json
+from scansion._arrays import column, native, to_json
+from scansion._classifier import PointClassifier
 from scansion._cloud import measured
+from scansion._labels import signed
+from scansion._progress import Progress, following
 from scansion._settings import recipe as read_recipe
 
 _LABELS = "Classification"
@@ -55,6 +58,7 @@ def segment(
     random_state: int | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
+    progress: Progress = None,
 ) -> Segments:
     """Divides a cloud into segments.
 
@@ -65,7 +69,7 @@ def segment(
     cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
     method : str, optional
         The recipe's by default, else ``"cut-pursuit"``: linearity, planarity, scattering and verticality nearly constant
-        on each segment; ``"merge"``: the same, faster; ``"riemannian"``: l0 cut pursuit on the graph of an octree's supervoxels; ``"local-graph"``:
+        on each segment; ``"merge"``: the same, faster; ``"felzenszwalb"``: differences of these between segments larger than within; ``"riemannian"``: l0 cut pursuit on the graph of an octree's supervoxels; ``"local-graph"``:
         supervoxels grouped by their local graphs; ``"slic"``, ``"vccs"``: supervoxels; ``"region-growing"``,
         ``"octree-region-growing"``: smooth and flat regions.
     strength : float, optional
@@ -95,6 +99,8 @@ def segment(
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1. Degrees are an error.
     n_jobs : int, optional
         Number of threads; None and -1 use all. Results do not depend on it.
+    progress : bool or callable, optional
+        Show the progress, as `scansion.progress`.
 
     Returns
     -------
@@ -115,7 +121,8 @@ def segment(
     settings += [f"levels={[int(level) for level in levels]}"] if len(levels) else []
     aim = _aim(strength, segments_per_hectare, smallest_object, oracle_loss)
     points = measured(cloud, [_LABELS, *_core.segment_columns(text, settings)], metres_per_unit)
-    clusters, found, report = _core.segment(points._core, text, settings, aim, size, n_jobs)
+    with following(progress):
+        clusters, found, report = _core.segment(points._core, text, settings, aim, size, n_jobs)
     return Segments(clusters, found, json.loads(report))
 
 
@@ -123,9 +130,12 @@ def suggest(
     cloud: Any,
     count: int = 50,
     *,
+    model: Any = None,
     uncertainty: ArrayLike | None = None,
+    labels: ArrayLike | None = None,
     labelled: bool = False,
     page: str | os.PathLike[str] | None = None,
+    offer: Mapping[int, str] | Sequence[int] | None = None,
     method: str | None = None,
     strength: float | None = None,
     segments_per_hectare: float | None = None,
@@ -137,19 +147,26 @@ def suggest(
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Suggestions:
-    """The segments whose labels would help most: uncertain, large, and different from those labelled or suggested before.
+    """The segments whose labels would help most: different from those labelled or suggested before, and uncertain if there
+    is a model.
 
     Parameters
     ----------
     cloud : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
     count : int
         Number of segments to suggest.
+    model : PointClassifier, WeakClassifier or path, optional
+        The model to improve: segments that it is unsure of come first.
     uncertainty : array_like of shape (n,), optional
-        Uncertainty of each point, 0..1: its entropy over ln(classes); all are 1 without it.
+        Uncertainty of each point, 0..1, in place of the model's; all are 1 without either.
+    labels : array_like of shape (n,), optional
+        Labels of earlier rounds, codes 0..255 (negative: unlabelled): segments that contain one are left out.
     labelled : bool
-        Leave out segments that contain a label (a code of 2 or more in the column Classification).
+        The same for the labels in the column Classification (codes of 2 or more in LAS).
     page : path, optional
-        Write an HTML page for labelling the segments: pictures of each, a list of classes, a button that saves the table.
+        Write an HTML page for labelling the segments: pictures of each, keys for the classes, a button that saves the table.
+    offer : mapping of int to str, or sequence of int, optional
+        The classes that the page offers, codes with or without names; by default the model's, else well-known ones.
     method, strength, segments_per_hectare, smallest_object, size, recipe, k_min, random_state, metres_per_unit, n_jobs
         As in :func:`segment`.
 
@@ -167,15 +184,42 @@ def suggest(
     >>> found = scansion.suggest(np.concatenate([ground, wall]), 2)
     >>> sorted(s["points"] >= 10 for s in found.segments)
     [True, True]
+    >>> labels = np.where(found.cluster_id == found.segments[0]["cluster_id"], 2, -1)
+    >>> following = scansion.suggest(np.concatenate([ground, wall]), 1, labels=labels)
+    >>> following.segments[0]["cluster_id"] == found.segments[0]["cluster_id"]
+    False
     """
+    if labels is not None and labelled:
+        raise ValueError("found labels and labelled=True, expected one of them")
+    if model is not None and uncertainty is not None:
+        raise ValueError("found model and uncertainty, expected one of them")
     text, settings = _settings(recipe, method, None, k_min, random_state)
     aim = _aim(strength, segments_per_hectare, smallest_object, None)
     points = measured(cloud, [_LABELS, *_core.segment_columns(text, settings)], metres_per_unit)
+    if labels is not None:
+        points = points.copy()
+        points[_LABELS] = signed(labels, "labels", len(points))
+        points.scheme = "own"
     wishes = json.dumps({"count": count})
-    unsure = None if uncertainty is None else np.ascontiguousarray(uncertainty, dtype=np.float32)
-    html = None if page is None else os.fspath(page)
-    clusters, found = _core.suggest(points._core, text, settings, aim, wishes, size, unsure, labelled, html, n_jobs)
+    doubt: Any = None
+    if model is not None:
+        model = PointClassifier.load(model) if isinstance(model, (str, os.PathLike)) else model
+        said = model.classify(cloud, probabilities=True, regularize="none", metres_per_unit=metres_per_unit)
+        doubt = said.probabilities
+        offer = dict(zip(model.codes_.tolist(), model.class_names_, strict=True)) if offer is None else offer
+    elif uncertainty is not None:
+        doubt = native(column(uncertainty, "uncertainty", len(points)), np.float32).reshape(-1, 1)
+    html = None if page is None else (os.fspath(page), _offered(offer))
+    known = labelled or labels is not None
+    clusters, found = _core.suggest(points._core, text, settings, aim, wishes, size, doubt, known, html, n_jobs)
     return Suggestions(clusters, json.loads(found))
+
+
+def _offered(offer: Mapping[int, str] | Sequence[int] | None) -> str:
+    """Codes and names in the form that the core reads."""
+    if isinstance(offer, Mapping):
+        return ",".join(f"{code}={name.replace(',', ' ')}" for code, name in offer.items())
+    return ",".join(str(code) for code in offer or ())
 
 
 def _settings(

@@ -1,14 +1,17 @@
-//! Active learning: suggests the segments to label next, those that are uncertain, large, and different from the
-//! labelled ones.
+//! Active learning: suggests the segments to label next, those that a model is unsure of, and that are different from
+//! the labelled ones.
 
 mod page;
+mod places;
 
 pub use page::suggestion_page;
 
 use super::Labels;
 use super::segment::Segmented;
 use crate::error::{Error, Result};
-use crate::segmentation::{majorities, segment_means, segment_shapes};
+use crate::parallel::Monitor;
+use crate::segmentation::majorities;
+use places::{Place, distance, places};
 use serde::{Deserialize, Serialize};
 
 /// Parameters of [`suggest`].
@@ -17,7 +20,8 @@ use serde::{Deserialize, Serialize};
 pub struct SuggestParams {
     /// Number of segments to suggest, at least 1.
     pub count: usize,
-    /// Exponent of the number of points in the score, 0..=1: 1 favours the largest segments, 0 ignores sizes.
+    /// Exponent of the number of points in the score where there is a model, 0..=1: 1 favours the largest segments, 0
+    /// ignores sizes. Without a model sizes are ignored: rare objects are small.
     pub size_power: f64,
     /// Segments of fewer points are never suggested.
     pub fewest_points: usize,
@@ -45,6 +49,25 @@ impl SuggestParams {
     }
 }
 
+/// What a model says about the points of a cloud.
+#[derive(Clone, Copy, Debug)]
+pub enum Doubt<'a> {
+    /// Uncertainty of each point, 0..=1.
+    Uncertainty(&'a [f32]),
+    /// Probabilities of so many classes for each point, row-major. The uncertainty of a segment is the entropy of its mean
+    /// probabilities over ln(classes).
+    Probabilities(&'a [f32], usize),
+}
+
+/// What is known about the points of a cloud before segments are suggested.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct KnownPoints<'a> {
+    /// What the model to improve says.
+    pub doubt: Option<Doubt<'a>>,
+    /// Labels that are there already; segments that contain one are not suggested.
+    pub labels: Option<&'a Labels>,
+}
+
 /// A suggested segment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Suggestion {
@@ -54,112 +77,137 @@ pub struct Suggestion {
     pub point: u32,
     /// Number of points.
     pub points: usize,
-    /// Entropy of its mean probabilities divided by the largest possible one, 0..1; 1 without a model.
+    /// Its uncertainty, 0..1 ([`Doubt`]); 1 without a model.
     pub uncertainty: f64,
-    /// Distance, in standard deviations of the descriptors, to the nearest segment that is labelled or was suggested
-    /// before.
+    /// Distance, by the ranks of the descriptors, to the nearest segment that is labelled or was suggested before.
     pub diversity: f64,
-    /// uncertainty · points^power · diversity when it was chosen.
+    /// uncertainty · points^power · diversity when it was chosen; the diversity alone without a model.
     pub score: f64,
 }
 
 /// The segments whose labels are expected to help most, best first.
 ///
-/// Greedy: chooses the segment of the largest uncertainty x size^power x diversity, then updates all diversities by the
-/// distance to it. `uncertainty`, if a model is given, has one value in 0..=1 for each point of the cloud (the entropy
-/// of its class probabilities over ln(classes)). O(count · segments).
+/// Greedy (farthest first): chooses the segment of the largest uncertainty x size^power x diversity, then updates all
+/// diversities by the distance to it. Distances are between the ranks of the segments' descriptors, so that a class of a
+/// few segments is as far from the others as one of many. O(count · segments).
 ///
 /// # Errors
-/// If a parameter is out of range or lengths differ.
+/// If a parameter is out of range, lengths differ, or the work was cancelled.
 pub fn suggest(
     segmented: &Segmented,
-    uncertainty: Option<&[f32]>,
-    labels: Option<&Labels>,
+    known: KnownPoints<'_>,
     params: &SuggestParams,
+    monitor: &Monitor,
 ) -> Result<Vec<Suggestion>> {
     params.validate()?;
-    let partition = &segmented.partition;
-    let places = embed(segmented)?;
-    let unsure = unsure(segmented, uncertainty)?;
-    let labelled = labelled(segmented, labels)?;
-    let mut diversity: Vec<f64> = vec![f64::INFINITY; partition.len()];
-    for s in (0..partition.len()).filter(|&s| labelled[s]) {
-        approach(&mut diversity, &places, s);
-    }
-    let mut open: Vec<bool> =
-        (0..partition.len()).map(|s| !labelled[s] && partition.members(s).len() >= params.fewest_points).collect();
+    let count = segmented.partition.len();
+    let labelled = labelled(segmented, known.labels)?;
+    let size = |s: usize| segmented.partition.members(s).len();
+    let open = (0..count).map(|s| !labelled[s] && size(s) >= params.fewest_points).collect();
+    let weights = match known.doubt {
+        None => vec![1.0; count],
+        Some(Doubt::Uncertainty(values)) => means(segmented, values, 1)?,
+        Some(Doubt::Probabilities(values, classes)) => {
+            means(segmented, values, classes)?.chunks_exact(classes).map(entropy).collect()
+        }
+    };
+    let power = if known.doubt.is_some() { params.size_power } else { 0.0 };
+    let largest = (0..count).map(size).max().unwrap_or(1).max(1);
+    let mut search = Search {
+        weights: (0..count).map(|s| weights[s] * (size(s) as f64).powf(power)).collect(),
+        places: places(segmented, params.fewest_points, monitor)?,
+        diversity: vec![f64::INFINITY; count],
+        shares: (0..count).map(|s| size(s) as f64 / largest as f64).collect(),
+        open,
+    };
+    (0..count).filter(|&s| labelled[s]).for_each(|s| search.approach(s));
     let mut chosen = Vec::new();
-    while chosen.len() < params.count {
-        // While no segment is labelled or suggested, all have the same diversity.
-        let new = |s: usize| if diversity[s].is_finite() { diversity[s] } else { 1.0 };
-        let score = |s: usize| unsure[s] * (partition.members(s).len() as f64).powf(params.size_power) * new(s);
-        let Some(best) =
-            (0..partition.len()).filter(|&s| open[s]).max_by(|&a, &b| score(a).total_cmp(&score(b)).then(b.cmp(&a)))
-        else {
-            break;
-        };
+    while let Some(best) = search.best().filter(|_| chosen.len() < params.count) {
+        monitor.check()?;
         chosen.push(Suggestion {
             cluster_id: best as u32 + 1,
             point: middle(segmented, best),
-            points: partition.members(best).len(),
-            uncertainty: unsure[best],
-            diversity: new(best),
-            score: score(best),
+            points: size(best),
+            uncertainty: weights[best],
+            diversity: search.newness(best),
+            score: search.score(best),
         });
-        open[best] = false;
-        approach(&mut diversity, &places, best);
+        search.open[best] = false;
+        search.approach(best);
     }
     Ok(chosen)
 }
 
-/// Feature vectors of segments: mean descriptors, sides of the oriented box, height; each in standard deviations over
-/// the points.
-fn embed(segmented: &Segmented) -> Result<Vec<[f64; 8]>> {
-    let partition = &segmented.partition;
-    let means = segment_means(partition, &segmented.descriptors.values, segmented.descriptors.width())?;
-    let shapes = segment_shapes(partition, &segmented.points.positions)?;
-    let mut places: Vec<[f64; 8]> = Vec::with_capacity(partition.len());
-    for (mean, shape) in means.chunks_exact(segmented.descriptors.width()).zip(&shapes) {
-        let side = shape.oriented.sides.map(|s| (s + 0.05).ln());
-        let mean = [mean[0], mean[1], mean[2], mean[3]].map(f64::from);
-        places.push([mean[0], mean[1], mean[2], mean[3], side[0], side[1], side[2], shape.centroid[2]]);
-    }
-    let count = places.len().max(1) as f64;
-    for column in 0..8 {
-        let mean = places.iter().map(|p| p[column]).sum::<f64>() / count;
-        let spread = (places.iter().map(|p| (p[column] - mean).powi(2)).sum::<f64>() / count).sqrt();
-        let scale = if spread > 1e-12 { 1.0 / spread } else { 0.0 };
-        places.iter_mut().for_each(|p| p[column] = (p[column] - mean) * scale);
-    }
-    Ok(places)
+/// The state of the greedy choice, one entry a segment.
+struct Search {
+    /// uncertainty · points^power.
+    weights: Vec<f64>,
+    places: Vec<Place>,
+    /// Distance to the nearest segment that is labelled or chosen; infinite while there is none.
+    diversity: Vec<f64>,
+    /// Number of points over that of the largest segment.
+    shares: Vec<f64>,
+    /// Whether the segment may be chosen.
+    open: Vec<bool>,
 }
 
-fn unsure(segmented: &Segmented, uncertainty: Option<&[f32]>) -> Result<Vec<f64>> {
-    let Some(values) = uncertainty else { return Ok(vec![1.0; segmented.partition.len()]) };
-    if values.len() != segmented.clusters.len() {
-        return Err(Error::input(format!("{} uncertainties for {} points", values.len(), segmented.clusters.len())));
+impl Search {
+    /// The distance to what is known; while nothing is, the share of the largest segment: the first is the largest.
+    fn newness(&self, s: usize) -> f64 {
+        if self.diversity[s].is_finite() { self.diversity[s] } else { self.shares[s] }
     }
-    let mean = |members: &[u32]| {
-        let of = |&node: &u32| f64::from(values[segmented.points.frame.index[node as usize] as usize]);
-        members.iter().map(of).sum::<f64>() / members.len().max(1) as f64
-    };
-    Ok((0..segmented.partition.len()).map(|s| mean(segmented.partition.members(s)).clamp(0.0, 1.0)).collect())
+
+    fn score(&self, s: usize) -> f64 {
+        self.weights[s] * self.newness(s)
+    }
+
+    /// The open segment of the largest score; the first of equal ones.
+    fn best(&self) -> Option<usize> {
+        let open = (0..self.open.len()).filter(|&s| self.open[s]);
+        open.max_by(|&a, &b| self.score(a).total_cmp(&self.score(b)).then(b.cmp(&a)))
+    }
+
+    /// Reduces diversities to the distance from segment `to`.
+    fn approach(&mut self, to: usize) {
+        let there = self.places[to];
+        for (diversity, place) in self.diversity.iter_mut().zip(&self.places) {
+            *diversity = diversity.min(distance(place, &there));
+        }
+    }
+}
+
+/// Entropy of probabilities over the largest possible one, 0..1.
+fn entropy(probabilities: &[f64]) -> f64 {
+    let most = (probabilities.len() as f64).ln().max(f64::MIN_POSITIVE);
+    let sum: f64 = probabilities.iter().filter(|p| **p > 0.0).map(|p| -p * p.ln()).sum();
+    (sum / most).clamp(0.0, 1.0)
+}
+
+/// Means over the points of each segment of `width` values a point of the cloud, each in 0..=1.
+fn means(segmented: &Segmented, values: &[f32], width: usize) -> Result<Vec<f64>> {
+    let points = segmented.clusters.len();
+    if width == 0 || values.len() != points * width {
+        return Err(Error::input(format!("{} uncertainties or probabilities for {points} points", values.len())));
+    }
+    let mut means = Vec::with_capacity(segmented.partition.len() * width);
+    for members in segmented.partition.iter() {
+        let row = |&node: &u32| segmented.points.frame.index[node as usize] as usize * width;
+        for column in 0..width {
+            let sum: f64 = members.iter().map(|node| f64::from(values[row(node) + column])).sum();
+            means.push((sum / members.len().max(1) as f64).clamp(0.0, 1.0));
+        }
+    }
+    Ok(means)
 }
 
 /// Whether each segment contains a label.
 fn labelled(segmented: &Segmented, labels: Option<&Labels>) -> Result<Vec<bool>> {
     let Some(labels) = labels else { return Ok(vec![false; segmented.partition.len()]) };
-    let of = |&i: &u32| labels.codes.get(i as usize).copied().flatten();
-    let known: Vec<Option<u8>> = segmented.points.frame.index.iter().map(of).collect();
-    Ok(majorities(&segmented.partition, &known)?.iter().map(|m| m.labelled > 0).collect())
-}
-
-/// Reduces diversities to the distance from segment `to`.
-fn approach(diversity: &mut [f64], places: &[[f64; 8]], to: usize) {
-    for (diversity, place) in diversity.iter_mut().zip(places) {
-        let squared: f64 = place.iter().zip(&places[to]).map(|(a, b)| (a - b).powi(2)).sum();
-        *diversity = diversity.min(squared.sqrt());
+    if labels.codes.len() != segmented.clusters.len() {
+        return Err(Error::input(format!("{} labels for {} points", labels.codes.len(), segmented.clusters.len())));
     }
+    let known = labels.of(&segmented.points.frame.index);
+    Ok(majorities(&segmented.partition, &known)?.iter().map(|majority| majority.labelled > 0).collect())
 }
 
 /// Index in the cloud of the point of a segment that is nearest to its mean.
@@ -197,31 +245,59 @@ mod tests {
         Cloud::from_rows(&rows).unwrap()
     }
 
+    fn suggested(known: KnownPoints<'_>, count: usize) -> (Cloud, Result<Vec<Suggestion>>) {
+        let (cloud, monitor) = (scene(), Monitor::default());
+        let segmented = segment(&cloud, None, &SegmentParams::default(), &monitor).unwrap();
+        let params = SuggestParams { count, ..SuggestParams::default() };
+        let found = suggest(&segmented, known, &params, &monitor);
+        (cloud, found)
+    }
+
+    #[test]
+    fn every_kind_of_segment_is_among_the_first_whatever_its_size() {
+        let (cloud, found) = suggested(KnownPoints::default(), 3);
+        let rows: Vec<f64> = found.unwrap().iter().map(|s| cloud.xyz(s.point as usize)[1]).collect();
+        let wall = rows.iter().any(|y| [30.0, 60.0].contains(y));
+        assert!(wall && rows.contains(&90.0) && rows.iter().any(|y| *y < 8.0), "{rows:?}");
+    }
+
     #[test]
     fn what_is_unlike_the_labelled_segments_comes_first() {
         let cloud = scene();
-        let segmented = segment(&cloud, None, &SegmentParams::default(), &Monitor::default()).unwrap();
-        let params = SuggestParams { count: 100, ..SuggestParams::default() };
-        let all = suggest(&segmented, None, None, &params).unwrap();
-        assert!(all.len() >= 4 && all.iter().all(|s| s.points >= 10));
-        // With one wall labelled, the other is the least new of the large segments.
-        let wall = |s: &Suggestion| cloud.xyz(s.point as usize)[1];
+        // With one wall labelled, the other is the least new.
         let codes = (0..cloud.len()).map(|i| (cloud.xyz(i)[1] == 30.0).then_some(6)).collect();
         let labels = Labels { codes, ..Labels::default() };
-        let next = suggest(&segmented, None, Some(&labels), &params).unwrap();
-        assert!(next.iter().all(|s| wall(s) != 30.0));
+        let known = KnownPoints { labels: Some(&labels), ..KnownPoints::default() };
+        let next = suggested(known, 100).1.unwrap();
+        let wall = |s: &Suggestion| cloud.xyz(s.point as usize)[1];
+        assert!(next.len() >= 3 && next.iter().all(|s| s.points >= 10 && wall(s) != 30.0));
         assert!(wall(&next[0]) != 60.0 && next[0].score >= next[1].score);
+        let short = Labels { codes: vec![None; 3], ..Labels::default() };
+        assert!(suggested(KnownPoints { labels: Some(&short), ..KnownPoints::default() }, 1).1.is_err());
     }
 
     #[test]
     fn certain_segments_are_not_asked_for() {
         let cloud = scene();
-        let segmented = segment(&cloud, None, &SegmentParams::default(), &Monitor::default()).unwrap();
         let entropy: Vec<f32> = (0..cloud.len()).map(|i| if cloud.xyz(i)[1] == 60.0 { 0.9 } else { 0.0 }).collect();
-        let params = SuggestParams { count: 1, ..SuggestParams::default() };
-        let found = suggest(&segmented, Some(&entropy), None, &params).unwrap();
+        let unsure = |values| KnownPoints { doubt: Some(Doubt::Uncertainty(values)), ..KnownPoints::default() };
+        let found = suggested(unsure(&entropy), 1).1.unwrap();
         assert_eq!(cloud.xyz(found[0].point as usize)[1], 60.0);
-        assert!(suggest(&segmented, Some(&entropy[1..]), None, &params).is_err());
-        assert!(suggest(&segmented, None, None, &SuggestParams { count: 0, ..params }).is_err());
+        assert!(suggested(unsure(&entropy[1..]), 1).1.is_err());
+        assert!(suggested(unsure(&entropy), 0).1.is_err());
+    }
+
+    #[test]
+    fn a_segment_between_classes_is_uncertain_even_if_each_of_its_points_is_sure() {
+        let cloud = scene();
+        let of = |i: usize| match cloud.xyz(i)[1] {
+            60.0 if i.is_multiple_of(2) => [0.0, 1.0],
+            _ => [1.0, 0.0],
+        };
+        let values: Vec<f32> = (0..cloud.len()).flat_map(of).collect();
+        let doubt = |classes| KnownPoints { doubt: Some(Doubt::Probabilities(&values, classes)), labels: None };
+        let found = suggested(doubt(2), 1).1.unwrap();
+        assert!(cloud.xyz(found[0].point as usize)[1] == 60.0 && found[0].uncertainty > 0.99, "{found:?}");
+        assert!(suggested(doubt(3), 1).1.is_err() && suggested(doubt(0), 1).1.is_err());
     }
 }
