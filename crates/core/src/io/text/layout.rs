@@ -152,7 +152,8 @@ impl Line<'_> {
         match parts.filter(|w| comma_inside(w)).count() {
             0 | 1 => Ok(()),
             _ => {
-                let allowed = "a number; write decimals with a point, or separate columns by semicolons or tabs";
+                let allowed =
+                    "a number; write decimals with a point, not a comma, or separate columns by semicolons or tabs";
                 Err(self.wrong("value", Mismatch::new(first, allowed)))
             }
         }
