@@ -44,7 +44,8 @@ fn classify_changes_only_what_it_says() {
     let mut records: Vec<&str> =
         found["records"].as_array().unwrap().iter().map(|r| r["name"].as_str().unwrap()).collect();
     records.sort_unstable();
-    assert_eq!(records, ["LASF_Spec 0", "LASF_Spec 4"], "class names and the descriptors of the new dimensions");
+    let expected = ["LASF_Spec 0", "LASF_Spec 4", "scansion 1"];
+    assert_eq!(records, expected, "class names, the descriptors of the new dimensions, what made the classes");
     let (out, _) = ends(f, &["diff", "in.laz", "out.las", "--format", "csv"], 1);
     assert!(out.starts_with("kind,name,points") && out.contains("field,\"Confidence\",,,,absent,present"), "{out}");
 }
