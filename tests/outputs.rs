@@ -327,7 +327,10 @@ fn settings_and_models_come_through_pipes_and_waiting_for_one_ends_with_a_signal
     let output = ends_within(child, Duration::from_secs(60));
     writer.join().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    done(f, &["classify", "a.laz", "-o", "p.laz", "-m", "m.model"]);
+    // The output tells the file name of its model.
+    std::fs::create_dir(f.join("models")).unwrap();
+    std::fs::copy(f.join("m.model"), f.join("models/pipe")).unwrap();
+    done(f, &["classify", "a.laz", "-o", "p.laz", "-m", "models/pipe"]);
     assert!(std::fs::read(f.join("o.laz")).unwrap() == std::fs::read(f.join("p.laz")).unwrap());
     for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
         let child = start(f, &["train", "a.laz", "-o", "n.model", "--recipe", "pipe"]);
