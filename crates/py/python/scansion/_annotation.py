@@ -28,15 +28,17 @@ def picked_labels(
 
     Parameters
     ----------
-    cloud
-        A cloud, or an array of shape (n, 3).
-    files
+    cloud : PointCloud or array_like of shape (n, 3)
+        The points.
+    files : path, or list of paths
         Tables with the columns x, y, z, class (for the nearest point) or cluster_id, class (for all points with that
         ``ClusterID``), or GeoJSON with polygons that have a property ``class`` (for all points in them).
-    within
+    within : float
         Largest distance between a position and the nearest point, metres.
-    unit
+    unit : float, optional
         Metres per unit of the coordinates; by default what the cloud says, else 1.
+    n_jobs : int, optional
+        Number of threads; None and -1 use all. Results do not depend on it.
 
     Returns
     -------
@@ -68,10 +70,10 @@ def spread_labels(labels: ArrayLike, segments: ArrayLike) -> NDArray[np.int16]:
 
     Parameters
     ----------
-    labels
-        Class codes, shape (n,); negative for points without a label.
-    segments
-        Number of the segment of each point, shape (n,), as of `segment`.
+    labels : array_like of shape (n,)
+        Class codes; negative for points without a label.
+    segments : array_like of shape (n,)
+        Number of the segment of each point, as of `segment`.
 
     Returns
     -------
@@ -93,8 +95,8 @@ def segment_colours(segments: ArrayLike) -> NDArray[np.uint8]:
 
     Parameters
     ----------
-    segments
-        Numbers of segments, shape (n,), 0 or more.
+    segments : array_like of shape (n,)
+        Numbers of segments, 0 or more.
 
     Returns
     -------
