@@ -203,3 +203,32 @@ def parted(xyz=None, labels=None, **params):
 def test_nonsense_is_refused_with_the_value_found(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_neighbours_agree_as_by_alpha_expansion_on_the_graph():
+    random = np.random.default_rng(3)
+    xyz = random.random((600, 3)) * 2
+    truth = (xyz[:, 0] > 1).astype(int)
+    votes = random.dirichlet([1, 1, 1], 600).astype(np.float32)
+    votes[np.arange(600), truth] += 0.3
+    votes /= votes.sum(1, keepdims=True)
+    found = regularisation.regularize(
+        xyz, votes, method="point-crf", strength=0.7, settings={"near": np.inf, "neighbours": 6}, n_jobs=1
+    )
+    edges, _ = graph.knn_graph(xyz, k=6)
+    unary = -np.log((0.99 * votes + 0.01 / 3).astype(np.float32))
+    expected = regularisation.alpha_expansion(unary, edges, strength=0.7)
+    assert (found.labels == expected.labels).mean() > 0.999
+    assert found.energy == pytest.approx(expected.energy, rel=1e-4)
+    assert (found.labels == truth).mean() > (votes.argmax(1) == truth).mean() + 0.1
+    alone = regularisation.regularize(xyz, votes, method="none")
+    np.testing.assert_array_equal(np.asarray(alone), votes.argmax(1))
+    np.testing.assert_allclose(alone.probabilities, 0.99 * votes + 0.01 / 3, atol=1e-6)
+    segments = regularisation.regularize(xyz, votes)
+    assert segments.probabilities.shape == (600, 3) and segments.energy is not None
+    with pytest.raises(ValueError, match="did you mean `strength`"):
+        regularisation.regularize(xyz, votes, settings={"strenght": 1})
+    with pytest.raises(ValueError, match="argument too"):
+        regularisation.regularize(xyz, votes, strength=1, settings={"strength": 1})
+    with pytest.raises(ValueError, match="probabilities"):
+        regularisation.regularize(xyz, votes[1:])

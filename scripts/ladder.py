@@ -1,6 +1,7 @@
 """What each family of features and each step after the classifier adds; writes the table of the README.
 
     python scripts/ladder.py DATA [PROGRAM]        # needs: pip install . ; PROGRAM is the command line, default scansion
+    python scripts/ladder.py DATA PROGRAM fewer    # the spheres with fewer radii beside the pyramid, for docs/spheres.md
 
 Each row adds one step to the one above, with the spheres in place of the pyramid. Streets: Oakland parts 06, 11, 13, 14, 15
 and 17 from seven others. Airborne: three scenes of LiDAR HD from a housing estate and AHN3. Scores count the points of all test
@@ -43,6 +44,9 @@ STEPS = [
     ("+ the most probable class of each segment", [], "consensus"),
     ("+ random field on the segments", [], "segment-crf"),
 ]
+
+FEWER = (2, 3, 4, 5, 6, 7)
+"""Numbers of radii."""
 
 
 def run(*arguments):
@@ -87,6 +91,25 @@ def row(name, values):
     print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
 
 
+def fewer():
+    """The pyramid, and spheres of ever more radii: with how few they are as good, and what that costs."""
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        scenes, model = [STREETS, AIRBORNE], folder / "any.model"
+        values = []
+        for scene in scenes:
+            train(scene, "pyramid", [*scene["training"], *scene["pyramid"], "regularise.method=none"], model)
+            values.append(scores(scene, model, "none", folder))
+        row("pyramid, 8 levels", values)
+        for scales in FEWER:
+            values = []
+            for scene in scenes:
+                settings = [*scene["training"], *scene["spheres"], f"spheres.scales={scales}"]
+                train(scene, "spheres", settings, model)
+                values.append(scores(scene, model, "none", folder))
+            row(f"spheres, {scales} radii", values)
+
+
 def main():
     scenes = [STREETS, AIRBORNE]
     with tempfile.TemporaryDirectory() as folder:
@@ -105,4 +128,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    fewer() if sys.argv[3:] == ["fewer"] else main()

@@ -32,6 +32,39 @@ fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
     stderr
 }
 
+/// `regularize` of written probabilities gives what `classify --regularize` gives, but for what rounding does.
+fn neighbours_agree_afterwards_as_in_one_step(f: &Path) {
+    let keys =
+        ["features.pyramid.first_scale=0.2", "features.pyramid.levels=1", "forest.trees=3", "regularise.method=none"];
+    let mut train = vec!["train", "b.ply", "-o", "poor.model"];
+    train.extend(keys.iter().flat_map(|key| ["--set", key]));
+    done(f, &train);
+    let model = ["classify", "a.laz", "-m", "poor.model"];
+    done(f, &[&model[..], &["-o", "alone.laz", "--probabilities", "--regularize", "none"]].concat());
+    done(f, &[&model[..], &["-o", "once.laz", "--regularize", "point-crf", "--set", "regularise.strength=2"]].concat());
+    let said = done(
+        f,
+        &["regularize", "alone.laz", "-o", "twice.laz", "--method", "point-crf", "--strength", "2", "--format", "json"],
+    );
+    let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert!(said["changed"].as_u64().unwrap() > 10 && said["energy"].as_f64().unwrap() > 0.0, "{said}");
+    let [alone, once, twice] = ["alone.laz", "once.laz", "twice.laz"].map(|name| {
+        let cloud = scansion_core::io::read(&f.join(name)).unwrap();
+        cloud.column("Classification").unwrap().values.to_f64()
+    });
+    let different = |a: &[f64], b: &[f64]| a.iter().zip(b).filter(|(a, b)| a != b).count() as u64;
+    assert_eq!(different(&alone, &twice), said["changed"].as_u64().unwrap());
+    assert!(different(&once, &twice) * 1000 < once.len() as u64, "{}", different(&once, &twice));
+    done(
+        f,
+        &["regularize", "alone.laz", "-o", "own.laz", "--to", "Smooth", "--probabilities", "P_class_6=6,P_class_2=2"],
+    );
+    let wrong = fails(f, &["regularize", "c.txt", "-o", "x.laz"], 4);
+    assert!(wrong.contains("at least 2"), "{wrong}");
+    let wrong = fails(f, &["regularize", "alone.laz", "-o", "x.laz", "--probabilities", "P_roof=6,P_class_2=2"], 4);
+    assert!(wrong.contains("no dimension P_roof"), "{wrong}");
+}
+
 #[test]
 fn the_main_job_runs_from_training_to_pictures() {
     let folder = tempfile::tempdir().unwrap();
@@ -49,6 +82,7 @@ fn the_main_job_runs_from_training_to_pictures() {
     let scores = done(f, &["evaluate", "c.txt", "named/c.txt", "--format", "json", "-o", "s.csv", "-o", "s.png"]);
     let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
     assert!(scores["overall_accuracy"].as_f64().unwrap() > 0.95, "{scores}");
+    neighbours_agree_afterwards_as_in_one_step(f);
     let info = done(f, &["info", "named/a.laz", "--stats", "--format", "json"]);
     assert!(info.contains("P_building") && info.contains("Confidence") && info.contains("Entropy"), "{info}");
     done(f, &["render", "named/a.laz", "-o", "map.png"]);

@@ -65,7 +65,7 @@ mod _core {
     #[pymodule_export]
     use crate::recipes::{Model, mapped_codes, recipe_columns, search, spatial_folds};
     #[pymodule_export]
-    use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing};
+    use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing, regularize};
     #[pymodule_export]
     use crate::segmentation::{cut_pursuit, merge_regions, partition, segment_graph, segment_shapes};
     #[pymodule_export]

@@ -1,15 +1,19 @@
-//! Module `regularisation`: labellings of least energy, smoothed probabilities.
+//! Module `regularisation`: labellings of least energy, smoothed probabilities, neighbours that agree.
 
 use crate::call::call;
+use crate::cloud::Cloud;
 use crate::convert::{matrix, to_matrix, vector};
 use crate::graph::{graph_of, optional};
 use crate::json;
+use crate::neighbours::points;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use scansion_core::graph::Graph;
 use scansion_core::parallel::Monitor;
+use scansion_core::recipes::{Probabilities, RegulariseParams, regularise};
 use scansion_core::regularisation::{self, Energy, ExpansionParams, IcmParams, Labelling, SwapParams};
 use scansion_core::{Error, Result};
+use std::sync::Arc;
 
 /// Labels, energy, whether the search converged.
 type Found<'py> = (Bound<'py, PyArray1<u16>>, f64, bool);
@@ -63,6 +67,33 @@ pub(crate) fn alpha_beta_swap<'py>(
 pub(crate) fn icm<'py>(py: Python<'py>, problem: Problem<'py>, settings: &str) -> PyResult<Found<'py>> {
     let params: IcmParams = json::settings(settings)?;
     solve(py, &problem, Some(1), |unary, graph, m| regularisation::iterated_conditional_modes(unary, graph, &params, m))
+}
+
+/// Labels, the probabilities that they are based on, energy.
+type Agreed<'py> = (Bound<'py, PyArray1<u16>>, Bound<'py, PyArray2<f32>>, Option<f64>);
+
+/// Labels that are consistent among neighbours, from class probabilities; the settings are those of recipes.
+#[pyfunction]
+#[pyo3(signature = (cloud, probabilities, settings, metres_per_unit = None, n_jobs = None))]
+pub(crate) fn regularize<'py>(
+    py: Python<'py>,
+    cloud: &Cloud,
+    probabilities: PyReadonlyArray2<'py, f32>,
+    settings: Vec<String>,
+    metres_per_unit: Option<f64>,
+    n_jobs: Option<i64>,
+) -> PyResult<Agreed<'py>> {
+    let classes = probabilities.shape()[1];
+    let values = matrix(&probabilities, "probabilities")?;
+    let cloud = Arc::clone(&cloud.inner);
+    let (labels, rows, energy) = call(py, n_jobs, |monitor| {
+        let params = RegulariseParams::default().with_settings(settings.iter().map(String::as_str))?;
+        let points = points(&cloud, metres_per_unit, monitor)?;
+        let found = regularise(&points.positions, Probabilities { values, classes }, None, &params, monitor)?;
+        let rows = (0..points.len()).flat_map(|point| found.row(point, classes)).copied().collect();
+        Ok((found.labels, rows, found.energy))
+    })?;
+    Ok((PyArray1::from_vec(py, labels), to_matrix(py, rows, classes)?, energy))
 }
 
 /// Energy of given labels; the settings are those of `alpha_expansion`.

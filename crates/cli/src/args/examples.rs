@@ -38,6 +38,11 @@ pub(super) const CLASSIFY: &str = "Examples:
   scansion classify my.laz -o classified.laz --only-unclassified --keep 9,17
   scansion classify my.laz -o classified.laz --regularize segment-crf --set regularise.strength=2";
 
+pub(super) const REGULARIZE: &str = "Examples:
+  scansion classify my.laz -o named.laz --probabilities --regularize none
+  scansion regularize named.laz -o smooth.laz --method point-crf --strength 2
+  scansion regularize votes.ply -o smooth.ply --probabilities roof=6,road=2,tree=5";
+
 pub(super) const SEGMENT: &str = "Examples:
   scansion segment my.laz -o segments.laz --segments-per-hectare 200
   scansion segment my.laz -o segments.laz --method vccs --size 0.8

@@ -4,7 +4,7 @@ use super::choices::{classifiers, regularisations};
 use super::{LabelArgs, RecipeArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, Subcommand};
 use scansion_core::classification::ClassifierKind;
-use scansion_core::recipes::{GridAxis, Regularise};
+use scansion_core::recipes::{ClassDimension, GridAxis, Regularise};
 use std::path::PathBuf;
 
 /// scansion features IN -o OUT
@@ -141,6 +141,40 @@ pub(crate) struct Classify {
     /// Write the result of the built-in model although the cloud is not like an airborne scan
     #[arg(long)]
     pub(crate) force: bool,
+    /// Allow the output to replace the input
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// scansion regularize IN -o OUT
+#[derive(Debug, ClapArgs)]
+#[command(after_help = examples::REGULARIZE)]
+pub(crate) struct Regularize {
+    /// Cloud with the probability of every class
+    pub(crate) input: PathBuf,
+    /// Output: the input with other classes
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// Method
+    #[arg(long, value_parser = regularisations(), default_value = "segment-crf")]
+    pub(crate) method: Regularise,
+    /// Cost of an edge between different classes: larger gives fewer changes of class between neighbours
+    #[arg(long, value_name = "STRENGTH", default_value_t = 1.0)]
+    pub(crate) strength: f64,
+    /// The dimensions with the probabilities, and the codes of their classes, e.g. P_roof=6,P_road=2; percentages and
+    /// counts of votes will do [default: all P_..., by the name or code of a class]
+    #[arg(long, value_name = "NAME=CODE,...", value_delimiter = ',')]
+    pub(crate) probabilities: Vec<ClassDimension>,
+    /// Change one setting, e.g. regularise.neighbours=15; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Write the classes to this dimension, and leave Classification as it is
+    #[arg(long, value_name = "NAME")]
+    pub(crate) to: Option<String>,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
+    #[command(flatten)]
+    pub(crate) scale: ScaleArgs,
     /// Allow the output to replace the input
     #[arg(long)]
     pub(crate) overwrite: bool,

@@ -12,7 +12,7 @@ mod terrain;
 
 pub(crate) use files::{Convert, Diff, Info, Merge};
 pub(crate) use filters::{Filter, NoiseArgs, OutlierMethod};
-pub(crate) use learning::{Classify, Evaluate, Features, Model, Train};
+pub(crate) use learning::{Classify, Evaluate, Features, Model, Regularize, Train};
 pub(crate) use lengths::{ScaleArgs, UnitArgs};
 pub(crate) use pictures::{Render, ViewArg};
 pub(crate) use segments::{Segment, SegmentArgs, Suggest};
@@ -102,6 +102,9 @@ pub(crate) enum Command {
     /// Classify every point
     #[command(visible_alias = "predict")]
     Classify(Classify),
+    /// Make the classes of neighbours agree, from the probabilities in a file
+    #[command(visible_alias = "regularise")]
+    Regularize(Regularize),
     /// Divide a cloud into segments
     Segment(Segment),
     /// Suggest the segments whose labels would help most
@@ -130,6 +133,7 @@ impl Command {
             Self::Merge(args) => Some(args.overwrite),
             Self::Features(args) => Some(args.overwrite),
             Self::Classify(args) => Some(args.overwrite),
+            Self::Regularize(args) => Some(args.overwrite),
             Self::Segment(args) => Some(args.overwrite),
             Self::Height(args) => Some(args.overwrite),
             Self::Filter(args) => Some(args.overwrite),
@@ -156,6 +160,7 @@ impl Command {
                 return files.chain(args.recipe.recipe.as_deref().filter(|path| !is_name(path))).collect();
             }
             Self::Classify(args) => (&args.inputs, vec![&args.model]),
+            Self::Regularize(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Segment(args) => (std::slice::from_ref(&args.input), vec![&args.segments.recipe]),
             Self::Suggest(args) => {
                 let files = std::iter::once(&args.input).chain(&args.weak_labels).chain(&args.model);

@@ -187,16 +187,10 @@ fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
         list.extend([names::CONFIDENCE.into(), names::ENTROPY.into()]);
     }
     if args.probabilities {
-        list.extend(model.classes.classes().iter().map(|class| probability_of(&class.name)));
+        list.extend(model.classes.classes().iter().map(|class| names::probability_of(&class.name)));
     }
     let own = args.to.iter().map(|name| Column::new(name, Values::U8(Vec::new())));
     own.chain(list.into_iter().map(|name| Column::new(name, Values::F32(Vec::new())))).collect()
-}
-
-/// Name of the dimension with a class's probability.
-fn probability_of(class: &str) -> String {
-    let name = format!("P_{}", class.replace(|ch: char| !ch.is_ascii_alphanumeric(), "_"));
-    name.chars().take(31).collect()
 }
 
 fn edits(
@@ -221,7 +215,7 @@ fn edits(
         let classes = model.classes.classes();
         for (c, class) in classes.iter().enumerate() {
             let values = probabilities.chunks_exact(classes.len()).map(|p| p[c]).collect();
-            edits.push(Edit::Dimension(Column::new(probability_of(&class.name), Values::F32(values))));
+            edits.push(Edit::Dimension(Column::new(names::probability_of(&class.name), Values::F32(values))));
         }
     }
     Ok(edits)

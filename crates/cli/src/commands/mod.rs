@@ -14,6 +14,7 @@ mod info;
 mod labels;
 mod merge;
 mod model;
+mod regularize;
 mod render;
 mod segment;
 mod sources;
@@ -103,6 +104,7 @@ fn command(command: &Command, context: &Context<'_>) -> Result<(), Failure> {
         Command::Features(features) => features::run(features, context),
         Command::Train(train) => train::run(train, context),
         Command::Classify(classify) => classify::run(classify, context),
+        Command::Regularize(regularize) => regularize::run(regularize, context),
         Command::Segment(segment) => segment::run(segment, context),
         Command::Suggest(suggest) => suggest::run(suggest, context),
         Command::Terrain(terrain) => terrain::run(terrain, context),

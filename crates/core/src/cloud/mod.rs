@@ -54,6 +54,13 @@ pub mod names {
     pub const ENTROPY: &str = "Entropy";
     /// Height above the ground, f32, in the unit of z.
     pub const HEIGHT_ABOVE_GROUND: &str = "HeightAboveGround";
+
+    /// Name of the dimension with the probability of a class: `P_` and the name, at most 31 characters, as many as LAS has
+    /// room for.
+    pub fn probability_of(class: &str) -> String {
+        let name = format!("P_{}", class.replace(|ch: char| !ch.is_ascii_alphanumeric(), "_"));
+        name.chars().take(31).collect()
+    }
 }
 
 /// Coordinates in one of the two forms used by files.

@@ -31,7 +31,10 @@ pub use model::{FirstStage, Model};
 pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};
 pub use one_stage::OneStageReport;
 pub use pyramid::{DepthScore, PyramidKind, PyramidRecipe, PyramidReport};
-pub use regularise::{ChoiceParams, Posterior, Probabilities, Regularise, RegulariseParams, Regularised, regularise};
+pub use regularise::{
+    ChoiceParams, ClassDimension, Posterior, Probabilities, Regularise, RegulariseParams, Regularised,
+    RegularisedCloud, regularise, regularise_cloud,
+};
 pub use search::{Grid, GridAxis, SearchParams, SearchReport, SearchScore, search};
 pub use segment::{
     ClusterReport, GrowingParams, LevelReport, SegmentMethod, SegmentParams, SegmentReport, Segmented, segment,

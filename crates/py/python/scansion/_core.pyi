@@ -65,6 +65,7 @@ __all__ = [
     "read",
     "recipe_columns",
     "region_growing",
+    "regularize",
     "render",
     "report",
     "rewrite",
@@ -389,6 +390,13 @@ def alpha_expansion(problem: _Problem, settings: str, n_jobs: int | None = None)
 def alpha_beta_swap(problem: _Problem, settings: str, n_jobs: int | None = None) -> _Found: ...
 def icm(problem: _Problem, settings: str) -> _Found: ...
 def energy(problem: _Problem, labels: NDArray[np.uint16], settings: str) -> float: ...
+def regularize(
+    cloud: Cloud,
+    probabilities: NDArray[np.float32],
+    settings: list[str],
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint16], NDArray[np.float32], float | None]: ...
 def local_smoothing(problem: _Problem, n_jobs: int | None = None) -> NDArray[np.float32]: ...
 
 _Valued: TypeAlias = tuple[

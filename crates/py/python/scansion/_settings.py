@@ -27,6 +27,11 @@ def recipe(given: Any) -> tuple[str, list[str]]:
     return _core.settings_text(os.fspath(given)), []
 
 
+def dotted_settings(given: Mapping[str, Any], before: str = "") -> list[str]:
+    """Settings as the command line's ``--set`` takes them; every key begins with ``before``."""
+    return [f"{before}{key}={toml_value(key, value)}" for key, value in _dotted(given)]
+
+
 def _dotted(given: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted keys and values of a mapping whose values may be mappings."""
     for key, value in given.items():

@@ -1,4 +1,4 @@
-"""Regularisation: labellings of least energy, and smoothed probabilities.
+"""Regularisation: neighbours that agree, labellings of least energy, and smoothed probabilities.
 
 The energy of labels is ``sum_i unary[i, l_i] + strength * sum_(i,j) weights_ij * distance(l_i, l_j)``, plus the costs of
 the labels that occur.
@@ -6,16 +6,28 @@ the labels that occur.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import as_array, to_json
+from scansion._arrays import as_array, choice, to_json
+from scansion._cloud import as_cloud
 from scansion._graph import as_edges, as_rows, as_weights
+from scansion._settings import dotted_settings, together
 
-__all__ = ["Labelling", "alpha_beta_swap", "alpha_expansion", "energy", "icm", "local_smoothing"]
+__all__ = [
+    "Labelling",
+    "Regularized",
+    "alpha_beta_swap",
+    "alpha_expansion",
+    "energy",
+    "icm",
+    "local_smoothing",
+    "regularize",
+]
 
 
 class Labelling(NamedTuple):
@@ -27,6 +39,74 @@ class Labelling(NamedTuple):
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return as_array(self.labels, dtype, copy)
+
+
+class Regularized(NamedTuple):
+    """Column of the class of each point, the probabilities that the decision is based on, and the energy of the labels, if
+    the method minimises one; as an array, the labels."""
+
+    labels: NDArray[np.uint16]
+    probabilities: NDArray[np.float32]
+    energy: float | None
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return as_array(self.labels, dtype, copy)
+
+
+METHODS = ("none", "local", "point-crf", "consensus", "segment-crf")
+
+
+def regularize(
+    xyz: Any,
+    probabilities: Any,
+    *,
+    method: str = "segment-crf",
+    strength: float | None = None,
+    settings: Mapping[str, Any] | None = None,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> Regularized:
+    """Labels that are consistent among neighbours, from class probabilities of any classifier.
+
+    S. Guinard, L. Landrieu, 2017, doi:10.5194/isprs-archives-XLII-1-W1-151-2017, sections 3 and 4. On the command line:
+    ``scansion regularize``.
+
+    Parameters
+    ----------
+    xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
+        The cloud; all coordinates finite.
+    probabilities : array_like of shape (n, classes)
+        Probability of each class at each point, as of ``predict_proba``; finite, at most 65,536 classes.
+    method : {"none", "local", "point-crf", "consensus", "segment-crf"}
+        "local": the mean of the neighbours' probabilities; "point-crf": a random field on the points; "consensus": the most
+        probable class of each segment; "segment-crf": a random field on the segments.
+    strength : float, optional
+        Cost of an edge between different labels; None: 1.
+    settings : mapping, optional
+        Other settings of the section ``regularise`` of recipes, e.g. ``{"neighbours": 15}``.
+    metres_per_unit : float, optional
+        Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
+    n_jobs : int, optional
+        Number of threads; None and -1 use all. The result does not depend on it.
+
+    Returns
+    -------
+    Regularized
+        ``labels``, the ``probabilities`` that they are based on, of shape (n, classes), and the ``energy``.
+
+    Examples
+    --------
+    >>> from scansion import regularisation
+    >>> xyz = [[0.1 * i, 0, 0] for i in range(5)]
+    >>> votes = [[0.9, 0.1], [0.9, 0.1], [0.4, 0.6], [0.9, 0.1], [0.9, 0.1]]
+    >>> regularisation.regularize(xyz, votes, method="point-crf", settings={"neighbours": 2}).labels.tolist()
+    [0, 0, 0, 0, 0]
+    """
+    choice(method, "method", METHODS)
+    given = together(settings, method=method, strength=strength)
+    rows = as_rows(probabilities, "probabilities")
+    cloud = as_cloud(xyz, columns=[])._core
+    return Regularized(*_core.regularize(cloud, rows, dotted_settings(given, "regularise."), metres_per_unit, n_jobs))
 
 
 def alpha_expansion(

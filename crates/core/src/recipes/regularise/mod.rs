@@ -7,11 +7,13 @@
 
 mod choice;
 mod field;
+mod given;
 mod on_segments;
 mod params;
 mod support;
 
 pub use choice::ChoiceParams;
+pub use given::{ClassDimension, RegularisedCloud, regularise_cloud};
 pub(super) use on_segments::{Again, Segments};
 pub(super) use params::automatic;
 pub use params::{Posterior, Regularise, RegulariseParams};

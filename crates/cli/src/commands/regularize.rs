@@ -1,0 +1,81 @@
+//! `scansion regularize`: makes the classes of neighbours agree, from the probabilities in a file.
+
+use super::Context;
+use crate::args::{Format, Regularize};
+use crate::exit_code::Failure;
+use scansion_core::classes::ClassTable;
+use scansion_core::cloud::{Column, MetricCloud, Values, names};
+use scansion_core::io::{self, Columns, Edit};
+use scansion_core::recipes::{ClassDimension, RegulariseParams, regularise_cloud};
+use serde::Serialize;
+
+/// What is said about the result.
+#[derive(Serialize)]
+struct Summary {
+    output: String,
+    points: usize,
+    /// Points whose class is not their own most probable one.
+    changed: u64,
+    energy: Option<f64>,
+}
+
+pub(crate) fn run(args: &Regularize, context: &Context<'_>) -> Result<(), Failure> {
+    io::check_cloud_output(&args.output)?;
+    io::check_dimensions(&args.input, &args.output, &added(args, (Vec::new(), Vec::new())))?;
+    let params = params(args)?;
+    let classes = match args.probabilities.is_empty() {
+        true => ClassDimension::among(&io::inspect(&args.input)?.dimensions, &ClassTable::default())?,
+        false => args.probabilities.clone(),
+    };
+    let mut options = context.read_options();
+    options.columns = Columns::Only(classes.iter().map(|class| class.name.clone()).collect());
+    let cloud = io::read_with(&args.input, &options)?;
+    io::check_steps(&args.input, &args.output, &cloud, &context.write_options())?;
+    let scene = MetricCloud::new(&cloud, args.unit.unit, &context.monitor)?;
+    let found = regularise_cloud(&scene, &classes, &params, &context.monitor)?;
+    let summary = Summary {
+        output: args.output.display().to_string(),
+        points: cloud.len(),
+        changed: found.changed,
+        energy: found.energy,
+    };
+    drop(cloud);
+    let edits = edits(args, (found.codes, found.confidence));
+    let report = io::rewrite(&args.input, &args.output, &edits, &context.write_options())?;
+    context.report(&args.output, &report);
+    tell(&summary, context)
+}
+
+fn params(args: &Regularize) -> Result<RegulariseParams, Failure> {
+    let base = RegulariseParams { strength: args.strength, ..RegulariseParams::default() };
+    let set = base.with_settings(args.set.iter().map(String::as_str))?;
+    let params = RegulariseParams { method: args.method, ..set };
+    params.validate()?;
+    Ok(params)
+}
+
+/// The dimensions that are written beside the classification.
+fn added(args: &Regularize, (codes, confidence): (Vec<u8>, Vec<f32>)) -> Vec<Column> {
+    let own = args.to.iter().map(|name| Column::new(name, Values::U8(codes.clone())));
+    own.chain([Column::new(names::CONFIDENCE, Values::F32(confidence))]).collect()
+}
+
+fn edits(args: &Regularize, (codes, confidence): (Vec<u8>, Vec<f32>)) -> Vec<Edit> {
+    let mut edits = match args.to {
+        Some(_) => Vec::new(),
+        None => vec![Edit::Classification(codes.clone())],
+    };
+    edits.extend(added(args, (codes, confidence)).into_iter().map(Edit::Dimension));
+    edits
+}
+
+fn tell(summary: &Summary, context: &Context<'_>) -> Result<(), Failure> {
+    let Summary { points, changed, energy, .. } = summary;
+    let share = 100.0 * *changed as f64 / (*points).max(1) as f64;
+    let least = energy.map_or_else(String::new, |energy| format!(", energy {energy:.3}"));
+    context.printer.data(&match context.printer.format {
+        Format::Json => serde_json::to_string(summary).unwrap_or_default(),
+        Format::Csv => format!("points,changed,energy\n{points},{changed},{}\n", energy.unwrap_or(f64::NAN)),
+        Format::Table => format!("{changed} of {points} points ({share:.2} %) changed class{least}\n"),
+    })
+}
