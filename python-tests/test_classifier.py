@@ -282,3 +282,52 @@ def test_training_chooses_a_regularisation_and_reports_the_comparison(fitted):
     assert f'method = "{choice["method"]}"' in fitted.recipe_
     xyz, labels = street(0)
     assert PointClassifier({**RECIPE, "regularise.method": "none"}).fit(xyz, labels).regularisation_ is None
+
+
+def flat(seed, side=40):
+    """A plane whose classes only an own column tells: coordinates, codes and the column."""
+    random = np.random.default_rng(seed)
+    xyz = np.c_[random.random((side * side, 2)) * side, 0.05 * random.random(side * side)]
+    codes = np.where(random.random(len(xyz)) < 0.5, 2, 6).astype(np.uint8)
+    amplitude = (10.0 * codes + random.normal(0, 4, len(xyz))).astype(np.float32)
+    return xyz, codes, amplitude
+
+
+def test_columns_of_the_cloud_are_features():
+    (xyz, codes, amplitude), (other, truth, values) = flat(0), flat(1)
+    amplitude[::50] = np.nan
+    recipe = {"features.pyramid.first_scale": 1.0, "features.pyramid.levels": 2, "training.voxel": 0.0}
+    recipe |= {"forest.trees": 20, "regularise.method": "none"}
+    plain = PointClassifier(recipe).fit(xyz, codes)
+    model = PointClassifier({**recipe, "features.dimensions": ["Amplitude"]})
+    model.fit(scansion.PointCloud(xyz, Amplitude=amplitude), codes)
+    cloud = scansion.PointCloud(other, Amplitude=values)
+    assert plain.score(other, truth) < 0.6 < 0.95 < model.score(cloud, truth)
+    assert model.feature_names_in_[model.feature_importances_.argmax()] == "Amplitude"
+    with pytest.raises(ValueError, match="column Amplitude"):
+        model.predict(other)
+    table = scansion.features.multiscale(cloud, first_scale=1.0, levels=2, dimensions=["Amplitude"])
+    np.testing.assert_array_equal(table[:, -1], values)
+    assert scansion.features.names(first_scale=1.0, levels=2, dimensions=["Amplitude"])[-1] == "Amplitude"
+
+
+def test_weights_of_points_decide_between_labels_that_contradict_each_other():
+    xyz, codes, _ = flat(2)
+    half = xyz[:, 0] < 20
+    wrong = np.where(half, 6, 2).astype(np.uint8)
+    both = np.concatenate([xyz, xyz])
+    labels = np.concatenate([8 - wrong, wrong])
+    weight = np.repeat([5.0, 1.0], len(xyz))
+    recipe = {"features.pyramid.first_scale": 1.0, "features.pyramid.levels": 6, "training.voxel": 0.0}
+    recipe |= {"forest.trees": 20, "regularise.method": "none"}
+    model = PointClassifier(recipe).fit(both, labels, sample_weight=weight)
+    other = PointClassifier(recipe).fit(both, labels, sample_weight=6 - weight)
+    first = (model.predict(both)[: len(xyz)] == labels[: len(xyz)]).mean()
+    last = (other.predict(both)[: len(xyz)] == labels[: len(xyz)]).mean()
+    assert last < 0.2 < 0.8 < first, (first, last)
+    only = PointClassifier(recipe).fit(both, labels, sample_weight=weight > 1)
+    assert sum(c["samples"] for c in only.report_["classes"]) <= len(xyz)
+    with pytest.raises(ValueError, match="sample_weight"):
+        PointClassifier(recipe).fit(both, labels, sample_weight=weight[1:])
+    with pytest.raises(ValueError, match=r"training\.weight"):
+        PointClassifier(recipe).fit(both, labels, sample_weight=-weight)

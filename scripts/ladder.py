@@ -24,17 +24,19 @@ STREETS = {
     "test": [DATA / f"oakland/part_{part}.laz" for part in ("06", "11", "13", "14", "15", "17")],
     "labels": [],
     "training": ["training.voxel=0.1"],
-    "pyramid": ["features.pyramid.first_scale=0.1", "features.pyramid.levels=8"],
-    "spheres": ["spheres.first_radius=0.25", "spheres.scales=7"],
+    "pyramid": ["features.pyramid.first_scale=0.1", "features.pyramid.levels=7"],
+    "spheres": ["spheres.first_radius=0.25", "spheres.scales=6"],
 }
 AIRBORNE = {
     "train": [DATA / f"airborne/{name}.laz" for name in ("lidarhd_housing", "ahn3_delft_west")],
     "test": [DATA / f"airborne/lidarhd_{name}.laz" for name in ("building", "forest_edge", "farm_rgb")],
     "labels": ["--map", "3-4=5", "--classes", "2,5,6"],
     "training": ["training.voxel=0.25", "training.per_copy=4000", "training.densities=[10.0, 4.0, 1.0]"],
-    "pyramid": ["features.pyramid.first_scale=0.25", "features.pyramid.levels=8"],
-    "spheres": ["spheres.first_radius=0.5", "spheres.scales=7"],
+    "pyramid": ["features.pyramid.first_scale=0.25", "features.pyramid.levels=4"],
+    "spheres": ["spheres.first_radius=0.5", "spheres.scales=6"],
 }
+# The numbers of levels and radii are the best of 2 to 8 (`fewer`).
+SCENES = [STREETS, AIRBORNE]
 #: Name, settings that are added, and the regularisation.
 STEPS = [
     ("spheres instead of the pyramid", [], "none"),
@@ -45,8 +47,8 @@ STEPS = [
     ("+ random field on the segments", [], "segment-crf"),
 ]
 
-FEWER = (2, 3, 4, 5, 6, 7)
-"""Numbers of radii."""
+FEWER = (2, 3, 4, 5, 6, 7, 8)
+"""Numbers of levels, and of radii."""
 
 
 def run(*arguments):
@@ -92,39 +94,38 @@ def row(name, values):
 
 
 def fewer():
-    """The pyramid, and spheres of ever more radii: with how few they are as good, and what that costs."""
+    """The pyramid and the spheres of ever more scales: with how few they are as good, and what that costs."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        scenes, model = [STREETS, AIRBORNE], folder / "any.model"
-        values = []
-        for scene in scenes:
-            train(scene, "pyramid", [*scene["training"], *scene["pyramid"], "regularise.method=none"], model)
-            values.append(scores(scene, model, "none", folder))
-        row("pyramid, 8 levels", values)
-        for scales in FEWER:
-            values = []
-            for scene in scenes:
-                settings = [*scene["training"], *scene["spheres"], f"spheres.scales={scales}"]
-                train(scene, "spheres", settings, model)
-                values.append(scores(scene, model, "none", folder))
-            row(f"spheres, {scales} radii", values)
+        for recipe, key, what in (
+            ("pyramid", "features.pyramid.levels", "levels"),
+            ("spheres", "spheres.scales", "radii"),
+        ):
+            for scales in FEWER:
+                row(f"{recipe}, {scales} {what}", [with_scales(scene, recipe, f"{key}={scales}", folder) for scene in SCENES])
+
+
+def with_scales(scene, recipe, setting, folder):
+    """Scores of a recipe whose settings for this scene are changed by one."""
+    model = folder / "any.model"
+    train(scene, recipe, [*scene["training"], *scene[recipe], "regularise.method=none", setting], model)
+    return scores(scene, model, "none", folder)
 
 
 def main():
-    scenes = [STREETS, AIRBORNE]
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         models = [folder / "streets.model", folder / "airborne.model"]
-        for scene, model in zip(scenes, models):
+        for scene, model in zip(SCENES, models):
             train(scene, "pyramid", [*scene["training"], *scene["pyramid"], "regularise.method=none"], model)
-        row("pyramid", [scores(scene, model, "none", folder) for scene, model in zip(scenes, models)])
+        row("pyramid", [scores(scene, model, "none", folder) for scene, model in zip(SCENES, models)])
         settings = []
         for name, added, method in STEPS:
             settings += added
             if added or not settings:
-                for scene, model in zip(scenes, models):
+                for scene, model in zip(SCENES, models):
                     train(scene, "spheres", [*scene["training"], *scene["spheres"], *settings], model)
-            row(name, [scores(scene, model, method, folder) for scene, model in zip(scenes, models)])
+            row(name, [scores(scene, model, method, folder) for scene, model in zip(SCENES, models)])
 
 
 if __name__ == "__main__":

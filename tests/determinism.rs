@@ -95,7 +95,7 @@ fn a_shift_of_five_thousand_kilometres_changes_no_feature() {
     let shifted: Vec<[f64; 3]> = rows.iter().map(|p| [p[0] + 5_000_000.0, p[1] + 5_000_000.0, p[2] + 100.0]).collect();
     let mut set = FeatureSet::default();
     set.pyramid.first_scale = Some(0.5);
-    set.pyramid.levels = 4;
+    set.pyramid.levels = Some(4);
     let table = |rows: &[[f64; 3]]| {
         let cloud = scansion_core::Cloud::from_rows(rows).unwrap();
         features::table(&cloud, &set, &Monitor::default()).unwrap()

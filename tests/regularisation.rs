@@ -30,7 +30,7 @@ fn recipe() -> PyramidRecipe {
     PyramidRecipe {
         features: FeatureSet {
             intensity: true,
-            pyramid: PyramidParams { first_scale: Some(0.4), levels: 1, ..PyramidParams::default() },
+            pyramid: PyramidParams { first_scale: Some(0.4), levels: Some(1), ..PyramidParams::default() },
             ..FeatureSet::default()
         },
         forest: ForestParams { trees: 12, min_samples_leaf: 20, ..ForestParams::default() },

@@ -39,7 +39,7 @@ pub(crate) fn feature_names(settings: &str, first_scale: f64) -> PyResult<Vec<St
 
 /// Columns of the cloud that the features need.
 #[pyfunction]
-pub(crate) fn feature_columns(settings: &str) -> PyResult<Vec<&'static str>> {
+pub(crate) fn feature_columns(settings: &str) -> PyResult<Vec<String>> {
     json::settings::<FeatureSet>(settings).map(|set| set.columns())
 }
 

@@ -28,7 +28,7 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
         io::check_dimensions(input, output, &columns.collect::<Vec<_>>())?;
     }
     let mut options = context.read_options();
-    options.columns = Columns::Only(set.columns().into_iter().map(String::from).collect());
+    options.columns = Columns::Only(set.columns());
     let cloud = io::read_with(input, &options)?;
     io::check_steps(input, output, &cloud, &context.write_options())?;
     let stream = FeatureStream::prepare(&cloud, &set, asked, &context.monitor)?;

@@ -40,6 +40,9 @@ pub enum Column {
     Cell,
 }
 
+/// Edge of the coarsest voxel, metres, if the number of levels is not given (Hackel 2018: 9 levels from 0.025 m on).
+const COARSEST: f64 = 6.4;
+
 /// Parameters of the multi-scale pyramid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -47,8 +50,10 @@ pub struct PyramidParams {
     /// Edge of the finest voxel in metres; `None` (`"none"` or 0 in a recipe) derives it from the cloud's point spacing.
     #[serde(with = "crate::settings::optional_or_zero")]
     pub first_scale: Option<f64>,
-    /// Number of levels, each with voxels of twice the edge; 1..=16.
-    pub levels: usize,
+    /// Number of levels, each with voxels of twice the edge, 1..=16; `None` (`"none"` in a recipe): as many as reach from the
+    /// finest to 6.4 m, the coarsest of the thesis.
+    #[serde(with = "crate::settings::optional_or_zero")]
+    pub levels: Option<usize>,
     /// Number of points in a neighbourhood; 3..=32.
     pub k: usize,
     /// Whether the point itself is one of the k (otherwise k points of the level).
@@ -71,7 +76,7 @@ impl Default for PyramidParams {
     fn default() -> Self {
         Self {
             first_scale: Some(0.025),
-            levels: 9,
+            levels: None,
             k: 10,
             include_query: true,
             centre: Centre::Medoid,
@@ -115,7 +120,8 @@ impl PyramidParams {
         };
         let first = self.first_scale.unwrap_or(1.0);
         range((1e-4..=1e4).contains(&first), "first_scale", &first, "0.0001..10000 metres")?;
-        range((1..=16).contains(&self.levels), "levels", &self.levels, "1..16")?;
+        let levels = self.levels.unwrap_or(1);
+        range((1..=16).contains(&levels), "levels", &levels, "1..16")?;
         range((3..=32).contains(&self.k), "k", &self.k, "3..32")?;
         range((0.25..=8.0).contains(&self.column_radius), "column_radius", &self.column_radius, "0.25..8 voxels")?;
         range(self.near_share > 0.0 && self.near_share < 1.0, "near_share", &self.near_share, "above 0 and below 1")
@@ -123,7 +129,13 @@ impl PyramidParams {
 
     /// Voxel size of each level.
     pub fn scales(&self, first_scale: f64) -> Vec<f64> {
-        (0..self.levels).map(|l| first_scale * f64::from(1u32 << l)).collect()
+        (0..self.count(first_scale)).map(|l| first_scale * f64::from(1u32 << l)).collect()
+    }
+
+    /// Number of levels from this finest scale on.
+    pub fn count(&self, first_scale: f64) -> usize {
+        let reach = || (COARSEST / first_scale.max(1e-6)).log2().round().clamp(0.0, 15.0) as usize + 1;
+        self.levels.unwrap_or_else(reach)
     }
 }
 
@@ -132,7 +144,6 @@ impl PyramidParams {
 pub(super) struct Offer {
     /// Name of its column.
     pub(super) name: String,
-    pub(super) feature: Feature,
     pub(super) place: Place,
 }
 
@@ -140,11 +151,13 @@ pub(super) struct Offer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
     /// The level of this number, 0 for the finest.
-    Level(usize),
+    Level(usize, Feature),
     /// The profiles; the position among their values.
     Profile(usize),
     /// The point's own values.
-    Own,
+    Own(Feature),
+    /// A dimension of the cloud as it is; the position among the set's.
+    Dimension(usize),
 }
 
 /// All features that a recipe uses.
@@ -159,6 +172,9 @@ pub struct FeatureSet {
     pub returns: bool,
     /// Whether clouds may lack colour, intensity or returns: their values are then missing (NaN) instead of an error.
     pub optional: bool,
+    /// Other dimensions of the cloud whose values are features as they are, e.g. `["Amplitude", "Reflectance"]`; NaN is a
+    /// missing value.
+    pub dimensions: Vec<String>,
     /// Use the height above the ground, for methods that find the ground first.
     pub height: bool,
     /// Metres per unit of the coordinates; `None` (`"none"` in a recipe): what the cloud says, else 1.
@@ -178,8 +194,22 @@ impl FeatureSet {
     pub fn validate(&self) -> Result<()> {
         match self.metres_per_unit {
             Some(m) if !(m.is_finite() && m > 0.0) => Err(Error::parameter("metres_per_unit", m, "metres, above 0")),
-            _ => self.pyramid.validate().and_then(|()| self.profile.validate()),
+            _ => self.validate_dimensions().and_then(|()| self.pyramid.validate()).and_then(|()| self.profile.validate()),
         }
+    }
+
+    /// Each dimension is named once, and is neither the classes nor a feature that has a switch of its own.
+    fn validate_dimensions(&self) -> Result<()> {
+        let bad = |name: &String, expected: &str| Err(Error::parameter("features.dimensions", name, expected));
+        for (i, name) in self.dimensions.iter().enumerate() {
+            if name.is_empty() || name == names::CLASSIFICATION {
+                return bad(name, "a dimension of the cloud other than the classes");
+            }
+            if self.dimensions[..i].contains(name) || self.own().any(|d| d.name == name) {
+                return bad(name, "each dimension once");
+            }
+        }
+        Ok(())
     }
 
     /// Metres per unit of this cloud's coordinates.
@@ -192,24 +222,25 @@ impl FeatureSet {
         self.offers(first_scale).into_iter().map(|offer| offer.name).collect()
     }
 
-    /// All features: level by level, then the profiles, then those of the point itself.
+    /// All features: level by level, then the profiles, then those of the point itself, then the cloud's dimensions.
     pub(super) fn offers(&self, first_scale: f64) -> Vec<Offer> {
         let levels = self.pyramid.scales(first_scale).into_iter().enumerate().flat_map(|(level, scale)| {
             of_scope(Scope::Level).map(move |d| Offer {
                 name: scaled_name(d, scale),
-                feature: d.feature,
-                place: Place::Level(level),
+                place: Place::Level(level, d.feature),
             })
         });
         let profiles = self.profile.offers().enumerate();
-        let profiles = profiles.map(|(i, (name, feature))| Offer { name, feature, place: Place::Profile(i) });
-        let own = self.own().map(|d| Offer { name: d.name.to_owned(), feature: d.feature, place: Place::Own });
-        levels.chain(profiles).chain(own).collect()
+        let profiles = profiles.map(|(i, (name, _))| Offer { name, place: Place::Profile(i) });
+        let own = self.own().map(|d| Offer { name: d.name.to_owned(), place: Place::Own(d.feature) });
+        let dimensions = self.dimensions.iter().cloned().enumerate();
+        let dimensions = dimensions.map(|(i, name)| Offer { name, place: Place::Dimension(i) });
+        levels.chain(profiles).chain(own).chain(dimensions).collect()
     }
 
     /// Columns of the cloud that the features need.
-    pub fn columns(&self) -> Vec<&'static str> {
-        let mut columns = Vec::new();
+    pub fn columns(&self) -> Vec<String> {
+        let mut columns: Vec<&str> = Vec::new();
         if self.colour {
             columns.extend(names::COLOUR);
         }
@@ -219,7 +250,7 @@ impl FeatureSet {
         if self.returns {
             columns.extend([names::RETURN_NUMBER, names::NUMBER_OF_RETURNS]);
         }
-        columns
+        columns.into_iter().map(String::from).chain(self.dimensions.iter().cloned()).collect()
     }
 
     /// The selected features of the point itself.
@@ -240,8 +271,14 @@ mod tests {
         let names = set.names(0.025);
         assert_eq!(names.len(), 144);
         assert_eq!((names[0].as_str(), names[143].as_str()), ("Sum_r0p025", "HeightAbove_r6p4"));
+        for (first, levels) in [(0.05, 8), (0.4, 5), (0.25, 6), (6.4, 1), (100.0, 1)] {
+            assert_eq!(set.pyramid.count(first), levels, "{first}");
+        }
         let more = FeatureSet { returns: true, ..set };
         assert_eq!(more.names(0.025)[144..], ["ReturnNumber", "NumberOfReturns", "ReturnRatio"]);
+        let own = FeatureSet { dimensions: vec!["Amplitude".into()], ..more };
+        assert_eq!(own.names(0.025)[147..], ["Amplitude"]);
+        assert_eq!(own.columns(), ["ReturnNumber", "NumberOfReturns", "Amplitude"]);
     }
 
     #[test]
@@ -249,6 +286,11 @@ mod tests {
         let bad = |p: PyramidParams| p.validate().unwrap_err().to_string();
         assert!(bad(PyramidParams { k: 2, ..PyramidParams::default() }).contains("parameter k: found 2"));
         assert!(bad(PyramidParams { first_scale: Some(f64::NAN), ..PyramidParams::default() }).contains("first_scale"));
+        for twice in [vec!["Amplitude", "Amplitude"], vec!["ReturnNumber"], vec!["Classification"], vec![""]] {
+            let dimensions = twice.into_iter().map(String::from).collect();
+            let set = FeatureSet { returns: true, dimensions, ..FeatureSet::default() };
+            assert!(set.validate().unwrap_err().to_string().contains("features.dimensions"));
+        }
         assert!(PyramidParams::preset("cgal").unwrap_err().to_string().contains("jakteristics"));
     }
 }

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
+from scansion._arrays import column
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
 from scansion._labels import classes_of, encoded, is_text, listed, signed, texts
@@ -20,6 +21,7 @@ from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
 
 LABELS = "Classification"
+WEIGHT = "SampleWeight"
 
 Self = TypeVar("Self", bound="PointClassifier")
 
@@ -157,6 +159,7 @@ class PointClassifier(Classifier):
         clouds: Any,
         labels: Any = None,
         *,
+        sample_weight: Any = None,
         elevation_model: str | os.PathLike[str] | None = None,
         progress: Progress = None,
     ) -> Self:
@@ -169,6 +172,9 @@ class PointClassifier(Classifier):
         labels : array_like of shape (n,) or list of such, optional
             Class codes 0..255 (negative: unlabelled), or text (None: unlabelled); by default each
             cloud's column Classification.
+        sample_weight : array_like of shape (n,) or list of such, optional
+            Weight of each point, 0 or more; points of weight 0 are not learned from. As ``training.weight``, which names a
+            column; not for the recipes weak and objects.
         elevation_model : path, optional
             Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
         progress : bool or callable, optional
@@ -177,8 +183,12 @@ class PointClassifier(Classifier):
         Warns about classes that were left out because they have too few points, and about rare ones.
         """
         recipe, settings = self._recipe()
+        weights = None if sample_weight is None else _listed_clouds(clouds, sample_weight, "sample_weight")[1]
         clouds, given = _listed_clouds(clouds, labels)
         given, names, unlabelled = self._known(given)
+        if weights is not None:
+            settings = [*settings, f'training.weight="{WEIGHT}"']
+            clouds = [_weighted(cloud, w) for cloud, w in zip(clouds, weights, strict=True)]
         wanted = _core.recipe_columns(recipe, settings)
         prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
         with following(progress):
@@ -363,13 +373,13 @@ def _path(path: str | os.PathLike[str] | None) -> str | None:
     return None if path is None else os.fspath(path)
 
 
-def _listed_clouds(clouds: Any, labels: Any) -> tuple[list[Any], list[Any]]:
+def _listed_clouds(clouds: Any, labels: Any, name: str = "labels") -> tuple[list[Any], list[Any]]:
     """The clouds, and the labels of each (None: its own)."""
     several = isinstance(clouds, (list, tuple)) and not _is_rows(clouds)
     clouds = list(clouds) if several else [clouds]
     given = [None] * len(clouds) if labels is None else list(labels) if several else [labels]
     if len(given) != len(clouds):
-        raise ValueError(f"labels: found {len(given)} arrays for {len(clouds)} clouds")
+        raise ValueError(f"{name}: found {len(given)} arrays for {len(clouds)} clouds")
     return clouds, given
 
 
@@ -384,6 +394,13 @@ def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:
     # A PointCloud is a sequence of the names of its columns, which may be three.
     first = values[0] if len(values) > 0 else None
     return first is not None and not isinstance(first, PointCloud) and np.shape(first) == (3,)
+
+
+def _weighted(cloud: Any, weights: Any) -> PointCloud:
+    """The cloud with the weights of its points in a column."""
+    points = as_cloud(cloud).copy()
+    points[WEIGHT] = column(weights, "sample_weight", len(points)).astype(np.float32)
+    return points
 
 
 def _labelled(cloud: Any, labels: Any, wanted: list[str]) -> PointCloud:

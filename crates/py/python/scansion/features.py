@@ -36,6 +36,7 @@ def multiscale(
     colour: bool = False,
     intensity: bool = False,
     returns: bool = False,
+    dimensions: Sequence[str] = (),
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> NDArray[np.float32]:
@@ -67,6 +68,8 @@ def multiscale(
         Share of the neighbourhood that forms the near set of the line feature; above 0, below 1.
     colour, intensity, returns : bool
         Add features of the point itself; the cloud needs the columns.
+    dimensions : sequence of str
+        Other columns of the cloud whose values are features as they are.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
@@ -103,8 +106,8 @@ def multiscale(
         "column_radius": column_radius,
         "near_share": near_share,
     }
-    point = {"colour": colour, "intensity": intensity, "returns": returns, "metres_per_unit": metres_per_unit}
-    settings = to_json({"pyramid": pyramid, **point})
+    point = {"colour": colour, "intensity": intensity, "returns": returns, "dimensions": list(dimensions)}
+    settings = to_json({"pyramid": pyramid, "metres_per_unit": metres_per_unit, **point})
     cloud = as_cloud(xyz, columns=_core.feature_columns(settings))
     return _core.multiscale(cloud._core, settings, n_jobs)
 
@@ -116,6 +119,7 @@ def names(
     colour: bool = False,
     intensity: bool = False,
     returns: bool = False,
+    dimensions: Sequence[str] = (),
 ) -> list[str]:
     """Names of the columns of `multiscale`, e.g. ``Planarity_r0p4``: level by level, then those of the point itself.
 
@@ -127,6 +131,8 @@ def names(
         Number of levels, each with voxels of twice the edge.
     colour, intensity, returns : bool
         Whether features of the point itself are included.
+    dimensions : sequence of str
+        Other columns of the cloud that are features as they are.
 
     Examples
     --------
@@ -135,7 +141,8 @@ def names(
     ('Sum_r0p025', 144)
     """
     pyramid = {"first_scale": first_scale, "levels": levels}
-    settings = to_json({"pyramid": pyramid, "colour": colour, "intensity": intensity, "returns": returns})
+    point = {"colour": colour, "intensity": intensity, "returns": returns, "dimensions": list(dimensions)}
+    settings = to_json({"pyramid": pyramid, **point})
     return _core.feature_names(settings, first_scale)
 
 

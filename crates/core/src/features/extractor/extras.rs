@@ -71,6 +71,18 @@ pub(super) fn sources<'a>(scene: &MetricCloud<'a>, set: &FeatureSet) -> Result<V
     set.own().map(|d| Ok((d.feature, of(d.feature)?))).collect()
 }
 
+/// The sources of the dimensions that the set uses as they are.
+///
+/// # Errors
+/// If the cloud lacks one; the message lists the existing ones.
+pub(super) fn dimensions<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<Source<'a>>> {
+    let of = |name: &String| match column(cloud, name) {
+        Err(_) if set.optional => Ok(Source::Missing),
+        other => other.map(|values| Source::One(Own { values, form: Form::Times(1.0) })),
+    };
+    set.dimensions.iter().map(of).collect()
+}
+
 fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<Source<'a>> {
     let cloud = scene.cloud;
     let plain = |name| Ok(Source::One(Own { values: column(cloud, name)?, form: Form::Times(1.0) }));
@@ -164,5 +176,11 @@ mod tests {
         let row = |point| features(&cloud, &set, point).unwrap();
         assert_eq!(row(1), [0.2, 0.2, 0.2, 0.6, 1.0, 2.0, 0.5]);
         assert_eq!(row(2)[6], 0.0, "no returns at all");
+        let own = FeatureSet { dimensions: vec!["Intensity".into(), "Amplitude".into()], ..FeatureSet::default() };
+        assert!(dimensions(&cloud, &own).err().unwrap().to_string().contains("column Amplitude; the cloud has: Red"));
+        let optional = FeatureSet { optional: true, ..own };
+        let found = dimensions(&cloud, &optional).unwrap();
+        assert_eq!(found[0].get(1), 300.0);
+        assert!(found[1].get(1).is_nan());
     }
 }

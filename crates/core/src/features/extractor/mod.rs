@@ -14,7 +14,7 @@ use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
-use extras::{Source, sources};
+use extras::{Source, dimensions, sources};
 use spacing::{scale_of, spacing};
 use std::ops::Range;
 use std::sync::Arc;
@@ -106,16 +106,17 @@ impl<'a> Plan<'a> {
         let offers = set.offers(first_scale);
         let all: Vec<String> = offers.iter().map(|offer| offer.name.clone()).collect();
         let names = wanted.names(&all)?;
-        let sources = sources(scene, set)?;
-        let (mut slots, mut profile, mut own) = (vec![Slots::default(); set.pyramid.levels], Vec::new(), Vec::new());
+        let (sources, dimensions) = (sources(scene, set)?, dimensions(scene.cloud, set)?);
+        let (mut slots, mut profile, mut own) = (vec![Slots::default(); set.pyramid.count(first_scale)], Vec::new(), Vec::new());
         for (offer, column) in offers.iter().zip(columns(&all, &names)?) {
             match (column, offer.place) {
-                (Some(column), Place::Level(level)) => slots[level].put(offer.feature, column),
+                (Some(column), Place::Level(level, feature)) => slots[level].put(feature, column),
                 (Some(column), Place::Profile(number)) => profile.push([column, number]),
-                (Some(column), Place::Own) => {
-                    let of = sources.iter().filter(|(feature, _)| *feature == offer.feature);
+                (Some(column), Place::Own(feature)) => {
+                    let of = sources.iter().filter(|(own, _)| *own == feature);
                     own.extend(of.map(|(_, source)| (column, source.clone())));
                 }
+                (Some(column), Place::Dimension(number)) => own.push((column, dimensions[number].clone())),
                 (None, _) => {}
             }
         }

@@ -125,7 +125,7 @@ mod tests {
         (rows[17], rows[4000]) = ([f64::NAN, 0.0, 0.0], [f64::INFINITY; 3]);
         let cloud = Cloud::from_rows(&rows).unwrap();
         let mut set = FeatureSet::default();
-        (set.pyramid.first_scale, set.pyramid.levels) = (Some(0.2), 4);
+        (set.pyramid.first_scale, set.pyramid.levels) = (Some(0.2), Some(4));
         let monitor = Monitor::default();
         let table = crate::features::table(&cloud, &set, &monitor).unwrap();
         let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();

@@ -280,7 +280,7 @@ mod tests {
         rows.extend([[45.0, 20.0, 60.0], [200.0, 10.0, 0.0], [201.0, 10.0, 0.0]]);
         let cloud = Cloud::from_rows(&rows).unwrap();
         let mut set = FeatureSet::default();
-        (set.pyramid.levels, set.pyramid.first_scale) = (6, Some(0.1));
+        (set.pyramid.levels, set.pyramid.first_scale) = (Some(6), Some(0.1));
         set.profile.cells = vec![0.5, 2.0];
         let monitor = Monitor::default();
         let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
@@ -326,7 +326,7 @@ mod tests {
         let rows: Vec<[f64; 3]> = (0..3000).map(|_| [0; 3].map(|_| s.uniform() * 6.0)).collect();
         let cloud = Cloud::from_rows(&rows).unwrap();
         let mut set = FeatureSet::default();
-        (set.pyramid.levels, set.pyramid.first_scale) = (3, Some(0.25));
+        (set.pyramid.levels, set.pyramid.first_scale) = (Some(3), Some(0.25));
         let monitor = Monitor::default();
         let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
         let tiles = Tiles::prepare(&scene, &set, Wanted::All, &monitor).unwrap();

@@ -110,7 +110,7 @@ fn every_point() -> f64 {
 
 impl Default for AutoContextRecipe {
     fn default() -> Self {
-        let pyramid = PyramidParams { first_scale: Some(0.25), levels: 8, ..PyramidParams::default() };
+        let pyramid = PyramidParams { first_scale: Some(0.25), levels: Some(8), ..PyramidParams::default() };
         let profile = ProfileParams { cells: vec![0.5, 1.0, 2.0, 4.0], ..ProfileParams::default() };
         let features =
             FeatureSet { returns: true, optional: true, height: true, pyramid, profile, ..FeatureSet::default() };
@@ -147,7 +147,7 @@ impl Default for AutoContextRecipe {
 impl AutoContextRecipe {
     /// The defaults for streets: finer scales, and no profiles, which learn the few objects of a street by heart.
     pub fn mobile() -> Self {
-        let pyramid = PyramidParams { first_scale: Some(0.1), levels: 8, ..PyramidParams::default() };
+        let pyramid = PyramidParams { first_scale: Some(0.1), levels: Some(8), ..PyramidParams::default() };
         Self {
             recipe: AutoContextKind::Mobile,
             pyramid_twice: true,
@@ -168,7 +168,7 @@ impl AutoContextRecipe {
     /// The defaults for rooms.
     pub fn indoor() -> Self {
         let mobile = Self::mobile();
-        let pyramid = PyramidParams { first_scale: Some(0.025), levels: 8, ..PyramidParams::default() };
+        let pyramid = PyramidParams { first_scale: Some(0.025), levels: Some(8), ..PyramidParams::default() };
         Self {
             recipe: AutoContextKind::Indoor,
             rated_voxel: 0.1,
@@ -246,7 +246,7 @@ impl System for AutoContextRecipe {
     }
 
     fn columns(&self) -> Vec<String> {
-        self.features.columns().into_iter().map(String::from).collect()
+        [self.features.columns(), self.training.columns()].concat()
     }
 
     fn bytes_a_point(&self, method: Regularise) -> u64 {

@@ -142,7 +142,8 @@ impl System for ClustersRecipe {
     }
 
     fn columns(&self) -> Vec<String> {
-        if self.colour { names::COLOUR.map(String::from).to_vec() } else { Vec::new() }
+        let colours = if self.colour { names::COLOUR.map(String::from).to_vec() } else { Vec::new() };
+        [colours, self.training.columns()].concat()
     }
 
     fn bytes_a_point(&self, method: Regularise) -> u64 {

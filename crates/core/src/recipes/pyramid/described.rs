@@ -69,7 +69,8 @@ impl Described {
                     _ => Plan::samples(&points),
                 };
                 let (table, first_scale) = features::table_at(scene, &described.features, &plan.points, monitor)?;
-                described.features.pyramid.first_scale = Some(first_scale);
+                let pyramid = &mut described.features.pyramid;
+                (pyramid.first_scale, pyramid.levels) = (Some(first_scale), Some(pyramid.count(first_scale)));
                 described.values.extend_from_slice(&table.values[..points.len() * table.width()]);
                 described.trials.push(plan.into_trial(&table));
                 let xyz = |&p: &u32| scene.cloud.xyz(p as usize);

@@ -20,7 +20,7 @@ use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
 use crate::error::Result;
-use crate::features::FeatureSet;
+use crate::features::{FeatureSet, PyramidParams};
 use crate::parallel::Monitor;
 use serde::{Deserialize, Serialize};
 
@@ -33,8 +33,8 @@ pub enum PyramidKind {
     Pyramid,
 }
 
-/// The parameters of the pyramid recipe (Hackel 2018, chapter 4.4); the defaults are the thesis's, except for rare
-/// classes.
+/// The parameters of the pyramid recipe (Hackel 2018, chapter 4.4); the defaults are the thesis's, except
+/// for rare classes and the finest scale, which is the point spacing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PyramidRecipe {
@@ -61,11 +61,12 @@ pub struct PyramidRecipe {
 
 impl Default for PyramidRecipe {
     fn default() -> Self {
+        let pyramid = PyramidParams::default();
         Self {
             recipe: PyramidKind::default(),
             seed: 0,
             classifier: ClassifierKind::default(),
-            features: FeatureSet::default(),
+            features: FeatureSet { pyramid: PyramidParams { first_scale: None, ..pyramid }, ..FeatureSet::default() },
             training: TrainingParams::default(),
             forest: ForestParams::default(),
             boosting: BoostingParams::default(),
@@ -106,7 +107,7 @@ impl System for PyramidRecipe {
     }
 
     fn columns(&self) -> Vec<String> {
-        self.features.columns().into_iter().map(String::from).collect()
+        [self.features.columns(), self.training.columns()].concat()
     }
 
     /// Without regularisation, features and probabilities are discarded block by block.

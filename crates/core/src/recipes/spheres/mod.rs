@@ -150,7 +150,8 @@ impl System for SpheresRecipe {
     }
 
     fn columns(&self) -> Vec<String> {
-        if self.groups.colour { names::COLOUR.map(String::from).to_vec() } else { Vec::new() }
+        let colours = if self.groups.colour { names::COLOUR.map(String::from).to_vec() } else { Vec::new() };
+        [colours, self.training.columns()].concat()
     }
 
     fn bytes_a_point(&self, method: Regularise) -> u64 {

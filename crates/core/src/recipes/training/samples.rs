@@ -6,7 +6,7 @@
 //! [`balance`](crate::classification::sampling::balance).
 
 use crate::classification::sampling::{BalanceParams, Rare};
-use crate::cloud::MetricCloud;
+use crate::cloud::{Cloud, MetricCloud, Values};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, sort_watched_by, watched};
 use crate::random::{Stream, stream};
@@ -39,6 +39,9 @@ pub struct TrainingParams {
     pub per_copy: usize,
     /// Densities, points per square metre, of thinned copies of the cloud that are used for training as well.
     pub densities: Vec<f64>,
+    /// Dimension of the training clouds with the weight of each point, 0 or more; points of weight 0 are not learned from.
+    #[serde(with = "crate::settings::optional")]
+    pub weight: Option<String>,
     /// Boxes `[x min, y min, x max, y max]` in the file's coordinates that are excluded from training.
     pub exclude: Vec<[f64; 4]>,
 }
@@ -55,6 +58,7 @@ impl Default for TrainingParams {
             max_samples: balance.max_samples,
             per_copy: 0,
             densities: Vec::new(),
+            weight: None,
             exclude: Vec::new(),
         }
     }
@@ -93,6 +97,20 @@ impl TrainingParams {
         }
     }
 
+    /// Columns of the training clouds that are read.
+    pub(in crate::recipes) fn columns(&self) -> Vec<String> {
+        self.weight.iter().cloned().collect()
+    }
+
+    /// The weights of a cloud's points, if they are asked for.
+    fn weights<'a>(&self, cloud: &'a Cloud) -> Result<Option<&'a Values>> {
+        let Some(name) = &self.weight else { return Ok(None) };
+        match cloud.column(name) {
+            Some(column) => Ok(Some(&column.values)),
+            None => Err(Error::input(format!("training.weight: the cloud has no dimension {name}"))),
+        }
+    }
+
     /// Whether a place, in the file's coordinates, is excluded from training.
     pub(in crate::recipes) fn excludes(&self, x: f64, y: f64) -> bool {
         self.exclude.iter().any(|b| x >= b[0] && y >= b[1] && x <= b[2] && y <= b[3])
@@ -100,12 +118,14 @@ impl TrainingParams {
 }
 
 /// A candidate for a training sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::recipes) struct Candidate {
     /// Index in the cloud (or its thinned copy).
     pub(in crate::recipes) point: u32,
     /// Class code.
     pub(in crate::recipes) code: u8,
+    /// Weight of the point, above 0.
+    pub(in crate::recipes) weight: f32,
 }
 
 /// One candidate for each voxel: its first point with the most frequent label of the voxel (ties: smallest code).
@@ -113,7 +133,7 @@ pub(in crate::recipes) struct Candidate {
 /// O(n log n) time, 28 bytes a labelled point.
 ///
 /// # Errors
-/// If the work was cancelled.
+/// If the dimension with the weights is missing or has a negative value, or the work was cancelled.
 pub(in crate::recipes) fn candidates(
     scene: &MetricCloud<'_>,
     labels: &Labels,
@@ -121,6 +141,7 @@ pub(in crate::recipes) fn candidates(
     monitor: &Monitor,
 ) -> Result<Vec<Candidate>> {
     let (cloud, points) = (scene.cloud, scene.points(monitor)?);
+    let weights = params.weights(cloud)?;
     let mut keyed: Vec<([i32; 3], Candidate)> = Vec::new();
     for piece in watched(points.len(), monitor) {
         for i in piece? {
@@ -128,12 +149,16 @@ pub(in crate::recipes) fn candidates(
             let xyz = cloud.xyz(point as usize);
             let kept = |_: &u8| !params.excludes(xyz[0], xyz[1]);
             let Some(code) = labels.codes[point as usize].filter(kept) else { continue };
+            let weight = weights.map_or(Ok(1.0), |values| weight_at(values, point))?;
+            if weight <= 0.0 {
+                continue;
+            }
             let voxel = match params.voxel > 0.0 {
                 true => cell_of(points.positions.xyz(i).map(|v| f64::from(v) / params.voxel)),
                 // Every point has a voxel of its own.
                 false => [point as i32; 3],
             };
-            keyed.push((voxel, Candidate { point, code }));
+            keyed.push((voxel, Candidate { point, code, weight }));
         }
     }
     drop(points);
@@ -141,6 +166,15 @@ pub(in crate::recipes) fn candidates(
     sort_watched_by(&mut keyed, |a, b| order(a).cmp(&order(b)), monitor)?;
     monitor.check()?;
     Ok(keyed.chunk_by(|a, b| a.0 == b.0).filter_map(majority).collect())
+}
+
+/// The weight of a point.
+fn weight_at(values: &Values, point: u32) -> Result<f32> {
+    let weight = values.get(point as usize);
+    match weight >= 0.0 && weight.is_finite() {
+        true => Ok(weight as f32),
+        false => Err(Error::input(format!("training.weight: found {weight} at point {point}, expected 0 or more"))),
+    }
 }
 
 /// The candidate of a voxel, whose members are sorted by code, then by point.
@@ -187,7 +221,7 @@ fn thin(points: usize, share: f64, random: &mut Stream, monitor: &Monitor) -> Re
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Cloud;
+    use crate::cloud::Column;
 
     fn labels(codes: &[u8]) -> Labels {
         Labels { codes: codes.iter().map(|&c| (c > 0).then_some(c)).collect(), ..Labels::default() }
@@ -201,13 +235,29 @@ mod tests {
         let scene = MetricCloud::new(&cloud, None, &monitor).unwrap();
         let params = TrainingParams { voxel: 1.0, ..TrainingParams::default() };
         let found = candidates(&scene, &labels(&[5, 2, 2, 0]), &params, &monitor).unwrap();
-        assert_eq!(found, [Candidate { point: 1, code: 2 }]);
+        assert_eq!(found, [Candidate { point: 1, code: 2, weight: 1.0 }]);
         let all = TrainingParams { voxel: 0.0, ..params.clone() };
         let found = candidates(&scene, &labels(&[5, 2, 2, 6]), &all, &monitor).unwrap();
         assert_eq!(found.len(), 4);
         let boxed = TrainingParams { exclude: vec![[0.0, 0.0, 1.0, 1.0]], ..params };
         let found = candidates(&scene, &labels(&[5, 2, 2, 6]), &boxed, &monitor).unwrap();
-        assert_eq!(found, [Candidate { point: 3, code: 6 }]);
+        assert_eq!(found, [Candidate { point: 3, code: 6, weight: 1.0 }]);
+    }
+
+    #[test]
+    fn points_have_the_weights_of_a_dimension_and_those_of_none_are_left_out() {
+        let mut cloud = Cloud::from_rows(&[[0.0; 3], [1.0; 3], [2.0; 3]]).unwrap();
+        cloud.set_column(Column::new("Trust", Values::F32(vec![0.5, 0.0, 3.0]))).unwrap();
+        let (monitor, all) = (Monitor::default(), labels(&[2, 2, 6]));
+        let find = |cloud: &Cloud, name: &str| {
+            let params = TrainingParams { weight: Some(name.into()), ..TrainingParams::default() };
+            candidates(&MetricCloud::new(cloud, None, &monitor).unwrap(), &all, &params, &monitor)
+        };
+        let found = find(&cloud, "Trust").unwrap();
+        assert_eq!(found.iter().map(|c| (c.point, c.weight)).collect::<Vec<_>>(), [(0, 0.5), (2, 3.0)]);
+        assert!(find(&cloud, "Weight").unwrap_err().to_string().contains("no dimension Weight"));
+        cloud.set_column(Column::new("Trust", Values::F32(vec![0.5, -1.0, 3.0]))).unwrap();
+        assert!(find(&cloud, "Trust").unwrap_err().to_string().contains("found -1 at point 1"));
     }
 
     #[test]

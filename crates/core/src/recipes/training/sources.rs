@@ -66,8 +66,8 @@ impl Sources {
     /// Weight of each sample, source by source; empty if all are equal.
     pub(in crate::recipes) fn sample_weights(&self) -> Vec<f32> {
         let samples = self.list.iter().flat_map(|source| &source.candidates);
-        let weights: Vec<f32> = samples.map(|c| self.weights[usize::from(c.code)]).collect();
-        if weights.iter().any(|&w| w > 1.0) { weights } else { Vec::new() }
+        let weights: Vec<f32> = samples.map(|c| self.weights[usize::from(c.code)] * c.weight).collect();
+        if weights.iter().any(|&w| (w - 1.0).abs() > f32::EPSILON) { weights } else { Vec::new() }
     }
 }
 

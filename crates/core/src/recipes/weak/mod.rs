@@ -97,7 +97,7 @@ pub struct WeakRecipe {
 impl Default for WeakRecipe {
     fn default() -> Self {
         // The scans of the paper differ in density, so that no finest scale suits all.
-        let pyramid = PyramidParams { first_scale: None, ..PyramidParams::default() };
+        let pyramid = PyramidParams { first_scale: None, levels: Some(9), ..PyramidParams::default() };
         Self {
             recipe: WeakKind::Weak,
             seed: 0,
@@ -167,7 +167,7 @@ impl System for WeakRecipe {
             Descriptors::Paper => Vec::new(),
             Descriptors::MultiScale => self.features.columns(),
         };
-        own.then_some(names::CLASSIFICATION).into_iter().chain(scaled).map(str::to_string).collect()
+        own.then(|| names::CLASSIFICATION.to_string()).into_iter().chain(scaled).collect()
     }
 
     fn label_distance(&self) -> f64 {
