@@ -460,3 +460,73 @@ fn what_is_replaced_is_told_and_the_file_knows_its_model() {
     let text = done(f, &["info", "d.laz"]).0;
     assert_eq!(text.matches("scansion 1").count(), 1, "{text}");
 }
+
+/// A street with own codes and an unknown list.
+fn tram_street(folder: &Path) {
+    write(&folder.join("a.laz"), coded(24.0, 3, [2, 15, 64]));
+    write(&folder.join("a.ply"), coded(24.0, 3, [1, 6, 4]));
+}
+
+#[test]
+fn classes_have_the_names_of_the_user_the_file_the_model_or_the_list() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    tram_street(f);
+    // The user's names go into the model, and with its result into the record of LAS.
+    let train = ["train", "a.laz", "-o", "a.model", "--names", "15=pole,64=tram", "--format", "json"];
+    let (out, _) = done(f, &[&train[..], &QUICK].concat());
+    assert!(out.contains("\"tram\"") && out.contains("\"pole\"") && !out.contains("transmission"), "{out}");
+    done(f, &["classify", "a.laz", "-m", "a.model", "-o", "b.laz", "--probabilities"]);
+    let read = io::read(&f.join("b.laz")).unwrap();
+    assert_eq!(read.class_names[&64].name, "tram");
+    assert!(read.column("P_pole").is_some() && read.column("P_tram").is_some());
+    // Whatever reads the file knows them, unless it is told others.
+    let (out, _) = done(f, &["info", "b.laz", "--stats"]);
+    assert!(out.contains("pole") && out.contains("tram"), "{out}");
+    let (out, _) = done(f, &["evaluate", "a.laz", "b.laz", "--format", "json", "--names", "64=tramway"]);
+    assert!(out.contains("tramway") && out.contains("transmission tower"), "of a.laz, which has no names: {out}");
+    let (out, _) = done(f, &["evaluate", "b.laz", "a.laz", "--format", "json"]);
+    assert!(out.contains("\"tram\"") && out.contains("\"pole\""), "{out}");
+    // Lists by name, or from a file.
+    let (out, _) = done(f, &["evaluate", "a.ply", "a.ply", "--scheme", "Toronto-3D", "--format", "json"]);
+    assert!(out.contains("\"pole\"") && out.contains("\"building\""), "{out}");
+    std::fs::write(f.join("own.toml"), "classes = [{ code = 6, name = \"mast\", colour = [1, 2, 3] }]\n").unwrap();
+    let own = ["--scheme", "own.toml", "--names", "4=house"];
+    let (out, _) = done(f, &[&["evaluate", "a.ply", "a.ply", "--format", "json"], &own[..]].concat());
+    assert!(out.contains("\"mast\"") && out.contains("\"house\"") && out.contains("\"class 1\""), "{out}");
+    done(f, &[&["render", "a.ply", "-o", "a.png"], &own[..]].concat());
+    assert!(fails(f, &["info", "a.ply", "--scheme", "toronto"]).contains("toronto-3d"));
+    std::fs::write(f.join("bad.toml"), "classes = 3").unwrap();
+    assert!(fails(f, &["info", "a.ply", "--scheme", "bad.toml"]).contains("bad.toml"));
+    assert!(fails(f, &["info", "a.ply", "--names", "pole"]).contains("CODE=NAME"));
+}
+
+#[test]
+fn codes_above_255_are_mapped_and_sweeps_of_semantic_kitti_are_learned() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::create_dir_all(f.join("velodyne")).unwrap();
+    std::fs::create_dir_all(f.join("labels")).unwrap();
+    let cloud = coded(24.0, 4, [40, 70, 256]);
+    let codes = cloud.column("Classification").unwrap().values.to_f64();
+    let floats = |i: usize| cloud.xyz(i).map(|v| v as f32).into_iter().chain([0.5]);
+    let bytes: Vec<u8> = (0..cloud.len()).flat_map(floats).flat_map(f32::to_le_bytes).collect();
+    std::fs::write(f.join("velodyne/000000.bin"), bytes).unwrap();
+    let labels: Vec<u8> = codes.iter().flat_map(|&code| (3 << 16 | code as u32).to_le_bytes()).collect();
+    std::fs::write(f.join("labels/000000.label"), &labels).unwrap();
+    let (out, _) = done(f, &["info", "velodyne/000000.bin"]);
+    assert!(out.contains("SemanticKITTI") && out.contains("Instance"), "{out}");
+    let train = ["train", "velodyne/000000.bin", "-o", "k.model", "--format", "json"];
+    let message = fails(f, &[&train[..], &QUICK].concat());
+    assert!(message.contains("is 256") && message.contains("--map") && message.contains("256=5"), "{message}");
+    let (out, _) = done(f, &[&train[..], &QUICK, &["--map", "252-259=10"]].concat());
+    assert!(out.contains("\"road\"") && out.contains("\"vegetation\"") && out.contains("\"car\""), "{out}");
+    done(f, &["classify", "velodyne/000000.bin", "-m", "k.model", "-o", "000000.label"]);
+    let named = std::fs::read(f.join("000000.label")).unwrap();
+    assert_eq!(named.len(), labels.len());
+    let same = (0..cloud.len()).filter(|&i| {
+        let [truth, found] = [&labels, &named].map(|b| u16::from_le_bytes([b[4 * i], b[4 * i + 1]]));
+        found == if truth == 256 { 10 } else { truth } && named[4 * i + 2] == 3
+    });
+    assert!(same.count() as f64 > 0.9 * cloud.len() as f64, "classes are right, and instances stay");
+}

@@ -40,7 +40,10 @@ fn scene(n: usize) -> Vec<Point> {
 }
 
 fn set(pyramid: PyramidParams) -> FeatureSet {
-    FeatureSet { pyramid: PyramidParams { first_scale: Some(0.5), levels: Some(4), ..pyramid }, ..FeatureSet::default() }
+    FeatureSet {
+        pyramid: PyramidParams { first_scale: Some(0.5), levels: Some(4), ..pyramid },
+        ..FeatureSet::default()
+    }
 }
 
 fn features(rows: &[Point], set: &FeatureSet) -> FeatureTable {
@@ -446,7 +449,12 @@ fn wanted_features_are_the_columns_of_the_table() {
 #[test]
 fn columns_too_narrow_for_the_extent_are_refused() {
     let set = FeatureSet {
-        pyramid: PyramidParams { first_scale: Some(0.5), levels: Some(2), column_radius: 0.25, ..PyramidParams::default() },
+        pyramid: PyramidParams {
+            first_scale: Some(0.5),
+            levels: Some(2),
+            column_radius: 0.25,
+            ..PyramidParams::default()
+        },
         ..FeatureSet::default()
     };
     let cloud = Cloud::from_rows(&[[0.0; 3], [900_000.0, 5.0, 1.0]]).unwrap();

@@ -58,7 +58,9 @@ fn measure(criterion: &mut Criterion, name: &str, (cloud, scale): (&Cloud, f64))
     };
     let monitor = Monitor::default();
     let mut group = criterion.benchmark_group(name);
-    group.sample_size(10).throughput(Throughput::Elements((cloud.len() * set.pyramid.count(set.pyramid.first_scale.unwrap_or_default())) as u64));
+    group.sample_size(10).throughput(Throughput::Elements(
+        (cloud.len() * set.pyramid.count(set.pyramid.first_scale.unwrap_or_default())) as u64,
+    ));
     let parts: [(&str, &[Group]); 4] = [
         ("all", &[Group::Covariance, Group::Contour, Group::Height]),
         ("covariance", &[Group::Covariance]),

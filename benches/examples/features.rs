@@ -28,7 +28,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Feature::named(name, Scope::Level).is_some_and(|f| only.is_none_or(|group| f.definition().group == group))
     };
     let names: Vec<String> = set.names(scale).into_iter().filter(wanted).collect();
-    let per = |seconds: f64| seconds * 1e9 / (cloud.len() * set.pyramid.count(set.pyramid.first_scale.unwrap_or_default())) as f64;
+    let per = |seconds: f64| {
+        seconds * 1e9 / (cloud.len() * set.pyramid.count(set.pyramid.first_scale.unwrap_or_default())) as f64
+    };
     let start = Instant::now();
     let monitor = Monitor::default();
     let scene = MetricCloud::new(&cloud, set.metres_per_unit, &monitor)?;

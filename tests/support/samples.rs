@@ -7,7 +7,7 @@ use scansion_core::io::{self, WriteOptions};
 use std::path::{Path, PathBuf};
 
 /// The formats that [`of`] has samples of.
-pub const FORMATS: [&str; 8] = ["las", "laz", "copc", "ply", "text", "pcd", "npz", "e57"];
+pub const FORMATS: [&str; 9] = ["las", "laz", "copc", "ply", "text", "pcd", "npz", "e57", "kitti"];
 
 /// A name with the format's extension, and the bytes of the file.
 pub type Sample = (String, Vec<u8>);
@@ -51,6 +51,7 @@ pub fn of(format: &str, folder: &Path) -> Vec<Sample> {
             ("seed.pts".into(), PTS.into()),
             ("seed.ptx".into(), PTX.into()),
         ],
+        "kitti" => vec![("seed.bin".into(), (0..240u16).flat_map(|i| f32::from(i).to_le_bytes()).collect())],
         "e57" => vec![("seed.e57".into(), e57(&folder.join("seed.e57")))],
         other => vec![own(&format!("seed.{other}"), false), own(&format!("packed.{other}"), true)],
     };

@@ -20,6 +20,8 @@ struct State {
     done: AtomicU64,
     total: AtomicU64,
     stage: std::sync::Mutex<&'static str>,
+    /// Number of the current file from 1 on, and of all files.
+    files: std::sync::Mutex<[usize; 2]>,
     warnings: std::sync::Mutex<Vec<String>>,
 }
 
@@ -46,6 +48,18 @@ impl Monitor {
         }
         self.0.done.store(0, Ordering::Relaxed);
         self.0.total.store(total, Ordering::Relaxed);
+    }
+
+    /// Starts the work on a file, of several: its number from 1 on, and that of all.
+    pub fn file(&self, number: usize, all: usize) {
+        if let Ok(mut files) = self.0.files.lock() {
+            *files = [number, all];
+        }
+    }
+
+    /// Number of the current file from 1 on, and of all files; zeros if that was not told.
+    pub fn files(&self) -> [usize; 2] {
+        self.0.files.lock().map(|files| *files).unwrap_or_default()
     }
 
     /// Stores a warning for the user (each text once); the caller shows it.

@@ -6,8 +6,9 @@ use crate::error::raise;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
-use scansion_core::cloud::{Cloud as CoreCloud, CodeScheme, Column, Coordinates};
+use scansion_core::cloud::{Cloud as CoreCloud, CodeScheme, Column, Coordinates, OwnClass};
 use scansion_core::io::WriteOptions;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Points with named columns, in the core's memory.
@@ -128,11 +129,23 @@ impl Cloud {
 
     #[setter]
     fn set_scheme(&mut self, name: &str) -> PyResult<()> {
-        let found = CodeScheme::ALL.into_iter().find(|scheme| scheme.name() == name);
+        let found = CodeScheme::named(name);
         let expected = CodeScheme::ALL.map(CodeScheme::name).join(", ");
         let wrong = || PyValueError::new_err(format!("scheme: found {name:?}, expected one of {expected}"));
         Arc::make_mut(&mut self.inner).scheme = found.ok_or_else(wrong)?;
         Ok(())
+    }
+
+    /// Names of codes that come before those of the list.
+    #[getter]
+    fn class_names(&self) -> BTreeMap<u8, String> {
+        self.inner.class_names.iter().map(|(&code, own)| (code, own.name.clone())).collect()
+    }
+
+    #[setter]
+    fn set_class_names(&mut self, names: BTreeMap<u8, String>) {
+        let own = names.into_iter().map(|(code, name)| (code, OwnClass { name, colour: None }));
+        Arc::make_mut(&mut self.inner).class_names = own.collect();
     }
 
     /// A list, not `bytes`, for Python.

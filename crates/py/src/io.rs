@@ -17,7 +17,15 @@ type Part = (Option<Vec<String>>, Option<Bounds>, Option<f64>, Vec<String>);
 
 fn part((columns, bounds, resolution, text_columns): Part, monitor: &Monitor) -> ReadOptions {
     let columns = columns.map_or(Columns::All, Columns::Only);
-    ReadOptions { columns, bounds, resolution, metres_per_unit: None, text_columns, monitor: monitor.clone() }
+    ReadOptions {
+        columns,
+        bounds,
+        resolution,
+        metres_per_unit: None,
+        text_columns,
+        monitor: monitor.clone(),
+        ..ReadOptions::default()
+    }
 }
 
 /// Reads a file, or a part of it.

@@ -43,6 +43,10 @@ impl Reports {
             return Ok(());
         }
         (self.last, self.at) = (Some(now), Some(Instant::now()));
-        follower.call1(py, now).map(|_| ())
+        let stage = match monitor.files() {
+            [number, all] if all > 1 => format!("file {number} of {all}: {}", now.0),
+            _ => now.0.to_string(),
+        };
+        follower.call1(py, (stage, now.1, now.2)).map(|_| ())
     }
 }

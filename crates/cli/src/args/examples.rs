@@ -26,7 +26,7 @@ pub(super) const FEATURES: &str = "Examples:
 
 pub(super) const TRAIN: &str = "Examples:
   scansion train a.laz b.laz -o my.model
-  scansion train a.laz -o my.model --set features.dimensions=[\"Amplitude\"]       a dimension of the files as a feature
+  scansion train a.laz -o my.model --set 'features.dimensions=[\"Amplitude\"]'
   scansion train a.laz -o my.model --map 3-4=5 --classes 2,5,6 --cross-validate 5
   scansion train street.laz --weak --weak-labels picked.csv -o street.model           a few labels per class
   scansion train a.laz --recipe objects -o objects.model                              classifies segments

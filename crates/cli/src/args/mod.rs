@@ -19,6 +19,7 @@ pub(crate) use segments::{Segment, SegmentArgs, Suggest};
 pub(crate) use terrain::{GroundArgs, Height, Terrain};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use scansion_core::classes::ClassTable;
 use scansion_core::io::run::Replace;
 use scansion_core::recipes::{AnyRecipe, SegmentParams};
 use std::path::{Path, PathBuf};
@@ -59,6 +60,14 @@ pub(crate) struct Global {
     /// Names of the columns of text files, e.g. x,y,z,intensity,class or easting,northing,height; they replace a header row
     #[arg(long, global = true, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) columns: Vec<String>,
+    /// The list of the class codes, which gives them names and colours and tells which mean "unlabelled": asprs, semantic3d,
+    /// s3dis, semantickitti, toronto-3d, paris-lille-3d or own; or a TOML file with classes = [{ code = 64, name = "tram",
+    /// colour = [255, 0, 0] }, ...] [default: asprs for LAS, that of the format, else own]
+    #[arg(long, global = true, value_name = "NAME|FILE.toml")]
+    pub(crate) scheme: Option<String>,
+    /// Names of class codes, e.g. 15=pole,64=vehicle; they come before those in the files, of the model and of the list
+    #[arg(long, global = true, value_name = "CODE=NAME,...")]
+    pub(crate) names: Option<ClassTable>,
     /// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere
     #[arg(long, global = true, value_enum, default_value_t = ProgressMode::Auto)]
     pub(crate) progress: ProgressMode,

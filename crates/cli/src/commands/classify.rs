@@ -18,6 +18,7 @@ const LIMITS: &str = "built-in model: cars, masts, long bridges and water have n
 
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
     let mut model = sources::model(args.model.as_deref())?;
+    model.classes = model.classes.renamed(&context.naming.class_names);
     if !args.set.is_empty() {
         model.fitted = model.fitted.with_settings(args.set.iter().map(String::as_str))?;
     }
@@ -28,7 +29,8 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
     let mut failed = 0;
     let checked: Vec<_> = pairs.iter().map(|(_, output)| io::check_cloud_output(output)).collect();
-    for ((input, output), checked) in pairs.iter().zip(checked) {
+    for (number, ((input, output), checked)) in pairs.iter().zip(checked).enumerate() {
+        context.monitor.file(number + 1, pairs.len());
         let work = || checked.map_err(Failure::from).and_then(|()| one(input, output, &model, &map, args, context));
         match run::part(work) {
             Err(failure) if pairs.len() == 1 => return Err(failure),
@@ -88,11 +90,11 @@ fn one(
     }
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);
-    let given = given(model, args)?;
+    let given = given(model, args, context)?;
     let replaced = if args.to.is_none() { replaced(&cloud, &codes, &mapped(&given, map)) } else { Vec::new() };
     let summary = Summary::new(output, &codes, &result, &given).replacing(replaced);
     drop(cloud);
-    let edits = edits(codes, result, (model, map), args)?;
+    let edits = edits((codes, result), (model, map), (args, context))?;
     let report = if args.salvage {
         let (report, losses) = salvage::copy(input, output, &edits, &context.write_options())?;
         context.losses(input, &losses);
@@ -122,8 +124,8 @@ fn rules(model: &Model, args: &Classify) -> Result<ClassRules, Failure> {
 }
 
 /// All classes of the output.
-fn given(model: &Model, args: &Classify) -> Result<ClassTable, Failure> {
-    Ok(rules(model, args)?.given(&model.classes))
+fn given(model: &Model, args: &Classify, context: &Context<'_>) -> Result<ClassTable, Failure> {
+    Ok(rules(model, args)?.given(&model.classes).renamed(&context.naming.class_names))
 }
 
 /// What made the classes, as JSON: program, model and its checksum, recipe, regularisation.
@@ -157,7 +159,10 @@ fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) ->
 
 /// The codes of points without a class.
 fn unclassified(cloud: &Cloud) -> &'static [u8] {
-    if cloud.scheme == CodeScheme::Semantic3d { &[0] } else { &[0, 1] }
+    match cloud.scheme {
+        CodeScheme::Own | CodeScheme::S3dis => &[0, 1],
+        known => known.unlabelled(),
+    }
 }
 
 /// The codes of some classes in the output.
@@ -176,7 +181,7 @@ fn replaced(cloud: &Cloud, codes: &[u8], known: &[u8]) -> Vec<Replaced> {
     let open = unclassified(cloud);
     let lost =
         (0u8..=255).zip(counts).filter(|(code, points)| *points > 0 && !known.contains(code) && !open.contains(code));
-    let scheme = |code| ClassTable::of_scheme(&[code], cloud.scheme);
+    let scheme = |code| ClassTable::named(&[code], cloud.scheme, &cloud.class_names);
     lost.map(|(code, points)| Replaced { code, name: name_of(code, &scheme(code)), points }).collect()
 }
 
@@ -194,17 +199,16 @@ fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
 }
 
 fn edits(
-    codes: Vec<u8>,
-    result: Classified,
+    (codes, result): (Vec<u8>, Classified),
     (model, map): (&Model, &LabelMap),
-    args: &Classify,
+    (args, context): (&Classify, &Context<'_>),
 ) -> Result<Vec<Edit>, Failure> {
     let mut edits = vec![match &args.to {
         Some(name) => Edit::Dimension(Column::new(name, Values::U8(codes))),
         None => Edit::Classification(codes),
     }];
     if !args.no_extra {
-        let classes = given(model, args)?;
+        let classes = given(model, args, context)?;
         let names = classes.classes().iter().map(|c| (map.apply(c.code), c.name.clone())).collect();
         edits.push(Edit::ClassNames(names));
         edits.push(Edit::Provenance(provenance(model, args)?));

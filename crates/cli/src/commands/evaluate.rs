@@ -35,7 +35,7 @@ pub(crate) fn run(args: &Evaluate, context: &Context<'_>) -> Result<(), Failure>
         );
         return Err(Error::input(text).into());
     }
-    let mut confusion = Confusion::from_partial(&truth.codes, &predicted)?.named(truth.scheme);
+    let mut confusion = Confusion::from_partial(&truth.codes, &predicted)?.named(truth.scheme, &truth.names);
     if !args.labels.classes.is_empty() {
         confusion = confusion.with_means_over(&args.labels.classes);
     }

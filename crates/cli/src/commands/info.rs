@@ -70,7 +70,8 @@ fn each<T>(
     work: impl Fn(&Path) -> Result<T, Failure>,
 ) -> Result<(Vec<T>, usize), Failure> {
     let (mut done, mut failed) = (Vec::new(), 0);
-    for path in inputs {
+    for (number, path) in inputs.iter().enumerate() {
+        context.monitor.file(number + 1, inputs.len());
         match work(path) {
             Ok(found) => done.push(found),
             Err(Failure::Core(Error::Interrupted)) => return Err(Error::Interrupted.into()),
@@ -113,6 +114,7 @@ fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stat
     info.bounds = info.bounds.or_else(|| cloud.bounds());
     let scene = MetricCloud::new(&cloud, Some(info.metres_per_unit.unwrap_or(1.0)), &context.monitor)?;
     let density = planar_density(&scene.points(&context.monitor)?.positions, &context.monitor)?;
+    let name = |code| preset::named(code, cloud.scheme.likely(), &cloud.class_names).name;
     Ok(Stats {
         points_per_square_metre: density,
         spacing_metres: if density > 0.0 { 1.0 / density.sqrt() } else { 0.0 },
@@ -120,7 +122,7 @@ fn stats(path: &Path, info: &mut FileInfo, context: &Context<'_>) -> Result<Stat
         duplicates: found.duplicates,
         outside_bounds: found.outside_bounds,
         nan_values: found.nan_values,
-        classes: found.classes.into_iter().map(|(c, n)| (c, preset::asprs(c).name, n)).collect(),
+        classes: found.classes.into_iter().map(|(c, n)| (c, name(c), n)).collect(),
     })
 }
 

@@ -129,8 +129,8 @@ fn note(cloud: &Cloud, params: &LabelParams, labels: &Labels) -> Option<String> 
         (None, CodeScheme::Asprs) if !skipped.is_empty() => {
             format!(" ({} of LAS: codes {list} count as unlabelled; --unlabelled none to keep them)", params.dimension)
         }
-        (None, CodeScheme::Semantic3d) if !skipped.is_empty() => {
-            " (Semantic3D: code 0 counts as unlabelled; --unlabelled none to keep it)".into()
+        (None, list_of) if !skipped.is_empty() => {
+            format!(" ({}: {list} counts as unlabelled; --unlabelled none to keep it)", list_of.name())
         }
         _ => String::new(),
     };

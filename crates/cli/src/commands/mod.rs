@@ -22,17 +22,54 @@ mod suggest;
 mod terrain;
 mod train;
 
-use crate::args::{Args, Command};
+use crate::args::{Args, Command, Global};
 use crate::exit_code::Failure;
 use crate::interrupt::Interruptible;
 use crate::printer::Printer;
 use crate::progress::Progress;
 use crate::threads;
+use scansion_core::Error;
+use scansion_core::classes::preset;
+use scansion_core::cloud::{ClassNames, CodeScheme, OwnClass};
 use scansion_core::io::run::{Rules, expect, run};
 use scansion_core::io::salvage::Losses;
 use scansion_core::io::{ReadOptions, RewriteReport, WriteOptions};
 use scansion_core::parallel::Monitor;
 use std::path::Path;
+
+/// What the class codes mean, as far as the user says.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Naming {
+    pub(crate) scheme: Option<CodeScheme>,
+    pub(crate) class_names: ClassNames,
+}
+
+impl Naming {
+    /// The list by name or from a file, and single names, which come first.
+    fn new(args: &Global) -> Result<Self, Failure> {
+        let named = args.scheme.as_deref().map(|name| (name, CodeScheme::named(name)));
+        let (scheme, mut class_names) = match named {
+            None => (None, ClassNames::new()),
+            Some((_, Some(scheme))) => (Some(scheme), ClassNames::new()),
+            Some((path, None)) => (Some(CodeScheme::Own), Self::file(Path::new(path))?),
+        };
+        if let Some(names) = &args.names {
+            let own =
+                names.classes().iter().map(|class| (class.code, OwnClass { name: class.name.clone(), colour: None }));
+            class_names.extend(own);
+        }
+        Ok(Self { scheme, class_names })
+    }
+
+    fn file(path: &Path) -> Result<ClassNames, Error> {
+        if !path.exists() && path.extension().is_none() {
+            let names = CodeScheme::ALL.map(CodeScheme::name).join(", ");
+            return Err(Error::parameter("scheme", path.display(), format!("{names}, or a TOML file")));
+        }
+        let table = preset::from_toml(&sources::text(path)?);
+        table.map(|table| table.names()).map_err(|e| Error::input(format!("{}: {e}", path.display())))
+    }
+}
 
 /// The context of every command.
 pub(crate) struct Context<'a> {
@@ -44,6 +81,8 @@ pub(crate) struct Context<'a> {
     pub(crate) scale: Option<[f64; 3]>,
     /// Names of the columns of text files, if given by the user.
     pub(crate) columns: &'a [String],
+    /// What the class codes mean, if given by the user.
+    pub(crate) naming: Naming,
 }
 
 impl Context<'_> {
@@ -58,7 +97,9 @@ impl Context<'_> {
     /// Options for reading all columns, with this run's unit, progress and cancellation.
     pub(crate) fn read_options(&self) -> ReadOptions {
         let text_columns = self.columns.to_vec();
-        let mut options = ReadOptions { metres_per_unit: self.unit, text_columns, ..ReadOptions::default() };
+        let Naming { scheme, class_names } = self.naming.clone();
+        let metres_per_unit = self.unit;
+        let mut options = ReadOptions { metres_per_unit, text_columns, scheme, class_names, ..ReadOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
     }
@@ -80,7 +121,8 @@ impl Context<'_> {
 pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
     let (unit, scale) = (args.command.unit(), args.command.scale().map_err(Failure::Usage)?);
     let running = Interruptible::begin();
-    let context = Context { printer, monitor: running.monitor(), unit, scale, columns: &args.global.columns };
+    let naming = Naming::new(&args.global)?;
+    let context = Context { printer, monitor: running.monitor(), unit, scale, columns: &args.global.columns, naming };
     let progress = Progress::watch(&context.monitor, &args.global);
     let rules = Rules { monitor: context.monitor.clone(), replace: args.command.replace() };
     let outcome = threads::with_pool(args.global.threads, || {

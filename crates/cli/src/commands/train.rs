@@ -116,12 +116,15 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
         })?;
         return clouds.into_iter().zip(labels).map(|(cloud, labels)| spread(args, cloud, labels)).collect();
     }
-    let read = |path: &Path| -> Result<LabelledCloud, Failure> {
+    let all = inputs.len();
+    let read = |(number, path): (usize, &Path)| -> Result<LabelledCloud, Failure> {
+        context.monitor.file(number + 1, all);
         let cloud = io::read_with(path, &options)?;
         let labels = source.read(path, &cloud, context)?;
         spread(args, cloud, labels)
     };
-    let clouds = inputs.into_iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
+    let clouds = inputs.into_iter().enumerate().map(read).collect::<Result<Vec<_>, Failure>>()?;
+    context.monitor.file(0, 0);
     match source.absent(clouds.iter().map(|labelled| &labelled.labels)) {
         Some(text) => Err(Error::input(text).into()),
         None => Ok(clouds),

@@ -1,6 +1,6 @@
 //! Classes: code, name and colour.
 
-use crate::cloud::CodeScheme;
+use crate::cloud::{ClassNames, CodeScheme, OwnClass};
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -41,10 +41,33 @@ impl ClassTable {
 
     /// A table of these codes, with names from the list they belong to.
     pub fn of_scheme(codes: &[u8], scheme: CodeScheme) -> Self {
+        Self::named(codes, scheme, &ClassNames::new())
+    }
+
+    /// A table of these codes, with their own names where they have any, else those of the list they belong to.
+    pub fn named(codes: &[u8], scheme: CodeScheme, own: &ClassNames) -> Self {
         let mut codes = codes.to_vec();
         codes.sort_unstable();
         codes.dedup();
-        Self { classes: codes.into_iter().map(|code| preset::class(code, scheme)).collect() }
+        Self { classes: codes.into_iter().map(|code| preset::named(code, scheme, own)).collect() }
+    }
+
+    /// The same classes with these names, and colours, where their codes have any.
+    #[must_use]
+    pub fn renamed(mut self, own: &ClassNames) -> Self {
+        for class in &mut self.classes {
+            if let Some(own) = own.get(&class.code) {
+                class.name.clone_from(&own.name);
+                class.colour = own.colour.unwrap_or(class.colour);
+            }
+        }
+        self
+    }
+
+    /// Names and colours by code.
+    pub fn names(&self) -> ClassNames {
+        let own = |class: &Class| (class.code, OwnClass { name: class.name.clone(), colour: Some(class.colour) });
+        self.classes.iter().map(own).collect()
     }
 
     /// The classes in ascending order of code.

@@ -15,7 +15,7 @@ pub use metric::MetricCloud;
 pub use points::{LocalFrame, Points};
 pub use positions::Positions;
 pub use raster::Raster;
-pub use scheme::CodeScheme;
+pub use scheme::{ClassNames, CodeScheme, OwnClass};
 pub use stray::{StrayParams, Strays};
 
 use crate::error::{Error, Result};
@@ -92,6 +92,8 @@ pub struct Cloud {
     pub metres_per_unit: Option<f64>,
     /// The class list that the codes in the column `Classification` belong to.
     pub scheme: CodeScheme,
+    /// Names of class codes that take precedence over those of the list.
+    pub class_names: ClassNames,
 }
 
 impl Cloud {
@@ -120,6 +122,7 @@ impl Cloud {
             crs: None,
             metres_per_unit: None,
             scheme: CodeScheme::default(),
+            class_names: ClassNames::new(),
         })
     }
 
@@ -147,9 +150,9 @@ impl Cloud {
             monitor.check()?;
             columns.push(column.clone());
         }
-        let Self { places, crs, metres_per_unit, scheme, .. } = self;
-        let (places, crs) = (places.clone(), crs.clone());
-        Ok(Self { coordinates, columns, places, crs, metres_per_unit: *metres_per_unit, scheme: *scheme })
+        let Self { metres_per_unit, scheme, .. } = *self;
+        let (places, crs, class_names) = (self.places.clone(), self.crs.clone(), self.class_names.clone());
+        Ok(Self { coordinates, columns, places, crs, metres_per_unit, scheme, class_names })
     }
 
     /// Number of points.
@@ -308,6 +311,7 @@ impl Cloud {
             crs: self.crs.clone(),
             metres_per_unit: self.metres_per_unit,
             scheme: self.scheme,
+            class_names: self.class_names.clone(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The confusion matrix: counts by true and predicted class.
 
 use crate::classes::{Class, ClassTable};
-use crate::cloud::CodeScheme;
+use crate::cloud::{ClassNames, CodeScheme};
 use crate::error::{Error, Result};
 
 /// Counts of points by true and predicted class. Row = truth, column = prediction.
@@ -75,11 +75,11 @@ impl Confusion {
         })
     }
 
-    /// The same matrix with the class names of a code scheme.
+    /// The same matrix with the class names of a code scheme, and names of their own.
     #[must_use]
-    pub fn named(self, scheme: CodeScheme) -> Self {
+    pub fn named(self, scheme: CodeScheme, own: &ClassNames) -> Self {
         let codes: Vec<u8> = self.classes.classes().iter().map(|c| c.code).collect();
-        Self { classes: ClassTable::of_scheme(&codes, scheme), ..self }
+        Self { classes: ClassTable::named(&codes, scheme, own), ..self }
     }
 
     /// The same matrix, whose means run over these classes instead of those that occur in the truth.

@@ -194,7 +194,9 @@ impl FeatureSet {
     pub fn validate(&self) -> Result<()> {
         match self.metres_per_unit {
             Some(m) if !(m.is_finite() && m > 0.0) => Err(Error::parameter("metres_per_unit", m, "metres, above 0")),
-            _ => self.validate_dimensions().and_then(|()| self.pyramid.validate()).and_then(|()| self.profile.validate()),
+            _ => {
+                self.validate_dimensions().and_then(|()| self.pyramid.validate()).and_then(|()| self.profile.validate())
+            }
         }
     }
 
@@ -225,10 +227,8 @@ impl FeatureSet {
     /// All features: level by level, then the profiles, then those of the point itself, then the cloud's dimensions.
     pub(super) fn offers(&self, first_scale: f64) -> Vec<Offer> {
         let levels = self.pyramid.scales(first_scale).into_iter().enumerate().flat_map(|(level, scale)| {
-            of_scope(Scope::Level).map(move |d| Offer {
-                name: scaled_name(d, scale),
-                place: Place::Level(level, d.feature),
-            })
+            of_scope(Scope::Level)
+                .map(move |d| Offer { name: scaled_name(d, scale), place: Place::Level(level, d.feature) })
         });
         let profiles = self.profile.offers().enumerate();
         let profiles = profiles.map(|(i, (name, _))| Offer { name, place: Place::Profile(i) });

@@ -149,7 +149,7 @@ mod tests {
         let rows: Vec<[f64; 3]> = (0..9000).map(|_| [s.uniform() * 40.0, s.uniform() * 30.0, s.uniform()]).collect();
         let cloud = Cloud::from_rows(&rows).unwrap();
         let mut set = FeatureSet::default();
-        set.pyramid.first_scale = Some(0.2);
+        (set.pyramid.first_scale, set.pyramid.levels) = (Some(0.2), Some(9));
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let table = pool.install(|| table(&cloud, &set, &Monitor::default())).unwrap();

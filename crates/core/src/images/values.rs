@@ -3,7 +3,7 @@
 use super::palette::{ramp, segment_colour};
 use super::{ColourBy, RenderParams};
 use crate::classes::{Class, ClassTable, preset};
-use crate::cloud::{Cloud, CodeScheme, Values, names};
+use crate::cloud::{Cloud, Values, names};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
 
@@ -103,10 +103,7 @@ impl<'a> Paint<'a> {
         }
         let of = |code: u8| {
             let known = classes.classes().iter().find(|c| c.code == code).cloned();
-            known.unwrap_or_else(|| match cloud.scheme {
-                CodeScheme::Semantic3d => preset::class(code, cloud.scheme),
-                CodeScheme::Asprs | CodeScheme::Own => preset::asprs(code),
-            })
+            known.unwrap_or_else(|| preset::named(code, cloud.scheme.likely(), &cloud.class_names))
         };
         Ok(Self::Classes { values, table: (0..=255).map(of).collect(), counts })
     }

@@ -2,7 +2,7 @@
 
 use super::format::{Format, format_of};
 use super::reader::{BlockReader, Whole};
-use super::{ReadOptions, check_resolution, e57, inside, las, npz, pcd, ply, ptx, text};
+use super::{ReadOptions, check_resolution, e57, inside, kitti, las, npz, pcd, ply, ptx, text};
 use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -11,7 +11,7 @@ use std::path::Path;
 /// [`read_with`](super::read_with) reads, except for column types of text.
 ///
 /// LAS, LAZ, COPC, PLY, text, PTS and binary or ascii PCD need the memory of about one block. Compressed PCD, binary
-/// PLY with lists in its vertices, E57, npz and PTX are read as a whole first and then divided into blocks. Numbers in
+/// PLY with lists in its vertices, E57, npz, PTX and sweeps of SemanticKITTI are read as a whole first and then divided into blocks. Numbers in
 /// text are `f64` in every block, because a type that fits one block may not fit the next. With `bounds`, blocks of LAS
 /// keep their size; those of other formats hold the points of a full block that lie in the box, and empty ones are
 /// skipped.
@@ -59,6 +59,7 @@ impl Source {
             Format::E57 => whole(e57::read(path, options)?),
             Format::Npz => whole(npz::read(path, options)?),
             Format::Ptx => whole(ptx::read(path, options)?),
+            Format::Kitti => whole(kitti::read(path, options)?),
         };
         Ok(Self { reader, uncut: matches!(format, Format::Ply | Format::Pcd | Format::Text) })
     }
@@ -88,8 +89,7 @@ impl Iterator for Blocks {
             };
             if !block.is_empty() {
                 let mut block = block;
-                block.take_unit_from_crs();
-                block.metres_per_unit = self.options.metres_per_unit.or(block.metres_per_unit);
+                self.options.settle(&mut block);
                 return Some(Ok(block));
             }
         }

@@ -14,14 +14,15 @@ pub(super) enum Format {
     E57,
     Npz,
     Ptx,
+    Kitti,
     Text,
 }
 
 /// List of these formats for messages.
-const READABLE: &str = "LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX or text";
+const READABLE: &str = "LAS, LAZ, COPC, PLY, PCD, E57, npz, PTS, PTX, .bin of SemanticKITTI or text";
 
 /// Extensions of the cloud formats that can be written.
-const WRITTEN: [&str; 10] = ["las", "laz", "ply", "pcd", "npz", "txt", "xyz", "csv", "asc", "labels"];
+const WRITTEN: [&str; 11] = ["las", "laz", "ply", "pcd", "npz", "txt", "xyz", "csv", "asc", "labels", "label"];
 
 pub(super) fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
@@ -45,7 +46,7 @@ pub(super) fn check_target(path: &Path) -> Result<()> {
         }
         known if WRITTEN.contains(&known) => Ok(()),
         other => refused(format!(
-            "cannot write {}; use .las, .laz, .ply, .pcd, .npz, .txt, .xyz, .csv or .labels",
+            "cannot write {}; use .las, .laz, .ply, .pcd, .npz, .txt, .xyz, .csv, .labels or .label",
             if other.is_empty() { "a file without extension".into() } else { format!(".{other}") }
         )),
     }
@@ -77,6 +78,7 @@ pub(super) fn format_of(path: &Path) -> Result<Format> {
         s if s.starts_with(b"OFF") && s.get(3).is_some_and(u8::is_ascii_whitespace) => {
             unsupported("OFF is a mesh, not a scan; convert its vertices to PLY".into())
         }
+        _ if extension(path) == "bin" => Ok(Format::Kitti),
         s if s.contains(&0) => {
             unsupported(format!("neither {READABLE} (it begins with {:02x?})", &s[..s.len().min(8)]))
         }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 pub struct FileInfo {
     /// The file.
     pub path: PathBuf,
-    /// `LAS`, `LAZ`, `COPC`, `PLY`, `PCD`, `E57`, `npz`, `PTX` or `text`.
+    /// `LAS`, `LAZ`, `COPC`, `PLY`, `PCD`, `E57`, `npz`, `PTX`, `SemanticKITTI` or `text`.
     pub format: String,
     /// Version of the format.
     pub version: Option<String>,

@@ -5,6 +5,7 @@ mod blocks;
 mod e57;
 mod format;
 mod info;
+mod kitti;
 mod label_table;
 mod las;
 mod lines;
@@ -101,9 +102,9 @@ fn read_any(path: &Path, options: &ReadOptions) -> Result<Cloud> {
         Format::E57 => e57::read(path, options),
         Format::Npz => npz::read(path, options),
         Format::Ptx => ptx::read(path, options),
+        Format::Kitti => kitti::read(path, options),
     }?;
-    cloud.take_unit_from_crs();
-    cloud.metres_per_unit = options.metres_per_unit.or(cloud.metres_per_unit);
+    options.settle(&mut cloud);
     match &options.bounds {
         Some(bounds) if format != Format::Las => Ok(inside(&cloud, bounds)),
         _ => Ok(cloud),
@@ -129,7 +130,7 @@ fn inside(cloud: &Cloud, [low, high]: &Bounds) -> Cloud {
 }
 
 /// Writes a cloud in the format of the path's extension: `.las`, `.laz`, `.ply`, `.pcd`, `.npz`, `.txt`, `.xyz`, `.csv`,
-/// `.labels`.
+/// `.labels` (Semantic3D), `.label` (SemanticKITTI).
 ///
 /// # Errors
 /// If the extension is not that of a format that can be written, the format cannot store the cloud, or the file cannot
@@ -141,6 +142,7 @@ pub fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
         "ply" => ply::write(path, cloud, options),
         "pcd" => pcd::write(path, cloud, options),
         "npz" => npz::write(path, cloud, options),
+        "label" => kitti::write(path, cloud, options),
         _ => text::write(path, cloud, options),
     }
 }
@@ -188,6 +190,7 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
         Format::E57 => e57::inspect(path),
         Format::Npz => npz::inspect(path),
         Format::Ptx => ptx::inspect(path),
+        Format::Kitti => kitti::inspect(path),
         Format::Text => text::inspect(path),
         Format::Ply => ply::inspect(path),
     }?;

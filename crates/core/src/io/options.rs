@@ -1,5 +1,6 @@
 //! Options of reading and writing.
 
+use crate::cloud::{ClassNames, Cloud, CodeScheme};
 use crate::error::{Error, Result};
 use crate::io::Edit;
 use crate::parallel::Monitor;
@@ -30,11 +31,23 @@ pub struct ReadOptions {
     pub metres_per_unit: Option<f64>,
     /// Names of the columns of text files, x, y and z among them; empty: those of the header row, or by their number.
     pub text_columns: Vec<String>,
+    /// The list that the class codes belong to, overriding what the format says.
+    pub scheme: Option<CodeScheme>,
+    /// Names of class codes, which take precedence over those in the file.
+    pub class_names: ClassNames,
     /// Progress, cancellation and warnings.
     pub monitor: Monitor,
 }
 
 impl ReadOptions {
+    /// Gives a cloud that was read the unit, the list of its class codes and the names that were asked for.
+    pub(super) fn settle(&self, cloud: &mut Cloud) {
+        cloud.take_unit_from_crs();
+        cloud.metres_per_unit = self.metres_per_unit.or(cloud.metres_per_unit);
+        cloud.scheme = self.scheme.unwrap_or(cloud.scheme);
+        cloud.class_names.extend(self.class_names.clone());
+    }
+
     pub(super) fn wants(&self, name: &str) -> bool {
         match &self.columns {
             Columns::All => true,

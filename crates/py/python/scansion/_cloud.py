@@ -155,12 +155,23 @@ class PointCloud:
     @property
     def scheme(self) -> str:
         """The class list of the codes in the column Classification: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
-        ``"semantic3d"`` (0 is) or ``"own"`` (every code is a class). Set by readers; may be changed."""
+        ``"semantic3d"``, ``"toronto-3d"``, ``"paris-lille-3d"`` (0 is), ``"semantickitti"`` (0 and 1 are), ``"s3dis"`` or
+        ``"own"`` (every code is a class). Set by readers; may be changed."""
         return self._native.scheme
 
     @scheme.setter
     def scheme(self, scheme: str) -> None:
         self._native.scheme = scheme
+
+    @property
+    def class_names(self) -> dict[int, str]:
+        """Names of class codes that come before those of the class list: of LAS those in its lookup record. A copy; assign
+        a dict to change them, as in ``cloud.class_names = {15: "pole"}``."""
+        return self._native.class_names
+
+    @class_names.setter
+    def class_names(self, names: Mapping[int, str]) -> None:
+        self._native.class_names = dict(names)
 
     def __len__(self) -> int:
         return len(self._native)

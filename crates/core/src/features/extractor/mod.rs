@@ -107,7 +107,8 @@ impl<'a> Plan<'a> {
         let all: Vec<String> = offers.iter().map(|offer| offer.name.clone()).collect();
         let names = wanted.names(&all)?;
         let (sources, dimensions) = (sources(scene, set)?, dimensions(scene.cloud, set)?);
-        let (mut slots, mut profile, mut own) = (vec![Slots::default(); set.pyramid.count(first_scale)], Vec::new(), Vec::new());
+        let (mut slots, mut profile, mut own) =
+            (vec![Slots::default(); set.pyramid.count(first_scale)], Vec::new(), Vec::new());
         for (offer, column) in offers.iter().zip(columns(&all, &names)?) {
             match (column, offer.place) {
                 (Some(column), Place::Level(level, feature)) => slots[level].put(feature, column),

@@ -61,6 +61,7 @@ fn append(before: Cloud, cloud: &Cloud, path: &Path, notes: &mut Vec<String>) ->
     });
     let mut merged = Cloud::new(Coordinates::Float(axes))?;
     merged.scheme = if before.scheme == cloud.scheme { cloud.scheme } else { CodeScheme::Own };
+    merged.class_names = cloud.class_names.clone().into_iter().chain(before.class_names.clone()).collect();
     merged.crs = before.crs.clone().or_else(|| cloud.crs.clone());
     merged.metres_per_unit = before.metres_per_unit.or(cloud.metres_per_unit);
     let names = before.columns().iter().chain(cloud.columns().iter().filter(|c| before.column(&c.name).is_none()));

@@ -108,7 +108,8 @@ impl LabelFile {
                 }
             }
         }
-        Ok(codes.into_iter().zip(clouds).map(|(codes, picked)| Labels::new(codes, picked.cloud.scheme)).collect())
+        let of = |cloud: &Cloud, codes| Labels { names: cloud.class_names.clone(), ..Labels::new(codes, cloud.scheme) };
+        Ok(codes.into_iter().zip(clouds).map(|(codes, picked)| of(picked.cloud, codes)).collect())
     }
 
     /// Gives the points in each polygon its class.

@@ -3,8 +3,8 @@
 pub(in crate::recipes) mod file;
 mod spread;
 
-use crate::classes::LabelMap;
-use crate::cloud::{Cloud, CodeScheme, names};
+use crate::classes::{ClassTable, LabelMap};
+use crate::cloud::{ClassNames, Cloud, CodeScheme, names};
 use crate::error::{Error, Result};
 
 /// Parameters of reading labels from a cloud.
@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 pub struct LabelParams {
     /// Column with the codes.
     pub dimension: String,
-    /// Mapping of codes, applied first.
+    /// Mapping of codes, applied first; it also gives codes above 255 one in 0..=255.
     pub map: LabelMap,
     /// Codes (after mapping) that mean "unlabelled". `None`: in the column `Classification` those of the cloud's
     /// [`CodeScheme`] (LAS: 0 and 1; Semantic3D: 0; others: none), in other columns none.
@@ -33,9 +33,11 @@ impl Default for LabelParams {
 }
 
 impl LabelParams {
-    /// The list that the codes in that column belong to.
+    /// The list that the codes in that column belong to: that of the cloud, but for other columns than `Classification`
+    /// only if it is not simply that of the file format.
     pub fn scheme(&self, cloud: &Cloud) -> CodeScheme {
-        if self.dimension == names::CLASSIFICATION { cloud.scheme } else { CodeScheme::Own }
+        let of_format = [CodeScheme::Asprs, CodeScheme::Semantic3d].contains(&cloud.scheme);
+        if self.dimension == names::CLASSIFICATION || !of_format { cloud.scheme } else { CodeScheme::Own }
     }
 
     /// The codes (after mapping) that mean "unlabelled" in a cloud. A code in `classes` is always a class.
@@ -69,13 +71,24 @@ pub struct Labels {
     pub unlabelled: u64,
     /// The list that the codes belong to, which gives the names of the classes.
     pub scheme: CodeScheme,
+    /// Names that take precedence over those of the list.
+    pub names: ClassNames,
 }
 
 impl Labels {
     /// The labels at `indices`, in that order.
     pub fn select(&self, indices: &[u32]) -> Self {
-        let codes: Vec<Option<u8>> = indices.iter().map(|&i| self.codes[i as usize]).collect();
-        Self::new(codes, self.scheme)
+        self.changed(indices.iter().map(|&i| self.codes[i as usize]).collect())
+    }
+
+    /// Other codes of the same list.
+    pub(in crate::recipes) fn changed(&self, codes: Vec<Option<u8>>) -> Self {
+        Self { names: self.names.clone(), ..Self::new(codes, self.scheme) }
+    }
+
+    /// The classes with these codes.
+    pub fn class_table(&self, codes: &[u8]) -> ClassTable {
+        ClassTable::named(codes, self.scheme, &self.names)
     }
 
     /// The labels of these points, as they are known.
@@ -86,7 +99,7 @@ impl Labels {
     /// Labels from codes; counts the unlabelled points.
     pub fn new(codes: Vec<Option<u8>>, scheme: CodeScheme) -> Self {
         let unlabelled = codes.iter().filter(|c| c.is_none()).count() as u64;
-        Self { codes, unlabelled, scheme }
+        Self { codes, unlabelled, scheme, names: ClassNames::new() }
     }
 
     /// Number of points with each code.
@@ -110,12 +123,9 @@ pub fn read_labels(cloud: &Cloud, params: &LabelParams) -> Result<Labels> {
     })?;
     let skipped = params.unlabelled_in(cloud);
     let counts = |c: &u8| !skipped.contains(c) && (params.classes.is_empty() || params.classes.contains(c));
-    let label = |i| {
-        let code = code_of(column.values.get(i), i, &params.dimension)?;
-        Ok(code.map(|c| params.map.apply(c)).filter(counts))
-    };
+    let label = |i| Ok(code_of(column.values.get(i), i, params)?.filter(counts));
     let codes = (0..cloud.len()).map(label).collect::<Result<Vec<_>>>()?;
-    Ok(Labels::new(codes, params.scheme(cloud)))
+    Ok(Labels { names: cloud.class_names.clone(), ..Labels::new(codes, params.scheme(cloud)) })
 }
 
 /// A cloud and its labels.
@@ -127,17 +137,18 @@ pub struct LabelledCloud {
     pub labels: Labels,
 }
 
-fn code_of(value: f64, point: usize, dimension: &str) -> Result<Option<u8>> {
+/// The code of a value, mapped.
+fn code_of(value: f64, point: usize, params: &LabelParams) -> Result<Option<u8>> {
     if value.is_nan() || value < 0.0 {
         return Ok(None);
     }
-    let code = value as u8;
-    if (f64::from(code) - value).abs() > 0.0 {
-        return Err(Error::input(format!(
-            "{dimension} of point {point} is {value}; labels are whole numbers in 0..=255"
-        )));
+    match params.map.of_value(value) {
+        Some(code) => Ok(Some(code)),
+        None => Err(Error::input(format!(
+            "{} of point {point} is {value}; labels are whole numbers in 0..=255, others need a --map, e.g. {value}=5",
+            params.dimension
+        ))),
     }
-    Ok(Some(code))
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ impl Labels {
         }
         let winners: HashMap<u64, u8> = votes.iter().filter_map(|(&of, votes)| Some((of, winner(votes)?))).collect();
         let spread = |(i, own): (usize, &Option<u8>)| segment(i).and_then(|of| winners.get(&of).copied()).or(*own);
-        Self::new(self.codes.iter().enumerate().map(spread).collect(), self.scheme)
+        self.changed(self.codes.iter().enumerate().map(spread).collect())
     }
 }
 

@@ -138,7 +138,7 @@ impl Trials<'_> {
             for ((labelled, labels), &start) in clouds.iter_mut().zip(self.truth).zip(&starts) {
                 let mut place = start..;
                 let kept = |code: &Option<u8>| code.filter(|_| place.next().is_some_and(|p| folds.of[p] != fold));
-                labelled.labels = Labels::new(labels.codes.iter().map(kept).collect(), labels.scheme);
+                labelled.labels = labels.changed(labels.codes.iter().map(kept).collect());
             }
             for (recipe, found) in self.recipes.iter().zip(&mut found) {
                 self.hold_out(recipe, clouds, found, monitor)
@@ -176,8 +176,9 @@ impl Trials<'_> {
 
     fn scores(&self, found: &[Vec<u8>]) -> Result<Scores> {
         let truth: Vec<Option<u8>> = self.truth.iter().flat_map(|labels| labels.codes.iter().copied()).collect();
-        let scheme = self.truth.first().map(|labels| labels.scheme).unwrap_or_default();
-        Ok(Confusion::from_options(&truth, &found.concat())?.named(scheme).scores())
+        let confusion = Confusion::from_options(&truth, &found.concat())?;
+        let named = self.truth.first().map(|labels| confusion.clone().named(labels.scheme, &labels.names));
+        Ok(named.unwrap_or(confusion).scores())
     }
 }
 

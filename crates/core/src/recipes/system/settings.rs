@@ -140,7 +140,10 @@ mod tests {
         assert_eq!(changed("regularise.strength=inf").unwrap().regularise.strength, f64::INFINITY);
         // A table changes what it names and keeps the rest.
         let pyramid = changed("features.pyramid={ levels = 3, column = \"cell\" }").unwrap().features.pyramid;
-        assert_eq!(pyramid, PyramidParams { levels: Some(3), column: Column::Cell, ..PyramidParams::default() });
+        assert_eq!(
+            pyramid,
+            PyramidParams { first_scale: None, levels: Some(3), column: Column::Cell, ..PyramidParams::default() }
+        );
         for bad in ["seed.forest=5", "forest.trees", "forest.trees=many"] {
             assert!(changed(bad).is_err(), "{bad}");
         }

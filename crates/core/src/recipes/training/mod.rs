@@ -9,7 +9,7 @@ pub(in crate::recipes) mod samples;
 pub(in crate::recipes) mod sources;
 
 use crate::classes::ClassTable;
-use crate::cloud::{CodeScheme, MetricCloud};
+use crate::cloud::{ClassNames, CodeScheme, MetricCloud};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::labels::{LabelledCloud, Labels};
@@ -69,7 +69,12 @@ impl<'a> TrainingData<'a> {
         let mut known = self.scenes.iter().map(|scene| scene.labels.scheme).filter(|&s| s != CodeScheme::Own);
         let first = known.next().unwrap_or_default();
         let scheme = if known.all(|s| s == first) { first } else { CodeScheme::Own };
-        ClassTable::of_scheme(codes, scheme)
+        let mut own = ClassNames::new();
+        // The first cloud that names a class counts.
+        for scene in &self.scenes {
+            scene.labels.names.iter().for_each(|(&code, name)| _ = own.entry(code).or_insert_with(|| name.clone()));
+        }
+        ClassTable::named(codes, scheme, &own)
     }
 
     /// All classes that are labelled.

@@ -1,6 +1,7 @@
 //! The public header block of LAS 1.0 to 1.5. Every size in it is checked against the file before it is used.
 
 pub(in crate::io::las) mod crs;
+pub(in crate::io::las) mod lookup;
 pub(in crate::io::las) mod vlr;
 
 use crate::error::{Error, Mismatch, Result};

@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::io::ReadOptions;
 use crate::io::las::fields::layout::Layout;
 use crate::io::las::header::crs::crs;
+use crate::io::las::header::lookup;
 use crate::io::las::records::stream::Stream;
 use std::ops::Range;
 use std::path::Path;
@@ -60,7 +61,7 @@ impl PointReader {
         let header = &self.stream.records.header;
         let ticks = [axis("X"), axis("Y"), axis("Z")];
         let mut cloud = Cloud::new(Coordinates::Scaled { ticks, scale: header.scale, offset: header.offset })?;
-        cloud.scheme = CodeScheme::Asprs;
+        (cloud.scheme, cloud.class_names) = (CodeScheme::Asprs, lookup::get(&self.stream.records.vlrs));
         for name in self.layout.names().filter(|n| !["X", "Y", "Z"].contains(n)) {
             if let Some(column) = self.layout.column(name, &bytes).filter(|_| options.wants(name)) {
                 cloud.set_column(column)?;

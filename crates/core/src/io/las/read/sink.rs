@@ -1,11 +1,12 @@
 //! Conversion of raw records to a cloud: column by column, in pieces that fit into the cache.
 
-use crate::cloud::{Cloud, CodeScheme, Column, Coordinates};
+use crate::cloud::{ClassNames, Cloud, CodeScheme, Column, Coordinates};
 use crate::error::Result;
 use crate::io::las::fields::extra::Extra;
 use crate::io::las::fields::{self, Field};
 use crate::io::las::header::Header;
 use crate::io::las::header::crs::{crs, other_vertical_unit};
+use crate::io::las::header::lookup;
 use crate::io::las::records::Records;
 use crate::io::options::Bounds;
 use crate::io::table::limits::Names;
@@ -33,6 +34,7 @@ pub(super) struct Sink {
     columns: Vec<(Source, Column)>,
     crs: Option<String>,
     metres_per_unit: Option<f64>,
+    class_names: ClassNames,
 }
 
 impl Sink {
@@ -60,7 +62,8 @@ impl Sink {
             let text = crate::io::las::vertical_warning(metres_per_unit, vertical);
             options.monitor.warn(format!("{}: {text}", records.path.display()));
         }
-        Self { header, bounds: options.bounds, ticks: Default::default(), columns, crs, metres_per_unit }
+        let (bounds, class_names) = (options.bounds, lookup::get(&records.vlrs));
+        Self { header, bounds, ticks: Default::default(), columns, crs, metres_per_unit, class_names }
     }
 
     /// Number of buffered points.
@@ -119,7 +122,7 @@ impl Sink {
         }
         let (scale, offset) = (self.header.scale, self.header.offset);
         let mut cloud = Cloud::new(Coordinates::Scaled { ticks, scale, offset })?;
-        cloud.scheme = CodeScheme::Asprs;
+        (cloud.scheme, cloud.class_names) = (CodeScheme::Asprs, self.class_names.clone());
         for (_, column) in &mut self.columns {
             cloud.set_column(Column::new(&column.name, table::split(&mut column.values, n)))?;
         }

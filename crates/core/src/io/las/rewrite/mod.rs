@@ -10,13 +10,12 @@ pub(super) mod merge;
 mod promote;
 pub(super) mod provenance;
 
-mod lookup;
 pub(super) mod plan;
 pub(super) mod tail;
 #[cfg(test)]
 mod tests;
 
-use super::header::put;
+use super::header::{lookup, put};
 use super::records::outside::Outside;
 
 use super::chunks::unpack::SLAB;

@@ -1,11 +1,12 @@
 //! The Classification Lookup record (LAS 1.4 R15, `LASF_Spec` 0): names of class codes, 15 bytes each.
 
-use crate::io::las::header::vlr::Vlr;
+use super::vlr::Vlr;
+use crate::cloud::{ClassNames, OwnClass};
 
 const ENTRY: usize = 16;
 
 /// Adds names of codes. Existing names are kept; a record whose length is not the standard's is not changed.
-pub(super) fn add(vlrs: &mut Vec<Vlr>, names: &[(u8, String)]) {
+pub(in crate::io::las) fn add(vlrs: &mut Vec<Vlr>, names: &[(u8, String)]) {
     let is_lookup = |v: &Vlr| v.is("LASF_Spec", 0);
     if !vlrs.iter().any(is_lookup) {
         let data = (0..=255u8).flat_map(|code| std::iter::once(code).chain([0; ENTRY - 1])).collect();
@@ -23,6 +24,18 @@ pub(super) fn add(vlrs: &mut Vec<Vlr>, names: &[(u8, String)]) {
             entry[1..].iter_mut().zip(plain).for_each(|(slot, b)| *slot = b);
         }
     }
+}
+
+/// The names in a file; none if the record's length is not the standard's.
+pub(in crate::io::las) fn get(vlrs: &[Vlr]) -> ClassNames {
+    let of_standard = |v: &&Vlr| v.is("LASF_Spec", 0) && v.data.len() == 256 * ENTRY;
+    let Some(vlr) = vlrs.iter().find(of_standard) else { return ClassNames::new() };
+    let name = |entry: &[u8]| {
+        let text = entry[1..].split(|&b| b == 0).next().unwrap_or_default();
+        String::from_utf8_lossy(text.trim_ascii()).into_owned()
+    };
+    let all = vlr.data.chunks_exact(ENTRY).map(|entry| (entry[0], OwnClass { name: name(entry), colour: None }));
+    all.filter(|(_, own)| !own.name.is_empty()).collect()
 }
 
 #[cfg(test)]
@@ -43,5 +56,9 @@ mod tests {
         assert_eq!((name(&vlrs, 2), name(&vlrs, 5)), ("ground".to_string(), "a name of more ".to_string()));
         assert_eq!((name(&vlrs, 255), name(&vlrs, 7)), ("last".to_string(), String::new()));
         assert_eq!((vlrs.len(), vlrs[0].data.len()), (1, 4096));
+        let names: Vec<(u8, String)> = get(&vlrs).into_iter().map(|(code, own)| (code, own.name)).collect();
+        assert_eq!(names, [(2, "ground"), (5, "a name of more"), (255, "last")].map(|(c, n)| (c, n.to_string())));
+        vlrs[0].data.pop();
+        assert!(get(&vlrs).is_empty() && get(&[]).is_empty());
     }
 }
