@@ -302,3 +302,77 @@ fn every_method_parts_a_scan_and_objects_are_learned_and_named() {
     fails(f, &["train", "a.laz", "--recipe", "objects", "--grid-depth", "3", "-o", "x.model"], 2);
     fails(f, &["features", "a.laz", "--recipe", "objects", "-o", "x.npy"], 2);
 }
+
+#[test]
+fn shells_complete_the_verbs_and_every_verb_has_a_manual_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let help = done(f, &["--help"]);
+    let list = help.split("Commands:").nth(1).unwrap().split("\n\n").next().unwrap();
+    let verbs: Vec<&str> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(verbs.contains(&"classify") && verbs.contains(&"man"), "{verbs:?}");
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = done(f, &["completions", shell]);
+        assert!(verbs.iter().all(|verb| script.contains(verb)), "{shell}");
+        assert!(script.contains("regularize") && script.contains("segment-crf"), "{shell}: values of options");
+    }
+    std::fs::write(f.join("complete.bash"), done(f, &["completions", "bash"])).unwrap();
+    if let Ok(checked) = Command::new("bash").args(["-n", "complete.bash"]).current_dir(f).status() {
+        assert!(checked.success());
+    }
+    assert!(fails(f, &["completions", "cmd"], 2).contains("bash"));
+    done(f, &["man", "pages"]);
+    for verb in verbs.iter().filter(|verb| **verb != "help") {
+        let page = std::fs::read_to_string(f.join(format!("pages/scansion-{verb}.1"))).unwrap();
+        assert!(page.contains(".SH SYNOPSIS") && page.contains(verb), "{verb}");
+    }
+    assert!(std::fs::read_to_string(f.join("pages/scansion.1")).unwrap().contains("scansion\\-classify"));
+}
+
+/// Runs with this on stdin; stdout and stderr.
+fn piped(folder: &Path, arguments: &[&str], stdin: &[u8]) -> (Vec<u8>, String) {
+    use std::io::Write;
+    use std::process::Stdio;
+    let mut child = Command::new(env!("CARGO_BIN_EXE_scansion-under-test"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("TMPDIR", folder)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut pipe = child.stdin.take().unwrap();
+    let bytes = stdin.to_vec();
+    let feeding = std::thread::spawn(move || pipe.write_all(&bytes));
+    let output = child.wait_with_output().unwrap();
+    let _ = feeding.join();
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    (output.stdout, text(&output.stderr))
+}
+
+#[test]
+fn clouds_come_from_stdin_and_go_to_stdout() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    scansion_core::io::write(&f.join("a.laz"), &street(12.0, 1), &Default::default()).unwrap();
+    let laz = std::fs::read(f.join("a.laz")).unwrap();
+    done(f, &["convert", "a.laz", "b.las"]);
+    let (las, said) = piped(f, &["convert", "-", "-"], &laz);
+    assert_eq!(las, std::fs::read(f.join("b.las")).unwrap());
+    assert!(said.contains("stdout: ") && !said.contains("scansion-"), "{said}");
+    done(f, &["segment", "a.laz", "-o", "c.ply", "--size", "1", "--method", "slic"]);
+    let segment = ["segment", "-", "-o", "-", "--size", "1", "--method", "slic", "--stdout-format", "ply"];
+    let (ply, said) = piped(f, &segment, &las);
+    assert_eq!(ply, std::fs::read(f.join("c.ply")).unwrap());
+    assert!(said.contains("segments by slic"), "tables go to stderr: {said}");
+    let (csv, _) = piped(f, &["features", "-", "-o", "-", "--set", "features.pyramid.levels=1"], &ply);
+    assert!(text(&csv).starts_with("x,y,z,Sum_"), "{}", &text(&csv)[..40]);
+    let rows = "x y z\n1 2 3\n4 5 6\n";
+    let (info, _) = piped(f, &["info", "-"], rows.as_bytes());
+    assert!(text(&info).starts_with("stdin\n"), "{}", text(&info));
+    assert!(fails(f, &["diff", "-", "-"], 2).contains("once"));
+    assert!(fails(f, &["info", "a.laz", "--stdout-format", "ply"], 2).contains("--stdout-format"));
+    let left = std::fs::read_dir(f).unwrap().filter(|e| e.as_ref().unwrap().path().is_dir()).count();
+    assert_eq!(left, 0, "no temporary folder is left");
+}

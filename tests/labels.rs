@@ -459,6 +459,16 @@ fn what_is_replaced_is_told_and_the_file_knows_its_model() {
     assert!(told("bridge.laz").is_none());
     let text = done(f, &["info", "d.laz"]).0;
     assert_eq!(text.matches("scansion 1").count(), 1, "{text}");
+    // Formats without such a record have a file beside them; one of another program is not shown.
+    done(f, &["convert", "a.laz", "e.ply"]);
+    assert!(told("e.ply").is_none());
+    done(f, &["classify", "e.ply", "-m", "street.model", "-o", "g.ply"]);
+    assert_eq!(told("g.ply").unwrap()["checksum"], first["checksum"]);
+    assert!(f.join("g.ply.json").is_file());
+    std::fs::write(f.join("e.ply.json"), "{\"program\": \"other\"}").unwrap();
+    assert!(told("e.ply").is_none());
+    done(f, &["classify", "e.ply", "-m", "street.model", "-o", "g.laz"]);
+    assert_eq!(io::read(&f.join("g.laz")).unwrap().class_names.len(), 3, "names of classes go from PLY to LAZ");
 }
 
 /// A street with own codes and an unknown list.

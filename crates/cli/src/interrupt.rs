@@ -75,6 +75,7 @@ fn watch() {
                 monitor.cancel();
                 if asked.get_or_insert_with(Instant::now).elapsed() > GRACE {
                     abandon_outputs();
+                    crate::pipes::remove();
                     std::process::exit(exit_code() as i32);
                 }
             }

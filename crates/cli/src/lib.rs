@@ -6,6 +6,7 @@ mod args;
 mod commands;
 mod exit_code;
 mod interrupt;
+mod pipes;
 mod printer;
 mod progress;
 mod threads;
@@ -19,12 +20,12 @@ use std::ffi::OsString;
 ///
 /// Never panics on bad input: every failure is one message on stderr and an exit code.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let args = match args::Args::try_parse_from(arguments) {
+    let mut args = match args::Args::try_parse_from(arguments) {
         Ok(args) => args,
         Err(error) => return usage(&error),
     };
     let printer = printer::Printer::new(&args.global);
-    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| commands::dispatch(&args, &printer)));
+    let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| commands::dispatch(&mut args, &printer)));
     match outcome {
         Ok(Ok(())) => ExitCode::Done,
         // Not an error: the answer, already printed on stdout.

@@ -6,6 +6,8 @@ use scansion_core::Error;
 use scansion_core::error::escaped;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Data to stdout, everything else to stderr.
 #[derive(Debug)]
@@ -14,18 +16,45 @@ pub(crate) struct Printer {
     colour: bool,
     /// Format of the data on stdout.
     pub(crate) format: Format,
+    /// Names of temporary files, and what messages call them.
+    called: Mutex<Vec<(String, &'static str)>>,
+    /// Whether a cloud goes to stdout, so that data go to stderr.
+    taken: AtomicBool,
 }
 
 impl Printer {
     pub(crate) fn new(global: &Global) -> Self {
         let plain = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
-        Self { quiet: global.quiet, colour: !plain && std::io::stderr().is_terminal(), format: global.format }
+        let colour = !plain && std::io::stderr().is_terminal();
+        let (quiet, format) = (global.quiet, global.format);
+        Self { quiet, colour, format, called: Mutex::default(), taken: AtomicBool::new(false) }
+    }
+
+    /// Messages call a temporary file by this name.
+    pub(crate) fn call(&self, path: &Path, name: &'static str) {
+        if let Ok(mut called) = self.called.lock() {
+            called.push((path.display().to_string(), name));
+        }
+    }
+
+    /// A cloud goes to stdout.
+    pub(crate) fn stdout_is_taken(&self) {
+        self.taken.store(true, Ordering::Relaxed);
+    }
+
+    /// A text with the names of streams instead of temporary files, safe for a terminal.
+    fn shown(&self, text: &str) -> String {
+        let called = self.called.lock().map(|called| called.clone()).unwrap_or_default();
+        escaped(&called.iter().fold(text.to_string(), |text, (path, name)| text.replace(path, name))).into_owned()
     }
 
     /// Data for the user or the next program. A closed pipe is not an error.
     pub(crate) fn data(&self, text: &str) -> Result<(), Failure> {
-        let text = escaped(text);
-        let mut out = std::io::stdout().lock();
+        let text = self.shown(text);
+        let mut out: Box<dyn Write> = match self.taken.load(Ordering::Relaxed) {
+            true => Box::new(std::io::stderr().lock()),
+            false => Box::new(std::io::stdout().lock()),
+        };
         let end = if text.ends_with('\n') { "" } else { "\n" };
         match out.write_all(text.as_bytes()).and_then(|()| out.write_all(end.as_bytes())).and_then(|()| out.flush()) {
             Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::io(Path::new("stdout"), e).into()),
@@ -54,6 +83,6 @@ impl Printer {
 
     fn line(&self, prefix: &str, text: &str) {
         // Nothing can be done if stderr is closed.
-        let _ = writeln!(std::io::stderr().lock(), "{prefix}{}", escaped(text));
+        let _ = writeln!(std::io::stderr().lock(), "{prefix}{}", self.shown(text));
     }
 }

@@ -13,6 +13,11 @@ pub(super) const CONVERT: &str = "Examples:
   scansion convert all.copc.laz thin.laz --resolution 0.5    about one point every half unit
   scansion convert --salvage broken.laz saved.laz            the intact part of a damaged file";
 
+pub(super) const COMPLETIONS: &str = "Examples:
+  scansion completions bash > ~/.local/share/bash-completion/completions/scansion
+  scansion completions zsh > ~/.zfunc/_scansion
+  scansion completions fish > ~/.config/fish/completions/scansion.fish";
+
 pub(super) const MERGE: &str = "Example:
   scansion merge tile_*.laz all.laz";
 

@@ -50,6 +50,22 @@ pub(crate) struct Convert {
     pub(crate) overwrite: bool,
 }
 
+/// scansion completions SHELL
+#[derive(Debug, ClapArgs)]
+#[command(after_help = examples::COMPLETIONS)]
+pub(crate) struct Completions {
+    /// The shell
+    pub(crate) shell: clap_complete::Shell,
+}
+
+/// scansion man [FOLDER]
+#[derive(Debug, ClapArgs)]
+pub(crate) struct Man {
+    /// Folder for the pages; created if absent
+    #[arg(default_value = "man")]
+    pub(crate) folder: PathBuf,
+}
+
 /// scansion merge IN... OUT
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::MERGE)]

@@ -8,9 +8,10 @@ mod learning;
 mod lengths;
 mod pictures;
 mod segments;
+mod streams;
 mod terrain;
 
-pub(crate) use files::{Convert, Diff, Info, Merge};
+pub(crate) use files::{Completions, Convert, Diff, Info, Man, Merge};
 pub(crate) use filters::{Filter, NoiseArgs, OutlierMethod};
 pub(crate) use learning::{Classify, Evaluate, Features, Model, Regularize, Train};
 pub(crate) use lengths::{ScaleArgs, UnitArgs};
@@ -34,6 +35,9 @@ use std::str::FromStr;
     after_help = "\
 Exit codes: 0 done, 1 failed, 2 usage, 3 some inputs failed, 4 bad input,
   129 terminal closed, 130 interrupted, 143 terminated.
+
+- in the place of a name is stdin or stdout:
+  cat my.las | scansion classify - -o - --stdout-format laz > classified.laz
 
 First steps:
   scansion demo                                  all steps on a small scan that is built in
@@ -71,6 +75,10 @@ pub(crate) struct Global {
     /// Progress on stderr: a bar on a terminal, a line every 10 s elsewhere
     #[arg(long, global = true, value_enum, default_value_t = ProgressMode::Auto)]
     pub(crate) progress: ProgressMode,
+    /// Format of what goes to stdout with -o -: las, laz, ply, csv, npy, ... [default: las; features: csv; terrain: tif;
+    /// render: png]
+    #[arg(long, global = true, value_name = "EXTENSION")]
+    pub(crate) stdout_format: Option<String>,
     /// Print errors only
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
@@ -132,6 +140,10 @@ pub(crate) enum Command {
     /// Inspect a model
     #[command(subcommand, after_help = examples::MODEL)]
     Model(Model),
+    /// Print the completions of a shell
+    Completions(Completions),
+    /// Write manual pages, one a verb
+    Man(Man),
 }
 
 impl Command {
@@ -158,7 +170,7 @@ impl Command {
     /// The files that will be read, as far as the arguments name them.
     pub(crate) fn inputs(&self) -> Vec<&Path> {
         let (many, others): (&[PathBuf], Vec<&Option<PathBuf>>) = match self {
-            Self::Demo(_) => (&[], vec![]),
+            Self::Demo(_) | Self::Completions(_) | Self::Man(_) => (&[], vec![]),
             Self::Info(args) => (&args.inputs, vec![]),
             Self::Convert(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Merge(args) => (args.files.split_last().map_or(&[], |(_, inputs)| inputs), vec![]),

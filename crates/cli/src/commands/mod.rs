@@ -17,6 +17,7 @@ mod model;
 mod regularize;
 mod render;
 mod segment;
+mod shell;
 mod sources;
 mod suggest;
 mod terrain;
@@ -25,6 +26,7 @@ mod train;
 use crate::args::{Args, Command, Global};
 use crate::exit_code::Failure;
 use crate::interrupt::Interruptible;
+use crate::pipes::Pipes;
 use crate::printer::Printer;
 use crate::progress::Progress;
 use crate::threads;
@@ -118,9 +120,16 @@ impl Context<'_> {
 }
 
 /// Runs the command in a pool of the requested size, with progress and Ctrl-C.
-pub(crate) fn dispatch(args: &Args, printer: &Printer) -> Result<(), Failure> {
-    let (unit, scale) = (args.command.unit(), args.command.scale().map_err(Failure::Usage)?);
+pub(crate) fn dispatch(args: &mut Args, printer: &Printer) -> Result<(), Failure> {
     let running = Interruptible::begin();
+    let pipes = Pipes::open(&mut args.command, args.global.stdout_format.as_deref(), printer)?;
+    run_in_pool(args, &running, printer)?;
+    pipes.finish()
+}
+
+/// Runs the command on files.
+fn run_in_pool(args: &Args, running: &Interruptible, printer: &Printer) -> Result<(), Failure> {
+    let (unit, scale) = (args.command.unit(), args.command.scale().map_err(Failure::Usage)?);
     let naming = Naming::new(&args.global)?;
     let context = Context { printer, monitor: running.monitor(), unit, scale, columns: &args.global.columns, naming };
     let progress = Progress::watch(&context.monitor, &args.global);
@@ -155,5 +164,7 @@ fn command(command: &Command, context: &Context<'_>) -> Result<(), Failure> {
         Command::Evaluate(evaluate) => evaluate::run(evaluate, context),
         Command::Render(render) => render::run(render, context),
         Command::Model(model) => model::run(model, context),
+        Command::Completions(asked) => shell::completions(asked, context),
+        Command::Man(asked) => shell::man(asked, context),
     }
 }

@@ -57,7 +57,8 @@ pub enum Edit {
     Colour(Vec<[u8; 3]>),
     /// Names of class codes, stored in the Classification Lookup record of LAS; existing names are kept.
     ClassNames(Vec<(u8, String)>),
-    /// How the classes were made, as text, stored in a record of LAS; other formats do not keep it.
+    /// How the classes were made, as text, stored in a record of LAS, for other formats in the file `NAME.EXT.json` beside
+    /// it.
     Provenance(String),
 }
 
@@ -179,6 +180,16 @@ pub fn check_steps(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOp
     }
 }
 
+/// How the classes of a file were made, from the file beside it; `None` if that is not there, or is another program's.
+fn provenance_beside(path: &Path) -> Option<String> {
+    let file = operations::select::beside(path);
+    // It is no input: a run that writes the cloud again writes it too.
+    let small = std::fs::metadata(&file).is_ok_and(|about| about.is_file() && about.len() <= open::MOST_SETTINGS);
+    let text = small.then(|| std::fs::read_to_string(&file).ok()).flatten()?;
+    let value: serde_json::Value = serde_json::from_str(&text).ok()?;
+    value["program"].as_str()?.starts_with("scansion").then_some(text)
+}
+
 /// Information from the header of a file; for text also its number of lines.
 ///
 /// # Errors
@@ -194,6 +205,7 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
         Format::Text => text::inspect(path),
         Format::Ply => ply::inspect(path),
     }?;
+    info.provenance = info.provenance.or_else(|| provenance_beside(path));
     if let (None, Some(Unit::Length(metres))) = (info.metres_per_unit, info.crs.as_deref().and_then(unit_of)) {
         info.metres_per_unit = Some(metres);
     }

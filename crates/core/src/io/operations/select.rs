@@ -1,11 +1,11 @@
 //! Copies of a file with some of its points, or with changes to them.
 
-use crate::cloud::{Cloud, Column, Values, names};
+use crate::cloud::{Cloud, Column, OwnClass, Values, names};
 use crate::error::Result;
 use crate::io::{
-    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, check_target, extension, las, read_with, run, write,
+    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, atomic, check_target, extension, las, read_with, run, write,
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Copies a file with the edits applied; everything else in a LAS or LAZ file is kept, byte for byte.
 ///
@@ -41,7 +41,19 @@ fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &
         cloud = cloud.select(&(0..cloud.len() as u32).filter(|&i| kept[i as usize]).collect::<Vec<_>>());
     }
     write(output, &cloud, options)?;
+    for edit in selection.edits {
+        if let Edit::Provenance(text) = edit {
+            atomic::write_bytes(&beside(output), text.as_bytes())?;
+        }
+    }
     Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
+}
+
+/// The file beside a cloud that tells how its classes were made, for formats without a record for that: `NAME.EXT.json`.
+pub(in crate::io) fn beside(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(".json");
+    path.with_file_name(name)
 }
 
 /// Applies the edits to a cloud.
@@ -51,6 +63,13 @@ pub(super) fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
             for (channel, name) in names::COLOUR.into_iter().enumerate() {
                 let values = Values::U8(colours.iter().map(|colour| colour[channel]).collect());
                 cloud.set_column(Column::new(name, values))?;
+            }
+            continue;
+        }
+        if let Edit::ClassNames(names) = edit {
+            for (code, name) in names {
+                let own = || OwnClass { name: name.clone(), colour: None };
+                cloud.class_names.entry(*code).or_insert_with(own);
             }
             continue;
         }

@@ -6,7 +6,7 @@ pub(super) mod writer;
 use super::fields::extra;
 use super::fields::fit::Fit;
 use super::header::vlr::Vlr;
-use super::header::{RECORD_SIZES, put};
+use super::header::{RECORD_SIZES, lookup, put};
 use crate::cloud::{Cloud, Column, Coordinates, names};
 use crate::error::{Error, Result};
 use crate::io::WriteOptions;
@@ -38,7 +38,11 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     let length16 = u16::try_from(length)
         .map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
     let laz = path.extension().and_then(|e| e.to_str()).is_some_and(|e| e.eq_ignore_ascii_case("laz"));
-    let vlrs = vlrs(wkt.as_deref(), &extras)?;
+    let mut vlrs = vlrs(wkt.as_deref(), &extras)?;
+    if !cloud.class_names.is_empty() {
+        let names = cloud.class_names.iter().map(|(&code, own)| (code, own.name.clone()));
+        lookup::add(&mut vlrs, &names.collect::<Vec<_>>());
+    }
     let front = Front {
         header: header(cloud, &RecordLayout { format, length: length16, frame, wkt: wkt.is_some() }, &options.monitor)?,
         vlrs,
