@@ -235,6 +235,19 @@ def test_pictures_have_the_asked_size(labelled, tmp_path):
         scansion.render(labelled, by="Absent")
 
 
+def test_pictures_show_changes_and_leave_out_what_is_clipped():
+    xyz, labels = street(0)
+    cloud = scansion.PointCloud(xyz, Classification=labels)
+    truth = np.where(labels == 5, 6, labels)
+    plain, changes = (scansion.render(cloud, truth=truth, changes=c, width=400) for c in (False, True))
+    assert plain.shape == changes.shape and (plain != changes).any()
+    low = xyz[:, 2] < 2
+    clipped = scansion.render(cloud, by="HEIGHT", clip=(-np.inf, 2), width=400, legend=False)
+    np.testing.assert_array_equal(clipped, scansion.render(cloud[low], by="height", width=400, legend=False))
+    with pytest.raises(ValueError, match="nearest: Classification"):
+        scansion.render(cloud, by="clasification")
+
+
 def test_scikit_learn_is_not_needed_to_import():
     code = "import sys; sys.modules['sklearn'] = None; import scansion; print(scansion.__version__)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout

@@ -295,7 +295,9 @@ fn a_file_cut_at_any_byte_is_refused() {
                 std::fs::write(&path, &bytes[..length]).unwrap();
                 let level = (format == "copc").then_some(1.0);
                 let whole = io::read_with(&path, &ReadOptions { resolution: level, ..Default::default() });
-                assert!(whole.is_err() || !binary, "{name} cut at {length} of {}", bytes.len());
+                // Sweeps of SemanticKITTI have no header: any number of records is a file.
+                let complete = format == "kitti" && length > 0 && length % 16 == 0;
+                assert!(whole.is_err() || !binary || complete, "{name} cut at {length} of {}", bytes.len());
                 let _ = (io::inspect(&path).is_ok(), salvage::examine(&path, &Monitor::default()).is_ok());
             }
         }

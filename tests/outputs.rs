@@ -217,6 +217,39 @@ fn an_output_that_cannot_be_written_is_found_before_points_are_read() {
 }
 
 #[test]
+fn pictures_compare_the_same_points_and_find_names_in_any_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::write(f.join("a.csv"), "x,y,z,Classification\n0,0,0,2\n1,0,0,5\n0,1,0,2\n").unwrap();
+    std::fs::write(f.join("b.csv"), "x,y,z,Classification\n0,0,0,2\n0,1,0,2\n1,0,0,5\n").unwrap();
+    done(f, &["render", "a.csv", "--truth", "a.csv", "-o", "o.png"]);
+    let message = fails(f, &["render", "a.csv", "--truth", "b.csv", "-o", "p.png"], 4);
+    assert!(message.contains("point 1 is at") && message.contains("same order"), "{message}");
+    assert!(!f.join("p.png").exists(), "nothing is written");
+    for by in ["CLASS", "Height", "classification"] {
+        done(f, &["render", "a.csv", "--by", by, "-o", "q.png"]);
+    }
+    assert!(
+        fails(f, &["render", "a.csv", "--by", "klassification", "-o", "r.png"], 4).contains("nearest: Classification")
+    );
+    // Codes may be changed before the comparison, on both sides or on one; each change may have its colour.
+    std::fs::write(f.join("c.csv"), "x,y,z,Classification\n0,0,0,2\n1,0,0,4\n0,1,0,6\n").unwrap();
+    done(f, &["render", "a.csv", "--truth", "c.csv", "--changes", "-o", "changes.png"]);
+    done(f, &["render", "a.csv", "--truth", "c.csv", "--map", "4=5", "--changes", "-o", "mapped.png"]);
+    done(f, &["render", "a.csv", "--truth", "c.csv", "--map-truth", "4=5", "--changes", "-o", "truth.png"]);
+    assert_ne!(std::fs::read(f.join("changes.png")).unwrap(), std::fs::read(f.join("mapped.png")).unwrap());
+    assert_eq!(std::fs::read(f.join("truth.png")).unwrap(), std::fs::read(f.join("mapped.png")).unwrap());
+    fails(f, &["render", "a.csv", "--changes", "-o", "s.png"], 2);
+    // Several files in one picture, without what is higher than asked.
+    std::fs::write(f.join("d.csv"), "x,y,z,Classification\n5,5,9,6\n").unwrap();
+    done(f, &["render", "a.csv", "d.csv", "-o", "both.png"]);
+    done(f, &["render", "a.csv", "d.csv", "--clip", "..3", "-o", "low.png"]);
+    done(f, &["render", "a.csv", "-o", "alone.png"]);
+    assert_eq!(std::fs::read(f.join("low.png")).unwrap(), std::fs::read(f.join("alone.png")).unwrap());
+    assert_ne!(std::fs::read(f.join("both.png")).unwrap(), std::fs::read(f.join("alone.png")).unwrap());
+}
+
+#[test]
 fn a_dimension_of_another_type_is_found_before_points_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

@@ -195,13 +195,15 @@ fn features_are_written_as_they_are_computed() {
     let cloud = street(100.0, 5);
     io::write(&f.join("a.laz"), &cloud, &Default::default()).unwrap();
     // 120,000 points with 144 features are 69 MB, which were once in memory twice.
-    let output = limited(190_000, f, &["features", "a.laz", "-o", "a.npy"]);
+    let output = limited(190_000, f, &["features", "a.laz", "--recipe", "pyramid-paper", "-o", "a.npy"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let bytes = std::fs::read(f.join("a.npy")).unwrap();
     assert_eq!(bytes.len(), 128 + cloud.len() * 144 * 4);
-    let output = limited(190_000, f, &["features", "a.laz", "-o", "b.laz", "--only", "Planarity"]);
+    let output =
+        limited(190_000, f, &["features", "a.laz", "--recipe", "pyramid-paper", "-o", "b.laz", "--only", "Planarity"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let output = limited(400_000, f, &["features", "a.laz", "-o", "b.csv", "--only", "Planarity"]);
+    let output =
+        limited(400_000, f, &["features", "a.laz", "--recipe", "pyramid-paper", "-o", "b.csv", "--only", "Planarity"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     // The column of one feature must be equal in the full table, in the dimension, and in the text, in the order of the
     // file.

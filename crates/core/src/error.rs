@@ -164,6 +164,20 @@ impl Error {
     }
 }
 
+/// The three names nearest to an unknown one by edits, in any case, the nearest first.
+pub(crate) fn nearest_names<'a>(names: impl IntoIterator<Item = &'a str>, unknown: &str) -> Vec<&'a str> {
+    let unknown = unknown.to_lowercase();
+    let mut names: Vec<&str> = names.into_iter().collect();
+    names.sort_by_key(|name| strsim::levenshtein(&name.to_lowercase(), &unknown));
+    let mut near: Vec<&str> = Vec::new();
+    for name in names {
+        if near.len() < 3 && !near.contains(&name) {
+            near.push(name);
+        }
+    }
+    near
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

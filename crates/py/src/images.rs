@@ -7,12 +7,12 @@ use crate::error::raise;
 use crate::json;
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
-use scansion_core::Error;
 use scansion_core::classes::ClassTable;
 use scansion_core::cloud::{Column, Values, names};
 use scansion_core::images::{self, ColourBy, Image, RenderParams, View};
 use scansion_core::io::{self, atomic};
 use scansion_core::parallel::Monitor;
+use scansion_core::{Cloud as CoreCloud, Error};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,6 +29,9 @@ struct Settings {
     legend: bool,
     title: Option<String>,
     range: Option<(f64, f64)>,
+    clip: Option<(f64, f64)>,
+    /// Whether each pair of a true class and another has its own colour.
+    changes: bool,
     /// True classes that are compared.
     classes: Vec<u8>,
 }
@@ -47,7 +50,7 @@ pub(crate) fn render<'py>(
     truth: Option<PyReadonlyArray1<'_, i16>>,
     n_jobs: Option<i64>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-    let params = json::settings::<Settings>(settings)?.params(truth.is_some());
+    let params = json::settings::<Settings>(settings)?.params(truth.is_some(), &cloud.inner);
     let mut cloud = Arc::clone(&cloud.inner);
     if let Some(truth) = &truth {
         let values = Values::I16(vector(truth, "truth")?.to_vec());
@@ -84,21 +87,15 @@ fn save(image: &Image, path: PathBuf, monitor: &Monitor) -> scansion_core::Resul
 }
 
 impl Settings {
-    fn params(self, truth: bool) -> RenderParams {
+    fn params(self, truth: bool, cloud: &CoreCloud) -> RenderParams {
         let oblique = |(azimuth_deg, elevation_deg)| View::Oblique { azimuth_deg, elevation_deg };
+        let prediction = names::CLASSIFICATION.to_string();
         RenderParams {
             view: self.angles.map_or(View::Map, oblique),
-            by: match self.by.as_str() {
-                _ if truth => ColourBy::Agreement {
-                    truth: TRUTH.into(),
-                    prediction: names::CLASSIFICATION.into(),
-                    classes: self.classes,
-                },
-                "class" => ColourBy::Class,
-                "height" => ColourBy::Height,
-                "rgb" => ColourBy::Colour,
-                name if name.starts_with("ClusterID") => ColourBy::Segments(self.by),
-                _ => ColourBy::Dimension(self.by),
+            by: match (truth, self.changes) {
+                (true, false) => ColourBy::Agreement { truth: TRUTH.into(), prediction, classes: self.classes },
+                (true, true) => ColourBy::Change { truth: TRUTH.into(), prediction, classes: self.classes },
+                (false, _) => ColourBy::named(Some(&self.by), cloud),
             },
             width: self.width,
             height: self.height,
@@ -106,6 +103,7 @@ impl Settings {
             legend: self.legend,
             title: self.title,
             range: self.range,
+            clip: self.clip,
         }
     }
 }

@@ -2,14 +2,16 @@
 
 use super::{Unlabelled, examples};
 use clap::{Args as ClapArgs, ValueEnum};
+use scansion_core::filters::HeightRange;
 use std::path::PathBuf;
 
 /// scansion render IN -o OUT.png
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::RENDER)]
 pub(crate) struct Render {
-    /// Cloud to draw
-    pub(crate) input: PathBuf,
+    /// Clouds to draw in one picture
+    #[arg(required = true)]
+    pub(crate) inputs: Vec<PathBuf>,
     /// Picture to write (.png); a map gets a world file (.pgw) beside it
     #[arg(short, long)]
     pub(crate) output: PathBuf,
@@ -19,6 +21,18 @@ pub(crate) struct Render {
     /// Show where the classes differ from those of this cloud, same points in the same order
     #[arg(long, value_name = "FILE", conflicts_with = "by")]
     pub(crate) truth: Option<PathBuf>,
+    /// With --truth: a colour for each pair of a true class and another
+    #[arg(long, requires = "truth")]
+    pub(crate) changes: bool,
+    /// With --truth: change codes of both before the comparison, e.g. 3-4=5; may be repeated
+    #[arg(long, value_name = "OLD=NEW,...", requires = "truth")]
+    pub(crate) map: Vec<String>,
+    /// With --truth: change codes of the truth only
+    #[arg(long, value_name = "OLD=NEW,...", requires = "truth", conflicts_with = "map")]
+    pub(crate) map_truth: Option<String>,
+    /// With --truth: change codes of the drawn cloud only
+    #[arg(long, value_name = "OLD=NEW,...", requires = "truth", conflicts_with = "map")]
+    pub(crate) map_predicted: Option<String>,
     /// Compare only points whose true class is one of these
     #[arg(long, value_name = "CODES", value_delimiter = ',', requires = "truth")]
     pub(crate) classes: Vec<u8>,
@@ -44,6 +58,9 @@ pub(crate) struct Render {
     /// Range of the colours, low,high [default: from the data]
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true)]
     pub(crate) range: Option<String>,
+    /// Draw only points of these heights (z, in the unit of the file), e.g. ..2.2 for a room without its ceiling
+    #[arg(long, value_name = "LOW..HIGH", allow_hyphen_values = true)]
+    pub(crate) clip: Option<HeightRange>,
     /// Title above the picture
     #[arg(long)]
     pub(crate) title: Option<String>,

@@ -40,7 +40,7 @@ impl Command {
             Self::Filter(args) => cloud(vec![&mut args.input], &mut args.output),
             Self::Evaluate(args) => read(std::iter::once(&mut args.truth).chain(args.prediction.as_mut()).collect()),
             Self::Render(args) => {
-                let inputs = std::iter::once(&mut args.input).chain(args.truth.as_mut());
+                let inputs = args.inputs.iter_mut().chain(args.truth.as_mut());
                 Streams { inputs: inputs.collect(), output: Some(&mut args.output), format: "png" }
             }
             Self::Demo(_) | Self::Model(_) | Self::Completions(_) | Self::Man(_) => Streams::default(),

@@ -158,16 +158,16 @@ fn predicted(args: &Evaluate, cloud: &Cloud, context: &Context<'_>) -> Result<Ve
     Ok(read_labels(other, &params)?.codes)
 }
 
-/// Two files of equal length with points at different positions are not the same scan.
-fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
-    let step = (a.len() / 1000).max(1);
+/// Two files of equal length with points at different positions are not the same scan, or not in the same order.
+pub(super) fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
     let apart = |i: &usize| {
         let (p, q) = (a.xyz(*i), b.xyz(*i));
         p.iter().zip(q).any(|(u, v)| (u - v).abs() > 0.01)
     };
-    match (0..a.len().min(b.len())).step_by(step).find(apart) {
+    match (0..a.len().min(b.len())).find(apart) {
         Some(i) => Err(Error::input(format!(
-            "point {i} is at {:?} in the truth and at {:?} in the prediction",
+            "point {i} is at {:?} in the truth and at {:?} in the prediction; both must be the same points in the same \
+             order",
             a.xyz(i),
             b.xyz(i)
         ))),

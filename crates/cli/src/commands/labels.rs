@@ -130,7 +130,8 @@ fn note(cloud: &Cloud, params: &LabelParams, labels: &Labels) -> Option<String> 
             format!(" ({} of LAS: codes {list} count as unlabelled; --unlabelled none to keep them)", params.dimension)
         }
         (None, list_of) if !skipped.is_empty() => {
-            format!(" ({}: {list} counts as unlabelled; --unlabelled none to keep it)", list_of.name())
+            let says = if skipped.len() == 1 { "code LIST counts" } else { "codes LIST count" }.replace("LIST", &list);
+            format!(" ({}: {says} as unlabelled; --unlabelled none to keep them)", list_of.name())
         }
         _ => String::new(),
     };

@@ -1,10 +1,11 @@
 //! `scansion render`: draws a map or an oblique view as PNG.
 
-use super::Context;
+use super::evaluate::same_places;
+use super::{Context, sources};
 use crate::args::{Render, ViewArg};
 use crate::exit_code::Failure;
 use scansion_core::Error;
-use scansion_core::classes::ClassTable;
+use scansion_core::classes::{ClassTable, LabelMap};
 use scansion_core::cloud::{Cloud, Column, Values, names};
 use scansion_core::images::{self, ColourBy, RenderParams, View};
 use scansion_core::io::{self, atomic};
@@ -20,10 +21,12 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         io::check_output(&args.output.with_extension("pgw"))?;
     }
     let range = args.range.as_deref().map(range).transpose()?;
-    let mut cloud = io::read_with(&args.input, &context.read_options())?;
+    let inputs = sources::expanded(&args.inputs)?;
+    let (mut cloud, notes) = io::read_together(&inputs, &context.read_options())?;
+    notes.iter().for_each(|note| context.printer.note(note));
     let by = match &args.truth {
         Some(truth) => differences(&mut cloud, (truth, args), context)?,
-        None => colour_by(args.by.as_deref(), &cloud),
+        None => ColourBy::named(args.by.as_deref(), &cloud),
     };
     let params = RenderParams {
         view: match args.view {
@@ -37,6 +40,7 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         legend: !args.no_legend,
         title: args.title.clone(),
         range,
+        clip: args.clip.map(|range| (range.low, range.high)),
     };
     let image = images::render(&cloud, &ClassTable::default(), &params, &context.monitor)?;
     atomic::write_bytes(&args.output, &image.to_png(&context.monitor)?)?;
@@ -59,15 +63,33 @@ fn differences(cloud: &mut Cloud, (truth, args): (&Path, &Render), context: &Con
     let truth = io::read_with(truth, &context.read_options())?;
     let missing = || Error::input(format!("{path} has no {} to compare with", names::CLASSIFICATION));
     truth.column(names::CLASSIFICATION).ok_or_else(missing)?;
-    let params =
-        LabelParams { unlabelled: args.unlabelled.codes(), classes: args.classes.clone(), ..LabelParams::default() };
+    let both = args.map.join(",");
+    let map_of = |own: &Option<String>| own.as_deref().unwrap_or(&both).parse::<LabelMap>();
+    let params = LabelParams {
+        map: map_of(&args.map_truth)?,
+        unlabelled: args.unlabelled.codes(),
+        classes: args.classes.clone(),
+        ..LabelParams::default()
+    };
     let labels = read_labels(&truth, &params).map_err(|e| Error::input(format!("{path}: {e}")))?;
     if truth.len() != cloud.len() {
         return Err(Error::input(format!("{path} has {} points, not {}", truth.len(), cloud.len())).into());
     }
+    same_places(&truth, cloud)?;
     let codes = labels.codes.iter().map(|code| code.map_or(-1, i16::from)).collect();
     cloud.set_column(Column::new("Truth", Values::I16(codes)))?;
-    Ok(ColourBy::Agreement { truth: "Truth".into(), prediction: names::CLASSIFICATION.into(), classes: Vec::new() })
+    let map = map_of(&args.map_predicted)?;
+    let found = cloud
+        .column(names::CLASSIFICATION)
+        .map(|column| column.values.to_f64())
+        .ok_or_else(|| Error::input(format!("no {} to compare with {path}", names::CLASSIFICATION)))?;
+    let mapped = found.into_iter().map(|value| map.of_value(value).map_or(value, f64::from)).collect();
+    cloud.set_column(Column::new("Predicted", Values::F64(mapped)))?;
+    let (truth, prediction, classes) = ("Truth".into(), "Predicted".into(), Vec::new());
+    Ok(match args.changes {
+        true => ColourBy::Change { truth, prediction, classes },
+        false => ColourBy::Agreement { truth, prediction, classes },
+    })
 }
 
 fn range(text: &str) -> Result<(f64, f64), Failure> {
@@ -75,17 +97,5 @@ fn range(text: &str) -> Result<(f64, f64), Failure> {
     match parsed {
         Some((low, high)) if low < high => Ok((low, high)),
         _ => Err(Failure::Usage(format!("--range {text}: give LOW,HIGH with LOW below HIGH"))),
-    }
-}
-
-fn colour_by(asked: Option<&str>, cloud: &Cloud) -> ColourBy {
-    match asked {
-        Some("class") => ColourBy::Class,
-        Some("height") => ColourBy::Height,
-        Some("rgb") => ColourBy::Colour,
-        Some(name) if name.starts_with("ClusterID") => ColourBy::Segments(name.to_string()),
-        Some(name) => ColourBy::Dimension(name.to_string()),
-        None if cloud.column(names::CLASSIFICATION).is_some() => ColourBy::Class,
-        None => ColourBy::Height,
     }
 }

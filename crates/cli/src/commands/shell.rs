@@ -4,8 +4,8 @@ use super::Context;
 use crate::args::{Args, Completions, Man};
 use crate::exit_code::Failure;
 use clap::{Command, CommandFactory};
-use scansion_core::io::atomic;
 use scansion_core::Error;
+use scansion_core::io::atomic;
 use std::path::Path;
 
 pub(crate) fn completions(args: &Completions, context: &Context<'_>) -> Result<(), Failure> {
@@ -20,7 +20,11 @@ pub(crate) fn man(args: &Man, context: &Context<'_>) -> Result<(), Failure> {
     let mut program = Args::command().disable_help_subcommand(true);
     program.build();
     let pages = write(program, &args.folder)?;
-    context.printer.note(&format!("{}: {pages} pages; man -l {}/scansion.1", args.folder.display(), args.folder.display()));
+    context.printer.note(&format!(
+        "{}: {pages} pages; man -l {}/scansion.1",
+        args.folder.display(),
+        args.folder.display()
+    ));
     Ok(())
 }
 

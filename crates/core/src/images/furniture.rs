@@ -67,18 +67,51 @@ impl ColourBar<'_> {
     }
 }
 
+/// Units of length in pictures: name, the larger one with its multiple.
+struct Unit {
+    /// Units per unit of the coordinates.
+    per_unit: f64,
+    name: &'static str,
+    large: &'static str,
+    multiple: f64,
+}
+
+impl Unit {
+    /// Feet if the coordinates are feet (international or US survey), else metres.
+    fn of(cloud: &Cloud) -> Self {
+        let metres = cloud.metres_per_unit.unwrap_or(1.0);
+        match (metres - FOOT).abs() < 1e-5 {
+            true => Self { per_unit: 1.0, name: "ft", large: "mi", multiple: 5280.0 },
+            false => Self { per_unit: metres, name: "m", large: "km", multiple: 1000.0 },
+        }
+    }
+
+    fn label(&self, length: f64) -> String {
+        match length >= self.multiple {
+            true => format!("{} {}", label(length / self.multiple), self.large),
+            false => format!("{} {}", label(length), self.name),
+        }
+    }
+}
+
+/// Metres in a foot.
+const FOOT: f64 = 0.3048;
+
 /// A scale bar of a round length, at most a quarter of the picture's width.
 fn scale_bar(image: &mut Image, frame: &Frame, cloud: &Cloud) {
-    let metres = cloud.metres_per_unit.unwrap_or(1.0);
-    let most = 0.25 * f64::from(frame.w) * frame.unit * metres;
-    let length = round_step(most / 2.5);
-    let pixels = (length / metres / frame.unit).round() as i64;
+    let unit = Unit::of(cloud);
+    let most = 0.25 * f64::from(frame.w) * frame.unit * unit.per_unit;
+    let length = match most / 2.5 >= unit.multiple {
+        true => unit.multiple * round_step(most / 2.5 / unit.multiple),
+        false => round_step(most / 2.5),
+    };
+    let pixels = (length / unit.per_unit / frame.unit).round() as i64;
     let (x, y) = (i64::from(frame.x), i64::from(frame.y + frame.h) + 22);
     image.rectangle([x, y], [pixels, 4], INK);
     image.rectangle([x, y - 5], [2, 9], INK);
     image.rectangle([x + pixels - 2, y - 5], [2, 9], INK);
-    let text = if length >= 1000.0 { format!("{} km", label(length / 1000.0)) } else { format!("{} m", label(length)) };
-    text::draw(image, [(x + pixels) as f32 + 10.0, y as f32 + 8.0], Style { size: 17.0, colour: INK }, &text);
+    let place = [(x + pixels) as f32 + 10.0, y as f32 + 8.0];
+    text::draw(image, place, Style { size: 17.0, colour: INK }, &unit.label(length));
 }
 
 /// A number with its digits in groups of three.
@@ -97,6 +130,16 @@ fn grouped(n: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lengths_are_in_feet_where_the_coordinates_are() {
+        let mut cloud = Cloud::from_rows(&[]).unwrap();
+        assert_eq!([5.0, 2000.0].map(|length| Unit::of(&cloud).label(length)), ["5 m", "2 km"]);
+        for metres in [0.3048, 1200.0 / 3937.0] {
+            cloud.metres_per_unit = Some(metres);
+            assert_eq!([500.0, 10_560.0].map(|length| Unit::of(&cloud).label(length)), ["500 ft", "2 mi"]);
+        }
+    }
 
     #[test]
     fn digits_are_grouped() {

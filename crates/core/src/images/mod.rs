@@ -15,7 +15,7 @@ pub use confusion::confusion_picture;
 pub use palette::segment_colour;
 
 use crate::classes::ClassTable;
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, StrayParams, Strays, names};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use camera::Camera;
@@ -52,6 +52,15 @@ pub enum ColourBy {
     Dimension(String),
     /// A column of segment numbers: every segment has a colour of its own, 0 (no segment) is grey.
     Segments(String),
+    /// As agreement, with a colour for each pair of a true class and another.
+    Change {
+        /// Column with the true class.
+        truth: String,
+        /// Column with the predicted class.
+        prediction: String,
+        /// True classes to compare; empty for all.
+        classes: Vec<u8>,
+    },
     /// Agreement of a predicted class (second column) with the true one (first column).
     Agreement {
         /// Column with the true class.
@@ -61,6 +70,28 @@ pub enum ColourBy {
         /// True classes to compare; empty for all.
         classes: Vec<u8>,
     },
+}
+
+impl ColourBy {
+    /// The quantity of that name: class, height, rgb, or a column; in any case, but a column of just that name comes first.
+    /// Without a name the class if there is one, else the height.
+    pub fn named(asked: Option<&str>, cloud: &Cloud) -> Self {
+        let Some(asked) = asked else {
+            return match cloud.column(names::CLASSIFICATION) {
+                Some(_) => Self::Class,
+                None => Self::Height,
+            };
+        };
+        let folded = || cloud.columns().iter().find(|column| column.name.eq_ignore_ascii_case(asked));
+        let name = cloud.column(asked).or_else(folded).map_or(asked, |column| &column.name);
+        match asked.to_ascii_lowercase().as_str() {
+            "class" => Self::Class,
+            "height" => Self::Height,
+            "rgb" => Self::Colour,
+            _ if name.starts_with("ClusterID") => Self::Segments(name.to_string()),
+            _ => Self::Dimension(name.to_string()),
+        }
+    }
 }
 
 /// Parameters of [`render`].
@@ -82,6 +113,8 @@ pub struct RenderParams {
     pub title: Option<String>,
     /// Values at the ends of the colour ramp; if absent, the 2nd and 98th percentile.
     pub range: Option<(f64, f64)>,
+    /// Draw only points of these heights (z, both ends included), e.g. those below a ceiling.
+    pub clip: Option<(f64, f64)>,
 }
 
 impl Default for RenderParams {
@@ -95,6 +128,7 @@ impl Default for RenderParams {
             legend: true,
             title: None,
             range: None,
+            clip: None,
         }
     }
 }
@@ -105,6 +139,9 @@ impl RenderParams {
             if value.is_some_and(|v| !(200..=8000).contains(&v)) {
                 return Err(Error::parameter(name, value.unwrap_or(0), "200..8000 pixels"));
             }
+        }
+        if let Some((low, high)) = self.clip.filter(|(low, high)| !(low <= high)) {
+            return Err(Error::parameter("clip", format!("{low}..{high}"), "LOW..HIGH"));
         }
         match self.view {
             View::Oblique { azimuth_deg, elevation_deg }
@@ -117,7 +154,8 @@ impl RenderParams {
     }
 }
 
-/// Draws a cloud. Each pixel shows the point nearest to the viewer; points that are not finite are left out.
+/// Draws a cloud. Each pixel shows the point nearest to the viewer; points that are not finite are left out. A few stray
+/// points far from all others do not count for the extent of the picture.
 ///
 /// O(points + pixels) time; the bytes do not depend on the number of threads.
 ///
@@ -125,8 +163,13 @@ impl RenderParams {
 /// If a parameter is out of range, a column is absent, or the work was cancelled.
 pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monitor: &Monitor) -> Result<Image> {
     params.validate()?;
+    if let Some((low, high)) = params.clip {
+        let height = |&i: &u32| (low..=high).contains(&cloud.xyz(i as usize)[2]);
+        let part = cloud.select(&(0..cloud.len() as u32).filter(height).collect::<Vec<_>>());
+        return render(&part, classes, &RenderParams { clip: None, ..params.clone() }, monitor);
+    }
     let paint = Paint::new(cloud, classes, params, monitor)?;
-    let Some(bounds) = cloud.bounds_watched(monitor)? else {
+    let Some(bounds) = Strays::find(cloud, &StrayParams::default(), monitor)?.bounds else {
         let mut image = Image::blank(params.width, params.height.unwrap_or(300));
         text::draw(&mut image, [40.0, 60.0], text::Style { size: 28.0, colour: canvas::INK }, "no points");
         return Ok(image);
@@ -171,6 +214,68 @@ mod tests {
         let mut cloud = Cloud::from_rows(&rows).unwrap();
         cloud.set_column(Column::new("Classification", Values::U8(codes))).unwrap();
         cloud
+    }
+
+    #[test]
+    fn stray_points_do_not_shrink_the_picture_and_clipped_ones_are_not_drawn() {
+        let params = RenderParams { legend: false, ..RenderParams::default() };
+        let draw = |cloud: &Cloud, params: &RenderParams| {
+            render(cloud, &ClassTable::default(), params, &Monitor::default()).unwrap()
+        };
+        let plain = scene();
+        let mut rows: Vec<[f64; 3]> = (0..plain.len()).map(|i| plain.xyz(i)).collect();
+        rows.extend([[1e4, 1e4, 0.0], [-1e4, 5.0, 3.0]]);
+        let mut cloud = Cloud::from_rows(&rows).unwrap();
+        let mut codes = plain.column("Classification").unwrap().values.to_f64();
+        codes.extend([2.0, 2.0]);
+        let codes = codes.into_iter().map(|code| code as u8).collect();
+        cloud.set_column(Column::new("Classification", Values::U8(codes))).unwrap();
+        assert_eq!(draw(&cloud, &params).rgb, draw(&plain, &params).rgb);
+        let clipped = draw(&cloud, &RenderParams { clip: Some((-1.0, 4.0)), ..params.clone() });
+        let red = |image: &Image| image.rgb.chunks_exact(3).filter(|c| c[0] > 150 && c[1] < 90).count();
+        assert!(red(&draw(&cloud, &params)) > 1000 && red(&clipped) == 0);
+        let wrong = RenderParams { clip: Some((4.0, 1.0)), ..params };
+        assert!(render(&cloud, &ClassTable::default(), &wrong, &Monitor::default()).is_err());
+    }
+
+    #[test]
+    fn each_change_of_class_has_its_colour_and_line_in_the_legend() {
+        let mut cloud = scene();
+        let truth = cloud.column("Classification").unwrap().values.to_f64();
+        let found = truth.iter().enumerate().map(|(i, &code)| match (code as u8, i % 10) {
+            (6, _) => 5,
+            (_, 0) => 9,
+            (code, _) => code,
+        });
+        cloud.set_column(Column::new("Found", Values::U8(found.collect()))).unwrap();
+        let by = ColourBy::Change { truth: "Classification".into(), prediction: "found".into(), classes: Vec::new() };
+        let params = RenderParams { by, ..RenderParams::default() };
+        let none = Paint::new(&cloud, &ClassTable::default(), &params, &Monitor::default()).err().unwrap();
+        assert!(none.to_string().contains("nearest: Found"), "{none}");
+        let by = ColourBy::Change { truth: "Classification".into(), prediction: "Found".into(), classes: Vec::new() };
+        let params = RenderParams { by, ..RenderParams::default() };
+        let paint = Paint::new(&cloud, &ClassTable::default(), &params, &Monitor::default()).unwrap();
+        let entries: Vec<String> = paint.entries().iter().map(|e| format!("{} {}", e.name, e.share)).collect();
+        // 38,400 points of the plane, a tenth of which is water now; all 1,600 of the box are vegetation.
+        assert_eq!(entries, ["as in the truth 86.4 %", "ground > water 9.6 %", "building > high vegetation 4.0 %"]);
+        let colours: Vec<[u8; 3]> = paint.entries().iter().map(|e| e.colour).collect();
+        assert!(colours[0] != colours[1] && colours[1] != colours[2]);
+    }
+
+    #[test]
+    fn names_are_found_in_any_case() {
+        let mut cloud = scene();
+        for name in ["Height", "ClusterID"] {
+            cloud.set_column(Column::new(name, Values::F32(vec![0.0; 40_000]))).unwrap();
+        }
+        let named = |asked: &str| ColourBy::named(Some(asked), &cloud);
+        assert_eq!(
+            [named("CLASS"), named("height"), named("RGB")],
+            [ColourBy::Class, ColourBy::Height, ColourBy::Colour]
+        );
+        assert_eq!(named("classification"), ColourBy::Dimension("Classification".into()));
+        assert_eq!(named("clusterid"), ColourBy::Segments("ClusterID".into()));
+        assert_eq!(ColourBy::named(None, &Cloud::from_rows(&[]).unwrap()), ColourBy::Height);
     }
 
     #[test]

@@ -4,8 +4,9 @@ use super::palette::{ramp, segment_colour};
 use super::{ColourBy, RenderParams};
 use crate::classes::{Class, ClassTable, preset};
 use crate::cloud::{Cloud, Values, names};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest_names};
 use crate::parallel::{Monitor, watched};
+use std::collections::HashMap;
 
 /// Number of sampled points that determine the ends of the ramp.
 const SAMPLES: usize = 200_000;
@@ -26,6 +27,62 @@ pub(super) enum Paint<'a> {
     Own { channels: [&'a Values; 3], factor: f64 },
     /// Correct or wrong.
     Agreement(Agreement<'a>),
+    /// Which class became which.
+    Change(Change<'a>),
+}
+
+/// Pairs of classes that are compared: those that differ have colours of their own.
+#[derive(Clone, Debug)]
+pub(super) struct Change<'a> {
+    compared: Agreement<'a>,
+    /// Colour of each pair (true code * 256 + other code) that occurs.
+    colours: HashMap<u16, [u8; 3]>,
+    /// The legend: the most frequent pairs, with names and numbers of points, and the number of other pairs' points.
+    lines: Vec<(u16, String, u64)>,
+    others: u64,
+}
+
+/// Pairs in the legend.
+const MOST_PAIRS: usize = 14;
+
+impl<'a> Change<'a> {
+    fn new(compared: Agreement<'a>, names: impl Fn(u8) -> String, monitor: &Monitor) -> Result<Self> {
+        let mut counts: HashMap<u16, u64> = HashMap::new();
+        for points in watched(compared.truth.len(), monitor) {
+            points?.filter_map(|i| compared.pair(i)).for_each(|pair| *counts.entry(pair).or_default() += 1);
+        }
+        let mut sorted: Vec<(u16, u64)> = counts.into_iter().collect();
+        sorted.sort_by_key(|&(pair, points)| (std::cmp::Reverse(points), pair));
+        let colours = (1..).zip(&sorted).map(|(rank, &(pair, _))| (pair, segment_colour(rank))).collect();
+        let line = |&(pair, points): &(u16, u64)| {
+            let [from, to] = pair.to_be_bytes();
+            (pair, format!("{} > {}", names(from), names(to)), points)
+        };
+        let lines = sorted.iter().take(MOST_PAIRS).map(line).collect();
+        let others = sorted.iter().skip(MOST_PAIRS).map(|(_, points)| points).sum();
+        Ok(Self { compared, colours, lines, others })
+    }
+
+    fn colour(&self, point: usize) -> [u8; 3] {
+        match self.compared.pair(point) {
+            Some(pair) => self.colours.get(&pair).copied().unwrap_or(WRONG),
+            None => [RIGHT, WRONG, APART][self.compared.kind(point)],
+        }
+    }
+
+    fn entries(&self) -> Vec<LegendEntry> {
+        let [right, wrong, _] = self.compared.counts;
+        let share = |n: u64| format!("{:.1} %", 100.0 * n as f64 / (right + wrong).max(1) as f64);
+        let line = |(pair, name, points): &(u16, String, u64)| LegendEntry {
+            colour: self.colours.get(pair).copied().unwrap_or(WRONG),
+            name: name.clone(),
+            share: share(*points),
+        };
+        let same = LegendEntry { colour: RIGHT, name: "as in the truth".into(), share: share(right) };
+        let others = LegendEntry { colour: WRONG, name: "other pairs".into(), share: share(self.others) };
+        let rest = (self.others > 0).then_some(others);
+        std::iter::once(same).chain(self.lines.iter().map(line)).chain(rest).collect()
+    }
 }
 
 /// Two class columns that are compared.
@@ -49,6 +106,13 @@ impl<'a> Agreement<'a> {
         Ok(found)
     }
 
+    /// The true and the other code of a point that is wrong, if both are codes.
+    fn pair(&self, point: usize) -> Option<u16> {
+        let (truth, named) = (self.truth.get(point), self.prediction.get(point));
+        let both = self.kind(point) == 1 && (0.0..256.0).contains(&named) && truth < 256.0;
+        both.then(|| u16::from_be_bytes([truth as u8, named as u8]))
+    }
+
     /// 0 correct, 1 wrong, 2 not compared.
     fn kind(&self, point: usize) -> usize {
         let (truth, named) = (self.truth.get(point), self.prediction.get(point));
@@ -63,8 +127,15 @@ impl<'a> Agreement<'a> {
 fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
     cloud.column(name).map(|c| &c.values).ok_or_else(|| {
         let known: Vec<&str> = cloud.columns().iter().map(|c| c.name.as_str()).collect();
-        Error::input(format!("no column {name} to draw; the cloud has: {}", known.join(", ")))
+        let near = nearest_names(known.iter().copied(), name).join(", ");
+        Error::input(format!("no column {name} to draw; nearest: {near}; the cloud has: {}", known.join(", ")))
     })
+}
+
+/// The class of a code: as the caller calls it, else the cloud.
+fn class_of(cloud: &Cloud, classes: &ClassTable, code: u8) -> Class {
+    let known = classes.classes().iter().find(|class| class.code == code).cloned();
+    known.unwrap_or_else(|| preset::named(code, cloud.scheme.likely(), &cloud.class_names))
 }
 
 /// A line of the legend.
@@ -92,6 +163,11 @@ impl<'a> Paint<'a> {
                 let columns = [column(cloud, truth)?, column(cloud, prediction)?];
                 Ok(Self::Agreement(Agreement::new(columns, classes, monitor)?))
             }
+            ColourBy::Change { truth, prediction, classes: asked } => {
+                let columns = [column(cloud, truth)?, column(cloud, prediction)?];
+                let name = |code: u8| class_of(cloud, classes, code).name;
+                Ok(Self::Change(Change::new(Agreement::new(columns, asked, monitor)?, name, monitor)?))
+            }
         }
     }
 
@@ -101,10 +177,7 @@ impl<'a> Paint<'a> {
         for points in watched(cloud.len(), monitor) {
             points?.for_each(|i| counts[values.map_or(0, |v| usize::from(v.get(i) as u8))] += 1);
         }
-        let of = |code: u8| {
-            let known = classes.classes().iter().find(|c| c.code == code).cloned();
-            known.unwrap_or_else(|| preset::named(code, cloud.scheme.likely(), &cloud.class_names))
-        };
+        let of = |code: u8| class_of(cloud, classes, code);
         Ok(Self::Classes { values, table: (0..=255).map(of).collect(), counts })
     }
 
@@ -159,6 +232,7 @@ impl<'a> Paint<'a> {
             Self::Segments { values, .. } => segment_colour(values.get(i) as u32).map(f32::from),
             Self::Own { channels, factor } => channels.map(|v| (v.get(i) * factor) as f32),
             Self::Agreement(compared) => [RIGHT, WRONG, APART][compared.kind(i)].map(f32::from),
+            Self::Change(change) => change.colour(i).map(f32::from),
         }
     }
 
@@ -185,6 +259,7 @@ impl<'a> Paint<'a> {
                 lines.extend((*apart > 0).then(|| entry(APART, "not compared".into(), String::new())));
                 lines
             }
+            Self::Change(change) => change.entries(),
             _ => Vec::new(),
         }
     }

@@ -36,7 +36,7 @@ pub use maps::{Georeference, Outline, Outlines, check_outline_output, check_rast
 pub use maps::{geojson, outlines_of, read_ascii_grid, write_outlines, write_raster};
 pub use operations::convert::{ConvertParams, convert};
 pub use operations::diff::{Changed, ClassChange, Difference, FieldDifference, diff};
-pub use operations::merge::merge;
+pub use operations::merge::{merge, read_together};
 pub use operations::select::{rewrite, select};
 pub use operations::{salvage, statistics};
 

@@ -32,6 +32,8 @@ def render(
     value_range: tuple[float, float] | None = None,
     truth: ArrayLike | None = None,
     classes: Iterable[int] = (),
+    changes: bool = False,
+    clip: tuple[float, float] | None = None,
     n_jobs: int | None = None,
 ) -> NDArray[np.uint8]:
     """Draws a map or an oblique view of a cloud.
@@ -60,6 +62,10 @@ def render(
         True class codes 0..255, negative: unlabelled; the colours then show where the cloud's classes differ from them.
     classes : iterable of int
         Compare only points whose true class is one of these; all by default.
+    changes : bool
+        With ``truth``: a colour for each pair of a true class and another.
+    clip : (float, float), optional
+        Draw only points of these heights (z), e.g. ``(-inf, 2.2)`` for a room without its ceiling.
     n_jobs : int, optional
         Number of threads; None and -1 use all.
 
@@ -78,6 +84,8 @@ def render(
         "legend": legend,
         "title": title,
         "range": value_range,
+        "changes": changes,
+        "clip": None if clip is None else tuple(float(np.clip(end, -1e300, 1e300)) for end in clip),
         "classes": [whole(code, "classes", 0) for code in classes],
     }
     target = None if path is None else os.fspath(path)

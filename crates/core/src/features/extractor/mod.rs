@@ -11,7 +11,7 @@ use super::pyramid::region::{Region, Sorted};
 use super::pyramid::slots::Slots;
 use super::pyramid::{Job, Part, Stage};
 use crate::cloud::{MetricCloud, Points, Positions};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest_names};
 use crate::parallel::Monitor;
 use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
 use extras::{Source, dimensions, sources};
@@ -262,8 +262,10 @@ impl<'a> Extractor<'a> {
 
 /// The selected names, with or without scale.
 fn matching(all: &[String], asked: &[String]) -> Result<Vec<String>> {
-    let matches =
-        |name: &str, asked: &str| name == asked || name.strip_prefix(asked).is_some_and(|rest| rest.starts_with("_r"));
+    let matches = |name: &str, asked: &str| {
+        let (start, rest) = name.split_at(name.floor_char_boundary(asked.len()));
+        start.eq_ignore_ascii_case(asked) && (rest.is_empty() || rest.starts_with("_r"))
+    };
     if let Some(unknown) = asked.iter().find(|a| !all.iter().any(|name| matches(name, a))) {
         return Err(unknown_feature(all, unknown));
     }
@@ -278,14 +280,7 @@ fn unknown_feature(all: &[String], unknown: &str) -> Error {
     let plain = |name: &str| if scaled { name } else { name.split("_r").next().unwrap_or(name) }.to_string();
     let mut names: Vec<String> = all.iter().map(|name| plain(name)).collect();
     names.dedup();
-    let unknown_low = unknown.to_lowercase();
-    names.sort_by_key(|name| strsim::levenshtein(&name.to_lowercase(), &unknown_low));
-    let mut near: Vec<String> = Vec::new();
-    for name in names {
-        if near.len() < 3 && !near.contains(&name) {
-            near.push(name);
-        }
-    }
+    let near = nearest_names(names.iter().map(String::as_str), unknown);
     let expected = format!("one of {} features, e.g. {} (features --list has all)", all.len(), near.join(", "));
     Error::parameter("features", unknown, expected)
 }

@@ -35,19 +35,29 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
         return las::merge(inputs, output, options);
     }
     check_place(output)?;
+    let read = ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() };
+    let (cloud, notes) = read_together(inputs, &read)?;
+    write(output, &cloud, options)?;
+    Ok(RewriteReport { points: cloud.len() as u64, notes })
+}
+
+/// Reads several files as one cloud, in the given order, and tells what some of them lack. A single one is read as it is.
+///
+/// # Errors
+/// As [`read_with`], and if there are no inputs, or their reference systems differ.
+pub fn read_together(inputs: &[PathBuf], options: &ReadOptions) -> Result<(Cloud, Vec<String>)> {
     let mut merged: Option<Cloud> = None;
     let mut notes = Vec::new();
-    for input in inputs {
-        let read = ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() };
-        let cloud = read_with(input, &read)?;
+    for (number, input) in inputs.iter().enumerate() {
+        options.monitor.file(number + 1, inputs.len());
+        let cloud = read_with(input, options)?;
         merged = Some(match merged {
             None => cloud,
             Some(before) => append(before, &cloud, input, &mut notes)?,
         });
     }
     let cloud = merged.ok_or_else(|| Error::input("nothing to merge"))?;
-    write(output, &cloud, options)?;
-    Ok(RewriteReport { points: cloud.len() as u64, notes })
+    Ok((cloud, notes))
 }
 
 /// Appends the cloud of a file to those before it.

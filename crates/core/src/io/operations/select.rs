@@ -3,7 +3,8 @@
 use crate::cloud::{Cloud, Column, OwnClass, Values, names};
 use crate::error::Result;
 use crate::io::{
-    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, atomic, check_target, extension, las, read_with, run, write,
+    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, atomic, check_target, extension, las, read_with, run,
+    write,
 };
 use std::path::{Path, PathBuf};
 

@@ -5,8 +5,6 @@ use crate::classes::ClassTable;
 use crate::cloud::{Cloud, CodeScheme, MetricCloud, names};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, watched};
-use crate::recipes::system::settings::{explained, set_key};
-use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
 /// A class, and the dimension with its probability at each point.
@@ -155,28 +153,6 @@ fn normalise(row: &mut [f32]) {
     row.iter_mut().for_each(|value| *value = if sum > 0.0 { (f64::from(*value) / sum) as f32 } else { even });
 }
 
-/// The section of a recipe, alone.
-#[derive(Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct Section {
-    regularise: RegulariseParams,
-}
-
-impl RegulariseParams {
-    /// Applies settings `regularise.key=value` as recipes have them, each value read as TOML (a bare word counts as text).
-    ///
-    /// # Errors
-    /// If a key is unknown, or a value has the wrong type.
-    pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
-        let wrong = |e: &dyn std::fmt::Display| Error::input(format!("settings: {e}"));
-        let mut table = toml::Table::try_from(Section { regularise: self.clone() }).map_err(|e| wrong(&e))?;
-        for setting in settings {
-            set_key(&mut table, setting)?;
-        }
-        Ok(explained::<Section>(&table.to_string())?.regularise)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -242,13 +218,5 @@ mod tests {
         for bad in ["P_roof", "=6", "roof=256"] {
             assert!(bad.parse::<ClassDimension>().is_err(), "{bad}");
         }
-    }
-
-    #[test]
-    fn settings_are_those_of_recipes() {
-        let params = RegulariseParams::default().with_settings(["regularise.strength=3"]).unwrap();
-        assert!((params.strength - 3.0).abs() < 1e-12);
-        let wrong = params.with_settings(["regularise.strenght=3"]).unwrap_err().to_string();
-        assert!(wrong.contains("did you mean `strength`"), "{wrong}");
     }
 }

@@ -1,8 +1,9 @@
 //! Recipes as TOML: reading with explanations, and single settings `a.b.c=value`.
 
 use crate::error::{Error, Result};
-use serde::Serialize;
+use crate::recipes::RegulariseParams;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 /// Largest number of parts of a key; those of recipes have up to four.
 const DEEPEST: usize = 16;
@@ -85,10 +86,33 @@ fn explain(message: &str) -> String {
     }
 }
 
+/// The section of a recipe, alone.
+#[derive(Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Section {
+    regularise: RegulariseParams,
+}
+
+impl RegulariseParams {
+    /// Applies settings `regularise.key=value` as recipes have them, each value read as TOML (a bare word counts as text).
+    ///
+    /// # Errors
+    /// If a key is unknown, or a value has the wrong type.
+    pub fn with_settings<'a>(&self, settings: impl IntoIterator<Item = &'a str>) -> Result<Self> {
+        let wrong = |e: &dyn std::fmt::Display| Error::input(format!("settings: {e}"));
+        let mut table = toml::Table::try_from(Section { regularise: self.clone() }).map_err(|e| wrong(&e))?;
+        for setting in settings {
+            set_key(&mut table, setting)?;
+        }
+        Ok(explained::<Section>(&table.to_string())?.regularise)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use crate::classification::MaxFeatures;
     use crate::features::{Column, PyramidParams};
+    use crate::recipes::RegulariseParams;
     use crate::recipes::{AnyRecipe, PyramidRecipe};
     use crate::segmentation::Intent;
 
@@ -207,5 +231,13 @@ mod tests {
         ] {
             assert!(AnyRecipe::from_toml(&text).is_err());
         }
+    }
+
+    #[test]
+    fn settings_are_those_of_recipes() {
+        let params = RegulariseParams::default().with_settings(["regularise.strength=3"]).unwrap();
+        assert!((params.strength - 3.0).abs() < 1e-12);
+        let wrong = params.with_settings(["regularise.strenght=3"]).unwrap_err().to_string();
+        assert!(wrong.contains("did you mean `strength`"), "{wrong}");
     }
 }
