@@ -96,7 +96,7 @@ pub fn named(code: u8, scheme: CodeScheme, own: &ClassNames) -> Class {
 pub fn colour_of(code: u8) -> [u8; 3] {
     let hue = (f64::from(code) * 137.508).rem_euclid(360.0) / 60.0;
     let value = [1.0, 0.72, 0.5][usize::from(code) % 3];
-    let saturation = if code % 2 == 0 { 0.85 } else { 0.55 };
+    let saturation = if code.is_multiple_of(2) { 0.85 } else { 0.55 };
     let channel = |shift: f64| {
         let place = (shift + hue).rem_euclid(6.0);
         let part = place.min(4.0 - place).clamp(0.0, 1.0);

@@ -140,7 +140,7 @@ impl RenderParams {
                 return Err(Error::parameter(name, value.unwrap_or(0), "200..8000 pixels"));
             }
         }
-        if let Some((low, high)) = self.clip.filter(|(low, high)| !(low <= high)) {
+        if let Some((low, high)) = self.clip.filter(|(low, high)| low > high || low.is_nan() || high.is_nan()) {
             return Err(Error::parameter("clip", format!("{low}..{high}"), "LOW..HIGH"));
         }
         match self.view {
