@@ -66,7 +66,7 @@ STEPS = [
 def run(*arguments):
     """Runs the program; returns the seconds of the processor."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([PROGRAM, *map(str, arguments)], check=True, capture_output=True)
+    subprocess.run([PROGRAM, *map(str, arguments), "--overwrite"], check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime - before.ru_utime
 
@@ -77,7 +77,7 @@ def memory(*arguments):
         "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, capture_output=True);"
         "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
     )
-    found = subprocess.run([sys.executable, "-c", code, PROGRAM, *map(str, arguments)], check=True, capture_output=True)
+    found = subprocess.run([sys.executable, "-c", code, PROGRAM, *map(str, arguments), "--overwrite"], check=True, capture_output=True)
     return int(found.stdout) / 1000
 
 

@@ -53,7 +53,7 @@ FEWER = (2, 3, 4, 5, 6, 7, 8)
 
 def run(*arguments):
     """Runs the program; processor seconds and the most memory in MB."""
-    process = subprocess.Popen([PROGRAM, *map(str, arguments), "-q"], stdout=subprocess.DEVNULL)
+    process = subprocess.Popen([PROGRAM, *map(str, arguments), "-q", "--overwrite"], stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         sys.exit(f"{arguments}: failed")

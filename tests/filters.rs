@@ -17,7 +17,8 @@ fn text(bytes: &[u8]) -> String {
 }
 
 fn done(folder: &Path, arguments: &[&str]) -> String {
-    let output = scansion(folder, arguments);
+    // Tests write the same names again.
+    let output = scansion(folder, &[arguments, &["--overwrite"]].concat());
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     text(&output.stdout)
 }

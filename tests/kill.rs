@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 fn start(folder: &Path, arguments: &[&str]) -> Child {
     Command::new(env!("CARGO_BIN_EXE_scansion-under-test"))
         .args(arguments)
-        .args(["--progress", "never", "-j", "2"])
+        .args(["--progress", "never", "-j", "2", "--overwrite"])
         .current_dir(folder)
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -143,7 +143,7 @@ fn with_room(folder: &Path, arguments: &[&str], blocks: usize) -> std::process::
         .args(["-c", &format!("trap '' 25; ulimit -f {blocks}; exec \"$0\" \"$@\"")])
         .arg(env!("CARGO_BIN_EXE_scansion-under-test"))
         .args(arguments)
-        .args(["--progress", "never", "-j", "2"])
+        .args(["--progress", "never", "-j", "2", "--overwrite"])
         .current_dir(folder)
         .output()
         .unwrap()

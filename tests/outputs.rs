@@ -26,7 +26,8 @@ fn text(bytes: &[u8]) -> String {
 }
 
 fn done(folder: &Path, arguments: &[&str]) -> String {
-    let output = scansion(folder, arguments);
+    // Tests write the same names again.
+    let output = scansion(folder, &[arguments, &["--overwrite"]].concat());
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     text(&output.stdout)
 }
@@ -586,4 +587,39 @@ fn an_output_through_a_link_to_nothing_makes_its_target() {
     assert!(f.join("out/b.laz").is_file());
     let names: Vec<_> = std::fs::read_dir(f.join("out")).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(names.len(), 2, "{names:?}");
+}
+
+#[test]
+fn what_exists_is_replaced_only_if_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    scansion_core::io::write(&f.join("a.laz"), &street(15.0, 2), &Default::default()).unwrap();
+    let train = ["train", "a.laz", "-o", "a.model", "--set", "forest.trees=2", "--set", "features.pyramid.levels=2"];
+    assert_eq!(scansion(f, &train).status.code(), Some(0));
+    let verbs: [&[&str]; 8] = [
+        &["convert", "a.laz", "o.laz"],
+        &["classify", "a.laz", "-m", "a.model", "-o", "o.laz"],
+        &["segment", "a.laz", "-o", "o.laz"],
+        &["features", "a.laz", "-o", "o.csv"],
+        &["render", "a.laz", "-o", "o.png"],
+        &["evaluate", "a.laz", "a.laz", "-o", "o.json"],
+        &["suggest", "a.laz", "-n", "3", "-o", "o.csv"],
+        &["train", "a.laz", "-o", "a.model"],
+    ];
+    for name in ["o.laz", "o.csv", "o.png", "o.json"] {
+        std::fs::write(f.join(name), "kept").unwrap();
+    }
+    let model = std::fs::read(f.join("a.model")).unwrap();
+    for verb in verbs {
+        let output = scansion(f, verb);
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{verb:?}: {message}");
+        assert!(message.contains("it exists; use --overwrite to replace it"), "{verb:?}: {message}");
+    }
+    for name in ["o.laz", "o.csv", "o.png", "o.json"] {
+        assert_eq!(std::fs::read(f.join(name)).unwrap(), b"kept");
+    }
+    assert_eq!(std::fs::read(f.join("a.model")).unwrap(), model);
+    assert_eq!(scansion(f, &["convert", "a.laz", "o.laz", "--overwrite"]).status.code(), Some(0));
+    assert!(std::fs::read(f.join("o.laz")).unwrap().starts_with(b"LASF"));
 }

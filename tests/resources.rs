@@ -12,7 +12,7 @@ const SOON: Duration = Duration::from_secs(15);
 
 /// Runs the program with this many kilobytes of address space (code, stacks and heap).
 fn limited(kilobytes: u64, folder: &Path, arguments: &[&str]) -> Output {
-    let limit = format!("ulimit -v {kilobytes}; exec \"$0\" --progress never -j 1 \"$@\"");
+    let limit = format!("ulimit -v {kilobytes}; exec \"$0\" --progress never -j 1 --overwrite \"$@\"");
     Command::new("sh")
         .args(["-c", &limit, env!("CARGO_BIN_EXE_scansion-under-test")])
         .args(arguments)

@@ -45,9 +45,6 @@ pub(crate) struct Convert {
     /// Read the intact part of a damaged LAS or LAZ file, and report what is lost
     #[arg(long, conflicts_with_all = ["point_format", "bounds", "resolution", "scale"])]
     pub(crate) salvage: bool,
-    /// Allow the output to replace the input
-    #[arg(long)]
-    pub(crate) overwrite: bool,
 }
 
 /// scansion completions SHELL
@@ -75,9 +72,6 @@ pub(crate) struct Merge {
     pub(crate) files: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Allow the output to replace an input
-    #[arg(long)]
-    pub(crate) overwrite: bool,
 }
 
 /// scansion diff A B

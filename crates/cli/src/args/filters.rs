@@ -40,9 +40,6 @@ pub(crate) struct Filter {
     pub(crate) ground: GroundArgs,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Allow the output to replace the input
-    #[arg(long)]
-    pub(crate) overwrite: bool,
 }
 
 /// Removal of noise.

@@ -29,9 +29,6 @@ pub(crate) struct Features {
     pub(crate) unit: UnitArgs,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Allow the output to replace the input
-    #[arg(long)]
-    pub(crate) overwrite: bool,
 }
 
 /// scansion train LABELLED... -o MODEL
@@ -141,9 +138,6 @@ pub(crate) struct Classify {
     /// Write the result of the built-in model although the cloud is not like an airborne scan
     #[arg(long)]
     pub(crate) force: bool,
-    /// Allow the output to replace the input
-    #[arg(long)]
-    pub(crate) overwrite: bool,
 }
 
 /// scansion regularize IN -o OUT
@@ -175,9 +169,6 @@ pub(crate) struct Regularize {
     pub(crate) unit: UnitArgs,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Allow the output to replace the input
-    #[arg(long)]
-    pub(crate) overwrite: bool,
 }
 
 /// scansion evaluate TRUTH [PREDICTION]

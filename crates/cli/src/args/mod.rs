@@ -79,6 +79,9 @@ pub(crate) struct Global {
     /// render: png]
     #[arg(long, global = true, value_name = "EXTENSION")]
     pub(crate) stdout_format: Option<String>,
+    /// Replace outputs that exist; commands that write a changed copy may then replace their input too
+    #[arg(long, global = true)]
+    pub(crate) overwrite: bool,
     /// Print errors only
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
@@ -147,23 +150,31 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// Whether an output may replace an input.
-    pub(crate) fn replace(&self) -> Replace {
-        let overwrite = match self {
-            Self::Convert(args) => Some(args.overwrite),
-            Self::Merge(args) => Some(args.overwrite),
-            Self::Features(args) => Some(args.overwrite),
-            Self::Classify(args) => Some(args.overwrite),
-            Self::Regularize(args) => Some(args.overwrite),
-            Self::Segment(args) => Some(args.overwrite),
-            Self::Height(args) => Some(args.overwrite),
-            Self::Filter(args) => Some(args.overwrite),
-            _ => None,
-        };
-        match overwrite {
-            Some(true) => Replace::Allowed,
-            Some(false) => Replace::Refused("use --overwrite to replace it"),
-            None => Replace::Refused("give the output another name"),
+    /// Whether an output may replace an input, if the user allows files to be replaced.
+    pub(crate) fn replace(&self, overwrite: bool) -> Replace {
+        let able = matches!(
+            self,
+            Self::Convert(_)
+                | Self::Merge(_)
+                | Self::Features(_)
+                | Self::Classify(_)
+                | Self::Regularize(_)
+                | Self::Segment(_)
+                | Self::Height(_)
+                | Self::Filter(_)
+        );
+        match (able, overwrite) {
+            (true, true) => Replace::Allowed,
+            (true, false) => Replace::Refused("use --overwrite to replace it"),
+            (false, _) => Replace::Refused("give the output another name"),
+        }
+    }
+
+    /// Whether an output may replace another file. What `demo` and `man` write is always the same.
+    pub(crate) fn existing(&self, overwrite: bool) -> Replace {
+        match overwrite || matches!(self, Self::Demo(_) | Self::Man(_)) {
+            true => Replace::Allowed,
+            false => Replace::Refused("use --overwrite to replace it"),
         }
     }
 

@@ -73,9 +73,6 @@ pub(crate) struct Segment {
     pub(crate) labels: LabelArgs,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Allow the output to replace the input
-    #[arg(long)]
-    pub(crate) overwrite: bool,
 }
 
 /// scansion suggest IN -o OUT

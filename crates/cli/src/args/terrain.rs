@@ -80,7 +80,4 @@ pub(crate) struct Height {
     pub(crate) ground: GroundArgs,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
-    /// Allow the output to replace the input
-    #[arg(long)]
-    pub(crate) overwrite: bool,
 }

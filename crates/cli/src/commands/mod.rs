@@ -133,7 +133,9 @@ fn run_in_pool(args: &Args, running: &Interruptible, printer: &Printer) -> Resul
     let naming = Naming::new(&args.global)?;
     let context = Context { printer, monitor: running.monitor(), unit, scale, columns: &args.global.columns, naming };
     let progress = Progress::watch(&context.monitor, &args.global);
-    let rules = Rules { monitor: context.monitor.clone(), replace: args.command.replace() };
+    let overwrite = args.global.overwrite;
+    let (replace, existing) = (args.command.replace(overwrite), args.command.existing(overwrite));
+    let rules = Rules { monitor: context.monitor.clone(), replace, existing };
     let outcome = threads::with_pool(args.global.threads, || {
         run(rules, || {
             args.command.inputs().into_iter().for_each(expect);

@@ -44,7 +44,9 @@ fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &
     write(output, &cloud, options)?;
     for edit in selection.edits {
         if let Edit::Provenance(text) = edit {
-            atomic::write_bytes(&beside(output), text.as_bytes())?;
+            // Of an output that is replaced or new; what is left there of an earlier one is replaced too.
+            let rules = run::Rules { monitor: options.monitor.clone(), ..run::Rules::default() };
+            run::run(rules, || atomic::write_bytes(&beside(output), text.as_bytes()))?;
         }
     }
     Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })

@@ -32,9 +32,11 @@ pub struct Rules {
     pub monitor: Monitor,
     /// Whether an output may replace an input.
     pub replace: Replace,
+    /// Whether an output may replace another file that exists.
+    pub existing: Replace,
 }
 
-/// Whether an output may replace an input.
+/// Whether an output may replace a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Replace {
     /// It may.
@@ -190,7 +192,7 @@ pub(super) fn unchanged(path: &Path) -> Result<()> {
 /// whether it is the run's first output in its folder.
 ///
 /// # Errors
-/// If two outputs are the same file, or the output is an input.
+/// If two outputs are the same file, or the output is an input, or exists and must not be replaced.
 pub(super) fn announce(typed: &Path, target: &Path) -> Result<bool> {
     let Some(files) = current() else { return Ok(true) };
     let output = Output::new(typed, target, Stage::Announced);
@@ -205,6 +207,7 @@ pub(super) fn announce(typed: &Path, target: &Path) -> Result<bool> {
         }
     }
     files.check(&output)?;
+    files.check_new(typed, target)?;
     let folder = |output: &Output| output.place.path.parent().map(|p| p.as_os_str().to_os_string());
     let here = folder(&output);
     let first = files.levels().all(|level| level.outputs.borrow().iter().all(|other| folder(other) != here));
@@ -226,6 +229,7 @@ pub(super) fn begun(typed: &Path, target: &Path) -> Result<()> {
             return Ok(());
         }
     }
+    files.check_new(typed, target)?;
     files.outputs.borrow_mut().push(output);
     Ok(())
 }
@@ -259,6 +263,17 @@ pub(super) fn at_once(path: &Path) -> Result<File> {
 }
 
 impl Files {
+    /// Fails if an output exists and must not be replaced.
+    fn check_new(&self, typed: &Path, target: &Path) -> Result<()> {
+        match self.rules.existing {
+            Replace::Refused(advice) if target.exists() => {
+                let text = format!("it exists; {advice}");
+                Err(Error::io(typed, std::io::Error::new(std::io::ErrorKind::AlreadyExists, text)))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// This part of the run and the enclosing ones.
     fn levels(&self) -> impl Iterator<Item = &Self> {
         std::iter::successors(Some(self), |files| files.whole.as_deref())
