@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import scansion
 
@@ -38,3 +39,20 @@ def test_info_tells_the_header(tmp_path, labelled):
 def test_exit_codes_reach_the_shell(tmp_path):
     assert run("--no-such-flag").returncode == 2
     assert run("info", tmp_path / "absent.las").returncode == 4
+
+
+def test_optimal_neighbourhoods_are_those_of_the_function(tmp_path, labelled):
+    scansion.write(tmp_path / "a.laz", labelled)
+    cloud = scansion.read(tmp_path / "a.laz")
+    done = run("features", tmp_path / "a.laz", "-o", tmp_path / "a.npy", "--optimal", "--neighbours", "10,40")
+    assert done.returncode == 0, done.stderr
+    k, found = scansion.neighbours.optimal(cloud, k_min=10, k_max=40)
+    table = np.load(tmp_path / "a.npy")
+    np.testing.assert_array_equal(table[:, :4], found)
+    np.testing.assert_array_equal(table[:, 4], k)
+    done = run("features", tmp_path / "a.laz", "-o", tmp_path / "b.laz", "--optimal", "--only", "OptimalPlanarity,Neighbours")
+    assert done.returncode == 0, done.stderr
+    written = scansion.read(tmp_path / "b.laz")
+    assert "OptimalPlanarity" in written and "OptimalLinearity" not in written
+    assert written["Neighbours"].min() >= 10 and written["Neighbours"].max() <= 100
+    assert run("features", tmp_path / "a.laz", "-o", tmp_path / "c.npy", "--optimal", "--set", "a=1").returncode == 2

@@ -498,6 +498,14 @@ fn classes_have_the_names_of_the_user_the_file_the_model_or_the_list() {
     assert!(out.contains("tramway") && out.contains("transmission tower"), "of a.laz, which has no names: {out}");
     let (out, _) = done(f, &["evaluate", "b.laz", "a.laz", "--format", "json"]);
     assert!(out.contains("\"tram\"") && out.contains("\"pole\""), "{out}");
+    // New names replace those in the file, and a list that is asked for comes before them.
+    done(f, &["classify", "b.laz", "-m", "a.model", "-o", "c.laz", "--names", "64=metro"]);
+    let renamed = io::read(&f.join("c.laz")).unwrap().class_names;
+    assert_eq!((renamed[&64].name.as_str(), renamed[&15].name.as_str()), ("metro", "pole"));
+    let (out, _) = done(f, &["info", "b.laz", "--stats", "--scheme", "asprs"]);
+    assert!(out.contains("transmission tower") && !out.contains("tram"), "{out}");
+    let (out, _) = done(f, &["evaluate", "a.laz", "b.laz", "--format", "json", "--scheme", "asprs"]);
+    assert!(out.contains("vehicle"), "{out}");
     // Lists by name, or from a file.
     let (out, _) = done(f, &["evaluate", "a.ply", "a.ply", "--scheme", "Toronto-3D", "--format", "json"]);
     assert!(out.contains("\"pole\"") && out.contains("\"building\""), "{out}");

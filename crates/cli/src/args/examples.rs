@@ -27,6 +27,7 @@ pub(super) const DIFF: &str = "Example:
 pub(super) const FEATURES: &str = "Examples:
   scansion features --list
   scansion features my.laz -o features.npy                   one row a point, for numpy
+  scansion features my.laz -o shape.laz --optimal --neighbours 10,100
   scansion features my.laz -o shape.laz --only Planarity,Verticality --set features.pyramid.first_scale=0.25";
 
 pub(super) const TRAIN: &str = "Examples:

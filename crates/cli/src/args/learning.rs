@@ -23,6 +23,13 @@ pub(crate) struct Features {
     /// Only these features, by name (see --list), e.g. Planarity or Planarity_r0p4
     #[arg(long, value_delimiter = ',')]
     pub(crate) only: Vec<String>,
+    /// Instead of the pyramid: linearity, planarity, scattering and verticality of each point's neighbourhood of lowest
+    /// entropy (Weinmann et al. 2015), and its number of points
+    #[arg(long, conflicts_with_all = ["list", "recipe", "set", "seed"])]
+    pub(crate) optimal: bool,
+    /// With --optimal: smallest and largest number of neighbours
+    #[arg(long, value_name = "MIN,MAX", value_delimiter = ',', num_args = 1, requires = "optimal")]
+    pub(crate) neighbours: Vec<usize>,
     #[command(flatten)]
     pub(crate) recipe: RecipeArgs,
     #[command(flatten)]
@@ -182,12 +189,12 @@ pub(crate) struct Evaluate {
     #[command(flatten)]
     pub(crate) labels: LabelArgs,
     /// Change the codes of the truth before the comparison. --map does so too, but is refused if it would also change
-    /// codes of the prediction
+    /// codes of the prediction; may be repeated
     #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
-    pub(crate) map_truth: Option<String>,
-    /// Change the codes of the prediction before the comparison
+    pub(crate) map_truth: Vec<String>,
+    /// Change the codes of the prediction before the comparison; may be repeated
     #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
-    pub(crate) map_predicted: Option<String>,
+    pub(crate) map_predicted: Vec<String>,
     /// Dimension with the prediction [default: Classification of a second file, else PredictedClassification]
     #[arg(long, value_name = "NAME")]
     pub(crate) prediction_dimension: Option<String>,

@@ -27,12 +27,12 @@ pub(crate) struct Render {
     /// With --truth: change codes of both before the comparison, e.g. 3-4=5; may be repeated
     #[arg(long, value_name = "OLD=NEW,...", requires = "truth")]
     pub(crate) map: Vec<String>,
-    /// With --truth: change codes of the truth only
+    /// With --truth: change codes of the truth only; may be repeated
     #[arg(long, value_name = "OLD=NEW,...", requires = "truth", conflicts_with = "map")]
-    pub(crate) map_truth: Option<String>,
-    /// With --truth: change codes of the drawn cloud only
+    pub(crate) map_truth: Vec<String>,
+    /// With --truth: change codes of the drawn cloud only; may be repeated
     #[arg(long, value_name = "OLD=NEW,...", requires = "truth", conflicts_with = "map")]
-    pub(crate) map_predicted: Option<String>,
+    pub(crate) map_predicted: Vec<String>,
     /// Compare only points whose true class is one of these
     #[arg(long, value_name = "CODES", value_delimiter = ',', requires = "truth")]
     pub(crate) classes: Vec<u8>,

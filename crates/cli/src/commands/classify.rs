@@ -211,6 +211,8 @@ fn edits(
         let classes = given(model, args, context)?;
         let names = classes.classes().iter().map(|c| (map.apply(c.code), c.name.clone())).collect();
         edits.push(Edit::ClassNames(names));
+        let own = context.naming.class_names.iter().map(|(&code, own)| (code, own.name.clone()));
+        edits.push(Edit::OtherClassNames(own.collect()));
         edits.push(Edit::Provenance(provenance(model, args)?));
         edits.push(Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))));
         edits.push(Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))));

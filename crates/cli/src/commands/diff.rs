@@ -1,6 +1,6 @@
 //! `scansion diff`: the differences between two files.
 
-use super::Context;
+use super::{Context, Naming};
 use crate::args::{Diff, Format};
 use crate::exit_code::Failure;
 use scansion_core::classes::preset;
@@ -22,12 +22,12 @@ pub(crate) fn run(args: &Diff, context: &Context<'_>) -> Result<(), Failure> {
     context.printer.data(&match context.printer.format {
         Format::Json => serde_json::to_string_pretty(&answer).unwrap_or_default(),
         Format::Csv => csv(&found),
-        Format::Table => table(&found),
+        Format::Table => table(&found, &context.naming),
     })?;
     if found.is_empty() { Ok(()) } else { Err(Failure::Different) }
 }
 
-fn table(found: &Difference) -> String {
+fn table(found: &Difference, naming: &Naming) -> String {
     let mut text = found.summary() + "\n";
     if found.points[0] != found.points[1] {
         let _ = writeln!(
@@ -50,7 +50,7 @@ fn table(found: &Difference) -> String {
     for f in &found.fields {
         let _ = writeln!(text, "{:<24} {:>14} {:>14} {:>14}", f.name, f.differing, f.first, shown(f.largest));
     }
-    classes(&mut text, found);
+    classes(&mut text, found, naming);
     text
 }
 
@@ -67,14 +67,15 @@ fn changed(text: &mut String, title: &str, c: &Changed) {
 }
 
 /// The pairs of class codes that changed, most points first, and the number of unchanged points.
-fn classes(text: &mut String, found: &Difference) {
+fn classes(text: &mut String, found: &Difference, naming: &Naming) {
     if found.classes.is_empty() {
         return;
     }
     let _ = writeln!(text, "\n{:<32} {:<32} {:>14}", "class", "became", "points");
     let mut pairs: Vec<_> = found.classes.iter().filter(|c| c.from != c.to).collect();
     pairs.sort_by_key(|c| (std::cmp::Reverse(c.points), c.from, c.to));
-    let named = |code: u8| format!("{code} {}", preset::asprs(code).name);
+    let list = naming.scheme.unwrap_or_default().likely();
+    let named = |code: u8| format!("{code} {}", preset::named(code, list, &naming.class_names).name);
     for c in pairs {
         let _ = writeln!(text, "{:<32} {:<32} {:>14}", named(c.from), named(c.to), c.points);
     }

@@ -101,7 +101,8 @@ struct Maps {
 impl Maps {
     /// From `--map-of` for a single file, `--map-truth` and `--map-predicted`, or `--map`.
     fn new(args: &Evaluate, source: &LabelSource<'_>) -> Result<Self, Error> {
-        let own = |input: &Path, flag: &Option<String>, name: &'static str| match (source.own_map(input), flag) {
+        let given = |flag: &[String]| (!flag.is_empty()).then(|| flag.join(","));
+        let own = |input: &Path, flag: &[String], name: &'static str| match (source.own_map(input), given(flag)) {
             (Some(_), Some(text)) => Err(Error::parameter(name, text, "one map a file; --map-of gives it another")),
             (Some(map), None) => Ok(Some(map.clone())),
             (None, Some(text)) => text.parse().map(Some),
@@ -110,7 +111,7 @@ impl Maps {
         let truth = own(&args.truth, &args.map_truth, "map-truth")?;
         let predicted = match &args.prediction {
             Some(path) => own(path, &args.map_predicted, "map-predicted")?,
-            None => args.map_predicted.as_ref().map(|text| text.parse()).transpose()?,
+            None => given(&args.map_predicted).map(|text| text.parse()).transpose()?,
         };
         let asked = truth.is_some() || predicted.is_some();
         // If one side has its own map, the other side uses --map, or none.

@@ -4,10 +4,12 @@ use super::feature_rows::{RowColumns, RowFile};
 use super::{Context, sources};
 use crate::args::{Features, Format};
 use crate::exit_code::Failure;
-use scansion_core::cloud::{Column, Values};
-use scansion_core::features::definition::{self, Definition};
-use scansion_core::features::{FeatureStream, Wanted};
-use scansion_core::io::{self, Columns, Edit};
+use scansion_core::cloud::{Cloud, Column, MetricCloud, Values};
+use scansion_core::features::definition::{self, Definition, Group};
+use scansion_core::features::{FeatureStream, Rows, Wanted, optimal_features};
+use scansion_core::io::{self, Columns, Edit, ReadOptions};
+use scansion_core::neighbours::OptimalParams;
+use std::path::Path;
 
 pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure> {
     let (Some(input), Some(output), false) = (&args.input, &args.output, args.list) else {
@@ -19,41 +21,84 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     } else {
         io::check_cloud_output(output)?
     }
+    if args.optimal {
+        return optimal(args, (input, output), context);
+    }
     let set = sources::recipe(&args.recipe)?.features;
     let asked = Wanted::Asked(&args.only);
     // Names contain the first scale; if the cloud determines it, they are not known yet.
     if let (Some(scale), false) = (set.pyramid.first_scale, table) {
-        let columns =
-            asked.names(&set.names(scale))?.into_iter().map(|name| Column::new(name, Values::F32(Vec::new())));
-        io::check_dimensions(input, output, &columns.collect::<Vec<_>>())?;
+        io::check_dimensions(input, output, &columns(&asked.names(&set.names(scale))?))?;
     }
     let mut options = context.read_options();
     options.columns = Columns::Only(set.columns());
     let cloud = io::read_with(input, &options)?;
     io::check_steps(input, output, &cloud, &context.write_options())?;
     let stream = FeatureStream::prepare(&cloud, &set, asked, &context.monitor)?;
-    let (points, width) = (cloud.len(), stream.names().len());
+    let names = stream.names().to_vec();
+    write((&cloud, &names), (input, output), context, |take| stream.for_each(&context.monitor, take))
+}
+
+/// The name of the column with the number of neighbours.
+const NEIGHBOURS: &str = "Neighbours";
+
+/// The local descriptors of the neighbourhoods of lowest entropy, and their sizes.
+fn optimal(args: &Features, (input, output): (&Path, &Path), context: &Context<'_>) -> Result<(), Failure> {
+    let mut params = OptimalParams::default();
+    match args.neighbours[..] {
+        [] => {}
+        [k_min, k_max] => (params.k_min, params.k_max) = (k_min, k_max),
+        _ => return Err(Failure::Usage("--neighbours takes MIN,MAX".into())),
+    }
+    let own = Group::Optimal.names().chain([NEIGHBOURS.to_string()]);
+    let names = Wanted::Asked(&args.only).names(&own.collect::<Vec<_>>())?;
+    let options = ReadOptions { columns: Columns::Only(Vec::new()), ..context.read_options() };
+    let cloud = io::read_with(input, &options)?;
+    io::check_steps(input, output, &cloud, &context.write_options())?;
+    let points = MetricCloud::new(&cloud, args.unit.unit, &context.monitor)?.points(&context.monitor)?;
+    let found = optimal_features(&points.positions, &params, &context.monitor)?;
+    let mut all = Rows { points: (0..cloud.len() as u32).collect(), ..Rows::default() };
+    all.values = vec![f32::NAN; cloud.len() * names.len()];
+    let sources: Vec<Option<usize>> =
+        names.iter().map(|name| found.table.names.iter().position(|known| known == name)).collect();
+    for (i, &point) in points.frame.index.iter().enumerate() {
+        let row = all.values.chunks_exact_mut(names.len()).nth(point as usize).into_iter().flatten();
+        let value = |source: &Option<usize>| source.map_or(found.k[i] as f32, |column| found.table.row(i)[column]);
+        row.zip(&sources).for_each(|(slot, source)| *slot = value(source));
+    }
+    write((&cloud, &names), (input, output), context, |take| take(&all))
+}
+
+fn columns(names: &[String]) -> Vec<Column> {
+    names.iter().map(|name| Column::new(name, Values::F32(Vec::new()))).collect()
+}
+
+/// Writes the features that `rows` passes on, as a matrix, a table, or dimensions of the cloud.
+fn write(
+    (cloud, names): (&Cloud, &[String]),
+    (input, output): (&Path, &Path),
+    context: &Context<'_>,
+    rows: impl FnOnce(&mut dyn FnMut(&Rows) -> scansion_core::Result<()>) -> scansion_core::Result<()>,
+) -> Result<(), Failure> {
+    let (points, width) = (cloud.len(), names.len());
     match output.extension().and_then(|e| e.to_str()) {
         Some("npy") => {
             let mut file = RowFile::create(output, &npy_header(points, width), width)?;
-            stream.for_each(&context.monitor, |rows| file.put(rows))?;
+            rows(&mut |rows| file.put(rows))?;
             file.finish()?;
         }
         Some("csv") => {
             let mut file = RowFile::create(output, &[], width)?;
-            stream.for_each(&context.monitor, |rows| file.put(rows))?;
-            file.write_csv(output, (&cloud, stream.names()), &context.monitor)?;
+            rows(&mut |rows| file.put(rows))?;
+            file.write_csv(output, (cloud, names), &context.monitor)?;
         }
         _ => {
             let mut columns = RowColumns::new(points, width)?;
-            stream.for_each(&context.monitor, |rows| {
+            rows(&mut |rows| {
                 columns.put(rows);
                 Ok(())
             })?;
-            let names = stream.names().to_vec();
-            drop(stream);
-            drop(cloud);
-            let edits: Vec<Edit> = columns.named(&names).map(Edit::Dimension).collect();
+            let edits: Vec<Edit> = columns.named(names).map(Edit::Dimension).collect();
             io::rewrite(input, output, &edits, &context.write_options())?;
         }
     }

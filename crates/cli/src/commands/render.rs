@@ -63,8 +63,7 @@ fn differences(cloud: &mut Cloud, (truth, args): (&Path, &Render), context: &Con
     let truth = io::read_with(truth, &context.read_options())?;
     let missing = || Error::input(format!("{path} has no {} to compare with", names::CLASSIFICATION));
     truth.column(names::CLASSIFICATION).ok_or_else(missing)?;
-    let both = args.map.join(",");
-    let map_of = |own: &Option<String>| own.as_deref().unwrap_or(&both).parse::<LabelMap>();
+    let map_of = |own: &[String]| if own.is_empty() { &args.map[..] } else { own }.join(",").parse::<LabelMap>();
     let params = LabelParams {
         map: map_of(&args.map_truth)?,
         unlabelled: args.unlabelled.codes(),

@@ -57,6 +57,8 @@ pub enum Edit {
     Colour(Vec<[u8; 3]>),
     /// Names of class codes, stored in the Classification Lookup record of LAS; existing names are kept.
     ClassNames(Vec<(u8, String)>),
+    /// Names of class codes that replace existing ones.
+    OtherClassNames(Vec<(u8, String)>),
     /// How the classes were made, as text, stored in a record of LAS, for other formats in the file `NAME.EXT.json` beside
     /// it.
     Provenance(String),

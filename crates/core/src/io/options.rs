@@ -44,7 +44,11 @@ impl ReadOptions {
     pub(super) fn settle(&self, cloud: &mut Cloud) {
         cloud.take_unit_from_crs();
         cloud.metres_per_unit = self.metres_per_unit.or(cloud.metres_per_unit);
-        cloud.scheme = self.scheme.unwrap_or(cloud.scheme);
+        if let Some(asked) = self.scheme {
+            // What the user says comes before the names in the file.
+            cloud.scheme = asked;
+            cloud.class_names.clear();
+        }
         cloud.class_names.extend(self.class_names.clone());
     }
 

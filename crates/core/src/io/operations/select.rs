@@ -69,6 +69,12 @@ pub(super) fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
             }
             continue;
         }
+        if let Edit::OtherClassNames(names) = edit {
+            for (code, name) in names {
+                cloud.class_names.insert(*code, OwnClass { name: name.clone(), colour: None });
+            }
+            continue;
+        }
         if let Edit::ClassNames(names) = edit {
             for (code, name) in names {
                 let own = || OwnClass { name: name.clone(), colour: None };
@@ -79,7 +85,7 @@ pub(super) fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
         cloud.set_column(match edit {
             Edit::Classification(codes) => Column::new(names::CLASSIFICATION, Values::U8(codes.clone())),
             Edit::Dimension(column) => column.clone(),
-            Edit::ClassNames(_) | Edit::Colour(_) | Edit::Provenance(_) => continue,
+            Edit::ClassNames(_) | Edit::OtherClassNames(_) | Edit::Colour(_) | Edit::Provenance(_) => continue,
         })?;
     }
     Ok(())

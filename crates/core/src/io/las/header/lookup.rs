@@ -26,6 +26,17 @@ pub(in crate::io::las) fn add(vlrs: &mut Vec<Vlr>, names: &[(u8, String)]) {
     }
 }
 
+/// Removes the names of these codes.
+pub(in crate::io::las) fn remove(vlrs: &mut [Vlr], names: &[(u8, String)]) {
+    for vlr in vlrs.iter_mut().filter(|v| v.is("LASF_Spec", 0) && v.data.len() == 256 * ENTRY) {
+        for (code, _) in names {
+            let at = usize::from(*code) * ENTRY;
+            vlr.data[at..at + ENTRY].fill(0);
+            vlr.data[at] = *code;
+        }
+    }
+}
+
 /// The names in a file; none if the record's length is not the standard's.
 pub(in crate::io::las) fn get(vlrs: &[Vlr]) -> ClassNames {
     let of_standard = |v: &&Vlr| v.is("LASF_Spec", 0) && v.data.len() == 256 * ENTRY;
@@ -58,6 +69,10 @@ mod tests {
         assert_eq!((vlrs.len(), vlrs[0].data.len()), (1, 4096));
         let names: Vec<(u8, String)> = get(&vlrs).into_iter().map(|(code, own)| (code, own.name)).collect();
         assert_eq!(names, [(2, "ground"), (5, "a name of more"), (255, "last")].map(|(c, n)| (c, n.to_string())));
+        let other = [(2, "road".to_string())];
+        remove(&mut vlrs, &other);
+        add(&mut vlrs, &other);
+        assert_eq!((name(&vlrs, 2), name(&vlrs, 255)), ("road".to_string(), "last".to_string()));
         vlrs[0].data.pop();
         assert!(get(&vlrs).is_empty() && get(&[]).is_empty());
     }

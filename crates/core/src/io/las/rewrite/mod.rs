@@ -131,13 +131,17 @@ pub(in crate::io) fn rewrite_as(
         match edit {
             Edit::Dimension(column) => check_values(&column.name, &column.values, report.points)?,
             Edit::Colour(colours) => check_count("colours", colours.len(), report.points)?,
-            Edit::Classification(_) | Edit::ClassNames(_) | Edit::Provenance(_) => {}
+            Edit::Classification(_) | Edit::ClassNames(_) | Edit::OtherClassNames(_) | Edit::Provenance(_) => {}
         }
     }
     let plan = plan(&records, &mut front, edits, to)?;
     for edit in edits {
         match edit {
             Edit::ClassNames(names) => lookup::add(&mut front.vlrs, names),
+            Edit::OtherClassNames(names) => {
+                lookup::remove(&mut front.vlrs, names);
+                lookup::add(&mut front.vlrs, names);
+            }
             Edit::Provenance(text) => provenance::put(&mut front.vlrs, text)?,
             _ => {}
         }

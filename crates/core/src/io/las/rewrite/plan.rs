@@ -50,7 +50,7 @@ pub(super) fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], 
                 colours = Some(&new[..]);
                 continue;
             }
-            Edit::ClassNames(_) | Edit::Provenance(_) => continue,
+            Edit::ClassNames(_) | Edit::OtherClassNames(_) | Edit::Provenance(_) => continue,
         };
         if Field::named(&column.name, format).is_some() {
             let allowed = "a name that the point format does not use itself";
