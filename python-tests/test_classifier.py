@@ -163,6 +163,18 @@ def test_the_class_map_changes_what_is_learned(labelled):
     assert PointClassifier(RECIPE, class_map="5=6").fit(labelled).classes_.tolist() == [2, 6]
 
 
+def test_codes_above_255_are_mapped_in_fit_and_score():
+    xyz, labels = street(0)
+    large = labels.astype(np.uint16) * 100
+    model = PointClassifier(RECIPE, class_map="200=2,500=5,600=6").fit(xyz, large)
+    assert model.codes_.tolist() == [2, 5, 6]
+    assert model.score(xyz, large) == pytest.approx((model.predict(xyz) == labels).mean())
+    with pytest.raises(ValueError, match="map"):
+        PointClassifier(RECIPE, class_map="200=2").fit(xyz, large)
+    with pytest.raises(ValueError, match="found 600"):
+        model.set_params(class_map="200=2,500=5").score(xyz, large)
+
+
 def test_a_model_survives_files_and_pickle(fitted, tmp_path):
     xyz, _ = street(1)
     fitted.save(tmp_path / "a.model")

@@ -63,7 +63,7 @@ mod _core {
     #[pymodule_export]
     use crate::progress::follow;
     #[pymodule_export]
-    use crate::recipes::{Model, mapped_codes, recipe_columns, search, spatial_folds};
+    use crate::recipes::{Model, mapped_code, mapped_codes, recipe_columns, search, spatial_folds};
     #[pymodule_export]
     use crate::regularisation::{alpha_beta_swap, alpha_expansion, energy, icm, local_smoothing, regularize};
     #[pymodule_export]

@@ -45,6 +45,13 @@ pub(crate) fn recipe_columns(recipe: &str, settings: Vec<String>) -> PyResult<Ve
     Ok(resolve(recipe, &settings).map_err(raise)?.columns())
 }
 
+/// The code that a map like `252-259=10` gives a larger one; None if it has no entry for it.
+#[pyfunction]
+pub(crate) fn mapped_code(map: &str, code: u32) -> PyResult<Option<u8>> {
+    let map: LabelMap = map.parse().map_err(raise)?;
+    Ok(map.of_value(f64::from(code)))
+}
+
 /// The mapping of codes 0..255 described by text like `3-4=5`.
 #[pyfunction]
 pub(crate) fn mapped_codes(py: Python<'_>, map: &str) -> PyResult<Py<PyBytes>> {

@@ -44,6 +44,7 @@ __all__ = [
     "knn",
     "knn_graph",
     "local_smoothing",
+    "mapped_code",
     "mapped_codes",
     "merge",
     "merge_regions",
@@ -324,6 +325,7 @@ def fit_forest(
     oob_score: bool = False,
     n_jobs: int | None = None,
 ) -> tuple[Forest, float | None]: ...
+def mapped_code(map: str, code: int) -> int | None: ...
 def mapped_codes(map: str) -> bytes: ...
 def recipe_columns(recipe: str, settings: list[str]) -> list[str]: ...
 def confusion_matrix(

@@ -58,15 +58,35 @@ def encoded(labels: NDArray[np.object_], classes: list[str]) -> NDArray[np.int16
 def signed(
     values: Any, name: str, length: int | None = None, unlabelled: Iterable[int] = (), changes: str = ""
 ) -> NDArray[np.int16]:
-    """Codes 0..255, changed by a map like ``3-4=5``; -1 where they are negative, NaN or, after the mapping, ``unlabelled``."""
+    """Codes 0..255, changed by a map like ``3-4=5``; -1 where they are negative, NaN or, after the mapping, ``unlabelled``.
+
+    Codes above 255 need an entry in the map.
+    """
     array = column(values, name, length)
     known = array >= 0
+    large = array >= MOST
+    beyond = _beyond(array[large], name, changes)
+    array = np.where(large, 0, array)
     table = np.frombuffer(_core.mapped_codes(changes), dtype=np.uint8).astype(np.int16)
     for code in listed(unlabelled):
         table[table == code] = -1
     found = np.full(len(array), -1, dtype=np.int16)
     found[known] = table[codes(np.where(known, array, 0), name)[known]]
+    missing = np.frombuffer(listed(unlabelled), dtype=np.uint8)
+    found[large] = np.where(np.isin(beyond, missing), -1, beyond)
     return found
+
+
+def _beyond(values: NDArray[Any], name: str, changes: str) -> NDArray[np.int16]:
+    """The codes to which a map changes these, which are above 255."""
+    distinct, places = np.unique(values, return_inverse=True)
+    found = np.empty(len(distinct), dtype=np.int16)
+    for i, value in enumerate(distinct.tolist()):
+        code = _core.mapped_code(changes, int(value)) if value == value // 1 and value < 1 << 32 else None
+        if code is None:
+            raise ValueError(f"{name}: expected whole numbers in 0..255, or a map for larger ones, found {value}")
+        found[i] = code
+    return found[places.reshape(-1)]
 
 
 def listed(unlabelled: Iterable[int]) -> bytes:
