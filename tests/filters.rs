@@ -18,7 +18,8 @@ fn text(bytes: &[u8]) -> String {
 
 fn done(folder: &Path, arguments: &[&str]) -> String {
     // Tests write the same names again.
-    let output = scansion(folder, &[arguments, &["--overwrite"]].concat());
+    let again: &[&str] = if arguments.contains(&"--overwrite") { &[] } else { &["--overwrite"] };
+    let output = scansion(folder, &[arguments, again].concat());
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     text(&output.stdout)
 }

@@ -13,7 +13,8 @@ fn scansion(folder: &Path, arguments: &[&str]) -> Output {
 /// Stdout and stderr of a run that succeeds.
 fn done(folder: &Path, arguments: &[&str]) -> (String, String) {
     // Tests write the same names again.
-    let output = scansion(folder, &[arguments, &["--overwrite"]].concat());
+    let again: &[&str] = if arguments.contains(&"--overwrite") { &[] } else { &["--overwrite"] };
+    let output = scansion(folder, &[arguments, again].concat());
     let [out, err] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {err}");
     (out, err)

@@ -21,7 +21,7 @@ fn scansion(folder: &Path, arguments: &[&str]) -> Output {
 /// Standard output and standard error of a command that ends with this code.
 fn ends(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
     // Tests write the same names again.
-    let again: &[&str] = if code < 2 { &["--overwrite"] } else { &[] };
+    let again: &[&str] = if code < 2 && !arguments.contains(&"--overwrite") { &["--overwrite"] } else { &[] };
     let output = scansion(folder, &[arguments, again].concat());
     let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {out}{err}");
