@@ -111,7 +111,7 @@ fn classes_heights_boxes_and_polygons_are_kept_with_all_their_fields() {
     done(f, &["height", "a.laz", "-o", "h.laz"]);
     let from = |input: &str| done(f, &["filter", input, "-o", "c.laz", "--height=-1..3.5", "--format", "csv"]);
     assert_eq!(from("a.laz"), from("h.laz"));
-    let printed = text(&scansion(f, &["filter", "h.laz", "-o", "c.laz", "--height", "2.."]).stderr);
+    let printed = text(&scansion(f, &["filter", "h.laz", "-o", "d.laz", "--height", "2.."]).stderr);
     assert!(printed.contains("dimension HeightAboveGround"), "{printed}");
 }
 

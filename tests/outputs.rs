@@ -143,7 +143,7 @@ fn a_model_is_written_over_models_and_empty_files_only() {
     std::fs::write(f.join("my.model"), "").unwrap();
     let before = contents(f);
     for output in ["scan.laz", "notes.txt"] {
-        let message = fails(f, &train(&["a.laz", "-o", output]), 2);
+        let message = fails(f, &train(&["a.laz", "-o", output, "--overwrite"]), 2);
         assert!(message.contains(output) && message.contains("no model"), "{message}");
         assert!(contents(f) == before);
     }

@@ -283,6 +283,6 @@ fn two_sites_far_apart_are_both_named() {
     ends(f, &["segment", "a.npz", "-o", "b.npz", "--method", "local-graph"], 0);
     let span = rows.iter().map(|p| [p[0] + 3e9, p[1], p[2]]);
     save(f, "c.npz", &Cloud::from_rows(&rows.iter().copied().chain(span).collect::<Vec<_>>()).unwrap());
-    let (_, err) = ends(f, &["classify", "c.npz", "-o", "b.npz"], 2);
+    let (_, err) = ends(f, &["classify", "c.npz", "-o", "d.npz"], 2);
     assert!(err.contains("from the other end of the cloud") && err.contains("--bounds"), "{err}");
 }
