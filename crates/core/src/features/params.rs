@@ -52,7 +52,7 @@ pub struct PyramidParams {
     pub first_scale: Option<f64>,
     /// Number of levels, each with voxels of twice the edge, 1..=16; `None` (`"none"` in a recipe): as many as reach from the
     /// finest to 6.4 m, the coarsest of the thesis.
-    #[serde(with = "crate::settings::optional_or_zero")]
+    #[serde(with = "crate::settings::optional")]
     pub levels: Option<usize>,
     /// Number of points in a neighbourhood; 3..=32.
     pub k: usize,
