@@ -49,6 +49,8 @@ pub mod graph;
 
 pub mod segmentation;
 
+pub mod nn;
+
 pub mod classification;
 
 pub mod regularisation;

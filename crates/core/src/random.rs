@@ -32,6 +32,12 @@ impl Stream {
         (self.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
+    /// A number from the standard normal distribution (Box and Muller's method, one of its two numbers).
+    pub fn normal(&mut self) -> f64 {
+        let (radius, angle) = (1.0 - self.uniform(), self.uniform());
+        (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
+    }
+
     /// `count` distinct numbers out of `0..n`, ascending (all of them if `count >= n`). O(n) time and memory.
     pub fn choose(&mut self, n: usize, count: usize) -> Vec<u32> {
         let mut chosen = Vec::with_capacity(count.min(n));
@@ -73,6 +79,14 @@ mod tests {
             chosen.iter().for_each(|&c| hits[c as usize] += 1);
         }
         assert!(hits.iter().all(|&h| (500..700).contains(&h)), "{hits:?}");
+    }
+
+    #[test]
+    fn normal_numbers_have_mean_0_and_variance_1() {
+        let mut s = stream(3, 0);
+        let all: Vec<f64> = (0..40_000).map(|_| s.normal()).collect();
+        let moment = |power: i32| all.iter().map(|v| v.powi(power)).sum::<f64>() / all.len() as f64;
+        assert!(moment(1).abs() < 0.02 && (moment(2) - 1.0).abs() < 0.03 && (moment(4) - 3.0).abs() < 0.2);
     }
 
     #[test]

@@ -1,0 +1,101 @@
+//! Attention: the strongest responses of each channel are kept, so that density, memory and time have an upper bound.
+
+use crate::error::{Error, Result};
+use crate::nn::scalar::Scalar;
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+
+/// Which responses are strong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Attention {
+    /// The largest; those not above 0 are dropped (K-ReLU).
+    #[default]
+    Positive,
+    /// Those of largest magnitude (K-abs).
+    Magnitude,
+}
+
+/// How many responses of a channel are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Selection {
+    /// Which responses are strong.
+    pub attention: Attention,
+    /// Upper bound of the share of the cells of a channel that keep a response, above 0, at most 1.
+    pub density: f64,
+}
+
+impl Selection {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// If the density is out of range.
+    pub fn validate(self) -> Result<()> {
+        match self.density > 0.0 && self.density <= 1.0 {
+            true => Ok(()),
+            false => Err(Error::parameter("density", self.density, "above 0, at most 1")),
+        }
+    }
+
+    /// Most responses of a channel of so many cells: the density times the cells, rounded down, at least 1.
+    pub fn most(self, cells: usize) -> usize {
+        ((self.density * cells as f64).floor() as usize).max(1)
+    }
+
+    /// Keeps the strongest of the entries (cell, value) of a channel, in their order; of equal ones those of lower cells.
+    /// O(entries).
+    pub fn apply<T: Scalar>(self, entries: &mut Vec<(usize, T)>, cells: usize) {
+        let strength = |value: T| if self.attention == Attention::Magnitude { value.magnitude() } else { value };
+        if self.attention == Attention::Positive {
+            entries.retain(|(_, value)| *value > T::ZERO);
+        }
+        let most = self.most(cells);
+        if entries.len() <= most {
+            return;
+        }
+        let stronger = |a: &(usize, T), b: &(usize, T)| {
+            let by_value = strength(b.1).partial_cmp(&strength(a.1)).unwrap_or(Ordering::Equal);
+            by_value.then(a.0.cmp(&b.0))
+        };
+        entries.select_nth_unstable_by(most - 1, stronger);
+        entries.truncate(most);
+        entries.sort_unstable_by_key(|entry| entry.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    #[test]
+    fn the_strongest_stay_in_their_order_and_staying_is_for_good() {
+        let mut draws = stream(5, 0);
+        for attention in [Attention::Positive, Attention::Magnitude] {
+            for density in [0.001, 0.1, 0.5, 1.0] {
+                let selection = Selection { attention, density };
+                // Few different values, so that many are equal.
+                let all: Vec<(usize, f64)> =
+                    (0..400).map(|cell| (cell * 2, f64::from(draws.below(21) as u32) - 10.0)).collect();
+                let mut kept = all.clone();
+                selection.apply(&mut kept, 800);
+                let strong = |v: f64| if attention == Attention::Positive { v } else { v.abs() };
+                let offered = all.iter().filter(|e| attention == Attention::Magnitude || e.1 > 0.0);
+                assert_eq!(kept.len(), selection.most(800).min(offered.clone().count()));
+                assert!(kept.is_sorted_by_key(|entry| entry.0));
+                let least = kept.iter().map(|e| strong(e.1)).fold(f64::INFINITY, f64::min);
+                let last_of_least = kept.iter().filter(|e| strong(e.1) == least).map(|e| e.0).max().unwrap();
+                for dropped in offered.filter(|e| !kept.contains(e)) {
+                    let value = strong(dropped.1);
+                    assert!(value < least || (value == least && dropped.0 > last_of_least));
+                }
+                let mut again = kept.clone();
+                selection.apply(&mut again, 800);
+                assert_eq!(again, kept);
+            }
+        }
+        assert!(Selection { attention: Attention::Positive, density: 0.0 }.validate().is_err());
+        assert_eq!(Selection { attention: Attention::Positive, density: 0.001 }.most(100), 1);
+    }
+}

@@ -1,0 +1,460 @@
+//! Direct sparse convolution and its gradients (algorithms 2 and 3 of Hackel 2018, chapter 6).
+//!
+//! The thesis adds to a dense buffer by atomic operations; here each part of the buffer belongs to one thread, and sums
+//! have a fixed order: input channel, then input cell.
+
+use super::attention::Selection;
+use super::filter::SparseFilter;
+use super::slab::{Buffer, LANES, Slabs, Taps};
+use super::tensor::{Shape, SparseTensor};
+use crate::error::{Error, Result};
+use crate::nn::scalar::Scalar;
+use crate::parallel::{Monitor, fold_ordered, map_ordered_with};
+use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
+
+/// A direct sparse convolution: stride 1, the output as large as the input, zeros around it.
+#[derive(Clone, Copy, Debug)]
+pub struct SparseConvolution<'a, T> {
+    /// The filters.
+    pub filter: &'a SparseFilter<T>,
+    /// One term an output channel, added to outputs that are not 0; none if empty.
+    pub bias: &'a [T],
+    /// Attention; `None` keeps all responses.
+    pub selection: Option<Selection>,
+}
+
+/// Gradients of a loss.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SparseGradient<T> {
+    /// With respect to the stored inputs, in their order.
+    pub values: Vec<T>,
+    /// With respect to the stored weights, in their order.
+    pub weights: Vec<T>,
+    /// With respect to the terms.
+    pub bias: Vec<T>,
+}
+
+/// A slab of a sample, for a group of output channels.
+struct Task<'a, T> {
+    input: &'a SparseTensor<T>,
+    slabs: &'a Slabs<'a>,
+    /// Weights of the group, for each input channel.
+    taps: &'a [Taps<T>],
+    sample: usize,
+    slab: usize,
+}
+
+impl<T: Scalar> SparseConvolution<'_, T> {
+    /// Number of groups of output channels.
+    fn groups(&self) -> usize {
+        self.filter.outputs.div_ceil(LANES)
+    }
+
+    fn check(&self, input: &SparseTensor<T>) -> Result<()> {
+        let Shape { channels, extent, .. } = input.shape();
+        let SparseFilter { inputs, outputs, axes, .. } = *self.filter;
+        if *channels != inputs || extent.len() != axes {
+            let found = format!("an input of {channels} channels and {} axes", extent.len());
+            return Err(Error::input(format!("{found} (allowed: {inputs} and {axes}, as the filters)")));
+        }
+        if !self.bias.is_empty() && self.bias.len() != outputs {
+            return Err(Error::input(format!("{} terms for {outputs} output channels", self.bias.len())));
+        }
+        self.selection.map_or(Ok(()), Selection::validate)
+    }
+
+    /// The responses. O((ρ_d · ρ_f · s_f^k · c_in) · s_d^k · c_out · b) (eq. 6.1), without its logarithm.
+    ///
+    /// # Errors
+    /// If channels or axes do not fit, a parameter is out of range, or the work was cancelled.
+    pub fn forward(&self, input: &SparseTensor<T>, monitor: &Monitor) -> Result<SparseTensor<T>> {
+        self.check(input)?;
+        let shape = input.shape();
+        let slabs = Slabs::new(shape, self.filter.size);
+        let taps: Vec<Vec<Taps<T>>> = (0..self.groups()).map(|group| self.filter.taps(group, shape)).collect();
+        let count = slabs.count();
+        let tasks = shape.samples * taps.len() * count;
+        let parts = map_ordered_with(0..tasks, monitor, Buffer::default, |buffer, number| {
+            let (rest, slab) = (number / count, number % count);
+            let (sample, group) = (rest / taps.len(), rest % taps.len());
+            let task = Task { input, slabs: &slabs, taps: &taps[group], sample, slab };
+            Ok(task.responses(buffer))
+        })?;
+        self.collected(parts, shape, count)
+    }
+
+    /// The responses of all slabs, with terms, selected, with keys.
+    fn collected(&self, parts: Vec<[Vec<(usize, T)>; LANES]>, shape: &Shape, slabs: usize) -> Result<SparseTensor<T>> {
+        let to = Shape::new(shape.samples, self.filter.outputs, &shape.extent)?;
+        let (mut keys, mut values) = (Vec::new(), Vec::new());
+        for (number, group) in parts.chunks(slabs).enumerate() {
+            let (sample, first) = (number / self.groups(), number % self.groups() * LANES);
+            for (lane, output) in (first..self.filter.outputs.min(first + LANES)).enumerate() {
+                let mut entries: Vec<(usize, T)> = group.iter().flat_map(|part| &part[lane]).copied().collect();
+                if let Some(&term) = self.bias.get(output) {
+                    entries.iter_mut().for_each(|(_, value)| *value += term);
+                }
+                if let Some(selection) = self.selection {
+                    selection.apply(&mut entries, to.cells());
+                }
+                let base = ((sample * self.filter.outputs + output) * to.cells()) as u64;
+                keys.extend(entries.iter().map(|entry| base + entry.0 as u64));
+                values.extend(entries.iter().map(|entry| entry.1));
+            }
+        }
+        Ok(SparseTensor::of_sorted(to, keys, values))
+    }
+
+    /// The gradients with respect to stored inputs and weights (eq. 6.3 and 6.4), given those with respect to the entries
+    /// of the output.
+    ///
+    /// # Errors
+    /// If the output is not one of this input, or the work was cancelled.
+    pub fn backward(
+        &self,
+        input: &SparseTensor<T>,
+        gradient: &SparseTensor<T>,
+        monitor: &Monitor,
+    ) -> Result<SparseGradient<T>> {
+        self.check(input)?;
+        let (shape, to) = (input.shape(), gradient.shape());
+        if (to.samples, to.channels, &to.extent) != (shape.samples, self.filter.outputs, &shape.extent) {
+            return Err(Error::input(format!("a gradient of shape {to:?} for an input of shape {shape:?}")));
+        }
+        let slabs = Slabs::new(shape, self.filter.size);
+        let taps: Vec<Vec<Taps<T>>> = (0..self.groups()).map(|group| self.filter.taps(group, shape)).collect();
+        let count = slabs.count();
+        let part = |range: Range<usize>| {
+            let mut found = Part::new(self.filter, self.groups());
+            let mut buffer = Buffer::default();
+            for number in range {
+                if monitor.is_cancelled() {
+                    break;
+                }
+                let (sample, slab) = (number / count, number % count);
+                let start = found.values.len();
+                for (group, taps) in taps.iter().enumerate() {
+                    let task = Task { input, slabs: &slabs, taps, sample, slab };
+                    task.add_gradients(gradient, group, &mut buffer, &mut Sums { part: &mut found, start });
+                }
+            }
+            found
+        };
+        let tasks = shape.samples * count;
+        let found = fold_ordered(tasks, tasks.div_ceil(PARTS).max(1), part, Part::joined);
+        monitor.check()?;
+        let found = found.unwrap_or_else(|| Part::new(self.filter, self.groups()));
+        Ok(SparseGradient {
+            values: found.in_order(input, count, &slabs),
+            weights: found.stored_weights(self.filter),
+            bias: self.bias_gradient(gradient),
+        })
+    }
+
+    /// Sum of the gradients of each output channel.
+    fn bias_gradient(&self, gradient: &SparseTensor<T>) -> Vec<T> {
+        let mut found = vec![T::ZERO; self.bias.len()];
+        let cells = gradient.shape().cells() as u64;
+        for (&key, &value) in gradient.keys().iter().zip(gradient.values()) {
+            if let Some(sum) = found.get_mut((key / cells) as usize % self.filter.outputs) {
+                *sum += value;
+            }
+        }
+        found
+    }
+}
+
+/// Parts whose gradients of the weights are summed on their own, at most.
+const PARTS: usize = 16;
+
+/// Gradients of some slabs.
+struct Part<T> {
+    /// Of the inputs, slab after slab, channel after channel.
+    values: Vec<T>,
+    /// Of the weights: (group, input channel, position) with lanes.
+    weights: Vec<[T; LANES]>,
+    inputs: usize,
+    volume: usize,
+}
+
+impl<T: Scalar> Part<T> {
+    fn new(filter: &SparseFilter<T>, groups: usize) -> Self {
+        let (inputs, volume) = (filter.inputs, filter.volume());
+        Self { values: Vec::new(), weights: vec![[T::ZERO; LANES]; groups * inputs * volume], inputs, volume }
+    }
+
+    fn joined(mut self, mut other: Self) -> Self {
+        self.values.append(&mut other.values);
+        for (sums, more) in self.weights.iter_mut().zip(other.weights) {
+            sums.iter_mut().zip(more).for_each(|(sum, value)| *sum += value);
+        }
+        self
+    }
+
+    /// The gradients of the inputs in the order of their keys.
+    fn in_order(&self, input: &SparseTensor<T>, count: usize, slabs: &Slabs<'_>) -> Vec<T> {
+        let (mut found, mut next) = (vec![T::ZERO; input.len()], 0);
+        for number in 0..input.shape().samples * count {
+            for channel in 0..self.inputs {
+                let plane = number / count * self.inputs + channel;
+                let entries = input.entries(plane, slabs.cells(number % count));
+                let end = next + entries.len();
+                found[entries].copy_from_slice(&self.values[next..end]);
+                next = end;
+            }
+        }
+        found
+    }
+
+    /// The gradients of the weights that are stored.
+    fn stored_weights(&self, filter: &SparseFilter<T>) -> Vec<T> {
+        let of = |&key: &u64| {
+            let (plane, position) = (key as usize / self.volume, key as usize % self.volume);
+            let (output, input) = (plane / self.inputs, plane % self.inputs);
+            self.weights[(output / LANES * self.inputs + input) * self.volume + position][output % LANES]
+        };
+        filter.keys().iter().map(of).collect()
+    }
+}
+
+/// Where the gradients of a slab are added: those of the inputs begin at `start`.
+struct Sums<'a, T> {
+    part: &'a mut Part<T>,
+    start: usize,
+}
+
+impl<T: Scalar> Task<'_, T> {
+    /// Entries (cell, response) of each lane that are not 0.
+    fn responses(&self, buffer: &mut Buffer<T>) -> [Vec<(usize, T)>; LANES] {
+        let outputs = self.slabs.cells(self.slab);
+        buffer.reserve(outputs.len());
+        Arch::new().dispatch(Forward { task: self, outputs: outputs.clone(), buffer });
+        let mut lanes: [Vec<(usize, T)>; LANES] = Default::default();
+        buffer.drain(|cell, values| {
+            for (lane, value) in lanes.iter_mut().zip(values).filter(|(_, value)| *value != T::ZERO) {
+                lane.push((outputs.start + cell, value));
+            }
+        });
+        lanes
+    }
+
+    /// Adds the gradients of a group of output channels.
+    fn add_gradients(&self, gradient: &SparseTensor<T>, group: usize, buffer: &mut Buffer<T>, sums: &mut Sums<'_, T>) {
+        let around = self.slabs.around(self.slab);
+        buffer.reserve(around.len());
+        let channels = gradient.shape().channels;
+        for (lane, output) in (group * LANES..channels.min((group + 1) * LANES)).enumerate() {
+            for entry in gradient.entries(self.sample * channels + output, around.clone()) {
+                let cell = gradient.cell(entry) - around.start;
+                buffer.values[cell][lane] = gradient.values()[entry];
+                buffer.mark(cell);
+            }
+        }
+        Arch::new().dispatch(Backward { task: self, group, around, buffer, sums });
+        buffer.drain(|_, _| {});
+    }
+}
+
+/// Adds the responses of a slab to the buffer.
+struct Forward<'a, 'b, T> {
+    task: &'a Task<'b, T>,
+    outputs: Range<usize>,
+    buffer: &'a mut Buffer<T>,
+}
+
+impl<T: Scalar> WithSimd for Forward<'_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { task, outputs, buffer } = self;
+        let around = task.slabs.around(task.slab);
+        for (channel, taps) in task.taps.iter().enumerate() {
+            let plane = task.sample * task.taps.len() + channel;
+            for entry in task.input.entries(plane, around.clone()) {
+                let value = task.input.values()[entry];
+                task.slabs.connect(task.input.cell(entry), taps, &outputs, |tap, output| {
+                    let cell = output - outputs.start;
+                    let sums = &mut buffer.values[cell];
+                    for (sum, &weight) in sums.iter_mut().zip(&tap.weights) {
+                        *sum = value.mul_add(weight, *sum);
+                    }
+                    buffer.mark(cell);
+                });
+            }
+        }
+    }
+}
+
+/// Adds the gradients of a slab; the buffer holds those of the outputs.
+struct Backward<'a, 'b, 'c, T> {
+    task: &'a Task<'b, T>,
+    group: usize,
+    around: Range<usize>,
+    buffer: &'a Buffer<T>,
+    sums: &'a mut Sums<'c, T>,
+}
+
+impl<T: Scalar> WithSimd for Backward<'_, '_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { task, group, around, buffer, sums } = self;
+        let mut next = sums.start;
+        for (channel, taps) in task.taps.iter().enumerate() {
+            let plane = task.sample * task.taps.len() + channel;
+            let first = (group * sums.part.inputs + channel) * sums.part.volume;
+            for entry in task.input.entries(plane, task.slabs.cells(task.slab)) {
+                let value = task.input.values()[entry];
+                let mut own = [T::ZERO; LANES];
+                task.slabs.connect(task.input.cell(entry), taps, &around, |tap, output| {
+                    let gradient = &buffer.values[output - around.start];
+                    let weights = &mut sums.part.weights[first + tap.position];
+                    for lane in 0..LANES {
+                        own[lane] = gradient[lane].mul_add(tap.weights[lane], own[lane]);
+                        weights[lane] = gradient[lane].mul_add(value, weights[lane]);
+                    }
+                });
+                let own = own.into_iter().sum();
+                match sums.part.values.get_mut(next) {
+                    Some(sum) => *sum += own,
+                    None => sums.part.values.push(own),
+                }
+                next += 1;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::attention::Attention;
+    use super::*;
+    use crate::nn::testing::{differences, numbers, relative_error};
+    use crate::random::stream;
+
+    fn sparse(shape: &Shape, density: f64, seed: u64) -> SparseTensor<f64> {
+        let mut draws = stream(seed, 0);
+        let count = shape.samples * shape.channels * shape.cells();
+        let mut dense = numbers(seed, count);
+        dense.iter_mut().for_each(|v| *v = if draws.uniform() < density { *v } else { 0.0 });
+        SparseTensor::of_dense(shape.clone(), &dense).unwrap()
+    }
+
+    fn filter(channels: [usize; 2], axes: usize, density: f64) -> SparseFilter<f64> {
+        let count = channels[0] * channels[1] * 3usize.pow(axes as u32);
+        let whole = SparseFilter::of_dense(channels, 3, axes, numbers(8, count)).unwrap();
+        let kept: Vec<bool> = numbers(9, count).into_iter().map(|v| v.abs() < density).collect();
+        whole.pruned(|i, _| kept[i])
+    }
+
+    /// The convolution by its definition.
+    fn brute(input: &SparseTensor<f64>, filter: &SparseFilter<f64>) -> Vec<f64> {
+        let (shape, dense) = (input.shape(), input.to_dense());
+        let (cells, volume, axes) = (shape.cells(), filter.volume(), shape.extent.len());
+        let mut out = vec![0.0; shape.samples * filter.outputs * cells];
+        for (&key, &weight) in filter.keys().iter().zip(filter.values()) {
+            let (plane, position) = (key as usize / volume, key as usize % volume);
+            for sample in 0..shape.samples {
+                for cell in 0..cells {
+                    let at = shape.position(cell);
+                    let from: Option<usize> = (0..axes).try_fold(0, |index, a| {
+                        let step = position / 3usize.pow((axes - 1 - a) as u32) % 3;
+                        let place = (at[a] + step).checked_sub(1).filter(|&p| p < shape.extent[a])?;
+                        Some(index * shape.extent[a] + place)
+                    });
+                    if let Some(from) = from {
+                        let value = dense[(sample * filter.inputs + plane % filter.inputs) * cells + from];
+                        out[(sample * filter.outputs + plane / filter.inputs) * cells + cell] += weight * value;
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn responses_are_those_of_the_definition_in_every_number_of_axes() {
+        for extent in [&[40][..], &[9, 300], &[70, 24, 30], &[4, 3, 5, 6]] {
+            let shape = Shape::new(2, 3, extent).unwrap();
+            let (input, filter) = (sparse(&shape, 0.2, 3), filter([3, 11], extent.len(), 0.5));
+            let layer = SparseConvolution { filter: &filter, bias: &[], selection: None };
+            let found = layer.forward(&input, &Monitor::default()).unwrap().to_dense();
+            let expected = brute(&input, &filter);
+            let error = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(error < 1e-12, "{extent:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn gradients_are_those_of_finite_differences_on_what_is_stored() {
+        let monitor = Monitor::default();
+        // Large enough for several slabs.
+        let shape = Shape::new(2, 2, &[5, 130, 90]).unwrap();
+        let (input, filter) = (sparse(&shape, 0.02, 4), filter([2, 9], 3, 0.6));
+        let bias = numbers(5, 9);
+        for selection in [None, Some(Selection { attention: Attention::Positive, density: 0.05 })] {
+            let layer = SparseConvolution { filter: &filter, bias: &bias, selection };
+            let out = layer.forward(&input, &monitor).unwrap();
+            let towards = numbers(6, out.len());
+            // The loss of the entries that are kept: the selection is held.
+            let of = |layer: &SparseConvolution<'_, f64>, input: &SparseTensor<f64>| -> f64 {
+                let all = SparseConvolution { selection: None, ..*layer }.forward(input, &monitor).unwrap();
+                let value = |key: &u64| all.keys().binary_search(key).map_or(0.0, |at| all.values()[at]);
+                out.keys().iter().zip(&towards).map(|(key, t)| t * value(key)).sum()
+            };
+            let found = layer.backward(&input, &out.with_values(towards.clone()).unwrap(), &monitor).unwrap();
+            let by_values =
+                differences(input.values(), 12, |values| of(&layer, &input.with_values(values.to_vec()).unwrap()));
+            assert!(relative_error(&found.values, &by_values) < 1e-6);
+            let by_weights = differences(filter.values(), 12, |values| {
+                let mut moved = filter.clone();
+                moved.values_mut().copy_from_slice(values);
+                of(&SparseConvolution { filter: &moved, ..layer }, &input)
+            });
+            assert!(relative_error(&found.weights, &by_weights) < 1e-6);
+            let by_bias = differences(&bias, 9, |bias| of(&SparseConvolution { bias, ..layer }, &input));
+            assert!(relative_error(&found.bias, &by_bias) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn results_are_the_same_bytes_for_any_number_of_threads() {
+        let monitor = Monitor::default();
+        let shape = Shape::new(3, 4, &[30, 40, 50]).unwrap();
+        let (input, filter) = (sparse(&shape, 0.05, 4), filter([4, 10], 3, 1.0));
+        let selection = Some(Selection { attention: Attention::Magnitude, density: 0.1 });
+        let layer = SparseConvolution { filter: &filter, bias: &[], selection };
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let out = layer.forward(&input, &monitor).unwrap();
+                let back = layer.backward(&input, &out, &monitor).unwrap();
+                (out, back)
+            })
+        };
+        let one = run(1);
+        assert_eq!(one.0.len(), 3 * 10 * 6000, "the bound of the density is reached");
+        assert!([2, 3, 8].into_iter().all(|threads| run(threads) == one));
+    }
+
+    #[test]
+    fn empty_tensors_and_single_entries_are_no_special_case() {
+        let monitor = Monitor::default();
+        let filter = SparseFilter::of_dense([1, 1], 3, 2, (1..=9).map(f64::from).collect()).unwrap();
+        let layer = SparseConvolution { filter: &filter, bias: &[], selection: None };
+        let shape = Shape::new(1, 1, &[3, 3]).unwrap();
+        let none = SparseTensor::new(shape.clone(), vec![], vec![]).unwrap();
+        assert!(layer.forward(&none, &monitor).unwrap().is_empty());
+        // Cross-correlation: one entry in the middle gives the filter turned by half a turn.
+        let one = SparseTensor::new(shape, vec![4], vec![1.0]).unwrap();
+        let found = layer.forward(&one, &monitor).unwrap();
+        assert_eq!(found.values(), [9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0]);
+        let other = Shape::new(1, 2, &[3, 3]).unwrap();
+        let wrong = SparseTensor::new(other, vec![], vec![]).unwrap();
+        assert!(layer.forward(&wrong, &monitor).unwrap_err().to_string().contains("2 channels"));
+        assert!(SparseFilter::<f64>::of_dense([1, 1], 2, 2, vec![]).is_err());
+    }
+}

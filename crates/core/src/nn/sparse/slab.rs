@@ -1,0 +1,161 @@
+//! The dense buffer of a convolution: a slab of cells that fits into the cache, with several output channels side by side.
+
+use super::tensor::Shape;
+use crate::nn::scalar::Scalar;
+use std::ops::Range;
+
+/// Output channels that are computed together.
+pub(super) const LANES: usize = 8;
+/// Cells of a slab, at least one layer along the first axis.
+const CELLS: usize = 1 << 15;
+
+/// A weight of several output channels, and where it leads.
+#[derive(Clone, Debug)]
+pub(super) struct Tap<T> {
+    /// Number of the weight in its filter.
+    pub(super) position: usize,
+    /// Step along each axis from an input to the output that it adds to.
+    steps: [isize; 4],
+    /// The same as a difference of cell numbers.
+    difference: isize,
+    pub(super) weights: [T; LANES],
+}
+
+impl<T: Scalar> Tap<T> {
+    /// Output o takes input o + f − c through weight f of a filter with centre c: input p adds to output p − (f − c).
+    pub(super) fn new(position: usize, weights: [T; LANES], size: usize, shape: &Shape) -> Self {
+        let (mut rest, mut steps) = (position, [0; 4]);
+        let (mut difference, mut stride) = (0, 1);
+        for (axis, &length) in shape.extent.iter().enumerate().rev() {
+            steps[axis] = (size / 2) as isize - (rest % size) as isize;
+            difference += steps[axis] * stride;
+            rest /= size;
+            stride *= length as isize;
+        }
+        Self { position, steps, difference, weights }
+    }
+
+    /// The output cell of an input, if it lies inside the tensor.
+    #[inline(always)]
+    fn output(&self, at: &Place, shape: &Shape) -> Option<usize> {
+        let inside = |axis: usize| {
+            let place = at.position[axis] as isize + self.steps[axis];
+            place >= 0 && (place as usize) < shape.extent[axis]
+        };
+        let fine = at.interior || (0..shape.extent.len()).all(inside);
+        fine.then(|| (at.cell as isize + self.difference) as usize)
+    }
+}
+
+/// The weights of one input channel.
+#[derive(Clone, Debug)]
+pub(super) struct Taps<T> {
+    pub(super) taps: Vec<Tap<T>>,
+}
+
+/// An input cell.
+struct Place {
+    cell: usize,
+    position: [usize; 4],
+    /// Whether all outputs lie inside the tensor.
+    interior: bool,
+}
+
+/// How a tensor is divided into slabs along its first axis.
+#[derive(Clone, Debug)]
+pub(super) struct Slabs<'a> {
+    pub(super) shape: &'a Shape,
+    /// Cells of a layer.
+    layer: usize,
+    /// Layers of a slab.
+    layers: usize,
+    /// Layers that a filter reaches beyond its centre.
+    reach: usize,
+}
+
+impl<'a> Slabs<'a> {
+    pub(super) fn new(shape: &'a Shape, size: usize) -> Self {
+        let layer = shape.extent[1..].iter().product::<usize>();
+        Self { shape, layer, layers: (CELLS / layer).max(1), reach: size / 2 }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.shape.extent[0].div_ceil(self.layers)
+    }
+
+    /// Cells of a slab.
+    pub(super) fn cells(&self, slab: usize) -> Range<usize> {
+        self.range(slab * self.layers, (slab + 1) * self.layers)
+    }
+
+    /// Cells of a slab and of the layers around it that a filter connects with it.
+    pub(super) fn around(&self, slab: usize) -> Range<usize> {
+        self.range((slab * self.layers).saturating_sub(self.reach), (slab + 1) * self.layers + self.reach)
+    }
+
+    fn range(&self, first: usize, end: usize) -> Range<usize> {
+        first * self.layer..end.min(self.shape.extent[0]) * self.layer
+    }
+
+    #[inline(always)]
+    fn place(&self, cell: usize) -> Place {
+        let position = self.shape.position(cell);
+        let inside = |axis: usize| {
+            let (at, length) = (position[axis], self.shape.extent[axis]);
+            at >= self.reach && at + self.reach < length
+        };
+        Place { cell, position, interior: (0..self.shape.extent.len()).all(inside) }
+    }
+
+    /// Calls `each` with every weight of an input cell and the output cell that it leads to, of those in `outputs`.
+    #[inline(always)]
+    pub(super) fn connect<'t, T: Scalar>(
+        &self,
+        cell: usize,
+        taps: &'t Taps<T>,
+        outputs: &Range<usize>,
+        mut each: impl FnMut(&'t Tap<T>, usize),
+    ) {
+        let place = self.place(cell);
+        for tap in &taps.taps {
+            if let Some(output) = tap.output(&place, self.shape)
+                && outputs.contains(&output)
+            {
+                each(tap, output);
+            }
+        }
+    }
+}
+
+/// The buffer, and which of its cells have been written to.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Buffer<T> {
+    pub(super) values: Vec<[T; LANES]>,
+    written: Vec<u64>,
+}
+
+impl<T: Scalar> Buffer<T> {
+    /// Room for so many cells, all 0.
+    pub(super) fn reserve(&mut self, cells: usize) {
+        if self.values.len() < cells {
+            self.values.resize(cells, [T::ZERO; LANES]);
+            self.written.resize(cells.div_ceil(64), 0);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn mark(&mut self, cell: usize) {
+        self.written[cell / 64] |= 1 << (cell % 64);
+    }
+
+    /// Calls `each` with every cell that was written to, ascending, and its values, and clears them.
+    pub(super) fn drain(&mut self, mut each: impl FnMut(usize, [T; LANES])) {
+        for (word, bits) in self.written.iter_mut().enumerate() {
+            while *bits != 0 {
+                let cell = word * 64 + bits.trailing_zeros() as usize;
+                *bits &= *bits - 1;
+                each(cell, std::mem::replace(&mut self.values[cell], [T::ZERO; LANES]));
+            }
+        }
+    }
+}
