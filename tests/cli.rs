@@ -286,7 +286,7 @@ fn every_method_parts_a_scan_and_objects_are_learned_and_named() {
     let wrong = fails(f, &["segment", "a.laz", "-o", "x.laz", "--set", "objects.slic.syze=1"], 4);
     assert!(wrong.contains("did you mean `size`"), "{wrong}");
 
-    for classifier in ["rf", "gbt", "bagging"] {
+    for classifier in ["rf", "gbt", "bagging", "linear"] {
         // A small scene has few segments: leaves must be small too.
         let keys = ["segments.slic.size=1", "training.share=0.8", "boosting.min_samples_leaf=2"];
         let mut train = vec!["train", "a.laz", "-o", "o.model", "--recipe", "objects", "--classifier", classifier];

@@ -22,7 +22,7 @@ const SIZE: &str = "segments.slic.size=2";
 fn a_village_is_named_by_the_segments_of_others() {
     let monitor = Monitor::default();
     let LabelledCloud { cloud: other, labels: truth } = village(2);
-    for classifier in ["rf", "gbt", "bagging"] {
+    for classifier in ["rf", "gbt", "bagging", "linear"] {
         let kind = format!("classifier={classifier}");
         // Each village has one large ground segment, so that a single village would not show the variation.
         let others = [1, 6, 7, 8, 9].map(village);

@@ -54,7 +54,7 @@ pub(crate) struct Train {
     pub(crate) recipe: RecipeArgs,
     #[command(flatten)]
     pub(crate) unit: UnitArgs,
-    /// Classifier: random forest, gradient-boosted trees or bagging [default: the recipe's, rf]
+    /// Classifier: random forest, gradient-boosted trees, bagging or logistic regression [default: the recipe's, rf]
     #[arg(long, value_parser = classifiers())]
     pub(crate) classifier: Option<ClassifierKind>,
     /// Train on a few labels per class: the same as --recipe weak

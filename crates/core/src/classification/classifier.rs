@@ -5,6 +5,7 @@ use super::boosting::{Boosting, BoostingParams};
 use super::forest::Forest;
 use super::forest::bagging::BaggingParams;
 use super::learner::{Learner, PartCount, Predictor, Stored};
+use super::linear::{Linear, LinearParams};
 use super::params::ForestParams;
 use super::samples::Samples;
 use crate::error::Result;
@@ -64,8 +65,9 @@ macro_rules! classifiers {
             /// The same parameters with this added to the seed.
             #[must_use]
             pub fn with_seed(mut self, seed: u64) -> Self {
-                let own = match &mut self { $(Self::$kind(params) => params.seed(),)* };
-                *own = own.wrapping_add(seed);
+                if let Some(own) = match &mut self { $(Self::$kind(params) => params.seed(),)* } {
+                    *own = own.wrapping_add(seed);
+                }
                 self
             }
 
@@ -179,6 +181,7 @@ classifiers! {
     Forest, "rf", "Random forest", ForestParams => Forest;
     Boosting, "gbt", "Gradient-boosted trees", BoostingParams => Boosting;
     Bagging, "bagging", "Bagging of unpruned trees", BaggingParams => Forest;
+    Linear, "linear", "Multinomial logistic regression", LinearParams => Linear;
 }
 
 #[cfg(test)]
@@ -194,6 +197,7 @@ mod tests {
             ClassifierParams::Forest(ForestParams { trees: 20, ..ForestParams::default() }),
             ClassifierParams::Boosting(BoostingParams { rounds: 20, ..BoostingParams::default() }),
             ClassifierParams::Bagging(BaggingParams { trees: 20, ..BaggingParams::default() }),
+            ClassifierParams::Linear(LinearParams::default()),
         ];
         for (params, kind) in all.into_iter().zip(ClassifierKind::ALL.iter().copied()) {
             let (found, score) = params.train_with_score(&half, &Monitor::default()).unwrap();

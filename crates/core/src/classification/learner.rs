@@ -15,8 +15,8 @@ pub trait Learner: Clone + Debug + Default + PartialEq {
     /// What training gives.
     type Trained: Predictor;
 
-    /// Seed of all random draws.
-    fn seed(&mut self) -> &mut u64;
+    /// Seed of all random draws; `None` if there are none.
+    fn seed(&mut self) -> Option<&mut u64>;
 
     /// Limit of the depth of its trees; `None` if it has no trees.
     fn max_depth(&mut self) -> Option<&mut Option<usize>>;

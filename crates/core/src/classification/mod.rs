@@ -1,7 +1,7 @@
 //! Classification: classifiers that are trained on labelled samples and predict class probabilities.
 //!
-//! `Samples -> Classifier -> probabilities`. A [`Classifier`] (a [`Forest`], [`Boosting`] or bagging) is trained on
-//! quantised features ([`Binning`]) and becomes arrays in a model file (`arrays`).
+//! `Samples -> Classifier -> probabilities`. A [`Classifier`] (a [`Forest`], [`Boosting`] or bagging, on quantised
+//! features ([`Binning`]), or [`Linear`]) becomes arrays in a model file (`arrays`).
 
 pub(crate) mod arrays;
 mod binning;
@@ -12,6 +12,7 @@ pub mod cross_validation;
 mod fingerprint;
 mod forest;
 mod learner;
+mod linear;
 mod nodes;
 mod params;
 mod quantise;
@@ -31,5 +32,6 @@ pub use forest::growing::out_of_bag::FitReport;
 pub use forest::importance::{Importance, PermutationParams, permutation_importance};
 pub(crate) use learner::argmax;
 pub use learner::{Learner, PartCount, Predictor};
+pub use linear::{Linear, LinearParams};
 pub use params::{Bootstrap, ClassWeight, Criterion, ForestParams, MaxFeatures, Splitter, Trainer};
 pub use samples::Samples;

@@ -55,8 +55,8 @@ impl Boosting {
 impl Learner for BoostingParams {
     type Trained = Boosting;
 
-    fn seed(&mut self) -> &mut u64 {
-        &mut self.seed
+    fn seed(&mut self) -> Option<&mut u64> {
+        Some(&mut self.seed)
     }
 
     fn max_depth(&mut self) -> Option<&mut Option<usize>> {

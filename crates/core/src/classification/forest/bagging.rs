@@ -79,8 +79,8 @@ impl BaggingParams {
 impl Learner for BaggingParams {
     type Trained = Forest;
 
-    fn seed(&mut self) -> &mut u64 {
-        &mut self.seed
+    fn seed(&mut self) -> Option<&mut u64> {
+        Some(&mut self.seed)
     }
 
     fn max_depth(&mut self) -> Option<&mut Option<usize>> {

@@ -18,7 +18,9 @@ use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
-use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams};
+use crate::classification::{
+    BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams, LinearParams,
+};
 use crate::cloud::{MetricCloud, names};
 use crate::error::Result;
 use crate::parallel::Monitor;
@@ -65,6 +67,8 @@ pub struct ClustersRecipe {
     pub boosting: BoostingParams,
     /// Bagging.
     pub bagging: BaggingParams,
+    /// Multinomial logistic regression (`linear`).
+    pub linear: LinearParams,
     /// Regularisation of the labels; none in the paper.
     pub regularise: RegulariseParams,
 }
@@ -84,6 +88,7 @@ impl Default for ClustersRecipe {
             forest: ForestParams::default(),
             boosting: BoostingParams::default(),
             bagging: BaggingParams::default(),
+            linear: LinearParams::default(),
             regularise: RegulariseParams::default(),
         }
     }

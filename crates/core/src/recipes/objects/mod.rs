@@ -27,7 +27,7 @@ use super::model::Model;
 use super::regularise::RegulariseParams;
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use super::training::classifiers::offers_classifiers;
-use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
+use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams, LinearParams};
 use crate::cloud::names;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
@@ -83,6 +83,8 @@ pub struct ObjectsRecipe {
     pub boosting: BoostingParams,
     /// Bagging.
     pub bagging: BaggingParams,
+    /// Multinomial logistic regression (`linear`).
+    pub linear: LinearParams,
     /// Regularisation of the labels afterwards; the paper has none.
     pub regularise: RegulariseParams,
 }
@@ -102,6 +104,7 @@ impl Default for ObjectsRecipe {
             forest: ForestParams::breiman(),
             boosting: BoostingParams::default(),
             bagging: BaggingParams::default(),
+            linear: LinearParams::default(),
             regularise: RegulariseParams::default(),
         }
     }

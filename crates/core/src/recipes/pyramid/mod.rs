@@ -18,7 +18,7 @@ use super::regularise::{Regularise, RegulariseParams, automatic};
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
-use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams};
+use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams, LinearParams};
 use crate::error::Result;
 use crate::features::{FeatureSet, PyramidParams};
 use crate::parallel::Monitor;
@@ -54,6 +54,8 @@ pub struct PyramidRecipe {
     pub boosting: BoostingParams,
     /// Bagging.
     pub bagging: BaggingParams,
+    /// Multinomial logistic regression (`linear`).
+    pub linear: LinearParams,
     /// Regularisation of the labels. Hackel 2018 has none; training chooses a method, which may be none.
     #[serde(deserialize_with = "automatic")]
     pub regularise: RegulariseParams,
@@ -71,6 +73,7 @@ impl Default for PyramidRecipe {
             forest: ForestParams::default(),
             boosting: BoostingParams::default(),
             bagging: BaggingParams::default(),
+            linear: LinearParams::default(),
             regularise: RegulariseParams::automatic(),
         }
     }

@@ -12,7 +12,9 @@ use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
-use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams};
+use crate::classification::{
+    BaggingParams, BoostingParams, ClassifierKind, ClassifierParams, ForestParams, LinearParams,
+};
 use crate::cloud::{MetricCloud, names};
 use crate::error::Result;
 use crate::features::definition::{Feature, Group};
@@ -70,6 +72,8 @@ pub struct SpheresRecipe {
     pub boosting: BoostingParams,
     /// Bagging.
     pub bagging: BaggingParams,
+    /// Multinomial logistic regression (`linear`).
+    pub linear: LinearParams,
     /// Regularisation of the labels; none in the paper.
     pub regularise: RegulariseParams,
 }

@@ -36,7 +36,8 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     const TAKES_ELEVATION: bool = false;
 
     /// Keys of the recipe, or their beginnings, that only training reads: changes of a trained model's are refused.
-    const TRAINING_ONLY: &'static [&'static str] = &["training", "classifier", "forest", "boosting", "bagging"];
+    const TRAINING_ONLY: &'static [&'static str] =
+        &["training", "classifier", "forest", "boosting", "bagging", "linear"];
 
     /// What training learns besides the classifier; [`Nothing`] if nothing.
     type Learned: Clone + Debug + PartialEq + Serialize + DeserializeOwned;

@@ -1,6 +1,7 @@
 //! The classifiers that a recipe offers: a key for the kind, and one section of parameters for each.
 
-/// Implements the choice of a classifier for recipes with the fields `classifier`, `forest`, `boosting` and `bagging`.
+/// Implements the choice of a classifier for recipes with the fields `classifier`, `forest`, `boosting`, `bagging` and
+/// `linear`.
 macro_rules! offers_classifiers {
     ($recipe:ty) => {
         impl $recipe {
@@ -11,6 +12,7 @@ macro_rules! offers_classifiers {
                     ClassifierKind::Forest => ClassifierParams::Forest(self.forest.clone()),
                     ClassifierKind::Boosting => ClassifierParams::Boosting(self.boosting.clone()),
                     ClassifierKind::Bagging => ClassifierParams::Bagging(self.bagging.clone()),
+                    ClassifierKind::Linear => ClassifierParams::Linear(self.linear.clone()),
                 }
             }
 
@@ -23,6 +25,7 @@ macro_rules! offers_classifiers {
                     ClassifierParams::Forest(params) => self.forest = params,
                     ClassifierParams::Boosting(params) => self.boosting = params,
                     ClassifierParams::Bagging(params) => self.bagging = params,
+                    ClassifierParams::Linear(params) => self.linear = params,
                 }
                 self
             }
@@ -30,7 +33,8 @@ macro_rules! offers_classifiers {
             fn validate_classifiers(&self) -> crate::error::Result<()> {
                 self.forest.validate()?;
                 self.boosting.validate()?;
-                self.bagging.validate()
+                self.bagging.validate()?;
+                self.linear.validate()
             }
         }
     };

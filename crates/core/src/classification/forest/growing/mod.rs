@@ -52,8 +52,8 @@ impl Forest {
 impl Learner for ForestParams {
     type Trained = Forest;
 
-    fn seed(&mut self) -> &mut u64 {
-        &mut self.seed
+    fn seed(&mut self) -> Option<&mut u64> {
+        Some(&mut self.seed)
     }
 
     fn max_depth(&mut self) -> Option<&mut Option<usize>> {
