@@ -75,7 +75,7 @@ def scores(scene, model, method, folder):
         seconds, most = seconds + used, max(most, memory)
         codes = np.asarray(scansion.read(cloud)["Classification"])
         own = np.where(np.isin(codes, (3, 4)), 5, codes) if scene["labels"] else codes
-        counted = np.isin(own, (2, 5, 6)) if scene["labels"] else own > 0
+        counted = np.isin(own, (2, 5, 6)) if scene["labels"] else own > 1
         truth.append(own[counted])
         found.append(np.asarray(scansion.read(output)["Classification"])[counted])
     truth, found = np.concatenate(truth), np.concatenate(found)

@@ -29,6 +29,7 @@ const CIRCLES: [(&str, &[&str]); 2] = [
             "spheres",
             "system",
             "training",
+            "unet",
             "weak",
         ],
     ),

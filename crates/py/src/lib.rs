@@ -16,6 +16,7 @@ mod images;
 mod io;
 mod json;
 mod neighbours;
+mod nn;
 mod partitions;
 mod progress;
 mod recipes;
@@ -58,6 +59,8 @@ mod _core {
     use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, settings_text, statistics, write};
     #[pymodule_export]
     use crate::neighbours::{knn, optimal, within};
+    #[pymodule_export]
+    use crate::nn::{sparse_convolution, sparse_gradient, submanifold_convolution, submanifold_gradient};
     #[pymodule_export]
     use crate::partitions::{object_features, octree_region_growing, region_growing, riemannian, supervoxels};
     #[pymodule_export]

@@ -17,6 +17,7 @@ mod spheres;
 mod suggest;
 mod system;
 mod training;
+mod unet;
 mod weak;
 
 pub use auto_context::{AutoContextKind, AutoContextRecipe, AutoContextReport, FoldParams};
@@ -48,6 +49,7 @@ pub use system::{Fitted, Nothing, System, TrainOptions};
 pub use training::blocks::square_folds;
 pub use training::choice::{CandidateScore, ChoiceReport};
 pub use training::samples::TrainingParams;
+pub use unet::{Augmentation, LearningParams, UNetInputs, UNetKind, UNetRecipe, UNetReport};
 pub use weak::{
     ClassShares, Descriptors, Example, LabelledPosition, RoadExample, RoadParams, RoadSource, StrengthScore, WeakKind,
     WeakLabels, WeakLearned, WeakRecipe, WeakReport,

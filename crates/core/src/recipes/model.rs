@@ -9,19 +9,22 @@ use crate::classification::arrays::{Array, Reader, malformed, print_arrays};
 use crate::classification::{Classifier, ClassifierKind, Fingerprint, Predictor};
 use crate::error::{Error, Result};
 use crate::io::{atomic, open};
-use safetensors::SafeTensors;
+use crate::nn::parameters::{Parameter, Parameters};
 use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::path::Path;
 
 /// Newest version of the file format that can be read. Version 1 has only forests, version 2 other classifiers too;
-/// version 3 has what was learned besides the classifier, version 4 a first classifier. The lowest possible one is
-/// written.
-const VERSION: u64 = 4;
+/// version 3 has what was learned besides the classifier, version 4 a first classifier, version 5 a network or a linear
+/// classifier. The lowest possible one is written.
+const VERSION: u64 = 5;
 /// What the names of the arrays of the first classifier begin with.
 const FIRST: &str = "first_";
+/// What the names of the arrays of the network begin with.
+const NETWORK: &str = "network_";
 const FORMAT: &str = "scansion model";
 const KEY: &str = "scansion";
 /// Number of bytes at the start of a file that show whether it is a model: its metadata come first.
@@ -42,6 +45,8 @@ pub struct Model {
     pub classifier: Classifier,
     /// The classifier whose probabilities are features of `classifier`, if there are two stages.
     pub first: Option<FirstStage>,
+    /// The parameters, in the order of their names, of the network that gives the features, if one does.
+    pub network: Option<Parameters<f32>>,
 }
 
 /// The first of two classifiers.
@@ -99,6 +104,9 @@ struct Header {
     features: Vec<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     first: Option<FirstHeader>,
+    /// Whether there is a network.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    network: bool,
 }
 
 fn is_forest(kind: &ClassifierKind) -> bool {
@@ -130,7 +138,9 @@ impl Model {
         let header = Header {
             format: FORMAT.into(),
             version: match (&self.first, learned.is_empty(), self.classifier.kind()) {
-                (Some(_), ..) => VERSION,
+                _ if self.network.is_some() => VERSION,
+                (.., ClassifierKind::Linear) => VERSION,
+                (Some(_), ..) => 4,
                 (None, false, _) => 3,
                 (None, true, ClassifierKind::Forest) => 1,
                 (None, true, _) => 2,
@@ -146,6 +156,7 @@ impl Model {
                 classifier: first.classifier.kind(),
                 features: first.feature_names.clone(),
             }),
+            network: self.network.is_some(),
         };
         let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
@@ -157,7 +168,14 @@ impl Model {
             let view = TensorView::new(*dtype, vec![*len], bytes).map_err(|e| refused(&e))?;
             Ok((format!("{prefix}{name}"), view))
         });
-        let views = views.collect::<Result<Vec<_>>>()?;
+        let mut views = views.collect::<Result<Vec<_>>>()?;
+        let network = self.network.iter().flat_map(Parameters::iter);
+        let network: Vec<(&Parameter<f32>, Vec<u8>)> =
+            network.map(|array| (array, array.values.iter().flat_map(|v| v.to_le_bytes()).collect())).collect();
+        for (array, bytes) in &network {
+            let view = TensorView::new(Dtype::F32, array.shape.clone(), bytes).map_err(|e| refused(&e))?;
+            views.push((format!("{NETWORK}{}", array.name), view));
+        }
         let metadata = Some(HashMap::from([(KEY.to_string(), header)]));
         let mut bytes = safetensors::serialize(views, metadata).map_err(|e| refused(&e))?;
         let place = find(&bytes, &[b'0'; 64]).ok_or_else(|| refused(&"no place for the checksum"))?;
@@ -194,7 +212,9 @@ impl Model {
         }
         let fingerprint = reader.fingerprint(width, classes)?;
         let classifier = reader.classifier(header.classifier, width, classes)?;
+        let network = if header.network { Some(network_of(&reader)?) } else { None };
         let model = Self {
+            network,
             first: header.first.as_ref().map(|first| first_of(first, reader, classes)).transpose()?,
             classifier,
             fingerprint,
@@ -312,6 +332,24 @@ fn first_of(header: &FirstHeader, reader: Reader<'_>, classes: usize) -> Result<
     Ok(FirstStage { feature_names: header.features.clone(), classifier, fingerprint })
 }
 
+/// The network, from its arrays.
+fn network_of(reader: &Reader<'_>) -> Result<Parameters<f32>> {
+    let mut arrays = Vec::new();
+    for (name, view) in reader.tensors.tensors() {
+        let Some(own) = name.strip_prefix(NETWORK) else { continue };
+        if view.dtype() != Dtype::F32 {
+            return Err(malformed(reader.path, &name, format!("{:?}", view.dtype()), "F32"));
+        }
+        let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        let values: Vec<f32> = view.data().chunks_exact(4).map(number).collect();
+        if let Some(wrong) = values.iter().find(|value| !value.is_finite()) {
+            return Err(malformed(reader.path, &name, wrong, "finite numbers"));
+        }
+        arrays.push((own.to_string(), view.shape().to_vec(), values));
+    }
+    Ok(Parameters::of_arrays(arrays).sorted())
+}
+
 /// The recipe and what was learned, from the header. Weak models before version 3 stored what was learned in the
 /// recipe; they are refused with a message that says so.
 fn fitted_of(header: &Header, path: &Path) -> Result<AnyFitted> {
@@ -383,6 +421,7 @@ mod tests {
             fingerprint: Fingerprint::of(samples, 7.5),
             classifier: Classifier::Forest(Forest::fit(samples, &params, &Monitor::default()).unwrap()),
             first: None,
+            network: None,
         }
     }
 
@@ -472,8 +511,8 @@ mod tests {
         let text = br#"\"version\":1"#;
         let place = find(&bytes, text).unwrap() + text.len() - 1;
         let mut newer = bytes;
-        newer[place] = b'5';
-        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 5")));
+        newer[place] = b'6';
+        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 6")));
     }
 
     #[test]

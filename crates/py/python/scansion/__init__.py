@@ -5,7 +5,7 @@
 2
 """
 
-from scansion import evaluation, features, filters, graph, neighbours, regularisation, segmentation, terrain
+from scansion import evaluation, features, filters, graph, neighbours, nn, regularisation, segmentation, terrain
 from scansion._annotation import picked_labels, segment_colours, spread_labels
 from scansion._bagging import BaggingClassifier
 from scansion._boosting import GradientBoostingClassifier
@@ -51,6 +51,7 @@ __all__ = [
     "info",
     "merge",
     "neighbours",
+    "nn",
     "picked_labels",
     "progress",
     "read",

@@ -84,10 +84,14 @@ __all__ = [
     "segment_shapes",
     "segmentation_error",
     "settings_text",
+    "sparse_convolution",
+    "sparse_gradient",
     "spatial_folds",
     "spread_labels",
     "statistical_outliers",
     "statistics",
+    "submanifold_convolution",
+    "submanifold_gradient",
     "suggest",
     "supervoxels",
     "terrain_raster",
@@ -491,3 +495,36 @@ def filter(
     scale: tuple[float, float, float] | None = None,
     n_jobs: int | None = None,
 ) -> str: ...
+def sparse_convolution(
+    keys: NDArray[np.uint64],
+    values: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    bias: NDArray[np.float32],
+    layer: str,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint64], NDArray[np.float32]]: ...
+def sparse_gradient(
+    keys: NDArray[np.uint64],
+    values: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    bias: NDArray[np.float32],
+    gradient_keys: NDArray[np.uint64],
+    gradient_values: NDArray[np.float32],
+    layer: str,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]: ...
+def submanifold_convolution(
+    coordinates: NDArray[np.int64],
+    features: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    layer: str,
+    n_jobs: int | None = None,
+) -> NDArray[np.float32]: ...
+def submanifold_gradient(
+    coordinates: NDArray[np.int64],
+    features: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    gradient: NDArray[np.float32],
+    layer: str,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...

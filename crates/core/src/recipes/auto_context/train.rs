@@ -59,6 +59,7 @@ pub(super) fn train(
     };
     let [a, b] = halves;
     let model = Model {
+        network: None,
         first: Some(FirstStage {
             fingerprint: Some(Fingerprint::of(&first.samples(&sources), density)),
             feature_names: first.names,

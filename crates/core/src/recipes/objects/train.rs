@@ -61,6 +61,7 @@ pub(super) fn train(
     let density = mean_density(studied.iter().map(|l| l.density));
     let model = Model {
         first: None,
+        network: None,
         fingerprint: Fingerprint::of(&samples, density),
         fitted: Fitted { recipe, learned: Nothing {} }.into(),
         feature_names: names,

@@ -59,6 +59,7 @@ where
     };
     let model = Model {
         first: None,
+        network: None,
         fingerprint: Fingerprint::of(&samples, density(&data, monitor)?).select(&used),
         feature_names: used.iter().map(|&f| described.names[f].clone()).collect(),
         fitted: Fitted { recipe, learned: Nothing {} }.into(),

@@ -47,6 +47,7 @@ pub(super) fn train(
     };
     let model = Model {
         first: None,
+        network: None,
         fingerprint: Fingerprint::of(&described.samples(), density(&data, monitor)?).select(&used),
         feature_names: used.iter().map(|&f| described.names[f].clone()).collect(),
         fitted: Fitted { recipe, learned: Nothing {} }.into(),

@@ -18,6 +18,7 @@ use crate::recipes::system::height::HeightRecipe;
 use crate::recipes::system::report::Report;
 use crate::recipes::system::settings::{explained, set_key, with_defaults};
 use crate::recipes::system::{Fitted, System, TrainOptions};
+use crate::recipes::unet::UNetRecipe;
 use crate::recipes::weak::WeakRecipe;
 use serde::Serialize;
 
@@ -263,6 +264,8 @@ systems! {
     Clusters: ClustersRecipe;
     /// Thomas et al. 2018: features in spheres of several radii.
     Spheres: SpheresRecipe;
+    /// A sparse convolutional network: Graham et al. 2018, Hackel 2018, chapter 6.
+    UNet: UNetRecipe;
     /// The example of CONTRIBUTING.md.
     Height: HeightRecipe, only in test;
 }

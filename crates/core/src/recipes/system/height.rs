@@ -96,6 +96,7 @@ impl System for HeightRecipe {
         let forest = ForestParams { seed: self.seed, ..self.forest.clone() };
         let model = Model {
             first: None,
+            network: None,
             fingerprint: Fingerprint::of(&samples, mean_density(densities.into_iter())),
             feature_names: NAMES.map(String::from).to_vec(),
             classifier: Classifier::Forest(forest.train(&samples, monitor)?),

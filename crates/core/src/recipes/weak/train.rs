@@ -84,6 +84,7 @@ pub(super) fn train(
     };
     let model = Model {
         first: None,
+        network: None,
         fingerprint: Fingerprint::of(&samples, density),
         fitted: Fitted { recipe, learned }.into(),
         feature_names,

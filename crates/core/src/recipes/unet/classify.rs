@@ -1,0 +1,238 @@
+//! Classification: the cells of one square after the other, with a margin as wide as the network sees, so that the
+//! squares leave no trace.
+
+use super::UNetRecipe;
+use super::cells::{Cells, Gathered};
+use super::inputs::OWN;
+use crate::classification::Predictor;
+use crate::cloud::Points;
+use crate::error::{Error, Result};
+use crate::memory;
+use crate::nn::networks::{Scene, UNet};
+use crate::nn::parameters::Parameters;
+use crate::nn::tape::Tape;
+use crate::parallel::{Monitor, sort_watched};
+use crate::recipes::classify::predict::{Fit, LOOKED_AT};
+use crate::recipes::classify::{Classified, Job};
+use crate::recipes::regularise::{Probabilities, regularise};
+
+/// Edge of a square, in cells.
+const SQUARE: i64 = 768;
+
+/// Points sorted into squares.
+struct Squares<'a> {
+    points: &'a Points,
+    voxel: f64,
+    /// Edge, in cells.
+    edge: i64,
+    /// (square, point), ascending.
+    members: Vec<([i64; 2], u32)>,
+}
+
+impl<'a> Squares<'a> {
+    fn new(points: &'a Points, voxel: f64, edge: i64, monitor: &Monitor) -> Result<Self> {
+        let square = |i: usize| {
+            let [x, y, _] = points.positions.xyz(i);
+            [x, y].map(|c| (f64::from(c) / voxel) as i64 / edge)
+        };
+        let mut members: Vec<([i64; 2], u32)> = (0..points.len()).map(|i| (square(i), i as u32)).collect();
+        sort_watched(&mut members, monitor)?;
+        Ok(Self { points, voxel, edge, members })
+    }
+
+    /// The points of a square.
+    fn of(&self, square: [i64; 2]) -> &[([i64; 2], u32)] {
+        let first = self.members.partition_point(|member| member.0 < square);
+        let count = self.members[first..].partition_point(|member| member.0 == square);
+        &self.members[first..first + count]
+    }
+
+    /// The points of a square, then those within `margin` cells of it.
+    fn with_margin(&self, square: [i64; 2], margin: i64) -> Vec<u32> {
+        let mut all: Vec<u32> = self.of(square).iter().map(|member| member.1).collect();
+        let (low, high) = (square.map(|s| s * self.edge - margin), square.map(|s| (s + 1) * self.edge + margin));
+        let near = |&(_, point): &([i64; 2], u32)| {
+            let [x, y, _] = self.points.positions.xyz(point as usize);
+            let cell = [x, y].map(|c| (f64::from(c) / self.voxel) as i64);
+            (0..2).all(|a| (low[a]..high[a]).contains(&cell[a]))
+        };
+        for dx in -1..=1 {
+            for dy in -1..=1 {
+                if (dx, dy) != (0, 0) {
+                    let other = self.of([square[0] + dx, square[1] + dy]);
+                    all.extend(other.iter().filter(|member| near(member)).map(|member| member.1));
+                }
+            }
+        }
+        all
+    }
+}
+
+/// The network of a model.
+struct Trained<'a> {
+    recipe: &'a UNetRecipe,
+    net: UNet,
+    parameters: Parameters<f32>,
+    voxel: f64,
+}
+
+impl<'a> Trained<'a> {
+    fn of(recipe: &'a UNetRecipe, job: &Job<'_>) -> Result<Self> {
+        let (Some(stored), Some(voxel)) = (&job.model.network, recipe.voxel) else {
+            return Err(Error::ModelMismatch("a model of the recipe unet needs a network".into()));
+        };
+        let inputs = OWN + recipe.inputs.width();
+        let (net, mut parameters) = UNet::new::<f32>(&recipe.network, inputs, job.model.classes.len(), recipe.seed)?;
+        if stored.iter().len() != parameters.iter().len() {
+            let found = stored.iter().len();
+            let reason = format!("{found} arrays of a network (allowed: {})", parameters.iter().len());
+            return Err(Error::ModelMismatch(reason));
+        }
+        stored.iter().try_for_each(|array| parameters.replace(&array.name, array.values.clone()))?;
+        job.model.check_features(&super::train::names(net.width()))?;
+        Ok(Self { recipe, net, parameters, voxel })
+    }
+
+    /// The features of the cells of these points, one row a cell, and the cell of each point.
+    fn features(
+        &self,
+        points: &Points,
+        numbers: &[f32],
+        of: &[u32],
+        monitor: &Monitor,
+    ) -> Result<(Vec<f32>, Vec<u32>)> {
+        let width = self.recipe.inputs.width();
+        let mut gathered = Gathered::default();
+        for &point in of {
+            let at = points.positions.xyz(point as usize).map(|c| f64::from(c) / self.voxel);
+            gathered.push(0, at, &numbers[point as usize * width..][..width])?;
+        }
+        let cells = Cells::new(&gathered, width, monitor)?;
+        drop(gathered);
+        let scene = Scene::new(cells.sites, self.net.levels(), monitor)?;
+        let mut tape = Tape::prediction(&self.parameters, monitor);
+        let inputs = tape.input(cells.inputs, OWN + width);
+        let features = self.net.features(&mut tape, &scene, inputs)?;
+        Ok((tape.take(features), cells.of_point))
+    }
+}
+
+/// Probabilities of points, and how the features compare with those of the training.
+struct Rated {
+    values: Vec<f32>,
+    fit: Fit,
+}
+
+impl Trained<'_> {
+    /// Rates all points, in squares of `edge` cells.
+    fn rate(&self, points: &Points, job: &Job<'_>, edge: i64, monitor: &Monitor) -> Result<Rated> {
+        let (model, classes, width) = (job.model, job.model.classes.len(), self.net.width());
+        let numbers = self.recipe.inputs.of_points(job.scene.cloud, points, &self.recipe.ground, monitor)?;
+        let squares = Squares::new(points, self.voxel, edge, monitor)?;
+        let what = format!("probabilities of {} points", points.len());
+        let mut values = memory::filled(0.0f32, points.len() * classes, &what)?;
+        let mut fit = Fit::default();
+        monitor.stage("classify", points.len() as u64);
+        for square in squares.members.chunk_by(|a, b| a.0 == b.0) {
+            let all = squares.with_margin(square[0].0, self.recipe.network.reach() as i64);
+            let (features, of_point) = self.features(points, &numbers, &all, monitor)?;
+            let mut found = vec![0.0; features.len() / width * classes];
+            model.classifier.predict_proba(&features, &mut found)?;
+            let looked_at = features.chunks_exact(width).step_by(LOOKED_AT as usize);
+            looked_at.for_each(|row| fit.look(row, &model.fingerprint));
+            for (&point, &cell) in all.iter().zip(&of_point).take(square.len()) {
+                let row = &found[cell as usize * classes..][..classes];
+                values[point as usize * classes..][..classes].copy_from_slice(row);
+            }
+            monitor.advance(square.len() as u64);
+        }
+        Ok(Rated { values, fit })
+    }
+}
+
+pub(super) fn classify(recipe: &UNetRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+    let trained = Trained::of(recipe, job)?;
+    let points = job.scene.some_points(monitor)?;
+    let Rated { values, fit } = trained.rate(&points, job, SQUARE, monitor)?;
+    let given = Probabilities { values: &values, classes: job.model.classes.len() };
+    let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
+    Ok(job.decided(&points, &found, monitor)?.compared(fit.shares()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{Cloud, CodeScheme, MetricCloud};
+    use crate::nn::networks::UNetParams;
+    use crate::random::stream;
+    use crate::recipes::classify::ClassifyParams;
+    use crate::recipes::labels::{LabelledCloud, Labels};
+    use crate::recipes::unet::{Augmentation, LearningParams};
+    use crate::recipes::{Model, System};
+    use std::path::Path;
+
+    /// A meadow with boxes as tall as a house on it; class 6 on the boxes, class 2 on the meadow.
+    fn village(seed: u64) -> LabelledCloud {
+        let mut draws = stream(seed, 0);
+        let boxes: Vec<[f64; 2]> = (0..9).map(|_| [40.0, 40.0].map(|edge| 5.0 + draws.uniform() * edge)).collect();
+        let rows: Vec<[f64; 3]> = (0..12_000)
+            .map(|_| {
+                let [x, y] = [draws.uniform() * 50.0, draws.uniform() * 50.0];
+                let roof = boxes.iter().any(|[bx, by]| (x - bx).abs() < 3.0 && (y - by).abs() < 3.0);
+                [x, y, 0.1 * draws.uniform() + if roof { 4.0 } else { 0.0 }]
+            })
+            .collect();
+        let codes = rows.iter().map(|row| Some(if row[2] > 2.0 { 6 } else { 2 })).collect();
+        LabelledCloud { cloud: Cloud::from_rows(&rows).unwrap(), labels: Labels::new(codes, CodeScheme::Asprs) }
+    }
+
+    fn recipe() -> UNetRecipe {
+        UNetRecipe {
+            voxel: Some(0.8),
+            network: UNetParams { widths: vec![8, 8, 8] },
+            learning: LearningParams { steps: 25, parts: 2, radius: 24.0, ..LearningParams::default() },
+            augment: Augmentation { thin: 0.6, ..Augmentation::default() },
+            ..UNetRecipe::default()
+        }
+    }
+
+    fn trained() -> Model {
+        recipe().train(&[village(1)], &Default::default(), &Monitor::default()).unwrap().0
+    }
+
+    #[test]
+    fn a_network_names_roofs_of_another_village_and_comes_back_from_its_file() {
+        let (model, monitor) = (trained(), Monitor::default());
+        let LabelledCloud { cloud, labels } = village(2);
+        let found = crate::recipes::classify(&cloud, &model, &ClassifyParams::default(), &monitor).unwrap();
+        let right = found.codes.iter().zip(&labels.codes).filter(|(a, b)| Some(**a) == **b).count();
+        assert!(right as f64 > 0.97 * cloud.len() as f64, "{right}");
+        let again = Model::from_bytes(&model.to_bytes().unwrap(), Path::new("unet.model")).unwrap();
+        assert_eq!(again, model);
+        assert_eq!(crate::recipes::classify(&cloud, &again, &ClassifyParams::default(), &monitor).unwrap(), found);
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            assert_eq!(pool.install(trained), model, "the same bytes with {threads} threads");
+        }
+        let none = Model { network: None, ..model };
+        let message = crate::recipes::classify(&cloud, &none, &ClassifyParams::default(), &monitor).unwrap_err();
+        assert!(message.to_string().contains("needs a network"), "{message}");
+    }
+
+    #[test]
+    fn squares_leave_no_trace() {
+        let (model, monitor) = (trained(), Monitor::default());
+        let LabelledCloud { cloud, .. } = village(3);
+        let metric = MetricCloud::new(&cloud, None, &monitor).unwrap();
+        let (params, regularise) = (ClassifyParams::default(), recipe().regularise);
+        let job = Job { scene: &metric, model: &model, params: &params, regularise: &regularise };
+        let recipe = recipe();
+        let trained = Trained::of(&recipe, &job).unwrap();
+        let points = metric.some_points(&monitor).unwrap();
+        let whole = trained.rate(&points, &job, 1000, &monitor).unwrap().values;
+        // The margin must not reach beyond the next square.
+        let edge = recipe.network.reach() as i64 + 1;
+        assert!(edge < 30);
+        assert_eq!(trained.rate(&points, &job, edge, &monitor).unwrap().values, whole);
+    }
+}
