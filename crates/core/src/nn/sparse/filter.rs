@@ -67,6 +67,11 @@ impl<T: Scalar> SparseFilter<T> {
         &self.keys
     }
 
+    /// Output channel of a stored weight.
+    pub fn output(&self, weight: usize) -> usize {
+        self.keys[weight] as usize / (self.inputs * self.volume())
+    }
+
     /// Number of weights of a pair of channels if none is removed.
     pub fn volume(&self) -> usize {
         self.size.pow(self.axes as u32)

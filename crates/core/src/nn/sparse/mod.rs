@@ -6,13 +6,17 @@
 
 mod attention;
 mod convolution;
+mod density;
 mod filter;
 mod pooling;
+mod pruning;
 mod slab;
 mod tensor;
 
 pub use attention::{Attention, Selection};
 pub use convolution::{SparseConvolution, SparseGradient};
+pub use density::{DensityParams, DensityRegulariser};
 pub use filter::SparseFilter;
 pub use pooling::{Pooled, max_pool};
+pub use pruning::Pruning;
 pub use tensor::{Shape, SparseTensor};

@@ -151,6 +151,16 @@ impl<T: Scalar> SparseTensor<T> {
         self.len() as f64 / (self.shape.planes() * self.shape.cells()) as f64
     }
 
+    /// Density of each channel, meaned over the samples.
+    pub fn channel_densities(&self) -> Vec<f64> {
+        let Shape { samples, channels, .. } = self.shape;
+        let cells = self.shape.cells();
+        let count = |channel: usize| -> usize {
+            (0..samples).map(|sample| self.entries(sample * channels + channel, 0..cells).len()).sum()
+        };
+        (0..channels).map(|channel| count(channel) as f64 / (samples * cells) as f64).collect()
+    }
+
     /// Bytes of keys and values.
     pub fn bytes(&self) -> usize {
         self.len() * (size_of::<u64>() + size_of::<T>())
