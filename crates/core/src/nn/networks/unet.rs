@@ -120,6 +120,11 @@ impl Scene {
         &self.sites[0]
     }
 
+    /// Pairs of sites of the finest level that touch each other, in both directions.
+    pub fn touching(&self) -> usize {
+        self.within[0].pairs() - self.sites[0].len()
+    }
+
     /// Bytes in memory.
     pub fn bytes(&self) -> usize {
         let maps = self.within.iter().chain(&self.down).chain(&self.up);

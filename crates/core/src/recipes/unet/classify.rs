@@ -15,9 +15,13 @@ use crate::parallel::{Monitor, sort_watched};
 use crate::recipes::classify::predict::{Fit, LOOKED_AT};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, regularise};
+use crate::recipes::system::System;
 
 /// Edge of a square, in cells.
 const SQUARE: i64 = 768;
+
+/// Occupied neighbours of a cell, on average, below which cells are too small for a cloud. On a surface they are 8.
+const FEW: f64 = 2.0;
 
 /// Points sorted into squares.
 struct Squares<'a> {
@@ -93,14 +97,8 @@ impl<'a> Trained<'a> {
         Ok(Self { recipe, net, parameters, voxel })
     }
 
-    /// The features of the cells of these points, one row a cell, and the cell of each point.
-    fn features(
-        &self,
-        points: &Points,
-        numbers: &[f32],
-        of: &[u32],
-        monitor: &Monitor,
-    ) -> Result<(Vec<f32>, Vec<u32>)> {
+    /// The features of the cells of these points.
+    fn features(&self, points: &Points, numbers: &[f32], of: &[u32], monitor: &Monitor) -> Result<Described> {
         let width = self.recipe.inputs.width();
         let mut gathered = Gathered::default();
         for &point in of {
@@ -113,14 +111,42 @@ impl<'a> Trained<'a> {
         let mut tape = Tape::prediction(&self.parameters, monitor);
         let inputs = tape.input(cells.inputs, OWN + width);
         let features = self.net.features(&mut tape, &scene, inputs)?;
-        Ok((tape.take(features), cells.of_point))
+        Ok(Described { features: tape.take(features), of_point: cells.of_point, touching: scene.touching() })
+    }
+
+    /// A warning if the cells have few neighbours and the network was not trained on clouds as thin.
+    fn too_thin(&self, rated: &Rated, result: &Classified, job: &Job<'_>) -> Option<String> {
+        let neighbours = rated.touching as f64 / rated.cells.max(1) as f64;
+        let trained = self.recipe.lowest_density().min(job.model.fingerprint.density);
+        (neighbours < FEW && result.density < trained).then(|| {
+            format!(
+                "the cells of {} m have {neighbours:.1} occupied neighbours on average (8 on a surface): the cloud is too thin for \
+                 this model; train one with larger cells, and on copies as thin (training.densities)",
+                self.voxel
+            )
+        })
     }
 }
 
+/// Cells and their features.
+struct Described {
+    /// One row a cell.
+    features: Vec<f32>,
+    /// Cell of each point.
+    of_point: Vec<u32>,
+    /// Pairs of cells that touch each other.
+    touching: usize,
+}
+
 /// Probabilities of points, and how the features compare with those of the training.
+#[derive(Default)]
 struct Rated {
     values: Vec<f32>,
     fit: Fit,
+    /// Number of cells.
+    cells: usize,
+    /// Pairs of cells that touch each other.
+    touching: usize,
 }
 
 impl Trained<'_> {
@@ -130,33 +156,37 @@ impl Trained<'_> {
         let numbers = self.recipe.inputs.of_points(job.scene.cloud, points, &self.recipe.ground, monitor)?;
         let squares = Squares::new(points, self.voxel, edge, monitor)?;
         let what = format!("probabilities of {} points", points.len());
-        let mut values = memory::filled(0.0f32, points.len() * classes, &what)?;
-        let mut fit = Fit::default();
+        let values = memory::filled(0.0f32, points.len() * classes, &what)?;
+        let mut rated = Rated { values, ..Rated::default() };
         monitor.stage("classify", points.len() as u64);
         for square in squares.members.chunk_by(|a, b| a.0 == b.0) {
             let all = squares.with_margin(square[0].0, self.recipe.network.reach() as i64);
-            let (features, of_point) = self.features(points, &numbers, &all, monitor)?;
+            let Described { features, of_point, touching } = self.features(points, &numbers, &all, monitor)?;
+            rated.cells += features.len() / width;
+            rated.touching += touching;
             let mut found = vec![0.0; features.len() / width * classes];
             model.classifier.predict_proba(&features, &mut found)?;
             let looked_at = features.chunks_exact(width).step_by(LOOKED_AT as usize);
-            looked_at.for_each(|row| fit.look(row, &model.fingerprint));
+            looked_at.for_each(|row| rated.fit.look(row, &model.fingerprint));
             for (&point, &cell) in all.iter().zip(&of_point).take(square.len()) {
                 let row = &found[cell as usize * classes..][..classes];
-                values[point as usize * classes..][..classes].copy_from_slice(row);
+                rated.values[point as usize * classes..][..classes].copy_from_slice(row);
             }
             monitor.advance(square.len() as u64);
         }
-        Ok(Rated { values, fit })
+        Ok(rated)
     }
 }
 
 pub(super) fn classify(recipe: &UNetRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
     let trained = Trained::of(recipe, job)?;
     let points = job.scene.some_points(monitor)?;
-    let Rated { values, fit } = trained.rate(&points, job, SQUARE, monitor)?;
-    let given = Probabilities { values: &values, classes: job.model.classes.len() };
+    let rated = trained.rate(&points, job, SQUARE, monitor)?;
+    let given = Probabilities { values: &rated.values, classes: job.model.classes.len() };
     let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
-    Ok(job.decided(&points, &found, monitor)?.compared(fit.shares()))
+    let mut result = job.decided(&points, &found, monitor)?.compared(rated.fit.shares());
+    result.warnings.extend(trained.too_thin(&rated, &result, job));
+    Ok(result)
 }
 
 #[cfg(test)]
@@ -165,10 +195,10 @@ mod tests {
     use crate::cloud::{Cloud, CodeScheme, MetricCloud};
     use crate::nn::networks::UNetParams;
     use crate::random::stream;
+    use crate::recipes::Model;
     use crate::recipes::classify::ClassifyParams;
     use crate::recipes::labels::{LabelledCloud, Labels};
     use crate::recipes::unet::{Augmentation, LearningParams};
-    use crate::recipes::{Model, System};
     use std::path::Path;
 
     /// A meadow with boxes as tall as a house on it; class 6 on the boxes, class 2 on the meadow.
@@ -217,6 +247,19 @@ mod tests {
         let none = Model { network: None, ..model };
         let message = crate::recipes::classify(&cloud, &none, &ClassifyParams::default(), &monitor).unwrap_err();
         assert!(message.to_string().contains("needs a network"), "{message}");
+    }
+
+    #[test]
+    fn a_cloud_whose_cells_have_no_neighbours_is_warned_of() {
+        let (model, monitor) = (trained(), Monitor::default());
+        let warnings = |cloud: &Cloud| {
+            crate::recipes::classify(cloud, &model, &ClassifyParams::default(), &monitor).unwrap().warnings.join("; ")
+        };
+        let cloud = village(2).cloud;
+        assert!(!warnings(&cloud).contains("too thin"));
+        let thin = cloud.select(&(0..cloud.len() as u32).step_by(40).collect::<Vec<_>>());
+        let said = warnings(&thin);
+        assert!(said.contains("too thin for this model") && said.contains("0.8 m"), "{said}");
     }
 
     #[test]
