@@ -140,16 +140,24 @@ fn lines(monitor: &Monitor, stopped: &mpsc::Receiver<()>, every: Duration, form:
     }
 }
 
+/// Items a second, of steps as well as of points.
+fn speed(rate: f64) -> String {
+    match rate {
+        _ if rate >= 1e3 || rate == 0.0 => format!("{:.0} k/s", rate / 1e3),
+        _ => format!("{rate:.1}/s"),
+    }
+}
+
 fn plain(now: &Now) -> String {
     let left = now.left().map_or_else(String::new, |left| format!(", {left:.0} s left"));
     format!(
-        "{}{}: {:.0} % ({} of {}), {:.0} k/s{left}, after {:.0} s",
+        "{}{}: {:.0} % ({} of {}), {}{left}, after {:.0} s",
         now.file(),
         now.stage,
         100.0 * now.share(),
         now.done,
         now.total,
-        now.rate() / 1e3,
+        speed(now.rate()),
         now.seconds
     )
 }
@@ -175,6 +183,8 @@ mod tests {
         let value: serde_json::Value = serde_json::from_str(&json(&now)).unwrap();
         assert_eq!((value["file"].as_u64(), value["files"].as_u64()), (Some(3), Some(12)));
         assert_eq!((value["share"].as_f64(), value["seconds_left"].as_f64()), (Some(0.25), Some(6.0)));
+        let steps = Now { files: [0, 0], stage: "train", done: 5, total: 20, ..now };
+        assert_eq!(plain(&steps), "train: 25 % (5 of 20), 2.5/s, 6 s left, after 11 s");
         let begun = Now { files: [0, 0], done: 0, ..now };
         assert_eq!(plain(&begun), "features: 0 % (0 of 20000), 0 k/s, after 11 s");
         assert!(json(&begun).contains(r#""seconds_left":null"#));

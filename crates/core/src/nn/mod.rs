@@ -12,3 +12,4 @@ pub mod tape;
 #[cfg(test)]
 pub(crate) mod testing;
 pub mod training;
+pub mod workspace;

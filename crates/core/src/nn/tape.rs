@@ -4,6 +4,7 @@ use super::layers::{BatchNorm, Linear, Moments};
 use super::parameters::{Gradients, ParameterId, Parameters, add_gradient};
 use super::scalar::Scalar;
 use super::sites::{Connections, Convolution};
+use super::workspace::Workspace;
 use crate::error::Result;
 use crate::parallel::Monitor;
 use rayon::prelude::*;
@@ -73,8 +74,9 @@ struct Node<'a, T> {
 }
 
 /// The operations of one pass over a batch.
-pub struct Tape<'a, T> {
+pub struct Tape<'a, T: Scalar> {
     parameters: &'a Parameters<T>,
+    workspace: &'a Workspace<T>,
     monitor: &'a Monitor,
     /// Whether normalisation uses the moments of the batch, and values are kept for the backward pass.
     training: bool,
@@ -90,13 +92,13 @@ pub struct Followed<T> {
 
 impl<'a, T: Scalar> Tape<'a, T> {
     /// A tape for training.
-    pub fn training(parameters: &'a Parameters<T>, monitor: &'a Monitor) -> Self {
-        Self { parameters, monitor, training: true, nodes: Vec::new() }
+    pub fn training(parameters: &'a Parameters<T>, workspace: &'a Workspace<T>, monitor: &'a Monitor) -> Self {
+        Self { parameters, workspace, monitor, training: true, nodes: Vec::new() }
     }
 
     /// A tape for prediction.
-    pub fn prediction(parameters: &'a Parameters<T>, monitor: &'a Monitor) -> Self {
-        Self { parameters, monitor, training: false, nodes: Vec::new() }
+    pub fn prediction(parameters: &'a Parameters<T>, workspace: &'a Workspace<T>, monitor: &'a Monitor) -> Self {
+        Self { parameters, workspace, monitor, training: false, nodes: Vec::new() }
     }
 
     /// The values, row-major.
@@ -122,7 +124,8 @@ impl<'a, T: Scalar> Tape<'a, T> {
     /// Frees values that prediction does not need any more; in training they are needed for the gradients.
     pub fn forget(&mut self, value: Value) {
         if !self.training {
-            self.take(value);
+            let values = self.take(value);
+            self.workspace.recycle(values);
         }
     }
 
@@ -137,7 +140,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
     /// If the channels do not fit the weights, or the work was cancelled.
     pub fn convolution(&mut self, of: Value, weights: ParameterId, connections: Connections<'a>) -> Result<Value> {
         let layer = self.layer(of, weights, connections);
-        let (values, channels) = (layer.forward(self.values(of), self.monitor)?, layer.outputs);
+        let (values, channels) = (layer.forward_in(self.values(of), self.workspace, self.monitor)?, layer.outputs);
         Ok(self.push(Operation::Convolution { of, weights, connections }, values, channels))
     }
 
@@ -158,7 +161,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
             },
         };
         let mut values = match self.training {
-            true => self.values(of).to_vec(),
+            true => self.workspace.copied(self.values(of)),
             false => self.take(of),
         };
         let other = beside.map(|other| self.values(other)).unwrap_or_default();
@@ -175,7 +178,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
     pub fn joined(&mut self, left: Value, right: Value) -> Value {
         let (first, second) = (self.channels(left), self.channels(right));
         let channels = first + second;
-        let mut values = vec![T::ZERO; self.values(left).len() / first.max(1) * channels];
+        let mut values = self.workspace.zeros(self.values(left).len() / first.max(1) * channels);
         let rows = self.values(left).par_chunks(BLOCK * first).zip(self.values(right).par_chunks(BLOCK * second));
         values.par_chunks_mut(BLOCK * channels).zip(rows).for_each(|(out, (left, right))| {
             let rows = left.chunks_exact(first).zip(right.chunks_exact(second));
@@ -220,37 +223,57 @@ impl<'a, T: Scalar> Tape<'a, T> {
                 Operation::Input => {}
                 Operation::Convolution { of, weights, connections } => {
                     let layer = self.layer(*of, *weights, *connections);
-                    let gradient = layer.backward(self.values(*of), &own, self.monitor)?;
+                    let gradient = layer.backward_in(self.values(*of), &own, self.workspace, self.monitor)?;
                     add_gradient(&mut found, *weights, &gradient.weights);
-                    add(&mut open[of.0], gradient.values);
+                    self.add(&mut open[of.0], gradient.values);
+                    self.workspace.recycle(own);
                 }
                 Operation::Norm { of, beside, norm, moments } => {
                     let own = rectified(own, &node.values);
-                    let gradient = self.batch_norm(*norm).backward(self.values(*of), moments, &own);
+                    if let Some(beside) = beside {
+                        self.add(&mut open[beside.0], self.workspace.copied(&own));
+                    }
+                    let gradient = self.batch_norm(*norm).backward(self.values(*of), moments, own);
                     add_gradient(&mut found, norm.scale, &gradient.scale);
                     add_gradient(&mut found, norm.shift, &gradient.shift);
-                    add(&mut open[of.0], gradient.values);
-                    if let Some(beside) = beside {
-                        add(&mut open[beside.0], own);
-                    }
+                    self.add(&mut open[of.0], gradient.values);
                 }
                 Operation::Joined { left, right } => {
                     let first = self.channels(*left);
-                    let part = |range: std::ops::Range<usize>| -> Vec<T> {
-                        own.chunks_exact(node.channels).flat_map(|row| &row[range.clone()]).copied().collect()
+                    let part = |range: std::ops::Range<usize>| {
+                        let width = range.len();
+                        let mut part = self.workspace.zeros(own.len() / node.channels * width);
+                        let rows = own.par_chunks(BLOCK * node.channels);
+                        part.par_chunks_mut(BLOCK * width).zip(rows).for_each(|(part, rows)| {
+                            let rows = rows.chunks_exact(node.channels);
+                            part.chunks_exact_mut(width)
+                                .zip(rows)
+                                .for_each(|(p, row)| p.copy_from_slice(&row[range.clone()]));
+                        });
+                        part
                     };
-                    add(&mut open[left.0], part(0..first));
-                    add(&mut open[right.0], part(first..node.channels));
+                    self.add(&mut open[left.0], part(0..first));
+                    self.add(&mut open[right.0], part(first..node.channels));
+                    self.workspace.recycle(own);
                 }
                 Operation::Linear { of, linear } => {
                     let gradient = self.product(*linear).backward(self.values(*of), &own, self.monitor)?;
                     add_gradient(&mut found, linear.weights, &gradient.weights);
                     add_gradient(&mut found, linear.bias, &gradient.bias);
-                    add(&mut open[of.0], gradient.values);
+                    self.add(&mut open[of.0], gradient.values);
                 }
             }
         }
         Ok(found)
+    }
+
+    fn add(&self, sum: &mut Vec<T>, values: Vec<T>) {
+        if sum.is_empty() {
+            *sum = values;
+            return;
+        }
+        sum.par_iter_mut().zip(&values).for_each(|(sum, &value)| *sum += value);
+        self.workspace.recycle(values);
     }
 
     /// The running moments after this pass.
@@ -281,12 +304,10 @@ impl<T: Scalar> Followed<T> {
     }
 }
 
-fn add<T: Scalar>(sum: &mut Vec<T>, values: Vec<T>) {
-    if sum.is_empty() {
-        *sum = values;
-        return;
+impl<T: Scalar> Drop for Tape<'_, T> {
+    fn drop(&mut self) {
+        self.nodes.drain(..).for_each(|node| self.workspace.recycle(node.values));
     }
-    sum.par_iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
 }
 
 /// The gradient before the rectification that gave these values.

@@ -98,8 +98,8 @@ impl<T: Scalar> BatchNorm<'_, T> {
     }
 
     /// The gradients, given the values before normalisation, their own moments, and the gradient with respect to the
-    /// normalised values.
-    pub fn backward(&self, values: &[T], moments: &Moments<T>, gradient: &[T]) -> NormGradient<T> {
+    /// normalised values, whose memory that of the values takes.
+    pub fn backward(&self, values: &[T], moments: &Moments<T>, gradient: Vec<T>) -> NormGradient<T> {
         let channels = self.scale.len();
         let rows = values.len() / channels.max(1);
         let inverse = self.inverse(moments);
@@ -113,12 +113,11 @@ impl<T: Scalar> BatchNorm<'_, T> {
         });
         let count = rows.max(1) as f64;
         let mean: Vec<T> = both.iter().map(|sum| T::of(sum / count)).collect();
-        let mut found = vec![T::ZERO; values.len()];
+        let mut found = gradient;
         found.par_chunks_mut((BLOCK * channels).max(1)).enumerate().for_each(|(block, found)| {
             for (row, found) in (block * BLOCK..).zip(found.chunks_exact_mut(channels)) {
                 for c in 0..channels {
-                    let g = gradient[row * channels + c];
-                    let centred = g - mean[c] - normal(row, c) * mean[channels + c];
+                    let centred = found[c] - mean[c] - normal(row, c) * mean[channels + c];
                     found[c] = self.scale[c] * inverse[c] * centred;
                 }
             }
@@ -165,7 +164,7 @@ mod tests {
             out.iter().zip(&towards).map(|(o, t)| o * t).sum()
         };
         let norm = BatchNorm { scale: &scale, shift: &shift, epsilon: 1e-3 };
-        let found = norm.backward(&values, &Moments::of(&values, CHANNELS), &towards);
+        let found = norm.backward(&values, &Moments::of(&values, CHANNELS), towards.clone());
         assert!(relative_error(&found.values, &differences(&values, 100, |v| of(v, &scale, &shift))) < 1e-6);
         assert!(relative_error(&found.scale, &differences(&scale, 9, |s| of(&values, s, &shift))) < 1e-6);
         assert!(relative_error(&found.shift, &differences(&shift, 9, |s| of(&values, &scale, s))) < 1e-6);

@@ -273,6 +273,7 @@ mod tests {
     use crate::nn::layers::cross_entropy;
     use crate::nn::testing::{differences, numbers, relative_error};
     use crate::nn::training::{Optimiser, OptimiserState};
+    use crate::nn::workspace::Workspace;
 
     /// A floor and a box on it, in one or two samples.
     fn scene(samples: u32, levels: usize) -> Scene {
@@ -295,13 +296,13 @@ mod tests {
 
     #[test]
     fn gradients_of_all_parameters_are_those_of_finite_differences() {
-        let monitor = Monitor::default();
+        let (monitor, workspace) = (Monitor::default(), Workspace::default());
         let scene = scene(2, 3);
         let params = UNetParams { widths: vec![3, 4, 5] };
         let (net, parameters) = UNet::new::<f64>(&params, 2, 2, 7).unwrap();
         let (inputs, targets) = (numbers(1, scene.sites().len() * 2), roofs(&scene));
         let loss = |parameters: &Parameters<f64>| {
-            let mut tape = Tape::training(parameters, &monitor);
+            let mut tape = Tape::training(parameters, &workspace, &monitor);
             let at = tape.input(inputs.clone(), 2);
             let scores = net.scores(&mut tape, &scene, at).unwrap();
             let loss = cross_entropy(tape.values(scores), &targets, 2);
@@ -322,7 +323,7 @@ mod tests {
 
     #[test]
     fn a_network_learns_a_scene_and_predicts_alone_what_it_predicts_in_a_batch() {
-        let monitor = Monitor::default();
+        let (monitor, workspace) = (Monitor::default(), Workspace::default());
         let (two, params) = (scene(2, 3), UNetParams { widths: vec![8, 8, 8] });
         let (net, mut parameters) = UNet::new::<f32>(&params, 1, 2, 3).unwrap();
         let targets: Vec<f32> = roofs(&two).into_iter().map(|t| t as f32).collect();
@@ -330,7 +331,7 @@ mod tests {
         let mut state = OptimiserState::default();
         for _ in 0..60 {
             let (gradients, followed) = {
-                let mut tape = Tape::training(&parameters, &monitor);
+                let mut tape = Tape::training(&parameters, &workspace, &monitor);
                 let at = tape.input(ones(&two), 1);
                 let scores = net.scores(&mut tape, &two, at).unwrap();
                 let loss = cross_entropy(tape.values(scores), &targets, 2);
@@ -340,7 +341,7 @@ mod tests {
             followed.iter().for_each(|moments| moments.store(&mut parameters));
         }
         let predict = |scene: &Scene| {
-            let mut tape = Tape::prediction(&parameters, &monitor);
+            let mut tape = Tape::prediction(&parameters, &workspace, &monitor);
             let at = tape.input(ones(scene), 1);
             let scores = net.scores(&mut tape, scene, at).unwrap();
             tape.take(scores)
@@ -355,7 +356,7 @@ mod tests {
 
     #[test]
     fn cells_beyond_the_reach_do_not_matter() {
-        let monitor = Monitor::default();
+        let (monitor, workspace) = (Monitor::default(), Workspace::default());
         let params = UNetParams { widths: vec![2, 3, 4] };
         let (net, parameters) = UNet::new::<f32>(&params, 1, 2, 5).unwrap();
         let row = |count: i64| {
@@ -363,7 +364,7 @@ mod tests {
             Scene::new(Sites::of_keys(keys, &monitor).unwrap(), 3, &monitor).unwrap()
         };
         let run = |scene: &Scene| {
-            let mut tape = Tape::prediction(&parameters, &monitor);
+            let mut tape = Tape::prediction(&parameters, &workspace, &monitor);
             let at = tape.input((0..scene.sites().len()).map(|i| (i % 7) as f32).collect(), 1);
             let scores = net.scores(&mut tape, scene, at).unwrap();
             tape.take(scores)

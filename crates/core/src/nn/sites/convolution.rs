@@ -4,6 +4,7 @@ use super::kernel_map::{BLOCK, Block, KernelMap};
 use super::product::{Matrix, add_outer_products, add_products};
 use crate::error::{Error, Result};
 use crate::nn::scalar::Scalar;
+use crate::nn::workspace::Workspace;
 use crate::parallel::{Monitor, fold_ordered};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -74,9 +75,17 @@ impl<T: Scalar> Convolution<'_, T> {
     /// # Errors
     /// If a length does not fit, or the work was cancelled.
     pub fn forward(&self, values: &[T], monitor: &Monitor) -> Result<Vec<T>> {
+        self.forward_in(values, &Workspace::default(), monitor)
+    }
+
+    /// As [`Convolution::forward`], in a buffer of a workspace.
+    ///
+    /// # Errors
+    /// As [`Convolution::forward`].
+    pub fn forward_in(&self, values: &[T], workspace: &Workspace<T>, monitor: &Monitor) -> Result<Vec<T>> {
         let map = self.connections.forward;
         self.check(values.len(), map.inputs() * self.inputs, "values of the input sites")?;
-        self.apply(map, self.weights, values, monitor)
+        self.apply(map, self.weights, values, workspace.zeros(map.outputs() * self.outputs), monitor)
     }
 
     /// The gradients of a loss, given those with respect to the output sites.
@@ -84,12 +93,27 @@ impl<T: Scalar> Convolution<'_, T> {
     /// # Errors
     /// If a length does not fit, or the work was cancelled.
     pub fn backward(&self, values: &[T], gradient: &[T], monitor: &Monitor) -> Result<ConvolutionGradient<T>> {
+        self.backward_in(values, gradient, &Workspace::default(), monitor)
+    }
+
+    /// As [`Convolution::backward`], in buffers of a workspace.
+    ///
+    /// # Errors
+    /// As [`Convolution::backward`].
+    pub fn backward_in(
+        &self,
+        values: &[T],
+        gradient: &[T],
+        workspace: &Workspace<T>,
+        monitor: &Monitor,
+    ) -> Result<ConvolutionGradient<T>> {
         let map = self.connections.forward;
         self.check(values.len(), map.inputs() * self.inputs, "values of the input sites")?;
         self.check(gradient.len(), map.outputs() * self.outputs, "gradients of the output sites")?;
         let turned = Convolution { inputs: self.outputs, outputs: self.inputs, ..*self };
+        let found = workspace.zeros(map.inputs() * self.inputs);
         Ok(ConvolutionGradient {
-            values: turned.apply(self.connections.backward, &self.turned_weights(), gradient, monitor)?,
+            values: turned.apply(self.connections.backward, &self.turned_weights(), gradient, found, monitor)?,
             weights: self.weight_gradient(values, gradient, monitor)?,
         })
     }
@@ -110,9 +134,15 @@ impl<T: Scalar> Convolution<'_, T> {
         }
     }
 
-    /// Each output site is summed weight after weight by one thread.
-    fn apply(&self, map: &KernelMap, weights: &[T], values: &[T], monitor: &Monitor) -> Result<Vec<T>> {
-        let mut out = vec![T::ZERO; map.outputs() * self.outputs];
+    /// Adds to `out`, which is all 0; each output site is summed weight after weight by one thread.
+    fn apply(
+        &self,
+        map: &KernelMap,
+        weights: &[T],
+        values: &[T],
+        mut out: Vec<T>,
+        monitor: &Monitor,
+    ) -> Result<Vec<T>> {
         if self.outputs == 0 {
             return Ok(out);
         }

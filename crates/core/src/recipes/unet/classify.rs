@@ -11,6 +11,7 @@ use crate::memory;
 use crate::nn::networks::{Scene, UNet};
 use crate::nn::parameters::Parameters;
 use crate::nn::tape::Tape;
+use crate::nn::workspace::Workspace;
 use crate::parallel::{Monitor, sort_watched};
 use crate::recipes::classify::predict::{Fit, LOOKED_AT};
 use crate::recipes::classify::{Classified, Job};
@@ -77,6 +78,7 @@ struct Trained<'a> {
     recipe: &'a UNetRecipe,
     net: UNet,
     parameters: Parameters<f32>,
+    workspace: Workspace<f32>,
     voxel: f64,
 }
 
@@ -94,7 +96,7 @@ impl<'a> Trained<'a> {
         }
         stored.iter().try_for_each(|array| parameters.replace(&array.name, array.values.clone()))?;
         job.model.check_features(&super::train::names(net.width()))?;
-        Ok(Self { recipe, net, parameters, voxel })
+        Ok(Self { recipe, net, parameters, workspace: Workspace::default(), voxel })
     }
 
     /// The features of the cells of these points.
@@ -108,7 +110,7 @@ impl<'a> Trained<'a> {
         let cells = Cells::new(&gathered, width, monitor)?;
         drop(gathered);
         let scene = Scene::new(cells.sites, self.net.levels(), monitor)?;
-        let mut tape = Tape::prediction(&self.parameters, monitor);
+        let mut tape = Tape::prediction(&self.parameters, &self.workspace, monitor);
         let inputs = tape.input(cells.inputs, OWN + width);
         let features = self.net.features(&mut tape, &scene, inputs)?;
         Ok(Described { features: tape.take(features), of_point: cells.of_point, touching: scene.touching() })
@@ -172,6 +174,7 @@ impl Trained<'_> {
                 let row = &found[cell as usize * classes..][..classes];
                 rated.values[point as usize * classes..][..classes].copy_from_slice(row);
             }
+            self.workspace.recycle(features);
             monitor.advance(square.len() as u64);
         }
         Ok(rated)

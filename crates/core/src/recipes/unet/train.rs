@@ -13,6 +13,7 @@ use crate::nn::networks::{Scene, UNet};
 use crate::nn::parameters::Parameters;
 use crate::nn::tape::Tape;
 use crate::nn::training::OptimiserState;
+use crate::nn::workspace::Workspace;
 use crate::parallel::Monitor;
 use crate::random::stream;
 use crate::recipes::training::sources::Sources;
@@ -158,11 +159,12 @@ impl Training<'_> {
         let steps = learning.steps as u64;
         monitor.stage("train", steps);
         let (mut state, mut losses, mut cells) = (OptimiserState::default(), Vec::new(), 0);
+        let workspace = Workspace::default();
         for step in 0..steps {
             monitor.check()?;
             let batch = self.prepared(step, monitor)?;
             let (loss, gradients, followed) = {
-                let mut tape = Tape::training(parameters, monitor);
+                let mut tape = Tape::training(parameters, &workspace, monitor);
                 let inputs = tape.input(batch.cells.inputs.clone(), OWN + self.recipe.inputs.width());
                 let scores = self.net.scores(&mut tape, &batch.scene, inputs)?;
                 let loss = cross_entropy(tape.values(scores), &batch.targets, self.weights.len());
@@ -181,10 +183,10 @@ impl Training<'_> {
     /// Summary of the features of labelled cells.
     fn summary(&self, parameters: &Parameters<f32>, density: f64, monitor: &Monitor) -> Result<Fingerprint> {
         let (width, classes) = (self.net.width(), self.weights.len());
-        let (mut rows, mut labels) = (Vec::new(), Vec::new());
+        let (mut rows, mut labels, workspace) = (Vec::new(), Vec::new(), Workspace::default());
         for step in 0..LOOKED_AT {
             let batch = self.prepared(step, monitor)?;
-            let mut tape = Tape::prediction(parameters, monitor);
+            let mut tape = Tape::prediction(parameters, &workspace, monitor);
             let inputs = tape.input(batch.cells.inputs.clone(), OWN + self.recipe.inputs.width());
             let features = self.net.features(&mut tape, &batch.scene, inputs)?;
             let known = tape.values(features).chunks_exact(width).zip(batch.targets.chunks_exact(classes));
