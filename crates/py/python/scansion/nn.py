@@ -191,9 +191,9 @@ def sparse_convolution(
     >>> image = nn.SparseTensor.from_dense(np.diag([1.0, 2.0, 3.0])[None, None])
     >>> found = nn.sparse_convolution(image, np.ones((1, 1, 3, 3)), density=0.34)
     >>> found.to_dense()[0, 0]
-    array([[0., 3., 0.],
+    array([[0., 0., 0.],
            [0., 6., 5.],
-           [0., 0., 0.]], dtype=float32)
+           [0., 5., 0.]], dtype=float32)
     """
     keys, values, flat, own, layer = _direct(tensor, weights, bias, density, attention)
     found = _core.sparse_convolution(keys, values, flat, own, layer, n_jobs)
