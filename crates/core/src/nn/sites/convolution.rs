@@ -85,7 +85,7 @@ impl<T: Scalar> Convolution<'_, T> {
     pub fn forward_in(&self, values: &[T], workspace: &Workspace<T>, monitor: &Monitor) -> Result<Vec<T>> {
         let map = self.connections.forward;
         self.check(values.len(), map.inputs() * self.inputs, "values of the input sites")?;
-        self.apply(map, self.weights, values, workspace.zeros(map.outputs() * self.outputs), monitor)
+        self.apply(map, values, workspace.zeros(map.outputs() * self.outputs), monitor)
     }
 
     /// The gradients of a loss, given those with respect to the output sites.
@@ -110,10 +110,11 @@ impl<T: Scalar> Convolution<'_, T> {
         let map = self.connections.forward;
         self.check(values.len(), map.inputs() * self.inputs, "values of the input sites")?;
         self.check(gradient.len(), map.outputs() * self.outputs, "gradients of the output sites")?;
-        let turned = Convolution { inputs: self.outputs, outputs: self.inputs, ..*self };
+        let weights = self.turned_weights();
+        let turned = Convolution { weights: &weights, inputs: self.outputs, outputs: self.inputs, ..*self };
         let found = workspace.zeros(map.inputs() * self.inputs);
         Ok(ConvolutionGradient {
-            values: turned.apply(self.connections.backward, &self.turned_weights(), gradient, found, monitor)?,
+            values: turned.apply(self.connections.backward, gradient, found, monitor)?,
             weights: self.weight_gradient(values, gradient, monitor)?,
         })
     }
@@ -135,21 +136,19 @@ impl<T: Scalar> Convolution<'_, T> {
     }
 
     /// Adds to `out`, which is all 0; each output site is summed weight after weight by one thread.
-    fn apply(
-        &self,
-        map: &KernelMap,
-        weights: &[T],
-        values: &[T],
-        mut out: Vec<T>,
-        monitor: &Monitor,
-    ) -> Result<Vec<T>> {
+    fn apply(&self, map: &KernelMap, values: &[T], mut out: Vec<T>, monitor: &Monitor) -> Result<Vec<T>> {
         if self.outputs == 0 {
             return Ok(out);
         }
         let x = Matrix { values, columns: self.inputs };
         out.par_chunks_mut(BLOCK * self.outputs).zip(&map.blocks).try_for_each(|(out, block)| {
             monitor.check()?;
-            Arch::new().dispatch(Outputs { block, x, weights: Matrix { values: weights, columns: self.outputs }, out });
+            Arch::new().dispatch(Outputs {
+                block,
+                x,
+                weights: Matrix { values: self.weights, columns: self.outputs },
+                out,
+            });
             Ok::<(), Error>(())
         })?;
         Ok(out)
