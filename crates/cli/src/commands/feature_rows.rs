@@ -13,6 +13,13 @@ use std::path::Path;
 /// Bytes of text written at once.
 const PIECE: usize = 1 << 20;
 
+/// What the rows of features belong to, and what their columns are called.
+#[derive(Clone, Copy)]
+pub(crate) struct NamedRows<'a> {
+    pub(crate) cloud: &'a Cloud,
+    pub(crate) names: &'a [String],
+}
+
 /// A file of rows of `f32`, each written at its own offset.
 pub(crate) struct RowFile {
     file: AtomicFile,
@@ -56,12 +63,8 @@ impl RowFile {
     }
 
     /// Writes the rows as text, preceded by the coordinates; the binary file is removed.
-    pub(crate) fn write_csv(
-        mut self,
-        path: &Path,
-        (cloud, names): (&Cloud, &[String]),
-        monitor: &Monitor,
-    ) -> Result<()> {
+    pub(crate) fn write_csv(mut self, path: &Path, named: NamedRows<'_>, monitor: &Monitor) -> Result<()> {
+        let NamedRows { cloud, names } = named;
         self.file.flush()?;
         let mut file = AtomicFile::create(path)?;
         file.write_all(format!("x,y,z,{}\n", names.join(",")).as_bytes())?;

@@ -1,10 +1,10 @@
 //! `scansion features`: computes or lists multi-scale features.
 
-use super::feature_rows::{RowColumns, RowFile};
+use super::feature_rows::{NamedRows, RowColumns, RowFile};
 use super::{Context, sources};
 use crate::args::{Features, Format};
 use crate::exit_code::Failure;
-use scansion_core::cloud::{Cloud, Column, MetricCloud, Values};
+use scansion_core::cloud::{Column, MetricCloud, Values};
 use scansion_core::features::definition::{self, Definition, Group};
 use scansion_core::features::{FeatureStream, Rows, Wanted, optimal_features};
 use scansion_core::io::{self, Columns, Edit, ReadOptions};
@@ -21,8 +21,9 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     } else {
         io::check_cloud_output(output)?
     }
+    let files = Files { input, output };
     if args.optimal {
-        return optimal(args, (input, output), context);
+        return optimal(args, files, context);
     }
     let set = sources::recipe(&args.recipe)?.features;
     let asked = Wanted::Asked(&args.only);
@@ -36,14 +37,21 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     io::check_steps(input, output, &cloud, &context.write_options())?;
     let stream = FeatureStream::prepare(&cloud, &set, asked, &context.monitor)?;
     let names = stream.names().to_vec();
-    write((&cloud, &names), (input, output), context, |take| stream.for_each(&context.monitor, take))
+    write(NamedRows { cloud: &cloud, names: &names }, files, context, |take| stream.for_each(&context.monitor, take))
 }
 
 /// The name of the column with the number of neighbours.
 const NEIGHBOURS: &str = "Neighbours";
 
+/// The cloud that is read, and where its features go.
+#[derive(Clone, Copy)]
+struct Files<'a> {
+    input: &'a Path,
+    output: &'a Path,
+}
+
 /// The local descriptors of the neighbourhoods of lowest entropy, and their sizes.
-fn optimal(args: &Features, (input, output): (&Path, &Path), context: &Context<'_>) -> Result<(), Failure> {
+fn optimal(args: &Features, files: Files<'_>, context: &Context<'_>) -> Result<(), Failure> {
     let mut params = OptimalParams::default();
     match args.neighbours[..] {
         [] => {}
@@ -53,8 +61,8 @@ fn optimal(args: &Features, (input, output): (&Path, &Path), context: &Context<'
     let own = Group::Optimal.names().chain([NEIGHBOURS.to_string()]);
     let names = Wanted::Asked(&args.only).names(&own.collect::<Vec<_>>())?;
     let options = ReadOptions { columns: Columns::Only(Vec::new()), ..context.read_options() };
-    let cloud = io::read_with(input, &options)?;
-    io::check_steps(input, output, &cloud, &context.write_options())?;
+    let cloud = io::read_with(files.input, &options)?;
+    io::check_steps(files.input, files.output, &cloud, &context.write_options())?;
     let points = MetricCloud::new(&cloud, args.unit.unit, &context.monitor)?.points(&context.monitor)?;
     let found = optimal_features(&points.positions, &params, &context.monitor)?;
     let mut all = Rows { points: (0..cloud.len() as u32).collect(), ..Rows::default() };
@@ -66,7 +74,7 @@ fn optimal(args: &Features, (input, output): (&Path, &Path), context: &Context<'
         let value = |source: &Option<usize>| source.map_or(found.k[i] as f32, |column| found.table.row(i)[column]);
         row.zip(&sources).for_each(|(slot, source)| *slot = value(source));
     }
-    write((&cloud, &names), (input, output), context, |take| take(&all))
+    write(NamedRows { cloud: &cloud, names: &names }, files, context, |take| take(&all))
 }
 
 fn columns(names: &[String]) -> Vec<Column> {
@@ -75,12 +83,12 @@ fn columns(names: &[String]) -> Vec<Column> {
 
 /// Writes the features that `rows` passes on, as a matrix, a table, or dimensions of the cloud.
 fn write(
-    (cloud, names): (&Cloud, &[String]),
-    (input, output): (&Path, &Path),
+    named: NamedRows<'_>,
+    Files { input, output }: Files<'_>,
     context: &Context<'_>,
     rows: impl FnOnce(&mut dyn FnMut(&Rows) -> scansion_core::Result<()>) -> scansion_core::Result<()>,
 ) -> Result<(), Failure> {
-    let (points, width) = (cloud.len(), names.len());
+    let (points, width) = (named.cloud.len(), named.names.len());
     match output.extension().and_then(|e| e.to_str()) {
         Some("npy") => {
             let mut file = RowFile::create(output, &npy_header(points, width), width)?;
@@ -90,7 +98,7 @@ fn write(
         Some("csv") => {
             let mut file = RowFile::create(output, &[], width)?;
             rows(&mut |rows| file.put(rows))?;
-            file.write_csv(output, (cloud, names), &context.monitor)?;
+            file.write_csv(output, named, &context.monitor)?;
         }
         _ => {
             let mut columns = RowColumns::new(points, width)?;
@@ -98,7 +106,7 @@ fn write(
                 columns.put(rows);
                 Ok(())
             })?;
-            let edits: Vec<Edit> = columns.named(names).map(Edit::Dimension).collect();
+            let edits: Vec<Edit> = columns.named(named.names).map(Edit::Dimension).collect();
             io::rewrite(input, output, &edits, &context.write_options())?;
         }
     }
