@@ -17,7 +17,7 @@ PRIVATE = [
     f"scansion.{m.name}"
     for m in pkgutil.iter_modules(scansion.__path__)
     if m.name not in ("_core", "__main__")
-]
+] + [f"scansion.nn.{m.name}" for m in pkgutil.iter_modules(scansion.nn.__path__)]
 
 
 def public():

@@ -105,3 +105,102 @@ def test_a_network_is_a_point_classifier():
     }
     model = scansion.PointClassifier(recipe=recipe).fit(ground, np.where(roof, 6, 2))
     assert model.score(ground, np.where(roof, 6, 2)) > 0.95
+
+
+def bars(count, seed):
+    """Upright and lying bars in images."""
+    draws = np.random.default_rng(seed)
+    images = np.zeros((count, 12, 12), np.float32)
+    upright = np.arange(count) % 2 == 1
+    for image, is_upright, at in zip(images, upright, draws.integers(2, 10, count), strict=True):
+        image[(slice(2, 10), at) if is_upright else (at, slice(2, 10))] = 1
+    return images, np.where(upright, "upright", "lying")
+
+
+def small(**changes):
+    settings = {"network.hidden": 16, "learning.augment.turn": False, **changes.pop("settings", {})}
+    return nn.VoxelClassifier("mnist", density=0.3, epochs=4, settings=settings, **changes)
+
+
+def test_objects_are_classified_and_networks_come_back_from_their_file(tmp_path):
+    (X, y), (other, truth) = bars(80, 1), bars(40, 2)
+    network = small().fit(X, y)
+    assert network.score(other, truth) > 0.9
+    assert [epoch["loss"] for epoch in network.history_][-1] < network.history_[0]["loss"]
+    network.save(tmp_path / "net")
+    again = nn.VoxelClassifier.load(tmp_path / "net")
+    np.testing.assert_array_equal(again.predict_proba(other), network.predict_proba(other))
+    assert again.classes_.tolist() == ["lying", "upright"]
+    arrays = nn.load_weights(tmp_path / "net")
+    np.testing.assert_array_equal(arrays["classes.bias"], network.weights()["classes.bias"])
+    np.savez(tmp_path / "net.npz", **arrays)
+    tensor = nn.SparseTensor.from_dense(other[:, None])
+    np.testing.assert_array_equal(network.predict_proba(tensor), network.predict_proba(other))
+
+
+def test_training_goes_on_from_a_checkpoint_to_the_same_bytes(tmp_path):
+    X, y = bars(60, 3)
+    whole = small(n_jobs=1).fit(X, y)
+    part = small()
+    part.epochs = 2
+    part.fit(X, y, checkpoint=tmp_path / "steps")
+    rest = small().fit(X, y, checkpoint=tmp_path / "steps")
+    assert len(rest.history_) == 2
+    for name, values in whole.weights().items():
+        np.testing.assert_array_equal(values, rest.weights()[name])
+    with pytest.raises(ValueError, match="other settings or samples"):
+        small(random_state=5).fit(X, y, checkpoint=tmp_path / "steps")
+
+
+def test_clouds_of_points_are_objects():
+    draws = np.random.default_rng(4)
+    rods = [draws.normal(size=(200, 3)) * [0.05, 0.05, 2] + 1e5 for _ in range(20)]
+    balls = [draws.normal(size=(200, 3)) for _ in range(20)]
+    X, y = rods + balls, np.repeat([3, 7], 20)
+    settings = {"network.hidden": 16, "network.levels": [{"channels": [4], "density": 0.5}]}
+    network = nn.VoxelClassifier(resolution=8, epochs=8, settings=settings).fit(X, y)
+    assert network.score(X, y) > 0.9 and network.classes_.tolist() == [3, 7]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"network": "alexnet"}, "modelnet"),
+        ({"density": 2.0}, "density"),
+        ({"settings": {"network.hiden": 3}}, "hiden"),
+        ({"settings": {"other.hidden": 3}}, "network or learning"),
+        ({"epochs": 0}, "epochs"),
+    ],
+)
+def test_bad_settings_of_networks_are_named(change, message):
+    X, y = bars(8, 1)
+    with pytest.raises(ValueError, match=message):
+        nn.VoxelClassifier(**{"network": "mnist", **change}).fit(X, y)
+
+
+def test_files_of_objects(tmp_path):
+    (tmp_path / "a.idx").write_bytes(bytes([0, 0, 8, 2, 0, 0, 0, 1, 0, 0, 0, 2, 5, 9]))
+    assert nn.read_idx(tmp_path / "a.idx").tolist() == [[5, 9]]
+    with pytest.raises(scansion.FileFormatError, match="IDX"):
+        (tmp_path / "b.idx").write_bytes(b"no")
+        nn.read_idx(tmp_path / "b.idx")
+    (tmp_path / "a.off").write_text("OFF3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    vertices, triangles = nn.read_off(tmp_path / "a.off")
+    assert nn.sample_surface(vertices, triangles, 50).shape == (50, 3)
+    with pytest.raises(ValueError, match="vertex 9"):
+        nn.sample_surface(vertices, [[0, 1, 9]], 5)
+    np.savez(tmp_path / "a.npz", chair=np.ones((2, 4, 4, 4)), desk=np.zeros((1, 4, 4, 4)))
+    X, y = nn.load_voxels(tmp_path / "a.npz")
+    assert X.shape == (3, 4, 4, 4) and y.tolist() == ["chair", "chair", "desk"]
+
+
+def test_a_layer_has_the_gradients_of_its_function():
+    layer = nn.SparseConv3d(2, 3, random_state=1)
+    places = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 1]])
+    features = RANDOM.normal(size=(3, 2)).astype(np.float32)
+    found = layer(places, features)
+    np.testing.assert_allclose(found, nn.submanifold_convolution(places, features, layer.weight) + layer.bias)
+    layer.backward(np.ones_like(found))
+    assert layer.weight_gradient.shape == layer.weight.shape and layer.bias_gradient.tolist() == [3, 3, 3]
+    with pytest.raises(ValueError, match="call"):
+        nn.SparseConv3d(1, 1).backward([[1.0]])

@@ -22,6 +22,7 @@ const CIRCLES: [(&str, &[&str]); 2] = [
             "auto_context",
             "classify",
             "clusters",
+            "contours",
             "model",
             "objects",
             "one_stage",
@@ -31,6 +32,7 @@ const CIRCLES: [(&str, &[&str]); 2] = [
             "training",
             "unet",
             "weak",
+            "windows",
         ],
     ),
     // The parameters name a method, and every method takes the parameters.

@@ -55,6 +55,10 @@ pub mod classification;
 
 pub mod regularisation;
 
+pub mod contours;
+
+pub mod synthetic;
+
 pub mod terrain;
 
 pub mod filters;

@@ -6,6 +6,7 @@ mod classification;
 mod cli;
 mod cloud;
 mod clusters;
+mod contours;
 mod convert;
 mod error;
 mod evaluation;
@@ -40,6 +41,8 @@ mod _core {
     #[pymodule_export]
     use crate::clusters::{automatic_parameters, cluster_levels, cluster_table};
     #[pymodule_export]
+    use crate::contours::{Contours, contours, edge_labels, score_lines, synthetic_scene};
+    #[pymodule_export]
     use crate::error::FileFormatError;
     #[pymodule_export]
     use crate::evaluation::{boundary_scores, confusion_matrix, one_vs_rest, purities};
@@ -59,6 +62,10 @@ mod _core {
     use crate::io::{Blocks, convert, diff, inspect, merge, read, rewrite, salvage, settings_text, statistics, write};
     #[pymodule_export]
     use crate::neighbours::{knn, optimal, within};
+    #[pymodule_export]
+    use crate::nn::{ObjectModel, ObjectTraining, Objects, object_learning, object_network};
+    #[pymodule_export]
+    use crate::nn::{read_idx, read_off, sample_surface};
     #[pymodule_export]
     use crate::nn::{sparse_convolution, sparse_gradient, submanifold_convolution, submanifold_gradient};
     #[pymodule_export]

@@ -25,7 +25,7 @@ use std::sync::Arc;
 /// A trained model: recipe, classes and classifier.
 #[pyclass(module = "scansion._core", frozen)]
 pub(crate) struct Model {
-    inner: CoreModel,
+    pub(crate) inner: CoreModel,
     /// Whether it is the built-in model.
     builtin: bool,
 }
@@ -143,7 +143,7 @@ fn elevation_of(path: Option<&Path>, monitor: &Monitor) -> scansion_core::Result
 #[pymethods]
 impl Model {
     #[staticmethod]
-    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled = None, names = vec![], strengths = vec![], elevation_model = None, n_jobs = None))]
+    #[pyo3(signature = (clouds, recipe, settings, dimension, map, unlabelled = None, names = vec![], strengths = vec![], elevation_model = None, checkpoint = None, n_jobs = None))]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
     fn train(
         py: Python<'_>,
@@ -156,6 +156,7 @@ impl Model {
         names: Vec<String>,
         strengths: Vec<f64>,
         elevation_model: Option<PathBuf>,
+        checkpoint: Option<PathBuf>,
         n_jobs: Option<i64>,
     ) -> PyResult<(Self, String)> {
         let clouds: Vec<_> = clouds.iter().map(|c| Arc::clone(&c.inner)).collect();
@@ -164,7 +165,7 @@ impl Model {
         let train = |monitor: &Monitor| {
             let clouds = labelled(clouds, &labels, monitor)?;
             let elevation = elevation_of(elevation_model.as_deref(), monitor)?;
-            let options = TrainOptions { strengths, elevation, ..TrainOptions::default() };
+            let options = TrainOptions { strengths, elevation, checkpoint, ..TrainOptions::default() };
             let (model, report) = recipe.train(&clouds, &options, monitor)?;
             Ok((model, report.json()?))
         };

@@ -74,6 +74,14 @@ pub(super) const TERRAIN: &str = "Examples:
 Rasters and outlines have the coordinates, the unit and the reference system of the cloud: in a cloud in feet, heights
 are feet. --cell and the other lengths are metres; cells of 3 ft are --cell 0.9144.";
 
+pub(super) const CONTOURS: &str = "Examples:
+  scansion contours my.laz -o edges.dxf                      for drawing programs
+  scansion contours classified.laz -o edges.gpkg             a layer for each pair of classes, with length and confidence
+  scansion contours room.e57 -o edges.geojson --voxel 0.05   finer edges
+  scansion contours my.laz -o edges.ply --set trace.tidy.least_length=1
+
+Lengths in settings are those for voxels of 0.1 m and change with the voxel.";
+
 pub(super) const HEIGHT: &str = "Examples:
   scansion height my.laz -o heights.laz
   scansion height my.laz -o heights.laz --ground-classes 2,9

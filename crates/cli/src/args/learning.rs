@@ -43,7 +43,7 @@ pub(crate) struct Features {
 #[command(after_help = examples::TRAIN)]
 pub(crate) struct Train {
     /// Labelled clouds
-    #[arg(required = true)]
+    #[arg(required_unless_present = "synthetic")]
     pub(crate) inputs: Vec<PathBuf>,
     /// Model file to write
     #[arg(short, long, value_name = "MODEL")]
@@ -77,6 +77,16 @@ pub(crate) struct Train {
     /// Ground heights to use instead of those of the road: an ESRI ASCII grid (weak recipe)
     #[arg(long, value_name = "FILE")]
     pub(crate) elevation_model: Option<PathBuf>,
+    /// Lines along the edges of an input, as GeoJSON or OBJ: points near them are learned as contours, whatever their labels;
+    /// once for each input, in their order (recipe contours)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) edges: Vec<PathBuf>,
+    /// Also learn from this many made-up scenes: streets and rooms (recipe contours)
+    #[arg(long, value_name = "N")]
+    pub(crate) synthetic: Option<usize>,
+    /// Write this file from time to time, and go on from it if it exists, to the same model (recipes unet, windows)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) checkpoint: Option<PathBuf>,
     /// Also evaluate the recipe by k-fold cross-validation on squares of the clouds
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=20))]
     pub(crate) cross_validate: Option<u8>,

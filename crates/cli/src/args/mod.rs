@@ -1,6 +1,7 @@
 //! The command line arguments.
 
 mod choices;
+mod contours;
 mod examples;
 mod files;
 mod filters;
@@ -11,6 +12,7 @@ mod segments;
 mod streams;
 mod terrain;
 
+pub(crate) use contours::Contours;
 pub(crate) use files::{Completions, Convert, Diff, Info, Man, Merge};
 pub(crate) use filters::{Filter, NoiseArgs, OutlierMethod};
 pub(crate) use learning::{Classify, Evaluate, Features, Model, Regularize, Train};
@@ -131,6 +133,8 @@ pub(crate) enum Command {
     Suggest(Suggest),
     /// Make terrain and surface models, and outlines of buildings
     Terrain(Terrain),
+    /// Draw lines along the edges of objects
+    Contours(Contours),
     /// Write the height of every point above the ground
     Height(Height),
     /// Remove noise, and points by class, height above ground and place
@@ -188,7 +192,7 @@ impl Command {
             Self::Diff(args) => return vec![&args.a, &args.b],
             Self::Features(args) => (&[], vec![&args.input, &args.recipe.recipe]),
             Self::Train(args) => {
-                let files = args.inputs.iter().chain(&args.weak_labels).map(PathBuf::as_path);
+                let files = args.inputs.iter().chain(&args.weak_labels).chain(&args.edges).map(PathBuf::as_path);
                 return files.chain(args.recipe.recipe.as_deref().filter(|path| !is_name(path))).collect();
             }
             Self::Classify(args) => (&args.inputs, vec![&args.model]),
@@ -200,6 +204,7 @@ impl Command {
                 return files.map(PathBuf::as_path).chain(recipe).collect();
             }
             Self::Terrain(args) => (std::slice::from_ref(&args.input), vec![]),
+            Self::Contours(args) => (std::slice::from_ref(&args.input), vec![&args.model]),
             Self::Height(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Filter(args) => return std::iter::once(&*args.input).chain(args.polygon_file()).collect(),
             Self::Evaluate(args) => (std::slice::from_ref(&args.truth), vec![&args.prediction, &args.model]),

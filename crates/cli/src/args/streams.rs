@@ -36,6 +36,9 @@ impl Command {
             Self::Terrain(args) => {
                 Streams { inputs: vec![&mut args.input], output: args.output.as_mut(), format: "tif" }
             }
+            Self::Contours(args) => {
+                Streams { inputs: vec![&mut args.input], output: Some(&mut args.output), format: "geojson" }
+            }
             Self::Height(args) => cloud(vec![&mut args.input], &mut args.output),
             Self::Filter(args) => cloud(vec![&mut args.input], &mut args.output),
             Self::Evaluate(args) => read(std::iter::once(&mut args.truth).chain(args.prediction.as_mut()).collect()),

@@ -2,6 +2,7 @@
 
 mod classified;
 mod classify;
+mod contours;
 mod convert;
 mod demo;
 mod diff;
@@ -161,6 +162,7 @@ fn command(command: &Command, context: &Context<'_>) -> Result<(), Failure> {
         Command::Segment(segment) => segment::run(segment, context),
         Command::Suggest(suggest) => suggest::run(suggest, context),
         Command::Terrain(terrain) => terrain::run(terrain, context),
+        Command::Contours(args) => contours::run(args, context),
         Command::Height(height) => height::run(height, context),
         Command::Filter(filter) => filter::run(filter, context),
         Command::Evaluate(evaluate) => evaluate::run(evaluate, context),

@@ -8,11 +8,11 @@ use scansion_core::Error;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns};
 use scansion_core::recipes::{
-    AnyRecipe, ClassCount, Grid, LabelFile, LabelledCloud, Labels, Model, PickedCloud, Picking, Report, SearchParams,
-    SearchReport, TrainOptions, search,
+    AnyRecipe, ClassCount, ContoursRecipe, Grid, LabelFile, LabelledCloud, Labels, Model, PickedCloud, Picking, Report,
+    SearchParams, SearchReport, TrainOptions, edge_labels, labelled_scenes, search,
 };
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     Model::check_output(&args.output)?;
@@ -23,11 +23,19 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
         depths: args.grid_depth.clone(),
         strengths: args.grid_strength.clone(),
         elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
+        checkpoint: args.checkpoint.clone(),
     };
+    options.checkpoint.as_deref().map_or(Ok(()), io::check_output)?;
     if args.block.is_some() && args.grid.is_empty() && !options.cross_validates() {
         return Err(Failure::Usage("--block needs --cross-validate, --grid or --grid-depth".into()));
     }
-    let mut clouds = read_all(args, &recipe, context)?;
+    let mut clouds = match args.edges.is_empty() {
+        true => read_all(args, &recipe, context)?,
+        false => with_edges(args, &recipe, context)?,
+    };
+    if let Some(count) = args.synthetic {
+        clouds.extend(labelled_scenes(contours_recipe(&recipe)?, count, &context.monitor)?);
+    }
     let searched = searched(args, &recipe, &mut clouds, &options, context)?;
     if let Some(SearchReport { best, tried, .. }) = &searched {
         recipe = recipe.with_settings(tried[*best].settings.iter().map(String::as_str))?;
@@ -129,6 +137,31 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
         Some(text) => Err(Error::input(text).into()),
         None => Ok(clouds),
     }
+}
+
+/// The recipe of contours, which alone learns from lines and made-up scenes.
+fn contours_recipe(recipe: &AnyRecipe) -> Result<&ContoursRecipe, Failure> {
+    match recipe {
+        AnyRecipe::Contours(recipe) => Ok(recipe),
+        other => Err(Failure::Usage(format!("--edges and --synthetic need --recipe contours, not {}", other.name()))),
+    }
+}
+
+/// Reads all inputs; their labels are those of the lines along their edges.
+fn with_edges(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<Vec<LabelledCloud>, Failure> {
+    let own = contours_recipe(recipe)?;
+    if args.edges.len() != args.inputs.len() {
+        let found = format!("--edges: {} files for {} inputs", args.edges.len(), args.inputs.len());
+        return Err(Failure::Usage(format!("{found}; one each is needed")));
+    }
+    let mut options = context.read_options();
+    options.columns = Columns::Only(recipe.columns());
+    let read = |(input, edges): (&PathBuf, &PathBuf)| {
+        let cloud = io::read_with(input, &options)?;
+        let labels = edge_labels(own, &cloud, &io::read_lines(edges)?, &context.monitor)?;
+        Ok(LabelledCloud { cloud, labels })
+    };
+    args.inputs.iter().zip(&args.edges).map(read).collect()
 }
 
 /// A cloud with its labels, spread over segments if that is asked for.

@@ -2,6 +2,7 @@
 
 pub mod atomic;
 mod blocks;
+mod drawings;
 mod e57;
 mod format;
 mod info;
@@ -24,6 +25,7 @@ mod text;
 mod verify;
 
 pub use blocks::{Blocks, blocks};
+pub use drawings::{Drawing, DrawnLine, check_drawing_output, read_lines, write_drawing};
 pub use format::is_cloud_name;
 pub use info::{FileInfo, Octree};
 pub use label_table::{LabelRow, LabelTable};

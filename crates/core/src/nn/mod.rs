@@ -2,8 +2,11 @@
 //!
 //! The result of a pass is the same bytes for any number of threads.
 
+pub mod arrays;
+pub mod dense;
 pub mod layers;
 pub mod networks;
+pub mod objects;
 pub mod parameters;
 pub mod scalar;
 pub mod sites;
@@ -11,5 +14,7 @@ pub mod sparse;
 pub mod tape;
 #[cfg(test)]
 pub(crate) mod testing;
+#[cfg(test)]
+mod torch;
 pub mod training;
 pub mod workspace;

@@ -43,6 +43,13 @@ pub struct Parameter<T> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ParameterId(usize);
 
+impl ParameterId {
+    /// The gradient of this parameter.
+    pub(super) fn of_mut<T>(self, gradients: &mut Gradients<T>) -> &mut [T] {
+        &mut gradients[self.0]
+    }
+}
+
 /// The parameters of a network in a fixed order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parameters<T> {
@@ -71,6 +78,26 @@ impl<T: Scalar> Parameters<T> {
         let deviation = (2.0 / fan_in.max(1) as f64).sqrt();
         let count = shape.iter().product();
         let values = (0..count).map(|_| T::of(deviation * draws.normal())).collect();
+        self.add(Parameter { name: name.into(), shape: shape.to_vec(), values, role: Role::Weight })
+    }
+
+    /// Adds weights drawn from a normal distribution of mean 0 that is cut off at two standard deviations.
+    pub fn drawn_within(
+        &mut self,
+        name: impl Into<String>,
+        shape: &[usize],
+        deviation: f64,
+        draws: &mut Stream,
+    ) -> ParameterId {
+        let mut draw = || {
+            loop {
+                let value = draws.normal();
+                if value.abs() <= 2.0 {
+                    return T::of(deviation * value);
+                }
+            }
+        };
+        let values = (0..shape.iter().product()).map(|_| draw()).collect();
         self.add(Parameter { name: name.into(), shape: shape.to_vec(), values, role: Role::Weight })
     }
 

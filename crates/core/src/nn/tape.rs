@@ -1,6 +1,6 @@
 //! Automatic differentiation: the operations of a forward pass are written down and then run through backwards.
 
-use super::layers::{BatchNorm, Linear, Moments};
+use super::layers::{BatchNorm, Linear, Moments, stop_below};
 use super::parameters::{Gradients, ParameterId, Parameters, add_gradient};
 use super::scalar::Scalar;
 use super::sites::{Connections, Convolution};
@@ -215,7 +215,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
             *last = gradient;
         }
         for place in (0..self.nodes.len()).rev() {
-            let (node, own) = (&self.nodes[place], std::mem::take(&mut open[place]));
+            let (node, mut own) = (&self.nodes[place], std::mem::take(&mut open[place]));
             if own.is_empty() {
                 continue;
             }
@@ -229,7 +229,7 @@ impl<'a, T: Scalar> Tape<'a, T> {
                     self.workspace.recycle(own);
                 }
                 Operation::Norm { of, beside, norm, moments } => {
-                    let own = rectified(own, &node.values);
+                    stop_below(&mut own, &node.values);
                     if let Some(beside) = beside {
                         self.add(&mut open[beside.0], self.workspace.copied(&own));
                     }
@@ -308,10 +308,4 @@ impl<T: Scalar> Drop for Tape<'_, T> {
     fn drop(&mut self) {
         self.nodes.drain(..).for_each(|node| self.workspace.recycle(node.values));
     }
-}
-
-/// The gradient before the rectification that gave these values.
-fn rectified<T: Scalar>(mut gradient: Vec<T>, values: &[T]) -> Vec<T> {
-    gradient.par_iter_mut().zip(values).for_each(|(g, v)| *g = if *v > T::ZERO { *g } else { T::ZERO });
-    gradient
 }

@@ -32,6 +32,16 @@ pub fn builtin_misfit(result: &Classified) -> Option<String> {
 
 const BYTES: &[u8] = include_bytes!("../../assets/default.model");
 
+const CONTOURS: &[u8] = include_bytes!("../../assets/contours.model");
+
+/// The built-in model for contours, trained by `scripts/contour-model` on made-up streets and rooms.
+///
+/// # Errors
+/// Never: the embedded file is valid.
+pub fn default_contour_model() -> Result<Model> {
+    Model::from_bytes(CONTOURS, Path::new("built-in model for contours"))
+}
+
 /// The built-in model for airborne scans (ASPRS codes 2 ground, 5 vegetation, 6 building; the rules of its recipe divide
 /// vegetation into 3, 4 and 5 by its height, and find noise).
 ///

@@ -5,6 +5,7 @@ mod auto_context;
 mod builtin;
 mod classify;
 mod clusters;
+mod contours;
 mod labels;
 mod model;
 mod objects;
@@ -19,13 +20,18 @@ mod system;
 mod training;
 mod unet;
 mod weak;
+mod windows;
 
 pub use auto_context::{AutoContextKind, AutoContextRecipe, AutoContextReport, FoldParams};
-pub use builtin::{BUILTIN_MAP, builtin_misfit, default_model};
+pub use builtin::{BUILTIN_MAP, builtin_misfit, default_contour_model, default_model};
 pub use classify::rules::{ClassRules, LevelParams, WireParams};
 pub use classify::statistics::{CloudStatistics, statistics};
 pub use classify::{Classified, ClassifyParams, FeatureFit, Job, classify};
 pub use clusters::{ClusterSet, ClusterTable, ClusterTableParams, ClustersKind, ClustersRecipe, cluster_table};
+pub use contours::{
+    CandidateTraining, ContourLine, ContourParams, Contours, ContoursKind, ContoursRecipe, ContoursReport, contours,
+    edge_labels, labelled_scene, labelled_scenes, measure_scene,
+};
 pub use labels::file::{LabelFile, PickedCloud, Picking};
 pub use labels::{LabelParams, LabelledCloud, Labels, read_labels};
 pub use model::{FirstStage, Model};
@@ -54,3 +60,4 @@ pub use weak::{
     ClassShares, Descriptors, Example, LabelledPosition, RoadExample, RoadParams, RoadSource, StrengthScore, WeakKind,
     WeakLabels, WeakLearned, WeakRecipe, WeakReport,
 };
+pub use windows::{Placement, WindowsKind, WindowsLearning, WindowsRecipe, WindowsReport};

@@ -5,7 +5,18 @@
 2
 """
 
-from scansion import evaluation, features, filters, graph, neighbours, nn, regularisation, segmentation, terrain
+from scansion import (
+    contours,
+    evaluation,
+    features,
+    filters,
+    graph,
+    neighbours,
+    nn,
+    regularisation,
+    segmentation,
+    terrain,
+)
 from scansion._annotation import picked_labels, segment_colours, spread_labels
 from scansion._bagging import BaggingClassifier
 from scansion._boosting import GradientBoostingClassifier
@@ -42,6 +53,7 @@ __all__ = [
     "__version__",
     "blocks",
     "concatenate",
+    "contours",
     "convert",
     "diff",
     "evaluation",

@@ -161,6 +161,7 @@ class PointClassifier(Classifier):
         *,
         sample_weight: Any = None,
         elevation_model: str | os.PathLike[str] | None = None,
+        checkpoint: str | os.PathLike[str] | None = None,
         progress: Progress = None,
     ) -> Self:
         """Trains on labelled clouds.
@@ -177,6 +178,8 @@ class PointClassifier(Classifier):
             column; not for the recipes weak and objects.
         elevation_model : path, optional
             Ground heights to use instead of those of the road, an ESRI ASCII grid; for the recipe weak.
+        checkpoint : path, optional
+            File that training writes from time to time and goes on from if it exists, to the same model; for the recipes unet and windows.
         progress : bool or callable, optional
             Show the progress, as `scansion.progress`.
 
@@ -202,6 +205,7 @@ class PointClassifier(Classifier):
                 names,
                 self._strengths(),
                 _path(elevation_model),
+                _path(checkpoint),
                 self.n_jobs,
             )
         self._take(model)

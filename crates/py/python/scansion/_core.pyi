@@ -8,9 +8,13 @@ __all__ = [
     "Blocks",
     "Boosting",
     "Cloud",
+    "Contours",
     "FileFormatError",
     "Forest",
     "Model",
+    "ObjectModel",
+    "ObjectTraining",
+    "Objects",
     "__version__",
     "alpha_beta_swap",
     "alpha_expansion",
@@ -20,9 +24,11 @@ __all__ = [
     "cluster_table",
     "confusion_matrix",
     "connected_components",
+    "contours",
     "convert",
     "cut_pursuit",
     "diff",
+    "edge_labels",
     "energy",
     "feature_columns",
     "feature_definitions",
@@ -52,6 +58,8 @@ __all__ = [
     "multiscale",
     "normals",
     "object_features",
+    "object_learning",
+    "object_network",
     "octree_region_growing",
     "one_vs_rest",
     "optimal",
@@ -64,6 +72,8 @@ __all__ = [
     "radius_names",
     "radius_outliers",
     "read",
+    "read_idx",
+    "read_off",
     "recipe_columns",
     "region_growing",
     "regularize",
@@ -75,6 +85,8 @@ __all__ = [
     "road_position",
     "run",
     "salvage",
+    "sample_surface",
+    "score_lines",
     "scores",
     "search",
     "segment",
@@ -94,6 +106,7 @@ __all__ = [
     "submanifold_gradient",
     "suggest",
     "supervoxels",
+    "synthetic_scene",
     "terrain_raster",
     "within",
     "write",
@@ -163,6 +176,7 @@ class Model:
         names: list[str] = ...,
         strengths: list[float] = ...,
         elevation_model: str | None = None,
+        checkpoint: str | None = None,
         n_jobs: int | None = None,
     ) -> tuple[Model, str]: ...
     @staticmethod
@@ -513,6 +527,66 @@ def sparse_gradient(
     layer: str,
     n_jobs: int | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]: ...
+@final
+class Contours:
+    def vertices(self) -> tuple[NDArray[np.float64], NDArray[np.uint64]]: ...
+    def report(self) -> str: ...
+    def write(self, path: str) -> None: ...
+
+def contours(
+    cloud: Cloud,
+    model: Model | None,
+    settings: list[str],
+    codes: NDArray[np.uint8] | None,
+    without: list[int],
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> Contours: ...
+def synthetic_scene(
+    kind: str, settings: str, n_jobs: int | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]: ...
+def score_lines(
+    found: tuple[NDArray[np.float32], NDArray[np.uint64]],
+    reference: tuple[NDArray[np.float32], NDArray[np.uint64]],
+    params: str,
+) -> str: ...
+def edge_labels(
+    cloud: Cloud, vertices: NDArray[np.float64], counts: NDArray[np.uint64], voxel: float | None
+) -> NDArray[np.int16]: ...
+@final
+class Objects:
+    @staticmethod
+    def of_entries(
+        shape: str, starts: list[int], places: NDArray[np.uint64], values: NDArray[np.float32], labels: list[int]
+    ) -> Objects: ...
+    @staticmethod
+    def of_points(shape: str, starts: list[int], points: NDArray[np.float32], labels: list[int]) -> Objects: ...
+
+@final
+class ObjectTraining:
+    def __new__(cls, network: str, learning: str, objects: Objects, classes: list[str]) -> ObjectTraining: ...
+    def epoch(self, objects: Objects, n_jobs: int | None = None) -> str: ...
+    def epochs(self) -> int: ...
+    def model(self) -> ObjectModel: ...
+    def save(self, path: str, objects: Objects) -> None: ...
+    def resume(self, path: str, objects: Objects) -> None: ...
+
+@final
+class ObjectModel:
+    @staticmethod
+    def load(path: str) -> ObjectModel: ...
+    def save(self, path: str) -> None: ...
+    def about(self) -> str: ...
+    def weights(self) -> dict[str, NDArray[np.float32]]: ...
+    def predict_proba(self, objects: Objects, n_jobs: int | None = None) -> NDArray[np.float32]: ...
+
+def object_network(name: str, resolution: int, density: float | None = None, dense: bool = False) -> str: ...
+def object_learning() -> str: ...
+def read_idx(path: str) -> NDArray[np.uint8]: ...
+def read_off(path: str) -> tuple[NDArray[np.float64], NDArray[np.uint32]]: ...
+def sample_surface(
+    vertices: NDArray[np.float64], triangles: NDArray[np.uint32], count: int, seed: int
+) -> NDArray[np.float64]: ...
 def submanifold_convolution(
     coordinates: NDArray[np.int64],
     features: NDArray[np.float32],

@@ -11,27 +11,36 @@ use serde_json::{Map, Value, json};
 
 /// The text of a GeoJSON file: coordinates are rounded to a thousandth of their unit; one line per polygon.
 pub fn geojson(outlines: &[Outline], place: &Georeference) -> String {
+    collection(&outlines.iter().map(polygon).collect::<Vec<_>>(), place)
+}
+
+/// The text of a file with these features.
+pub(in crate::io) fn collection(features: &[String], place: &Georeference) -> String {
     let code = place.crs.as_deref().and_then(|crs| codes_of(crs).horizontal);
     let system = code.map_or(String::new(), |code| {
         let name = json!({"type": "name", "properties": {"name": format!("urn:ogc:def:crs:EPSG::{code}")}});
         format!("\"crs\": {name},\n")
     });
-    let features: Vec<String> = outlines.iter().map(feature).collect();
     format!("{{\n\"type\": \"FeatureCollection\",\n{system}\"features\": [\n{}\n]\n}}\n", features.join(",\n"))
 }
 
-fn feature(outline: &Outline) -> String {
-    let corner = |[x, y]: &[f64; 2]| format!("[{x:.3}, {y:.3}]");
-    let ring = |ring: &Vec<[f64; 2]>| {
-        let corners: Vec<String> = ring.iter().chain(ring.first()).map(corner).collect();
-        format!("[{}]", corners.join(", "))
-    };
-    let rings: Vec<String> = outline.rings.iter().map(ring).collect();
-    let properties = serde_json::to_string(&outline.properties).unwrap_or_default();
+/// The text of a feature, from the kind of its geometry and the text of its coordinates.
+pub(in crate::io) fn feature(kind: &str, coordinates: &str, properties: &Map<String, Value>) -> String {
+    let properties = serde_json::to_string(properties).unwrap_or_default();
     format!(
-        "{{\"type\": \"Feature\", \"properties\": {properties}, \"geometry\": {{\"type\": \"Polygon\", \"coordinates\": [{}]}}}}",
-        rings.join(", ")
+        "{{\"type\": \"Feature\", \"properties\": {properties}, \"geometry\": {{\"type\": \"{kind}\", \"coordinates\": {coordinates}}}}}"
     )
+}
+
+/// The text of places: `[[x, y], ...]`.
+pub(in crate::io) fn places<'a, const N: usize>(places: impl Iterator<Item = &'a [f64; N]>) -> String {
+    let place = |at: &[f64; N]| format!("[{}]", at.map(|v| format!("{v:.3}")).join(", "));
+    format!("[{}]", places.map(place).collect::<Vec<_>>().join(", "))
+}
+
+fn polygon(outline: &Outline) -> String {
+    let rings: Vec<String> = outline.rings.iter().map(|ring| places(ring.iter().chain(ring.first()))).collect();
+    feature("Polygon", &format!("[{}]", rings.join(", ")), &outline.properties)
 }
 
 /// Outlines, and where they lie on earth.

@@ -1,13 +1,13 @@
-//! Writing outlines as GeoPackage 1.3 (OGC 12-128r17): a table of polygons in a SQLite database.
+//! Writing features as GeoPackage 1.3 (OGC 12-128r17): a table of polygons or lines in a SQLite database.
 //!
-//! The time of the last change is the beginning of 1970, so that equal outlines give equal bytes. There is no spatial
+//! The time of the last change is the beginning of 1970, so that equal features give equal bytes. There is no spatial
 //! index; GIS programs make one when they are asked to.
 
 use super::sqlite::{Kind, Row, Table, Value, database};
 use super::{Georeference, Outline};
 use crate::cloud::crs::{codes_of, wkt_of};
 use crate::error::Result;
-use serde_json::Value as Json;
+use serde_json::{Map, Value as Json};
 
 /// `GPKG`, and version 1.3.
 const KIND: Kind = Kind { application: 0x4750_4b47, version: 10300 };
@@ -16,22 +16,51 @@ const OWN_SYSTEM: i64 = 100_000;
 /// Number of the system of plane coordinates without any other information.
 const PLANE: i64 = -1;
 
-/// The bytes of a GeoPackage with these polygons in a table of that name.
-pub(super) fn geopackage(name: &str, outlines: &[Outline], place: &Georeference) -> Result<Vec<u8>> {
-    let system = System::of(place);
-    let outlines: &[Outline] = &outlines.iter().map(rounded).collect::<Vec<_>>();
-    let columns = columns(outlines);
-    let features = features(name, &columns, outlines, system.id);
-    database(
-        &[systems(&system), contents(name, outlines, system.id), geometry_columns(name, system.id), features],
-        KIND,
-    )
+/// What is drawn in a file: features of one kind.
+pub(in crate::io) struct Layer<'a> {
+    /// Name of the table.
+    pub(in crate::io) name: &'a str,
+    /// `POLYGON`, `LINESTRING`.
+    pub(in crate::io) kind: &'static str,
+    /// Whether all places have heights.
+    pub(in crate::io) heights: bool,
+    pub(in crate::io) features: Vec<Feature<'a>>,
 }
 
-/// An outline with coordinates rounded to a thousandth of their unit, as in GeoJSON.
-fn rounded(outline: &Outline) -> Outline {
-    let ring = |ring: &Vec<[f64; 2]>| ring.iter().map(|at| at.map(|v| (v * 1000.0).round() / 1000.0)).collect();
-    Outline { rings: outline.rings.iter().map(ring).collect(), properties: outline.properties.clone() }
+/// A geometry with properties.
+pub(in crate::io) struct Feature<'a> {
+    /// Lowest and highest x and y: `[min x, min y, max x, max y]`.
+    pub(in crate::io) bounds: Option<[f64; 4]>,
+    /// Well-known binary, little-endian.
+    pub(in crate::io) shape: Vec<u8>,
+    pub(in crate::io) properties: &'a Map<String, Json>,
+}
+
+/// The bytes of a GeoPackage with these polygons in a table of that name.
+pub(super) fn geopackage(name: &str, outlines: &[Outline], place: &Georeference) -> Result<Vec<u8>> {
+    let features = outlines.iter().map(feature_of).collect();
+    written(&Layer { name, kind: "POLYGON", heights: false, features }, place)
+}
+
+fn feature_of(Outline { rings, properties }: &Outline) -> Feature<'_> {
+    let rings: Vec<Vec<[f64; 2]>> = rings.iter().map(|ring| ring.iter().map(rounded).collect()).collect();
+    Feature { bounds: bounds(rings.iter().flatten()), shape: polygon(&rings), properties }
+}
+
+/// The bytes of a GeoPackage with one layer.
+///
+/// # Errors
+/// If the names of the properties do not fit into one page of the database.
+pub(in crate::io) fn written(layer: &Layer<'_>, place: &Georeference) -> Result<Vec<u8>> {
+    let system = System::of(place);
+    let columns = columns(&layer.features);
+    let features = features(layer, &columns, system.id);
+    database(&[systems(&system), contents(layer, system.id), geometry_columns(layer, system.id), features], KIND)
+}
+
+/// Coordinates rounded to a thousandth of their unit, as in GeoJSON.
+pub(in crate::io) fn rounded<const N: usize>(at: &[f64; N]) -> [f64; N] {
+    at.map(|v| (v * 1000.0).round() / 1000.0)
 }
 
 /// A reference system.
@@ -74,7 +103,7 @@ impl System {
     }
 }
 
-/// The table of reference systems: those that every GeoPackage has, and that of the outlines.
+/// The table of reference systems: those that every GeoPackage has, and that of the features.
 fn systems(own: &System) -> Table {
     let world = Georeference { crs: Some("EPSG:4326".into()), metres_per_unit: None };
     let fixed = [
@@ -90,9 +119,10 @@ fn systems(own: &System) -> Table {
     table("gpkg_spatial_ref_sys", columns, rows)
 }
 
-/// The table of tables, with the bounds of the outlines.
-fn contents(name: &str, outlines: &[Outline], system: i64) -> Table {
-    let bounds = bounds(outlines.iter().flat_map(|outline| outline.rings.iter().flatten()));
+/// The table of tables, with the bounds of the features.
+fn contents(layer: &Layer<'_>, system: i64) -> Table {
+    let name = layer.name;
+    let bounds = layer.features.iter().filter_map(|feature| feature.bounds).reduce(around);
     let bounds = bounds.map_or(vec![Value::Null; 4], |b| b.into_iter().map(Value::Real).collect());
     let mut values = vec![text(name), text("features"), text(name), text(""), text("1970-01-01T00:00:00.000Z")];
     values.extend(bounds);
@@ -105,10 +135,10 @@ fn contents(name: &str, outlines: &[Outline], system: i64) -> Table {
     Table { keys: vec![vec![0], vec![2]], ..table("gpkg_contents", columns, vec![Row { id: 1, values }]) }
 }
 
-/// The table that says which column has the polygons.
-fn geometry_columns(name: &str, system: i64) -> Table {
-    let [system, none] = [system, 0].map(Value::Integer);
-    let values = vec![text(name), text("geom"), text("POLYGON"), system, none.clone(), none];
+/// The table that says which column has the geometries.
+fn geometry_columns(layer: &Layer<'_>, system: i64) -> Table {
+    let [system, heights, none] = [system, layer.heights.into(), 0].map(Value::Integer);
+    let values = vec![text(layer.name), text("geom"), text(layer.kind), system, heights, none];
     let columns = "table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL, \
                    srs_id INTEGER NOT NULL, z TINYINT NOT NULL, m TINYINT NOT NULL, \
                    CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name), \
@@ -124,10 +154,10 @@ struct Property {
     kind: &'static str,
 }
 
-/// The properties of all outlines: whole numbers, other numbers, or text.
-fn columns(outlines: &[Outline]) -> Vec<Property> {
+/// The properties of all features: whole numbers, other numbers, or text.
+fn columns(features: &[Feature<'_>]) -> Vec<Property> {
     let mut columns: Vec<Property> = Vec::new();
-    for (name, value) in outlines.iter().flat_map(|outline| &outline.properties) {
+    for (name, value) in features.iter().flat_map(|feature| feature.properties) {
         let kind = match value {
             Json::Null => "",
             Json::Number(number) if number.is_i64() => "INTEGER",
@@ -155,16 +185,16 @@ fn wider(a: &'static str, b: &'static str) -> &'static str {
     }
 }
 
-/// The table of the polygons.
-fn features(name: &str, columns: &[Property], outlines: &[Outline], system: i64) -> Table {
-    let mut sql = "fid INTEGER PRIMARY KEY NOT NULL, geom POLYGON".to_string();
+/// The table of the features.
+fn features(layer: &Layer<'_>, columns: &[Property], system: i64) -> Table {
+    let mut sql = format!("fid INTEGER PRIMARY KEY NOT NULL, geom {}", layer.kind);
     columns.iter().for_each(|column| sql += &format!(", {} {}", quoted(&column.name), column.kind));
-    let row = |(outline, id): (&Outline, i64)| {
-        let of = |column: &Property| value(outline.properties.get(&column.name), column.kind);
-        let geometry = Value::Blob(polygon(&outline.rings, system));
+    let row = |(feature, id): (&Feature<'_>, i64)| {
+        let of = |column: &Property| value(feature.properties.get(&column.name), column.kind);
+        let geometry = Value::Blob(binary(feature, system));
         Row { id, values: [Value::Null, geometry].into_iter().chain(columns.iter().map(of)).collect() }
     };
-    table(name, &sql, outlines.iter().zip(1..).map(row).collect())
+    table(layer.name, &sql, layer.features.iter().zip(1..).map(row).collect())
 }
 
 fn value(json: Option<&Json>, kind: &str) -> Value {
@@ -177,13 +207,19 @@ fn value(json: Option<&Json>, kind: &str) -> Value {
     }
 }
 
-/// A polygon as GeoPackage binary: a header with its bounds, then well-known binary, both little-endian.
-fn polygon(rings: &[Vec<[f64; 2]>], system: i64) -> Vec<u8> {
+/// A geometry as GeoPackage binary: a header with its bounds, then well-known binary, both little-endian.
+fn binary(feature: &Feature<'_>, system: i64) -> Vec<u8> {
     let mut bytes = b"GP\0\x03".to_vec();
     bytes.extend((system as i32).to_le_bytes());
-    let [low_x, low_y, high_x, high_y] = bounds(rings.iter().flatten()).unwrap_or([f64::NAN; 4]);
+    let [low_x, low_y, high_x, high_y] = feature.bounds.unwrap_or([f64::NAN; 4]);
     [low_x, high_x, low_y, high_y].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
-    bytes.push(1);
+    bytes.extend(&feature.shape);
+    bytes
+}
+
+/// A polygon as well-known binary.
+fn polygon(rings: &[Vec<[f64; 2]>]) -> Vec<u8> {
+    let mut bytes = vec![1];
     bytes.extend(3u32.to_le_bytes());
     bytes.extend((rings.len() as u32).to_le_bytes());
     for ring in rings {
@@ -194,9 +230,12 @@ fn polygon(rings: &[Vec<[f64; 2]>], system: i64) -> Vec<u8> {
 }
 
 /// Lowest and highest x and y: `[min x, min y, max x, max y]`.
-fn bounds<'a>(corners: impl Iterator<Item = &'a [f64; 2]>) -> Option<[f64; 4]> {
-    let boxes = corners.map(|&[x, y]| [x, y, x, y]);
-    boxes.reduce(|a, b| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])])
+pub(in crate::io) fn bounds<'a, const N: usize>(corners: impl Iterator<Item = &'a [f64; N]>) -> Option<[f64; 4]> {
+    corners.map(|at| [at[0], at[1], at[0], at[1]]).reduce(around)
+}
+
+fn around(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }
 
 fn table(name: &str, columns: &str, rows: Vec<Row>) -> Table {

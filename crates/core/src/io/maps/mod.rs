@@ -10,6 +10,8 @@ mod sqlite;
 
 pub use ascii_grid::read_ascii_grid;
 pub use geojson::{Outlines, geojson, outlines_of};
+pub(in crate::io) use geojson::{collection, feature, places};
+pub(in crate::io) use geopackage::{Feature, Layer, bounds, rounded, written};
 pub use outlines::{check_outline_output, write_outlines};
 
 use super::check_output;

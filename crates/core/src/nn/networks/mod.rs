@@ -1,5 +1,16 @@
 //! Networks made of the layers.
 
+mod build;
+mod connected;
+mod levels;
+mod objects;
 mod unet;
+mod windows;
 
+pub use connected::Mode;
+pub use levels::{Kept, ObjectLevel, Weights};
+pub use objects::{
+    EpochReport, ObjectLearning, ObjectModel, ObjectModelAbout, ObjectNet, ObjectNetParams, ObjectTraining, Pass,
+};
 pub use unet::{Scene, UNet, UNetParams};
+pub use windows::{WindowNet, WindowNetParams, WindowPass};

@@ -67,9 +67,9 @@ pub(super) struct Block {
 
 /// The pairs of one weight in a block.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pairs<'a> {
-    pub(super) outputs: &'a [u8],
-    pub(super) inputs: &'a [u32],
+pub(crate) struct Pairs<'a> {
+    pub(crate) outputs: &'a [u8],
+    pub(crate) inputs: &'a [u32],
 }
 
 impl Block {

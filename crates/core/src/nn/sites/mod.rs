@@ -9,8 +9,9 @@ mod kernel_map;
 mod product;
 
 pub use convolution::{Connections, Convolution, ConvolutionGradient};
+pub(crate) use kernel_map::Pairs;
 pub use kernel_map::{Kernel, KernelMap};
-pub(crate) use product::{Matrix, add_outer_products_of_rows, add_products_of_rows};
+pub(crate) use product::{Matrix, add_outer_products, add_outer_products_of_rows, add_products, add_products_of_rows};
 
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, sort_watched};

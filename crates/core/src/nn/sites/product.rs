@@ -56,40 +56,57 @@ impl<'a> Pairs<'a> {
 /// Adds to row `output` of `out` the product of row `input` of `x` with `weights`, for each pair. `out` has as many columns
 /// as `weights`.
 #[inline(always)]
-pub(super) fn add_products<T: Scalar>(pairs: Pairs<'_>, x: Matrix<'_, T>, weights: Matrix<'_, T>, out: &mut [T]) {
-    let (groups, rest) = pairs.grouped::<ROWS>();
+pub(crate) fn add_products<T: Scalar>(pairs: Pairs<'_>, x: Matrix<'_, T>, weights: Matrix<'_, T>, out: &mut [T]) {
+    let (columns, (groups, rest)) = (weights.columns, pairs.grouped::<ROWS>());
     for group in groups {
-        products_in_tiles::<T, ROWS>(group, x, weights, out);
+        in_tiles(columns, Products::<T, ROWS> { pairs: group, x, weights, out });
     }
     match rest.outputs.len() {
         0 => {}
-        1 => products_in_tiles::<T, 1>(rest, x, weights, out),
-        2 => products_in_tiles::<T, 2>(rest, x, weights, out),
-        3 => products_in_tiles::<T, 3>(rest, x, weights, out),
-        4 => products_in_tiles::<T, 4>(rest, x, weights, out),
-        _ => products_in_tiles::<T, 5>(rest, x, weights, out),
+        1 => in_tiles(columns, Products::<T, 1> { pairs: rest, x, weights, out }),
+        2 => in_tiles(columns, Products::<T, 2> { pairs: rest, x, weights, out }),
+        3 => in_tiles(columns, Products::<T, 3> { pairs: rest, x, weights, out }),
+        4 => in_tiles(columns, Products::<T, 4> { pairs: rest, x, weights, out }),
+        _ => in_tiles(columns, Products::<T, 5> { pairs: rest, x, weights, out }),
     }
 }
 
+/// Work on some columns of a matrix at once.
+trait Tiled {
+    /// Works on `L` columns from the first one on.
+    fn tile<const L: usize>(&mut self, first: usize);
+}
+
+/// All columns, in tiles that fit into registers.
 #[inline(always)]
-fn products_in_tiles<T: Scalar, const R: usize>(
-    pairs: Pairs<'_>,
-    x: Matrix<'_, T>,
-    weights: Matrix<'_, T>,
-    out: &mut [T],
-) {
+fn in_tiles(columns: usize, mut work: impl Tiled) {
     let mut first = 0;
-    while weights.columns - first >= WIDE {
-        products::<T, R, WIDE>(pairs, x, weights.from(first), out);
+    while columns - first >= WIDE {
+        work.tile::<WIDE>(first);
         first += WIDE;
     }
-    if weights.columns - first >= NARROW {
-        products::<T, R, NARROW>(pairs, x, weights.from(first), out);
+    if columns - first >= NARROW {
+        work.tile::<NARROW>(first);
         first += NARROW;
     }
-    while first < weights.columns {
-        products::<T, R, 1>(pairs, x, weights.from(first), out);
+    while first < columns {
+        work.tile::<1>(first);
         first += 1;
+    }
+}
+
+/// Products of `R` rows.
+struct Products<'a, T, const R: usize> {
+    pairs: Pairs<'a>,
+    x: Matrix<'a, T>,
+    weights: Matrix<'a, T>,
+    out: &'a mut [T],
+}
+
+impl<T: Scalar, const R: usize> Tiled for Products<'_, T, R> {
+    #[inline(always)]
+    fn tile<const L: usize>(&mut self, first: usize) {
+        products::<T, R, L>(self.pairs, self.x, self.weights.from(first), self.out);
     }
 }
 
@@ -124,38 +141,31 @@ fn products<T: Scalar, const R: usize, const L: usize>(
 /// Adds to `sum` (columns of `x` by columns of `y`, row-major) the outer products of row `input` of `x` and row `output` of
 /// `y`, for all pairs.
 #[inline(always)]
-pub(super) fn add_outer_products<T: Scalar>(pairs: Pairs<'_>, x: Matrix<'_, T>, y: Matrix<'_, T>, sum: &mut [T]) {
-    let (groups, rest) = pairs.grouped::<TOGETHER>();
+pub(crate) fn add_outer_products<T: Scalar>(pairs: Pairs<'_>, x: Matrix<'_, T>, y: Matrix<'_, T>, sum: &mut [T]) {
+    let (columns, (groups, rest)) = (y.columns, pairs.grouped::<TOGETHER>());
     for group in groups {
-        outer_products_in_tiles::<T, TOGETHER>(group, x, y, sum);
+        in_tiles(columns, OuterProducts::<T, TOGETHER> { pairs: group, x, y, sum });
     }
     match rest.outputs.len() {
         0 => {}
-        1 => outer_products_in_tiles::<T, 1>(rest, x, y, sum),
-        2 => outer_products_in_tiles::<T, 2>(rest, x, y, sum),
-        _ => outer_products_in_tiles::<T, 3>(rest, x, y, sum),
+        1 => in_tiles(columns, OuterProducts::<T, 1> { pairs: rest, x, y, sum }),
+        2 => in_tiles(columns, OuterProducts::<T, 2> { pairs: rest, x, y, sum }),
+        _ => in_tiles(columns, OuterProducts::<T, 3> { pairs: rest, x, y, sum }),
     }
 }
 
-#[inline(always)]
-fn outer_products_in_tiles<T: Scalar, const P: usize>(
-    pairs: Pairs<'_>,
-    x: Matrix<'_, T>,
-    y: Matrix<'_, T>,
-    sum: &mut [T],
-) {
-    let mut first = 0;
-    while y.columns - first >= WIDE {
-        outer_products::<T, P, WIDE>(pairs, x, y.from(first), sum);
-        first += WIDE;
-    }
-    if y.columns - first >= NARROW {
-        outer_products::<T, P, NARROW>(pairs, x, y.from(first), sum);
-        first += NARROW;
-    }
-    while first < y.columns {
-        outer_products::<T, P, 1>(pairs, x, y.from(first), sum);
-        first += 1;
+/// Outer products of `P` pairs.
+struct OuterProducts<'a, T, const P: usize> {
+    pairs: Pairs<'a>,
+    x: Matrix<'a, T>,
+    y: Matrix<'a, T>,
+    sum: &'a mut [T],
+}
+
+impl<T: Scalar, const P: usize> Tiled for OuterProducts<'_, T, P> {
+    #[inline(always)]
+    fn tile<const L: usize>(&mut self, first: usize) {
+        outer_products::<T, P, L>(self.pairs, self.x, self.y.from(first), self.sum);
     }
 }
 

@@ -24,6 +24,16 @@ pub struct SparseConvolution<'a, T> {
     pub selection: Option<Selection>,
 }
 
+/// What a convolution responds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Responses<T> {
+    /// The responses that are kept.
+    pub tensor: SparseTensor<T>,
+    /// For each output channel the share of the cells whose response is above 0, before the strongest are selected, meaned
+    /// over the samples: what the density regulariser follows.
+    pub densities: Vec<f64>,
+}
+
 /// Gradients of a loss.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SparseGradient<T> {
@@ -64,11 +74,19 @@ impl<T: Scalar> SparseConvolution<'_, T> {
         self.selection.map_or(Ok(()), Selection::validate)
     }
 
+    /// The responses that are kept.
+    ///
+    /// # Errors
+    /// As [`SparseConvolution::responses`].
+    pub fn forward(&self, input: &SparseTensor<T>, monitor: &Monitor) -> Result<SparseTensor<T>> {
+        Ok(self.responses(input, monitor)?.tensor)
+    }
+
     /// The responses. O((ρ_d · ρ_f · s_f^k · c_in) · s_d^k · c_out · b) (eq. 6.1), without its logarithm.
     ///
     /// # Errors
     /// If channels or axes do not fit, a parameter is out of range, or the work was cancelled.
-    pub fn forward(&self, input: &SparseTensor<T>, monitor: &Monitor) -> Result<SparseTensor<T>> {
+    pub fn responses(&self, input: &SparseTensor<T>, monitor: &Monitor) -> Result<Responses<T>> {
         self.check(input)?;
         let shape = input.shape();
         let slabs = Slabs::new(shape, self.filter.size);
@@ -85,9 +103,10 @@ impl<T: Scalar> SparseConvolution<'_, T> {
     }
 
     /// The responses of all slabs, with terms, selected, with keys.
-    fn collected(&self, parts: Vec<[Vec<(usize, T)>; LANES]>, shape: &Shape, slabs: usize) -> Result<SparseTensor<T>> {
+    fn collected(&self, parts: Vec<[Vec<(usize, T)>; LANES]>, shape: &Shape, slabs: usize) -> Result<Responses<T>> {
         let to = Shape::new(shape.samples, self.filter.outputs, &shape.extent)?;
         let (mut keys, mut values) = (Vec::new(), Vec::new());
+        let mut densities = vec![0.0; self.filter.outputs];
         for (number, group) in parts.chunks(slabs).enumerate() {
             let (sample, first) = (number / self.groups(), number % self.groups() * LANES);
             for (lane, output) in (first..self.filter.outputs.min(first + LANES)).enumerate() {
@@ -95,6 +114,8 @@ impl<T: Scalar> SparseConvolution<'_, T> {
                 if let Some(&term) = self.bias.get(output) {
                     entries.iter_mut().for_each(|(_, value)| *value += term);
                 }
+                let positive = entries.iter().filter(|(_, value)| *value > T::ZERO).count();
+                densities[output] += positive as f64 / (shape.samples * to.cells()) as f64;
                 if let Some(selection) = self.selection {
                     selection.apply(&mut entries, to.cells());
                 }
@@ -103,7 +124,7 @@ impl<T: Scalar> SparseConvolution<'_, T> {
                 values.extend(entries.iter().map(|entry| entry.1));
             }
         }
-        Ok(SparseTensor::of_sorted(to, keys, values))
+        Ok(Responses { tensor: SparseTensor::of_sorted(to, keys, values), densities })
     }
 
     /// The gradients with respect to stored inputs and weights (eq. 6.3 and 6.4), given those with respect to the entries

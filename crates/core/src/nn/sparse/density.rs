@@ -2,7 +2,6 @@
 //! it has fewer (Hackel 2018, section 6.3.5).
 
 use super::filter::SparseFilter;
-use super::tensor::SparseTensor;
 use crate::error::{Error, Result};
 use crate::nn::scalar::Scalar;
 use serde::{Deserialize, Serialize};
@@ -77,10 +76,10 @@ impl DensityRegulariser {
         Ok(Self { params, bias: vec![0.0; channels] })
     }
 
-    /// Follows the densities of the rectified responses, before the strongest are selected, meaned over the samples.
-    pub fn follow<T: Scalar>(&mut self, responses: &SparseTensor<T>) {
+    /// Follows the densities of the channels ([`Responses::densities`](super::Responses)).
+    pub fn follow(&mut self, densities: &[f64]) {
         let DensityParams { smoothing, .. } = self.params;
-        for (bias, density) in self.bias.iter_mut().zip(responses.channel_densities()) {
+        for (bias, &density) in self.bias.iter_mut().zip(densities) {
             *bias = smoothing * *bias + (1.0 - smoothing) * self.params.bias(density);
         }
     }
@@ -88,6 +87,11 @@ impl DensityRegulariser {
     /// b of each output channel.
     pub fn bias(&self) -> &[f64] {
         &self.bias
+    }
+
+    /// b of each output channel, to go on from a checkpoint.
+    pub fn bias_mut(&mut self) -> &mut [f64] {
+        &mut self.bias
     }
 
     /// The penalty of the stored weights.
@@ -106,7 +110,7 @@ impl DensityRegulariser {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Shape;
+    use super::super::{Shape, SparseTensor};
     use super::*;
     use crate::nn::testing::{differences, numbers, relative_error};
 
@@ -129,7 +133,7 @@ mod tests {
         assert_eq!(responses.channel_densities(), [1.0, 0.0]);
         let params = DensityParams { density: 0.5, smoothing: 0.0, ..DensityParams::default() };
         let mut regulariser = DensityRegulariser::new(params, 2).unwrap();
-        regulariser.follow(&responses);
+        regulariser.follow(&responses.channel_densities());
         assert!((regulariser.bias()[0] - 0.15).abs() < 1e-12 && (regulariser.bias()[1] + 0.05).abs() < 1e-12);
         let filter = SparseFilter::of_dense([1, 2], 3, 1, numbers(1, 6)).unwrap().pruned(|i, _| i != 2);
         let mut gradient = vec![0.0; 5];
@@ -147,7 +151,7 @@ mod tests {
         assert!(gradient[0] > 0.0 && gradient[1] < 0.0);
         // Smoothed, b follows slowly.
         let mut slow = DensityRegulariser::new(DensityParams { smoothing: 0.95, ..params }, 2).unwrap();
-        slow.follow(&responses);
+        slow.follow(&responses.channel_densities());
         assert!((slow.bias()[0] - 0.05 * 0.15).abs() < 1e-12);
     }
 }

@@ -14,7 +14,7 @@ mod slab;
 mod tensor;
 
 pub use attention::{Attention, Selection};
-pub use convolution::{SparseConvolution, SparseGradient};
+pub use convolution::{Responses, SparseConvolution, SparseGradient};
 pub use density::{DensityParams, DensityRegulariser};
 pub use filter::SparseFilter;
 pub use pooling::{Pooled, max_pool};

@@ -25,6 +25,17 @@ impl Pruning {
         }
     }
 
+    /// Keys of the weights that were small at the last end of an epoch, ascending.
+    pub fn warned(&self) -> &[u64] {
+        &self.warned
+    }
+
+    /// The same with other warned weights, to go on from a checkpoint.
+    #[must_use]
+    pub fn with_warned(self, warned: Vec<u64>) -> Self {
+        Self { warned, ..self }
+    }
+
     /// The filters after an epoch: those weights are removed for good that were small at the end of the last epoch too.
     pub fn end_epoch<T: Scalar>(&mut self, filter: &SparseFilter<T>) -> SparseFilter<T> {
         let small = |weight: T| weight.magnitude().wide() < self.threshold;

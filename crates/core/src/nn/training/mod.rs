@@ -1,5 +1,6 @@
-//! Training: optimisers, schedules of the learning rate.
+//! Training: optimisers, schedules of the learning rate, checkpoints.
 
+pub mod checkpoint;
 mod optimiser;
 mod schedule;
 

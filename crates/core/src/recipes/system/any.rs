@@ -7,6 +7,7 @@ use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::clusters::ClustersRecipe;
+use crate::recipes::contours::ContoursRecipe;
 use crate::recipes::labels::LabelledCloud;
 use crate::recipes::model::Model;
 use crate::recipes::objects::ObjectsRecipe;
@@ -20,6 +21,7 @@ use crate::recipes::system::settings::{explained, set_key, with_defaults};
 use crate::recipes::system::{Fitted, System, TrainOptions};
 use crate::recipes::unet::UNetRecipe;
 use crate::recipes::weak::WeakRecipe;
+use crate::recipes::windows::WindowsRecipe;
 use serde::Serialize;
 
 /// Makes [`AnyRecipe`] and [`AnyFitted`] from a list of methods; one that is `only in test` is compiled for tests only.
@@ -148,6 +150,7 @@ macro_rules! systems {
                 match self {
                     $($(#[cfg($cfg)])? Self::$name(recipe) => {
                         check_elevation::<$recipe>(options.elevation.is_some())?;
+                        check_checkpoint::<$recipe>(options.checkpoint.is_some())?;
                         let (model, report) = recipe.train(clouds, options, monitor)?;
                         Ok((model, Box::new(report)))
                     })*
@@ -266,6 +269,10 @@ systems! {
     Spheres: SpheresRecipe;
     /// A sparse convolutional network: Graham et al. 2018, Hackel 2018, chapter 6.
     UNet: UNetRecipe;
+    /// Hackel 2018, section 4.5: contours, lines along the edges of objects.
+    Contours: ContoursRecipe;
+    /// Hackel 2018, section 5.4.3: a network on the occupied cells around a point at five scales.
+    Windows: WindowsRecipe;
     /// The example of CONTRIBUTING.md.
     Height: HeightRecipe, only in test;
 }
@@ -325,6 +332,14 @@ fn unknown(name: &str) -> Error {
 
 fn written(value: &impl Serialize) -> Result<String> {
     toml::to_string(value).map_err(|e| Error::input(format!("recipe cannot be written as TOML: {e}")))
+}
+
+/// Fails if a checkpoint is asked of a method that writes none.
+fn check_checkpoint<S: System>(asked: bool) -> Result<()> {
+    match asked && !S::KEEPS_CHECKPOINTS {
+        true => Err(Error::parameter("checkpoint", "one", format!("none: the recipe {} writes none", S::NAME))),
+        false => Ok(()),
+    }
 }
 
 /// Fails if an elevation model is given to a method that has no use for it.

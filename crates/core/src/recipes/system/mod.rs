@@ -23,6 +23,7 @@ use crate::terrain::ElevationModel;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fmt::Debug;
+use std::path::PathBuf;
 
 /// A published method. The value is its recipe: the settings, which training does not change.
 pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeOwned {
@@ -34,6 +35,9 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
 
     /// Whether an elevation model of the terrain can be given to it.
     const TAKES_ELEVATION: bool = false;
+
+    /// Whether training can go on from a file.
+    const KEEPS_CHECKPOINTS: bool = false;
 
     /// Keys of the recipe, or their beginnings, that only training reads: changes of a trained model's are refused.
     const TRAINING_ONLY: &'static [&'static str] =
@@ -153,6 +157,8 @@ pub struct TrainOptions {
     pub strengths: Vec<f64>,
     /// Ground heights to use instead of those of the road points (weak).
     pub elevation: Option<ElevationModel>,
+    /// File that training writes from time to time and goes on from if it exists, to the same model (unet, windows).
+    pub checkpoint: Option<PathBuf>,
 }
 
 impl TrainOptions {

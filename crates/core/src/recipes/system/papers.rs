@@ -4,16 +4,17 @@ use crate::error::Result;
 use crate::recipes::system::any::AnyRecipe;
 
 /// Name and text of each.
-const PAPERS: [(&str, &str); 4] = [
+const PAPERS: [(&str, &str); 5] = [
     ("pyramid-paper", include_str!("../../../assets/recipes/pyramid-paper.toml")),
     ("weak-paper", include_str!("../../../assets/recipes/weak-paper.toml")),
     ("objects-paper", include_str!("../../../assets/recipes/objects-paper.toml")),
     ("clusters-paper", include_str!("../../../assets/recipes/clusters-paper.toml")),
+    ("windows-paper", include_str!("../../../assets/recipes/windows-paper.toml")),
 ];
 
 impl AnyRecipe {
     /// The names of the recipes as in their papers.
-    pub const PAPERS: [&'static str; PAPERS.len()] = [PAPERS[0].0, PAPERS[1].0, PAPERS[2].0, PAPERS[3].0];
+    pub const PAPERS: [&'static str; PAPERS.len()] = [PAPERS[0].0, PAPERS[1].0, PAPERS[2].0, PAPERS[3].0, PAPERS[4].0];
 
     /// Whether a recipe has that name, [`AnyRecipe::PAPERS`] among them.
     pub fn is_name(name: &str) -> bool {
@@ -29,7 +30,8 @@ impl AnyRecipe {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipes::{Descriptors, Heights, Regularise};
+    use crate::nn::training::{Optimiser, Schedule};
+    use crate::recipes::{Descriptors, Heights, Placement, Regularise};
     use crate::segmentation::{ClusterForm, CutPursuitSteps, LocalGraphParams, SlicParams};
 
     #[test]
@@ -60,6 +62,14 @@ mod tests {
                 AnyRecipe::Clusters(clusters) => {
                     assert_eq!((clusters.form, clusters.clusters.edge_rounds), (ClusterForm::Rank, 0));
                     assert_eq!((clusters.regularise.method, clusters.training.keep_samples), (Regularise::None, 0));
+                }
+                AnyRecipe::Windows(windows) => {
+                    assert_eq!((windows.voxel, windows.placement), (Some(0.025), Placement::Centred));
+                    let learning = &windows.learning;
+                    assert_eq!((learning.steps, learning.batch, learning.turn_every), (74_700, 100, 100));
+                    assert_eq!(learning.optimiser, Optimiser::Adadelta { rho: 0.9, epsilon: 1e-6 });
+                    assert_eq!((learning.rate, learning.schedule), (1.0, Schedule::Constant));
+                    assert_eq!((windows.training.voxel, windows.training.max_ratio), (0.0, f64::INFINITY));
                 }
                 other => panic!("{}", other.name()),
             }

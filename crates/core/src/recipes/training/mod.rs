@@ -5,6 +5,7 @@ pub(in crate::recipes) mod blocks;
 pub(in crate::recipes) mod checkerboard;
 pub(in crate::recipes) mod choice;
 pub(in crate::recipes) mod classifiers;
+pub(in crate::recipes) mod networks;
 pub(in crate::recipes) mod samples;
 pub(in crate::recipes) mod sources;
 

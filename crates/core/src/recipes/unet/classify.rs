@@ -17,6 +17,7 @@ use crate::recipes::classify::predict::{Fit, LOOKED_AT};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, regularise};
 use crate::recipes::system::System;
+use crate::recipes::training::networks::restore;
 
 /// Edge of a square, in cells.
 const SQUARE: i64 = 768;
@@ -84,18 +85,12 @@ struct Trained<'a> {
 
 impl<'a> Trained<'a> {
     fn of(recipe: &'a UNetRecipe, job: &Job<'_>) -> Result<Self> {
-        let (Some(stored), Some(voxel)) = (&job.model.network, recipe.voxel) else {
-            return Err(Error::ModelMismatch("a model of the recipe unet needs a network".into()));
+        let Some(voxel) = recipe.voxel else {
+            return Err(Error::ModelMismatch("a model of the recipe unet needs a voxel".into()));
         };
         let inputs = OWN + recipe.inputs.width();
         let (net, mut parameters) = UNet::new::<f32>(&recipe.network, inputs, job.model.classes.len(), recipe.seed)?;
-        if stored.iter().len() != parameters.iter().len() {
-            let found = stored.iter().len();
-            let reason = format!("{found} arrays of a network (allowed: {})", parameters.iter().len());
-            return Err(Error::ModelMismatch(reason));
-        }
-        stored.iter().try_for_each(|array| parameters.replace(&array.name, array.values.clone()))?;
-        job.model.check_features(&super::train::names(net.width()))?;
+        restore(&mut parameters, job.model, net.width())?;
         Ok(Self { recipe, net, parameters, workspace: Workspace::default(), voxel })
     }
 
@@ -198,10 +193,10 @@ mod tests {
     use crate::cloud::{Cloud, CodeScheme, MetricCloud};
     use crate::nn::networks::UNetParams;
     use crate::random::stream;
-    use crate::recipes::Model;
     use crate::recipes::classify::ClassifyParams;
     use crate::recipes::labels::{LabelledCloud, Labels};
     use crate::recipes::unet::{Augmentation, LearningParams};
+    use crate::recipes::{Model, TrainOptions};
     use std::path::Path;
 
     /// A meadow with boxes as tall as a house on it; class 6 on the boxes, class 2 on the meadow.
@@ -250,6 +245,40 @@ mod tests {
         let none = Model { network: None, ..model };
         let message = crate::recipes::classify(&cloud, &none, &ClassifyParams::default(), &monitor).unwrap_err();
         assert!(message.to_string().contains("needs a network"), "{message}");
+    }
+
+    #[test]
+    fn training_that_was_cut_off_goes_on_from_its_checkpoint_to_the_same_model() {
+        let folder = tempfile::tempdir().unwrap();
+        let recipe = UNetRecipe {
+            network: UNetParams { widths: vec![4, 4] },
+            learning: LearningParams { steps: 110, parts: 1, radius: 12.0, ..LearningParams::default() },
+            ..recipe()
+        };
+        let options = TrainOptions { checkpoint: Some(folder.path().join("steps")), ..TrainOptions::default() };
+        let train = |options: &TrainOptions, monitor: &Monitor| recipe.train(&[village(1)], options, monitor);
+        let stopped = Monitor::default();
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let stop = |(stage, done, _): (&str, u64, u64)| stage == "train" && done > 60;
+                while !stop(stopped.progress()) {
+                    std::thread::yield_now();
+                }
+                stopped.cancel();
+            });
+            assert!(train(&options, &stopped).is_err());
+        });
+        let (model, report) = train(&options, &Monitor::default()).unwrap();
+        assert!((model, report) == train(&TrainOptions::default(), &Monitor::default()).unwrap());
+        let other = UNetRecipe { seed: 9, ..recipe.clone() }.train(&[village(1)], &options, &Monitor::default());
+        assert!(other.unwrap_err().to_string().contains("other settings or clouds"));
+        let path = options.checkpoint.clone().unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() - 9]).unwrap();
+        assert!(train(&options, &Monitor::default()).unwrap_err().to_string().contains("safetensors"));
+        let forest = crate::recipes::AnyRecipe::named("pyramid").unwrap();
+        let message = forest.train(&[village(1)], &options, &Monitor::default()).err().unwrap().to_string();
+        assert!(message.contains("checkpoint"), "{message}");
     }
 
     #[test]

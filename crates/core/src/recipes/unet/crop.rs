@@ -1,9 +1,10 @@
 //! Parts of the training clouds, each seen differently every time: turned, mirrored, scaled, thinned, shaken.
 
 use super::cells::Gathered;
-use super::scenes::{NONE, TrainingScene};
+use super::scenes::TrainingScene;
 use crate::error::{Error, Result};
 use crate::random::Stream;
+use crate::recipes::training::networks::NONE;
 use serde::{Deserialize, Serialize};
 
 /// How parts are changed before they are learned from.
@@ -92,7 +93,7 @@ impl Crop<'_> {
             numbers.copy_from_slice(scene.numbers_of(i));
             change.hide(&mut numbers);
             batch.points.push(batch.samples, at, &numbers)?;
-            batch.labels.push(scene.labels[i]);
+            batch.labels.push(scene.labelled.labels[i]);
         }
         batch.samples += 1;
         Ok(())

@@ -118,6 +118,7 @@ pub struct UNetRecipe {
 
 impl System for UNetRecipe {
     const NAME: &'static str = "unet";
+    const KEEPS_CHECKPOINTS: bool = true;
     const TRAINING_ONLY: &'static [&'static str] = &["training", "learning", "augment", "network", "inputs", "voxel"];
     type Learned = Nothing;
     type Report = UNetReport;

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::recipes::system::report::{ClassCount, Report, json_of};
+use crate::recipes::training::networks::{curve, curve_text};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -27,8 +28,7 @@ pub struct UNetReport {
 impl UNetReport {
     /// Mean loss of each tenth of the steps.
     pub fn curve(&self) -> Vec<f64> {
-        let size = self.losses.len().div_ceil(10).max(1);
-        self.losses.chunks(size).map(|part| part.iter().sum::<f64>() / part.len() as f64).collect()
+        curve(&self.losses)
     }
 }
 
@@ -51,8 +51,7 @@ impl Report for UNetReport {
             self.parameters,
             self.losses.len()
         );
-        let curve: Vec<String> = self.curve().iter().map(|loss| format!("{loss:.3}")).collect();
-        let _ = writeln!(text, "loss in each tenth of the steps: {}", curve.join(" "));
+        let _ = writeln!(text, "{}", curve_text(&self.losses));
         text
     }
 

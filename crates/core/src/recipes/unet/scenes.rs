@@ -5,10 +5,9 @@ use crate::cloud::{MetricCloud, Positions};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::training::TrainingData;
+use crate::recipes::training::networks::Labelled;
 use crate::recipes::training::sources::{Source, Sources};
-
-/// The class of a point without one.
-pub(super) const NONE: u16 = u16::MAX;
+use sha2::Digest;
 
 /// A cloud, or a thinned copy of one.
 pub(super) struct TrainingScene {
@@ -16,10 +15,8 @@ pub(super) struct TrainingScene {
     /// Count of further numbers of a point.
     pub(super) width: usize,
     numbers: Vec<f32>,
-    /// Class of each point, [`NONE`] without one.
-    pub(super) labels: Vec<u16>,
-    /// For each class the points that may be centres of parts.
-    centres: Vec<Vec<u32>>,
+    /// Class of each point, and those that may be centres of parts.
+    pub(super) labelled: Labelled,
 }
 
 impl TrainingScene {
@@ -39,30 +36,19 @@ impl TrainingScene {
         source.with_scene(data, monitor, |scene: &MetricCloud<'_>| {
             let points = scene.some_points(monitor)?;
             let numbers = recipe.inputs.of_points(scene.cloud, &points, &recipe.ground, monitor)?;
-            let class = |&point: &u32| {
-                let position = codes[point as usize].and_then(|code| classes.position(code));
-                position.map_or(NONE, |position| position as u16)
-            };
-            let labels: Vec<u16> = points.frame.index.iter().map(class).collect();
-            let row_of = points.frame.rows(scene.cloud.len());
-            let mut centres = vec![Vec::new(); classes.len()];
-            for candidate in &source.candidates {
-                let row = row_of[candidate.point as usize];
-                let class = labels.get(row as usize).copied().filter(|&class| class != NONE);
-                if let Some(class) = class {
-                    centres[usize::from(class)].push(row);
-                }
-            }
-            Ok(Self { points: points.positions, width: recipe.inputs.width(), numbers, labels, centres })
+            let labelled = Labelled::new(&points, &codes, source, classes);
+            Ok(Self { points: points.positions, width: recipe.inputs.width(), numbers, labelled })
         })
+    }
+
+    /// Feeds all that is learned from to a checksum.
+    pub(super) fn feed(&self, sum: &mut impl Digest) {
+        let Positions { x, y, z } = &self.points;
+        [x, y, z, &self.numbers].into_iter().flatten().for_each(|v| sum.update(v.to_le_bytes()));
+        self.labelled.feed(sum);
     }
 
     pub(super) fn numbers_of(&self, point: usize) -> &[f32] {
         &self.numbers[point * self.width..][..self.width]
-    }
-
-    /// Points of a class that may be centres of parts.
-    pub(super) fn centres(&self, class: usize) -> &[u32] {
-        &self.centres[class]
     }
 }

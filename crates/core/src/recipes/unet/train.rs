@@ -3,19 +3,20 @@
 use super::cells::Cells;
 use super::crop::{Batch, Crop};
 use super::inputs::OWN;
-use super::scenes::{NONE, TrainingScene};
+use super::scenes::TrainingScene;
 use super::{UNetRecipe, UNetReport};
-use crate::classification::{Classifier, Fingerprint, Linear, Samples};
-use crate::error::{Error, Result};
-use crate::features::spacing;
+use crate::classification::{Classifier, Fingerprint, Samples};
+use crate::error::Result;
 use crate::nn::layers::cross_entropy;
 use crate::nn::networks::{Scene, UNet};
 use crate::nn::parameters::Parameters;
 use crate::nn::tape::Tape;
-use crate::nn::training::OptimiserState;
 use crate::nn::workspace::Workspace;
 use crate::parallel::Monitor;
 use crate::random::stream;
+use crate::recipes::training::networks::{
+    Checkpoint, Labelled, NONE, Progress, automatic_voxel, drawn, linear_of, names,
+};
 use crate::recipes::training::sources::Sources;
 use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, TrainOptions};
@@ -62,19 +63,24 @@ pub(super) fn train(
     let scenes = sources.list.iter().map(scene).collect::<Result<Vec<_>>>()?;
     let classes = sources.classes.len();
     let inputs = OWN + recipe.inputs.width();
-    let (net, mut parameters) = UNet::new::<f32>(&recipe.network, inputs, classes, recipe.seed)?;
+    let (net, parameters) = UNet::new::<f32>(&recipe.network, inputs, classes, recipe.seed)?;
     let weights = class_weights(&scenes, classes, recipe.learning.balance);
     let training = Training { recipe, voxel, scenes, weights, net };
-    let (losses, cells) = training.run(&mut parameters, monitor)?;
     let recipe = UNetRecipe { voxel: Some(voxel), ..recipe.clone() };
+    let feed = |sum: &mut _| training.scenes.iter().for_each(|scene| scene.feed(sum));
+    let file = options.checkpoint.as_deref().map(|path| Checkpoint::new(path, &recipe, feed)).transpose()?;
+    let mut progress = Progress::new(parameters);
+    file.as_ref().map_or(Ok(()), |file| file.resume(&mut progress))?;
+    training.run(&mut progress, file.as_ref(), monitor)?;
+    let Progress { parameters, losses, cells, .. } = progress;
     let summary = training.summary(&parameters, density(&data, monitor)?, monitor)?;
-    let head = linear_of(&parameters, &training.net, &summary)?;
+    let head = linear_of(training.net.head(&parameters).into(), &summary)?;
     let report = UNetReport {
         classes: sources.counts,
         unlabelled: data.unlabelled(),
         voxel,
         parameters: parameters.trained(),
-        cells,
+        cells: cells as f64 / losses.len() as f64,
         losses,
         warnings: sources.warnings,
     };
@@ -90,24 +96,10 @@ pub(super) fn train(
     Ok((model, report))
 }
 
-/// Names of the features that the network gives.
-pub(super) fn names(width: usize) -> Vec<String> {
-    (0..width).map(|channel| format!("Learned_{channel}")).collect()
-}
-
-/// Twice the spacing of the first cloud, to two digits.
-fn automatic_voxel(data: &TrainingData<'_>, monitor: &Monitor) -> Result<f64> {
-    let Some(first) = data.scenes.first() else { return Err(Error::input("no cloud to learn from")) };
-    let spacing = spacing(&first.metric.some_points(monitor)?, monitor)?;
-    let found = (2.0 * spacing).clamp(1e-2, 1e2);
-    let digit = 10f64.powf(found.log10().floor() - 1.0);
-    Ok((found / digit).round() * digit)
-}
-
 /// The share of each class in the samples to the power of minus `balance`, with mean 1.
 fn class_weights(scenes: &[TrainingScene], classes: usize, balance: f64) -> Vec<f32> {
     let mut counts = vec![0.0f64; classes];
-    for &label in scenes.iter().flat_map(|scene| &scene.labels).filter(|label| **label != NONE) {
+    for &label in scenes.iter().flat_map(|scene| &scene.labelled.labels).filter(|label| **label != NONE) {
         counts[usize::from(label)] += 1.0;
     }
     let weights: Vec<f64> = counts.iter().map(|count| count.max(1.0).powf(-balance)).collect();
@@ -134,50 +126,44 @@ impl Training<'_> {
 
     /// A part around a labelled point: of each class equally often.
     fn centre(&self, draws: &mut crate::random::Stream) -> Result<Crop<'_>> {
-        let classes: Vec<usize> = (0..self.weights.len())
-            .filter(|&class| self.scenes.iter().any(|scene| !scene.centres(class).is_empty()))
-            .collect();
-        let Some(&class) = classes.get(draws.below(classes.len())) else {
-            return Err(Error::input("no labelled point to learn from"));
-        };
-        let all: usize = self.scenes.iter().map(|scene| scene.centres(class).len()).sum();
-        let mut number = draws.below(all);
-        for scene in &self.scenes {
-            let own = scene.centres(class);
-            if let Some(&point) = own.get(number) {
-                let [x, y, _] = scene.points.xyz(point as usize);
-                return Ok(Crop { scene, centre: [x, y], radius: 0.0, voxel: 0.0 });
-            }
-            number -= own.len();
-        }
-        Err(Error::input("no labelled point to learn from"))
+        let scenes: Vec<&Labelled> = self.scenes.iter().map(|scene| &scene.labelled).collect();
+        let found = drawn(&scenes, draws)?;
+        let scene = &self.scenes[found.scene];
+        let [x, y, _] = scene.points.xyz(found.point as usize);
+        Ok(Crop { scene, centre: [x, y], radius: 0.0, voxel: 0.0 })
     }
 
-    /// All steps; returns their losses and the mean number of cells.
-    fn run(&self, parameters: &mut Parameters<f32>, monitor: &Monitor) -> Result<(Vec<f64>, f64)> {
+    /// All steps that are left.
+    fn run(&self, progress: &mut Progress, file: Option<&Checkpoint<'_>>, monitor: &Monitor) -> Result<()> {
         let learning = &self.recipe.learning;
-        let steps = learning.steps as u64;
-        monitor.stage("train", steps);
-        let (mut state, mut losses, mut cells) = (OptimiserState::default(), Vec::new(), 0);
+        monitor.stage("train", learning.steps as u64);
+        monitor.advance(progress.losses.len() as u64);
         let workspace = Workspace::default();
-        for step in 0..steps {
+        for step in progress.losses.len()..learning.steps {
             monitor.check()?;
-            let batch = self.prepared(step, monitor)?;
-            let (loss, gradients, followed) = {
-                let mut tape = Tape::training(parameters, &workspace, monitor);
-                let inputs = tape.input(batch.cells.inputs.clone(), OWN + self.recipe.inputs.width());
-                let scores = self.net.scores(&mut tape, &batch.scene, inputs)?;
-                let loss = cross_entropy(tape.values(scores), &batch.targets, self.weights.len());
-                (loss.value, tape.backward(loss.gradient)?, tape.followed())
-            };
-            let rate = learning.rate * learning.schedule.factor(step, steps);
-            learning.optimiser.step(parameters, &gradients, rate, &mut state)?;
-            followed.iter().for_each(|moments| moments.store(parameters));
-            losses.push(loss);
-            cells += batch.cells.len();
+            self.step(step as u64, progress, &workspace, monitor)?;
+            file.map_or(Ok(()), |file| file.follow(progress, learning.steps))?;
             monitor.advance(1);
         }
-        Ok((losses, cells as f64 / steps as f64))
+        Ok(())
+    }
+
+    fn step(&self, step: u64, progress: &mut Progress, workspace: &Workspace<f32>, monitor: &Monitor) -> Result<()> {
+        let learning = &self.recipe.learning;
+        let batch = self.prepared(step, monitor)?;
+        let (loss, gradients, followed) = {
+            let mut tape = Tape::training(&progress.parameters, workspace, monitor);
+            let inputs = tape.input(batch.cells.inputs.clone(), OWN + self.recipe.inputs.width());
+            let scores = self.net.scores(&mut tape, &batch.scene, inputs)?;
+            let loss = cross_entropy(tape.values(scores), &batch.targets, self.weights.len());
+            (loss.value, tape.backward(loss.gradient)?, tape.followed())
+        };
+        let rate = learning.rate * learning.schedule.factor(step, learning.steps as u64);
+        learning.optimiser.step(&mut progress.parameters, &gradients, rate, &mut progress.state)?;
+        followed.iter().for_each(|moments| moments.store(&mut progress.parameters));
+        progress.losses.push(loss);
+        progress.cells += batch.cells.len() as u64;
+        Ok(())
     }
 
     /// Summary of the features of labelled cells.
@@ -200,11 +186,4 @@ impl Training<'_> {
         let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes };
         Ok(Fingerprint::of(&samples, density))
     }
-}
-
-/// The last layer as a classifier of its own.
-fn linear_of(parameters: &Parameters<f32>, net: &UNet, summary: &Fingerprint) -> Result<Linear> {
-    let (weights, bias) = net.head(parameters);
-    let means = summary.means.iter().map(|&mean| if mean.is_finite() { mean as f32 } else { 0.0 }).collect();
-    Linear::of_layer(weights, bias, means)
 }

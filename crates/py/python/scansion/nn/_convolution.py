@@ -1,56 +1,16 @@
-"""Sparse convolutions of arrays, and their gradients.
-
-Two kinds: sub-manifold convolutions, whose rows have all channels at occupied positions (as spconv and MinkowskiEngine have
-them), and direct sparse convolutions, in which each channel has its own entries and the strongest responses are kept. A network
-that is made of the first kind is the recipe ``unet`` of :class:`scansion.PointClassifier`.
-"""
+"""Sub-manifold and direct sparse convolutions, and their gradients."""
 
 from __future__ import annotations
 
-import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
 from scansion._arrays import choice, to_json
-
-__all__ = [
-    "SparseTensor",
-    "sparse_convolution",
-    "sparse_convolution_gradient",
-    "submanifold_convolution",
-    "submanifold_convolution_gradient",
-]
-
-
-class SparseTensor(NamedTuple):
-    """Entries of an array of shape (samples, channels, cells along 1 to 4 axes): the place of each in the flattened array,
-    ascending, and its value."""
-
-    keys: NDArray[np.uint64]
-    values: NDArray[np.float32]
-    shape: tuple[int, ...]
-
-    @classmethod
-    def from_dense(cls, dense: Any) -> SparseTensor:
-        """The entries that are not 0.
-
-        >>> import numpy as np
-        >>> from scansion import nn
-        >>> nn.SparseTensor.from_dense(np.eye(3)[None, None]).keys
-        array([0, 4, 8], dtype=uint64)
-        """
-        dense = np.asarray(dense, np.float32)
-        keys = np.flatnonzero(dense)
-        return cls(keys.astype(np.uint64), dense.ravel()[keys], dense.shape)
-
-    def to_dense(self) -> NDArray[np.float32]:
-        """The array, 0 where there is no entry."""
-        dense = np.zeros(math.prod(self.shape), np.float32)
-        dense[self.keys.astype(np.int64)] = self.values
-        return dense.reshape(self.shape)
+from scansion._settings import seed, whole
+from scansion.nn._tensor import SparseTensor
 
 
 def _submanifold(coordinates: Any, features: Any, weights: Any, dilation: int) -> tuple[Any, ...]:
@@ -225,3 +185,82 @@ def sparse_convolution_gradient(
     towards = (np.ascontiguousarray(gradient.keys, np.uint64), np.ascontiguousarray(gradient.values, np.float32))
     of_values, of_weights, of_bias = _core.sparse_gradient(keys, values, flat, own, *towards, layer, n_jobs)
     return of_values, of_weights.reshape(np.shape(weights)), of_bias
+
+
+class SparseConv3d:
+    """A sub-manifold convolution along three axes with weights and bias of its own, as in spconv (``SubMConv3d``) and
+    MinkowskiEngine.
+
+    Parameters
+    ----------
+    in_channels, out_channels : int
+        Channels.
+    kernel_size : int
+        Weights along each axis: odd, at most 15.
+    dilation : int
+        Step from weight to weight.
+    bias : bool
+        Whether a bias is added.
+    random_state : int, numpy.random.RandomState or None
+        Seed of the weights at the start, drawn as in He et al. 2015, doi:10.1109/ICCV.2015.123.
+    n_jobs : int or None
+        Number of threads; None: all.
+
+    Attributes
+    ----------
+    weight : array of shape (kernel_size, kernel_size, kernel_size, in_channels, out_channels)
+    bias : array of shape (out_channels,) or None
+    weight_gradient, bias_gradient : arrays of the same shapes or None
+        After :meth:`backward`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import nn
+    >>> layer = nn.SparseConv3d(2, 4)
+    >>> voxels = np.array([[0, 0, 0], [0, 0, 1], [7, 3, 2]])
+    >>> layer(voxels, np.ones((3, 2))).shape
+    (3, 4)
+    >>> layer.backward(np.ones((3, 4))).shape
+    (3, 2)
+    """
+
+    weight_gradient: NDArray[np.float32] | None = None
+    bias_gradient: NDArray[np.float32] | None = None
+
+    def __init__(
+        self,
+        in_channels: int,
+        out_channels: int,
+        kernel_size: int = 3,
+        *,
+        dilation: int = 1,
+        bias: bool = True,
+        random_state: Any = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        shape = (*[whole(kernel_size, "kernel_size")] * 3, whole(in_channels, "in_channels"), out_channels)
+        draws = np.random.default_rng(seed(random_state))
+        deviation = np.sqrt(2 / (kernel_size**3 * in_channels))
+        self.weight = (draws.standard_normal(shape) * deviation).astype(np.float32)
+        self.bias = np.zeros(whole(out_channels, "out_channels"), np.float32) if bias else None
+        self.dilation = dilation
+        self.n_jobs = n_jobs
+        self._input: tuple[Any, Any] | None = None
+
+    def __call__(self, coordinates: Any, features: Any) -> NDArray[np.float32]:
+        """Features of shape (n, out_channels) at integer coordinates of shape (n, 3), each row once."""
+        self._input = (coordinates, features)
+        found = submanifold_convolution(coordinates, features, self.weight, self.dilation, self.n_jobs)
+        return found if self.bias is None else found + self.bias
+
+    def backward(self, gradient: Any) -> NDArray[np.float32]:
+        """Gradient with respect to the features of the last call, given that of its result; keeps those of weights and bias."""
+        if self._input is None:
+            raise ValueError("backward: expected a call of the layer first")
+        found = submanifold_convolution_gradient(
+            *self._input, self.weight, gradient, dilation=self.dilation, n_jobs=self.n_jobs
+        )
+        values, self.weight_gradient = found
+        self.bias_gradient = None if self.bias is None else np.asarray(gradient, np.float32).sum(axis=0)
+        return values

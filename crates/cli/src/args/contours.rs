@@ -1,0 +1,34 @@
+//! Arguments of `contours`.
+
+use super::{UnitArgs, examples};
+use clap::Args as ClapArgs;
+use std::path::PathBuf;
+
+/// scansion contours IN -o OUT.dxf
+#[derive(Debug, ClapArgs)]
+#[command(after_help = examples::CONTOURS)]
+pub(crate) struct Contours {
+    /// Cloud whose edges are drawn
+    pub(crate) input: PathBuf,
+    /// Drawing: .dxf, .gpkg, .geojson, .obj or .ply
+    #[arg(short, long)]
+    pub(crate) output: PathBuf,
+    /// Model of the recipe contours [default: the built-in one]
+    #[arg(short, long)]
+    pub(crate) model: Option<PathBuf>,
+    /// Edge of the voxels that hold one seed of a line each, metres; smaller: finer edges [default: 2 times the point
+    /// spacing]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) voxel: Option<f64>,
+    /// Points of these classes carry no line, e.g. 3,4,5 for vegetation
+    #[arg(long, value_name = "CODES", value_delimiter = ',')]
+    pub(crate) without: Vec<u8>,
+    /// Leave out lines of a lower confidence, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    pub(crate) min_confidence: f32,
+    /// Change one setting of the model's recipe, e.g. trace.tidy.least_length=0.5; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    #[command(flatten)]
+    pub(crate) unit: UnitArgs,
+}

@@ -1,0 +1,234 @@
+//! The cumulative shape context of contour candidates.
+//!
+//! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich, 2018, section 4.5.2.
+
+use super::likely::Likely;
+use super::linking::Candidate;
+use super::params::DescriptorParams;
+use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
+
+/// Number of values of a candidate.
+pub const VALUES: usize = 20;
+
+/// Number of bins of each histogram, and of sections.
+const BINS: usize = 5;
+
+/// Candidates that one task describes.
+const BLOCK: usize = 64;
+
+/// Names of the values, in their order.
+pub const VALUE_NAMES: [&str; VALUES] = [
+    "chord_angle_0.0_0.2",
+    "chord_angle_0.2_0.4",
+    "chord_angle_0.4_0.6",
+    "chord_angle_0.6_0.8",
+    "chord_angle_0.8_1.0",
+    "tangent_angle_0.0_0.2",
+    "tangent_angle_0.2_0.4",
+    "tangent_angle_0.4_0.6",
+    "tangent_angle_0.6_0.8",
+    "tangent_angle_0.8_1.0",
+    "likelihood_0.0_0.2",
+    "likelihood_0.2_0.4",
+    "likelihood_0.4_0.6",
+    "likelihood_0.6_0.8",
+    "likelihood_0.8_1.0",
+    "section_likelihood_1",
+    "section_likelihood_2",
+    "section_likelihood_3",
+    "section_likelihood_4",
+    "section_likelihood_5",
+];
+
+/// The values of each candidate, [`VALUES`] a row, named by [`VALUE_NAMES`].
+///
+/// Values 0 to 4 are the histogram of |cos| between the directions from every node of the path to every other one and
+/// the direction from start to end (equation 4.5), values 5 to 9 that of |cos| between these directions and the tangent
+/// at their first node (equation 4.6), values 10 to 14 that of the nodes' likelihoods; bins are of width 0.2, and 1
+/// lies in the last. Values 15 to 19 are mean likelihoods of five sections of the path whose numbers of nodes differ by
+/// at most one; a path of fewer than five nodes repeats them. Histograms have the sum 1 unless counts are asked for:
+/// then the first ten values do not depend on position, rotation, and size. Nodes at one position, and without a
+/// tangent, give nothing to the first, and the second histogram. O(n²) for a path of n nodes.
+///
+/// # Errors
+/// If a path is empty or has a node that does not exist, likelihoods or tangents do not fit the nodes, or the work was
+/// cancelled.
+pub fn describe(
+    nodes: &Likely,
+    candidates: &[Candidate],
+    params: &DescriptorParams,
+    monitor: &Monitor,
+) -> Result<Vec<f32>> {
+    nodes.check(monitor)?;
+    monitor.stage("descriptors", candidates.len() as u64);
+    let rows = map_ordered(candidates.len().div_ceil(BLOCK), monitor, |block| {
+        let range = block * BLOCK..candidates.len().min((block + 1) * BLOCK);
+        let mut rows = Vec::with_capacity(range.len() * VALUES);
+        for candidate in &candidates[range] {
+            monitor.check()?;
+            let path = Path::new(nodes, &candidate.path)?;
+            rows.extend(path.values(params.counts));
+        }
+        monitor.advance(BLOCK as u64);
+        Ok(rows)
+    })?;
+    Ok(rows.concat())
+}
+
+struct Path {
+    places: Vec<[f32; 3]>,
+    /// Unit tangents, or zeros.
+    tangents: Vec<[f32; 3]>,
+    likelihoods: Vec<f32>,
+}
+
+impl Path {
+    fn new(nodes: &Likely, path: &[u32]) -> Result<Self> {
+        if path.is_empty() || path.iter().any(|&node| node as usize >= nodes.len()) {
+            return Err(Error::input(format!("a path of {} nodes, not all below {}", path.len(), nodes.len())));
+        }
+        let at = |&node: &u32| node as usize;
+        Ok(Self {
+            places: path.iter().map(|node| nodes.positions.xyz(at(node))).collect(),
+            tangents: path.iter().map(|node| unit(nodes.tangents[at(node)])).collect(),
+            likelihoods: path.iter().map(|node| nodes.likelihoods[at(node)]).collect(),
+        })
+    }
+
+    fn values(&self, counts: bool) -> [f32; VALUES] {
+        let n = self.places.len();
+        let chord = unit(apart(self.places[0], self.places[n - 1]));
+        let mut histograms = [[0u32; BINS]; 3];
+        for i in 0..n {
+            for j in i + 1..n {
+                let direction = unit(apart(self.places[i], self.places[j]));
+                if dot(direction, direction) <= 0.0 {
+                    continue;
+                }
+                // Both directions of the pair have the same angle with the chord.
+                histograms[0][bin(dot(chord, direction))] += 2;
+                for tangent in [self.tangents[i], self.tangents[j]] {
+                    if dot(tangent, tangent) > 0.0 {
+                        histograms[1][bin(dot(tangent, direction))] += 1;
+                    }
+                }
+            }
+            histograms[2][bin(self.likelihoods[i])] += 1;
+        }
+        let mut values = [0.0; VALUES];
+        for (histogram, out) in histograms.iter().zip(values.chunks_exact_mut(BINS)) {
+            let sum: u32 = histogram.iter().sum();
+            let unit = if counts { 1.0 } else { sum.max(1) as f32 };
+            out.iter_mut().zip(histogram).for_each(|(out, &count)| *out = count as f32 / unit);
+        }
+        for section in 0..BINS {
+            let (first, end) = match n < BINS {
+                // The node at the middle of the section.
+                true => ((2 * section + 1) * n / (2 * BINS), (2 * section + 1) * n / (2 * BINS) + 1),
+                false => (section * n / BINS, (section + 1) * n / BINS),
+            };
+            let part = &self.likelihoods[first..end];
+            values[3 * BINS + section] = part.iter().sum::<f32>() / part.len() as f32;
+        }
+        values
+    }
+}
+
+fn apart(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [b[0] - a[0], b[1] - a[1], b[2] - a[2]]
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The vector with length 1, or zeros if it has no length.
+fn unit(v: [f32; 3]) -> [f32; 3] {
+    let length = dot(v, v).sqrt();
+    if length > 0.0 { v.map(|c| c / length) } else { [0.0; 3] }
+}
+
+/// The bin of a cosine of any sign, or of a likelihood.
+fn bin(value: f32) -> usize {
+    ((value.abs() * BINS as f32) as usize).min(BINS - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Positions;
+    use crate::random::stream;
+
+    fn values(rows: &[[f64; 3]], tangents: &[[f64; 3]], likelihoods: &[f32]) -> Vec<f32> {
+        let rows: Vec<[f32; 3]> = rows.iter().map(|row| row.map(|v| v as f32)).collect();
+        let nodes = Likely {
+            positions: Positions::from_rows(&rows),
+            likelihoods: likelihoods.to_vec(),
+            tangents: tangents.iter().map(|row| row.map(|v| v as f32)).collect(),
+        };
+        let candidate = Candidate { path: (0..rows.len() as u32).collect(), ..Candidate::default() };
+        describe(&nodes, &[candidate], &DescriptorParams::default(), &Monitor::default()).unwrap()
+    }
+
+    #[test]
+    fn a_straight_path_has_all_mass_in_the_last_bins() {
+        let rows: Vec<[f64; 3]> = (0..12).map(|i| [f64::from(i), f64::from(2 * i), f64::from(-i)]).collect();
+        let found = values(&rows, &[[-1.0, -2.0, 1.0]; 12], &[0.95; 12]);
+        assert_eq!(found[..15], [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        assert!(found[15..].iter().all(|v| (v - 0.95).abs() < 1e-6));
+        // With tangents across, the second histogram is in its first bin.
+        let across = values(&rows, &[[2.0, -1.0, 0.0]; 12], &[0.95; 12]);
+        assert_eq!(across[5..10], [1.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn similarities_leave_the_shape_as_it_is() {
+        let mut random = stream(9, 0);
+        let mut draw = || [0.0; 3].map(|_: f64| random.uniform() * 4.0 - 2.0);
+        let (rows, tangents): (Vec<_>, Vec<_>) = (0..17).map(|_| (draw(), draw())).unzip();
+        let before = values(&rows, &tangents, &[0.3; 17]);
+        assert!(before[..10].iter().filter(|v| **v > 0.0).count() > 5);
+        // A rotation by the quaternion (1, 2, 3, 4) / √30, a scale and a shift.
+        let turn =
+            [[-20.0, 4.0, 22.0], [20.0, -10.0, 20.0], [10.0, 28.0, 4.0]].map(|row: [f64; 3]| row.map(|v| v / 30.0));
+        let turned = |v: &[f64; 3]| turn.map(|row| row.iter().zip(v).map(|(a, b)| a * b).sum::<f64>());
+        let moved: Vec<_> = rows.iter().map(|row| turned(row).map(|v| 3.5 * v + 10.0)).collect();
+        let after = values(&moved, &tangents.iter().map(turned).collect::<Vec<_>>(), &[0.9; 17]);
+        assert_eq!(before[..10], after[..10]);
+        for histogram in before.chunks(5).take(3) {
+            assert!((histogram.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn likelihoods_fall_into_bins_and_sections() {
+        let rows: Vec<[f64; 3]> = (0..7).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        let found = values(&rows, &[[0.0; 3]; 7], &[0.1, 0.3, 0.5, 0.7, 0.9, 1.0, 0.0]);
+        let sevenths = [2.0, 1.0, 1.0, 1.0, 2.0].map(|v: f32| v / 7.0);
+        assert_eq!(found[10..15], sevenths);
+        assert_eq!(found[15..], [0.1, 0.3, 0.6, 0.9, 0.5]);
+        assert_eq!(found[5..10], [0.0; 5]);
+        let two = values(&rows[..2], &[[0.0; 3]; 2], &[0.25, 0.75]);
+        assert_eq!(two[15..], [0.25, 0.25, 0.75, 0.75, 0.75]);
+    }
+
+    #[test]
+    fn coinciding_nodes_and_one_node_give_numbers_and_counts_are_counted() {
+        for n in 1..4 {
+            assert!(values(&vec![[1.0; 3]; n], &vec![[0.0; 3]; n], &vec![0.5; n]).iter().all(|v| v.is_finite()));
+        }
+        let nodes = Likely {
+            positions: Positions::from_rows(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]),
+            likelihoods: vec![0.9; 3],
+            tangents: vec![[1.0, 0.0, 0.0]; 3],
+        };
+        let of = |path: &[u32]| {
+            let candidate = Candidate { path: path.to_vec(), ..Candidate::default() };
+            describe(&nodes, &[candidate], &DescriptorParams { counts: true }, &Monitor::default())
+        };
+        let counts = of(&[0, 1, 2]).unwrap();
+        assert_eq!([counts[4], counts[9], counts[14]], [6.0, 6.0, 3.0]);
+        assert!(of(&[]).is_err() && of(&[3]).is_err());
+    }
+}

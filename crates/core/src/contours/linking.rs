@@ -1,0 +1,298 @@
+//! Candidates of contours: shortest paths between neighbouring seeds.
+//!
+//! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich, 2018, section 4.5.1. The paths are
+//! found by the algorithm of E. W. Dijkstra, *A note on two problems in connexion with graphs*, Numerische Mathematik
+//! 1, 1959.
+
+use super::params::LinkParams;
+use crate::cloud::Positions;
+use crate::error::{Error, Result};
+use crate::graph::{Adjacency, Graph};
+use crate::neighbours::knn;
+use crate::parallel::{Monitor, concat_watched, map_ordered_with, sort_watched, watched};
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// Seeds that one task links.
+const SEEDS: usize = 64;
+
+/// A candidate of a contour: the shortest path between two seeds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Candidate {
+    /// Node of the seed at the start.
+    pub start: u32,
+    /// Node of the seed at the end, above `start`.
+    pub end: u32,
+    /// The nodes from the start to the end, both included.
+    pub path: Vec<u32>,
+    /// Sum of the costs of the path's edges.
+    pub cost: f64,
+}
+
+/// The neighbourhood graph and the positions of its nodes.
+#[derive(Clone, Copy, Debug)]
+pub struct Neighbourhood<'a> {
+    /// Position of each node, metres.
+    pub positions: &'a Positions,
+    /// Edges with their costs, not negative.
+    pub graph: &'a Graph,
+}
+
+/// Links every seed with its nearest seeds, ascending by (start, end).
+///
+/// Each seed is linked with at most `count` seeds within `radius`, each pair once, from the smaller node on. Its path
+/// is a shortest one among the nodes within `2 · radius` of the start; pairs without such a path give no candidate. O(s
+/// (b log b)) for s seeds and b nodes in a ball; memory O(b) a thread beside the result.
+///
+/// # Errors
+/// If seeds are not ascending nodes, there is not one position a node, a parameter is outside its range, or the work
+/// was cancelled.
+pub fn link(of: &Neighbourhood<'_>, seeds: &[u32], params: &LinkParams, monitor: &Monitor) -> Result<Vec<Candidate>> {
+    params.validate()?;
+    let nodes = of.graph.len();
+    if of.positions.len() != nodes {
+        return Err(Error::input(format!("{} positions for {nodes} nodes", of.positions.len())));
+    }
+    if seeds.windows(2).any(|w| w[0] >= w[1]) || seeds.last().is_some_and(|&last| last as usize >= nodes) {
+        return Err(Error::input(format!("seeds are not ascending numbers of the {nodes} nodes")));
+    }
+    let pairs = pairs(of.positions, seeds, params, monitor)?;
+    let starts: Vec<&[[u32; 2]]> = pairs.chunk_by(|a, b| a[0] == b[0]).collect();
+    let adjacency = of.graph.adjacency_watched(monitor)?;
+    let search = Search { of, adjacency: &adjacency, limit: 4.0 * params.radius * params.radius };
+    monitor.stage("links", starts.len() as u64);
+    let count = starts.len().div_ceil(SEEDS);
+    let parts = map_ordered_with(0..count, monitor, Scratch::default, |scratch, block| {
+        let mut found = Vec::new();
+        for links in &starts[block * SEEDS..starts.len().min((block + 1) * SEEDS)] {
+            monitor.check()?;
+            search.links(scratch, links, &mut found);
+        }
+        monitor.advance(SEEDS as u64);
+        Ok(found)
+    })?;
+    concat_watched(parts, monitor)
+}
+
+/// The pairs of seeds (as nodes) that are linked, the smaller one first, ascending.
+fn pairs(positions: &Positions, seeds: &[u32], params: &LinkParams, monitor: &Monitor) -> Result<Vec<[u32; 2]>> {
+    let near = knn(&positions.select(seeds, monitor)?, params.count, monitor)?;
+    let limit = (params.radius * params.radius) as f32;
+    let mut pairs = Vec::new();
+    for piece in watched(near.len(), monitor) {
+        for i in piece? {
+            let row = near.of(i).iter().zip(near.squared_distances(i));
+            let close = row.take_while(|(_, squared)| **squared <= limit).map(|(&j, _)| j as usize);
+            pairs.extend(close.map(|j| [seeds[i.min(j)], seeds[i.max(j)]]));
+        }
+    }
+    sort_watched(&mut pairs, monitor)?;
+    pairs.dedup();
+    Ok(pairs)
+}
+
+/// A hash of one multiplication: node numbers need no more.
+#[derive(Clone, Debug, Default)]
+struct Multiply(u64);
+
+impl Hasher for Multiply {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&byte| self.write_u32(u32::from(byte)));
+    }
+
+    fn write_u32(&mut self, value: u32) {
+        self.0 = (self.0.rotate_left(5) ^ u64::from(value)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    }
+}
+
+/// What is known of a node that a search has reached.
+#[derive(Clone, Copy, Debug)]
+struct Reached {
+    cost: f64,
+    before: u32,
+    settled: bool,
+}
+
+#[derive(Debug, Default)]
+struct Scratch {
+    reached: HashMap<u32, Reached, BuildHasherDefault<Multiply>>,
+    /// Bits of the cost, which sort like the costs because these are not negative, and the node.
+    queue: BinaryHeap<Reverse<(u64, u32)>>,
+}
+
+struct Search<'a> {
+    of: &'a Neighbourhood<'a>,
+    adjacency: &'a Adjacency,
+    /// Square of the ball's radius.
+    limit: f64,
+}
+
+impl Search<'_> {
+    /// Appends the candidates of some pairs of one start, in their order.
+    fn links(&self, scratch: &mut Scratch, links: &[[u32; 2]], found: &mut Vec<Candidate>) {
+        let Some(&[start, _]) = links.first() else { return };
+        self.run(scratch, links, start);
+        for &[_, end] in links {
+            let Some(at) = scratch.reached.get(&end).filter(|at| at.settled) else { continue };
+            let mut path = vec![end];
+            let mut node = end;
+            while node != start {
+                node = scratch.reached.get(&node).map_or(start, |at| at.before);
+                path.push(node);
+            }
+            path.reverse();
+            found.push(Candidate { start, end, path, cost: at.cost });
+        }
+    }
+
+    /// Settles nodes in the order of their costs until all ends are settled or the ball is.
+    fn run(&self, scratch: &mut Scratch, links: &[[u32; 2]], start: u32) {
+        scratch.reached.clear();
+        scratch.queue.clear();
+        let centre = self.of.positions.xyz(start as usize);
+        scratch.reached.insert(start, Reached { cost: 0.0, before: start, settled: false });
+        scratch.queue.push(Reverse((0, start)));
+        let mut missing = links.len();
+        while let Some(Reverse((bits, node))) = scratch.queue.pop() {
+            match scratch.reached.get_mut(&node) {
+                Some(at) if !at.settled && at.cost.to_bits() == bits => at.settled = true,
+                _ => continue,
+            }
+            if links.binary_search(&[start, node]).is_ok() {
+                missing -= 1;
+                if missing == 0 {
+                    return;
+                }
+            }
+            for (other, edge) in self.adjacency.of(node as usize) {
+                if self.apart(centre, other) > self.limit {
+                    continue;
+                }
+                let cost = f64::from_bits(bits) + f64::from(self.of.graph.weights()[edge as usize]);
+                let new = Reached { cost, before: node, settled: false };
+                let at = scratch.reached.entry(other).or_insert(Reached { cost: f64::INFINITY, ..new });
+                if cost < at.cost {
+                    *at = new;
+                    scratch.queue.push(Reverse((cost.to_bits(), other)));
+                }
+            }
+        }
+    }
+
+    /// Squared distance of a node from a position.
+    fn apart(&self, from: [f32; 3], node: u32) -> f64 {
+        let to = self.of.positions.xyz(node as usize);
+        from.iter().zip(to).map(|(a, b)| (f64::from(*a) - f64::from(b)).powi(2)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    struct Case {
+        positions: Positions,
+        graph: Graph,
+    }
+
+    fn random(seed: u64) -> Case {
+        let mut random = stream(seed, 4);
+        let rows: Vec<[f32; 3]> = (0..60).map(|_| [0.0; 3].map(|_: f32| random.uniform() as f32 * 2.0)).collect();
+        let pairs: Vec<[u32; 2]> =
+            (0..150).map(|_| [random.below(60) as u32, random.below(60) as u32]).filter(|[a, b]| a != b).collect();
+        let weights: Vec<f32> = pairs.iter().map(|_| random.below(9) as f32 / 8.0).collect();
+        Case { positions: Positions::from_rows(&rows), graph: Graph::new(60, &pairs, &weights).unwrap() }
+    }
+
+    impl Case {
+        fn links(&self, seeds: &[u32], params: &LinkParams) -> Vec<Candidate> {
+            let of = Neighbourhood { positions: &self.positions, graph: &self.graph };
+            link(&of, seeds, params, &Monitor::default()).unwrap()
+        }
+
+        fn apart(&self, a: u32, b: u32) -> f64 {
+            let [a, b] = [a, b].map(|i| self.positions.xyz(i as usize).map(f64::from));
+            a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+        }
+
+        /// Costs from a node by Bellman's and Ford's algorithm, within a ball.
+        fn costs(&self, start: u32, radius: f64) -> Vec<f64> {
+            let mut costs = vec![f64::INFINITY; 60];
+            costs[start as usize] = 0.0;
+            for _ in 0..60 {
+                for (&[a, b], &w) in self.graph.edges().iter().zip(self.graph.weights()) {
+                    for (from, to) in [(a, b), (b, a)] {
+                        if self.apart(start, to) <= radius {
+                            let cost = costs[from as usize] + f64::from(w);
+                            costs[to as usize] = costs[to as usize].min(cost);
+                        }
+                    }
+                }
+            }
+            costs
+        }
+    }
+
+    #[test]
+    fn paths_are_as_short_as_those_of_bellman_and_ford() {
+        let mut count = 0;
+        for seed in 0..40 {
+            let case = random(seed);
+            let seeds: Vec<u32> = (0..60).step_by(3).collect();
+            let params = LinkParams { count: 6, radius: 0.85 };
+            let found = case.links(&seeds, &params);
+            for &a in &seeds {
+                let nearest = |i: u32| {
+                    let mut others: Vec<u32> = seeds.iter().copied().filter(|&j| j != i).collect();
+                    others.sort_by(|&x, &y| case.apart(i, x).total_cmp(&case.apart(i, y)));
+                    others.into_iter().take(6).filter(|&j| case.apart(i, j) <= 0.85).collect::<Vec<_>>()
+                };
+                let costs = case.costs(a, 1.7);
+                for &b in seeds.iter().filter(|&&b| b > a) {
+                    let linked = nearest(a).contains(&b) || nearest(b).contains(&a);
+                    let expected = Some(costs[b as usize]).filter(|cost| linked && cost.is_finite());
+                    let candidate: Vec<&Candidate> = found.iter().filter(|c| c.start == a && c.end == b).collect();
+                    assert_eq!(candidate.first().map(|c| c.cost), expected, "seed {seed}");
+                    assert!(candidate.len() <= 1);
+                }
+            }
+            for candidate in &found {
+                let path = &candidate.path;
+                assert_eq!([path.first(), path.last()], [Some(&candidate.start), Some(&candidate.end)]);
+                let edge = |w: &[u32]| case.graph.edges().binary_search(&[w[0].min(w[1]), w[0].max(w[1])]).unwrap();
+                let sum: f64 = path.windows(2).map(|w| f64::from(case.graph.weights()[edge(w)])).sum();
+                assert_eq!(sum, candidate.cost);
+                assert!(path.iter().all(|&node| case.apart(candidate.start, node) <= 1.7));
+            }
+            count += found.len();
+        }
+        assert!(count > 500);
+    }
+
+    #[test]
+    fn links_are_the_same_for_any_number_of_threads() {
+        let case = random(7);
+        let seeds: Vec<u32> = (0..60).collect();
+        let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        let with = |n| pool(n).install(|| case.links(&seeds, &LinkParams::default()));
+        assert_eq!(with(1), with(3));
+    }
+
+    #[test]
+    fn without_edges_or_seeds_there_are_no_links() {
+        let case = Case { graph: Graph::new(60, &[], &[]).unwrap(), ..random(1) };
+        assert!(case.links(&[], &LinkParams::default()).is_empty());
+        assert!(case.links(&[1], &LinkParams::default()).is_empty());
+        assert!(case.links(&[1, 2, 3], &LinkParams::default()).is_empty());
+        let of = Neighbourhood { positions: &case.positions, graph: &case.graph };
+        for seeds in [&[2, 1][..], &[1, 1], &[60]] {
+            assert!(link(&of, seeds, &LinkParams::default(), &Monitor::default()).is_err());
+        }
+    }
+}

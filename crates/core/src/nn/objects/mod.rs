@@ -1,0 +1,10 @@
+//! Objects to classify as a whole: images, occupied cells, and clouds of points; readers of the files in which data sets
+//! come.
+
+mod idx;
+mod mesh;
+mod samples;
+
+pub use idx::{Idx, read_idx};
+pub use mesh::{Mesh, read_off};
+pub use samples::{ObjectAugmentation, ObjectShape, Objects, Sample};

@@ -1,0 +1,179 @@
+//! The recipe `contours`: points that are likely to lie on an edge of an object, linked to lines.
+//!
+//! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, doctoral thesis, ETH Zurich 2018,
+//! doi:10.3929/ethz-b-000264691, section 4.5; T. Hackel, J. D. Wegner, K. Schindler, *Contour detection in unstructured 3D
+//! point clouds*, CVPR 2016. `docs/contours.md` has the equations and our deviations.
+//!
+//! All lengths of the thesis belong to voxels of 0.1 m. A cloud is scaled such that its own voxel has this edge, so that
+//! one model serves scans of any spacing.
+
+mod classes;
+mod drawing;
+mod extract;
+mod likely;
+mod report;
+mod scaled;
+mod synthetic;
+mod train;
+
+pub use extract::{ContourLine, ContourParams, Contours, contours};
+pub use report::ContoursReport;
+pub use synthetic::{edge_labels, labelled_scene, labelled_scenes, measure_scene};
+
+use super::classify::{Classified, Job};
+use super::labels::LabelledCloud;
+use super::model::Model;
+use super::regularise::{Regularise, RegulariseParams};
+use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::training::samples::TrainingParams;
+use crate::classification::ForestParams;
+use crate::contours::{CandidateParams, TraceParams};
+use crate::error::{Error, Result};
+use crate::features::{FeatureSet, PyramidParams};
+use crate::parallel::Monitor;
+use serde::{Deserialize, Serialize};
+
+/// The name of the recipe, in its TOML.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ContoursKind {
+    /// Hackel 2018, section 4.5.
+    #[default]
+    Contours,
+}
+
+/// Which candidates the classifier of candidates learns from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CandidateTraining {
+    /// Least share of the labelled points of a path on a contour that makes it an example of one, 0 to 1.
+    pub on: f64,
+    /// Share below which it is an example of none, 0 to `on`; candidates between are not learned from.
+    pub off: f64,
+    /// Examples of each kind, at most; drawn at random.
+    pub most: usize,
+}
+
+impl Default for CandidateTraining {
+    fn default() -> Self {
+        Self { on: 0.8, off: 0.5, most: 20_000 }
+    }
+}
+
+/// The parameters of the recipe. Lengths other than `voxel` are those for voxels of 0.1 m.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ContoursRecipe {
+    /// Always `contours`.
+    pub recipe: ContoursKind,
+    /// Seed of all random draws.
+    pub seed: u64,
+    /// Edge of the voxels that hold one seed each, metres; `None` (`"none"` in a recipe): 2 times the point spacing of
+    /// each cloud, 0.02 to 5.
+    #[serde(with = "crate::settings::optional")]
+    pub voxel: Option<f64>,
+    /// Code of points on contours in labels to learn from; all other labelled points lie on none.
+    pub code: u8,
+    /// Features and their scales.
+    pub features: FeatureSet,
+    /// Selection of the training points.
+    pub training: TrainingParams,
+    /// The forest that rates points.
+    pub forest: ForestParams,
+    /// From rated points to candidates.
+    pub candidates: CandidateParams,
+    /// Selection of the training candidates.
+    pub examples: CandidateTraining,
+    /// The forest that rates candidates.
+    pub candidate_forest: ForestParams,
+    /// From rated candidates to lines.
+    pub trace: TraceParams,
+    /// Regularisation of the labels of points; lines do not depend on it.
+    pub regularise: RegulariseParams,
+}
+
+impl Default for ContoursRecipe {
+    fn default() -> Self {
+        let pyramid = PyramidParams { first_scale: Some(0.05), ..PyramidParams::default() };
+        Self {
+            recipe: ContoursKind::default(),
+            seed: 0,
+            voxel: None,
+            code: 1,
+            features: FeatureSet { pyramid, ..FeatureSet::default() },
+            training: TrainingParams { max_samples: 100_000, ..TrainingParams::default() },
+            forest: ForestParams { trees: 50, ..ForestParams::default() },
+            candidates: CandidateParams::default(),
+            examples: CandidateTraining::default(),
+            candidate_forest: ForestParams { trees: 50, max_depth: Some(12), ..ForestParams::default() },
+            trace: TraceParams::default(),
+            regularise: RegulariseParams::default(),
+        }
+    }
+}
+
+impl System for ContoursRecipe {
+    const NAME: &'static str = "contours";
+    const TRAINING_ONLY: &'static [&'static str] =
+        &["training", "forest", "examples", "candidate_forest", "features", "code"];
+    type Learned = Nothing;
+    type Report = ContoursReport;
+
+    fn validate(&self) -> Result<()> {
+        if let Some(voxel) = self.voxel.filter(|voxel| !(1e-3..=1e3).contains(voxel)) {
+            return Err(Error::parameter("voxel", voxel, "0.001 to 1000 metres"));
+        }
+        let CandidateTraining { on, off, most } = self.examples;
+        if !(0.0..=1.0).contains(&on) || !(0.0..=on).contains(&off) {
+            return Err(Error::parameter("examples", format!("on {on}, off {off}"), "0 <= off <= on <= 1"));
+        }
+        if most == 0 {
+            return Err(Error::parameter("examples.most", most, "1 or more"));
+        }
+        self.features.validate()?;
+        self.training.validate()?;
+        self.forest.validate()?;
+        self.candidates.validate()?;
+        self.candidate_forest.validate()?;
+        self.trace.validate()?;
+        self.regularise.not_automatic(Self::NAME)?;
+        self.regularise.validate()
+    }
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    fn metres_per_unit(&self) -> Option<f64> {
+        self.features.metres_per_unit
+    }
+
+    fn regularise(&self) -> &RegulariseParams {
+        &self.regularise
+    }
+
+    fn columns(&self) -> Vec<String> {
+        [self.features.columns(), self.training.columns()].concat()
+    }
+
+    fn bytes_a_point(&self, method: Regularise) -> u64 {
+        if method == Regularise::None { 80 } else { 200 }
+    }
+
+    fn train(
+        &self,
+        clouds: &[LabelledCloud],
+        options: &TrainOptions,
+        monitor: &Monitor,
+    ) -> Result<(Model, ContoursReport)> {
+        train::train(self, clouds, options, monitor)
+    }
+
+    fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
+        likely::classify(&fitted.recipe, job, monitor)
+    }
+}

@@ -1,0 +1,185 @@
+//! Training: the forest of points, then that of candidates, from lines that the other half of the clouds has not taught.
+
+use super::likely::{RatedPoints, rate};
+use super::scaled::Scale;
+use super::synthetic::named;
+use super::{CandidateTraining, ContoursRecipe, ContoursReport};
+use crate::classification::{Classifier, Fingerprint, Learner, Samples};
+use crate::cloud::MetricCloud;
+use crate::contours::{Candidates, VALUE_NAMES, VALUES, candidates};
+use crate::error::{Error, Result};
+use crate::parallel::Monitor;
+use crate::random::{Stream, stream};
+use crate::recipes::model::FirstStage;
+use crate::recipes::pyramid::{PyramidRecipe, PyramidReport};
+use crate::recipes::regularise::{Regularise, RegulariseParams};
+use crate::recipes::training::{TrainingData, density};
+use crate::recipes::{Fitted, LabelledCloud, Labels, Model, Nothing, System, TrainOptions};
+
+/// Codes of points off and on contours.
+const CODES: [u8; 2] = [0, 1];
+
+/// A half of the training clouds, scaled.
+type Half = Vec<LabelledCloud>;
+
+pub(super) fn train(
+    recipe: &ContoursRecipe,
+    clouds: &[LabelledCloud],
+    options: &TrainOptions,
+    monitor: &Monitor,
+) -> Result<(Model, ContoursReport)> {
+    options.without_strengths(recipe.name())?;
+    options.without_depths(recipe.name())?;
+    recipe.validate()?;
+    let scaled = clouds.iter().map(|cloud| scaled(recipe, cloud, monitor)).collect::<Result<Vec<_>>>()?;
+    let (points, report) = point_model(recipe, &scaled, monitor)?;
+    let halves = halves(scaled, monitor)?;
+    let mut lessons = Lessons { params: &recipe.examples, rows: Default::default() };
+    for (taught, other) in [(0, 1), (1, 0)] {
+        let (model, _) = point_model(recipe, &halves[taught], monitor)?;
+        for cloud in &halves[other] {
+            let found = found_candidates(recipe, cloud, &model, monitor)?;
+            lessons.take(&found, &cloud.labels);
+        }
+    }
+    let examples = lessons.examples(stream(recipe.seed, 1))?;
+    let labels: Vec<u16> = examples.labels();
+    let samples = Samples { features: &examples.values, width: VALUES, labels: &labels, weights: None, classes: 2 };
+    let mut forest = recipe.candidate_forest.clone();
+    forest.seed = forest.seed.wrapping_add(recipe.seed);
+    let classifier = Classifier::Forest(forest.train(&samples, monitor)?);
+    let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
+    let report = ContoursReport::new(report, examples.counts, data.unlabelled());
+    let model = Model {
+        fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }.into(),
+        classes: points.classes.clone(),
+        feature_names: VALUE_NAMES.iter().map(|&name| name.to_string()).collect(),
+        fingerprint: Fingerprint::of(&samples, density(&data, monitor)?),
+        classifier,
+        first: Some(FirstStage {
+            feature_names: points.feature_names,
+            classifier: points.classifier,
+            fingerprint: Some(points.fingerprint),
+        }),
+        network: None,
+    };
+    Ok((model, report))
+}
+
+/// A copy of a cloud in scaled metres, labelled as on or off contours.
+fn scaled(recipe: &ContoursRecipe, given: &LabelledCloud, monitor: &Monitor) -> Result<LabelledCloud> {
+    let scene = MetricCloud::new(&given.cloud, recipe.metres_per_unit(), monitor)?;
+    let cloud = Scale::of(recipe, &scene, monitor)?.copy(&given.cloud);
+    let code = |code: &Option<u8>| code.map(|code| CODES[usize::from(code == recipe.code)]);
+    let codes = given.labels.codes.iter().map(code).collect();
+    Ok(LabelledCloud { cloud, labels: named(codes) })
+}
+
+/// Clouds in turn; a single one is divided across its longer side.
+fn halves(clouds: Vec<LabelledCloud>, monitor: &Monitor) -> Result<[Half; 2]> {
+    let mut halves: [Half; 2] = Default::default();
+    if let [only] = &clouds[..] {
+        let points = MetricCloud::new(&only.cloud, None, monitor)?.some_points(monitor)?;
+        let extent = |axis: &[f32]| axis.iter().copied().fold(0.0, f32::max);
+        let positions = &points.positions;
+        let axis = if extent(&positions.x) >= extent(&positions.y) { &positions.x } else { &positions.y };
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        order.sort_by(|&a, &b| axis[a as usize].total_cmp(&axis[b as usize]).then(a.cmp(&b)));
+        let cut = order.len() / 2;
+        for (half, rows) in halves.iter_mut().zip([&order[..cut], &order[cut..]]) {
+            let mut index: Vec<u32> = rows.iter().map(|&row| points.frame.index[row as usize]).collect();
+            index.sort_unstable();
+            half.push(LabelledCloud { cloud: only.cloud.select(&index), labels: only.labels.select(&index) });
+        }
+        return Ok(halves);
+    }
+    clouds.into_iter().enumerate().for_each(|(number, cloud)| halves[number % 2].push(cloud));
+    Ok(halves)
+}
+
+/// The forest that rates points.
+fn point_model(recipe: &ContoursRecipe, clouds: &[LabelledCloud], monitor: &Monitor) -> Result<(Model, PyramidReport)> {
+    let regularise = RegulariseParams { method: Regularise::None, ..RegulariseParams::default() };
+    let points = PyramidRecipe {
+        seed: recipe.seed,
+        features: recipe.features.clone(),
+        training: recipe.training.clone(),
+        forest: recipe.forest.clone(),
+        regularise,
+        ..PyramidRecipe::default()
+    };
+    points.train(clouds, &TrainOptions::default(), monitor)
+}
+
+/// The candidates of a scaled cloud; their nodes are points of the cloud.
+fn found_candidates(recipe: &ContoursRecipe, cloud: &LabelledCloud, model: &Model, monitor: &Monitor) -> Result<Found> {
+    let scene = MetricCloud::new(&cloud.cloud, None, monitor)?;
+    let rated: RatedPoints = rate(recipe, &scene, model.stage(), monitor)?;
+    let likely = rated.likely(recipe.candidates.neighbourhood.keep, monitor)?;
+    let found = candidates(&likely, &recipe.candidates, monitor)?;
+    Ok(Found { candidates: found, index: rated.points.frame.index })
+}
+
+/// Candidates, and the point of the cloud that each point was.
+struct Found {
+    candidates: Candidates,
+    index: Vec<u32>,
+}
+
+/// Candidates that are examples.
+struct Lessons<'a> {
+    params: &'a CandidateTraining,
+    /// Descriptors of those off and on contours.
+    rows: [Vec<f32>; 2],
+}
+
+/// The examples that are learned from.
+struct Examples {
+    values: Vec<f32>,
+    /// Number of those off and on contours.
+    counts: [usize; 2],
+}
+
+impl Examples {
+    fn labels(&self) -> Vec<u16> {
+        let [off, on] = self.counts;
+        std::iter::repeat_n(0, off).chain(std::iter::repeat_n(1, on)).collect()
+    }
+}
+
+impl Lessons<'_> {
+    /// Adds the candidates of a cloud whose labels say enough.
+    fn take(&mut self, found: &Found, labels: &Labels) {
+        let Candidates { nodes, list, descriptors, .. } = &found.candidates;
+        for (candidate, row) in list.iter().zip(descriptors.chunks_exact(VALUES)) {
+            let label = |&node: &u32| labels.codes[found.index[nodes.points[node as usize] as usize] as usize];
+            let known: Vec<u8> = candidate.path.iter().filter_map(label).collect();
+            if known.is_empty() {
+                continue;
+            }
+            let share = known.iter().filter(|&&code| code == CODES[1]).count() as f64 / known.len() as f64;
+            if share >= self.params.on {
+                self.rows[1].extend_from_slice(row);
+            } else if share < self.params.off {
+                self.rows[0].extend_from_slice(row);
+            }
+        }
+    }
+
+    /// At most so many of each kind as the settings say.
+    fn examples(self, mut draws: Stream) -> Result<Examples> {
+        let counts = self.rows.each_ref().map(|rows| rows.len() / VALUES);
+        if counts.contains(&0) {
+            let [off, on] = counts;
+            let found = format!("{on} candidates on contours and {off} off them");
+            return Err(Error::input(format!("{found} to learn from (allowed: 1 and more of each; give more clouds)")));
+        }
+        let mut examples = Examples { values: Vec::new(), counts: counts.map(|count| count.min(self.params.most)) };
+        for (rows, count) in self.rows.iter().zip(counts) {
+            let mut chosen = draws.choose(count, count.min(self.params.most));
+            chosen.sort_unstable();
+            chosen.iter().for_each(|&row| examples.values.extend_from_slice(&rows[row as usize * VALUES..][..VALUES]));
+        }
+        Ok(examples)
+    }
+}

@@ -1,0 +1,70 @@
+//! What the recipes with a network share: drawing of labelled points, checkpoints, and the head as a classifier.
+
+mod labelled;
+mod progress;
+
+pub(in crate::recipes) use labelled::{Drawn, Labelled, NONE, drawn};
+pub(in crate::recipes) use progress::{Checkpoint, Progress};
+
+use super::TrainingData;
+use crate::classification::{Fingerprint, Linear};
+use crate::error::{Error, Result};
+use crate::features::spacing;
+use crate::nn::parameters::Parameters;
+use crate::parallel::Monitor;
+use crate::recipes::model::Model;
+
+/// Names of the features that a network gives.
+pub(in crate::recipes) fn names(width: usize) -> Vec<String> {
+    (0..width).map(|channel| format!("Learned_{channel}")).collect()
+}
+
+/// Twice the spacing of the first cloud, to two digits.
+///
+/// # Errors
+/// If there is no cloud, or the work was cancelled.
+pub(in crate::recipes) fn automatic_voxel(data: &TrainingData<'_>, monitor: &Monitor) -> Result<f64> {
+    let Some(first) = data.scenes.first() else { return Err(Error::input("no cloud to learn from")) };
+    let spacing = spacing(&first.metric.some_points(monitor)?, monitor)?;
+    let found = (2.0 * spacing).clamp(1e-2, 1e2);
+    let digit = 10f64.powf(found.log10().floor() - 1.0);
+    Ok((found / digit).round() * digit)
+}
+
+/// The last layer (its weights, its terms) as a classifier of its own.
+///
+/// # Errors
+/// If the lengths do not fit.
+pub(in crate::recipes) fn linear_of([weights, bias]: [&[f32]; 2], summary: &Fingerprint) -> Result<Linear> {
+    let means = summary.means.iter().map(|&mean| if mean.is_finite() { mean as f32 } else { 0.0 }).collect();
+    Linear::of_layer(weights, bias, means)
+}
+
+/// Puts what a model has learned in the place of the parameters of its network, which gives `width` features.
+///
+/// # Errors
+/// If an array is absent or does not fit, or the model has other features.
+pub(in crate::recipes) fn restore(parameters: &mut Parameters<f32>, model: &Model, width: usize) -> Result<()> {
+    let Some(stored) = &model.network else {
+        return Err(Error::ModelMismatch("a model of this recipe needs a network".into()));
+    };
+    if stored.iter().len() != parameters.iter().len() {
+        let found = stored.iter().len();
+        let reason = format!("{found} arrays of a network (allowed: {})", parameters.iter().len());
+        return Err(Error::ModelMismatch(reason));
+    }
+    stored.iter().try_for_each(|array| parameters.replace(&array.name, array.values.clone()))?;
+    model.check_features(&names(width))
+}
+
+/// The lines about the loss in a report: its mean in each tenth of the steps.
+pub(in crate::recipes) fn curve(losses: &[f64]) -> Vec<f64> {
+    let size = losses.len().div_ceil(10).max(1);
+    losses.chunks(size).map(|part| part.iter().sum::<f64>() / part.len() as f64).collect()
+}
+
+/// The same as text.
+pub(in crate::recipes) fn curve_text(losses: &[f64]) -> String {
+    let curve: Vec<String> = curve(losses).iter().map(|loss| format!("{loss:.3}")).collect();
+    format!("loss in each tenth of the steps: {}", curve.join(" "))
+}

@@ -1,0 +1,253 @@
+"""Networks of direct sparse convolutions that classify objects."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scansion import _core
+from scansion._arrays import to_json
+from scansion._base import Classifier
+from scansion._progress import Progress, following
+from scansion._settings import seed, share, together, whole
+from scansion.nn._samples import samples
+
+Self = TypeVar("Self", bound="VoxelClassifier")
+
+
+class VoxelClassifier(Classifier):
+    """Classifies whole objects (images, occupied cells, clouds of points) by a sparse convolutional network.
+
+    T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich 2018, doi:10.3929/ethz-b-000264691,
+    chapter 6: levels of direct sparse convolutions that keep only their strongest responses, max pooling after each, and
+    two fully connected layers. The same data, settings and ``random_state`` give the same bytes, for any number of threads.
+
+    Parameters
+    ----------
+    network : {"modelnet", "mnist"}
+        The network of the thesis: nine sparse and three dense convolutions along three axes, or six sparse ones along two.
+        Its bounds of density are those of the resolution of the objects.
+    resolution : int
+        Cells along each side of the cube into which clouds of points are put; objects that come in cells have their own.
+    density : float, optional
+        Upper bound of the share of the cells of a channel that keep a response, above 0, at most 1, instead of the network's.
+    dense : bool
+        Use dense convolutions only: the network's dense twin.
+    epochs : int
+        Passes through the samples.
+    batch_size : int
+        Samples in a step.
+    learning_rate : float
+        Highest learning rate.
+    settings : mapping, optional
+        Any other setting, nested or with dotted keys: ``network.hidden``, ``network.levels``, ``learning.optimiser``,
+        ``learning.regulariser.strength``, ``learning.pruning``, ``learning.augment.turn`` and others; `settings_` lists all.
+    random_state : int, numpy.random.RandomState or None
+        Seed; None means 0.
+    n_jobs : int, optional
+        Number of threads; None and -1 use all.
+
+    Attributes
+    ----------
+    classes_ : array of shape (n_classes,)
+    history_ : list of dict
+        For each epoch ``loss``; ``densities`` of the responses of each sparse convolution before the strongest were
+        selected; ``weights`` of sparse convolutions that are left; ``bytes`` of sparse tensors of a step; ``seconds``. Epochs
+        before a checkpoint are not in it.
+    settings_ : dict
+        ``network`` and ``learning`` with all values.
+    shape_ : dict
+        ``channels`` and ``extent`` (cells along each axis) of an object.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import nn
+    >>> draws = np.random.default_rng(0)
+    >>> images = np.zeros((60, 12, 12))
+    >>> upright = np.arange(60) % 2 == 1
+    >>> for image, is_upright, at in zip(images, upright, draws.integers(2, 10, 60)):
+    ...     image[(slice(2, 10), at) if is_upright else (at, slice(2, 10))] = 1
+    >>> settings = {"network.hidden": 16, "learning.augment.turn": False}
+    >>> network = nn.VoxelClassifier("mnist", density=0.3, epochs=4, settings=settings)
+    >>> labels = np.where(upright, "upright", "lying")
+    >>> network.fit(images, labels).score(images, labels) > 0.9
+    True
+    """
+
+    classes_: NDArray[Any]
+    history_: list[dict[str, Any]]
+    settings_: dict[str, Any]
+    shape_: dict[str, Any]
+
+    def __init__(
+        self,
+        network: str = "modelnet",
+        *,
+        resolution: int = 32,
+        density: float | None = None,
+        dense: bool = False,
+        epochs: int = 30,
+        batch_size: int = 32,
+        learning_rate: float = 0.01,
+        settings: Mapping[str, Any] | None = None,
+        random_state: int | np.random.RandomState | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.network = network
+        self.resolution = resolution
+        self.density = density
+        self.dense = dense
+        self.epochs = epochs
+        self.batch_size = batch_size
+        self.learning_rate = learning_rate
+        self.settings = settings
+        self.random_state = random_state
+        self.n_jobs = n_jobs
+
+    def fit(
+        self: Self,
+        X: Any,
+        y: Any,
+        *,
+        checkpoint: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+    ) -> Self:
+        """Trains on labelled objects.
+
+        Parameters
+        ----------
+        X : array of shape (n, cells, ...), list of arrays of shape (m, 3), or SparseTensor
+            Cells along 1 to 4 axes (one channel), clouds of points, or entries with any number of channels.
+        y : array of shape (n,)
+            Labels: whole numbers or texts.
+        checkpoint : path, optional
+            After each epoch all that is needed to go on is written to this file. If it exists already, training goes on from
+            it, to the same bytes; it must be of the same objects and settings.
+        progress : bool or callable, optional
+            As `scansion.progress`.
+        """
+        labels = np.asarray(y)
+        if labels.ndim != 1:
+            raise ValueError(f"y: found shape {labels.shape}, expected (n,)")
+        if labels.dtype.kind not in "iubUO":
+            raise ValueError(f"y: found dtype {labels.dtype}, expected whole numbers or texts")
+        self.classes_, codes = np.unique(labels, return_inverse=True)
+        objects, self.shape_ = samples(X, codes, whole(self.resolution, "resolution", 2))
+        self.settings_ = self._settings()
+        network, learning = to_json(self.settings_["network"]), to_json(self.settings_["learning"])
+        training = _core.ObjectTraining(network, learning, objects, [str(name) for name in self.classes_])
+        path = None if checkpoint is None else os.fspath(checkpoint)
+        if path is not None and os.path.exists(path):
+            training.resume(path, objects)
+        self.history_ = []
+        with following(progress):
+            while training.epochs() < self.epochs:
+                start = time.perf_counter()
+                report = json.loads(training.epoch(objects, self.n_jobs))
+                self.history_.append({**report, "seconds": time.perf_counter() - start})
+                if path is not None:
+                    training.save(path, objects)
+        self._model = training.model()
+        return self
+
+    def _settings(self) -> dict[str, Any]:
+        """All settings under the core's names."""
+        density = None if self.density is None else share(self.density, "density")
+        shortest = min(self.shape_["extent"])
+        network = json.loads(_core.object_network(self.network, shortest, density, bool(self.dense)))
+        learning = {
+            **json.loads(_core.object_learning()),
+            "epochs": whole(self.epochs, "epochs"),
+            "batch": whole(self.batch_size, "batch_size"),
+            "rate": share(self.learning_rate, "learning_rate", (0, 1e6)),
+            "seed": seed(self.random_state),
+        }
+        given = together(self.settings)
+        for key in given:
+            if key not in ("network", "learning"):
+                raise ValueError(f"settings: found {key}, expected network or learning")
+        return {"network": _over(network, given.get("network")), "learning": _over(learning, given.get("learning"))}
+
+    def predict_proba(self, X: Any) -> NDArray[np.float32]:
+        """Probability of each class, shape (n, n_classes).
+
+        Parameters
+        ----------
+        X
+            Objects in a form that `fit` takes.
+        """
+        self._check_is_fitted()
+        objects, _ = samples(X, None, self.shape_["extent"][0])
+        return self._model.predict_proba(objects, self.n_jobs)
+
+    def predict(self, X: Any) -> NDArray[Any]:
+        """The most probable class of each object.
+
+        Parameters
+        ----------
+        X
+            Objects in a form that `fit` takes.
+        """
+        found: NDArray[Any] = self.classes_[self.predict_proba(X).argmax(axis=1)]
+        return found
+
+    def score(self, X: Any, y: Any) -> float:
+        """Share of the objects whose class is found.
+
+        Parameters
+        ----------
+        X
+            Objects in a form that `fit` takes.
+        y : array of shape (n,)
+            Their labels.
+        """
+        return float((self.predict(X) == np.asarray(y)).mean())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the network to a file, which :func:`scansion.nn.load_weights` reads too.
+
+        Parameters
+        ----------
+        path : path
+        """
+        self._check_is_fitted()
+        self._model.save(os.fspath(path))
+
+    @classmethod
+    def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
+        """A network from a file that `save` wrote. Classes are whole numbers if all names are.
+
+        Parameters
+        ----------
+        path : path
+        """
+        own = cls()
+        own._model = _core.ObjectModel.load(os.fspath(path))
+        about = json.loads(own._model.about())
+        names = about["classes"]
+        numbers = all(name.lstrip("-").isdigit() for name in names)
+        own.classes_ = np.array([int(name) for name in names] if numbers else names)
+        own.shape_ = about["shape"]
+        own.settings_ = {"network": about["network"]}
+        return own
+
+    def weights(self) -> dict[str, NDArray[np.float32]]:
+        """The parameters by name."""
+        self._check_is_fitted()
+        return self._model.weights()
+
+
+def _over(defaults: dict[str, Any], given: dict[str, Any] | None) -> dict[str, Any]:
+    """Settings with those that were given on top."""
+    found = dict(defaults)
+    for key, value in (given or {}).items():
+        own = found.get(key)
+        found[key] = _over(own, value) if isinstance(own, dict) and isinstance(value, dict) else value
+    return found

@@ -1,0 +1,61 @@
+"""Sparse tensors as arrays."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class SparseTensor(NamedTuple):
+    """Entries of an array of shape (samples, channels, cells along 1 to 4 axes): the place of each in the flattened array,
+    ascending, and its value."""
+
+    keys: NDArray[np.uint64]
+    values: NDArray[np.float32]
+    shape: tuple[int, ...]
+
+    @classmethod
+    def from_dense(cls, dense: Any) -> SparseTensor:
+        """The entries that are not 0.
+
+        >>> import numpy as np
+        >>> from scansion import nn
+        >>> nn.SparseTensor.from_dense(np.eye(3)[None, None]).keys
+        array([0, 4, 8], dtype=uint64)
+        """
+        dense = np.asarray(dense, np.float32)
+        keys = np.flatnonzero(dense)
+        return cls(keys.astype(np.uint64), dense.ravel()[keys], dense.shape)
+
+    def to_dense(self) -> NDArray[np.float32]:
+        """The array, 0 where there is no entry."""
+        dense = np.zeros(math.prod(self.shape), np.float32)
+        dense[self.keys.astype(np.int64)] = self.values
+        return dense.reshape(self.shape)
+
+    @classmethod
+    def from_torch(cls, tensor: Any) -> SparseTensor:
+        """The entries of a sparse or dense tensor of torch of shape (samples, channels, cells along 1 to 4 axes).
+
+        Parameters
+        ----------
+        tensor : torch.Tensor
+            On any device; gradients are not followed.
+        """
+        tensor = tensor.detach().cpu()
+        if not tensor.is_sparse:
+            return cls.from_dense(tensor.numpy())
+        tensor = tensor.coalesce()
+        shape = tuple(tensor.shape)
+        keys = np.ravel_multi_index(tuple(tensor.indices().numpy()), shape)
+        return cls(keys.astype(np.uint64), tensor.values().numpy().astype(np.float32), shape)
+
+    def to_torch(self) -> Any:
+        """A sparse tensor of torch (COO) with the same entries; torch must be installed."""
+        import torch
+
+        places = np.stack(np.unravel_index(self.keys.astype(np.int64), self.shape))
+        return torch.sparse_coo_tensor(torch.from_numpy(places), torch.from_numpy(self.values.copy()), self.shape)

@@ -1,0 +1,95 @@
+"""Lines along the edges of made-up scenes, their files read by other programs, and bad input."""
+
+import json
+
+import numpy as np
+import pytest
+import scansion
+from scansion import contours
+
+
+@pytest.fixture(scope="module")
+def room():
+    return contours.synthetic_scene("indoor", random_state=77, rays=250_000)
+
+
+@pytest.fixture(scope="module")
+def found(room):
+    return contours.extract(room.cloud)
+
+
+def test_edges_of_a_room_are_found(room, found):
+    factor = found.voxel / 0.1
+    score = contours.score(
+        found.lines, room.edges, tolerance=0.06 * factor, forgiven=0.03 * factor, step=0.01 * factor
+    )
+    assert score["precision"] > 0.6 and score["recall"] > 0.45, score
+    assert len(found) == len(found.confidence) == len(found.length) == len(found.closed)
+    assert found.classes.shape == (len(found), 2)
+    assert np.all(np.diff(found.energies) <= 1e-9)
+    lengths = [np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in found]
+    np.testing.assert_allclose(lengths, found.length, rtol=1e-3, atol=1e-3)
+
+
+def test_lines_do_not_depend_on_the_number_of_threads(room, found):
+    again = contours.extract(room.cloud, n_jobs=1)
+    assert len(again) == len(found)
+    assert all(np.array_equal(a, b) for a, b in zip(again.lines, found.lines, strict=True))
+
+
+def test_points_of_some_classes_carry_no_line(room, found):
+    codes = room.cloud["Classification"]
+    furniture = int(np.bincount(codes).argmax())
+    fewer = contours.extract(room.cloud, without=[furniture])
+    assert 0 < len(fewer) < len(found)
+    with pytest.raises(ValueError, match="classes"):
+        contours.extract(room.cloud.xyz, without=[6])
+
+
+def test_files_hold_all_lines(found, tmp_path):
+    for name in ("a.dxf", "a.gpkg", "a.geojson", "a.obj", "a.ply"):
+        found.write(tmp_path / name)
+    features = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    assert len(features) == len(found)
+    read = np.array(features[0]["geometry"]["coordinates"])
+    np.testing.assert_allclose(read, found.lines[0], atol=6e-4)
+    assert (tmp_path / "a.dxf").read_text().count("\nPOLYLINE\n") == len(found)
+    with pytest.raises(ValueError, match="dxf"):
+        found.write(tmp_path / "a.dwg")
+
+
+def test_dxf_and_geopackage_are_read_by_other_programs(found, tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    found.write(tmp_path / "a.dxf")
+    drawing = ezdxf.readfile(tmp_path / "a.dxf")
+    assert not drawing.audit().errors
+    lines = [entity for entity in drawing.modelspace() if entity.dxftype() == "POLYLINE"]
+    assert len(lines) == len(found) and all(line.is_3d_polyline for line in lines)
+
+
+def test_scenes_without_edges_and_bad_input():
+    x, y = np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 20, 0.1))
+    plane = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    noisy = plane + np.random.default_rng(0).normal(0, 0.002, plane.shape)
+    found = contours.extract(noisy)
+    assert found.length.sum() < 8
+    assert repr(found).startswith("Contours(")
+    for cloud in (np.zeros((0, 3)), np.full((3, 3), np.nan)):
+        with pytest.raises(ValueError, match="point"):
+            contours.extract(cloud)
+    contours.extract(np.repeat([[1.0, 2.0, 3.0]], 50, axis=0))
+    with pytest.raises(ValueError, match="voxel"):
+        contours.extract(plane, voxel=-1)
+    with pytest.raises(ValueError, match="contours"):
+        contours.extract(plane, scansion.PointClassifier.default())
+    with pytest.raises(ValueError, match="kind"):
+        contours.synthetic_scene("moon")
+
+
+def test_a_model_learns_from_lines(room):
+    labels = contours.labels(room.cloud, room.edges)
+    assert set(np.unique(labels)) == {-1, 0, 1}
+    recipe = {"recipe": "contours", "forest.trees": 5, "candidate_forest.trees": 5, "training.max_samples": 5000}
+    model = scansion.PointClassifier(recipe).fit(room.cloud, labels)
+    assert len(contours.extract(room.cloud, model)) > 10
+    assert (model.predict(room.cloud)[labels >= 0] == labels[labels >= 0]).mean() > 0.8

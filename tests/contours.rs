@@ -1,0 +1,108 @@
+//! The command `contours`: files, classes, training on lines, and what it refuses.
+
+use scansion_core::cloud::{Cloud, Column, Values};
+use scansion_core::io;
+use scansion_core::parallel::Monitor;
+use scansion_core::synthetic::{SceneKind, SceneParams, scene};
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn scansion(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_scansion-under-test"));
+    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").output().unwrap()
+}
+
+fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = scansion(folder, arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {stderr}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
+    let output = scansion(folder, arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    stderr
+}
+
+/// A made-up room with its classes, and its true edges as an OBJ file.
+fn room(folder: &Path) {
+    let params = SceneParams { seed: 5, rays: 120_000, ..SceneParams::of(SceneKind::Indoor) };
+    let made = scene(&params, &Monitor::default()).unwrap();
+    let rows: Vec<[f64; 3]> = made.positions.iter().map(|at| at.map(f64::from)).collect();
+    let mut cloud = Cloud::from_rows(&rows).unwrap();
+    cloud.set_column(Column::new("Classification", Values::U8(made.codes))).unwrap();
+    cloud.crs = Some("EPSG:25832".into());
+    io::write(&folder.join("room.laz"), &cloud, &Default::default()).unwrap();
+    let mut text = String::new();
+    for (number, [a, b]) in made.edges.iter().enumerate() {
+        for [x, y, z] in [a, b] {
+            text += &format!("v {x} {y} {z}\n");
+        }
+        text += &format!("l {} {}\n", 2 * number + 1, 2 * number + 2);
+    }
+    std::fs::write(folder.join("edges.obj"), text).unwrap();
+}
+
+#[test]
+fn a_room_is_drawn_in_all_formats_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    room(f);
+    for name in ["a.dxf", "a.gpkg", "a.geojson", "a.obj", "a.ply"] {
+        let table = done(f, &["contours", "room.laz", "-o", name]);
+        assert!(table.contains("layer") && table.contains("candidates"), "{table}");
+    }
+    let lines = io::read_lines(&f.join("a.geojson")).unwrap();
+    assert!(lines.len() > 30, "{}", lines.len());
+    assert_eq!(io::read_lines(&f.join("a.obj")).unwrap().len(), lines.len());
+    done(f, &["contours", "room.laz", "-o", "one.geojson", "-j", "1"]);
+    done(f, &["contours", "room.laz", "-o", "three.geojson", "-j", "3"]);
+    let read = |name: &str| std::fs::read(f.join(name)).unwrap();
+    assert!(read("one.geojson") == read("a.geojson") && read("three.geojson") == read("a.geojson"));
+    let text = String::from_utf8(read("a.geojson")).unwrap();
+    assert!(text.contains("EPSG::25832") && text.contains("\"confidence\"") && text.contains("class_a"));
+}
+
+#[test]
+fn lines_can_be_left_out_and_a_model_learns_from_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    room(f);
+    let count = |arguments: &[&str]| {
+        let all = [&["contours", "room.laz", "--format", "json", "--overwrite", "-o", "a.ply"], arguments].concat();
+        let report: serde_json::Value = serde_json::from_str(&done(f, &all)).unwrap();
+        report["lines"].as_array().unwrap().len()
+    };
+    let all = count(&[]);
+    assert!(count(&["--min-confidence", "0.9"]) < all);
+    assert!(count(&["--without", "2,6"]) < all);
+    assert!(count(&["--set", "trace.tidy.least_length=1"]) < all);
+    let small = ["--set", "forest.trees=4", "--set", "candidate_forest.trees=4", "--set", "training.max_samples=4000"];
+    let train = ["train", "room.laz", "--recipe", "contours", "--edges", "edges.obj", "-o", "own.model"];
+    let table = done(f, &[&train[..], &small].concat());
+    assert!(table.contains("contour") && table.contains("candidates"), "{table}");
+    assert!(count(&["-m", "own.model"]) > 10);
+    done(f, &["classify", "room.laz", "-m", "own.model", "-o", "named.laz"]);
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    room(f);
+    assert!(fails(f, &["contours", "room.laz", "-o", "a.dwg"], 4).contains("dxf"));
+    assert!(fails(f, &["contours", "absent.laz", "-o", "a.dxf"], 4).contains("absent.laz"));
+    assert!(fails(f, &["contours", "room.laz", "-o", "a.dxf", "--min-confidence", "2"], 2).contains("0 to 1"));
+    assert!(fails(f, &["contours", "room.laz", "-o", "a.dxf", "--voxel", "0"], 2).contains("voxel"));
+    assert!(fails(f, &["train", "room.laz", "--edges", "edges.obj", "-o", "m"], 2).contains("contours"));
+    let train =
+        ["train", "room.laz", "--recipe", "contours", "-o", "m", "--edges", "edges.obj", "--edges", "edges.obj"];
+    assert!(fails(f, &train, 2).contains("one each"));
+    let mut empty = Cloud::from_rows(&[]).unwrap();
+    empty.set_column(Column::new("Classification", Values::U8(vec![]))).unwrap();
+    io::write(&f.join("empty.las"), &empty, &Default::default()).unwrap();
+    assert!(fails(f, &["contours", "empty.las", "-o", "a.dxf"], 4).contains("no point"));
+}
