@@ -43,10 +43,25 @@ impl Selection {
         ((self.density * cells as f64).floor() as usize).max(1)
     }
 
+    /// Strength of a response.
+    #[inline(always)]
+    pub(super) fn strength<T: Scalar>(self, response: T) -> T {
+        if self.attention == Attention::Magnitude { response.magnitude() } else { response }
+    }
+
+    /// Strength of the weakest of the strongest so many entries (cell, value); 0 if there are fewer. O(entries).
+    pub(super) fn least<'a, T: Scalar>(self, most: usize, entries: impl Iterator<Item = &'a (usize, T)>) -> T {
+        let mut strengths: Vec<T> = entries.map(|entry| self.strength(entry.1)).collect();
+        if strengths.len() < most {
+            return T::ZERO;
+        }
+        let by_strength = |a: &T, b: &T| b.partial_cmp(a).unwrap_or(Ordering::Equal);
+        *strengths.select_nth_unstable_by(most - 1, by_strength).1
+    }
+
     /// Keeps the strongest of the entries (cell, value) of a channel, in their order; of equal ones those of lower cells.
     /// O(entries).
     pub fn apply<T: Scalar>(self, entries: &mut Vec<(usize, T)>, cells: usize) {
-        let strength = |value: T| if self.attention == Attention::Magnitude { value.magnitude() } else { value };
         if self.attention == Attention::Positive {
             entries.retain(|(_, value)| *value > T::ZERO);
         }
@@ -55,7 +70,7 @@ impl Selection {
             return;
         }
         let stronger = |a: &(usize, T), b: &(usize, T)| {
-            let by_value = strength(b.1).partial_cmp(&strength(a.1)).unwrap_or(Ordering::Equal);
+            let by_value = self.strength(b.1).partial_cmp(&self.strength(a.1)).unwrap_or(Ordering::Equal);
             by_value.then(a.0.cmp(&b.0))
         };
         entries.select_nth_unstable_by(most - 1, stronger);

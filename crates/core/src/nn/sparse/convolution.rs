@@ -1,15 +1,17 @@
 //! Direct sparse convolution and its gradients (algorithms 2 and 3 of Hackel 2018, chapter 6).
 //!
 //! The thesis adds to a dense buffer by atomic operations; here each part of the buffer belongs to one thread, and sums
-//! have a fixed order: input channel, then input cell.
+//! have a fixed order. Responses that are too weak for the bound are dropped as soon as they are known.
 
 use super::attention::Selection;
 use super::filter::SparseFilter;
+use super::forward::Work;
 use super::slab::{Buffer, LANES, Slabs, Taps};
 use super::tensor::{Shape, SparseTensor};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::nn::scalar::Scalar;
-use crate::parallel::{Monitor, fold_ordered, map_ordered_with};
+use crate::parallel::{Monitor, fold_ordered};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -24,13 +26,13 @@ pub struct SparseConvolution<'a, T> {
     pub selection: Option<Selection>,
 }
 
-/// What a convolution responds.
+/// The output of a convolution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Responses<T> {
     /// The responses that are kept.
     pub tensor: SparseTensor<T>,
-    /// For each output channel the share of the cells whose response is above 0, before the strongest are selected, meaned
-    /// over the samples: what the density regulariser follows.
+    /// For each output channel the share of the cells whose response is above 0 (by magnitude: not 0), before the strongest
+    /// are selected, averaged over the samples: what the density regulariser follows.
     pub densities: Vec<f64>,
 }
 
@@ -57,7 +59,7 @@ struct Task<'a, T> {
 
 impl<T: Scalar> SparseConvolution<'_, T> {
     /// Number of groups of output channels.
-    fn groups(&self) -> usize {
+    pub(super) fn groups(&self) -> usize {
         self.filter.outputs.div_ceil(LANES)
     }
 
@@ -82,49 +84,14 @@ impl<T: Scalar> SparseConvolution<'_, T> {
         Ok(self.responses(input, monitor)?.tensor)
     }
 
-    /// The responses. O((ρ_d · ρ_f · s_f^k · c_in) · s_d^k · c_out · b) (eq. 6.1), without its logarithm.
+    /// The responses. O((ρ_d · ρ_f · s_f^k · c_in) · s_d^k · c_out · b) (eq. 6.1), without its logarithm. With attention, memory
+    /// is in proportion to the responses that are kept.
     ///
     /// # Errors
     /// If channels or axes do not fit, a parameter is out of range, or the work was cancelled.
     pub fn responses(&self, input: &SparseTensor<T>, monitor: &Monitor) -> Result<Responses<T>> {
         self.check(input)?;
-        let shape = input.shape();
-        let slabs = Slabs::new(shape, self.filter.size);
-        let taps: Vec<Vec<Taps<T>>> = (0..self.groups()).map(|group| self.filter.taps(group, shape)).collect();
-        let count = slabs.count();
-        let tasks = shape.samples * taps.len() * count;
-        let parts = map_ordered_with(0..tasks, monitor, Buffer::default, |buffer, number| {
-            let (rest, slab) = (number / count, number % count);
-            let (sample, group) = (rest / taps.len(), rest % taps.len());
-            let task = Task { input, slabs: &slabs, taps: &taps[group], sample, slab };
-            Ok(task.responses(buffer))
-        })?;
-        self.collected(parts, shape, count)
-    }
-
-    /// The responses of all slabs, with terms, selected, with keys.
-    fn collected(&self, parts: Vec<[Vec<(usize, T)>; LANES]>, shape: &Shape, slabs: usize) -> Result<Responses<T>> {
-        let to = Shape::new(shape.samples, self.filter.outputs, &shape.extent)?;
-        let (mut keys, mut values) = (Vec::new(), Vec::new());
-        let mut densities = vec![0.0; self.filter.outputs];
-        for (number, group) in parts.chunks(slabs).enumerate() {
-            let (sample, first) = (number / self.groups(), number % self.groups() * LANES);
-            for (lane, output) in (first..self.filter.outputs.min(first + LANES)).enumerate() {
-                let mut entries: Vec<(usize, T)> = group.iter().flat_map(|part| &part[lane]).copied().collect();
-                if let Some(&term) = self.bias.get(output) {
-                    entries.iter_mut().for_each(|(_, value)| *value += term);
-                }
-                let positive = entries.iter().filter(|(_, value)| *value > T::ZERO).count();
-                densities[output] += positive as f64 / (shape.samples * to.cells()) as f64;
-                if let Some(selection) = self.selection {
-                    selection.apply(&mut entries, to.cells());
-                }
-                let base = ((sample * self.filter.outputs + output) * to.cells()) as u64;
-                keys.extend(entries.iter().map(|entry| base + entry.0 as u64));
-                values.extend(entries.iter().map(|entry| entry.1));
-            }
-        }
-        Ok(Responses { tensor: SparseTensor::of_sorted(to, keys, values), densities })
+        Work::new(self, input).responses(monitor)
     }
 
     /// The gradients with respect to stored inputs and weights (eq. 6.3 and 6.4), given those with respect to the entries
@@ -146,6 +113,7 @@ impl<T: Scalar> SparseConvolution<'_, T> {
         let slabs = Slabs::new(shape, self.filter.size);
         let taps: Vec<Vec<Taps<T>>> = (0..self.groups()).map(|group| self.filter.taps(group, shape)).collect();
         let count = slabs.count();
+        memory::require(Buffer::<T>::bytes(slabs.around(0).len()), "the buffer of a convolution")?;
         let part = |range: Range<usize>| {
             let mut found = Part::new(self.filter, self.groups());
             let mut buffer = Buffer::default();
@@ -246,20 +214,6 @@ struct Sums<'a, T> {
 }
 
 impl<T: Scalar> Task<'_, T> {
-    /// Entries (cell, response) of each lane that are not 0.
-    fn responses(&self, buffer: &mut Buffer<T>) -> [Vec<(usize, T)>; LANES] {
-        let outputs = self.slabs.cells(self.slab);
-        buffer.reserve(outputs.len());
-        Arch::new().dispatch(Forward { task: self, outputs: outputs.clone(), buffer });
-        let mut lanes: [Vec<(usize, T)>; LANES] = Default::default();
-        buffer.drain(|cell, values| {
-            for (lane, value) in lanes.iter_mut().zip(values).filter(|(_, value)| *value != T::ZERO) {
-                lane.push((outputs.start + cell, value));
-            }
-        });
-        lanes
-    }
-
     /// Adds the gradients of a group of output channels.
     fn add_gradients(&self, gradient: &SparseTensor<T>, group: usize, buffer: &mut Buffer<T>, sums: &mut Sums<'_, T>) {
         let around = self.slabs.around(self.slab);
@@ -273,38 +227,7 @@ impl<T: Scalar> Task<'_, T> {
             }
         }
         Arch::new().dispatch(Backward { task: self, group, around, buffer, sums });
-        buffer.drain(|_, _| {});
-    }
-}
-
-/// Adds the responses of a slab to the buffer.
-struct Forward<'a, 'b, T> {
-    task: &'a Task<'b, T>,
-    outputs: Range<usize>,
-    buffer: &'a mut Buffer<T>,
-}
-
-impl<T: Scalar> WithSimd for Forward<'_, '_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        let Self { task, outputs, buffer } = self;
-        let around = task.slabs.around(task.slab);
-        for (channel, taps) in task.taps.iter().enumerate() {
-            let plane = task.sample * task.taps.len() + channel;
-            for entry in task.input.entries(plane, around.clone()) {
-                let value = task.input.values()[entry];
-                task.slabs.connect(task.input.cell(entry), taps, &outputs, |tap, output| {
-                    let cell = output - outputs.start;
-                    let sums = &mut buffer.values[cell];
-                    for (sum, &weight) in sums.iter_mut().zip(&tap.weights) {
-                        *sum = value.mul_add(weight, *sum);
-                    }
-                    buffer.mark(cell);
-                });
-            }
-        }
+        buffer.clear();
     }
 }
 
@@ -439,6 +362,59 @@ mod tests {
             let by_bias = differences(&bias, 9, |bias| of(&SparseConvolution { bias, ..layer }, &input));
             assert!(relative_error(&found.bias, &by_bias) < 1e-6);
         }
+    }
+
+    #[test]
+    fn the_strongest_are_found_where_they_crowd_and_where_many_are_equal() {
+        // All strong inputs lie in a few layers, where the parts that drop too much are computed again.
+        let shape = Shape::new(1, 2, &[96, 9, 11]).unwrap();
+        let mut input = sparse(&shape, 0.3, 12);
+        let strong = |cell: usize| (40..44).contains(&shape.position(cell)[0]);
+        let values = (0..input.len()).map(|e| if strong(input.cell(e)) { 9.0 } else { 0.1 } * input.values()[e]);
+        let values: Vec<f64> = values.collect();
+        input = input.with_values(values).unwrap();
+        let equal = input.with_values(vec![1.0; input.len()]).unwrap();
+        let filter = filter([2, 10], 3, 0.7);
+        let ones = SparseFilter::of_dense([2, 10], 3, 3, vec![1.0; 540]).unwrap();
+        for (input, filter) in [(&input, &filter), (&equal, &ones)] {
+            for attention in [Attention::Positive, Attention::Magnitude] {
+                let selection = Selection { attention, density: 0.04 };
+                let layer = SparseConvolution { filter, bias: &[0.25; 10], selection: Some(selection) };
+                let found = layer.responses(input, &Monitor::default()).unwrap();
+                let cells = shape.cells();
+                let counted = |v: f64| if attention == Attention::Magnitude { v != 0.0 } else { v > 0.0 };
+                for (channel, sums) in brute(input, filter).chunks(cells).enumerate() {
+                    let biased = sums.iter().map(|&sum| if sum == 0.0 { 0.0 } else { sum + 0.25 });
+                    let mut entries: Vec<(usize, f64)> = biased.enumerate().filter(|(_, v)| *v != 0.0).collect();
+                    let share = entries.iter().filter(|(_, v)| counted(*v)).count() as f64 / cells as f64;
+                    assert!((found.densities[channel] - share).abs() < 1e-3);
+                    selection.apply(&mut entries, cells);
+                    let of = found.tensor.entries(channel, 0..cells);
+                    let kept: Vec<usize> = of.clone().map(|entry| found.tensor.cell(entry)).collect();
+                    assert_eq!(
+                        kept,
+                        entries.iter().map(|entry| entry.0).collect::<Vec<_>>(),
+                        "{channel} {attention:?}"
+                    );
+                    let near =
+                        |(entry, (_, v)): (usize, &(usize, f64))| (found.tensor.values()[entry] - v).abs() < 1e-12;
+                    assert!(of.zip(&entries).all(near));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_into_memory_or_is_not_finite_is_an_error() {
+        let huge = SparseTensor::new(Shape::new(1, 1, &[1, 200_000, 200_000]).unwrap(), vec![5], vec![1.0]).unwrap();
+        let filter = SparseFilter::of_dense([1, 1], 3, 3, vec![1.0; 27]).unwrap();
+        let layer = SparseConvolution { filter: &filter, bias: &[], selection: None };
+        let monitor = Monitor::default();
+        assert!(layer.forward(&huge, &monitor).unwrap_err().to_string().contains("buffer"));
+        assert!(layer.backward(&huge, &huge, &monitor).unwrap_err().to_string().contains("buffer"));
+        assert!(SparseFilter::of_dense([1, 1], 1, 1, vec![f64::NAN]).unwrap_err().to_string().contains("finite"));
+        let large = SparseTensor::new(Shape::new(1, 1, &[1, 2, 2]).unwrap(), vec![0, 1], vec![f64::MAX; 2]).unwrap();
+        assert!(layer.forward(&large, &monitor).unwrap_err().to_string().contains("inf"));
     }
 
     #[test]

@@ -20,13 +20,15 @@ pub struct DensityParams {
     pub above: f64,
     /// Factor b2 of the density below the bound, 0 or more.
     pub below: f64,
-    /// Share of the last b that is kept, 0 to below 1; 0 is the paper's formula by the letter.
+    /// Share of the last b that is kept, 0 to below 1; 0: the formula of the paper, which has no smoothing.
     pub smoothing: f64,
+    /// Whether the biases of the outputs are pushed, too.
+    pub biases: bool,
 }
 
 impl Default for DensityParams {
     fn default() -> Self {
-        Self { strength: 0.1, density: 1.0, offset: 0.1, above: 0.1, below: 0.1, smoothing: 0.95 }
+        Self { strength: 0.1, density: 1.0, offset: 0.1, above: 0.1, below: 0.1, smoothing: 0.95, biases: true }
     }
 }
 
@@ -106,6 +108,16 @@ impl DensityRegulariser {
             *sum += T::of(self.params.strength) * (weight + T::of(self.bias[filter.output(i)]));
         }
     }
+
+    /// Adds the gradient of the same penalty of the biases of the outputs, if they are pushed.
+    pub fn add_bias_gradient<T: Scalar>(&self, biases: &[T], gradient: &mut [T]) {
+        if !self.params.biases {
+            return;
+        }
+        for ((sum, &bias), &b) in gradient.iter_mut().zip(biases).zip(&self.bias) {
+            *sum += T::of(self.params.strength) * (bias + T::of(b));
+        }
+    }
 }
 
 #[cfg(test)]
@@ -144,6 +156,10 @@ mod tests {
             regulariser.penalty(&moved)
         });
         assert!(relative_error(&gradient, &slopes) < 1e-6);
+        let mut of_biases = [1.0, 1.0];
+        regulariser.add_bias_gradient(&[0.5, 0.25], &mut of_biases);
+        let expected = [0, 1].map(|c| 1.0 + params.strength * ([0.5, 0.25][c] + regulariser.bias()[c]));
+        assert_eq!(of_biases, expected);
         // A weight of 0 moves against b.
         let none = SparseFilter::of_dense([1, 2], 1, 1, vec![0.0; 2]).unwrap();
         let mut gradient = vec![0.0; 2];

@@ -25,7 +25,8 @@ impl<T: Scalar> SparseFilter<T> {
     /// Filters with all weights stored, sorted by (output, input, position; the last axis fastest).
     ///
     /// # Errors
-    /// If the size is even or above 15, there are no axes or more than 4, or the number of weights does not fit.
+    /// If the size is even or above 15, there are no axes or more than 4, the number of weights does not fit, or one is not
+    /// finite.
     pub fn of_dense(channels: [usize; 2], size: usize, axes: usize, weights: Vec<T>) -> Result<Self> {
         let [inputs, outputs] = channels;
         if size.is_multiple_of(2) || size > 15 {
@@ -37,6 +38,9 @@ impl<T: Scalar> SparseFilter<T> {
         let expected = inputs * outputs * size.pow(axes as u32);
         if weights.len() != expected {
             return Err(Error::input(format!("{} weights (allowed: {expected})", weights.len())));
+        }
+        if let Some(weight) = weights.iter().find(|weight| !weight.finite()) {
+            return Err(Error::input(format!("a weight of {weight:?} (allowed: finite values)")));
         }
         Ok(Self { inputs, outputs, size, axes, keys: (0..expected as u64).collect(), values: weights })
     }

@@ -8,10 +8,13 @@ mod attention;
 mod convolution;
 mod density;
 mod filter;
+mod forward;
 mod pooling;
 mod pruning;
 mod slab;
+mod strongest;
 mod tensor;
+mod window;
 
 pub use attention::{Attention, Selection};
 pub use convolution::{Responses, SparseConvolution, SparseGradient};

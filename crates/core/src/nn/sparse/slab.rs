@@ -18,6 +18,10 @@ pub(super) struct Tap<T> {
     steps: [isize; 4],
     /// The same as a difference of cell numbers.
     difference: isize,
+    /// Layers along the first axis from the first output of an input to this one.
+    pub(super) layer: usize,
+    /// Difference of the cell numbers within layers along the first axis.
+    pub(super) within: isize,
     pub(super) weights: [T; LANES],
 }
 
@@ -32,18 +36,25 @@ impl<T: Scalar> Tap<T> {
             rest /= size;
             stride *= length as isize;
         }
-        Self { position, steps, difference, weights }
+        let layers = shape.extent[1..].iter().product::<usize>() as isize;
+        let layer = (steps[0] + (size / 2) as isize) as usize;
+        Self { position, steps, difference, layer, within: difference - steps[0] * layers, weights }
     }
 
     /// The output cell of an input, if it lies inside the tensor.
     #[inline(always)]
     fn output(&self, at: &Place, shape: &Shape) -> Option<usize> {
+        self.stays(at, shape, 0).then(|| (at.cell as isize + self.difference) as usize)
+    }
+
+    /// Whether the output of an input lies inside the tensor along all axes from one on.
+    #[inline(always)]
+    pub(super) fn stays(&self, at: &Place, shape: &Shape, first: usize) -> bool {
         let inside = |axis: usize| {
             let place = at.position[axis] as isize + self.steps[axis];
             place >= 0 && (place as usize) < shape.extent[axis]
         };
-        let fine = at.interior || (0..shape.extent.len()).all(inside);
-        fine.then(|| (at.cell as isize + self.difference) as usize)
+        at.interior || (first..shape.extent.len()).all(inside)
     }
 }
 
@@ -54,11 +65,24 @@ pub(super) struct Taps<T> {
 }
 
 /// An input cell.
-struct Place {
+pub(super) struct Place {
     cell: usize,
     position: [usize; 4],
     /// Whether all outputs lie inside the tensor.
     interior: bool,
+}
+
+impl Place {
+    /// The place of a cell; `interior` speaks of all axes from one on.
+    #[inline(always)]
+    pub(super) fn new(cell: usize, shape: &Shape, reach: usize, first: usize) -> Self {
+        let position = shape.position(cell);
+        let inside = |axis: usize| {
+            let (at, length) = (position[axis], shape.extent[axis]);
+            at >= reach && at + reach < length
+        };
+        Self { cell, position, interior: (first..shape.extent.len()).all(inside) }
+    }
 }
 
 /// How a tensor is divided into slabs along its first axis.
@@ -97,16 +121,6 @@ impl<'a> Slabs<'a> {
         first * self.layer..end.min(self.shape.extent[0]) * self.layer
     }
 
-    #[inline(always)]
-    fn place(&self, cell: usize) -> Place {
-        let position = self.shape.position(cell);
-        let inside = |axis: usize| {
-            let (at, length) = (position[axis], self.shape.extent[axis]);
-            at >= self.reach && at + self.reach < length
-        };
-        Place { cell, position, interior: (0..self.shape.extent.len()).all(inside) }
-    }
-
     /// Calls `each` with every weight of an input cell and the output cell that it leads to, of those in `outputs`.
     #[inline(always)]
     pub(super) fn connect<'t, T: Scalar>(
@@ -116,7 +130,7 @@ impl<'a> Slabs<'a> {
         outputs: &Range<usize>,
         mut each: impl FnMut(&'t Tap<T>, usize),
     ) {
-        let place = self.place(cell);
+        let place = Place::new(cell, self.shape, self.reach, 0);
         for tap in &taps.taps {
             if let Some(output) = tap.output(&place, self.shape)
                 && outputs.contains(&output)
@@ -148,14 +162,18 @@ impl<T: Scalar> Buffer<T> {
         self.written[cell / 64] |= 1 << (cell % 64);
     }
 
-    /// Calls `each` with every cell that was written to, ascending, and its values, and clears them.
-    pub(super) fn drain(&mut self, mut each: impl FnMut(usize, [T; LANES])) {
+    /// Sets all cells that were written to to 0.
+    pub(super) fn clear(&mut self) {
         for (word, bits) in self.written.iter_mut().enumerate() {
             while *bits != 0 {
-                let cell = word * 64 + bits.trailing_zeros() as usize;
+                self.values[word * 64 + bits.trailing_zeros() as usize] = [T::ZERO; LANES];
                 *bits &= *bits - 1;
-                each(cell, std::mem::replace(&mut self.values[cell], [T::ZERO; LANES]));
             }
         }
+    }
+
+    /// Bytes of so many cells.
+    pub(super) fn bytes(cells: usize) -> u64 {
+        (cells as u64).saturating_mul(size_of::<[T; LANES]>() as u64)
     }
 }

@@ -16,7 +16,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// A shape whose keys fit into 64 bits.
+    /// A shape whose keys fit into 63 bits.
     ///
     /// # Errors
     /// If there are no axes or more than 4, a length is 0, or the keys overflow.
@@ -27,8 +27,8 @@ impl Shape {
         }
         let keys = all.iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64));
         match keys {
-            Some(keys) if keys < u64::MAX => Ok(Self { samples, channels, extent: extent.to_vec() }),
-            _ => Err(Error::input(format!("a tensor of shape {all:?}: its keys do not fit into 64 bits"))),
+            Some(keys) if keys < i64::MAX as u64 => Ok(Self { samples, channels, extent: extent.to_vec() }),
+            _ => Err(Error::input(format!("a tensor of shape {all:?}: its keys do not fit into 63 bits"))),
         }
     }
 
@@ -209,6 +209,6 @@ mod tests {
         assert!(wrong(vec![120], vec![0.5]).contains("below 120"));
         assert!(wrong(vec![1], vec![f64::NAN]).contains("not finite"));
         assert!(Shape::new(1, 0, &[3]).is_err() && Shape::new(1, 1, &[]).is_err());
-        assert!(Shape::new(1 << 30, 1 << 10, &[1 << 15, 1 << 15]).unwrap_err().to_string().contains("64 bits"));
+        assert!(Shape::new(1 << 30, 1 << 10, &[1 << 15, 1 << 15]).unwrap_err().to_string().contains("63 bits"));
     }
 }
