@@ -1,5 +1,8 @@
 """Sparse convolutions agree with scipy's dense correlation, and their gradients with differences."""
 
+import sys
+import types
+
 import numpy as np
 import pytest
 import scansion
@@ -192,6 +195,203 @@ def test_files_of_objects(tmp_path):
     np.savez(tmp_path / "a.npz", chair=np.ones((2, 4, 4, 4)), desk=np.zeros((1, 4, 4, 4)))
     X, y = nn.load_voxels(tmp_path / "a.npz")
     assert X.shape == (3, 4, 4, 4) and y.tolist() == ["chair", "chair", "desk"]
+
+
+def test_folders_of_xyz_files_are_objects(tmp_path):
+    draws = np.random.default_rng(5)
+    for number in range(12):
+        points = draws.normal(size=(100, 3)) * ([0.05, 0.05, 2] if number < 6 else [1, 1, 1]) + 1e5
+        rows = "\n".join(" ".join(map(repr, map(float, row))) for row in [*points])
+        (tmp_path / f"{number:03}.xyz").write_text(rows + "\n")
+    (tmp_path / "000.xyz").write_text("# x y z class\n0 0 0 1\n\n0 0 1 1\n0.5,0,2 1\n")
+    (tmp_path / "notes.txt").write_text("no object")
+    X, names = nn.load_xyz(tmp_path)
+    assert names.tolist() == [f"{number:03}" for number in range(12)]
+    assert X[0].tolist() == [[0, 0, 0], [0, 0, 1], [0.5, 0, 2]] and X[11].shape == (100, 3)
+    settings = {"network.hidden": 8, "network.levels": [{"channels": [4], "density": 0.5}]}
+    network = nn.VoxelClassifier(resolution=8, epochs=1, settings=settings).fit(X, np.repeat(["rod", "ball"], 6))
+    assert network.predict_proba(X).shape == (12, 2)
+    (tmp_path / "003.xyz").write_text("1 2 3\n4 5\n")
+    with pytest.raises(scansion.FileFormatError, match="line 2"):
+        nn.load_xyz(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        nn.load_xyz(tmp_path / "absent")
+
+
+def test_damaged_files_are_format_errors(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, chair=np.ones((2, 4, 4, 4)), desk=np.zeros((1, 4, 4, 4)))
+    whole = path.read_bytes()
+    for cut in range(0, len(whole), 7):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(scansion.FileFormatError, match="npz"):
+            nn.load_voxels(path)
+    for place in range(len(whole)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
+        try:
+            nn.load_voxels(path)
+        except scansion.FileFormatError:
+            pass
+    np.savez(path, chair=np.ones((2, 4, 4, 4)), desk=np.zeros((1, 4, 4, 5)))
+    with pytest.raises(scansion.FileFormatError, match="one shape"):
+        nn.load_voxels(path)
+    with pytest.raises(FileNotFoundError):
+        nn.load_voxels(tmp_path / "absent.npz")
+    for text in [b"", b"no", b"\x02" + bytes(7) + b"{]", b"\x02" + bytes(7) + b"[]", b"\x0a" + bytes(7) + b'{"a":{}}  ']:
+        path.write_bytes(text)
+        with pytest.raises(scansion.FileFormatError, match="safetensors"):
+            nn.load_weights(path)
+    X, y = bars(8, 1)
+    network = small()
+    network.epochs = 1
+    network.fit(X, y).save(path)
+    whole = path.read_bytes()
+    for place in [*range(0, 600, 3), *range(600, len(whole), len(whole) // 50)]:
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
+        with pytest.raises(ValueError):
+            nn.VoxelClassifier.load(path)
+        try:
+            nn.load_weights(path)
+        except scansion.FileFormatError:
+            pass
+
+
+def test_a_damaged_checkpoint_is_refused(tmp_path):
+    X, y = bars(8, 1)
+    network = small()
+    network.epochs = 1
+    network.fit(X, y, checkpoint=tmp_path / "steps")
+    whole = (tmp_path / "steps").read_bytes()
+    # The lowest bit of a parameter: the value stays finite.
+    place = len(whole) - 8
+    (tmp_path / "steps").write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    with pytest.raises(scansion.FileFormatError, match="checksum"):
+        small().fit(X, y, checkpoint=tmp_path / "steps")
+
+
+@pytest.mark.parametrize("labels", [["0", "1"], ["²", "3"], [0, 1], [False, True], ["-1", "--2"]])
+def test_labels_come_back_with_their_type(tmp_path, labels):
+    X, y = bars(40, 1)
+    y = np.where(y == "upright", labels[1], labels[0])
+    network = small().fit(X, y)
+    network.save(tmp_path / "net")
+    again = nn.VoxelClassifier.load(tmp_path / "net")
+    assert again.classes_.tolist() == network.classes_.tolist()
+    assert again.classes_.dtype.kind == y.dtype.kind
+    assert again.score(X, y) == network.score(X, y) > 0.9
+    objects = small().fit(X, y.astype(object)) if y.dtype.kind != "b" else network
+    assert objects.classes_.tolist() == network.classes_.tolist()
+
+
+def test_labels_of_files_without_their_type_are_numbers_if_all_are():
+    from scansion.nn import _objects
+
+    assert _objects._labels(["-1", "20"], None).tolist() == [-1, 20]
+    for names in [["²", "3"], ["a", "3"], ["--2", "3"], ["", "3"]]:
+        assert _objects._labels(names, None).tolist() == names
+
+
+def test_digits_are_not_turned():
+    X, y = bars(8, 1)
+    turns = [
+        nn.VoxelClassifier(name, epochs=1, settings={"network.hidden": 4, **levels}).fit(X, y).settings_["learning"]
+        for name, levels in [("mnist", {}), ("modelnet", {"network.levels": [{"channels": [2], "density": 0.5}]})]
+    ]
+    assert [learning["augment"]["turn"] for learning in turns] == [False, True]
+
+
+def test_entries_in_any_order_are_those_of_the_objects():
+    X, y = bars(20, 1)
+    network = small().fit(X, y)
+    tensor = nn.SparseTensor.from_dense(X[:, None])
+    order = RANDOM.permutation(len(tensor.keys))
+    shuffled = tensor._replace(keys=tensor.keys[order], values=tensor.values[order])
+    np.testing.assert_array_equal(network.predict_proba(shuffled), network.predict_proba(X))
+    wrong = {
+        "key 2880": tensor._replace(keys=np.append(tensor.keys[:-1], np.uint64(2880))),
+        "key -1": tensor._replace(keys=np.append(tensor.keys[:-1].astype(np.int64), -1)),
+        "twice": tensor._replace(keys=np.append(tensor.keys[:-1], tensor.keys[:1])),
+        "keys of shape": tensor._replace(keys=tensor.keys[:-1]),
+        "whole numbers": tensor._replace(keys=tensor.keys.astype(float)),
+        "1 to 4 axes": tensor._replace(shape=(20, 144)),
+    }
+    for message, X in wrong.items():
+        with pytest.raises(ValueError, match=message):
+            network.predict_proba(X)
+
+
+def test_arrays_without_channels_or_axes_are_named():
+    one = np.ones((3, 1, 1))
+    with pytest.raises(ValueError, match="channels"):
+        nn.submanifold_convolution([[0]], np.ones((1, 0)), np.ones((3, 0, 1)))
+    with pytest.raises(ValueError, match="channels"):
+        nn.submanifold_convolution([[0]], [[1.0]], np.ones((3, 1, 0)))
+    with pytest.raises(ValueError, match="axes"):
+        nn.submanifold_convolution(np.ones((1, 0)), [[1.0]], np.ones((1, 1)))
+    for dilation in [2**62, 2**63 // 3 + 1, 2**63, 2**64 - 1, 2**80, 0, -1, 1.5]:
+        with pytest.raises(ValueError):
+            nn.submanifold_convolution([[0], [1]], [[1.0], [2.0]], one, dilation=dilation)
+    with pytest.raises(ValueError, match="dilation"):
+        nn.submanifold_convolution_gradient([[0]], [[1.0]], one, [[1.0]], dilation=2**62)
+    for shape in [(1, 1), (1,), (1, 1, 1, 1, 1, 1, 1)]:
+        tensor = nn.SparseTensor(np.zeros(1, np.uint64), np.ones(1, np.float32), shape)
+        with pytest.raises(ValueError, match="1 to 4 axes"):
+            nn.sparse_convolution(tensor, np.ones((1, 1)))
+
+
+def test_training_objects_that_do_not_fit_are_an_error():
+    from scansion import _core
+
+    X, y = bars(8, 1)
+    labelled, shape = nn._samples.samples(X, np.unique(y, return_inverse=True)[1], 8)
+    other, _ = nn._samples.samples(X, None, 8)
+    level = '{"channels": [2], "density": 0.5}'
+    training = _core.ObjectTraining(f'{{"levels": [{level}], "hidden": 2}}', "{}", labelled, ["a", "b"])
+    with pytest.raises(ValueError, match="labels"):
+        training.epoch(other)
+    small_images, _ = nn._samples.samples(X[:, :10, :10], np.zeros(8, int), 8)
+    with pytest.raises(ValueError, match="10"):
+        training.epoch(small_images)
+
+
+class Tensor:
+    """As much of a tensor of torch as is needed, of numpy's arrays."""
+
+    def __init__(self, array, indices=None, shape=None):
+        self.array, self.places, self.is_sparse = array, indices, indices is not None
+        self.shape = array.shape if shape is None else shape
+
+    def detach(self):
+        return self
+
+    cpu = coalesce = detach
+
+    def numpy(self):
+        return self.array
+
+    def indices(self):
+        return Tensor(self.places)
+
+    def values(self):
+        return Tensor(self.array)
+
+
+def test_tensors_go_to_torch_and_back(monkeypatch):
+    def sparse_coo_tensor(places, values, shape):
+        return Tensor(values.array, places.array, shape)
+
+    torch = types.SimpleNamespace(from_numpy=Tensor, sparse_coo_tensor=sparse_coo_tensor)
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    dense = RANDOM.normal(size=(2, 3, 4, 5)) * (RANDOM.random((2, 3, 4, 5)) < 0.3)
+    tensor = nn.SparseTensor.from_dense(dense)
+    there = tensor.to_torch()
+    assert there.places.shape == (4, len(tensor.keys)) and there.shape == (2, 3, 4, 5)
+    np.testing.assert_array_equal(there.array, tensor.to_dense()[tuple(there.places)])
+    assert not np.shares_memory(there.array, tensor.values)
+    for found in (nn.SparseTensor.from_torch(there), nn.SparseTensor.from_torch(Tensor(tensor.to_dense()))):
+        np.testing.assert_array_equal(found.keys, tensor.keys)
+        np.testing.assert_array_equal(found.values, tensor.values)
+        assert found.shape == tensor.shape
 
 
 def test_a_layer_has_the_gradients_of_its_function():

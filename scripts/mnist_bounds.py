@@ -37,7 +37,6 @@ def main(given):
             dense=bound is None,
             epochs=given.epochs,
             learning_rate=given.rate,
-            settings={"learning.augment.turn": False},
         ).fit(train[own], digits[own])
         seconds = (time.process_time() - start) / given.epochs
         name = "dense" if bound is None else f"{bound:g}"

@@ -10,9 +10,9 @@ testing. Beside the networks stand their dense twin and our forest on descriptor
 """
 
 import argparse
-import io
 import pathlib
 import tarfile
+import tempfile
 import time
 
 import numpy as np
@@ -35,10 +35,13 @@ def modelnet(data):
 
 def dales(data):
     """Points, twice, and classes; the hundreds of a file's number are its class."""
-    with tarfile.open(data / "dales_objects_499.tar.gz") as archive:
-        files = sorted((m for m in archive.getmembers() if m.name.endswith(".xyz")), key=lambda m: m.name)
-        points = [np.loadtxt(io.BytesIO(archive.extractfile(m).read()), ndmin=2)[:, :3] for m in files]
-    names = np.array([KINDS[int(pathlib.Path(m.name).stem) // 100] for m in files])
+    with tarfile.open(data / "dales_objects_499.tar.gz") as archive, tempfile.TemporaryDirectory() as folder:
+        for member in archive.getmembers():
+            if member.isfile() and member.name.endswith(".xyz"):
+                path = pathlib.Path(folder, pathlib.PurePosixPath(member.name).name)
+                path.write_bytes(archive.extractfile(member).read())
+        points, numbers = nn.load_xyz(folder)
+    names = np.array([KINDS[int(number) // 100] for number in numbers])
     points = [one - one.mean(axis=0) for one in points]
     return points, points, names
 

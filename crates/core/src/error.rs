@@ -151,6 +151,15 @@ impl Error {
         Self::InvalidInput(message.into())
     }
 
+    /// The same error, with the place at which unusable data were found before its message.
+    #[must_use]
+    pub fn within(self, place: &str) -> Self {
+        match self {
+            Self::InvalidInput(message) => Self::InvalidInput(format!("{place}: {message}")),
+            other => other,
+        }
+    }
+
     /// Wraps an error of the operating system together with the path.
     pub fn io(path: &Path, source: std::io::Error) -> Self {
         let early = source.kind() == std::io::ErrorKind::UnexpectedEof;

@@ -4,11 +4,15 @@ use crate::error::{Error, Result};
 use crate::io::{atomic, open};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
+use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 /// The key of the text in the metadata.
 const KEY: &str = "scansion";
+/// What stands before the checksum, which is on a line of its own before the text. The metadata have one key only, as the
+/// order of several is not fixed.
+const CHECKSUM: &str = "sha256 ";
 
 /// An array of a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,7 +92,24 @@ impl Arrays {
         Error::ModelMismatch(format!("array {name}: {found} (allowed: {allowed})"))
     }
 
-    /// The bytes of the file; the same arrays give the same bytes.
+    /// SHA-256 of the text and of names, types, shapes and values of all arrays, in hexadecimal digits.
+    fn checksum(&self) -> String {
+        let mut sum = Sha256::new();
+        let mut feed = |bytes: &[u8]| {
+            sum.update((bytes.len() as u64).to_le_bytes());
+            sum.update(bytes);
+        };
+        feed(self.text.as_bytes());
+        for (name, array) in &self.all {
+            let (_, kind, shape, bytes) = array.encoded(name);
+            feed(name.as_bytes());
+            feed(format!("{kind:?} {shape:?}").as_bytes());
+            feed(&bytes);
+        }
+        sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// The bytes of the file, a checksum included; the same arrays give the same bytes.
     ///
     /// # Errors
     /// If the encoder fails, which no arrays are known to cause.
@@ -99,28 +120,50 @@ impl Arrays {
         let views = bytes.iter().map(|(name, kind, shape, bytes)| {
             TensorView::new(*kind, shape.clone(), bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
         });
-        let metadata = Some(HashMap::from([(KEY.to_string(), self.text.clone())]));
+        let text = format!("{CHECKSUM}{}\n{}", self.checksum(), self.text);
+        let metadata = Some(HashMap::from([(KEY.to_string(), text)]));
         safetensors::serialize(views.collect::<Result<Vec<_>>>()?, metadata).map_err(|e| refused(&e))
     }
 
-    /// Reads what [`Arrays::to_bytes`] gave.
+    /// Reads what [`Arrays::to_bytes`] gave, or gave before there were checksums.
     ///
     /// # Errors
-    /// [`Error::Malformed`] if the bytes are damaged, have other types, or values that are not finite.
+    /// [`Error::Malformed`] if the bytes are damaged, have another checksum, other types, or values that are not finite.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
+        Self::read(bytes, path).map(|read| read.arrays)
+    }
+
+    /// Reads what [`Arrays::to_bytes`] gave; without a checksum it is refused.
+    ///
+    /// # Errors
+    /// As [`Arrays::from_bytes`].
+    pub fn from_checked_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
+        let Read { arrays, has_checksum } = Self::read(bytes, path)?;
+        match has_checksum {
+            true => Ok(arrays),
+            false => Err(malformed(path, "checksum", "none", "SHA-256; a file of an older version must be made again")),
+        }
+    }
+
+    fn read(bytes: &[u8], path: &Path) -> Result<Read> {
         let wrong = |found: &dyn std::fmt::Display, allowed: &str| malformed(path, "header", found, allowed);
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| wrong(&e, "safetensors"))?;
         let text = metadata.metadata().as_ref().and_then(|all| all.get(KEY));
-        let text = text.ok_or_else(|| wrong(&"no text of this program", "a file that this program wrote"))?.clone();
+        let text = text.ok_or_else(|| wrong(&"no text of this program", "a file that this program wrote"))?;
+        let after = text.strip_prefix(CHECKSUM).and_then(|rest| rest.split_once('\n'));
+        let (checksum, text) = after.map_or((None, text.as_str()), |(checksum, text)| (Some(checksum), text));
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| wrong(&e, "safetensors"))?;
-        let mut all = Self::new(text);
+        let mut all = Self::new(text.to_string());
         for (name, view) in tensors.iter() {
             let array = Array::decoded(&view).ok_or_else(|| {
                 malformed(path, name, format!("{:?}", view.dtype()), "finite numbers of F32, F64 or U64")
             })?;
             all.put(name, array);
         }
-        Ok(all)
+        match checksum.filter(|stored| *stored != all.checksum()) {
+            Some(stored) => Err(malformed(path, "checksum", stored, all.checksum())),
+            None => Ok(Read { arrays: all, has_checksum: checksum.is_some() }),
+        }
     }
 
     /// Writes the file.
@@ -138,9 +181,23 @@ impl Arrays {
     pub fn load(path: &Path) -> Result<Self> {
         Self::from_bytes(&open::bytes(path, open::MOST_MODEL)?, path)
     }
+
+    /// Reads a file that must have a checksum, as checkpoints have.
+    ///
+    /// # Errors
+    /// As [`Arrays::from_checked_bytes`]; or if it cannot be read.
+    pub fn load_checked(path: &Path) -> Result<Self> {
+        Self::from_checked_bytes(&open::bytes(path, open::MOST_MODEL)?, path)
+    }
 }
 
-fn malformed(path: &Path, field: &str, found: impl std::fmt::Display, allowed: &str) -> Error {
+/// The arrays of a file.
+struct Read {
+    arrays: Arrays,
+    has_checksum: bool,
+}
+
+fn malformed(path: &Path, field: &str, found: impl std::fmt::Display, allowed: impl Into<String>) -> Error {
     Error::Malformed {
         path: path.to_path_buf(),
         format: "safetensors",
@@ -152,6 +209,14 @@ fn malformed(path: &Path, field: &str, found: impl std::fmt::Display, allowed: &
 }
 
 impl Array {
+    /// Number of values of single precision.
+    pub fn singles(&self) -> usize {
+        match self {
+            Self::Single(_, values) => values.len(),
+            _ => 0,
+        }
+    }
+
     fn encoded<'a>(&self, name: &'a String) -> (&'a String, Dtype, Vec<usize>, Vec<u8>) {
         match self {
             Self::Single(shape, all) => {
@@ -202,6 +267,31 @@ mod tests {
         assert_eq!((read.single("b", 2).unwrap(), read.whole("c").unwrap()[0]), (&[1.0, -0.5][..], 7));
         assert!(read.single("b", 3).unwrap_err().to_string().contains("2 values of 32 bits (allowed: 3"));
         assert!(read.double("c").is_err() && read.whole("d").unwrap_err().to_string().contains("no such array"));
+    }
+
+    #[test]
+    fn every_flipped_bit_is_refused() {
+        let bytes = some().to_bytes().unwrap();
+        assert_eq!(Arrays::from_checked_bytes(&bytes, Path::new("x")).unwrap(), some());
+        for bit in 0..8 * bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            assert!(Arrays::from_checked_bytes(&flipped, Path::new("x")).is_err(), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn files_without_a_checksum_are_read_where_it_is_not_needed() {
+        let all = some();
+        let bytes: Vec<_> = all.all.iter().map(|(name, array)| array.encoded(name)).collect();
+        let views = bytes
+            .iter()
+            .map(|(name, kind, shape, bytes)| (*name, TensorView::new(*kind, shape.clone(), bytes).unwrap()));
+        let metadata = Some(HashMap::from([(KEY.to_string(), all.text.clone())]));
+        let old = safetensors::serialize(views, metadata).unwrap();
+        assert_eq!(Arrays::from_bytes(&old, Path::new("x")).unwrap(), all);
+        let message = Arrays::from_checked_bytes(&old, Path::new("x")).unwrap_err().to_string();
+        assert!(message.contains("older version"), "{message}");
     }
 
     #[test]

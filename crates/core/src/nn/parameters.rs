@@ -106,6 +106,11 @@ impl<T: Scalar> Parameters<T> {
         ParameterId(self.all.len() - 1)
     }
 
+    /// The name of a parameter.
+    pub fn name(&self, id: ParameterId) -> &str {
+        &self.all[id.0].name
+    }
+
     /// The values of a parameter.
     pub fn get(&self, id: ParameterId) -> &[T] {
         &self.all[id.0].values

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use scansion_core::nn::arrays::{Array, Arrays};
 use scansion_core::nn::networks::{
-    ObjectLearning, ObjectModel as CoreModel, ObjectNetParams, ObjectTraining as CoreTraining,
+    LabelKind, ObjectLearning, ObjectModel as CoreModel, ObjectNetParams, ObjectTraining as CoreTraining,
 };
 use scansion_core::nn::objects::{Objects as CoreObjects, Sample};
 use std::path::PathBuf;
@@ -95,8 +95,11 @@ impl ObjectTraining {
         self.locked().epochs()
     }
 
-    fn model(&self) -> ObjectModel {
-        ObjectModel { inner: self.locked().model() }
+    /// The network as it is now; `labels` says what the names of the classes stand for.
+    fn model(&self, labels: &str) -> PyResult<ObjectModel> {
+        let mut inner = self.locked().model();
+        inner.about.labels = Some(json::settings::<LabelKind>(labels)?);
+        Ok(ObjectModel { inner })
     }
 
     fn save(&self, py: Python<'_>, path: PathBuf, objects: &Objects) -> PyResult<()> {
@@ -104,7 +107,7 @@ impl ObjectTraining {
     }
 
     fn resume(&self, py: Python<'_>, path: PathBuf, objects: &Objects) -> PyResult<()> {
-        py.detach(|| self.locked().resume(&Arrays::load(&path)?, &objects.inner)).map_err(raise)
+        py.detach(|| self.locked().resume(&Arrays::load_checked(&path)?, &objects.inner)).map_err(raise)
     }
 }
 
@@ -176,8 +179,9 @@ pub(crate) fn object_network(name: &str, resolution: usize, density: Option<f64>
     json::text(&network).map_err(raise)
 }
 
-/// The default settings of training.
+/// The default settings of training of a network of the thesis.
 #[pyfunction]
-pub(crate) fn object_learning() -> PyResult<String> {
-    json::text(&ObjectLearning::default()).map_err(raise)
+pub(crate) fn object_learning(name: &str) -> PyResult<String> {
+    let learning = if name == "mnist" { ObjectLearning::mnist() } else { ObjectLearning::default() };
+    json::text(&learning).map_err(raise)
 }

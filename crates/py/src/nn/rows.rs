@@ -80,9 +80,30 @@ struct Input<'a> {
 }
 
 impl Input<'_> {
+    /// Checks that there are channels on both sides, and features of every row.
+    fn check(&self, axes: usize) -> scansion_core::Result<()> {
+        if self.channels == 0 {
+            return Err(Error::InvalidInput("features: found 0 channels (allowed: 1 or more)".into()));
+        }
+        if self.layer.outputs == 0 {
+            return Err(Error::InvalidInput("weights: found 0 output channels (allowed: 1 or more)".into()));
+        }
+        let (rows, points) = (self.features.len() / self.channels, self.coordinates.len() / axes.max(1));
+        match rows == points {
+            true => Ok(()),
+            false => {
+                Err(Error::InvalidInput(format!("features: found {rows} rows (allowed: {points}, one a position)")))
+            }
+        }
+    }
+
     fn rows<const D: usize>(&self, monitor: &Monitor) -> scansion_core::Result<Rows<D>> {
+        self.check(D)?;
         let Submanifold { size, dilation, .. } = *self.layer;
-        let kernel = Kernel { dilation, padding: size / 2 * dilation, ..Kernel::centred(size) };
+        // The kernel checks the dilation; a padding that does not fit belongs to one that is out of range.
+        let padding = (size / 2).saturating_mul(dilation);
+        Kernel { dilation, ..Kernel::centred(size) }.validate()?;
+        let kernel = Kernel { dilation, padding, ..Kernel::centred(size) };
         Rows::new(self.coordinates, kernel, monitor)
     }
 
@@ -103,6 +124,11 @@ type Gradients = (Vec<f32>, Vec<f32>);
 
 fn backward<const D: usize>(input: Input<'_>, gradient: &[f32], monitor: &Monitor) -> scansion_core::Result<Gradients> {
     let rows = input.rows::<D>(monitor)?;
+    let expected = rows.site_of.len() * input.layer.outputs;
+    if gradient.len() != expected {
+        let found = gradient.len();
+        return Err(Error::InvalidInput(format!("gradient: found {found} values (allowed: {expected})")));
+    }
     let values = rows.to_sites(input.features, input.channels);
     let found = input.convolution(&rows).backward(&values, &rows.to_sites(gradient, input.layer.outputs), monitor)?;
     Ok((rows.to_rows(&found.values, input.channels), found.weights))

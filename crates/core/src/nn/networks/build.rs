@@ -1,5 +1,6 @@
 //! The parameters of a network at the start.
 
+use crate::error::{Error, Result};
 use crate::nn::parameters::{ParameterId, Parameters, Role};
 use crate::nn::scalar::Scalar;
 use crate::nn::tape::LinearIds;
@@ -7,6 +8,25 @@ use crate::random::Stream;
 
 /// Weights along an axis of all convolutions.
 pub(super) const SIZE: usize = 3;
+
+/// Parameters of a network, at most: 8 GiB of single precision.
+const MOST: usize = 1 << 31;
+
+/// A number of parameters; `None` if it overflows.
+///
+/// # Errors
+/// If there are more than any network may have.
+pub(super) fn limited(count: Option<usize>) -> Result<usize> {
+    count.filter(|&count| count <= MOST).ok_or_else(|| {
+        let found = count.map_or("more than 2^64".into(), |count| count.to_string());
+        Error::input(format!("a network of {found} parameters (allowed: up to {MOST})"))
+    })
+}
+
+/// Weights and terms of a layer from so many values to so many; `None` if their number overflows.
+pub(super) fn affine(inputs: usize, outputs: usize) -> Option<usize> {
+    inputs.checked_add(1)?.checked_mul(outputs)
+}
 
 /// Adds the parameters of a network.
 pub(super) struct Builder<'a, T> {

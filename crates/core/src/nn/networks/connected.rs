@@ -1,6 +1,6 @@
 //! The two fully connected layers at the end of a network.
 
-use super::build::Builder;
+use super::build::{Builder, affine};
 use crate::error::Result;
 use crate::nn::layers::{Dropped, Linear, rectify, stop_below};
 use crate::nn::parameters::{Gradients, Parameters, add_gradient};
@@ -31,6 +31,13 @@ pub(super) struct Widths {
     pub(super) inputs: usize,
     pub(super) hidden: usize,
     pub(super) classes: usize,
+}
+
+impl Widths {
+    /// Number of parameters of both layers; `None` if it overflows.
+    pub(super) fn parameters(self) -> Option<usize> {
+        affine(self.inputs, self.hidden)?.checked_add(affine(self.hidden, self.classes)?)
+    }
 }
 
 impl Connected {

@@ -1,6 +1,6 @@
 //! Levels of convolutions, sparse or dense, each with max pooling after it.
 
-use super::build::{Builder, SIZE};
+use super::build::{Builder, SIZE, affine};
 use crate::error::Result;
 use crate::nn::dense::{self, DenseConvolution, DensePooled, Grid};
 use crate::nn::layers::{rectify, stop_below};
@@ -33,6 +33,38 @@ struct Layer {
     density: Option<f64>,
     /// Whether max pooling follows.
     pools: bool,
+}
+
+/// Numbers of values of levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Size {
+    /// Parameters.
+    pub(super) parameters: usize,
+    /// Values of a sample after the last level.
+    pub(super) flat: usize,
+    /// Values of a sample between two layers, where there are most.
+    pub(super) widest: usize,
+}
+
+impl Size {
+    /// The size of levels for samples of a shape; `None` if a number overflows.
+    pub(super) fn of(levels: &[ObjectLevel], shape: &ObjectShape) -> Option<Self> {
+        let product = |extent: &[usize]| extent.iter().try_fold(1usize, |cells, &length| cells.checked_mul(length));
+        let volume = SIZE.checked_pow(u32::try_from(shape.extent.len()).ok()?)?;
+        let (mut inputs, mut extent) = (shape.channels, shape.extent.clone());
+        let mut size = Self { parameters: 0, flat: 0, widest: product(&extent)?.checked_mul(inputs)? };
+        for level in levels {
+            let cells = product(&extent)?;
+            for &outputs in &level.channels {
+                size.parameters = size.parameters.checked_add(affine(inputs.checked_mul(volume)?, outputs)?)?;
+                size.widest = size.widest.max(cells.checked_mul(outputs)?);
+                inputs = outputs;
+            }
+            extent.iter_mut().for_each(|length| *length /= 2);
+        }
+        size.flat = inputs.checked_mul(product(&extent)?)?;
+        Some(size)
+    }
 }
 
 /// The weights of a sparse convolution that were not removed by pruning: their numbers, ascending.
@@ -89,6 +121,11 @@ impl Levels {
     /// The weights of each sparse convolution, in their order.
     pub(super) fn sparse_weights(&self) -> Vec<ParameterId> {
         self.layers.iter().filter(|layer| layer.density.is_some()).map(|layer| layer.weights).collect()
+    }
+
+    /// Biases of the sparse convolutions.
+    pub(super) fn sparse_biases(&self) -> Vec<ParameterId> {
+        self.layers.iter().filter(|layer| layer.density.is_some()).map(|layer| layer.bias).collect()
     }
 
     /// Upper bound of the density of each sparse convolution.
@@ -191,7 +228,10 @@ impl<T: Scalar> LevelsPass<'_, T> {
         let selection = layer.density.map(|density| Selection { attention: self.levels.attention, density });
         let bias = self.weights.parameters.get(layer.bias);
         let Responses { tensor, densities } =
-            SparseConvolution { filter: &filter, bias, selection }.responses(&input, monitor)?;
+            SparseConvolution { filter: &filter, bias, selection }.responses(&input, monitor).map_err(|error| {
+                let name = self.weights.parameters.name(layer.weights);
+                error.within(name.trim_end_matches(".weights"))
+            })?;
         self.densities.push(densities);
         self.steps.push(Step::Sparse { layer: *layer, filter, input, output: tensor.clone() });
         Ok(Signal::Sparse(tensor))

@@ -10,7 +10,8 @@ mod windows;
 pub use connected::Mode;
 pub use levels::{Kept, ObjectLevel, Weights};
 pub use objects::{
-    EpochReport, ObjectLearning, ObjectModel, ObjectModelAbout, ObjectNet, ObjectNetParams, ObjectTraining, Pass,
+    EpochReport, LabelKind, ObjectLearning, ObjectModel, ObjectModelAbout, ObjectNet, ObjectNetParams, ObjectTraining,
+    Pass,
 };
 pub use unet::{Scene, UNet, UNetParams};
 pub use windows::{WindowNet, WindowNetParams, WindowPass};

@@ -3,6 +3,7 @@
 //! O. Ronneberger, P. Fischer, T. Brox, *U-Net*, MICCAI 2015, with the sub-manifold convolutions of Graham et al. 2018
 //! (doi:10.1109/CVPR.2018.00961) and residual connections.
 
+use super::build::{affine, limited};
 use crate::error::{Error, Result};
 use crate::nn::parameters::{ParameterId, Parameters, Role};
 use crate::nn::scalar::Scalar;
@@ -38,6 +39,36 @@ impl UNetParams {
             true => Ok(()),
             false => Err(Error::parameter("widths", format!("{:?}", self.widths), "2 to 7 numbers from 1 to 512")),
         }
+    }
+
+    /// Number of values, statistics included, of a network for rows of `inputs` channels and so many classes; nothing is
+    /// allocated.
+    ///
+    /// # Errors
+    /// If a value is out of range, or there are more than 2^31 values.
+    pub fn values(&self, inputs: usize, classes: usize) -> Result<usize> {
+        self.validate()?;
+        // Weights; scale, shift, mean and variance of each channel.
+        let unit = |volume: usize, inputs: usize, outputs: usize| {
+            volume.checked_mul(inputs)?.checked_add(4)?.checked_mul(outputs)
+        };
+        let level = |(number, &width): (usize, &usize)| -> Option<usize> {
+            let enter = match number.checked_sub(1) {
+                None => unit(27, inputs, width)?,
+                Some(above) => unit(8, self.widths[above], width)?,
+            };
+            let residual = unit(27, width, width)?.checked_mul(2)?;
+            let leave = match self.widths.get(number + 1) {
+                None => 0,
+                Some(&below) => {
+                    let convolutions = unit(27, 2 * width, width)?.checked_add(unit(27, width, width)?)?;
+                    unit(8, below, width)?.checked_add(convolutions)?
+                }
+            };
+            enter.checked_add(residual)?.checked_add(leave)
+        };
+        let head = affine(self.widths[0], classes);
+        limited(self.widths.iter().enumerate().map(level).fold(head, |sum, own| sum?.checked_add(own?)))
     }
 
     /// Cells of the finest level that the class of a cell depends on, in each direction.
@@ -136,14 +167,14 @@ impl UNet {
     /// A network with parameters drawn by a seed, for rows of `inputs` channels and `classes` classes.
     ///
     /// # Errors
-    /// If a parameter is out of range.
+    /// As [`UNetParams::values`].
     pub fn new<T: Scalar>(
         params: &UNetParams,
         inputs: usize,
         classes: usize,
         seed: u64,
     ) -> Result<(Self, Parameters<T>)> {
-        params.validate()?;
+        params.values(inputs, classes)?;
         let mut parameters = Parameters::default();
         let mut build = Builder { parameters: &mut parameters, draws: stream(seed, 0) };
         let widths = &params.widths;
@@ -287,6 +318,17 @@ mod tests {
             }
         }
         Scene::new(Sites::of_keys(keys, &Monitor::default()).unwrap(), levels, &Monitor::default()).unwrap()
+    }
+
+    #[test]
+    fn values_are_counted_without_building_the_network() {
+        for params in [UNetParams::default(), UNetParams { widths: vec![5, 3] }] {
+            let (_, parameters) = UNet::new::<f32>(&params, 6, 4, 1).unwrap();
+            let built: usize = parameters.iter().map(|parameter| parameter.values.len()).sum();
+            assert_eq!(params.values(6, 4).unwrap(), built);
+        }
+        let large = UNet::new::<f32>(&UNetParams::default(), 6, usize::MAX / 4, 1).unwrap_err().to_string();
+        assert!(large.contains("allowed: up to 2147483648"), "{large}");
     }
 
     fn roofs(scene: &Scene) -> Vec<f64> {

@@ -3,9 +3,9 @@
 //! T. Hackel, *Large-scale machine learning for point cloud processing*, ETH Zurich 2018, section 5.4.3: each branch sees a
 //! window of 16³ cells through three dense convolutions with max pooling; two fully connected layers join them.
 
-use super::build::Builder;
+use super::build::{Builder, limited};
 use super::connected::{Connected, ConnectedPass, Mode, Widths};
-use super::levels::{Levels, LevelsPass, ObjectLevel, Weights};
+use super::levels::{Levels, LevelsPass, ObjectLevel, Size, Weights};
 use crate::error::{Error, Result};
 use crate::nn::objects::ObjectShape;
 use crate::nn::parameters::{Gradients, ParameterId, Parameters};
@@ -57,6 +57,32 @@ impl WindowNetParams {
             false => Err(Error::parameter("network.dropout", self.dropout, "0 to below 1")),
         }
     }
+
+    /// Number of parameters for so many classes; nothing is allocated.
+    ///
+    /// # Errors
+    /// If a value is out of range, there are fewer than two classes, or more than 2^31 parameters.
+    pub fn parameters(&self, classes: usize) -> Result<usize> {
+        self.validate()?;
+        if classes < 2 {
+            return Err(Error::input(format!("{classes} classes (allowed: 2 or more)")));
+        }
+        limited(Size::of(&self.levels(), &self.shape()).and_then(|size| {
+            let inputs = size.flat.checked_mul(self.scales)?;
+            let connected = Widths { inputs, hidden: self.hidden, classes }.parameters()?;
+            size.parameters.checked_mul(self.scales)?.checked_add(connected)
+        }))
+    }
+
+    /// The levels of a branch.
+    fn levels(&self) -> Vec<ObjectLevel> {
+        self.channels.iter().map(|&channels| ObjectLevel { channels: vec![channels], density: None }).collect()
+    }
+
+    /// The shape of a window.
+    fn shape(&self) -> ObjectShape {
+        ObjectShape { channels: 1, extent: vec![self.window; 3] }
+    }
 }
 
 /// A network: which parameter is used where.
@@ -71,17 +97,12 @@ impl WindowNet {
     /// A network and its parameters at the start.
     ///
     /// # Errors
-    /// If a parameter is out of range, or there are fewer than two classes.
+    /// As [`WindowNetParams::parameters`].
     pub fn new<T: Scalar>(params: &WindowNetParams, classes: usize, seed: u64) -> Result<(Self, Parameters<T>)> {
-        params.validate()?;
-        if classes < 2 {
-            return Err(Error::input(format!("{classes} classes (allowed: 2 or more)")));
-        }
+        params.parameters(classes)?;
         let mut parameters = Parameters::default();
         let mut build = Builder { parameters: &mut parameters, draws: stream(seed, 0), deviation: None };
-        let level = |&channels: &usize| ObjectLevel { channels: vec![channels], density: None };
-        let levels: Vec<ObjectLevel> = params.channels.iter().map(level).collect();
-        let shape = ObjectShape { channels: 1, extent: vec![params.window; 3] };
+        let (levels, shape) = (params.levels(), params.shape());
         let branch = |number| Levels::new(&mut build, &format!("branch{number}."), &levels, &shape);
         let branches: Vec<Levels> = (0..params.scales).map(branch).collect();
         let inputs = branches.iter().map(|branch| branch.flat).sum();
@@ -182,6 +203,9 @@ mod tests {
         let branch =
             parameters.iter().filter(|p| p.name.starts_with("branch3.")).map(|p| p.values.len()).sum::<usize>();
         assert_eq!((branch, parameters.trained(), net.width()), (69_664, 5_609_640, 2048));
+        assert_eq!(WindowNetParams::default().parameters(8).unwrap(), 5_609_640);
+        let large = WindowNetParams { window: 64, channels: vec![512], hidden: 1 << 16, ..WindowNetParams::default() };
+        assert!(WindowNet::new::<f32>(&large, 8, 1).unwrap_err().to_string().contains("allowed: up to 2147483648"));
         let wrong = WindowNetParams { channels: vec![4; 5], ..WindowNetParams::default() };
         assert!(wrong.validate().unwrap_err().to_string().contains("1 to 4"));
         assert!(WindowNet::new::<f32>(&WindowNetParams::default(), 1, 1).is_err());

@@ -10,8 +10,12 @@ use std::path::Path;
 const BYTES: u8 = 8;
 /// What gzip files begin with.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
-/// Bytes of a file that is read, at most.
+/// Bytes of a file, and elements of an array, at most.
 const MOST: u64 = 4 << 30;
+/// Axes of an array, at most: as many as a tensor of objects has besides its samples.
+const MOST_AXES: u8 = 4;
+/// Bytes that a byte of deflate can stand for, at most.
+const MOST_EXPANSION: u64 = 1032;
 
 /// An array of bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,44 +29,76 @@ pub struct Idx {
 /// Reads an IDX file of bytes, compressed by gzip or not.
 ///
 /// # Errors
-/// [`Error::Malformed`] if it is no IDX file, has other elements than bytes, or other than the declared length.
+/// [`Error::Malformed`] if it is no IDX file, has other elements than bytes, more than 4 axes, or other than the declared
+/// length. No more is unpacked than the file declares.
 pub fn read_idx(path: &Path) -> Result<Idx> {
     let bytes = open::bytes(path, MOST)?;
-    if !bytes.starts_with(&GZIP) {
-        return parse(bytes, path);
+    if bytes.starts_with(&GZIP) {
+        let room = (bytes.len() as u64).saturating_mul(MOST_EXPANSION);
+        File { path, room, from: GzDecoder::new(&bytes[..]) }.read()
+    } else {
+        File { path, room: bytes.len() as u64, from: &bytes[..] }.read()
     }
-    let mut plain = Vec::new();
-    let read = GzDecoder::new(&bytes[..]).take(MOST).read_to_end(&mut plain);
-    read.map_err(|e| malformed(path, "compressed bytes", e, "a gzip stream"))?;
-    parse(plain, path)
 }
 
-fn parse(mut bytes: Vec<u8>, path: &Path) -> Result<Idx> {
-    let start = bytes.get(..4).unwrap_or(&bytes);
-    let &[0, 0, BYTES, axes] = start else {
-        return Err(malformed(path, "the first 4 bytes", format!("{start:?}"), "0, 0, 8 (bytes), number of axes"));
-    };
-    let header = 4 + 4 * usize::from(axes);
-    let lengths = bytes.get(4..header).unwrap_or_default().chunks_exact(4);
-    let shape: Vec<usize> = lengths.map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]) as usize).collect();
-    let count = shape.iter().try_fold(1usize, |product, &length| product.checked_mul(length));
-    let found = bytes.len().saturating_sub(header);
-    if shape.len() != usize::from(axes) || axes == 0 || count != Some(found) {
-        let allowed = count.map_or("an array that fits into memory".into(), |count| format!("{count}, by its shape"));
-        return Err(malformed(path, "number of elements", format!("{found} (shape {shape:?})"), allowed));
-    }
-    bytes.drain(..header);
-    Ok(Idx { shape, values: bytes })
+/// A file that is read.
+struct File<'a, R> {
+    path: &'a Path,
+    /// Bytes that it may have when it is unpacked.
+    room: u64,
+    from: R,
 }
 
-fn malformed(path: &Path, field: &str, found: impl ToString, allowed: impl ToString) -> Error {
-    Error::Malformed {
-        path: path.to_path_buf(),
-        format: "IDX",
-        field: field.into(),
-        place: "byte 0".into(),
-        found: found.to_string(),
-        allowed: allowed.to_string(),
+impl<R: Read> File<'_, R> {
+    fn read(mut self) -> Result<Idx> {
+        let shape = self.shape()?;
+        let count = shape.iter().try_fold(1u64, |product, &length| product.checked_mul(length as u64));
+        let Some(count) = count.filter(|&count| count <= MOST.min(self.room)) else {
+            let allowed = format!("up to {}, by the length of the file", MOST.min(self.room));
+            return Err(self.malformed("number of elements", format!("shape {shape:?}"), allowed));
+        };
+        let values = self.next("elements", count.saturating_add(1))?;
+        if values.len() as u64 != count {
+            let found = if values.len() as u64 > count { "more".into() } else { values.len().to_string() };
+            let allowed = format!("{count}, by the shape {shape:?}");
+            return Err(self.malformed("number of elements", found, allowed));
+        }
+        Ok(Idx { shape, values })
+    }
+
+    /// The length along each axis, from the start of the file.
+    fn shape(&mut self) -> Result<Vec<usize>> {
+        let start = self.next("the first 4 bytes", 4)?;
+        let &[0, 0, BYTES, axes @ 1..=MOST_AXES] = &start[..] else {
+            let allowed = format!("0, 0, 8 (bytes), number of axes from 1 to {MOST_AXES}");
+            return Err(self.malformed("the first 4 bytes", format!("{start:?}"), allowed));
+        };
+        let bytes = self.next("lengths", 4 * u64::from(axes))?;
+        let (lengths, _) = bytes.as_chunks::<4>();
+        match lengths.len() == usize::from(axes) {
+            true => Ok(lengths.iter().map(|&length| u32::from_be_bytes(length) as usize).collect()),
+            false => Err(self.malformed("lengths", format!("{} bytes", bytes.len()), format!("{}", 4 * axes))),
+        }
+    }
+
+    /// The next bytes, fewer at the end of the file.
+    fn next(&mut self, field: &str, count: u64) -> Result<Vec<u8>> {
+        let mut found = Vec::new();
+        match self.from.by_ref().take(count).read_to_end(&mut found) {
+            Ok(_) => Ok(found),
+            Err(e) => Err(self.malformed(field, e, "a gzip stream")),
+        }
+    }
+
+    fn malformed(&self, field: &str, found: impl ToString, allowed: impl ToString) -> Error {
+        Error::Malformed {
+            path: self.path.to_path_buf(),
+            format: "IDX",
+            field: field.into(),
+            place: "byte 0".into(),
+            found: found.to_string(),
+            allowed: allowed.to_string(),
+        }
     }
 }
 
@@ -82,13 +118,19 @@ mod tests {
         read_idx(&path)
     }
 
+    /// The bytes and so many zeros, compressed.
+    fn packed(bytes: &[u8], zeros: u64) -> Vec<u8> {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+        encoder.write_all(bytes).unwrap();
+        std::io::copy(&mut std::io::repeat(0).take(zeros), &mut encoder).unwrap();
+        encoder.finish().unwrap()
+    }
+
     #[test]
     fn arrays_are_read_compressed_or_not() {
         let expected = Idx { shape: vec![2, 3], values: vec![1, 2, 3, 4, 5, 6] };
         assert_eq!(read(&FILE).unwrap(), expected);
-        let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
-        encoder.write_all(&FILE).unwrap();
-        let compressed = encoder.finish().unwrap();
+        let compressed = packed(&FILE, 0);
         assert_eq!(read(&compressed).unwrap(), expected);
         assert!(read(&compressed[..compressed.len() / 2]).unwrap_err().to_string().contains("gzip"));
     }
@@ -102,6 +144,26 @@ mod tests {
         floats[2] = 0x0d;
         assert!(read(&floats).unwrap_err().to_string().contains("8 (bytes)"));
         let huge = [0, 0, 8, 3, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 1];
-        assert!(read(&huge).unwrap_err().to_string().contains("fits into memory"));
+        assert!(read(&huge).unwrap_err().to_string().contains("by the length of the file"));
+        let five = [&[0, 0, 8, 5][..], &[0, 0, 0, 1].repeat(5), &[7]].concat();
+        assert!(read(&five).unwrap_err().to_string().contains("axes from 1 to 4"));
+        assert!(read(&[0, 0, 8, 0, 1]).unwrap_err().to_string().contains("axes from 1 to 4"));
+        assert!(read(&[&FILE[..], &[7]].concat()).unwrap_err().to_string().contains("more"));
+    }
+
+    #[test]
+    fn a_small_file_unpacks_to_no_more_than_its_shape() {
+        // 64 MiB of zeros after 6 elements: no more than one of them is unpacked.
+        let compressed = packed(&FILE, 64 << 20);
+        let mut file = File { path: Path::new("x"), room: 1 << 30, from: GzDecoder::new(&compressed[..]) };
+        assert_eq!(file.shape().unwrap(), [2, 3]);
+        assert_eq!(file.next("elements", 7).unwrap(), [1, 2, 3, 4, 5, 6, 0]);
+        assert!(read(&compressed).unwrap_err().to_string().contains("more"));
+        // A shape that no file of this length can hold.
+        let large = [0, 0, 8, 2, 0, 0, 255, 255, 0, 0, 255, 255, 1];
+        assert!(read(&packed(&large, 0)).unwrap_err().to_string().contains("by the length of the file"));
+        // A shape that it does hold.
+        let long = [0, 0, 8, 1, 0, 16, 0, 0];
+        assert_eq!(read(&packed(&long, 1 << 20)).unwrap().values, vec![0; 1 << 20]);
     }
 }

@@ -59,8 +59,9 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Reads an OFF file; faces of more than three corners are divided into triangles around their first one. What stands after
-/// the coordinates of a vertex, or after the corners of a face, is ignored. Files whose counts stand on the line of the word
-/// `OFF`, as in some of ModelNet, are read too.
+/// the coordinates of a vertex, or after the corners of a face, is ignored, so that files with texture coordinates (`STOFF`),
+/// colours (`COFF`) or normals (`NOFF`) are read; those whose vertices have other than three coordinates (`4OFF`, `nOFF`) are
+/// not. Files whose counts stand on the line of the word `OFF`, as in some of ModelNet, are read too.
 ///
 /// # Errors
 /// [`Error::Malformed`] with the line.
@@ -68,11 +69,7 @@ pub fn read_off(path: &Path) -> Result<Mesh> {
     let text = open::text(path, MOST)?;
     let mut lines = Lines { path, lines: text.lines().enumerate(), number: 0 };
     let first = lines.next("the word OFF")?;
-    // COFF, NOFF and others have colours or normals after the coordinates.
-    let Some(place) = first.find("OFF").filter(|&place| place <= 4) else {
-        return Err(lines.malformed("the word OFF", first, "OFF"));
-    };
-    let rest = first[place + 3..].trim();
+    let rest = lines.after_off(first)?;
     let counts = if rest.is_empty() { lines.next("counts")? } else { rest };
     let [vertices, faces] = lines.numbers::<usize, 2>("counts", counts)?;
     let mut mesh = Mesh { vertices: Vec::new(), triangles: Vec::new() };
@@ -109,6 +106,26 @@ impl<'a> Lines<'a> {
             }
         }
         Err(self.malformed(field, "end of file", "one line more"))
+    }
+
+    /// What stands after the word `OFF` on the first line.
+    fn after_off(&self, line: &'a str) -> Result<&'a str> {
+        let allowed = "OFF, also with ST, C, N before it (texture coordinates, colours, normals)";
+        let Some((before, after)) = line.split_once("OFF") else {
+            return Err(self.malformed("the word OFF", line, allowed));
+        };
+        let mut kind = before;
+        for extra in ["ST", "C", "N"] {
+            kind = kind.strip_prefix(extra).unwrap_or(kind);
+        }
+        match kind {
+            "" => Ok(after.trim()),
+            "4" | "n" | "4n" => {
+                let found = format!("{before}OFF, whose vertices have other than 3 coordinates");
+                Err(self.malformed("the word OFF", found, allowed))
+            }
+            _ => Err(self.malformed("the word OFF", line, allowed)),
+        }
     }
 
     /// The first `N` numbers of a line.
@@ -189,6 +206,28 @@ mod tests {
         assert!(Mesh { triangles: vec![[0, 1, 1]], ..mesh.clone() }.sampled(1, 0).is_err());
         let beyond = Mesh { triangles: vec![[0, 1, 4]], ..mesh }.sampled(1, 0).unwrap_err().to_string();
         assert!(beyond.contains("vertex 4 (allowed: below 4)"), "{beyond}");
+    }
+
+    #[test]
+    fn files_with_more_than_coordinates_are_read_and_those_of_other_dimensions_refused_by_name() {
+        let mesh = read(SQUARE).unwrap();
+        for name in ["COFF", "NOFF", "STOFF", "STCNOFF"] {
+            assert_eq!(read(&SQUARE.replacen("OFF", name, 1)).unwrap(), mesh, "{name}");
+        }
+        for name in ["4OFF", "nOFF", "C4OFF", "4nOFF"] {
+            let message = read(&SQUARE.replacen("OFF", name, 1)).unwrap_err().to_string();
+            assert!(message.contains(&format!("{name}, whose vertices have other than 3")), "{message}");
+        }
+        assert!(read(&SQUARE.replacen("OFF", "XOFF", 1)).unwrap_err().to_string().contains("XOFF"));
+        assert!(read(&SQUARE.replacen("OFF", "OFF BINARY", 1)).is_err());
+    }
+
+    #[test]
+    fn a_file_cut_at_any_byte_is_an_error_or_the_whole_mesh() {
+        let mesh = read(SQUARE).unwrap();
+        let cuts = (0..SQUARE.len()).filter(|&cut| read(&SQUARE[..cut]).is_ok_and(|found| found == mesh));
+        assert_eq!(cuts.collect::<Vec<_>>(), [SQUARE.len() - 1]);
+        assert!((0..SQUARE.len() - 1).all(|cut| matches!(read(&SQUARE[..cut]), Err(Error::Malformed { .. }))));
     }
 
     #[test]

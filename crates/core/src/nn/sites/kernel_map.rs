@@ -4,6 +4,9 @@ use super::{MARGIN, Sites};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered_with};
 
+/// Step from output to output, at most.
+const MOST_STRIDE: usize = 1 << 30;
+
 /// Output sites of a block.
 pub(super) const BLOCK: usize = 256;
 
@@ -12,7 +15,7 @@ pub(super) const BLOCK: usize = 256;
 pub struct Kernel {
     /// Weights along an axis, 1 to 15.
     pub size: usize,
-    /// Step from output to output, in cells of the input.
+    /// Step from output to output, in cells of the input, 1 to 2^30.
     pub stride: usize,
     /// Step from weight to weight, in cells of the input.
     pub dilation: usize,
@@ -41,13 +44,20 @@ impl Kernel {
     /// # Errors
     /// Names the value that is out of range.
     pub fn validate(self) -> Result<()> {
-        let reach = (self.size * self.dilation).max(self.padding) as i64;
+        let near = |cells: Option<usize>| cells.is_some_and(|cells| cells < MARGIN as usize);
         match self {
             Self { size, .. } if !(1..=15).contains(&size) => Err(Error::parameter("size", size, "1 to 15")),
-            Self { stride: 0, .. } => Err(Error::parameter("stride", 0, "1 or more")),
+            Self { stride, .. } if !(1..=MOST_STRIDE).contains(&stride) => {
+                Err(Error::parameter("stride", stride, format!("1 to {MOST_STRIDE}")))
+            }
             Self { dilation: 0, .. } => Err(Error::parameter("dilation", 0, "1 or more")),
-            _ if reach >= MARGIN => {
-                Err(Error::parameter("dilation", self.dilation, format!("a kernel that reaches below {MARGIN} cells")))
+            Self { size, dilation, .. } if !near(size.checked_mul(dilation)) => {
+                let allowed =
+                    format!("1 to {}, so that the kernel reaches below {MARGIN} cells", (MARGIN as usize - 1) / size);
+                Err(Error::parameter("dilation", dilation, allowed))
+            }
+            Self { padding, .. } if !near(Some(padding)) => {
+                Err(Error::parameter("padding", padding, format!("below {MARGIN} cells")))
             }
             _ => Ok(()),
         }
@@ -345,6 +355,14 @@ mod tests {
         assert!(of(Kernel::centred(17)).contains("size"));
         assert!(of(Kernel { stride: 0, ..Kernel::centred(3) }).contains("stride"));
         assert!(of(Kernel { dilation: 20, ..Kernel::centred(3) }).contains("dilation"));
+        // Products that do not fit, or would be negative.
+        for dilation in [usize::MAX, usize::MAX / 3 + 1, 1 << 63, (1 << 62) + 1] {
+            let message = of(Kernel { dilation, ..Kernel::centred(3) });
+            assert!(message.contains("dilation") && message.contains("1 to 10"), "{message}");
+        }
+        assert!(of(Kernel { padding: usize::MAX, ..Kernel::centred(3) }).contains("padding"));
+        assert!(of(Kernel { stride: usize::MAX, ..Kernel::centred(3) }).contains("stride"));
+        assert!(Kernel { dilation: 10, ..Kernel::centred(3) }.validate().is_ok());
         let none = Sites::<3>::default();
         let map = KernelMap::new(&none, &none, Kernel::centred(3), &Monitor::default()).unwrap();
         assert_eq!((map.pairs(), map.outputs(), map.volume()), (0, 0, 27));

@@ -1,7 +1,7 @@
 //! What training needs to go on from where it stopped: parameters, and what the optimiser remembers.
 
 use super::OptimiserState;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::nn::arrays::{Array, Arrays};
 use crate::nn::parameters::Parameters;
 
@@ -27,7 +27,10 @@ pub fn store(arrays: &mut Arrays, parameters: &Parameters<f32>, state: &Optimise
 /// # Errors
 /// Names the array that does not fit.
 pub fn restore(arrays: &Arrays, parameters: &mut Parameters<f32>) -> Result<OptimiserState<f32>> {
-    let mut state = OptimiserState { steps: arrays.whole(STEPS)?.first().copied().unwrap_or(0), ..Default::default() };
+    let &[steps] = arrays.whole(STEPS)? else {
+        return Err(Error::ModelMismatch(format!("array {STEPS} (allowed: one number)")));
+    };
+    let mut state = OptimiserState { steps, ..Default::default() };
     for parameter in parameters.iter_mut() {
         let length = parameter.values.len();
         parameter.values.copy_from_slice(arrays.single(&parameter.name, length)?);

@@ -17,7 +17,7 @@ use crate::recipes::classify::predict::{Fit, LOOKED_AT};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, regularise};
 use crate::recipes::system::System;
-use crate::recipes::training::networks::restore;
+use crate::recipes::training::networks::{check_values, restore};
 
 /// Edge of a square, in cells.
 const SQUARE: i64 = 768;
@@ -89,6 +89,7 @@ impl<'a> Trained<'a> {
             return Err(Error::ModelMismatch("a model of the recipe unet needs a voxel".into()));
         };
         let inputs = OWN + recipe.inputs.width();
+        check_values(job.model, recipe.network.values(inputs, job.model.classes.len())?)?;
         let (net, mut parameters) = UNet::new::<f32>(&recipe.network, inputs, job.model.classes.len(), recipe.seed)?;
         restore(&mut parameters, job.model, net.width())?;
         Ok(Self { recipe, net, parameters, workspace: Workspace::default(), voxel })
@@ -196,7 +197,7 @@ mod tests {
     use crate::recipes::classify::ClassifyParams;
     use crate::recipes::labels::{LabelledCloud, Labels};
     use crate::recipes::unet::{Augmentation, LearningParams};
-    use crate::recipes::{Model, TrainOptions};
+    use crate::recipes::{Fitted, Model, Nothing, TrainOptions};
     use std::path::Path;
 
     /// A meadow with boxes as tall as a house on it; class 6 on the boxes, class 2 on the meadow.
@@ -242,6 +243,11 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             assert_eq!(pool.install(trained), model, "the same bytes with {threads} threads");
         }
+        // A file whose recipe has a wider network than its arrays.
+        let wide = UNetRecipe { network: UNetParams { widths: vec![512; 7] }, ..recipe() };
+        let wide = Model { fitted: Fitted { recipe: wide, learned: Nothing {} }.into(), ..model.clone() };
+        let message = crate::recipes::classify(&cloud, &wide, &ClassifyParams::default(), &monitor).unwrap_err();
+        assert!(message.to_string().contains("by the model's recipe"), "{message}");
         let none = Model { network: None, ..model };
         let message = crate::recipes::classify(&cloud, &none, &ClassifyParams::default(), &monitor).unwrap_err();
         assert!(message.to_string().contains("needs a network"), "{message}");

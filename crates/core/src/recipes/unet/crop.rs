@@ -21,11 +21,15 @@ pub struct Augmentation {
     pub thin: f64,
     /// Probability that a part is shown without one of its further inputs (heights, returns, intensity, colours), 0 to 1.
     pub hide: f64,
+    /// Probability that a part is laid over one of another cloud (if there is one cloud, of another place), 0 to 1, after A.
+    /// Nekrasov et al., *Mix3D: out-of-context data augmentation for 3D scenes*, 3DV 2021,
+    /// doi:10.1109/3DV53792.2021.00022.
+    pub mix: f64,
 }
 
 impl Default for Augmentation {
     fn default() -> Self {
-        Self { turn: true, scale: 0.1, noise: 0.1, thin: 0.2, hide: 0.0 }
+        Self { turn: true, scale: 0.1, noise: 0.1, thin: 0.2, hide: 0.0, mix: 0.0 }
     }
 }
 
@@ -42,7 +46,13 @@ impl Augmentation {
         check("augment.scale", self.scale, (0.0..1.0).contains(&self.scale), "0 to below 1")?;
         check("augment.noise", self.noise, (0.0..=2.0).contains(&self.noise), "0 to 2 cells")?;
         check("augment.thin", self.thin, self.thin > 0.0 && self.thin <= 1.0, "above 0, at most 1")?;
-        check("augment.hide", self.hide, (0.0..=1.0).contains(&self.hide), "0 to 1")
+        check("augment.hide", self.hide, (0.0..=1.0).contains(&self.hide), "0 to 1")?;
+        check("augment.mix", self.mix, (0.0..=1.0).contains(&self.mix), "0 to 1")
+    }
+
+    /// Whether the next part is laid over another one. Without mixing nothing is drawn.
+    pub(super) fn mixes(&self, draws: &mut Stream) -> bool {
+        self.mix > 0.0 && draws.uniform() < self.mix
     }
 }
 
@@ -58,7 +68,8 @@ pub(super) struct Crop<'a> {
 }
 
 impl Crop<'_> {
-    /// Adds the points of the part as one sample, and appends the class of each to `labels`.
+    /// Adds the points of the part, changed by random draws, to the last sample of the batch: the line goes through the
+    /// middle of the sample, and the lowest point is at its lower end.
     ///
     /// # Errors
     /// If a point lies beyond the largest cell.
@@ -92,10 +103,9 @@ impl Crop<'_> {
             });
             numbers.copy_from_slice(scene.numbers_of(i));
             change.hide(&mut numbers);
-            batch.points.push(batch.samples, at, &numbers)?;
+            batch.points.push(batch.sample, at, &numbers)?;
             batch.labels.push(scene.labelled.labels[i]);
         }
-        batch.samples += 1;
         Ok(())
     }
 }
@@ -106,8 +116,8 @@ pub(super) struct Batch {
     pub(super) points: Gathered,
     /// Class of each point, [`NONE`] without one.
     pub(super) labels: Vec<u16>,
-    /// Number of samples.
-    pub(super) samples: u32,
+    /// Number of the sample to which points are added.
+    pub(super) sample: u32,
 }
 
 impl Batch {

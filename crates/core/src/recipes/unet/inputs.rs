@@ -1,4 +1,4 @@
-//! What the network is told about points: numbers of each point, from which those of the cells are made.
+//! Input channels: numbers of each point, from which those of the cells are made.
 
 use crate::cloud::{Cloud, Points, names};
 use crate::error::{Error, Result};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// Channels that every cell has: 1, the mean place of its points in it along three axes, and their number.
 pub(super) const OWN: usize = 5;
 
-/// What the network is told about points besides their places.
+/// Input channels of the network besides the places of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UNetInputs {

@@ -102,7 +102,7 @@ pub struct UNetRecipe {
     pub voxel: Option<f64>,
     /// The network.
     pub network: UNetParams,
-    /// What it is told about points.
+    /// Its input channels besides the places of points.
     pub inputs: UNetInputs,
     /// The ground, for heights above it.
     pub ground: HeightParams,

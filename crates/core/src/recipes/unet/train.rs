@@ -13,9 +13,9 @@ use crate::nn::parameters::Parameters;
 use crate::nn::tape::Tape;
 use crate::nn::workspace::Workspace;
 use crate::parallel::Monitor;
-use crate::random::stream;
+use crate::random::{Stream, stream};
 use crate::recipes::training::networks::{
-    Checkpoint, Labelled, NONE, Progress, automatic_voxel, drawn, linear_of, names,
+    Checkpoint, Drawn, Labelled, NONE, Progress, automatic_voxel, drawn, linear_of, names,
 };
 use crate::recipes::training::sources::Sources;
 use crate::recipes::training::{TrainingData, density};
@@ -113,10 +113,14 @@ impl Training<'_> {
         let UNetRecipe { learning, augment, inputs, seed, .. } = self.recipe;
         let mut draws = stream(*seed, 1 + step);
         let mut batch = Batch::default();
-        for _ in 0..learning.parts {
-            let centre = self.centre(&mut draws)?;
-            let crop = Crop { radius: learning.radius, voxel: self.voxel, ..centre };
-            crop.gather(augment, &mut batch, &mut draws)?;
+        for sample in 0..learning.parts {
+            batch.sample = sample as u32;
+            let first = self.drawn(None, &mut draws)?;
+            self.crop(first).gather(augment, &mut batch, &mut draws)?;
+            if augment.mixes(&mut draws) {
+                let second = self.drawn(Some(first.scene), &mut draws)?;
+                self.crop(second).gather(augment, &mut batch, &mut draws)?;
+            }
         }
         let cells = Cells::new(&batch.points, inputs.width(), monitor)?;
         let targets = batch.targets(&cells.of_point, cells.len(), &self.weights);
@@ -124,13 +128,22 @@ impl Training<'_> {
         Ok(Prepared { cells, scene, targets })
     }
 
-    /// A part around a labelled point: of each class equally often.
-    fn centre(&self, draws: &mut crate::random::Stream) -> Result<Crop<'_>> {
-        let scenes: Vec<&Labelled> = self.scenes.iter().map(|scene| &scene.labelled).collect();
-        let found = drawn(&scenes, draws)?;
-        let scene = &self.scenes[found.scene];
-        let [x, y, _] = scene.points.xyz(found.point as usize);
-        Ok(Crop { scene, centre: [x, y], radius: 0.0, voxel: 0.0 })
+    /// A labelled point, of each class equally often; of another cloud than `not`, if another has any.
+    fn drawn(&self, not: Option<usize>, draws: &mut Stream) -> Result<Drawn> {
+        let all: Vec<usize> = (0..self.scenes.len()).collect();
+        let mut others = all.clone();
+        others.retain(|&scene| Some(scene) != not && self.scenes[scene].labelled.can_be_drawn());
+        let from = if others.is_empty() { all } else { others };
+        let labelled: Vec<&Labelled> = from.iter().map(|&scene| &self.scenes[scene].labelled).collect();
+        let found = drawn(&labelled, draws)?;
+        Ok(Drawn { scene: from[found.scene], ..found })
+    }
+
+    /// The part around a point.
+    fn crop(&self, Drawn { scene, point, .. }: Drawn) -> Crop<'_> {
+        let scene = &self.scenes[scene];
+        let [x, y, _] = scene.points.xyz(point as usize);
+        Crop { scene, centre: [x, y], radius: self.recipe.learning.radius, voxel: self.voxel }
     }
 
     /// All steps that are left.
@@ -162,7 +175,7 @@ impl Training<'_> {
         learning.optimiser.step(&mut progress.parameters, &gradients, rate, &mut progress.state)?;
         followed.iter().for_each(|moments| moments.store(&mut progress.parameters));
         progress.losses.push(loss);
-        progress.cells += batch.cells.len() as u64;
+        progress.cells = progress.cells.saturating_add(batch.cells.len() as u64);
         Ok(())
     }
 
@@ -185,5 +198,114 @@ impl Training<'_> {
         }
         let samples = Samples { features: &rows, width, labels: &labels, weights: None, classes };
         Ok(Fingerprint::of(&samples, density))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{Cloud, CodeScheme};
+    use crate::nn::networks::UNetParams;
+    use crate::recipes::System;
+    use crate::recipes::labels::Labels;
+    use crate::recipes::unet::{Augmentation, LearningParams, UNetInputs};
+
+    /// A plane at a height, all of a class, and a roof (class 6) 9.5 m above its middle.
+    fn plane(height: f64, code: u8, corner: [f64; 2]) -> LabelledCloud {
+        let at = |dx: f64, dy: f64, dz: f64| [corner[0] + dx, corner[1] + dy, height + dz];
+        let mut rows: Vec<[f64; 3]> =
+            (0..900).map(|i| at(f64::from(i % 30) + 0.5, f64::from(i / 30) + 0.5, 0.0)).collect();
+        rows.extend((0..36).map(|i| at(12.5 + f64::from(i % 6), 12.5 + f64::from(i / 6), 9.5)));
+        let codes = (0..936).map(|i| Some(if i < 900 { code } else { 6 })).collect();
+        LabelledCloud { cloud: Cloud::from_rows(&rows).unwrap(), labels: Labels::new(codes, CodeScheme::Asprs) }
+    }
+
+    fn recipe(mix: f64) -> UNetRecipe {
+        let still = Augmentation { turn: false, scale: 0.0, noise: 0.0, thin: 1.0, hide: 0.0, mix };
+        UNetRecipe {
+            voxel: Some(1.0),
+            network: UNetParams { widths: vec![4, 4] },
+            inputs: UNetInputs { height: false, ..UNetInputs::default() },
+            learning: LearningParams { steps: 8, parts: 2, radius: 10.0, ..LearningParams::default() },
+            augment: still,
+            ..UNetRecipe::default()
+        }
+    }
+
+    /// The parts of the first steps, with the points of each.
+    fn batches(recipe: &UNetRecipe, clouds: &[LabelledCloud]) -> Vec<Prepared> {
+        let monitor = Monitor::default();
+        let data = TrainingData::new(clouds, None, &monitor).unwrap();
+        let sources = Sources::select(&data, &recipe.training, 0, &monitor).unwrap();
+        let scene = |source| TrainingScene::new(recipe, &data, source, &sources, &monitor).unwrap();
+        let scenes: Vec<TrainingScene> = sources.list.iter().map(scene).collect();
+        let classes = sources.classes.len();
+        let (net, _) = UNet::new::<f32>(&recipe.network, OWN, classes, 0).unwrap();
+        let training = Training { recipe, voxel: 1.0, scenes, weights: vec![1.0; classes], net };
+        (0..4).map(|step| training.prepared(step, &monitor).unwrap()).collect()
+    }
+
+    #[test]
+    fn mixed_parts_lie_over_each_other_at_the_same_place_and_height() {
+        // Clouds far apart, one with class 2, one with class 5, 40 m higher.
+        let clouds = [plane(0.0, 2, [0.0, 0.0]), plane(40.0, 5, [5000.0, 300.0])];
+        let classes = |batch: &Prepared, sample: u32| {
+            let mut seen = [false; 3];
+            let rows = batch.targets.chunks_exact(3).enumerate();
+            for (_, row) in rows.filter(|(cell, _)| batch.cells.sites.position(*cell).0 == sample) {
+                seen.iter_mut().zip(row).for_each(|(seen, &share)| *seen |= share > 0.0);
+            }
+            seen
+        };
+        let heights = |batch: &Prepared| {
+            let heights = (0..batch.cells.len()).map(|cell| batch.cells.sites.position(cell).1[2]);
+            heights.collect::<std::collections::BTreeSet<i64>>()
+        };
+        for batch in batches(&recipe(0.0), &clouds) {
+            // Classes 2 and 5 come from different clouds.
+            assert!((0..2).all(|sample| !(classes(&batch, sample)[0] && classes(&batch, sample)[1])));
+        }
+        for batch in batches(&recipe(1.0), &clouds) {
+            assert!((0..2).all(|sample| classes(&batch, sample)[0] && classes(&batch, sample)[1]));
+            // Both planes are at the lower end, within a cell, and the roofs 9.5 m above them.
+            assert!(
+                heights(&batch).iter().all(|z| (16..=17).contains(z) || (25..=27).contains(z)),
+                "{:?}",
+                heights(&batch)
+            );
+            // Parts of 314 cells each over the same place: hardly more columns than one has.
+            let columns: std::collections::BTreeSet<[i64; 2]> = (0..batch.cells.len())
+                .filter(|&cell| batch.cells.sites.position(cell).0 == 0)
+                .map(|cell| batch.cells.sites.position(cell).1)
+                .map(|[x, y, _]| [x, y])
+                .collect();
+            assert!(columns.len() < 500, "{}", columns.len());
+        }
+    }
+
+    #[test]
+    fn a_single_cloud_is_mixed_with_itself() {
+        let cloud = [plane(0.0, 2, [0.0, 0.0])];
+        let points = |mix| -> f32 {
+            let count = |row: &[f32]| (3.0 * row[4]).exp() - 1.0;
+            let own = |batch: &Prepared| batch.cells.inputs.chunks_exact(OWN).map(count).sum::<f32>();
+            batches(&recipe(mix), &cloud).iter().map(own).sum()
+        };
+        assert!(points(1.0) > 1.5 * points(0.0), "{} {}", points(1.0), points(0.0));
+    }
+
+    #[test]
+    fn mixed_parts_give_the_same_model_on_any_number_of_threads() {
+        let clouds = [plane(0.0, 2, [0.0, 0.0]), plane(40.0, 5, [5000.0, 300.0])];
+        let train = |mix, threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| recipe(mix).train(&clouds, &TrainOptions::default(), &Monitor::default()).unwrap().0)
+        };
+        let model = train(0.5, 1);
+        assert!(train(0.5, 3) == model && train(0.0, 1) != model);
+        for mix in [-0.1, 1.5, f64::NAN] {
+            let recipe = recipe(mix);
+            assert!(recipe.validate().unwrap_err().to_string().contains("augment.mix"));
+        }
     }
 }

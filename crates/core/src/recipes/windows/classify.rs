@@ -12,7 +12,7 @@ use crate::parallel::Monitor;
 use crate::recipes::classify::predict::{Fit, LOOKED_AT};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, regularise};
-use crate::recipes::training::networks::restore;
+use crate::recipes::training::networks::{check_values, restore};
 
 /// Windows that pass through the network together.
 const BLOCK: usize = 128;
@@ -35,6 +35,7 @@ impl Trained {
         let Some(voxel) = recipe.voxel else {
             return Err(Error::ModelMismatch("a model of the recipe windows needs a voxel".into()));
         };
+        check_values(job.model, recipe.network.parameters(job.model.classes.len())?)?;
         let (net, mut parameters) = WindowNet::new::<f32>(&recipe.network, job.model.classes.len(), recipe.seed)?;
         restore(&mut parameters, job.model, net.width())?;
         Ok(Self { net, parameters, frame: Frame::of(recipe, voxel) })

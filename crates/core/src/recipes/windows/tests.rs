@@ -160,6 +160,15 @@ fn roofs_of_another_village_are_found_and_the_model_comes_back_from_its_file() {
         assert!(pool.install(|| trained(&recipe())) == model, "the same bytes with {threads} threads");
         assert!(pool.install(|| classified(&model, &known)).0 == found, "the same labels with {threads} threads");
     }
+    // Files whose recipes have larger networks than their arrays.
+    for (hidden, window, expected) in [(1 << 12, 8, "by the model's recipe"), (1 << 16, 64, "up to 2147483648")] {
+        let network = WindowNetParams { hidden, window, channels: vec![512], ..recipe().network };
+        let recipe = WindowsRecipe { network, ..recipe() };
+        let large = Model { fitted: Fitted { recipe, learned: Nothing {} }.into(), ..model.clone() };
+        let found = crate::recipes::classify(&known.cloud, &large, &ClassifyParams::default(), &Monitor::default());
+        let message = found.unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
     let none = Model { network: None, ..model };
     let message = crate::recipes::classify(&known.cloud, &none, &ClassifyParams::default(), &Monitor::default());
     assert!(message.unwrap_err().to_string().contains("needs a network"));
@@ -187,7 +196,7 @@ fn points_of_a_finest_cell_share_their_probabilities_in_a_grid_only() {
 }
 
 #[test]
-fn twenty_points_are_learned_by_heart() {
+fn twenty_points_can_be_overfitted() {
     let mut draws = stream(8, 0);
     let rows: Vec<[f64; 3]> = (0..20).map(|_| [0; 3].map(|_| 10.0 * draws.uniform())).collect();
     let known = labelled(&rows, (0..20).map(|i| Some([2, 5, 6][i % 3])).collect());

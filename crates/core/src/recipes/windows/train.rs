@@ -191,7 +191,8 @@ impl Training<'_> {
         let learning = &self.recipe.learning;
         let mut draws = stream(self.recipe.seed, 1 + step);
         let Batch { windows, classes } = self.batch(turned, &mut draws, monitor)?;
-        progress.cells += windows.iter().map(|window| window.len() as u64).sum::<u64>();
+        let cells = windows.iter().map(|window| window.len() as u64).sum();
+        progress.cells = progress.cells.saturating_add(cells);
         let mut targets = vec![0.0f32; classes.len() * self.classes];
         let rows = targets.chunks_exact_mut(self.classes);
         rows.zip(&classes).for_each(|(row, &class)| row[usize::from(class)] = 1.0);

@@ -15,7 +15,7 @@ from scansion.nn._convolution import (
     submanifold_convolution,
     submanifold_convolution_gradient,
 )
-from scansion.nn._files import load_voxels, load_weights, read_idx, read_off, sample_surface
+from scansion.nn._files import load_voxels, load_weights, load_xyz, read_idx, read_off, sample_surface
 from scansion.nn._objects import VoxelClassifier
 from scansion.nn._tensor import SparseTensor
 from scansion.nn._unet import SparseUNet
@@ -27,6 +27,7 @@ __all__ = [
     "VoxelClassifier",
     "load_voxels",
     "load_weights",
+    "load_xyz",
     "read_idx",
     "read_off",
     "sample_surface",

@@ -20,12 +20,15 @@ def _submanifold(coordinates: Any, features: Any, weights: Any, dilation: int) -
     if coordinates.ndim != 2 or features.ndim != 2 or len(coordinates) != len(features):
         raise ValueError("coordinates: expected shape (n, axes), features: expected shape (n, channels)")
     axes = coordinates.shape[1]
+    if not 1 <= axes <= 4 or features.shape[1] == 0:
+        found = f"coordinates of {axes} axes and features of {features.shape[1]} channels"
+        raise ValueError(f"found {found}, expected 1 to 4 axes and 1 or more channels")
     if weights.ndim != axes + 2 or len(set(weights.shape[:axes])) > 1 or weights.shape[axes] != features.shape[1]:
         expected = f"({', '.join(['size'] * axes)}, {features.shape[1]}, outputs)"
         raise ValueError(f"weights: found shape {weights.shape}, expected {expected}")
     if weights.shape[0] % 2 == 0:
         raise ValueError(f"weights: found size {weights.shape[0]}, expected an odd number")
-    layer = {"size": weights.shape[0], "dilation": int(dilation), "outputs": weights.shape[-1]}
+    layer = {"size": weights.shape[0], "dilation": whole(dilation, "dilation"), "outputs": weights.shape[-1]}
     return coordinates, features, np.ascontiguousarray(weights).ravel(), to_json(layer)
 
 
@@ -102,6 +105,8 @@ def _direct(tensor: SparseTensor, weights: Any, bias: Any, density: float | None
     choice(attention, "attention", ("positive", "magnitude"))
     weights = np.asarray(weights, np.float32)
     axes = len(tensor.shape) - 2
+    if not 1 <= axes <= 4:
+        raise ValueError(f"tensor: found shape {tensor.shape}, expected (samples, channels, cells along 1 to 4 axes)")
     if weights.ndim != axes + 2 or len(set(weights.shape[2:])) > 1 or weights.shape[1] != tensor.shape[1]:
         expected = f"(outputs, {tensor.shape[1]}, {', '.join(['size'] * axes)})"
         raise ValueError(f"weights: found shape {weights.shape}, expected {expected}")

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import struct
+import tokenize
+import zipfile
+import zlib
 from typing import Any
 
 import numpy as np
@@ -57,6 +61,30 @@ def read_off(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
     return _core.read_off(os.fspath(path))
 
 
+def load_xyz(folder: Path) -> tuple[list[NDArray[np.float64]], NDArray[np.str_]]:
+    """Objects from a folder of text files ``.xyz``, one each: rows of x, y, z and any further columns.
+
+    :class:`VoxelClassifier` takes the list as it is and puts each object into cells.
+
+    Parameters
+    ----------
+    folder : path
+        The folder. Other files in it are left out.
+
+    Returns
+    -------
+    tuple
+        A list of arrays of shape (m, 3) in the order of the files' names, and these names without ``.xyz``.
+
+    Raises
+    ------
+    scansion.FileFormatError
+        With the line; also if there is no such file.
+    """
+    rows, starts, names = _core.load_xyz(os.fspath(folder))
+    return np.split(rows, starts[1:-1]), np.array(names, np.str_)
+
+
 def sample_surface(vertices: Any, triangles: Any, count: int, random_state: Any = None) -> NDArray[np.float64]:
     """Points on the surface of a mesh, each place with the same chance; the mesh need not be closed.
 
@@ -104,12 +132,25 @@ def load_voxels(path: Path) -> tuple[NDArray[Any], NDArray[np.str_]]:
     -------
     tuple of arrays
         The objects one below the other, and the name of the class of each: that of its array.
+
+    Raises
+    ------
+    scansion.FileFormatError
+        If it is no such file, or is damaged.
     """
-    with np.load(path, allow_pickle=False) as arrays:
-        parts = [(name, arrays[name]) for name in arrays.files]
+    with open(path, "rb") as file:
+        try:
+            arrays = np.load(file, allow_pickle=False)
+            if isinstance(arrays, np.ndarray):
+                raise ValueError("a single array")
+            parts = [(name, arrays[name]) for name in arrays.files]
+        except _DAMAGES as error:
+            raise _damaged(path, error, "a file .npz of arrays") from error
+    if not all(isinstance(part, np.ndarray) for _, part in parts):
+        raise _damaged(path, "members that are no arrays", "a file .npz of arrays")
     shapes = {part.shape[1:] for _, part in parts}
     if len(shapes) != 1 or len(next(iter(shapes))) < 2:
-        raise ValueError(f"{os.fspath(path)}: found objects of {shapes} cells, expected one shape for all")
+        raise _damaged(path, f"objects of {shapes or 'no'} cells", "one shape for all")
     labels = [np.full(len(part), name) for name, part in parts]
     return np.concatenate([part for _, part in parts]), np.concatenate(labels)
 
@@ -129,19 +170,52 @@ def load_weights(path: Path) -> dict[str, NDArray[Any]]:
     Returns
     -------
     dict of arrays
+
+    Raises
+    ------
+    scansion.FileFormatError
+        If it is no such file, or is damaged.
     """
     types = {"F32": "<f4", "F64": "<f8", "U64": "<u8", "I64": "<i8", "U32": "<u4", "U16": "<u2", "U8": "u1", "I32": "<i4"}
     with open(path, "rb") as file:
         start = file.read(8)
         length = int.from_bytes(start, "little")
         if len(start) < 8 or length > 1 << 30:
-            raise _core.FileFormatError(f"{os.fspath(path)}: expected a file of the format safetensors")
-        header = json.loads(file.read(length))
-        body = file.read()
+            raise _damaged(path, "another start", "a file of the format safetensors")
+        start, body = file.read(length), file.read()
     found: dict[str, NDArray[Any]] = {}
-    for name, entry in header.items():
-        if name != "__metadata__":
-            first, last = entry["data_offsets"]
-            values = np.frombuffer(body[first:last], types[entry["dtype"]])
-            found[name] = values.reshape(entry["shape"])
+    try:
+        for name, entry in json.loads(start).items():
+            if name != "__metadata__":
+                first, last = entry["data_offsets"]
+                if not 0 <= first <= last <= len(body):
+                    raise ValueError(f"bytes {first} to {last} of {len(body)}")
+                values = np.frombuffer(body[first:last], types[entry["dtype"]])
+                found[name] = values.reshape(entry["shape"])
+    except _DAMAGES as error:
+        raise _damaged(path, error, "a file of the format safetensors") from error
     return found
+
+
+#: What libraries raise that read a damaged file.
+_DAMAGES = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+def _damaged(path: Path, found: object, expected: str) -> Exception:
+    """The error about the content of a file; ``found`` is a text or what a library raised."""
+    found = f"{type(found).__name__}: {found}" if isinstance(found, Exception) else found
+    return _core.FileFormatError(f"{os.fspath(path)}: found {found}, expected {expected}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -32,7 +33,8 @@ class VoxelClassifier(Classifier):
     ----------
     network : {"modelnet", "mnist"}
         The network of the thesis: nine sparse and three dense convolutions along three axes, or six sparse ones along two.
-        Its bounds of density are those of the resolution of the objects.
+        Its bounds of density are those of the resolution of the objects. Samples of "modelnet" are turned about the last axis
+        in training, digits of "mnist" are not (``learning.augment.turn``).
     resolution : int
         Cells along each side of the cube into which clouds of points are put; objects that come in cells have their own.
     density : float, optional
@@ -129,15 +131,14 @@ class VoxelClassifier(Classifier):
             Labels: whole numbers or texts.
         checkpoint : path, optional
             After each epoch all that is needed to go on is written to this file. If it exists already, training goes on from
-            it, to the same bytes; it must be of the same objects and settings.
+            it and ends with a bit-identical network; it must be of the same objects and settings.
         progress : bool or callable, optional
             As `scansion.progress`.
         """
         labels = np.asarray(y)
         if labels.ndim != 1:
             raise ValueError(f"y: found shape {labels.shape}, expected (n,)")
-        if labels.dtype.kind not in "iubUO":
-            raise ValueError(f"y: found dtype {labels.dtype}, expected whole numbers or texts")
+        labels, kind = _kind(labels)
         self.classes_, codes = np.unique(labels, return_inverse=True)
         objects, self.shape_ = samples(X, codes, whole(self.resolution, "resolution", 2))
         self.settings_ = self._settings()
@@ -154,7 +155,7 @@ class VoxelClassifier(Classifier):
                 self.history_.append({**report, "seconds": time.perf_counter() - start})
                 if path is not None:
                     training.save(path, objects)
-        self._model = training.model()
+        self._model = training.model(json.dumps(kind))
         return self
 
     def _settings(self) -> dict[str, Any]:
@@ -163,7 +164,7 @@ class VoxelClassifier(Classifier):
         shortest = min(self.shape_["extent"])
         network = json.loads(_core.object_network(self.network, shortest, density, bool(self.dense)))
         learning = {
-            **json.loads(_core.object_learning()),
+            **json.loads(_core.object_learning(self.network)),
             "epochs": whole(self.epochs, "epochs"),
             "batch": whole(self.batch_size, "batch_size"),
             "rate": share(self.learning_rate, "learning_rate", (0, 1e6)),
@@ -222,18 +223,17 @@ class VoxelClassifier(Classifier):
 
     @classmethod
     def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
-        """A network from a file that `save` wrote. Classes are whole numbers if all names are.
+        """A network from a file that `save` wrote.
 
         Parameters
         ----------
         path : path
+            A file of a version that did not store the type of labels has whole numbers as classes if all names are.
         """
         own = cls()
         own._model = _core.ObjectModel.load(os.fspath(path))
         about = json.loads(own._model.about())
-        names = about["classes"]
-        numbers = all(name.lstrip("-").isdigit() for name in names)
-        own.classes_ = np.array([int(name) for name in names] if numbers else names)
+        own.classes_ = _labels(about["classes"], about.get("labels"))
         own.shape_ = about["shape"]
         own.settings_ = {"network": about["network"]}
         return own
@@ -242,6 +242,28 @@ class VoxelClassifier(Classifier):
         """The parameters by name."""
         self._check_is_fitted()
         return self._model.weights()
+
+
+def _kind(labels: NDArray[Any]) -> tuple[NDArray[Any], str]:
+    """The labels as numbers or texts, and which of them they are, by the core's name."""
+    if labels.dtype.kind == "O":
+        if all(isinstance(label, str) for label in labels):
+            labels = labels.astype(np.str_)
+        elif all(isinstance(label, (int, np.integer)) and not isinstance(label, bool) for label in labels):
+            labels = np.array([int(label) for label in labels])
+    kinds = {"i": "whole", "u": "whole", "b": "boolean", "U": "text"}
+    if labels.dtype.kind not in kinds:
+        raise ValueError(f"y: found dtype {labels.dtype}, expected whole numbers or texts")
+    return labels, kinds[labels.dtype.kind]
+
+
+def _labels(names: list[str], kind: str | None) -> NDArray[Any]:
+    """The labels with these names; without a kind, they are whole numbers if all names are."""
+    if kind is None:
+        kind = "whole" if all(re.fullmatch("-?[0-9]+", name) for name in names) else "text"
+    if kind == "boolean":
+        return np.array([name == "True" for name in names])
+    return np.array([int(name) for name in names] if kind == "whole" else names)
 
 
 def _over(defaults: dict[str, Any], given: dict[str, Any] | None) -> dict[str, Any]:

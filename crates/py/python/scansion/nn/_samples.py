@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,14 +20,34 @@ def samples(X: Any, labels: NDArray[np.intp] | None, resolution: int) -> tuple[_
     if not isinstance(X, SparseTensor) and _are_points(X):
         return _points(X, codes, resolution)
     tensor = X if isinstance(X, SparseTensor) else _of_cells(X)
+    if not 3 <= len(tensor.shape) <= 6 or 0 in tensor.shape[1:]:
+        expected = "(samples, channels, cells along 1 to 4 axes), no length 0"
+        raise ValueError(f"X: found shape {tensor.shape}, expected {expected}")
     count, channels, *extent = tensor.shape
     _same_length(count, codes, labels)
     shape = {"channels": int(channels), "extent": [int(length) for length in extent]}
-    size = channels * int(np.prod(extent))
-    keys = np.ascontiguousarray(tensor.keys, np.uint64)
+    size = int(channels) * math.prod(shape["extent"])
+    keys, values = _sorted(tensor, count * size)
     starts = np.searchsorted(keys, np.arange(count + 1, dtype=np.uint64) * np.uint64(size)).tolist()
-    values = np.ascontiguousarray(tensor.values, np.float32)
     return _core.Objects.of_entries(to_json(shape), starts, keys % np.uint64(size), values, codes), shape
+
+
+def _sorted(tensor: SparseTensor, end: int) -> tuple[NDArray[np.uint64], NDArray[np.float32]]:
+    """Keys, ascending, and their values; all keys must be below ``end``."""
+    keys, values = np.asarray(tensor.keys), np.asarray(tensor.values, np.float32)
+    if keys.ndim != 1 or keys.shape != values.shape:
+        raise ValueError(f"X: found keys of shape {keys.shape} and values of shape {values.shape}, expected (n,) twice")
+    if keys.dtype.kind not in "iu" and len(keys):
+        raise ValueError(f"X: found keys of dtype {keys.dtype}, expected whole numbers")
+    if len(keys) and (int(keys.min()) < 0 or int(keys.max()) >= end):
+        found = int(keys.min()) if int(keys.min()) < 0 else int(keys.max())
+        raise ValueError(f"X: found key {found}, expected 0 up to {end - 1}")
+    order = np.argsort(keys, kind="stable")
+    keys, values = np.ascontiguousarray(keys[order], np.uint64), np.ascontiguousarray(values[order])
+    twice = np.flatnonzero(keys[1:] == keys[:-1])
+    if len(twice):
+        raise ValueError(f"X: found key {keys[twice[0]]} twice, expected each once")
+    return keys, values
 
 
 def _are_points(X: Any) -> bool:

@@ -4,21 +4,25 @@
 //! with attention and max pooling, then two fully connected layers.
 
 mod fit;
+#[cfg(test)]
+mod fit_tests;
+mod learning;
 mod model;
 mod pass;
 
-pub use fit::{EpochReport, ObjectLearning, ObjectTraining};
-pub use model::{ObjectModel, ObjectModelAbout};
+pub use fit::{EpochReport, ObjectTraining};
+pub use learning::ObjectLearning;
+pub use model::{LabelKind, ObjectModel, ObjectModelAbout};
 pub use pass::Pass;
 
 use crate::error::{Error, Result};
-use crate::nn::networks::build::Builder;
+use crate::nn::networks::build::{Builder, limited};
 use crate::nn::networks::connected::{Connected, Widths};
-use crate::nn::networks::levels::{Levels, ObjectLevel};
+use crate::nn::networks::levels::{Levels, ObjectLevel, Size};
 use crate::nn::objects::ObjectShape;
 use crate::nn::parameters::{ParameterId, Parameters};
 use crate::nn::scalar::Scalar;
-use crate::nn::sparse::Attention;
+use crate::nn::sparse::{Attention, Shape};
 use crate::random::stream;
 use serde::{Deserialize, Serialize};
 
@@ -85,6 +89,7 @@ impl ObjectNetParams {
     /// # Errors
     /// Names the value that is out of range.
     pub fn validate(&self, shape: &ObjectShape) -> Result<()> {
+        Shape::new(1, shape.channels, &shape.extent)?;
         let shortest = shape.extent.iter().copied().min().unwrap_or(0);
         let most = shortest.checked_ilog2().unwrap_or(0) as usize;
         if self.levels.is_empty() || self.levels.len() > most {
@@ -113,6 +118,21 @@ impl ObjectNetParams {
             false => Err(Error::parameter("dropout", self.dropout, "0 to below 1")),
         }
     }
+
+    /// Number of parameters for samples of a shape and so many classes; nothing is allocated.
+    ///
+    /// # Errors
+    /// If a value is out of range, there are fewer than two classes, or more than 2^31 parameters.
+    pub fn parameters(&self, shape: &ObjectShape, classes: usize) -> Result<usize> {
+        self.validate(shape)?;
+        if classes < 2 {
+            return Err(Error::input(format!("{classes} classes (allowed: 2 or more)")));
+        }
+        limited(Size::of(&self.levels, shape).and_then(|size| {
+            let connected = Widths { inputs: size.flat, hidden: self.hidden, classes };
+            connected.parameters()?.checked_add(size.parameters)
+        }))
+    }
 }
 
 /// A network: which parameter is used where.
@@ -127,17 +147,14 @@ impl ObjectNet {
     /// A network and its parameters at the start.
     ///
     /// # Errors
-    /// If a parameter is out of range, or there are fewer than two classes.
+    /// As [`ObjectNetParams::parameters`].
     pub fn new<T: Scalar>(
         params: &ObjectNetParams,
         shape: &ObjectShape,
         classes: usize,
         seed: u64,
     ) -> Result<(Self, Parameters<T>)> {
-        params.validate(shape)?;
-        if classes < 2 {
-            return Err(Error::input(format!("{classes} classes (allowed: 2 or more)")));
-        }
+        params.parameters(shape, classes)?;
         let mut parameters = Parameters::default();
         let draws = stream(seed, 0);
         let mut build = Builder { parameters: &mut parameters, draws, deviation: params.deviation };
@@ -155,6 +172,11 @@ impl ObjectNet {
     /// The weights of each sparse convolution, in their order.
     pub fn sparse_weights(&self) -> Vec<ParameterId> {
         self.levels.sparse_weights()
+    }
+
+    /// Biases of the sparse convolutions.
+    pub fn sparse_biases(&self) -> Vec<ParameterId> {
+        self.levels.sparse_biases()
     }
 
     /// Upper bound of the density of each sparse convolution.
@@ -183,6 +205,7 @@ mod tests {
             + (4 * 4 * 4 * 32 + 1) * 1024
             + 1025 * 40;
         assert_eq!((parameters.trained(), net.sparse_weights().len()), (expected, 9));
+        assert_eq!(ObjectNetParams::modelnet(64).parameters(&cube(64), 40).unwrap(), expected);
         let image = ObjectShape { channels: 1, extent: vec![28, 28] };
         let (net, parameters) = ObjectNet::new::<f32>(&ObjectNetParams::mnist(0.05), &image, 10, 1).unwrap();
         let planes = [[1, 8], [8, 8], [8, 8], [8, 16], [16, 16], [16, 16]];
@@ -215,5 +238,21 @@ mod tests {
         assert!(message(wrong).contains("density"));
         assert!(message(ObjectNetParams { dropout: 1.0, ..fine.clone() }).contains("dropout"));
         assert!(message(ObjectNetParams { hidden: 0, ..fine }).contains("hidden"));
+    }
+
+    #[test]
+    fn networks_too_large_for_any_memory_are_refused_before_they_are_built() {
+        let refused = |channels: usize, extent: Vec<usize>| {
+            let shape = ObjectShape { channels, extent };
+            ObjectNet::new::<f32>(&ObjectNetParams::modelnet(64), &shape, 40, 1).unwrap_err().to_string()
+        };
+        assert!(refused(1, vec![1 << 12; 3]).contains("parameters (allowed: up to 2147483648)"));
+        assert!(refused(1, vec![usize::MAX; 3]).contains("do not fit"));
+        assert!(refused(usize::MAX / 8, vec![16]).contains("do not fit"));
+        assert!(refused(1 << 62, vec![1]).contains("levels"));
+        assert!(refused(1, vec![16; 5]).contains("1 to 4 axes") && refused(0, vec![16]).contains("no length 0"));
+        // Its cells can be numbered, but the weights can not.
+        assert!(refused((1 << 59) - 1, vec![16]).contains("parameters (allowed: up to 2147483648)"));
+        assert!(refused(1, vec![1 << 58]).contains("more than 2^64 parameters"));
     }
 }

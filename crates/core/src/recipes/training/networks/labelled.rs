@@ -43,6 +43,11 @@ impl Labelled {
         Self { labels, centres }
     }
 
+    /// Whether any point may be drawn.
+    pub(in crate::recipes) fn can_be_drawn(&self) -> bool {
+        self.centres.iter().any(|points| !points.is_empty())
+    }
+
     /// Feeds classes and points to a checksum.
     pub(in crate::recipes) fn feed(&self, sum: &mut impl Digest) {
         self.labels.iter().for_each(|label| sum.update(label.to_le_bytes()));

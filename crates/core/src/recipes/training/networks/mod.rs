@@ -40,6 +40,24 @@ pub(in crate::recipes) fn linear_of([weights, bias]: [&[f32]; 2], summary: &Fing
     Linear::of_layer(weights, bias, means)
 }
 
+/// Checks that a model holds as many values of a network as its recipe tells, before any network is built.
+///
+/// # Errors
+/// If it has no network, or the numbers differ.
+pub(in crate::recipes) fn check_values(model: &Model, expected: usize) -> Result<()> {
+    let Some(stored) = &model.network else {
+        return Err(Error::ModelMismatch("a model of this recipe needs a network".into()));
+    };
+    let found: usize = stored.iter().map(|array| array.values.len()).sum();
+    match found == expected {
+        true => Ok(()),
+        false => {
+            let reason = format!("a network of {found} values (allowed: {expected}, by the model's recipe)");
+            Err(Error::ModelMismatch(reason))
+        }
+    }
+}
+
 /// Puts what a model has learned in the place of the parameters of its network, which gives `width` features.
 ///
 /// # Errors

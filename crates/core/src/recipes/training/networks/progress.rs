@@ -60,7 +60,7 @@ impl<'a> Checkpoint<'a> {
         if !self.path.exists() {
             return Ok(());
         }
-        let arrays = Arrays::load(self.path)?;
+        let arrays = Arrays::load_checked(self.path)?;
         if arrays.text != self.text {
             let found = "was made with other settings or clouds (allowed: the same; otherwise remove it)";
             return Err(Error::ModelMismatch(format!("the checkpoint {} {found}", self.path.display())));
