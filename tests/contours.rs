@@ -27,7 +27,7 @@ fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
     stderr
 }
 
-/// A made-up room with its classes, and its true edges as an OBJ file.
+/// A synthetic room with its classes, and its true edges as an OBJ file.
 fn room(folder: &Path) {
     let params = SceneParams { seed: 5, rays: 120_000, ..SceneParams::of(SceneKind::Indoor) };
     let made = scene(&params, &Monitor::default()).unwrap();
@@ -86,6 +86,49 @@ fn lines_can_be_left_out_and_a_model_learns_from_lines() {
     assert!(table.contains("contour") && table.contains("candidates"), "{table}");
     assert!(count(&["-m", "own.model"]) > 10);
     done(f, &["classify", "room.laz", "-m", "own.model", "-o", "named.laz"]);
+}
+
+#[test]
+fn training_takes_any_code_and_unit_and_refuses_lines_that_lie_elsewhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    room(f);
+    let small = ["--set", "forest.trees=4", "--set", "candidate_forest.trees=4", "--set", "training.max_samples=4000"];
+    let train = ["train", "room.laz", "--recipe", "contours", "--edges", "edges.obj", "-o", "own.model", "--overwrite"];
+    for own in ["code=5", "code=0", "features.metres_per_unit=0.3048"] {
+        let table = done(f, &[&train[..], &small, &["--set", own]].concat());
+        assert!(table.contains("contour") && table.contains("candidates"), "{own}: {table}");
+    }
+    // With synthetic scenes, which are in metres, in addition to a cloud in feet.
+    let more = ["--synthetic", "1", "--set", "features.metres_per_unit=0.3048"];
+    assert!(done(f, &[&train[..], &small, &more].concat()).contains("candidates"));
+    let lines = std::fs::read_to_string(f.join("edges.obj")).unwrap();
+    let far: Vec<String> = lines
+        .lines()
+        .map(|row| match row.strip_prefix("v ") {
+            Some(rest) => {
+                let at: Vec<f64> = rest.split(' ').map(|v| v.parse().unwrap()).collect();
+                format!("v {} {} {}", at[0] + 4e5, at[1] + 5e6, at[2])
+            }
+            None => row.to_string(),
+        })
+        .collect();
+    std::fs::write(f.join("edges.obj"), far.join("\n")).unwrap();
+    assert!(fails(f, &[&train[..], &small].concat(), 4).contains("reference system"));
+}
+
+#[test]
+fn lines_are_drawn_over_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    room(f);
+    done(f, &["render", "room.laz", "-o", "without.png", "--view", "oblique"]);
+    done(f, &["render", "room.laz", "-o", "with.png", "--view", "oblique", "--contours", "edges.obj"]);
+    let read = |name: &str| std::fs::read(f.join(name)).unwrap();
+    assert!(read("with.png") != read("without.png"));
+    assert!(fails(f, &["render", "room.laz", "-o", "a.png", "--contours", "absent.obj"], 4).contains("absent.obj"));
+    std::fs::write(f.join("far.obj"), "v 900 900 900\nv 901 900 900\nl 1 2\n").unwrap();
+    assert!(fails(f, &["render", "room.laz", "-o", "a.png", "--contours", "far.obj"], 4).contains("picture"));
 }
 
 #[test]

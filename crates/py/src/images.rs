@@ -34,6 +34,8 @@ struct Settings {
     changes: bool,
     /// True classes that are compared.
     classes: Vec<u8>,
+    /// Lines drawn over the cloud.
+    lines: Vec<Vec<[f64; 3]>>,
 }
 
 /// Temporary column with the true classes.
@@ -104,6 +106,7 @@ impl Settings {
             title: self.title,
             range: self.range,
             clip: self.clip,
+            lines: self.lines,
         }
     }
 }

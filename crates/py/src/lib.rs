@@ -41,7 +41,10 @@ mod _core {
     #[pymodule_export]
     use crate::clusters::{automatic_parameters, cluster_levels, cluster_table};
     #[pymodule_export]
-    use crate::contours::{Contours, contours, edge_labels, score_lines, synthetic_scene};
+    use crate::contours::{
+        ContourStages, Contours, Lines, SyntheticScene, baseline, contour_stages, contours, edge_labels, score_lines,
+        score_points, synthetic_scene,
+    };
     #[pymodule_export]
     use crate::error::FileFormatError;
     #[pymodule_export]

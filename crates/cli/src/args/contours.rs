@@ -16,8 +16,8 @@ pub(crate) struct Contours {
     /// Model of the recipe contours [default: the built-in one]
     #[arg(short, long)]
     pub(crate) model: Option<PathBuf>,
-    /// Edge of the voxels that hold one seed of a line each, metres; smaller: finer edges [default: 2 times the point
-    /// spacing]
+    /// Edge of the voxels that hold one seed of a line each, metres; smaller: finer edges [default: 2 times the spacing of
+    /// the points, by area]
     #[arg(long, value_name = "METRES")]
     pub(crate) voxel: Option<f64>,
     /// Points of these classes carry no line, e.g. 3,4,5 for vegetation
@@ -26,7 +26,8 @@ pub(crate) struct Contours {
     /// Leave out lines of a lower confidence, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     pub(crate) min_confidence: f32,
-    /// Change one setting of the model's recipe, e.g. trace.tidy.least_length=0.5; may be repeated
+    /// Change one setting of the model's recipe, e.g. trace.tidy.least_length=0.5; may be repeated. Lengths are those for voxels
+    /// of 0.1 m and change with the voxel
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
     #[command(flatten)]

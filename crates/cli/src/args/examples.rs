@@ -80,7 +80,8 @@ pub(super) const CONTOURS: &str = "Examples:
   scansion contours room.e57 -o edges.geojson --voxel 0.05   finer edges
   scansion contours my.laz -o edges.ply --set trace.tidy.least_length=1
 
-Lengths in settings are those for voxels of 0.1 m and change with the voxel.";
+Lengths in settings are those for voxels of 0.1 m and change with the voxel: with voxels of 0.5 m, least_length=1 leaves out
+lines below 5 m. Only --voxel is in metres.";
 
 pub(super) const HEIGHT: &str = "Examples:
   scansion height my.laz -o heights.laz
@@ -109,7 +110,8 @@ pub(super) const RENDER: &str = "Examples:
   scansion render classified.laz -o map.png                  classes from above, with a world file for GIS
   scansion render classified.laz -o side.png --view oblique --azimuth 120 --elevation 25
   scansion render classified.laz -o entropy.png --by Entropy
-  scansion render classified.laz -o wrong.png --truth truth.laz --classes 2,5,6  where the classes differ";
+  scansion render classified.laz -o wrong.png --truth truth.laz --classes 2,5,6  where the classes differ
+  scansion render my.laz -o lines.png --contours edges.geojson     lines over the cloud";
 
 pub(super) const MODEL: &str = "Examples:
   scansion model show                                        the built-in model

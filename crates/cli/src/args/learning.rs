@@ -81,7 +81,7 @@ pub(crate) struct Train {
     /// once for each input, in their order (recipe contours)
     #[arg(long, value_name = "FILE")]
     pub(crate) edges: Vec<PathBuf>,
-    /// Also learn from this many made-up scenes: streets and rooms (recipe contours)
+    /// Also learn from this many synthetic scenes: streets and rooms (recipe contours)
     #[arg(long, value_name = "N")]
     pub(crate) synthetic: Option<usize>,
     /// Write this file from time to time, and go on from it if it exists, to the same model (recipes unet, windows)

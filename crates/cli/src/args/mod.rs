@@ -208,7 +208,7 @@ impl Command {
             Self::Height(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Filter(args) => return std::iter::once(&*args.input).chain(args.polygon_file()).collect(),
             Self::Evaluate(args) => (std::slice::from_ref(&args.truth), vec![&args.prediction, &args.model]),
-            Self::Render(args) => (&args.inputs, vec![&args.truth]),
+            Self::Render(args) => (&args.inputs, vec![&args.truth, &args.contours]),
             Self::Model(Model::Show { model, .. }) => (&[], vec![model]),
         };
         let named = |path: &&Path| !is_name(path);

@@ -61,6 +61,9 @@ pub(crate) struct Render {
     /// Draw only points of these heights (z, in the unit of the file), e.g. ..2.2 for a room without its ceiling
     #[arg(long, value_name = "LOW..HIGH", allow_hyphen_values = true)]
     pub(crate) clip: Option<HeightRange>,
+    /// Draw the lines of this file (.geojson or .obj, as contours writes them) over the cloud
+    #[arg(long, value_name = "FILE")]
+    pub(crate) contours: Option<PathBuf>,
     /// Title above the picture
     #[arg(long)]
     pub(crate) title: Option<String>,

@@ -19,9 +19,13 @@ pub(crate) fn run(args: &Contours, context: &Context<'_>) -> std::result::Result
     let mut options = context.read_options();
     options.columns = Columns::Only([model.fitted.columns(), vec![names::CLASSIFICATION.into()]].concat());
     let cloud = io::read_with(&args.input, &options)?;
-    let params = ContourParams { metres_per_unit: args.unit.unit, codes: None, without: args.without.clone() };
-    let mut found = contours(&cloud, &model, &params, &context.monitor)?;
-    found.lines.retain(|line| line.confidence >= args.min_confidence);
+    let params = ContourParams {
+        metres_per_unit: args.unit.unit,
+        codes: None,
+        without: args.without.clone(),
+        min_confidence: args.min_confidence,
+    };
+    let found = contours(&cloud, &model, &params, &context.monitor)?;
     found.warnings.iter().for_each(|warning| context.printer.warning(warning));
     let drawing = found.drawing(&cloud);
     io::write_drawing(&args.output, &drawing, &context.monitor)?;

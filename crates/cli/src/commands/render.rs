@@ -41,6 +41,7 @@ pub(crate) fn run(args: &Render, context: &Context<'_>) -> Result<(), Failure> {
         title: args.title.clone(),
         range,
         clip: args.clip.map(|range| (range.low, range.high)),
+        lines: args.contours.as_deref().map_or(Ok(Vec::new()), io::read_lines)?,
     };
     let image = images::render(&cloud, &ClassTable::default(), &params, &context.monitor)?;
     atomic::write_bytes(&args.output, &image.to_png(&context.monitor)?)?;

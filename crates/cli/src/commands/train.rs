@@ -8,8 +8,8 @@ use scansion_core::Error;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns};
 use scansion_core::recipes::{
-    AnyRecipe, ClassCount, ContoursRecipe, Grid, LabelFile, LabelledCloud, Labels, Model, PickedCloud, Picking, Report,
-    SearchParams, SearchReport, TrainOptions, edge_labels, labelled_scenes, search,
+    AnyRecipe, ClassCount, ContoursRecipe, EdgeLines, Grid, LabelFile, LabelledCloud, Labels, Model, PickedCloud,
+    Picking, Report, SearchParams, SearchReport, TrainOptions, edge_labels, labelled_scenes, search,
 };
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -139,7 +139,7 @@ fn read_all(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result<V
     }
 }
 
-/// The recipe of contours, which alone learns from lines and made-up scenes.
+/// The recipe of contours, which alone learns from lines and synthetic scenes.
 fn contours_recipe(recipe: &AnyRecipe) -> Result<&ContoursRecipe, Failure> {
     match recipe {
         AnyRecipe::Contours(recipe) => Ok(recipe),
@@ -158,7 +158,8 @@ fn with_edges(args: &Train, recipe: &AnyRecipe, context: &Context<'_>) -> Result
     options.columns = Columns::Only(recipe.columns());
     let read = |(input, edges): (&PathBuf, &PathBuf)| {
         let cloud = io::read_with(input, &options)?;
-        let labels = edge_labels(own, &cloud, &io::read_lines(edges)?, &context.monitor)?;
+        let edges = EdgeLines { lines: io::read_lines(edges)?, ..EdgeLines::default() };
+        let labels = edge_labels(own, &cloud, edges, &context.monitor)?;
         Ok(LabelledCloud { cloud, labels })
     };
     args.inputs.iter().zip(&args.edges).map(read).collect()

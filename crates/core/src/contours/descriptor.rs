@@ -68,7 +68,7 @@ pub fn describe(
         for candidate in &candidates[range] {
             monitor.check()?;
             let path = Path::new(nodes, &candidate.path)?;
-            rows.extend(path.values(params.counts));
+            rows.extend(path.values(params));
         }
         monitor.advance(BLOCK as u64);
         Ok(rows)
@@ -96,7 +96,7 @@ impl Path {
         })
     }
 
-    fn values(&self, counts: bool) -> [f32; VALUES] {
+    fn values(&self, params: &DescriptorParams) -> [f32; VALUES] {
         let n = self.places.len();
         let chord = unit(apart(self.places[0], self.places[n - 1]));
         let mut histograms = [[0u32; BINS]; 3];
@@ -119,7 +119,7 @@ impl Path {
         let mut values = [0.0; VALUES];
         for (histogram, out) in histograms.iter().zip(values.chunks_exact_mut(BINS)) {
             let sum: u32 = histogram.iter().sum();
-            let unit = if counts { 1.0 } else { sum.max(1) as f32 };
+            let unit = if params.counts { 1.0 } else { sum.max(1) as f32 };
             out.iter_mut().zip(histogram).for_each(|(out, &count)| *out = count as f32 / unit);
         }
         for section in 0..BINS {
@@ -130,6 +130,9 @@ impl Path {
             };
             let part = &self.likelihoods[first..end];
             values[3 * BINS + section] = part.iter().sum::<f32>() / part.len() as f32;
+        }
+        if params.without_shape {
+            values[..2 * BINS].fill(0.0);
         }
         values
     }
@@ -225,7 +228,12 @@ mod tests {
         };
         let of = |path: &[u32]| {
             let candidate = Candidate { path: path.to_vec(), ..Candidate::default() };
-            describe(&nodes, &[candidate], &DescriptorParams { counts: true }, &Monitor::default())
+            describe(
+                &nodes,
+                &[candidate],
+                &DescriptorParams { counts: true, ..Default::default() },
+                &Monitor::default(),
+            )
         };
         let counts = of(&[0, 1, 2]).unwrap();
         assert_eq!([counts[4], counts[9], counts[14]], [6.0, 6.0, 3.0]);

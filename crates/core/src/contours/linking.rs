@@ -17,6 +17,9 @@ use std::hash::{BuildHasherDefault, Hasher};
 /// Seeds that one task links.
 const SEEDS: usize = 64;
 
+/// Distance from a seed over which the direction is taken in which a path leaves it, metres.
+const AWAY: f64 = 0.1;
+
 /// A candidate of a contour: the shortest path between two seeds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Candidate {
@@ -28,6 +31,8 @@ pub struct Candidate {
     pub path: Vec<u32>,
     /// Sum of the costs of the path's edges.
     pub cost: f64,
+    /// Directions in which the path leaves the start and the end, unit vectors; zeros if all nodes are at one position.
+    pub leaves: [[f32; 3]; 2],
 }
 
 /// The neighbourhood graph and the positions of its nodes.
@@ -43,7 +48,9 @@ pub struct Neighbourhood<'a> {
 ///
 /// Each seed is linked with at most `count` seeds within `radius`, each pair once, from the smaller node on. Its path
 /// is a shortest one among the nodes within `2 · radius` of the start; pairs without such a path give no candidate. O(s
-/// (b log b)) for s seeds and b nodes in a ball; memory O(b) a thread beside the result.
+/// (b log b)) for s seeds and b nodes in a ball; memory O(b) a thread beside the result, which holds 4 bytes for each
+/// node of each path and 80 for each candidate: with the default parameters about 200 bytes a candidate, of which a seed has
+/// about eight.
 ///
 /// # Errors
 /// If seeds are not ascending nodes, there is not one position a node, a parameter is outside its range, or the work
@@ -146,7 +153,8 @@ impl Search<'_> {
                 path.push(node);
             }
             path.reverse();
-            found.push(Candidate { start, end, path, cost: at.cost });
+            let leaves = self.leaves(&path);
+            found.push(Candidate { start, end, path, cost: at.cost, leaves });
         }
     }
 
@@ -182,6 +190,26 @@ impl Search<'_> {
                 }
             }
         }
+    }
+
+    /// Directions from both ends of a path to its first nodes that are [`AWAY`] or more from them, else to the other end.
+    fn leaves(&self, path: &[u32]) -> [[f32; 3]; 2] {
+        let place = |node: u32| self.of.positions.xyz(node as usize);
+        let from = |end: u32, others: &mut dyn Iterator<Item = u32>| {
+            let at = place(end);
+            let mut to = at;
+            for node in others {
+                to = place(node);
+                if self.apart(at, node) >= AWAY * AWAY {
+                    break;
+                }
+            }
+            let way: [f64; 3] = std::array::from_fn(|axis| f64::from(to[axis]) - f64::from(at[axis]));
+            let length = way.iter().map(|c| c * c).sum::<f64>().sqrt();
+            if length > 0.0 { way.map(|c| (c / length) as f32) } else { [0.0; 3] }
+        };
+        let [Some(&start), Some(&end)] = [path.first(), path.last()] else { return [[0.0; 3]; 2] };
+        [from(start, &mut path.iter().copied()), from(end, &mut path.iter().rev().copied())]
     }
 
     /// Squared distance of a node from a position.

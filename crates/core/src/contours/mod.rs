@@ -23,12 +23,16 @@ mod params;
 mod polylines;
 mod seeds;
 mod simplify;
+mod tangents;
 #[cfg(test)]
 mod tests;
 mod tidy;
 
 pub use descriptor::{VALUE_NAMES, VALUES, describe};
-pub use evaluation::{LineScores, Marked, ScoreParams, sampled, score_lines, score_points};
+pub use evaluation::{
+    ComparedLines, LineScores, Marked, MatchParams, PathMatch, ScoreParams, match_candidates, sampled, score_lines,
+    score_points,
+};
 pub use field::{Choice, Field, choose, exhaustive, iterated_modes};
 pub use likely::Likely;
 pub use linking::{Candidate, Neighbourhood, link};
@@ -36,15 +40,16 @@ pub use neighbourhood::neighbourhood;
 pub use nodes::Nodes;
 pub use params::{
     CandidateParams, DescriptorParams, FieldParams, LinkParams, NeighbourhoodParams, SeedParams, Suppression,
-    TidyParams, TraceParams,
+    TangentParams, TidyParams, TraceParams,
 };
 pub use polylines::Polyline;
 pub use seeds::seeds;
 pub use simplify::simplify;
+pub use tangents::tangents;
 
 use crate::error::Result;
 use crate::parallel::Monitor;
-use polylines::{Chosen, Web};
+use polylines::{Chosen, PathUnion};
 
 /// The candidates of contours and what they consist of.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -98,8 +103,8 @@ pub fn trace(from: &Candidates, probabilities: &[f32], params: &TraceParams, mon
     let field = Field::new(&from.list, probabilities, &params.field, monitor)?;
     let choice = choose(&field, &params.field, monitor)?;
     let chosen = Chosen { candidates: &from.list, active: &choice.active, probabilities };
-    let web = Web::new(from.nodes.len(), &chosen, monitor)?;
-    let mut polylines = tidy::draw(web, &from.nodes.likely, &params.tidy, monitor)?;
+    let union = PathUnion::new(from.nodes.len(), &chosen, monitor)?;
+    let mut polylines = tidy::draw(union, &from.nodes.likely, &params.tidy, monitor)?;
     for node in polylines.iter_mut().flat_map(|line| &mut line.nodes) {
         *node = from.nodes.points[*node as usize];
     }

@@ -14,7 +14,7 @@ mod tensor;
 
 pub use context::{Context, ContextParams, Rated};
 pub use extractor::extras::colours;
-pub use extractor::spacing::spacing;
+pub use extractor::spacing::{spacing, spacings};
 pub use extractor::stream::{FeatureStream, Rows};
 pub(crate) use extractor::tiles::Middle;
 pub use extractor::tiles::Tiles;

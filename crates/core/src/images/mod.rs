@@ -4,6 +4,7 @@ mod camera;
 mod canvas;
 mod confusion;
 mod furniture;
+mod lines;
 mod palette;
 mod raster;
 mod shade;
@@ -115,6 +116,8 @@ pub struct RenderParams {
     pub range: Option<(f64, f64)>,
     /// Draw only points of these heights (z, both ends included), e.g. those below a ceiling.
     pub clip: Option<(f64, f64)>,
+    /// Lines drawn over the cloud, in its coordinates; faint where points are in front of them.
+    pub lines: Vec<Vec<[f64; 3]>>,
 }
 
 impl Default for RenderParams {
@@ -129,6 +132,7 @@ impl Default for RenderParams {
             title: None,
             range: None,
             clip: None,
+            lines: Vec::new(),
         }
     }
 }
@@ -160,13 +164,15 @@ impl RenderParams {
 /// O(points + pixels) time; the bytes do not depend on the number of threads.
 ///
 /// # Errors
-/// If a parameter is out of range, a column is absent, or the work was cancelled.
+/// If a parameter is out of range, a column is absent, no line lies in the picture, or the work was cancelled.
 pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monitor: &Monitor) -> Result<Image> {
     params.validate()?;
     if let Some((low, high)) = params.clip {
         let height = |&i: &u32| (low..=high).contains(&cloud.xyz(i as usize)[2]);
         let part = cloud.select(&(0..cloud.len() as u32).filter(height).collect::<Vec<_>>());
-        return render(&part, classes, &RenderParams { clip: None, ..params.clone() }, monitor);
+        let within = |line: &Vec<[f64; 3]>| line.iter().all(|at| (low..=high).contains(&at[2]));
+        let lines = params.lines.iter().filter(|line| within(line)).cloned().collect();
+        return render(&part, classes, &RenderParams { clip: None, lines, ..params.clone() }, monitor);
     }
     let paint = Paint::new(cloud, classes, params, monitor)?;
     let Some(bounds) = Strays::find(cloud, &StrayParams::default(), monitor)?.bounds else {
@@ -184,6 +190,10 @@ pub fn render(cloud: &Cloud, classes: &ClassTable, params: &RenderParams, monito
     };
     let colour = |pixel: usize, point: u32| paint.colour(cloud, point).map(|c| c * light[pixel]);
     raster.fill(&mut image, &frame, colour, monitor)?;
+    let over = lines::Over { camera: &camera, frame: &frame, raster: &raster };
+    if !over.draw(&mut image, &params.lines) && !params.lines.is_empty() {
+        return Err(Error::input("no line lies in the picture (allowed: lines in the coordinates of the cloud)"));
+    }
     if let Some(title) = &params.title {
         text::draw(&mut image, [canvas::MARGIN as f32, 40.0], text::Style { size: 26.0, colour: canvas::INK }, title);
     }
@@ -308,6 +318,24 @@ mod tests {
         assert_eq!(shares(&[]), ["as in the truth 86.4 %", "different 13.6 %"]);
         assert_eq!(shares(&[2, 9]), ["as in the truth 90.0 %", "different 10.0 %", "not compared "]);
         assert_eq!(shares(&[2]), ["as in the truth 100.0 %", "different 0.0 %", "not compared "]);
+    }
+
+    #[test]
+    fn lines_are_drawn_over_the_cloud_and_must_lie_in_the_picture() {
+        let params = RenderParams { shading: false, legend: false, width: 400, ..RenderParams::default() };
+        let drawn = |lines: Vec<Vec<[f64; 3]>>| {
+            render(&scene(), &ClassTable::default(), &RenderParams { lines, ..params.clone() }, &Monitor::default())
+        };
+        let [low, high] = scene().bounds().unwrap();
+        let pink = |image: &Image| image.rgb.chunks(3).filter(|rgb| rgb == &[225, 0, 90]).count();
+        let line = vec![[low[0], low[1], high[2] + 1.0], [high[0], high[1], high[2] + 1.0]];
+        assert!(pink(&drawn(vec![line.clone()]).unwrap()) > 300);
+        assert_eq!(pink(&drawn(vec![]).unwrap()), 0);
+        // A line below the points is faint.
+        let below = line.iter().map(|at| [at[0], at[1], low[2] - 100.0]).collect();
+        assert!(pink(&drawn(vec![below]).unwrap()) < 300);
+        let far = line.iter().map(|at| at.map(|v| v + 1e4)).collect();
+        assert!(drawn(vec![far]).unwrap_err().to_string().contains("picture"));
     }
 
     #[test]

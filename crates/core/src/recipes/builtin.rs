@@ -34,7 +34,7 @@ const BYTES: &[u8] = include_bytes!("../../assets/default.model");
 
 const CONTOURS: &[u8] = include_bytes!("../../assets/contours.model");
 
-/// The built-in model for contours, trained by `scripts/contour-model` on made-up streets and rooms.
+/// The built-in model for contours, trained by `scripts/contour-model` on synthetic streets and rooms.
 ///
 /// # Errors
 /// Never: the embedded file is valid.

@@ -29,11 +29,12 @@ pub use classify::statistics::{CloudStatistics, statistics};
 pub use classify::{Classified, ClassifyParams, FeatureFit, Job, classify};
 pub use clusters::{ClusterSet, ClusterTable, ClusterTableParams, ClustersKind, ClustersRecipe, cluster_table};
 pub use contours::{
-    CandidateTraining, ContourLine, ContourParams, Contours, ContoursKind, ContoursRecipe, ContoursReport, contours,
-    edge_labels, labelled_scene, labelled_scenes, measure_scene,
+    Baseline, BaselineParams, CandidateTraining, ContourLine, ContourParams, ContourStages, Contours, ContoursKind,
+    ContoursRecipe, ContoursReport, SceneScores, baseline_contours, contour_stages, contours, edge_labels,
+    labelled_scene, labelled_scenes, measure_scene,
 };
 pub use labels::file::{LabelFile, PickedCloud, Picking};
-pub use labels::{LabelParams, LabelledCloud, Labels, read_labels};
+pub use labels::{EdgeLines, LabelParams, LabelledCloud, Labels, read_labels};
 pub use model::{FirstStage, Model};
 pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};
 pub use one_stage::OneStageReport;

@@ -162,6 +162,9 @@ pub struct Scene {
     /// For each edge, how many of its two surfaces have points beside it: 2 where both are scanned, 1 where the scan
     /// shows the end of one surface only.
     pub edge_surfaces: Vec<u8>,
+    /// Metres between the points beside each edge, on the surface where they are farther apart; infinite where one surface
+    /// has points, but the scanner does not see the edge. Where this is large, no detector can find the edge.
+    pub edge_spacing: Vec<f32>,
 }
 
 /// Makes a scene. The same parameters give the same bytes, on any number of threads.
@@ -179,7 +182,7 @@ pub fn scene(params: &SceneParams, monitor: &Monitor) -> Result<Scene> {
     let tree = Tree::new(patches);
     let scan = Scan { tree: &tree, classes: &classes, pattern: &pattern, params };
     let echoes = scan.run(monitor)?;
-    let parts = seen::seen(&edges, &echoes, monitor)?;
+    let parts = seen::seen(&edges, &echoes, |at| scan.sees(at), monitor)?;
     let single = |at: Vector| at.map(|v| v as f32);
     let code = |surface: Option<u32>| surface.map_or(classes::NOISE, |surface| classes[surface as usize]);
     Ok(Scene {
@@ -188,6 +191,7 @@ pub fn scene(params: &SceneParams, monitor: &Monitor) -> Result<Scene> {
         scan_positions: pattern.places().into_iter().map(single).collect(),
         edges: parts.iter().map(|part| part.ends.map(single)).collect(),
         edge_surfaces: parts.iter().map(|part| part.surfaces).collect(),
+        edge_spacing: parts.iter().map(|part| part.spacing as f32).collect(),
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::SceneParams;
 use super::classes;
-use super::geometry::{Ray, Vector, add, scaled};
+use super::geometry::{Ray, Vector, add, between, dot, scaled};
 use super::tree::{Hit, Tree};
 use crate::error::Result;
 use crate::parallel::{Monitor, map_ordered};
@@ -21,6 +21,8 @@ const SLANT: f64 = 0.25;
 const JUMP: f64 = 0.15;
 /// Least cosine of the angle to the normal at which something comes back.
 const GRAZING: f64 = 0.03;
+/// Metres before a place within which a surface does not hide it.
+const CLEAR: f64 = 0.03;
 /// Share of the pulses from above that pass a leaf.
 const THROUGH: f64 = 0.5;
 
@@ -71,6 +73,23 @@ impl Pattern {
         }
     }
 
+    /// Where a scanner is while one of its rays may end at a place.
+    fn views(&self, at: Vector) -> Vec<Vector> {
+        match self {
+            Self::Tripods { at, .. } => at.clone(),
+            Self::Drive { path, .. } => {
+                let way = super::geometry::sub(path[1], path[0]);
+                let [x, y, _] = super::geometry::unit(way);
+                let across = turned([x, y]);
+                // The normal of the plane in which the scanner turns.
+                let normal = [across[1], -across[0], 0.0];
+                let share = dot(super::geometry::sub(at, path[0]), normal) / dot(way, normal);
+                if (0.0..=1.0).contains(&share) { vec![between(*path, share)] } else { Vec::new() }
+            }
+            Self::Flight { .. } => [-1.0, 1.0].map(|side| add(at, scaled(flight(side), -HEIGHT))).to_vec(),
+        }
+    }
+
     /// Number of lines of one place or pass, and of rays in a line.
     fn size(&self) -> [usize; 2] {
         let count = |size: f64, step: f64| ((size / step).floor() as usize).max(1);
@@ -102,13 +121,11 @@ impl Pattern {
                 Ray::new(at[pass], [up.cos() * around.cos(), up.cos() * around.sin(), up.sin()])
             }
             Self::Drive { path, ahead, step } => {
-                let turned = number as f64 * step;
+                let angle = number as f64 * step;
                 let way = super::geometry::sub(path[1], path[0]);
                 let [x, y, _] = super::geometry::unit(way);
                 let origin = add(path[0], scaled([x, y, 0.0], (line as f64 + number as f64 / count as f64) * ahead));
-                // The circle is turned by 35 degrees, so that facades across the way are seen too.
-                let across = [x * 0.574 - y * 0.819, x * 0.819 + y * 0.574, 0.0];
-                Ray::new(origin, add(scaled(across, turned.cos()), [0.0, 0.0, turned.sin()]))
+                Ray::new(origin, add(scaled(turned([x, y]), angle.cos()), [0.0, 0.0, angle.sin()]))
             }
             Self::Flight { extent, step } => {
                 let step = step * 2f64.sqrt();
@@ -138,6 +155,12 @@ impl Pattern {
     }
 }
 
+/// The horizontal direction in which a scanner on a car looks, given its way: turned by 55 degrees, so that facades across the
+/// way are seen too.
+fn turned([x, y]: [f64; 2]) -> Vector {
+    [x * 0.574 - y * 0.819, x * 0.819 + y * 0.574, 0.0]
+}
+
 /// Direction of the pulses from one side.
 fn flight(side: f64) -> Vector {
     [0.0, side * SLANT.sin(), -SLANT.cos()]
@@ -162,6 +185,15 @@ impl Scan<'_> {
             Ok(echoes)
         })?;
         crate::parallel::concat_watched(all, monitor)
+    }
+
+    /// Whether nothing is between a scanner and a place, up to [`CLEAR`] before the place.
+    pub(super) fn sees(&self, at: Vector) -> bool {
+        self.pattern.views(at).into_iter().any(|from| {
+            let ray = Ray::new(from, super::geometry::sub(at, from));
+            let range = super::geometry::length(super::geometry::sub(at, from));
+            self.tree.first(&ray, [0.0, range - CLEAR]).is_none()
+        })
     }
 
     fn line(&self, line: usize) -> Vec<Echo> {

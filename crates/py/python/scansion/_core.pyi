@@ -8,22 +8,27 @@ __all__ = [
     "Blocks",
     "Boosting",
     "Cloud",
+    "ContourStages",
     "Contours",
     "FileFormatError",
     "Forest",
+    "Lines",
     "Model",
     "ObjectModel",
     "ObjectTraining",
     "Objects",
+    "SyntheticScene",
     "__version__",
     "alpha_beta_swap",
     "alpha_expansion",
     "automatic_parameters",
+    "baseline",
     "boundary_scores",
     "cluster_levels",
     "cluster_table",
     "confusion_matrix",
     "connected_components",
+    "contour_stages",
     "contours",
     "convert",
     "cut_pursuit",
@@ -88,6 +93,7 @@ __all__ = [
     "salvage",
     "sample_surface",
     "score_lines",
+    "score_points",
     "scores",
     "search",
     "segment",
@@ -532,28 +538,44 @@ def sparse_gradient(
 class Contours:
     def vertices(self) -> tuple[NDArray[np.float64], NDArray[np.uint64]]: ...
     def report(self) -> str: ...
-    def write(self, path: str) -> None: ...
+    def write(self, path: str, min_confidence: float) -> None: ...
+@final
+class Lines:
+    def __new__(cls, vertices: NDArray[np.float64], counts: NDArray[np.uint64]) -> Lines: ...
+@final
+class SyntheticScene:
+    def points(self) -> NDArray[np.float32]: ...
+    def codes(self) -> NDArray[np.uint8]: ...
+    def edges(self) -> NDArray[np.float32]: ...
+    def edge_spacing(self) -> NDArray[np.float32]: ...
+    def scan_positions(self) -> NDArray[np.float32]: ...
 
 def contours(
     cloud: Cloud,
     model: Model | None,
-    settings: list[str],
+    settings: str,
     codes: NDArray[np.uint8] | None,
-    without: list[int],
-    metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Contours: ...
-def synthetic_scene(
-    kind: str, settings: str, n_jobs: int | None = None
-) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]: ...
-def score_lines(
-    found: tuple[NDArray[np.float32], NDArray[np.uint64]],
-    reference: tuple[NDArray[np.float32], NDArray[np.uint64]],
-    params: str,
+@final
+class ContourStages:
+    @property
+    def voxel(self) -> float: ...
+    def lines(self, settings: list[str]) -> Contours: ...
+    def candidates(self, reference: Lines, unsure: Lines) -> NDArray[np.float32]: ...
+
+def contour_stages(
+    cloud: Cloud, model: Model | None, settings: str, n_jobs: int | None = None
+) -> ContourStages: ...
+def baseline(
+    cloud: Cloud, strengths: NDArray[np.float32], params: str, n_jobs: int | None = None
+) -> Contours: ...
+def synthetic_scene(kind: str, settings: str, n_jobs: int | None = None) -> SyntheticScene: ...
+def score_lines(found: Lines, reference: Lines, unsure: Lines, params: str) -> str: ...
+def score_points(
+    points: NDArray[np.float64], found: NDArray[np.bool_], reference: NDArray[np.bool_], params: str
 ) -> str: ...
-def edge_labels(
-    cloud: Cloud, vertices: NDArray[np.float64], counts: NDArray[np.uint64], voxel: float | None
-) -> NDArray[np.int16]: ...
+def edge_labels(cloud: Cloud, lines: Lines, voxel: float | None) -> NDArray[np.int16]: ...
 @final
 class Objects:
     @staticmethod

@@ -34,6 +34,7 @@ def render(
     classes: Iterable[int] = (),
     changes: bool = False,
     clip: tuple[float, float] | None = None,
+    contours: Iterable[ArrayLike] = (),
     n_jobs: int | None = None,
 ) -> NDArray[np.uint8]:
     """Draws a map or an oblique view of a cloud.
@@ -66,6 +67,8 @@ def render(
         With ``truth``: a colour for each pair of a true class and another.
     clip : (float, float), optional
         Draw only points of these heights (z), e.g. ``(-inf, 2.2)`` for a room without its ceiling.
+    contours : Contours, or iterable of array of shape (m, 3)
+        Lines drawn over the cloud, in its coordinates; faint where points are in front of them.
     n_jobs : int, optional
         Number of threads; None and -1 use all.
 
@@ -86,6 +89,7 @@ def render(
         "range": value_range,
         "changes": changes,
         "clip": None if clip is None else tuple(float(np.clip(end, -1e300, 1e300)) for end in clip),
+        "lines": [_line(line) for line in contours],
         "classes": [whole(code, "classes", 0) for code in classes],
     }
     target = None if path is None else os.fspath(path)
@@ -94,6 +98,13 @@ def render(
     points = as_cloud(cloud)
     codes = None if truth is None else signed(truth, "truth", len(points))
     return _core.render(points._core, to_json(settings), target, codes, n_jobs)
+
+
+def _line(line: ArrayLike) -> list[list[float]]:
+    vertices = np.asarray(line, float)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
+        raise ValueError(f"contours: found a line of shape {vertices.shape}, expected (m, 3) with finite numbers")
+    return [[float(value) for value in vertex] for vertex in vertices]
 
 
 def _apart(cloud: str | os.PathLike[str], target: str) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
 from scansion._arrays import choice, codes, to_json
@@ -16,9 +16,21 @@ from scansion._classifier import PointClassifier
 from scansion._cloud import PointCloud, as_cloud
 from scansion._settings import dotted_settings, seed
 
-__all__ = ["Contours", "Scene", "extract", "labels", "score", "synthetic_scene"]
+__all__ = [
+    "Contours",
+    "Scene",
+    "Stages",
+    "baseline",
+    "extract",
+    "labels",
+    "precision_recall",
+    "score",
+    "score_points",
+    "stages",
+    "synthetic_scene",
+]
 
-Lines = Sequence[Any]
+Lines = Iterable[Any]
 """Lines: an array of shape (m, 3) each."""
 
 
@@ -33,9 +45,9 @@ class Contours:
     length : array of float
         Metres.
     confidence : array of float
-        Mean probability along each line, 0..1.
+        Probability of the likeliest candidate along each piece of a line, mean by length, 0..1.
     classes : array of shape (n, 2), int; or None
-        The most frequent classes beside each line; None if the cloud has no classes.
+        The most frequent classes beside each line, -1 where no point is beside it; None if the cloud has no classes.
     voxel : float
         Edge of a voxel, metres.
     n_seeds, n_candidates : int
@@ -55,7 +67,8 @@ class Contours:
         self.length = np.array([row[1] for row in rows], float)
         self.confidence = np.array([row[2] for row in rows], float)
         known = [row[3] for row in rows]
-        self.classes = None if not rows or any(pair is None for pair in known) else np.array(known, np.int64)
+        none = all(pair is None for pair in known)
+        self.classes = None if none else np.array([pair or (-1, -1) for pair in known], np.int64)
         self.voxel: float = report["voxel"]
         self.n_seeds: int = report["seeds"]
         self.n_candidates: int = report["candidates"]
@@ -71,15 +84,17 @@ class Contours:
     def __repr__(self) -> str:
         return f"Contours({len(self)} lines, {self.length.sum():.1f} m)"
 
-    def write(self, path: str | os.PathLike[str]) -> None:
+    def write(self, path: str | os.PathLike[str], *, min_confidence: float = 0.0) -> None:
         """Writes the lines as a drawing with a layer for each pair of classes.
 
         Parameters
         ----------
         path : path
             ``.dxf``, ``.gpkg``, ``.geojson``, ``.obj`` or ``.ply``.
+        min_confidence : float
+            Lines of a lower confidence are left out.
         """
-        self._core.write(os.fspath(path))
+        self._core.write(os.fspath(path), float(min_confidence))
 
 
 def extract(
@@ -89,6 +104,7 @@ def extract(
     voxel: float | None = None,
     classes: Any = None,
     without: Sequence[int] = (),
+    min_confidence: float = 0.0,
     settings: Mapping[str, Any] | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
@@ -102,14 +118,17 @@ def extract(
     model : PointClassifier or path, optional
         A model of the recipe ``contours``; the built-in one by default.
     voxel : float, optional
-        Edge of the voxels that hold one seed of a line each, metres; smaller: finer edges. By default 2 times the spacing of
-        the points.
+        Edge of the voxels that hold one seed of a line each, metres; smaller: finer edges. By default from the spacing of the
+        points.
     classes : array_like of shape (n,), optional
         Class of each point, for the classes beside the lines; by default those of the cloud, if it has any.
     without : sequence of int
         Points of these classes carry no line, for instance vegetation.
+    min_confidence : float
+        Lines of a lower confidence are left out, 0..1.
     settings : mapping, optional
-        Settings of the model's recipe, as ``{"trace.tidy.least_length": 0.5}``.
+        Settings of the model's recipe, as ``{"trace.tidy.least_length": 0.5}``. Lengths in settings are those for voxels of
+        0.1 m and change with the voxel; only ``voxel`` itself is in metres.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
     n_jobs : int, optional
@@ -122,7 +141,7 @@ def extract(
     Examples
     --------
     >>> import scansion
-    >>> scene = scansion.contours.synthetic_scene("indoor", seed=1, rays=100_000)
+    >>> scene = scansion.contours.synthetic_scene("indoor", random_state=1, rays=100_000)
     >>> found = scansion.contours.extract(scene.cloud)
     >>> len(found) > 10
     True
@@ -131,32 +150,169 @@ def extract(
     own = {**(settings or {}), **({} if voxel is None else {"voxel": float(voxel)})}
     if model is not None and not isinstance(model, PointClassifier):
         model = PointClassifier.load(model)
+    params = {
+        "recipe": dotted_settings(own),
+        "without": [int(code) for code in without],
+        "min_confidence": float(min_confidence),
+        "metres_per_unit": metres_per_unit,
+    }
+    given = None if classes is None else codes(classes, "classes")
     return Contours(
-        _core.contours(
-            points._core,
-            None if model is None else model._model,
-            dotted_settings(own),
-            None if classes is None else codes(classes, "classes"),
-            [int(code) for code in without],
-            metres_per_unit,
-            n_jobs,
-        )
+        _core.contours(points._core, None if model is None else model._model, to_json(params), given, n_jobs)
     )
 
 
+class Stages:
+    """Rated candidates of a cloud, as `stages` gives them: lines can be drawn from them with several settings.
+
+    Attributes
+    ----------
+    voxel : float
+        Edge of a voxel, metres.
+    """
+
+    def __init__(self, core: _core.ContourStages) -> None:
+        self._core = core
+        self.voxel = core.voxel
+
+    def lines(self, settings: Mapping[str, Any] | None = None) -> Contours:
+        """The lines that the random field chooses.
+
+        Parameters
+        ----------
+        settings : mapping, optional
+            Settings of the model's recipe below ``trace``, as ``{"trace.field.bias": 1.0}``: fewer contours.
+
+        Returns
+        -------
+        Contours
+        """
+        return Contours(self._core.lines(dotted_settings(dict(settings or {}))))
+
+    def candidates(self, reference: Lines, *, unsure: Lines = ()) -> NDArray[np.float32]:
+        """The candidates beside lines of a reference.
+
+        Parameters
+        ----------
+        reference, unsure : sequences of array of shape (m, 3)
+            What is true, and what may be found or not.
+
+        Returns
+        -------
+        array of shape (n, 3)
+            Probability of each candidate to be a contour, and the shares of its length along the reference and along unsure
+            lines.
+        """
+        return self._core.candidates(_lines(reference), _lines(unsure))
+
+
+def stages(
+    cloud: Any,
+    model: PointClassifier | str | os.PathLike[str] | None = None,
+    *,
+    without: Sequence[int] = (),
+    settings: Mapping[str, Any] | None = None,
+    n_jobs: int | None = None,
+) -> Stages:
+    """Rates points and candidates as `extract` does, to draw lines with several settings.
+
+    Parameters
+    ----------
+    cloud, model, without, settings, n_jobs
+        As for `extract`.
+
+    Returns
+    -------
+    Stages
+
+    Examples
+    --------
+    >>> import scansion
+    >>> scene = scansion.contours.synthetic_scene("indoor", rays=50_000)
+    >>> rated = scansion.contours.stages(scene.cloud)
+    >>> len(rated.lines({"trace.field.bias": 1.0})) <= len(rated.lines({"trace.field.bias": -2.0}))
+    True
+    """
+    if model is not None and not isinstance(model, PointClassifier):
+        model = PointClassifier.load(model)
+    params = {
+        "recipe": dotted_settings(dict(settings or {})),
+        "without": [int(code) for code in without],
+        "min_confidence": 0.0,
+        "metres_per_unit": None,
+    }
+    core = None if model is None else model._model
+    return Stages(_core.contour_stages(as_cloud(cloud)._core, core, to_json(params), n_jobs))
+
+
+def baseline(
+    cloud: Any,
+    strengths: ArrayLike,
+    method: Literal["threshold", "canny"] = "canny",
+    *,
+    voxel: float | None = None,
+    settings: Mapping[str, Any] | None = None,
+    metres_per_unit: float | None = None,
+    n_jobs: int | None = None,
+) -> Contours:
+    """Lines by a simpler method, for comparison with `extract`.
+
+    Parameters
+    ----------
+    cloud : cloud
+        As for `extract`.
+    strengths : array_like of shape (n,)
+        How much each point looks like a contour, 0..1: a curvature divided by its largest value, or a probability.
+    method : {"threshold", "canny"}
+        All points of some strength; or those that are the strongest across the edge, with two thresholds (J. Canny 1986).
+    voxel : float, optional
+        Edge of a voxel, metres; by default from the spacing of the points.
+    settings : mapping, optional
+        ``least`` of the threshold; ``high``, ``low``, ``across`` and ``angle`` of Canny; ``linked`` of both. Lengths are those
+        for voxels of 0.1 m.
+    metres_per_unit : float, optional
+        As for `extract`.
+    n_jobs : int, optional
+        Number of threads; None and -1 use all.
+
+    Returns
+    -------
+    Contours
+        Without classes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import scansion
+    >>> x, y = np.meshgrid(np.arange(30.0), np.arange(9.0))
+    >>> cloud = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    >>> len(scansion.contours.baseline(cloud, y.ravel() == 4))
+    1
+    """
+    choice(method, "method", ("threshold", "canny"))
+    values = np.ascontiguousarray(np.asarray(strengths), np.float32).reshape(-1)
+    params = {"method": {method: dict(settings or {})}, "voxel": voxel, "metres_per_unit": metres_per_unit}
+    return Contours(_core.baseline(as_cloud(cloud)._core, values, to_json(params), n_jobs))
+
+
 class Scene(NamedTuple):
-    """A made-up scene with known edges."""
+    """A synthetic scene with known edges."""
 
     cloud: PointCloud
     """The points with their class in the column Classification."""
     edges: NDArray[np.float32]
     """Both ends of each edge, shape (m, 2, 3), metres."""
+    edge_spacing: NDArray[np.float32]
+    """Metres between the points beside each edge, on the surface where they are farther apart, shape (m,); infinite where the
+    scanner does not see the edge."""
     scan_positions: NDArray[np.float32]
     """Where the scanner stood, shape (k, 3)."""
 
 
-def synthetic_scene(kind: str = "urban", *, random_state: Any = None, n_jobs: int | None = None, **settings: Any) -> Scene:
-    """A street or a room that is made up and scanned, with its true edges.
+def synthetic_scene(
+    kind: str = "urban", *, random_state: Any = None, n_jobs: int | None = None, **settings: Any
+) -> Scene:
+    """A synthetic scan of a street or a room, with its true edges.
 
     Parameters
     ----------
@@ -182,30 +338,39 @@ def synthetic_scene(kind: str = "urban", *, random_state: Any = None, n_jobs: in
     (2, 3)
     """
     choice(kind, "kind", ("urban", "mobile", "indoor", "airborne"))
-    given = {**settings, "seed": seed(random_state)}
-    xyz, classes, edges, places = _core.synthetic_scene(kind, to_json(given), n_jobs)
-    cloud = PointCloud(xyz.astype(np.float64), Classification=classes)
-    return Scene(cloud, edges.reshape(-1, 2, 3), places)
+    if "seed" in settings:
+        raise TypeError("seed: give random_state instead")
+    made = _core.synthetic_scene(kind, to_json({**settings, "seed": seed(random_state)}), n_jobs)
+    cloud = PointCloud(made.points().astype(np.float64), Classification=made.codes())
+    return Scene(cloud, made.edges().reshape(-1, 2, 3), made.edge_spacing(), made.scan_positions())
 
 
-def _pieces(lines: Lines, dtype: Any) -> tuple[NDArray[Any], NDArray[np.uint64]]:
-    arrays = [np.asarray(line, dtype) for line in lines]
+def _lines(lines: Lines) -> _core.Lines:
+    arrays = [np.asarray(line, np.float64) for line in lines]
     for number, line in enumerate(arrays):
         if line.ndim != 2 or line.shape[1] != 3:
             raise ValueError(f"line {number}: found shape {line.shape}, expected (m, 3)")
-    rows = np.concatenate([*arrays, np.zeros((0, 3), dtype)])
-    return np.ascontiguousarray(rows, dtype), np.array([len(line) for line in arrays], np.uint64)
+    rows = np.concatenate([*arrays, np.zeros((0, 3))])
+    return _core.Lines(np.ascontiguousarray(rows), np.array([len(line) for line in arrays], np.uint64))
 
 
 def score(
-    lines: Lines, reference: Lines, *, tolerance: float = 0.06, forgiven: float = 0.03, step: float = 0.01
+    lines: Lines,
+    reference: Lines,
+    *,
+    unsure: Lines = (),
+    tolerance: float = 0.06,
+    forgiven: float = 0.03,
+    step: float = 0.01,
 ) -> dict[str, float | None]:
     """Precision and recall of lines by the rules of the thesis (section 4.6.2).
 
     Parameters
     ----------
     lines, reference : sequences of array of shape (m, 3)
-        What was found, and what is true; coordinates near 0, in metres.
+        What was found, and what is true, in metres.
+    unsure : sequence of array of shape (m, 3)
+        Lines that may be found or not: what was found along them does not count.
     tolerance : float
         Largest distance of lines that match.
     forgiven : float
@@ -216,7 +381,8 @@ def score(
     Returns
     -------
     dict
-        ``precision``, ``recall`` and ``f1`` (None where nothing counts), and the numbers of samples.
+        ``precision``, ``recall`` and ``f1`` (None where nothing counts; F1 is 0 if only one of the others is None), and the
+        numbers of samples.
 
     Examples
     --------
@@ -226,14 +392,80 @@ def score(
     1.0
     """
     params = to_json({"tolerance": tolerance, "forgiven": forgiven, "step": step})
-    found = json.loads(_core.score_lines(_pieces(lines, np.float32), _pieces(reference, np.float32), params))
-    kept, true = found["correct"] + found["false_positives"], found["covered"] + found["false_negatives"]
-    precision = found["correct"] / kept if kept else None
-    recall = found["covered"] / true if true else None
-    f1 = None
-    if precision is not None and recall is not None:
-        f1 = 2 * precision * recall / (precision + recall) if precision + recall else 0.0
-    return {"precision": precision, "recall": recall, "f1": f1, **found}
+    return json.loads(_core.score_lines(_lines(lines), _lines(reference), _lines(unsure), params))
+
+
+def score_points(
+    points: ArrayLike, found: ArrayLike, reference: ArrayLike, *, forgiven: float = 0.03
+) -> dict[str, float | None]:
+    """Precision and recall of points by the rules of the thesis (section 4.6.2).
+
+    Parameters
+    ----------
+    points : array_like of shape (n, 3)
+        Metres.
+    found, reference : array_like of shape (n,), bool
+        Whether each point was marked as contour, and whether it is on one.
+    forgiven : float
+        Distance from a true positive, and from a counted false negative, within which nothing counts as missing.
+
+    Returns
+    -------
+    dict
+        As `score`.
+
+    Examples
+    --------
+    >>> import scansion
+    >>> scansion.contours.score_points([[0, 0, 0], [1, 0, 0]], [True, False], [True, True])["recall"]
+    0.5
+    """
+    rows = np.ascontiguousarray(points, np.float64).reshape(-1, 3)
+    marks = [np.ascontiguousarray(mark, bool).reshape(-1) for mark in (found, reference)]
+    return json.loads(_core.score_points(rows, *marks, to_json({"forgiven": forgiven})))
+
+
+def precision_recall(
+    found: Contours, reference: Lines, thresholds: ArrayLike | None = None, **settings: Any
+) -> NDArray[np.float64]:
+    """Precision and recall of the lines above thresholds of the confidence.
+
+    Parameters
+    ----------
+    found : Contours
+    reference : sequence of array of shape (m, 3)
+        What is true.
+    thresholds : array_like, optional
+        By default 0, 0.05, ... 0.95.
+    **settings
+        As for `score`.
+
+    Returns
+    -------
+    array of shape (k, 3)
+        Threshold, precision and recall; NaN where nothing counts.
+
+    Examples
+    --------
+    >>> import scansion
+    >>> scene = scansion.contours.synthetic_scene("indoor", rays=50_000)
+    >>> found = scansion.contours.extract(scene.cloud)
+    >>> scansion.contours.precision_recall(found, scene.edges, [0.0, 0.5]).shape
+    (2, 3)
+    """
+    steps = np.arange(20) / 20 if thresholds is None else np.asarray(thresholds, float).reshape(-1)
+    rows = []
+    for least in steps:
+        kept = [
+            line
+            for line, confidence in zip(found.lines, found.confidence, strict=True)
+            if confidence >= least
+        ]
+        scores = score(kept, reference, **settings)
+        rows.append(
+            [least, *(np.nan if scores[name] is None else scores[name] for name in ("precision", "recall"))]
+        )
+    return np.array(rows, float).reshape(-1, 3)
 
 
 def labels(cloud: Any, lines: Lines, *, voxel: float | None = None) -> NDArray[np.int16]:
@@ -260,5 +492,4 @@ def labels(cloud: Any, lines: Lines, *, voxel: float | None = None) -> NDArray[n
     >>> scansion.contours.labels(np.array([[0.0, 0, 0], [0.7, 0, 0], [5, 0, 0]]), [[[0, -1, 0], [0, 1, 0]]], voxel=1)
     array([ 1, -1,  0], dtype=int16)
     """
-    rows, counts = _pieces(lines, np.float64)
-    return _core.edge_labels(as_cloud(cloud)._core, rows, counts, None if voxel is None else float(voxel))
+    return _core.edge_labels(as_cloud(cloud)._core, _lines(lines), None if voxel is None else float(voxel))

@@ -2,7 +2,7 @@
 
 use super::super::nodes::Nodes;
 use super::super::params::{TidyParams, above_zero, at_least_one};
-use super::super::polylines::{Polyline, Web};
+use super::super::polylines::{PathUnion, Polyline};
 use super::super::tidy::draw;
 use crate::cloud::Positions;
 use crate::error::Result;
@@ -74,8 +74,8 @@ pub(super) fn lines(nodes: &Nodes, graph: Graph, tidy: &TidyParams, monitor: &Mo
     let mean = |e: usize| f32::midpoint(strength(chosen[e][0]), strength(chosen[e][1]));
     let weights = map_watched(chosen.len(), monitor, mean)?;
     let forest = Graph::new_watched(nodes.len(), &chosen, &weights, monitor)?;
-    let web = Web { support: forest.weights().to_vec(), graph: forest };
-    let mut lines = draw(web, &nodes.likely, tidy, monitor)?;
+    let union = PathUnion { support: forest.weights().to_vec(), graph: forest };
+    let mut lines = draw(union, &nodes.likely, tidy, monitor)?;
     lines.iter_mut().flat_map(|line| &mut line.nodes).for_each(|node| *node = nodes.points[*node as usize]);
     Ok(lines)
 }

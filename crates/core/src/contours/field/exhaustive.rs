@@ -1,7 +1,7 @@
 //! The least energy of small pieces, by trying all choices.
 
 use super::state::State;
-use super::{Choice, Field};
+use super::{Choice, Field, at_seeds};
 use crate::contours::params::MOST_EXACT;
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered};
@@ -41,7 +41,7 @@ pub fn exhaustive(field: &Field, start: &Choice, most: usize, monitor: &Monitor)
 
 /// The best choice of a piece, candidate k in bit k.
 fn least(field: &Field, start: &Choice, piece: &[u32], monitor: &Monitor) -> Result<u32> {
-    let part = part(field, piece);
+    let part = part(field, piece, monitor)?;
     let given: Vec<bool> = piece.iter().map(|&i| start.active[i as usize]).collect();
     let given_energy = part.energy(&given)?;
     let mut state = State::new(&part, vec![false; piece.len()]);
@@ -64,17 +64,20 @@ fn least(field: &Field, start: &Choice, piece: &[u32], monitor: &Monitor) -> Res
 }
 
 /// The field of one piece.
-fn part(field: &Field, piece: &[u32]) -> Field {
+fn part(field: &Field, piece: &[u32], monitor: &Monitor) -> Result<Field> {
     let mut seeds: Vec<u32> = piece.iter().flat_map(|&i| field.ends[i as usize]).collect();
     seeds.sort_unstable();
     seeds.dedup();
     let number = |seed: u32| seeds.binary_search(&seed).unwrap_or_default() as u32;
-    Field {
-        ends: piece.iter().map(|&i| field.ends[i as usize].map(number)).collect(),
+    let ends: Vec<[u32; 2]> = piece.iter().map(|&i| field.ends[i as usize].map(number)).collect();
+    Ok(Field {
+        at: at_seeds(&ends, seeds.len(), monitor)?,
+        ends,
         seeds: seeds.len(),
         costs: piece.iter().map(|&i| field.costs[i as usize]).collect(),
-        ..*field
-    }
+        leaves: piece.iter().map(|&i| field.leaves[i as usize]).collect(),
+        prior: field.prior,
+    })
 }
 
 #[cfg(test)]

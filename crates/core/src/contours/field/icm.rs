@@ -11,8 +11,8 @@ const ROUNDING: f64 = 1e-12;
 /// The choice that no change of a single candidate improves.
 ///
 /// Starts with the candidates that are more likely contours than not, and goes through all in the order of their
-/// certainty, the most certain first, of equal ones the first; a candidate changes only if that lowers the energy. O(n)
-/// a sweep. J. Besag, *On the statistical analysis of dirty pictures*, Journal of the Royal Statistical Society B
+/// certainty, the most certain first, of equal ones the first; a candidate changes only if that lowers the energy. O(n
+/// d) a sweep for d candidates at a seed. J. Besag, *On the statistical analysis of dirty pictures*, Journal of the Royal Statistical Society B
 /// 48(3), 1986.
 ///
 /// # Errors

@@ -2,7 +2,8 @@
 //!
 //! T. Hackel, *Large-scale Machine Learning for Point Cloud Processing*, ETH Zurich, 2018, section 4.5.2, equations 4.7
 //! and 4.8: every candidate is a variable, and a contour that does not go on at one of its ends, or at both, costs
-//! more.
+//! more. Beyond the source, only candidates that leave a seed at some angle to each other go on there in each other, not
+//! those that overlap, and every contour may cost the same amount more, or less.
 
 mod exhaustive;
 mod icm;
@@ -30,9 +31,20 @@ pub struct Field {
     seeds: usize,
     /// Cost of each candidate as background, and as a contour, nats.
     costs: Vec<[f64; 2]>,
-    /// Costs of contours without continuation and with one on one side.
+    /// Directions in which each candidate leaves its seeds.
+    leaves: Vec<[[f32; 3]; 2]>,
+    /// The candidates at each seed.
+    at: Csr,
+    prior: Prior,
+}
+
+/// Costs of contours without continuation and with one on one side, nats, and what a continuation is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Prior {
     isolated: f64,
     one_sided: f64,
+    /// Greatest cosine of the angle between continuations.
+    cosine: f32,
 }
 
 /// A choice of candidates.
@@ -81,14 +93,20 @@ impl Field {
         let ends = |i: usize| [number(candidates[i].start), number(candidates[i].end)];
         let costs = |i: usize| {
             let p = f64::from(probabilities[i]).clamp(MARGIN, 1.0 - MARGIN);
-            [-(1.0 - p).ln(), -p.ln()]
+            [-(1.0 - p).ln(), params.bias - p.ln()]
         };
+        let ends = map_watched(candidates.len(), monitor, ends)?;
         Ok(Self {
-            ends: map_watched(candidates.len(), monitor, ends)?,
+            at: at_seeds(&ends, seeds.len(), monitor)?,
             seeds: seeds.len(),
             costs: map_watched(candidates.len(), monitor, costs)?,
-            isolated: params.isolated,
-            one_sided: params.one_sided,
+            leaves: map_watched(candidates.len(), monitor, |i| candidates[i].leaves)?,
+            ends,
+            prior: Prior {
+                isolated: params.isolated,
+                one_sided: params.one_sided,
+                cosine: params.continuation_angle.to_radians().cos() as f32 + 1e-6,
+            },
         })
     }
 
@@ -108,25 +126,24 @@ impl Field {
     /// If there is not one choice a candidate.
     pub fn energy(&self, active: &[bool]) -> Result<f64> {
         self.check(active)?;
-        let mut at = vec![0u32; self.seeds];
-        for (ends, _) in self.ends.iter().zip(active).filter(|(_, active)| **active) {
-            ends.iter().for_each(|&end| at[end as usize] += 1);
-        }
         let own = |i: usize| {
-            let goes_on = |end: u32| at[end as usize] > 1;
-            let prior = if active[i] { self.prior(self.ends[i].map(goes_on)) } else { 0.0 };
+            let goes_on = |side: usize| self.continuations(i, side).any(|[j, _]| active[j]);
+            let prior = if active[i] { self.prior.of([goes_on(0), goes_on(1)]) } else { 0.0 };
             self.costs[i][usize::from(active[i])] + prior
         };
         Ok((0..self.len()).map(own).sum())
     }
 
-    /// Equation 4.7 for a contour that goes on, or not, at its start and its end.
-    fn prior(&self, goes_on: [bool; 2]) -> f64 {
-        match goes_on {
-            [false, false] => self.isolated,
-            [true, true] => 0.0,
-            _ => self.one_sided,
-        }
+    /// The candidates that go on where candidate `i` has its start (0) or end (1), and which side of them is there.
+    fn continuations(&self, i: usize, side: usize) -> impl Iterator<Item = [usize; 2]> + '_ {
+        let seed = self.ends[i][side];
+        let own = self.leaves[i][side];
+        let others = self.at.group(seed as usize).iter().map(|&j| j as usize).filter(move |&j| j != i);
+        let sided = others.map(move |j| [j, usize::from(self.ends[j][0] != seed)]);
+        sided.filter(move |&[j, of_other]| {
+            let other = self.leaves[j][of_other];
+            own[0] * other[0] + own[1] * other[1] + own[2] * other[2] <= self.prior.cosine
+        })
     }
 
     fn check(&self, active: &[bool]) -> Result<()> {
@@ -145,6 +162,24 @@ impl Field {
     }
 }
 
+impl Prior {
+    /// Equation 4.7 for a contour that goes on, or not, at its start and its end.
+    fn of(&self, goes_on: [bool; 2]) -> f64 {
+        match goes_on {
+            [false, false] => self.isolated,
+            [true, true] => 0.0,
+            _ => self.one_sided,
+        }
+    }
+}
+
+/// The candidates at each seed.
+fn at_seeds(ends: &[[u32; 2]], seeds: usize, monitor: &Monitor) -> Result<Csr> {
+    let sides = Csr::group_by(ends.as_flattened(), seeds, monitor)?;
+    let items = sides.items().iter().map(|&side| side / 2).collect();
+    Csr::new(sides.offsets().to_vec(), items, ends.len())
+}
+
 /// The choice that the parameters ask for: by [`iterated_modes`], and exactly in small pieces if `exact` is above 0.
 ///
 /// # Errors
@@ -160,6 +195,11 @@ pub(super) mod testing {
     use super::*;
     use crate::random::stream;
 
+    /// The default parameters without a bias.
+    pub(super) fn unbiased() -> FieldParams {
+        FieldParams { bias: 0.0, ..FieldParams::default() }
+    }
+
     /// A random field of some candidates between a few seeds.
     pub(super) fn random(seed: u64, candidates: usize, seeds: usize) -> Field {
         let mut random = stream(seed, 6);
@@ -167,22 +207,25 @@ pub(super) mod testing {
         while made.len() < candidates {
             let [start, end] = [random.below(seeds) as u32, random.below(seeds) as u32];
             if start != end {
-                made.push(Candidate { start, end, ..Candidate::default() });
+                let leaves = [0; 2].map(|_| [random.normal() as f32, random.normal() as f32, 0.0]);
+                let unit = |v: [f32; 3]| v.map(|c| c / (v[0] * v[0] + v[1] * v[1]).sqrt());
+                made.push(Candidate { start, end, leaves: leaves.map(unit), ..Candidate::default() });
             }
         }
         let probabilities: Vec<f32> = made.iter().map(|_| 0.1 + 0.7 * random.uniform() as f32).collect();
-        Field::new(&made, &probabilities, &FieldParams::default(), &Monitor::default()).unwrap()
+        Field::new(&made, &probabilities, &unbiased(), &Monitor::default()).unwrap()
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::testing::unbiased;
     use super::*;
 
     fn of(ends: &[[u32; 2]], probability: f32) -> Field {
         let candidates: Vec<Candidate> =
             ends.iter().map(|&[start, end]| Candidate { start, end, ..Candidate::default() }).collect();
-        Field::new(&candidates, &vec![probability; ends.len()], &FieldParams::default(), &Monitor::default()).unwrap()
+        Field::new(&candidates, &vec![probability; ends.len()], &unbiased(), &Monitor::default()).unwrap()
     }
 
     #[test]
@@ -201,6 +244,31 @@ mod tests {
         near(prior(&[[0, 1], [1, 2], [0, 2]], &[true; 3]), 0.0);
         // Two candidates between the same seeds go on at both ends.
         near(prior(&[[0, 1], [0, 1]], &[true; 2]), 0.0);
+    }
+
+    #[test]
+    fn candidates_that_leave_a_seed_side_by_side_do_not_continue_each_other() {
+        let along = |start: u32, end: u32, x: f32| Candidate {
+            start,
+            end,
+            leaves: [[x, 0.0, 0.0], [-x, 0.0, 0.0]],
+            ..Candidate::default()
+        };
+        let energy = |candidates: &[Candidate], angle: f64, bias: f64| {
+            let params = FieldParams { continuation_angle: angle, bias, ..FieldParams::default() };
+            let probabilities = vec![0.5; candidates.len()];
+            let field = Field::new(candidates, &probabilities, &params, &Monitor::default()).unwrap();
+            let ground = candidates.len() as f64 * std::f64::consts::LN_2;
+            ((field.energy(&vec![true; candidates.len()]).unwrap() - ground) * 1e6).round() / 1e6
+        };
+        // Both leave node 0 in one direction: two isolated contours; by the letter each goes on at one side.
+        let beside = [along(0, 1, 1.0), along(0, 2, 1.0)];
+        assert_eq!([energy(&beside, 60.0, 0.0), energy(&beside, 0.0, 0.0)], [4.0, 2.0]);
+        let chain = [along(0, 1, 1.0), along(0, 2, -1.0)];
+        assert_eq!(
+            [energy(&chain, 60.0, 0.0), energy(&chain, 180.0, 0.0), energy(&chain, 60.0, 0.25)],
+            [2.0, 2.0, 2.5]
+        );
     }
 
     #[test]

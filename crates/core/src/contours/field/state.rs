@@ -2,65 +2,45 @@
 
 use super::Field;
 
-/// A choice that can be changed one candidate at a time in O(1).
+/// A choice that can be changed one candidate at a time, in O(d) for d candidates at its seeds.
 #[derive(Debug)]
 pub(super) struct State<'a> {
     field: &'a Field,
     pub(super) active: Vec<bool>,
-    /// Number of active candidates at each seed.
-    count: Vec<u32>,
-    /// Exclusive or of the numbers of these candidates: of a single one, its number.
-    mixed: Vec<u32>,
+    /// Number of active candidates in which each candidate, active or not, goes on at its start and at its end.
+    count: Vec<[u32; 2]>,
 }
 
 impl<'a> State<'a> {
     pub(super) fn new(field: &'a Field, active: Vec<bool>) -> Self {
-        let mut state =
-            Self { field, active: vec![false; active.len()], count: vec![0; field.seeds], mixed: vec![0; field.seeds] };
+        let mut state = Self { field, active: vec![false; active.len()], count: vec![[0; 2]; active.len()] };
         for (i, _) in active.iter().enumerate().filter(|(_, active)| **active) {
-            state.put(i);
+            state.flip(i);
         }
         state
     }
 
     /// Changes a candidate; returns by how much the energy rises.
     pub(super) fn flip(&mut self, i: usize) -> f64 {
-        let [start, end] = self.field.ends[i];
-        let [first, second] = [start, end].map(|seed| self.dependent(i, seed));
-        let second = second.filter(|_| second != first);
-        let all = |state: &Self| [Some(i), first, second].into_iter().flatten().map(|at| state.own(at)).sum::<f64>();
-        let before = all(self);
-        self.put(i);
-        all(self) - before
-    }
-
-    /// Changes a candidate without asking for its energy.
-    fn put(&mut self, i: usize) {
+        let before = self.own(i);
         self.active[i] = !self.active[i];
-        for seed in self.field.ends[i].map(|seed| seed as usize) {
-            self.mixed[seed] ^= i as u32;
-            match self.active[i] {
-                true => self.count[seed] += 1,
-                false => self.count[seed] -= 1,
+        let mut rise = self.own(i) - before;
+        let field = self.field;
+        for side in 0..2 {
+            for [j, of_other] in field.continuations(i, side) {
+                let before = self.own(j);
+                let count = &mut self.count[j][of_other];
+                *count = if self.active[i] { *count + 1 } else { *count - 1 };
+                rise += self.own(j) - before;
             }
         }
-    }
-
-    /// The other candidate that goes on at a seed only because of candidate `i`, or would: the only other active one.
-    fn dependent(&self, i: usize, seed: u32) -> Option<usize> {
-        let (count, mixed) = (self.count[seed as usize], self.mixed[seed as usize]);
-        match self.active[i] {
-            true if count == 2 => Some((mixed ^ i as u32) as usize),
-            false if count == 1 => Some(mixed as usize),
-            _ => None,
-        }
+        rise
     }
 
     /// The terms of the energy that belong to a candidate.
     fn own(&self, i: usize) -> f64 {
         let active = self.active[i];
-        let goes_on = |seed: u32| self.count[seed as usize] > 1;
-        let prior = if active { self.field.prior(self.field.ends[i].map(goes_on)) } else { 0.0 };
+        let prior = if active { self.field.prior.of(self.count[i].map(|count| count > 0)) } else { 0.0 };
         self.field.costs[i][usize::from(active)] + prior
     }
 }

@@ -2,10 +2,12 @@
 
 mod checks;
 mod neighbourhood;
+mod tangents;
 mod tidy;
 
 pub(super) use checks::{above_zero, at_least_one, between, zero_or_more};
 pub use neighbourhood::NeighbourhoodParams;
+pub use tangents::TangentParams;
 pub use tidy::TidyParams;
 
 use crate::error::{Error, Result};
@@ -19,9 +21,9 @@ pub(super) const MOST_EXACT: usize = 20;
 #[serde(rename_all = "kebab-case")]
 pub enum Suppression {
     /// All the most likely points of voxels, also those that are suppressed themselves: independent of any order.
-    #[default]
     All,
     /// Only those that remain, from the most likely one on: keeps more seeds.
+    #[default]
     Survivors,
 }
 
@@ -44,7 +46,7 @@ pub struct SeedParams {
 
 impl Default for SeedParams {
     fn default() -> Self {
-        Self { voxel: 0.1, threshold: 0.5, tangent_angle: 30.0, spacing: 0.5, suppression: Suppression::All }
+        Self { voxel: 0.1, threshold: 0.5, tangent_angle: 30.0, spacing: 0.5, suppression: Suppression::Survivors }
     }
 }
 
@@ -94,6 +96,8 @@ impl LinkParams {
 pub struct DescriptorParams {
     /// Whether histograms hold counts, which grow with the number of points, in place of shares with sum 1.
     pub counts: bool,
+    /// Whether the values of the shape are left out (0), so that only likelihoods remain, for comparison.
+    pub without_shape: bool,
 }
 
 /// Parameters of [`candidates`](super::candidates).
@@ -126,10 +130,15 @@ impl CandidateParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FieldParams {
+    /// Cost of every contour, nats; above 0: fewer contours, below 0: more.
+    pub bias: f64,
     /// Cost of a contour without continuation at either end, nats; at least [`FieldParams::one_sided`].
     pub isolated: f64,
     /// Cost of a contour with a continuation at one end only, nats, 0 or more.
     pub one_sided: f64,
+    /// Least angle between the directions in which two candidates leave a seed at which they continue each other, degrees, 0
+    /// to 180; 0: any, also candidates that overlap.
+    pub continuation_angle: f64,
     /// Largest number of sweeps over all candidates, 1 or more.
     pub max_sweeps: usize,
     /// Connected pieces of at most this many candidates are solved exactly, 0 to 20; each costs O(2^candidates).
@@ -138,7 +147,7 @@ pub struct FieldParams {
 
 impl Default for FieldParams {
     fn default() -> Self {
-        Self { isolated: 2.0, one_sided: 1.0, max_sweeps: 100, exact: 0 }
+        Self { bias: -1.0, isolated: 2.0, one_sided: 1.0, continuation_angle: 90.0, max_sweeps: 100, exact: 0 }
     }
 }
 
@@ -148,6 +157,10 @@ impl FieldParams {
     /// # Errors
     /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
+        if !self.bias.is_finite() {
+            return Err(Error::parameter("bias", self.bias, "a finite number of nats"));
+        }
+        between("continuation_angle", self.continuation_angle, 180.0)?;
         zero_or_more("one_sided", self.one_sided)?;
         zero_or_more("isolated", self.isolated)?;
         if self.isolated < self.one_sided {

@@ -16,7 +16,7 @@ pub struct TidyParams {
     /// Longest loop that is opened, metres.
     pub loop_length: f64,
     /// Branches with a free end that are shorter go, and those along another line; metres; 0: none.
-    pub twig: f64,
+    pub spur: f64,
     /// Ends of lines that are nearer to each other become one, and segments of up to twice this length that cut off a
     /// corner go; metres; 0: none.
     pub corner: f64,
@@ -38,10 +38,10 @@ impl Default for TidyParams {
     fn default() -> Self {
         Self {
             tolerance: 0.05,
-            loop_width: 0.1,
+            loop_width: 0.05,
             loop_length: 1.7,
-            twig: 0.2,
-            corner: 0.2,
+            spur: 0.2,
+            corner: 0.1,
             gap: 0.3,
             gap_angle: 30.0,
             smooth: 0.1,
@@ -59,7 +59,7 @@ impl TidyParams {
             tolerance,
             loop_width: none,
             loop_length: none,
-            twig: none,
+            spur: none,
             corner: none,
             gap: none,
             smooth: none,
@@ -77,7 +77,7 @@ impl TidyParams {
         zero_or_more("tolerance", self.tolerance)?;
         zero_or_more("loop_width", self.loop_width)?;
         zero_or_more("loop_length", self.loop_length)?;
-        zero_or_more("twig", self.twig)?;
+        zero_or_more("spur", self.spur)?;
         zero_or_more("corner", self.corner)?;
         zero_or_more("gap", self.gap)?;
         between("gap_angle", self.gap_angle, 90.0)?;

@@ -2,6 +2,7 @@
 
 use super::super::polylines::Strand;
 use super::TidyParams;
+use super::uniting::groups;
 use crate::cloud::Positions;
 use crate::error::Result;
 use crate::graph::{Graph, connected_components};
@@ -64,7 +65,7 @@ pub(super) fn joined(
     chained(lines.united(&pairs, monitor)?, positions, monitor)
 }
 
-/// Ends within the distance of a corner are one joint; short lines inside of one go.
+/// Ends within the distance of a corner are one joint, none wider than twice that; short lines inside of one go.
 fn met(strands: &[Strand], positions: &Positions, params: &TidyParams, monitor: &Monitor) -> Result<Lines> {
     let ends =
         |strand: &Strand| [strand.path.first().copied(), strand.path.last().copied()].map(Option::unwrap_or_default);
@@ -82,10 +83,9 @@ fn met(strands: &[Strand], positions: &Positions, params: &TidyParams, monitor: 
         return Ok(lines);
     }
     let places = positions.select(&nodes, monitor)?;
-    let near = within(&places, &places, params.corner, monitor)?;
-    let pairs: Vec<[u32; 2]> =
-        (0..nodes.len()).flat_map(|i| near.of(i).iter().map(move |&j| [i as u32, j]).filter(|[i, j]| i < j)).collect();
-    let mut lines = lines.united(&pairs, monitor)?;
+    let (of, joints) = groups(&places, params.corner, monitor)?;
+    let mut lines = Lines { joints, ..lines };
+    lines.lines.iter_mut().for_each(|line| line.joints = line.joints.map(|joint| of[joint as usize]));
     let inside = |line: &Line| line.joints[0] == line.joints[1] && length(&line.path, positions) <= 3.0 * params.corner;
     lines.lines.retain(|line| !inside(line));
     Ok(lines)
@@ -190,7 +190,8 @@ fn chained(lines: Lines, positions: &Positions, monitor: &Monitor) -> Result<Lin
                     total += own;
                     append(&mut chain, line);
                     let end = chain.joints[1] as usize;
-                    next = at[end].iter().copied().find(|&n| !used[n]).filter(|_| degrees[end] == 2 && end != joint);
+                    let goes_on = degrees[end] == 2 && end != joint;
+                    next = if goes_on { at[end].iter().copied().find(|&n| !used[n]) } else { None };
                 }
                 chain.confidence = if total > 0.0 { (sum / total) as f32 } else { 0.0 };
                 if !chain.path.is_empty() {

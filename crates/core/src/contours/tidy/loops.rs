@@ -4,7 +4,7 @@
 //! centimetres. Edges are taken one after the other, those with most support first; one that closes a narrow loop is
 //! left out.
 
-use super::super::polylines::{Web, distance};
+use super::super::polylines::{PathUnion, distance};
 use super::TidyParams;
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
@@ -13,12 +13,12 @@ use crate::parallel::Monitor;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// The web without edges that close a loop of at most `loop_length` whose mean width is below `loop_width`.
+/// The union without edges that close a loop of at most `loop_length` whose mean width is below `loop_width`.
 ///
 /// The width of a loop is twice the norm of its vector area by its length. O(m b log b) for b nodes within the loop
 /// length of a node.
-pub(super) fn opened(web: Web, positions: &Positions, params: &TidyParams, monitor: &Monitor) -> Result<Graph> {
-    let Web { mut graph, support } = web;
+pub(super) fn opened(union: PathUnion, positions: &Positions, params: &TidyParams, monitor: &Monitor) -> Result<Graph> {
+    let PathUnion { mut graph, support } = union;
     if positions.len() != graph.len() {
         return Err(Error::input(format!("{} positions for {} nodes", positions.len(), graph.len())));
     }
@@ -139,7 +139,7 @@ impl Growing {
 mod tests {
     use super::*;
 
-    fn ladder(height: f32) -> (Web, Positions) {
+    fn ladder(height: f32) -> (PathUnion, Positions) {
         // Two parallel lines of ten nodes a tenth of a metre apart, joined at their ends.
         let positions: Positions =
             (0..20).map(|i| [(i % 10) as f32 * 0.05, if i < 10 { 0.0 } else { height }, 0.0]).collect();
@@ -147,14 +147,14 @@ mod tests {
         edges.extend([[0, 10], [9, 19]]);
         let graph = Graph::new(20, &edges, &[1.0; 20]).unwrap();
         let support = graph.edges().iter().map(|e| if e[1] < 10 { 2.0 } else { 1.0 }).collect();
-        (Web { graph, support }, positions)
+        (PathUnion { graph, support }, positions)
     }
 
     #[test]
     fn narrow_loops_are_opened_where_the_support_is_least_and_wide_ones_stay() {
         let edges = |height: f32, params: &TidyParams| {
-            let (web, positions) = ladder(height);
-            opened(web, &positions, params, &Monitor::default()).unwrap().edges().to_vec()
+            let (union, positions) = ladder(height);
+            opened(union, &positions, params, &Monitor::default()).unwrap().edges().to_vec()
         };
         let params = TidyParams::default();
         let narrow = edges(0.03, &params);

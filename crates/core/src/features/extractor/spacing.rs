@@ -17,11 +17,23 @@ const NEIGHBOUR: usize = 4;
 /// # Errors
 /// If the work was cancelled.
 pub fn spacing(points: &Points, monitor: &Monitor) -> Result<f64> {
+    let distances = spacings(points, monitor)?;
+    Ok(distances.get(distances.len() / 2).copied().unwrap_or(0.0))
+}
+
+/// Distances, in metres, to the fourth nearest distinct position of at most 10,000 points all over the cloud, ascending; none
+/// if there are fewer than five.
+///
+/// O(n log n).
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn spacings(points: &Points, monitor: &Monitor) -> Result<Vec<f64>> {
     let far = points.positions.iter().flatten().fold(0.0f32, |m, v| m.max(v));
     let grid = Grid::new(points, f64::from(far).max(1e-3) / f64::from(1u32 << 20))?;
     let points = sorted(points.clone(), &grid, monitor)?;
     let levels = build_levels(&points.positions, &grid, 1, monitor)?;
-    let (Some(level), true) = (levels.first(), points.len() > NEIGHBOUR) else { return Ok(0.0) };
+    let (Some(level), true) = (levels.first(), points.len() > NEIGHBOUR) else { return Ok(Vec::new()) };
     let mut search = Search::default();
     let mut found = [0; NEIGHBOUR + 1];
     let mut distances = Vec::new();
@@ -37,7 +49,7 @@ pub fn spacing(points: &Points, monitor: &Monitor) -> Result<f64> {
         }
     }
     distances.sort_by(f64::total_cmp);
-    Ok(distances.get(distances.len() / 2).copied().unwrap_or(0.0))
+    Ok(distances)
 }
 
 /// The scale 0.025 m times a power of two that is nearest to a spacing (by ratio), from 1/64 of it to 16384 times.

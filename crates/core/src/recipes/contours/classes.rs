@@ -4,8 +4,9 @@ use super::scaled::VOXEL;
 use crate::cloud::{Cloud, Points, Positions, names};
 use crate::contours::{Polyline, sampled};
 use crate::error::{Error, Result};
-use crate::neighbours::within;
-use crate::parallel::Monitor;
+use crate::neighbours::nearest_of;
+use crate::parallel::{Monitor, watched};
+use std::collections::HashMap;
 
 /// Distance within which points lie beside a line, in voxels.
 const REACH: f64 = 2.0;
@@ -46,35 +47,39 @@ impl<'a> Sides<'a> {
         several.then_some(Self { positions: &points.positions, codes })
     }
 
-    /// For each line the two most frequent classes beside it, ascending; `None` if there is no point beside it.
+    /// For each line the two most frequent classes beside it, ascending; `None` if there is no point beside it. A point
+    /// lies beside the line that is nearest to it. O(n log s) for n points and s samples; 8 bytes a point.
     ///
     /// # Errors
     /// If the work was cancelled.
     pub(super) fn beside(&self, lines: &[Polyline], monitor: &Monitor) -> Result<Vec<Option<[u8; 2]>>> {
-        let (mut places, mut ends) = (Positions::default(), Vec::with_capacity(lines.len()));
-        for line in lines {
-            sampled(std::slice::from_ref(line), VOXEL)?.iter().for_each(|place| places.push(place));
-            ends.push(places.len());
+        let (mut places, mut of) = (Positions::default(), Vec::new());
+        for (number, line) in lines.iter().enumerate() {
+            sampled(std::slice::from_ref(line), VOXEL / 2.0)?.iter().for_each(|place| places.push(place));
+            of.resize(places.len(), number);
         }
-        let near = within(self.positions, &places, REACH * VOXEL, monitor)?;
-        let mut first = 0;
-        let pair = |end: usize| {
-            let mut counts = [0usize; 256];
-            let points = (first..end).flat_map(|place| near.of(place));
-            points.for_each(|&i| counts[usize::from(self.codes[i as usize])] += 1);
-            first = end;
-            pair_of(&counts)
-        };
-        Ok(ends.into_iter().map(pair).collect())
+        let mut counts: Vec<HashMap<u8, usize>> = vec![HashMap::new(); lines.len()];
+        if places.is_empty() {
+            return Ok(vec![None; lines.len()]);
+        }
+        let near = nearest_of(&places, self.positions, 1, monitor)?;
+        let limit = (REACH * REACH * VOXEL * VOXEL) as f32;
+        for piece in watched(self.positions.len(), monitor) {
+            for i in piece?.filter(|&i| near.squared_distances(i)[0] <= limit) {
+                *counts[of[near.of(i)[0] as usize]].entry(self.codes[i]).or_default() += 1;
+            }
+        }
+        Ok(counts.iter().map(pair_of).collect())
     }
 }
 
 /// The two most frequent classes, ascending; one twice if the second is rare.
-fn pair_of(counts: &[usize; 256]) -> Option<[u8; 2]> {
-    let all: usize = counts.iter().sum();
-    let mut order: Vec<usize> = (0..256).filter(|&code| counts[code] > 0).collect();
-    order.sort_by_key(|&code| std::cmp::Reverse(counts[code]));
-    let first = *order.first()?;
-    let second = order.get(1).copied().filter(|&code| counts[code] as f64 >= SHARE * all as f64).unwrap_or(first);
+fn pair_of(counts: &HashMap<u8, usize>) -> Option<[u8; 2]> {
+    let all: usize = counts.values().sum();
+    let mut order: Vec<[usize; 2]> = counts.iter().map(|(&code, &count)| [usize::from(code), count]).collect();
+    order.sort_unstable_by_key(|&[code, count]| (std::cmp::Reverse(count), code));
+    let [first, _] = *order.first()?;
+    let often = order.get(1).filter(|[_, count]| *count as f64 >= SHARE * all as f64);
+    let second = often.map_or(first, |[code, _]| *code);
     Some([first.min(second) as u8, first.max(second) as u8])
 }

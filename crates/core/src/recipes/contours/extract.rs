@@ -1,28 +1,15 @@
 //! From a cloud and a model to lines.
 
-use super::classes::{Sides, codes_of};
-use super::likely::{rate, stage};
-use super::scaled::Scale;
-use crate::classification::{ClassifierScratch, Predictor};
-use crate::cloud::{Cloud, MetricCloud};
-use crate::contours::{Candidates, Polyline, VALUES, candidates, trace};
-use crate::error::{Error, Result};
+use super::classes::Sides;
+use super::scaled::{LocalLines, Scale};
+use super::stages::{ContourParams, ContourStages, contour_stages};
+use crate::cloud::Cloud;
+use crate::contours::{Polyline, TraceParams, trace};
+use crate::error::Result;
 use crate::parallel::Monitor;
-use crate::recipes::classify::FeatureFit;
 use crate::recipes::model::Model;
 use crate::recipes::system::any::AnyFitted;
 use serde::Serialize;
-
-/// How lines are extracted.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ContourParams {
-    /// Metres per unit of the coordinates; `None`: the cloud's own, else 1.
-    pub metres_per_unit: Option<f64>,
-    /// Class of each point, for the classes on both sides of a line; `None`: the cloud's classification, if it has one.
-    pub codes: Option<Vec<u8>>,
-    /// Points of these classes carry no line, for instance those of vegetation.
-    pub without: Vec<u8>,
-}
 
 /// A line along an edge.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -33,7 +20,7 @@ pub struct ContourLine {
     pub closed: bool,
     /// Metres.
     pub length: f64,
-    /// Mean probability of the candidates along the line, 0 to 1.
+    /// Probability of the likeliest candidate along each piece of the line, mean by length, 0 to 1.
     pub confidence: f32,
     /// The most frequent classes beside the line, ascending; one twice if there is only one; `None` without classes.
     pub classes: Option<[u8; 2]>,
@@ -61,77 +48,64 @@ pub struct Contours {
 /// Lines along the edges of objects.
 ///
 /// The model is one of the recipe `contours`. Results are the same for any number of threads. O(n log n) for n points; 80
-/// bytes a point.
+/// bytes a point, and about 2 kB for each seed of a line, of which a voxel along an edge has one.
 ///
 /// # Errors
 /// If the model is of another recipe, the cloud has no points with finite coordinates or lacks a column, there is not one
-/// class a point, or the work was cancelled.
+/// class a point, a parameter is outside its range, or the work was cancelled.
 pub fn contours(cloud: &Cloud, model: &Model, params: &ContourParams, monitor: &Monitor) -> Result<Contours> {
-    let AnyFitted::Contours(fitted) = &model.fitted else {
-        let reason = format!("it is one of the recipe {} (allowed: contours)", model.fitted.recipe().name());
-        return Err(Error::ModelMismatch(reason));
-    };
-    let recipe = &fitted.recipe;
-    let original = MetricCloud::new(cloud, params.metres_per_unit.or(recipe.features.metres_per_unit), monitor)?;
-    let scale = Scale::of(recipe, &original, monitor)?;
-    let scene = scale.scene(&original);
-    let codes = codes_of(cloud, params.codes.as_deref())?;
-    let mut rated = rate(recipe, &scene, stage(model)?, monitor)?;
-    match &codes {
-        Some(codes) => rated.leave_out(codes, &params.without),
-        None if params.without.is_empty() => {}
-        None => return Err(Error::input("there are no classes of points to leave out (classify the cloud first)")),
+    let stages = contour_stages(cloud, model, params, monitor)?;
+    let AnyFitted::Contours(fitted) = &model.fitted else { return Ok(Contours::default()) };
+    stages.lines(&fitted.recipe.trace, monitor)
+}
+
+impl ContourStages {
+    /// The lines that the random field chooses from the candidates.
+    ///
+    /// # Errors
+    /// If a parameter is outside its range, or the work was cancelled.
+    pub fn lines(&self, params: &TraceParams, monitor: &Monitor) -> Result<Contours> {
+        let mut traced = trace(&self.candidates, &self.probabilities, params, monitor)?;
+        traced.polylines.retain(|line| line.confidence >= self.min_confidence);
+        let sides = self.codes.as_ref().and_then(|codes| Sides::of(&self.points, codes));
+        let classes = match &sides {
+            Some(sides) => sides.beside(&traced.polylines, monitor)?,
+            None => vec![None; traced.polylines.len()],
+        };
+        let place = Place { origin: self.points.frame.origin, scale: self.scale };
+        let lines = traced.polylines.iter().zip(classes).map(|(line, classes)| place.drawn(line, classes));
+        Ok(Contours {
+            lines: lines.collect(),
+            voxel: self.scale.voxel,
+            points: self.points.len(),
+            seeds: self.candidates.seeds.len(),
+            candidates: self.candidates.list.len(),
+            energies: traced.choice.trace,
+            warnings: self.warnings.clone(),
+        })
     }
-    let likely = rated.likely(recipe.candidates.neighbourhood.keep, monitor)?;
-    let found = candidates(&likely, &recipe.candidates, monitor)?;
-    let traced = trace(&found, &probabilities(model, &found)?, &recipe.trace, monitor)?;
-    let sides = codes.as_ref().and_then(|codes| Sides::of(&rated.points, codes));
-    let classes = match &sides {
-        Some(sides) => sides.beside(&traced.polylines, monitor)?,
-        None => vec![None; traced.polylines.len()],
-    };
-    let place = Place { origin: rated.points.frame.origin, scale };
-    let lines = traced.polylines.iter().zip(classes).map(|(line, classes)| place.drawn(line, classes));
-    Ok(Contours {
-        lines: lines.collect(),
-        voxel: scale.voxel,
-        points: rated.points.len(),
-        seeds: found.seeds.len(),
-        candidates: found.list.len(),
-        energies: traced.choice.trace.clone(),
-        warnings: [original.oddities(), warnings(rated.fit.shares())].concat(),
-    })
-}
 
-/// Warnings about features unlike those of the training.
-fn warnings(fit: Option<FeatureFit>) -> Vec<String> {
-    let unlike = fit.filter(|fit| fit.beyond > 0.05);
-    let said = |fit: FeatureFit| {
-        format!(
-            "{:.0} % of the feature values lie beyond those of the training: lines may be wrong",
-            100.0 * fit.beyond
-        )
-    };
-    unlike.map(said).into_iter().collect()
-}
+    /// The edge of a voxel, metres.
+    pub fn voxel(&self) -> f64 {
+        self.scale.voxel
+    }
 
-/// The probability of each candidate to be a contour.
-fn probabilities(model: &Model, found: &Candidates) -> Result<Vec<f32>> {
-    let mut rows = vec![0.0; found.list.len() * 2];
-    debug_assert_eq!(found.descriptors.len(), found.list.len() * VALUES);
-    model.classifier.predict_block(&found.descriptors, &mut ClassifierScratch::default(), &mut rows)?;
-    Ok(rows.chunks_exact(2).map(|row| row[super::likely::CONTOUR]).collect())
+    /// Lines in the coordinates of the cloud as lines among the nodes of the candidates.
+    pub fn local(&self, lines: &[Vec<[f64; 3]>]) -> Vec<Polyline> {
+        let metres = self.scale.metres * self.scale.factor();
+        LocalLines { metres, origin: self.points.frame.origin }.of(lines)
+    }
 }
 
 /// Where scaled lines lie.
-struct Place {
-    origin: [f64; 3],
-    scale: Scale,
+pub(super) struct Place {
+    pub(super) origin: [f64; 3],
+    pub(super) scale: Scale,
 }
 
 impl Place {
     /// A line in the coordinates of the cloud.
-    fn drawn(&self, line: &Polyline, classes: Option<[u8; 2]>) -> ContourLine {
+    pub(super) fn drawn(&self, line: &Polyline, classes: Option<[u8; 2]>) -> ContourLine {
         let factor = self.scale.factor();
         let world =
             |at: &[f32; 3]| std::array::from_fn(|a| (f64::from(at[a]) + self.origin[a]) / (self.scale.metres * factor));

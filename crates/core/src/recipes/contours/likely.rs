@@ -1,22 +1,16 @@
 //! How likely points are to lie on a contour, and the direction of the contour there.
 
 use super::ContoursRecipe;
-use super::scaled::{Scale, VOXEL};
+use super::scaled::Scale;
 use crate::cloud::{MetricCloud, Points};
-use crate::contours::Likely;
+use crate::contours::{Likely, TangentParams, tangents};
 use crate::error::{Error, Result};
-use crate::linalg::{Sym3, mean};
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::Monitor;
 use crate::recipes::classify::predict::{CloudPredictor, Fit};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::model::{Model, Stage};
 use crate::recipes::regularise::{Probabilities, regularise};
-use crate::voxels::{Grid, Search, build_levels, sorted};
 
-/// Neighbours that give the direction at a point.
-const NEIGHBOURS: usize = 10;
-/// Points of a block.
-const BLOCK: usize = 1 << 14;
 /// Position of the contours among the classes.
 pub(super) const CONTOUR: usize = 1;
 
@@ -62,45 +56,17 @@ impl RatedPoints {
         }
     }
 
-    /// The points with their likelihoods, and the direction of largest extent of their surroundings at the level of
-    /// voxels, for points of likelihood `least` or more. O(n log n).
+    /// The points with their likelihoods, and the directions of contours there. O(n log n).
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn likely(&self, least: f64, monitor: &Monitor) -> Result<Likely> {
+    pub(super) fn likely(&self, params: &TangentParams, monitor: &Monitor) -> Result<Likely> {
         let likelihoods: Vec<f32> =
             self.probabilities.chunks_exact(2).map(|row| row[CONTOUR].clamp(0.0, 1.0)).collect();
-        let tangents = tangents(&self.points, |i| f64::from(likelihoods[i]) >= least, monitor)?;
-        Ok(Likely { positions: self.points.positions.clone(), likelihoods, tangents })
+        let positions = self.points.positions.clone();
+        monitor.stage("tangents", positions.len() as u64);
+        Ok(Likely { tangents: tangents(&positions, &likelihoods, params, monitor)?, positions, likelihoods })
     }
-}
-
-/// First principal direction of the nearest centres of voxels of some points; zeros for the others.
-fn tangents(points: &Points, wanted: impl Fn(usize) -> bool + Sync, monitor: &Monitor) -> Result<Vec<[f32; 3]>> {
-    let grid = Grid::new(points, VOXEL)?;
-    let in_order = sorted(points.clone(), &grid, monitor)?;
-    let levels = build_levels(&in_order.positions, &grid, 1, monitor)?;
-    drop(in_order);
-    let Some(level) = levels.first() else { return Ok(vec![[0.0; 3]; points.len()]) };
-    monitor.stage("tangents", points.len() as u64);
-    let block = |search: &mut Search, block: usize| {
-        let range = block * BLOCK..((block + 1) * BLOCK).min(points.len());
-        monitor.advance(range.len() as u64);
-        let direction = |i: usize| {
-            if !wanted(i) {
-                return [0.0; 3];
-            }
-            let mut found = [0; NEIGHBOURS];
-            let count = search.nearest(level, points.positions.xyz(i), &mut found);
-            let at = |&j: &u32| [level.x[j as usize], level.y[j as usize], level.z[j as usize]].map(f64::from);
-            let near: Vec<[f64; 3]> = found[..count].iter().map(at).collect();
-            let eigen = Sym3::scatter(&near, mean(&near), count.max(1) as f64).eigen();
-            if eigen.values[0] > 0.0 { eigen.vectors[0].map(|v| v as f32) } else { [0.0; 3] }
-        };
-        Ok(range.map(direction).collect::<Vec<_>>())
-    };
-    let parts = map_ordered_with(0..points.len().div_ceil(BLOCK), monitor, Search::default, block)?;
-    Ok(parts.concat())
 }
 
 /// Names the points that are likely to lie on a contour.

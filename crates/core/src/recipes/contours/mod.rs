@@ -7,18 +7,22 @@
 //! All lengths of the thesis belong to voxels of 0.1 m. A cloud is scaled such that its own voxel has this edge, so that
 //! one model serves scans of any spacing.
 
+mod baseline;
 mod classes;
 mod drawing;
 mod extract;
 mod likely;
 mod report;
 mod scaled;
+mod stages;
 mod synthetic;
 mod train;
 
-pub use extract::{ContourLine, ContourParams, Contours, contours};
+pub use baseline::{Baseline, BaselineParams, baseline_contours};
+pub use extract::{ContourLine, Contours, contours};
 pub use report::ContoursReport;
-pub use synthetic::{edge_labels, labelled_scene, labelled_scenes, measure_scene};
+pub use stages::{ContourParams, ContourStages, contour_stages};
+pub use synthetic::{SceneScores, edge_labels, labelled_scene, labelled_scenes, measure_scene};
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
@@ -27,7 +31,7 @@ use super::regularise::{Regularise, RegulariseParams};
 use super::system::{Fitted, Nothing, System, TrainOptions};
 use super::training::samples::TrainingParams;
 use crate::classification::ForestParams;
-use crate::contours::{CandidateParams, TraceParams};
+use crate::contours::{CandidateParams, MatchParams, TangentParams, TraceParams};
 use crate::error::{Error, Result};
 use crate::features::{FeatureSet, PyramidParams};
 use crate::parallel::Monitor;
@@ -46,17 +50,38 @@ pub enum ContoursKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CandidateTraining {
-    /// Least share of the labelled points of a path on a contour that makes it an example of one, 0 to 1.
+    /// Least share of the length of a path along a contour (without lines, of its points on one) that makes it an example of
+    /// one, 0 to 1.
     pub on: f64,
     /// Share below which it is an example of none, 0 to `on`; candidates between are not learned from.
     pub off: f64,
-    /// Examples of each kind, at most; drawn at random.
+    /// Largest share along unsure lines (without lines, of points without a label) of an example of none, 0 to 1.
+    pub unsure: f64,
+    /// Examples in all, at most; drawn at random, both kinds in the proportion in which they occur.
     pub most: usize,
+    /// When a path runs along a line.
+    pub along: MatchParams,
 }
 
 impl Default for CandidateTraining {
     fn default() -> Self {
-        Self { on: 0.8, off: 0.5, most: 20_000 }
+        Self { on: 0.9, off: 0.6, unsure: 0.2, most: 60_000, along: MatchParams::default() }
+    }
+}
+
+impl CandidateTraining {
+    fn validate(&self) -> Result<()> {
+        let Self { on, off, unsure, most, .. } = *self;
+        if !(0.0..=1.0).contains(&on) || !(0.0..=on).contains(&off) {
+            return Err(Error::parameter("examples", format!("on {on}, off {off}"), "0 <= off <= on <= 1"));
+        }
+        if !(0.0..=1.0).contains(&unsure) {
+            return Err(Error::parameter("examples.unsure", unsure, "0 to 1"));
+        }
+        if most < 2 {
+            return Err(Error::parameter("examples.most", most, "2 or more"));
+        }
+        self.along.validate()
     }
 }
 
@@ -68,10 +93,15 @@ pub struct ContoursRecipe {
     pub recipe: ContoursKind,
     /// Seed of all random draws.
     pub seed: u64,
-    /// Edge of the voxels that hold one seed each, metres; `None` (`"none"` in a recipe): 2 times the point spacing of
-    /// each cloud, 0.02 to 5.
+    /// Edge of the voxels that hold one seed each, metres; `None` (`"none"` in a recipe): `spacings` times the spacing of
+    /// the points of each cloud, 0.02 to 5.
     #[serde(with = "crate::settings::optional")]
     pub voxel: Option<f64>,
+    /// Spacings of the points that make the edge of a voxel, above 0.
+    pub spacings: f64,
+    /// The spacing is that which the points do not exceed on this share of the scanned area, 0 to 1. Higher: voxels that
+    /// suit the sparser parts of a cloud.
+    pub area: f64,
     /// Code of points on contours in labels to learn from; all other labelled points lie on none.
     pub code: u8,
     /// Features and their scales.
@@ -80,6 +110,8 @@ pub struct ContoursRecipe {
     pub training: TrainingParams,
     /// The forest that rates points.
     pub forest: ForestParams,
+    /// Directions of contours at rated points.
+    pub tangents: TangentParams,
     /// From rated points to candidates.
     pub candidates: CandidateParams,
     /// Selection of the training candidates.
@@ -99,15 +131,34 @@ impl Default for ContoursRecipe {
             recipe: ContoursKind::default(),
             seed: 0,
             voxel: None,
+            spacings: 2.0,
+            area: 0.4,
             code: 1,
             features: FeatureSet { pyramid, ..FeatureSet::default() },
-            training: TrainingParams { max_samples: 100_000, ..TrainingParams::default() },
+            training: TrainingParams { max_samples: 200_000, ..TrainingParams::default() },
             forest: ForestParams { trees: 50, ..ForestParams::default() },
+            tangents: TangentParams::default(),
             candidates: CandidateParams::default(),
             examples: CandidateTraining::default(),
             candidate_forest: ForestParams { trees: 50, max_depth: Some(12), ..ForestParams::default() },
             trace: TraceParams::default(),
             regularise: RegulariseParams::default(),
+        }
+    }
+}
+
+impl ContoursRecipe {
+    /// Checks the settings of the voxels.
+    fn check_voxel(&self) -> Result<()> {
+        if let Some(voxel) = self.voxel.filter(|voxel| !(1e-3..=1e3).contains(voxel)) {
+            return Err(Error::parameter("voxel", voxel, "0.001 to 1000 metres"));
+        }
+        if !(self.spacings.is_finite() && self.spacings > 0.0) {
+            return Err(Error::parameter("spacings", self.spacings, "a finite number above 0"));
+        }
+        match (0.0..=1.0).contains(&self.area) {
+            true => Ok(()),
+            false => Err(Error::parameter("area", self.area, "0 to 1")),
         }
     }
 }
@@ -120,19 +171,12 @@ impl System for ContoursRecipe {
     type Report = ContoursReport;
 
     fn validate(&self) -> Result<()> {
-        if let Some(voxel) = self.voxel.filter(|voxel| !(1e-3..=1e3).contains(voxel)) {
-            return Err(Error::parameter("voxel", voxel, "0.001 to 1000 metres"));
-        }
-        let CandidateTraining { on, off, most } = self.examples;
-        if !(0.0..=1.0).contains(&on) || !(0.0..=on).contains(&off) {
-            return Err(Error::parameter("examples", format!("on {on}, off {off}"), "0 <= off <= on <= 1"));
-        }
-        if most == 0 {
-            return Err(Error::parameter("examples.most", most, "1 or more"));
-        }
+        self.check_voxel()?;
+        self.examples.validate()?;
         self.features.validate()?;
         self.training.validate()?;
         self.forest.validate()?;
+        self.tangents.validate()?;
         self.candidates.validate()?;
         self.candidate_forest.validate()?;
         self.trace.validate()?;

@@ -1,20 +1,23 @@
 //! Training: the forest of points, then that of candidates, from lines that the other half of the clouds has not taught.
 
 use super::likely::{RatedPoints, rate};
-use super::scaled::Scale;
-use super::synthetic::named;
+use super::scaled::{LocalLines, Scale};
 use super::{CandidateTraining, ContoursRecipe, ContoursReport};
 use crate::classification::{Classifier, Fingerprint, Learner, Samples};
-use crate::cloud::MetricCloud;
-use crate::contours::{Candidates, VALUE_NAMES, VALUES, candidates};
+use crate::cloud::{CodeScheme, MetricCloud, OwnClass};
+use crate::contours::{
+    Candidate, Candidates, ComparedLines, MatchParams, PathMatch, Polyline, VALUE_NAMES, VALUES, candidates,
+    match_candidates,
+};
 use crate::error::{Error, Result};
-use crate::parallel::Monitor;
+use crate::features::FeatureSet;
+use crate::parallel::{Monitor, map_each};
 use crate::random::{Stream, stream};
 use crate::recipes::model::FirstStage;
 use crate::recipes::pyramid::{PyramidRecipe, PyramidReport};
 use crate::recipes::regularise::{Regularise, RegulariseParams};
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{Fitted, LabelledCloud, Labels, Model, Nothing, System, TrainOptions};
+use crate::recipes::{EdgeLines, Fitted, LabelledCloud, Labels, Model, Nothing, System, TrainOptions};
 
 /// Codes of points off and on contours.
 const CODES: [u8; 2] = [0, 1];
@@ -34,15 +37,15 @@ pub(super) fn train(
     let scaled = clouds.iter().map(|cloud| scaled(recipe, cloud, monitor)).collect::<Result<Vec<_>>>()?;
     let (points, report) = point_model(recipe, &scaled, monitor)?;
     let halves = halves(scaled, monitor)?;
-    let mut lessons = Lessons { params: &recipe.examples, rows: Default::default() };
+    let mut collected = CandidateExamples { params: &recipe.examples, rows: Default::default() };
     for (taught, other) in [(0, 1), (1, 0)] {
         let (model, _) = point_model(recipe, &halves[taught], monitor)?;
         for cloud in &halves[other] {
             let found = found_candidates(recipe, cloud, &model, monitor)?;
-            lessons.take(&found, &cloud.labels);
+            collected.take(&found, &cloud.labels, monitor)?;
         }
     }
-    let examples = lessons.examples(stream(recipe.seed, 1))?;
+    let examples = collected.examples(stream(recipe.seed, 1))?;
     let labels: Vec<u16> = examples.labels();
     let samples = Samples { features: &examples.values, width: VALUES, labels: &labels, weights: None, classes: 2 };
     let mut forest = recipe.candidate_forest.clone();
@@ -72,7 +75,10 @@ fn scaled(recipe: &ContoursRecipe, given: &LabelledCloud, monitor: &Monitor) -> 
     let cloud = Scale::of(recipe, &scene, monitor)?.copy(&given.cloud);
     let code = |code: &Option<u8>| code.map(|code| CODES[usize::from(code == recipe.code)]);
     let codes = given.labels.codes.iter().map(code).collect();
-    Ok(LabelledCloud { cloud, labels: named(codes) })
+    let name = |name: &str| OwnClass { name: name.into(), ..OwnClass::default() };
+    let names = [(CODES[0], name("other")), (CODES[1], name("contour"))].into_iter().collect();
+    let labels = Labels { names, edges: given.labels.edges.clone(), ..Labels::new(codes, CodeScheme::Own) };
+    Ok(LabelledCloud { cloud, labels })
 }
 
 /// Clouds in turn; a single one is divided across its longer side.
@@ -102,7 +108,8 @@ fn point_model(recipe: &ContoursRecipe, clouds: &[LabelledCloud], monitor: &Moni
     let regularise = RegulariseParams { method: Regularise::None, ..RegulariseParams::default() };
     let points = PyramidRecipe {
         seed: recipe.seed,
-        features: recipe.features.clone(),
+        // The scaled copies have a unit of their own.
+        features: FeatureSet { metres_per_unit: None, ..recipe.features.clone() },
         training: recipe.training.clone(),
         forest: recipe.forest.clone(),
         regularise,
@@ -115,19 +122,44 @@ fn point_model(recipe: &ContoursRecipe, clouds: &[LabelledCloud], monitor: &Moni
 fn found_candidates(recipe: &ContoursRecipe, cloud: &LabelledCloud, model: &Model, monitor: &Monitor) -> Result<Found> {
     let scene = MetricCloud::new(&cloud.cloud, None, monitor)?;
     let rated: RatedPoints = rate(recipe, &scene, model.stage(), monitor)?;
-    let likely = rated.likely(recipe.candidates.neighbourhood.keep, monitor)?;
+    let likely = rated.likely(&recipe.tangents, monitor)?;
     let found = candidates(&likely, &recipe.candidates, monitor)?;
-    Ok(Found { candidates: found, index: rated.points.frame.index })
+    let EdgeLines { lines, unsure } = &cloud.labels.edges;
+    let local = LocalLines { metres: scene.metres, origin: rated.points.frame.origin };
+    let (reference, unsure) = (local.of(lines), local.of(unsure));
+    Ok(Found { candidates: found, index: rated.points.frame.index, reference, unsure })
 }
 
-/// Candidates, and the point of the cloud that each point was.
+/// Candidates, the point of the cloud that each point was, and the lines that were to be found, if they are known.
 struct Found {
     candidates: Candidates,
     index: Vec<u32>,
+    reference: Vec<Polyline>,
+    unsure: Vec<Polyline>,
+}
+
+impl Found {
+    /// How far each candidate runs along contours: along the lines, without these by the labels of its nodes.
+    fn matched(&self, labels: &Labels, params: &MatchParams, monitor: &Monitor) -> Result<Vec<PathMatch>> {
+        if !self.reference.is_empty() {
+            let lines = ComparedLines { found: &[], reference: &self.reference, unsure: &self.unsure };
+            return match_candidates(&self.candidates, &lines, params, monitor);
+        }
+        let nodes = &self.candidates.nodes.points;
+        let label = |&node: &u32| labels.codes[self.index[nodes[node as usize] as usize] as usize];
+        let one = |candidate: &Candidate| {
+            let labelled: Vec<Option<u8>> = candidate.path.iter().map(label).collect();
+            let share = |code: Option<u8>| {
+                labelled.iter().filter(|&&found| found == code).count() as f32 / labelled.len().max(1) as f32
+            };
+            Ok(PathMatch { on: share(Some(CODES[1])), unsure: share(None) })
+        };
+        map_each(&self.candidates.list, monitor, one)
+    }
 }
 
 /// Candidates that are examples.
-struct Lessons<'a> {
+struct CandidateExamples<'a> {
     params: &'a CandidateTraining,
     /// Descriptors of those off and on contours.
     rows: [Vec<f32>; 2],
@@ -147,26 +179,22 @@ impl Examples {
     }
 }
 
-impl Lessons<'_> {
-    /// Adds the candidates of a cloud whose labels say enough.
-    fn take(&mut self, found: &Found, labels: &Labels) {
-        let Candidates { nodes, list, descriptors, .. } = &found.candidates;
-        for (candidate, row) in list.iter().zip(descriptors.chunks_exact(VALUES)) {
-            let label = |&node: &u32| labels.codes[found.index[nodes.points[node as usize] as usize] as usize];
-            let known: Vec<u8> = candidate.path.iter().filter_map(label).collect();
-            if known.is_empty() {
-                continue;
-            }
-            let share = known.iter().filter(|&&code| code == CODES[1]).count() as f64 / known.len() as f64;
-            if share >= self.params.on {
+impl CandidateExamples<'_> {
+    /// Adds the candidates of a cloud that clearly run along a contour, or along none.
+    fn take(&mut self, found: &Found, labels: &Labels, monitor: &Monitor) -> Result<()> {
+        let matched = found.matched(labels, &self.params.along, monitor)?;
+        let CandidateTraining { on, off, unsure, .. } = *self.params;
+        for (matched, row) in matched.iter().zip(found.candidates.descriptors.chunks_exact(VALUES)) {
+            if f64::from(matched.on) >= on {
                 self.rows[1].extend_from_slice(row);
-            } else if share < self.params.off {
+            } else if f64::from(matched.on) < off && f64::from(matched.unsure) <= unsure {
                 self.rows[0].extend_from_slice(row);
             }
         }
+        Ok(())
     }
 
-    /// At most so many of each kind as the settings say.
+    /// At most as many as the settings say, both kinds in the proportion in which they were found.
     fn examples(self, mut draws: Stream) -> Result<Examples> {
         let counts = self.rows.each_ref().map(|rows| rows.len() / VALUES);
         if counts.contains(&0) {
@@ -174,9 +202,12 @@ impl Lessons<'_> {
             let found = format!("{on} candidates on contours and {off} off them");
             return Err(Error::input(format!("{found} to learn from (allowed: 1 and more of each; give more clouds)")));
         }
-        let mut examples = Examples { values: Vec::new(), counts: counts.map(|count| count.min(self.params.most)) };
-        for (rows, count) in self.rows.iter().zip(counts) {
-            let mut chosen = draws.choose(count, count.min(self.params.most));
+        let all: usize = counts.iter().sum();
+        let share = (self.params.most as f64 / all as f64).min(1.0);
+        let kept = counts.map(|count| ((count as f64 * share).round() as usize).clamp(1, count));
+        let mut examples = Examples { values: Vec::new(), counts: kept };
+        for (rows, [count, kept]) in self.rows.iter().zip([[counts[0], kept[0]], [counts[1], kept[1]]]) {
+            let mut chosen = draws.choose(count, kept);
             chosen.sort_unstable();
             chosen.iter().for_each(|&row| examples.values.extend_from_slice(&rows[row as usize * VALUES..][..VALUES]));
         }

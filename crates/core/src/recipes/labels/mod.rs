@@ -62,8 +62,18 @@ impl LabelParams {
     }
 }
 
+/// Lines along the edges of a cloud, in its coordinates.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EdgeLines {
+    /// The lines.
+    pub lines: Vec<Vec<[f64; 3]>>,
+    /// Lines that may be edges or not, such as those that were scanned too sparsely; nothing is learned from points near
+    /// them.
+    pub unsure: Vec<Vec<[f64; 3]>>,
+}
+
 /// One label for each point.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Labels {
     /// Code of each point; `None` if it is unlabelled.
     pub codes: Vec<Option<u8>>,
@@ -73,6 +83,8 @@ pub struct Labels {
     pub scheme: CodeScheme,
     /// Names that take precedence over those of the list.
     pub names: ClassNames,
+    /// The lines that the labels follow from, for the recipe that learns lines; none otherwise.
+    pub edges: EdgeLines,
 }
 
 impl Labels {
@@ -83,7 +95,7 @@ impl Labels {
 
     /// Other codes of the same list.
     pub(in crate::recipes) fn changed(&self, codes: Vec<Option<u8>>) -> Self {
-        Self { names: self.names.clone(), ..Self::new(codes, self.scheme) }
+        Self { names: self.names.clone(), edges: self.edges.clone(), ..Self::new(codes, self.scheme) }
     }
 
     /// The classes with these codes.
@@ -99,7 +111,7 @@ impl Labels {
     /// Labels from codes; counts the unlabelled points.
     pub fn new(codes: Vec<Option<u8>>, scheme: CodeScheme) -> Self {
         let unlabelled = codes.iter().filter(|c| c.is_none()).count() as u64;
-        Self { codes, unlabelled, scheme, names: ClassNames::new() }
+        Self { codes, unlabelled, scheme, names: ClassNames::new(), edges: EdgeLines::default() }
     }
 
     /// Number of points with each code.

@@ -11,10 +11,10 @@ use crate::parallel::Monitor;
 /// Rounds after which pruning stops; each round joins lines at junctions that are gone.
 const ROUNDS: usize = 20;
 
-/// The graph without branches that have a free end at one side, a junction at the other, and are shorter than `twig`
+/// The graph without branches that have a free end at one side, a junction at the other, and are shorter than `spur`
 /// or, if loops are opened, have all their nodes within the loop width of other nodes. O(rounds · m log m).
 pub(super) fn pruned(mut graph: Graph, positions: &Positions, params: &TidyParams, monitor: &Monitor) -> Result<Graph> {
-    if params.twig <= 0.0 {
+    if params.spur <= 0.0 {
         return Ok(graph);
     }
     let mut nodes: Vec<u32> = graph.edges().iter().flatten().copied().collect();
@@ -25,14 +25,14 @@ pub(super) fn pruned(mut graph: Graph, positions: &Positions, params: &TidyParam
     for _ in 0..ROUNDS {
         let mut round = Round { degree: vec![0; graph.len()], nodes: &nodes, near: &near };
         graph.edges().iter().flatten().for_each(|&node| round.degree[node as usize] += 1);
-        let mut twigs: Vec<(f64, Strand)> =
+        let mut spurs: Vec<(f64, Strand)> =
             strands(&graph, positions, monitor)?.into_iter().map(|s| (s.length(positions), s)).collect();
-        twigs.retain(|(length, twig)| *length <= params.twig.max(params.loop_length) && round.hangs(twig));
-        twigs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        spurs.retain(|(length, spur)| *length <= params.spur.max(params.loop_length) && round.hangs(spur));
+        spurs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut gone: Vec<[u32; 2]> = Vec::new();
-        for (length, twig) in &twigs {
-            if round.hangs(twig) && (*length < params.twig || (params.loop_width > 0.0 && round.follows(twig))) {
-                for w in twig.path.windows(2) {
+        for (length, spur) in &spurs {
+            if round.hangs(spur) && (*length < params.spur || (params.loop_width > 0.0 && round.follows(spur))) {
+                for w in spur.path.windows(2) {
                     gone.push([w[0].min(w[1]), w[0].max(w[1])]);
                     w.iter().for_each(|&node| round.degree[node as usize] -= 1);
                 }
@@ -63,16 +63,16 @@ impl Round<'_> {
         a != b && a.min(b) == 1 && a.max(b) > 2
     }
 
-    /// Whether every node of a twig is near one with edges that is not on the twig.
-    fn follows(&self, twig: &Strand) -> bool {
-        let mut own = twig.path.clone();
+    /// Whether every node of a spur is near one with edges that is not on the spur.
+    fn follows(&self, spur: &Strand) -> bool {
+        let mut own = spur.path.clone();
         own.sort_unstable();
         let beside = |node: &u32| {
             let Ok(at) = self.nodes.binary_search(node) else { return false };
             let mut others = self.near.of(at).iter().map(|&other| self.nodes[other as usize]);
             others.any(|other| self.degree[other as usize] > 0 && own.binary_search(&other).is_err())
         };
-        twig.path.iter().all(beside)
+        spur.path.iter().all(beside)
     }
 }
 
@@ -101,7 +101,7 @@ mod tests {
         let params = TidyParams::default();
         assert_eq!(left(3, &params), 20);
         assert_eq!(left(8, &params), 28);
-        assert_eq!(left(3, &TidyParams { twig: 0.0, ..params.clone() }), 33);
+        assert_eq!(left(3, &TidyParams { spur: 0.0, ..params.clone() }), 33);
         assert_eq!(left(3, &TidyParams { loop_width: 0.0, ..params }), 30);
     }
 
