@@ -83,7 +83,7 @@ fn parts(edge: &Edge, marks: &[[f64; 2]], visible: impl Fn(Vector) -> bool) -> V
         let ends = [at, at + 1].map(|at| between(edge.ends, at as f64 / count));
         (surfaces > 0).then_some(Part { ends, surfaces, spacing })
     };
-    let step = |part: &Part| (2.0 * part.spacing.log2()).floor();
+    let step = |part: &Part| (2.0 * part.spacing.log2()).floor() as i64;
     let alike = |a: &Part, b: &Part| a.surfaces == b.surfaces && step(a) == step(b);
     let mut parts: Vec<Part> = Vec::new();
     let mut before: Option<Part> = None;

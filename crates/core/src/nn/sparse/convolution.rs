@@ -5,7 +5,7 @@
 
 use super::attention::Selection;
 use super::filter::SparseFilter;
-use super::forward::Work;
+use super::forward::{Responses, Work};
 use super::slab::{Buffer, LANES, Slabs, Taps};
 use super::tensor::{Shape, SparseTensor};
 use crate::error::{Error, Result};
@@ -24,16 +24,6 @@ pub struct SparseConvolution<'a, T> {
     pub bias: &'a [T],
     /// Attention; `None` keeps all responses.
     pub selection: Option<Selection>,
-}
-
-/// The output of a convolution.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Responses<T> {
-    /// The responses that are kept.
-    pub tensor: SparseTensor<T>,
-    /// For each output channel the share of the cells whose response is above 0 (by magnitude: not 0), before the strongest
-    /// are selected, averaged over the samples: what the density regulariser follows.
-    pub densities: Vec<f64>,
 }
 
 /// Gradients of a loss.
@@ -59,7 +49,7 @@ struct Task<'a, T> {
 
 impl<T: Scalar> SparseConvolution<'_, T> {
     /// Number of groups of output channels.
-    pub(super) fn groups(&self) -> usize {
+    fn groups(&self) -> usize {
         self.filter.outputs.div_ceil(LANES)
     }
 
@@ -91,7 +81,7 @@ impl<T: Scalar> SparseConvolution<'_, T> {
     /// If channels or axes do not fit, a parameter is out of range, or the work was cancelled.
     pub fn responses(&self, input: &SparseTensor<T>, monitor: &Monitor) -> Result<Responses<T>> {
         self.check(input)?;
-        Work::new(self, input).responses(monitor)
+        Work::new(self.filter, self.bias, self.selection, input).responses(monitor)
     }
 
     /// The gradients with respect to stored inputs and weights (eq. 6.3 and 6.4), given those with respect to the entries

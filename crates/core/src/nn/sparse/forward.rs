@@ -1,6 +1,7 @@
 //! The responses of a direct sparse convolution, of which the strongest are kept.
 
-use super::convolution::{Responses, SparseConvolution};
+use super::attention::Selection;
+use super::filter::SparseFilter;
 use super::slab::{LANES, Taps};
 use super::strongest::{Collecting, Found};
 use super::tensor::{Shape, SparseTensor};
@@ -9,6 +10,16 @@ use crate::error::{Error, Result};
 use crate::nn::scalar::Scalar;
 use crate::parallel::{Monitor, map_ordered_with};
 use std::ops::Range;
+
+/// The output of a convolution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Responses<T> {
+    /// The responses that are kept.
+    pub tensor: SparseTensor<T>,
+    /// For each output channel the share of the cells whose response is above 0 (by magnitude: not 0), before the strongest
+    /// are selected, averaged over the samples: what the density regulariser follows.
+    pub densities: Vec<f64>,
+}
 
 /// Parts of the outputs that are computed on their own, over all samples and groups of output channels.
 const TASKS: usize = 16;
@@ -31,7 +42,9 @@ enum Keep {
 /// A part first keeps about as many of its strongest responses as the bound of the whole leaves it. Where some that it dropped
 /// may be among the strongest of the whole, it is computed again and keeps as many as the bound.
 pub(super) struct Work<'a, T> {
-    layer: &'a SparseConvolution<'a, T>,
+    filter: &'a SparseFilter<T>,
+    bias: &'a [T],
+    selection: Option<Selection>,
     input: &'a SparseTensor<T>,
     taps: Vec<Vec<Taps<T>>>,
     /// The layers along the first axis of each part.
@@ -41,14 +54,19 @@ pub(super) struct Work<'a, T> {
 }
 
 impl<'a, T: Scalar> Work<'a, T> {
-    pub(super) fn new(layer: &'a SparseConvolution<'a, T>, input: &'a SparseTensor<T>) -> Self {
-        let (shape, filter) = (input.shape(), layer.filter);
-        let taps: Vec<_> = (0..layer.groups()).map(|group| filter.taps(group, shape)).collect();
+    pub(super) fn new(
+        filter: &'a SparseFilter<T>,
+        bias: &'a [T],
+        selection: Option<Selection>,
+        input: &'a SparseTensor<T>,
+    ) -> Self {
+        let shape = input.shape();
+        let taps: Vec<_> = (0..filter.outputs.div_ceil(LANES)).map(|group| filter.taps(group, shape)).collect();
         let length = shape.extent[0];
         let parts = (TASKS / (shape.samples * taps.len())).clamp(1, (length / (LAYERS * filter.size)).max(1));
         let layers = (0..parts).map(|part| part * length / parts..(part + 1) * length / parts).collect();
-        let most = layer.selection.map_or(usize::MAX, |selection| selection.most(shape.cells()));
-        Self { layer, input, taps, layers, most }
+        let most = selection.map_or(usize::MAX, |selection| selection.most(shape.cells()));
+        Self { filter, bias, selection, input, taps, layers, most }
     }
 
     /// The responses that are kept.
@@ -77,9 +95,9 @@ impl<'a, T: Scalar> Work<'a, T> {
                 Keep::Bound => self.most,
             };
             let mut bias = [T::ZERO; LANES];
-            bias.iter_mut().zip(self.layer.bias.iter().skip(group * LANES)).for_each(|(to, &from)| *to = from);
-            let how = Collecting { bias, selection: self.layer.selection, enough };
-            let reach = self.layer.filter.size / 2;
+            bias.iter_mut().zip(self.bias.iter().skip(group * LANES)).for_each(|(to, &from)| *to = from);
+            let how = Collecting { bias, selection: self.selection, enough };
+            let reach = self.filter.size / 2;
             Piece { input: self.input, taps: &self.taps[group], sample, layers, reach }.responses(window, &how)
         })
     }
@@ -104,7 +122,7 @@ impl<'a, T: Scalar> Work<'a, T> {
 
     /// Numbers of the parts that dropped responses which may be among the strongest of their channel.
     fn short_of(&self, found: &[Found<T>]) -> Vec<usize> {
-        let Some(selection) = self.layer.selection else { return Vec::new() };
+        let Some(selection) = self.selection else { return Vec::new() };
         let mut short = Vec::new();
         for (number, parts) in self.groups(found).enumerate() {
             let least: [T; LANES] = std::array::from_fn(|lane| selection.least(self.most, entries(parts, lane)));
@@ -118,7 +136,7 @@ impl<'a, T: Scalar> Work<'a, T> {
 
     /// The responses of all parts, selected, with keys.
     fn collected(&self, found: &[Found<T>]) -> Result<Responses<T>> {
-        let (shape, outputs) = (self.input.shape(), self.layer.filter.outputs);
+        let (shape, outputs) = (self.input.shape(), self.filter.outputs);
         let to = Shape::new(shape.samples, outputs, &shape.extent)?;
         let (mut keys, mut values) = (Vec::new(), Vec::new());
         let mut densities = vec![0.0; outputs];
@@ -128,7 +146,7 @@ impl<'a, T: Scalar> Work<'a, T> {
                 let counted: usize = parts.iter().map(|part| part.counted[lane]).sum();
                 densities[output] += counted as f64 / (shape.samples * to.cells()) as f64;
                 let mut kept: Vec<(usize, T)> = entries(parts, lane).copied().collect();
-                if let Some(selection) = self.layer.selection {
+                if let Some(selection) = self.selection {
                     selection.apply(&mut kept, to.cells());
                 }
                 if let Some((_, response)) = kept.iter().find(|(_, response)| !response.finite()) {

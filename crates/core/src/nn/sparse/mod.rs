@@ -17,9 +17,10 @@ mod tensor;
 mod window;
 
 pub use attention::{Attention, Selection};
-pub use convolution::{Responses, SparseConvolution, SparseGradient};
+pub use convolution::{SparseConvolution, SparseGradient};
 pub use density::{DensityParams, DensityRegulariser};
 pub use filter::SparseFilter;
+pub use forward::Responses;
 pub use pooling::{Pooled, max_pool};
 pub use pruning::Pruning;
 pub use tensor::{Shape, SparseTensor};
