@@ -75,7 +75,7 @@ impl<T: Scalar> SparseConvolution<'_, T> {
     }
 
     /// The responses. O((ρ_d · ρ_f · s_f^k · c_in) · s_d^k · c_out · b) (eq. 6.1), without its logarithm. With attention, memory
-    /// is in proportion to the responses that are kept.
+    /// is in proportion to the bound of the responses that are kept: about three times, and at worst 32 times it.
     ///
     /// # Errors
     /// If channels or axes do not fit, a parameter is out of range, or the work was cancelled.

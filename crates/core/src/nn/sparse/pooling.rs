@@ -19,12 +19,15 @@ pub struct Pooled<T> {
 /// the last whole window are dropped, as in dense networks. O(entries · log entries).
 ///
 /// # Errors
-/// If the stride is 0, or an axis is shorter than it.
+/// If the stride is 0, an axis is shorter than it, or there are 2³² entries or more.
 pub fn max_pool<T: Scalar>(tensor: &SparseTensor<T>, stride: usize) -> Result<Pooled<T>> {
     let shape = tensor.shape();
     if stride == 0 || shape.extent.iter().any(|&length| length < stride) {
         let expected = format!("1 up to the shortest axis of {:?}", shape.extent);
         return Err(Error::parameter("stride", stride, expected));
+    }
+    if u32::try_from(tensor.len()).is_err() {
+        return Err(Error::input(format!("{} entries to pool (allowed: below 2^32)", tensor.len())));
     }
     let extent: Vec<usize> = shape.extent.iter().map(|length| length / stride).collect();
     let to = Shape::new(shape.samples, shape.channels, &extent)?;
