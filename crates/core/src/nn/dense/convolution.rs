@@ -47,7 +47,7 @@ pub struct DenseGradient<T> {
     pub values: Vec<T>,
     /// With respect to the weights.
     pub weights: Vec<T>,
-    /// With respect to the terms.
+    /// With respect to the biases.
     pub bias: Vec<T>,
 }
 

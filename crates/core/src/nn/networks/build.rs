@@ -23,7 +23,7 @@ pub(super) fn limited(count: Option<usize>) -> Result<usize> {
     })
 }
 
-/// Weights and terms of a layer from so many values to so many; `None` if their number overflows.
+/// Weights and biases of a layer from so many values to so many; `None` if their number overflows.
 pub(super) fn affine(inputs: usize, outputs: usize) -> Option<usize> {
     inputs.checked_add(1)?.checked_mul(outputs)
 }

@@ -202,7 +202,7 @@ impl UNet {
         self.width
     }
 
-    /// Weights (features by classes, row-major) and terms of the scores.
+    /// Weights (features by classes, row-major) and biases of the scores.
     pub fn head<'a, T: Scalar>(&self, parameters: &'a Parameters<T>) -> (&'a [T], &'a [T]) {
         (parameters.get(self.head.weights), parameters.get(self.head.bias))
     }

@@ -116,7 +116,7 @@ impl WindowNet {
         self.hidden
     }
 
-    /// The matrix and the terms of the scores.
+    /// The matrix and the biases of the scores.
     pub fn head(&self) -> [ParameterId; 2] {
         [self.connected.head.weights, self.connected.head.bias]
     }

@@ -33,7 +33,7 @@ pub struct SparseGradient<T> {
     pub values: Vec<T>,
     /// With respect to the stored weights, in their order.
     pub weights: Vec<T>,
-    /// With respect to the terms.
+    /// With respect to the biases.
     pub bias: Vec<T>,
 }
 
