@@ -4,27 +4,20 @@
 //! λ = q + p t with q = trace / 3, p² = Σ(A − q)² / 6, r = det(A − q) / (2 p³) and t³ − 3 t = 2 r. If two eigenvalues
 //! are close, each is accurate only to the square root of the rounding.
 //!
-//! Two evaluations: [`eigenvalues`] takes t = 2 cos(acos(r) / 3) from the library; [`unit_eigenvalues`] takes it from a
-//! polynomial, so that loops over lanes vectorise. They differ in the last bits, on which octree cells at the threshold
-//! and chosen neighbourhoods depend.
+//! t is 2 cos(acos(r) / 3), taken from a polynomial, so that loops over lanes vectorise.
 
 use super::Sym3;
 
 /// λ1 ≥ λ2 ≥ λ3 ≥ 0 of a positive semi-definite matrix, accurate to about 1e-8 λ1.
 pub(crate) fn eigenvalues(matrix: &Sym3) -> [f64; 3] {
     let [xx, yy, zz] = matrix.diagonal;
-    let third = (xx + yy + zz) / 3.0;
-    let centred = [xx - third, yy - third, zz - third];
-    let scale = (sum_of_squares(centred, matrix.off) / 6.0).sqrt();
-    if scale <= 0.0 {
-        return [third.max(0.0); 3];
+    let trace = xx + yy + zz;
+    if trace <= 0.0 {
+        return [0.0; 3];
     }
-    let r = determinant(centred, matrix.off) / (2.0 * scale * scale * scale);
-    let angle = r.clamp(-1.0, 1.0).acos() / 3.0;
-    let first = third + 2.0 * scale * angle.cos();
-    let last = third + 2.0 * scale * (angle + std::f64::consts::TAU / 3.0).cos();
-    let middle = (3.0 * third - first - last).clamp(last, first);
-    [first.max(0.0), middle.max(0.0), last.max(0.0)]
+    let mut values = unit_eigenvalues(matrix.entries()).map(|share| (trace * share).max(0.0));
+    values.sort_unstable_by(|a, b| b.total_cmp(a));
+    values
 }
 
 /// λ / Σλ of xx, yy, zz, xy, xz, yz in no order, without branches; rounding may make them slightly negative. 1/3 each

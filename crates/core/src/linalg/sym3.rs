@@ -1,6 +1,6 @@
 //! One symmetric 3 x 3 matrix in `f64`: scatter of points, and its eigenvalues and eigenvectors.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use super::jacobi::jacobi;
 
 /// A symmetric 3 x 3 matrix, stored as its upper triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,21 +35,17 @@ impl Sym3 {
         sum
     }
 
-    /// Eigenvalues and eigenvectors of a matrix that is positive semi-definite up to rounding, by Householder's
-    /// reduction and QR iterations.
-    pub fn eigen(&self) -> Eigen3 {
+    /// xx, yy, zz, xy, xz, yz.
+    pub(super) fn entries(&self) -> [f64; 6] {
         let [xx, yy, zz] = self.diagonal;
         let [xy, xz, yz] = self.off;
-        let solved = SymmetricEigen::new(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz));
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| solved.eigenvalues[b].total_cmp(&solved.eigenvalues[a]));
-        Eigen3 {
-            values: order.map(|i| solved.eigenvalues[i].max(0.0)),
-            vectors: order.map(|i| {
-                let v: Vector3<f64> = solved.eigenvectors.column(i).into();
-                [v.x, v.y, v.z]
-            }),
-        }
+        [xx, yy, zz, xy, xz, yz]
+    }
+
+    /// Eigenvalues and eigenvectors of a matrix that is positive semi-definite up to rounding, by Jacobi's rotations.
+    pub fn eigen(&self) -> Eigen3 {
+        let solved = jacobi(&self.entries().map(|entry| [entry]));
+        Eigen3 { values: solved.values.map(|[value]| value), vectors: solved.vectors.map(|v| v.map(|[axis]| axis)) }
     }
 }
 
