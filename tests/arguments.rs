@@ -1,18 +1,13 @@
 //! Functions of core take few arguments, and no tuple stands for a struct without a name.
 //!
 //! A parameter that is a tuple, in its pattern or in its type, counts as its elements; `self` does not count. Closures
-//! and code that only tests compile are left out. The table may only fall.
+//! and code that only tests compile are left out.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use syn::visit::{self, Visit};
 use syn::{Attribute, FnArg, ImplItemFn, ItemFn, ItemMod, Pat, Signature, TraitItemFn, Type};
-
-/// Of each module: functions with a tuple among their parameters, functions with more than [`MOST`] arguments. Modules
-/// that are not in the table have neither. Lower a number when the test prints a smaller one; never raise it.
-const CEILINGS: [(&str, [usize; 2]); 2] = [("features", [0, 2]), ("recipes", [1, 3])];
 
 /// Arguments that a function may have.
 const MOST: usize = 4;
@@ -133,51 +128,18 @@ fn functions(text: &str) -> Vec<Function> {
     functions.found
 }
 
-/// The functions of each module of core, each with the file that it is in.
-fn modules() -> BTreeMap<String, Vec<(String, Function)>> {
-    let mut modules: BTreeMap<String, Vec<(String, Function)>> = BTreeMap::new();
+#[test]
+fn functions_of_core_have_at_most_four_arguments_and_no_tuples() {
+    let mut wrong = Vec::new();
     for path in rust_files(&core()) {
         let name = path.file_stem().unwrap().to_str().unwrap();
         if ["tests", "testing"].contains(&name) {
             continue;
         }
-        let place = path.strip_prefix(core()).unwrap().to_str().unwrap().to_string();
-        let module = place.split(['/', '.']).next().unwrap().to_string();
         let found = functions(&fs::read_to_string(&path).unwrap());
-        modules.entry(module).or_default().extend(found.into_iter().map(|f| (place.clone(), f)));
+        let found = found.into_iter().filter(|f| f.tuple || f.arguments > MOST);
+        wrong.extend(found.map(|f| format!("{}: {} has {} arguments", path.display(), f.name, f.arguments)));
     }
-    modules
-}
-
-fn counts(functions: &[(String, Function)]) -> [usize; 2] {
-    let number = |counted: fn(&Function) -> bool| functions.iter().filter(|(_, f)| counted(f)).count();
-    [number(|f| f.tuple), number(|f| f.arguments > MOST)]
-}
-
-#[test]
-fn tuples_and_long_lists_of_arguments_only_become_fewer() {
-    let modules = modules();
-    let mut worst: Vec<&(String, Function)> =
-        modules.values().flatten().filter(|(_, f)| f.tuple || f.arguments > MOST).collect();
-    worst.sort_by_key(|(_, f)| (std::cmp::Reverse(f.arguments), !f.tuple));
-    for (place, function) in worst {
-        let tuple = if function.tuple { "tuple" } else { "" };
-        println!("{:2} {tuple:5} {place} {}", function.arguments, function.name);
-    }
-    let mut wrong = Vec::new();
-    let mut total = [0; 2];
-    for (module, functions) in &modules {
-        let now = counts(functions);
-        total = [0, 1].map(|i| total[i] + now[i]);
-        println!("    (\"{module}\", {now:?}),");
-        let ceiling = CEILINGS.iter().find(|(name, _)| name == module).map_or([0; 2], |&(_, ceiling)| ceiling);
-        if (0..2).any(|i| now[i] > ceiling[i]) {
-            wrong.push(format!("{module} has {now:?}, allowed are {ceiling:?}"));
-        }
-    }
-    println!("with a tuple, with more than {MOST} arguments: {total:?}");
-    let gone = CEILINGS.iter().filter(|(name, _)| !modules.contains_key(*name));
-    wrong.extend(gone.map(|(name, _)| format!("{name} is no module")));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

@@ -89,7 +89,7 @@ pub(crate) fn regularize<'py>(
     let (labels, rows, energy) = call(py, n_jobs, |monitor| {
         let params = RegulariseParams::default().with_settings(settings.iter().map(String::as_str))?;
         let points = points(&cloud, metres_per_unit, monitor)?;
-        let found = regularise(&points.positions, Probabilities { values, classes }, None, &params, monitor)?;
+        let found = regularise(&points.positions, Probabilities { values, classes }, &params, monitor)?;
         let rows = (0..points.len()).flat_map(|point| found.row(point, classes)).copied().collect();
         Ok((found.labels, rows, found.energy))
     })?;

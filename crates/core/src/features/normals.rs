@@ -85,12 +85,12 @@ impl WithSimd for Describe<'_> {
     type Output = Normals;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Normals {
+    fn with_simd<S: Simd>(mut self, _: S) -> Normals {
         let mut out = Normals::default();
         for first in self.range.clone().step_by(LANES) {
             let lanes = LANES.min(self.range.end - first);
             for lane in 0..lanes {
-                gather(self.points, self.neighbours.of(first + lane), first + lane, lane, self.batch);
+                self.gather(first + lane, lane);
             }
             push(&tensor(self.batch, self.neighbours.k() + 1, CONVENTION), lanes, &mut out);
         }
@@ -98,16 +98,19 @@ impl WithSimd for Describe<'_> {
     }
 }
 
-/// The neighbours of a point relative to it; row 0 is the point itself.
-#[inline(always)]
-fn gather(points: &Positions, near: &[u32], point: usize, lane: usize, batch: &mut Batch) {
-    let at = points.xyz(point);
-    (batch.x[0][lane], batch.y[0][lane], batch.z[0][lane]) = (0.0, 0.0, 0.0);
-    for (j, &n) in near.iter().enumerate() {
-        let n = n as usize;
-        batch.x[j + 1][lane] = points.x[n] - at[0];
-        batch.y[j + 1][lane] = points.y[n] - at[1];
-        batch.z[j + 1][lane] = points.z[n] - at[2];
+impl Describe<'_> {
+    /// The neighbours of a point relative to it, into a lane of the batch; row 0 is the point itself.
+    #[inline(always)]
+    fn gather(&mut self, point: usize, lane: usize) {
+        let (points, batch) = (self.points, &mut *self.batch);
+        let at = points.xyz(point);
+        (batch.x[0][lane], batch.y[0][lane], batch.z[0][lane]) = (0.0, 0.0, 0.0);
+        for (j, &n) in self.neighbours.of(point).iter().enumerate() {
+            let n = n as usize;
+            batch.x[j + 1][lane] = points.x[n] - at[0];
+            batch.y[j + 1][lane] = points.y[n] - at[1];
+            batch.z[j + 1][lane] = points.z[n] - at[2];
+        }
     }
 }
 

@@ -25,27 +25,27 @@ pub fn blocks(path: &Path, size: usize, options: &ReadOptions) -> Result<Blocks>
     }
     let format = format_of(path)?;
     check_resolution(format, options)?;
-    Ok(Blocks { source: Some(Source::open(format, path, options)?), size, options: options.clone() })
+    Ok(Blocks { source: Some(OpenFile::open(format, path, options)?), size, options: options.clone() })
 }
 
 /// The iterator returned by [`blocks`].
 #[derive(Debug)]
 pub struct Blocks {
     /// `None` after the last block.
-    source: Option<Source>,
+    source: Option<OpenFile>,
     size: usize,
     options: ReadOptions,
 }
 
 /// An open file.
 #[derive(Debug)]
-struct Source {
+struct OpenFile {
     reader: Box<dyn BlockReader>,
     /// Whether its blocks hold points outside the box.
     uncut: bool,
 }
 
-impl Source {
+impl OpenFile {
     fn open(format: Format, path: &Path, options: &ReadOptions) -> Result<Self> {
         let whole = |cloud: Cloud| {
             let cut = options.bounds.as_ref().map(|bounds| inside(&cloud, bounds));

@@ -90,7 +90,7 @@ pub fn within(points: &Positions, queries: &Positions, radius: f64, monitor: &Mo
         let parts = map_ordered_with(blocks, monitor, Seeker::default, |seeker, block| {
             let range = block * QUERIES..((block + 1) * QUERIES).min(queries.len());
             let places: Vec<[f32; 3]> = range.map(|i| queries.xyz(i)).collect();
-            let search = Search { seeker, tree: &tree, places: &places, limit, monitor };
+            let search = BallQuery { seeker, tree: &tree, places: &places, limit, monitor };
             let found = Arch::new().dispatch(search)?;
             monitor.advance(places.len() as u64);
             Ok(found)
@@ -120,7 +120,7 @@ struct Found {
 }
 
 /// A search around some positions, compiled for each instruction set.
-struct Search<'a> {
+struct BallQuery<'a> {
     seeker: &'a mut Seeker,
     tree: &'a Tree,
     places: &'a [[f32; 3]],
@@ -129,7 +129,7 @@ struct Search<'a> {
     monitor: &'a Monitor,
 }
 
-impl WithSimd for Search<'_> {
+impl WithSimd for BallQuery<'_> {
     type Output = Result<Found>;
 
     #[inline(always)]

@@ -22,7 +22,7 @@ pub(super) struct Solid {
 
 /// Cells in plan of one size.
 #[derive(Clone, Debug)]
-pub(super) struct Plan {
+pub(super) struct PlanCells {
     size: f64,
     index: CellIndex<[i32; 2]>,
     /// Mean of each class around each cell.
@@ -45,7 +45,7 @@ impl Solid {
     }
 }
 
-impl Plan {
+impl PlanCells {
     pub(super) fn new(rated: &Rated<'_>, size: f64, monitor: &Monitor) -> Result<Self> {
         let key = |i: usize| cell_of([rated.points.x[i], rated.points.y[i]].map(|v| f64::from(v) / size));
         let cells = Cells::new(rated.points.len(), key, monitor)?;

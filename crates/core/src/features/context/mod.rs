@@ -11,7 +11,7 @@ use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::features::definition::{Feature, class_name};
 use crate::parallel::{Monitor, map_each};
-use blocks::{Plan, Solid};
+use blocks::{PlanCells, Solid};
 use serde::{Deserialize, Serialize};
 use stacks::Stacks;
 
@@ -100,7 +100,7 @@ impl Rated<'_> {
 pub struct Context {
     classes: usize,
     solids: Vec<Solid>,
-    plans: Vec<Plan>,
+    plans: Vec<PlanCells>,
     stacks: Vec<Stacks>,
 }
 
@@ -122,7 +122,7 @@ impl Context {
         Ok(Self {
             classes: rated.classes,
             solids: map_each(&params.voxels, monitor, |&size| Solid::new(rated, size, monitor))?,
-            plans: map_each(&params.cells, monitor, |&size| Plan::new(rated, size, monitor))?,
+            plans: map_each(&params.cells, monitor, |&size| PlanCells::new(rated, size, monitor))?,
             stacks: map_each(&params.stacks, monitor, |&size| Stacks::new(rated, size, monitor))?,
         })
     }

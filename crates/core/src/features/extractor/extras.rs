@@ -33,7 +33,7 @@ impl Own<'_> {
 
 /// The source of a feature of the points themselves.
 #[derive(Clone)]
-pub(super) enum Source<'a> {
+pub(super) enum PointSource<'a> {
     /// One column, transformed.
     One(Own<'a>),
     /// The quotient of two columns.
@@ -44,7 +44,7 @@ pub(super) enum Source<'a> {
     Missing,
 }
 
-impl Source<'_> {
+impl PointSource<'_> {
     /// The feature of a point of the cloud.
     pub(super) fn get(&self, point: u32) -> f32 {
         match self {
@@ -63,9 +63,9 @@ impl Source<'_> {
 ///
 /// # Errors
 /// If the cloud lacks a column; the message names it and lists the existing ones.
-pub(super) fn sources<'a>(scene: &MetricCloud<'a>, set: &FeatureSet) -> Result<Vec<(Feature, Source<'a>)>> {
+pub(super) fn sources<'a>(scene: &MetricCloud<'a>, set: &FeatureSet) -> Result<Vec<(Feature, PointSource<'a>)>> {
     let of = |feature| match source(scene, feature) {
-        Err(_) if set.optional && feature != Feature::Elevation => Ok(Source::Missing),
+        Err(_) if set.optional && feature != Feature::Elevation => Ok(PointSource::Missing),
         other => other,
     };
     set.own().map(|d| Ok((d.feature, of(d.feature)?))).collect()
@@ -75,19 +75,19 @@ pub(super) fn sources<'a>(scene: &MetricCloud<'a>, set: &FeatureSet) -> Result<V
 ///
 /// # Errors
 /// If the cloud lacks one; the message lists the existing ones.
-pub(super) fn dimensions<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<Source<'a>>> {
+pub(super) fn dimensions<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<PointSource<'a>>> {
     let of = |name: &String| match column(cloud, name) {
-        Err(_) if set.optional => Ok(Source::Missing),
-        other => other.map(|values| Source::One(Own { values, form: Form::Times(1.0) })),
+        Err(_) if set.optional => Ok(PointSource::Missing),
+        other => other.map(|values| PointSource::One(Own { values, form: Form::Times(1.0) })),
     };
     set.dimensions.iter().map(of).collect()
 }
 
-fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<Source<'a>> {
+fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<PointSource<'a>> {
     let cloud = scene.cloud;
-    let plain = |name| Ok(Source::One(Own { values: column(cloud, name)?, form: Form::Times(1.0) }));
+    let plain = |name| Ok(PointSource::One(Own { values: column(cloud, name)?, form: Form::Times(1.0) }));
     match feature {
-        Feature::Elevation => scene.heights.map(Source::Given).ok_or_else(|| {
+        Feature::Elevation => scene.heights.map(PointSource::Given).ok_or_else(|| {
             Error::parameter("features.height", true, "false: this method does not look for the ground")
         }),
         Feature::Red => colour(cloud, 0),
@@ -95,17 +95,17 @@ fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<Source<'a>> {
         Feature::Blue => colour(cloud, 2),
         Feature::RelativeIntensity => {
             let values = column(cloud, names::INTENSITY)?;
-            Ok(Source::One(Own { values, form: Form::Relative(median(values)) }))
+            Ok(PointSource::One(Own { values, form: Form::Relative(median(values)) }))
         }
         Feature::ReturnRatio => {
-            Ok(Source::Ratio(column(cloud, names::RETURN_NUMBER)?, column(cloud, names::NUMBER_OF_RETURNS)?))
+            Ok(PointSource::Ratio(column(cloud, names::RETURN_NUMBER)?, column(cloud, names::NUMBER_OF_RETURNS)?))
         }
         other => plain(other.definition().name),
     }
 }
 
 /// Colours are scaled by the range of their type; 16-bit colours that stay below 256 are 8-bit ones.
-fn colour(cloud: &Cloud, channel: usize) -> Result<Source<'_>> {
+fn colour(cloud: &Cloud, channel: usize) -> Result<PointSource<'_>> {
     let mut largest = 0.0f64;
     for name in names::COLOUR {
         let values = column(cloud, name)?;
@@ -118,7 +118,7 @@ fn colour(cloud: &Cloud, channel: usize) -> Result<Source<'_>> {
     } else {
         65535.0
     };
-    Ok(Source::One(Own { values: column(cloud, names::COLOUR[channel])?, form: Form::Times(1.0 / full) }))
+    Ok(PointSource::One(Own { values: column(cloud, names::COLOUR[channel])?, form: Form::Times(1.0 / full) }))
 }
 
 /// Red, green and blue, 0..=1, of the points `at` of a cloud, scaled like the features of these names.

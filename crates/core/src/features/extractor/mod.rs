@@ -14,7 +14,7 @@ use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::{Error, Result, nearest_names};
 use crate::parallel::Monitor;
 use crate::voxels::{Columns, Grid, Level, build_levels, sorted};
-use extras::{Source, dimensions, sources};
+use extras::{PointSource, dimensions, sources};
 use spacing::{scale_of, spacing};
 use std::ops::Range;
 use std::sync::Arc;
@@ -63,7 +63,7 @@ pub(super) struct Plan<'a> {
     slots: Vec<Slots>,
     /// Column and number of each profile value.
     profile: Vec<[usize; 2]>,
-    own: Vec<(usize, Source<'a>)>,
+    own: Vec<(usize, PointSource<'a>)>,
 }
 
 impl<'a> Plan<'a> {

@@ -119,8 +119,7 @@ fn orientation<S: Simd>(simd: S, along: &[Lane; MOST], surfaces: &Surfaces, coun
             }
         }
     }
-    let mut least = [[f32::INFINITY; LANES]; 2];
-    let mut medoid = [[[0.0; LANES]; 3]; 2];
+    let mut medoids = [Medoid { total: [f32::INFINITY; LANES], normal: [[0.0; LANES]; 3] }; 2];
     for j in 0..count {
         let mut on_side = [[f32::INFINITY; LANES]; 2];
         for l in 0..LANES {
@@ -128,32 +127,42 @@ fn orientation<S: Simd>(simd: S, along: &[Lane; MOST], surfaces: &Surfaces, coun
             on_side[0][l] = if negative { totals[j][l] } else { f32::INFINITY };
             on_side[1][l] = if negative { f32::INFINITY } else { totals[j][l] };
         }
-        for side in 0..2 {
-            keep_better(simd, &on_side[side], [&x[j], &y[j], &z[j]], &mut least[side], &mut medoid[side]);
+        for (medoid, total) in medoids.iter_mut().zip(&on_side) {
+            medoid.keep_better(simd, total, [&x[j], &y[j], &z[j]]);
         }
     }
     let mut out = [1.0; LANES];
     for l in 0..LANES {
-        let both = (least[0][l] < f32::INFINITY) & (least[1][l] < f32::INFINITY);
-        let cosine = (0..3).map(|a| medoid[0][a][l] * medoid[1][a][l]).sum::<f32>().abs();
+        let [before, after] = &medoids;
+        let both = (before.total[l] < f32::INFINITY) & (after.total[l] < f32::INFINITY);
+        let cosine = (0..3).map(|a| before.normal[a][l] * after.normal[a][l]).sum::<f32>().abs();
         let bounded = if cosine < 1.0 { cosine } else { 1.0 };
         out[l] = if both { bounded } else { 1.0 };
     }
     out
 }
 
-/// Replaces the minimum and its normal in the lanes where the total is smaller. (Written as an explicit loop over
-/// lanes, which the compiler would otherwise turn into branches.)
-#[inline(always)]
-fn keep_better<S: Simd>(simd: S, total: &Lane, normal: [&Lane; 3], least: &mut Lane, kept: &mut [Lane; 3]) {
-    let (total, least) = (S::as_simd_f32s(total).0, S::as_mut_simd_f32s(least).0);
-    for (axis, from) in kept.iter_mut().zip(normal) {
-        let parts = S::as_mut_simd_f32s(axis).0.iter_mut().zip(S::as_simd_f32s(from).0);
-        for ((old, &new), (&total, &least)) in parts.zip(total.iter().zip(least.iter())) {
-            *old = simd.select_f32s(simd.less_than_f32s(total, least), new, *old);
+/// The normal with the least total of distances to the others, so far.
+#[derive(Clone, Copy)]
+struct Medoid {
+    total: Lane,
+    normal: [Lane; 3],
+}
+
+impl Medoid {
+    /// Takes another normal in the lanes where its total is smaller. (Written as an explicit loop over lanes, which the
+    /// compiler would otherwise turn into branches.)
+    #[inline(always)]
+    fn keep_better<S: Simd>(&mut self, simd: S, total: &Lane, normal: [&Lane; 3]) {
+        let (total, least) = (S::as_simd_f32s(total).0, S::as_mut_simd_f32s(&mut self.total).0);
+        for (axis, from) in self.normal.iter_mut().zip(normal) {
+            let parts = S::as_mut_simd_f32s(axis).0.iter_mut().zip(S::as_simd_f32s(from).0);
+            for ((old, &new), (&total, &least)) in parts.zip(total.iter().zip(least.iter())) {
+                *old = simd.select_f32s(simd.less_than_f32s(total, least), new, *old);
+            }
         }
+        least.iter_mut().zip(total).for_each(|(least, &total)| *least = simd.min_f32s(*least, total));
     }
-    least.iter_mut().zip(total).for_each(|(least, &total)| *least = simd.min_f32s(*least, total));
 }
 
 /// Mean variation of the `near` rows nearest to the line along e1, divided by that of the others; ties go to the

@@ -155,7 +155,7 @@ impl Stage {
                 self.heights(columns, &rows, &mut work);
             }
             if self.shapes {
-                let source = Source { level: &self.part.level, packed: &self.surfaces, params: work.params };
+                let source = SearchedLevel { level: &self.part.level, packed: &self.surfaces, params: work.params };
                 let count = fill(simd, source, work.job.queries(&rows), work.scratch);
                 if let Some(region) = &self.part.region {
                     self.note_loose(region, count, &rows, &mut work);
@@ -267,7 +267,7 @@ pub(super) struct Queries<'a> {
 
 /// Where the neighbourhoods of queries are taken from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Source<'a> {
+pub(super) struct SearchedLevel<'a> {
     pub(super) level: &'a Level,
     /// Normals and surface variations of the level's points; none if they are not needed.
     pub(super) packed: &'a [Packed],
@@ -276,8 +276,8 @@ pub(super) struct Source<'a> {
 
 /// Finds the neighbours of the queries, stores them by lanes, and returns the size of a neighbourhood.
 #[inline(always)]
-pub(super) fn fill<S: Simd>(simd: S, source: Source<'_>, queries: Queries<'_>, scratch: &mut Scratch) -> usize {
-    let Source { level, packed, params } = source;
+pub(super) fn fill<S: Simd>(simd: S, source: SearchedLevel<'_>, queries: Queries<'_>, scratch: &mut Scratch) -> usize {
+    let SearchedLevel { level, packed, params } = source;
     let Queries { points, lanes } = queries;
     let wanted = params.k.min(MOST - 1) - usize::from(params.include_query);
     let mut at = [[0.0; LANES]; 3];

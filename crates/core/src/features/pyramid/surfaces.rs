@@ -1,7 +1,7 @@
 //! The first pass over a level: normal and surface variation of its points.
 
 use super::region::Region;
-use super::{Queries, Scratch, Source, fill};
+use super::{Queries, Scratch, SearchedLevel, fill};
 use crate::cloud::Positions;
 use crate::error::Result;
 use crate::features::params::PyramidParams;
@@ -92,7 +92,7 @@ fn pack_all<S: Simd>(simd: S, work: Pack<'_>) {
     let convention = Convention { centre: params.centre, divisor: params.divisor };
     for first in (0..points.len()).step_by(LANES) {
         let lanes = first..(first + LANES).min(points.len());
-        let source = Source { level, packed: &[], params };
+        let source = SearchedLevel { level, packed: &[], params };
         let count = fill(simd, source, Queries { points, lanes: lanes.clone() }, &mut scratch);
         if let Some((region, open)) = &mut open {
             let all = count == params.k.min(MOST - 1);

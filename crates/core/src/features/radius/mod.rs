@@ -196,7 +196,7 @@ impl WithSimd for Describe<'_> {
                 batch.sum(simd, params.shape, scratch);
                 let found = scratch.sums.solve(params.divisor);
                 for lane in 0..batch.points.len() {
-                    let described = Described::of(&found, lane, params.normalise);
+                    let described = SphereShape::of(&found, lane, params.normalise);
                     let row = &mut rows[(first - range.start + lane) * width + number * quantities.len()..];
                     row.iter_mut().zip(quantities).for_each(|(value, q)| *value = described.get(*q) as f32);
                 }
@@ -261,7 +261,7 @@ impl<'a> Batch<'a> {
 }
 
 /// The points around one point.
-struct Described {
+struct SphereShape {
     count: f64,
     values: [f64; 3],
     vectors: [[f64; 3]; 3],
@@ -270,7 +270,7 @@ struct Described {
     used: [f64; 3],
 }
 
-impl Described {
+impl SphereShape {
     fn of(found: &Surroundings, lane: usize, normalise: bool) -> Self {
         let eigen = &found.eigen;
         let values = [0, 1, 2].map(|i| eigen.values[i][lane]);

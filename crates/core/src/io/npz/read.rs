@@ -38,7 +38,7 @@ impl Array {
 }
 
 /// The role of each array in the cloud.
-struct Plan {
+struct ArrayRoles {
     points: u64,
     /// One array (n, 3), or three (n).
     axes: Vec<Array>,
@@ -47,7 +47,7 @@ struct Plan {
     left_out: Vec<String>,
 }
 
-impl Plan {
+impl ArrayRoles {
     /// Bytes of the cloud with the selected columns, and those of the largest array, which exists beside it while its
     /// numbers are converted.
     fn bytes(&self, options: &ReadOptions) -> (u64, u64) {
@@ -120,7 +120,7 @@ pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
     Ok(info)
 }
 
-fn plan(path: &Path) -> Result<(Archive, Plan)> {
+fn plan(path: &Path) -> Result<(Archive, ArrayRoles)> {
     let mut archive = Archive::open(path)?;
     let (mut arrays, mut left_out) = (Vec::new(), Vec::new());
     for entry in archive.entries.clone() {
@@ -162,7 +162,7 @@ fn plan(path: &Path) -> Result<(Archive, Plan)> {
     let wide = |a: &Array| matches!(a.npy.shape[..], [n, k] if n == points && k <= MOST_COLUMNS) && !a.text();
     let (columns, others): (Vec<_>, Vec<_>) = arrays.into_iter().partition(|a| numbers(a, &[points]) || wide(a));
     left_out.extend(others.into_iter().map(|a| a.name));
-    Ok((archive, Plan { points, axes, columns, about, left_out }))
+    Ok((archive, ArrayRoles { points, axes, columns, about, left_out }))
 }
 
 /// Checks that the declared shape matches the size of the entry.

@@ -13,5 +13,5 @@ pub use objects::{
     EpochReport, LabelKind, ObjectLearning, ObjectModel, ObjectModelAbout, ObjectNet, ObjectNetParams, ObjectTraining,
     Pass,
 };
-pub use unet::{Scene, UNet, UNetParams};
+pub use unet::{SceneLevels, UNet, UNetParams};
 pub use windows::{WindowNet, WindowNetParams, WindowPass};

@@ -115,7 +115,7 @@ pub struct UNet {
 
 /// The sites of a scene on all levels, and which of them are connected.
 #[derive(Clone, Debug)]
-pub struct Scene {
+pub struct SceneLevels {
     sites: Vec<Sites<3>>,
     /// Sub-manifold convolutions on each level.
     within: Vec<KernelMap>,
@@ -125,7 +125,7 @@ pub struct Scene {
     up: Vec<KernelMap>,
 }
 
-impl Scene {
+impl SceneLevels {
     /// The levels above these sites.
     ///
     /// # Errors
@@ -216,7 +216,12 @@ impl UNet {
     ///
     /// # Errors
     /// If the inputs do not fit the network, or the work was cancelled.
-    pub fn features<'a, T: Scalar>(&self, tape: &mut Tape<'a, T>, scene: &'a Scene, inputs: Value) -> Result<Value> {
+    pub fn features<'a, T: Scalar>(
+        &self,
+        tape: &mut Tape<'a, T>,
+        scene: &'a SceneLevels,
+        inputs: Value,
+    ) -> Result<Value> {
         let last = self.levels.len() - 1;
         let mut skipped = Vec::with_capacity(last);
         let mut at = inputs;
@@ -256,7 +261,12 @@ impl UNet {
     ///
     /// # Errors
     /// As [`UNet::features`].
-    pub fn scores<'a, T: Scalar>(&self, tape: &mut Tape<'a, T>, scene: &'a Scene, inputs: Value) -> Result<Value> {
+    pub fn scores<'a, T: Scalar>(
+        &self,
+        tape: &mut Tape<'a, T>,
+        scene: &'a SceneLevels,
+        inputs: Value,
+    ) -> Result<Value> {
         let features = self.features(tape, scene, inputs)?;
         tape.linear(features, self.head)
     }
@@ -307,7 +317,7 @@ mod tests {
     use crate::nn::workspace::Workspace;
 
     /// A floor and a box on it, in one or two samples.
-    fn scene(samples: u32, levels: usize) -> Scene {
+    fn scene(samples: u32, levels: usize) -> SceneLevels {
         let mut keys = Vec::new();
         for sample in 0..samples {
             for x in 0..12 {
@@ -317,7 +327,7 @@ mod tests {
                 }
             }
         }
-        Scene::new(Sites::of_keys(keys, &Monitor::default()).unwrap(), levels, &Monitor::default()).unwrap()
+        SceneLevels::new(Sites::of_keys(keys, &Monitor::default()).unwrap(), levels, &Monitor::default()).unwrap()
     }
 
     #[test]
@@ -331,7 +341,7 @@ mod tests {
         assert!(large.contains("allowed: up to 2147483648"), "{large}");
     }
 
-    fn roofs(scene: &Scene) -> Vec<f64> {
+    fn roofs(scene: &SceneLevels) -> Vec<f64> {
         let sites = scene.sites();
         (0..sites.len()).flat_map(|i| if sites.position(i).1[2] == 4 { [0.0, 1.0] } else { [1.0, 0.0] }).collect()
     }
@@ -369,7 +379,7 @@ mod tests {
         let (two, params) = (scene(2, 3), UNetParams { widths: vec![8, 8, 8] });
         let (net, mut parameters) = UNet::new::<f32>(&params, 1, 2, 3).unwrap();
         let targets: Vec<f32> = roofs(&two).into_iter().map(|t| t as f32).collect();
-        let ones = |scene: &Scene| vec![1.0f32; scene.sites().len()];
+        let ones = |scene: &SceneLevels| vec![1.0f32; scene.sites().len()];
         let mut state = OptimiserState::default();
         for _ in 0..60 {
             let (gradients, followed) = {
@@ -382,7 +392,7 @@ mod tests {
             Optimiser::default().step(&mut parameters, &gradients, 0.01, &mut state).unwrap();
             followed.iter().for_each(|moments| moments.store(&mut parameters));
         }
-        let predict = |scene: &Scene| {
+        let predict = |scene: &SceneLevels| {
             let mut tape = Tape::prediction(&parameters, &workspace, &monitor);
             let at = tape.input(ones(scene), 1);
             let scores = net.scores(&mut tape, scene, at).unwrap();
@@ -403,9 +413,9 @@ mod tests {
         let (net, parameters) = UNet::new::<f32>(&params, 1, 2, 5).unwrap();
         let row = |count: i64| {
             let keys = (0..count).map(|x| Sites::<3>::key(0, [x, 0, 0]).unwrap()).collect();
-            Scene::new(Sites::of_keys(keys, &monitor).unwrap(), 3, &monitor).unwrap()
+            SceneLevels::new(Sites::of_keys(keys, &monitor).unwrap(), 3, &monitor).unwrap()
         };
-        let run = |scene: &Scene| {
+        let run = |scene: &SceneLevels| {
             let mut tape = Tape::prediction(&parameters, &workspace, &monitor);
             let at = tape.input((0..scene.sites().len()).map(|i| (i % 7) as f32).collect(), 1);
             let scores = net.scores(&mut tape, scene, at).unwrap();

@@ -52,6 +52,6 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
     let points = job.scene.points(monitor)?;
     let values = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?.probabilities;
     let given = Probabilities { values: &values, classes: codes.len() };
-    let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
+    let found = regularise(&points.positions, given, job.regularise, monitor)?;
     Ok(job.decided(&points, &found, monitor)?.compared(fit))
 }

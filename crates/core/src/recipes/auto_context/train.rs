@@ -16,8 +16,8 @@ use crate::parallel::Monitor;
 use crate::recipes::classify::predict::CloudPredictor;
 use crate::recipes::model::{FirstStage, Stage};
 use crate::recipes::regularise::Regularise;
-use crate::recipes::training::choice::{ChoiceReport, CrossTraining, Labelled, Plan, Trial, choose};
-use crate::recipes::training::sources::{Source, Sources};
+use crate::recipes::training::choice::{ChoiceReport, CrossTraining, Labelled, NeededPoints, Trial, choose};
+use crate::recipes::training::sources::{SampleSource, SampleSources};
 use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
 
@@ -31,7 +31,7 @@ pub(super) fn train(
     options.without_depths(recipe.name())?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
-    let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
+    let sources = SampleSources::select(&data, &recipe.training, recipe.seed, monitor)?;
     let lessons = Lessons { recipe, data: &data, sources: &sources };
     let mut first = lessons.first_stage(monitor)?;
     let halves = first.halves(&lessons, monitor)?;
@@ -77,7 +77,7 @@ pub(super) fn train(
 /// The comparison of regularisations on held-out patches; `None` if the recipe names one. Points are rated by the forest
 /// of the other colour, then by boosted trees of the other colour.
 fn chosen_regularisation(
-    second: &Described,
+    second: &StageSamples,
     lessons: &Lessons<'_>,
     boosting: &BoostingParams,
     monitor: &Monitor,
@@ -100,12 +100,12 @@ fn chosen_regularisation(
 struct Lessons<'a> {
     recipe: &'a AutoContextRecipe,
     data: &'a TrainingData<'a>,
-    sources: &'a Sources,
+    sources: &'a SampleSources,
 }
 
 /// The samples of a stage, of all sources one after the other.
 #[derive(Default)]
-struct Described {
+struct StageSamples {
     names: Vec<String>,
     values: Vec<f32>,
     labels: Vec<u16>,
@@ -123,8 +123,8 @@ struct Prepared<'a> {
     squares: Squares<'a>,
 }
 
-impl Described {
-    fn samples(&self, sources: &Sources) -> Samples<'_> {
+impl StageSamples {
+    fn samples(&self, sources: &SampleSources) -> Samples<'_> {
         let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
         Samples {
             features: &self.values,
@@ -164,7 +164,7 @@ impl Described {
 
 impl Lessons<'_> {
     /// Calls `work` with each source.
-    fn each(&self, monitor: &Monitor, mut work: impl FnMut(&Source, &Prepared<'_>) -> Result<()>) -> Result<()> {
+    fn each(&self, monitor: &Monitor, mut work: impl FnMut(&SampleSource, &Prepared<'_>) -> Result<()>) -> Result<()> {
         let columns = self.recipe.columns();
         for (number, source) in self.sources.list.iter().enumerate() {
             source.with_scene(self.data, monitor, |scene| {
@@ -182,8 +182,8 @@ impl Lessons<'_> {
     }
 
     /// The samples with all features of the set.
-    fn first_stage(&self, monitor: &Monitor) -> Result<Described> {
-        let mut described = Described { weights: self.sources.sample_weights(), ..Described::default() };
+    fn first_stage(&self, monitor: &Monitor) -> Result<StageSamples> {
+        let mut described = StageSamples { weights: self.sources.sample_weights(), ..StageSamples::default() };
         self.each(monitor, |source, prepared| {
             let Prepared { scene, squares, .. } = prepared;
             let points = source.points();
@@ -200,28 +200,33 @@ impl Lessons<'_> {
     }
 
     /// The points of a source whose features are needed: its samples and, if a regularisation is to be chosen, patches.
-    fn plan(&self, source: &Source, prepared: &Prepared<'_>, monitor: &Monitor) -> Result<Plan> {
+    fn plan(&self, source: &SampleSource, prepared: &Prepared<'_>, monitor: &Monitor) -> Result<NeededPoints> {
         let AutoContextRecipe { regularise, training, .. } = self.recipe;
         if regularise.method != Regularise::Auto {
-            return Ok(Plan::samples(&source.points()));
+            return Ok(NeededPoints::samples(&source.points()));
         }
         let codes = source.codes(self.data, &self.sources.classes, training);
         let Prepared { scene, squares, .. } = prepared;
         let labelled = Labelled { scene, codes: &codes, board: squares.board(), seed: squares.seed };
-        Plan::new(&labelled, &source.points(), &regularise.choice, monitor)
+        NeededPoints::new(&labelled, &source.points(), &regularise.choice, monitor)
     }
 
     /// The samples with the features of the second stage, and how many of them the first stage names right.
-    fn second_stage(&self, first: &mut Described, halves: &[Forest; 2], monitor: &Monitor) -> Result<(Described, u64)> {
+    fn second_stage(
+        &self,
+        first: &mut StageSamples,
+        halves: &[Forest; 2],
+        monitor: &Monitor,
+    ) -> Result<(StageSamples, u64)> {
         let codes: Vec<u8> = self.sources.classes.classes().iter().map(|class| class.code).collect();
         let kept = self.kept(&first.names);
         let own = kept.iter().map(|&column| first.names[column].clone());
-        let mut described = Described {
+        let mut described = StageSamples {
             names: own.chain(self.recipe.context.names(&codes)).collect(),
             labels: first.labels.clone(),
             weights: first.weights.clone(),
             folds: first.folds.clone(),
-            ..Described::default()
+            ..StageSamples::default()
         };
         let mut trials = std::mem::take(&mut first.trials).into_iter();
         let halves = halves.clone().map(Classifier::Forest);

@@ -39,8 +39,9 @@ enum Beside<'a> {
     Context(ContextColumns<'a>),
 }
 
-/// Columns that were computed for all points before.
+/// A classifier whose first columns were computed for all points before; all features of a set follow them.
 pub(in crate::recipes) struct FirstColumns<'a> {
+    pub(in crate::recipes) classifier: &'a Classifier,
     /// One row for each classified point.
     pub(in crate::recipes) table: &'a FeatureTable,
     /// The row of each point of the cloud.
@@ -203,7 +204,7 @@ impl<'a> CloudPredictor<'a> {
         })
     }
 
-    /// The same for a classifier whose columns are `first`, then all features of the set.
+    /// The same for a classifier with columns before those of the set.
     ///
     /// # Errors
     /// As [`Tiles::prepare`].
@@ -211,10 +212,9 @@ impl<'a> CloudPredictor<'a> {
         first: FirstColumns<'a>,
         scene: &MetricCloud<'a>,
         set: &FeatureSet,
-        classifier: &'a Classifier,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let tiles = Tiles::prepare(scene, set, Wanted::All, monitor)?;
+        let (tiles, classifier) = (Tiles::prepare(scene, set, Wanted::All, monitor)?, first.classifier);
         Ok(Self { tiles, classifier, names: &[], training: None, beside: Beside::First(first), middles: Vec::new() })
     }
 

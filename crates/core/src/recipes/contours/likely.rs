@@ -74,7 +74,7 @@ pub(super) fn classify(recipe: &ContoursRecipe, job: &Job<'_>, monitor: &Monitor
     let scale = Scale::of(recipe, job.scene, monitor)?;
     let rated = rate(recipe, &scale.scene(job.scene), stage(job.model)?, monitor)?;
     let given = Probabilities { values: &rated.probabilities, classes: job.model.classes.len() };
-    let found = regularise(&rated.points.positions, given, None, job.regularise, monitor)?;
+    let found = regularise(&rated.points.positions, given, job.regularise, monitor)?;
     let points = job.scene.some_points(monitor)?;
     Ok(job.decided(&points, &found, monitor)?.compared(rated.fit.shares()))
 }

@@ -23,7 +23,7 @@ pub(super) fn classify(recipe: &ObjectsRecipe, job: &Job<'_>, monitor: &Monitor)
     } else {
         let of = found.partition.segments();
         let values: Vec<f32> = of.iter().flat_map(|&s| &rows[s as usize * classes..][..classes]).copied().collect();
-        regularise(&found.points.positions, Probabilities { values: &values, classes }, None, job.regularise, monitor)?
+        regularise(&found.points.positions, Probabilities { values: &values, classes }, job.regularise, monitor)?
     };
     job.decided(&found.points, &decided, monitor)
 }

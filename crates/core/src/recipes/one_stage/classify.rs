@@ -26,7 +26,7 @@ pub(in crate::recipes) fn classify<R: OneStage>(
     let (values, fit) = rate(&description, job, monitor)?;
     let given = Probabilities { values: &values, classes: job.model.classes.len() };
     let points = &description.points;
-    let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
+    let found = regularise(&points.positions, given, job.regularise, monitor)?;
     Ok(job.decided(points, &found, monitor)?.compared(fit.shares()))
 }
 

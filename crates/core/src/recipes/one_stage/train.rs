@@ -4,13 +4,13 @@ use super::{OneStage, OneStageReport};
 use crate::classification::{Fingerprint, Predictor, Samples};
 use crate::error::Result;
 use crate::parallel::Monitor;
-use crate::recipes::training::sources::Sources;
+use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{AnyFitted, Fitted, LabelledCloud, Model, Nothing, TrainOptions};
 
 /// The features of all samples.
 #[derive(Default)]
-struct Described {
+struct DescribedSamples {
     names: Vec<String>,
     values: Vec<f32>,
     labels: Vec<u16>,
@@ -35,7 +35,7 @@ where
     options.without_depths(recipe.name())?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
-    let sources = Sources::select(&data, recipe.training(), recipe.seed(), monitor)?;
+    let sources = SampleSources::select(&data, recipe.training(), recipe.seed(), monitor)?;
     let (recipe, described) = describe(recipe.clone(), &data, &sources, monitor)?;
     let weights = sources.sample_weights();
     let samples = Samples {
@@ -73,10 +73,10 @@ where
 fn describe<R: OneStage>(
     mut recipe: R,
     data: &TrainingData<'_>,
-    sources: &Sources,
+    sources: &SampleSources,
     monitor: &Monitor,
-) -> Result<(R, Described)> {
-    let mut all = Described::default();
+) -> Result<(R, DescribedSamples)> {
+    let mut all = DescribedSamples::default();
     for source in &sources.list {
         recipe = source.with_scene(data, monitor, |scene| {
             let description = recipe.describe(scene, monitor)?;

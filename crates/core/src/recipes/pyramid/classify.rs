@@ -19,7 +19,7 @@ pub(super) fn classify(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor)
     let rating = predictor.of_points(&row_of, points.len(), monitor)?;
     drop((predictor, row_of));
     let given = Probabilities { values: &rating.probabilities, classes: job.model.classes.len() };
-    let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
+    let found = regularise(&points.positions, given, job.regularise, monitor)?;
     Ok(job.decided(&points, &found, monitor)?.compared(rating.fit.shares()))
 }
 

@@ -10,12 +10,12 @@ use crate::recipes::regularise::Regularise;
 use crate::recipes::training::TrainingData;
 use crate::recipes::training::blocks::Place;
 use crate::recipes::training::checkerboard::Checkerboard;
-use crate::recipes::training::choice::{Labelled, Plan, Trial};
-use crate::recipes::training::sources::Sources;
+use crate::recipes::training::choice::{Labelled, NeededPoints, Trial};
+use crate::recipes::training::sources::SampleSources;
 
 /// Feature vectors of the chosen points, the position of their class, and their places.
 #[derive(Default)]
-pub(super) struct Described {
+pub(super) struct SampleTable {
     pub(super) values: Vec<f32>,
     pub(super) labels: Vec<u16>,
     /// Weight of each sample; empty if all are equal.
@@ -32,7 +32,7 @@ pub(super) struct Described {
     pub(super) features: FeatureSet,
 }
 
-impl Described {
+impl SampleTable {
     pub(super) fn samples(&self) -> Samples<'_> {
         let (features, labels) = (&self.values[..], &self.labels[..]);
         let weights = (!self.weights.is_empty()).then_some(&self.weights[..]);
@@ -40,11 +40,11 @@ impl Described {
     }
 }
 
-impl Described {
+impl SampleTable {
     /// Computes the feature vectors of the chosen points, all with the first scale of the first cloud.
     pub(super) fn new(
         data: &TrainingData<'_>,
-        sources: &Sources,
+        sources: &SampleSources,
         recipe: &PyramidRecipe,
         monitor: &Monitor,
     ) -> Result<Self> {
@@ -64,9 +64,9 @@ impl Described {
                         let codes = source.codes(data, &sources.classes, &recipe.training);
                         let seed = recipe.seed.wrapping_add(number);
                         let labelled = Labelled { scene, codes: &codes, board, seed };
-                        Plan::new(&labelled, &points, &recipe.regularise.choice, monitor)?
+                        NeededPoints::new(&labelled, &points, &recipe.regularise.choice, monitor)?
                     }
-                    _ => Plan::samples(&points),
+                    _ => NeededPoints::samples(&points),
                 };
                 let (table, first_scale) = features::table_at(scene, &described.features, &plan.points, monitor)?;
                 let pyramid = &mut described.features.pyramid;

@@ -1,7 +1,7 @@
 //! Model selection by cross-validation on spatial blocks: the depth of the trees, and the method of regularisation.
 
 use super::PyramidRecipe;
-use super::described::Described;
+use super::described::SampleTable;
 use super::report::DepthScore;
 use crate::classification::cross_validation::{FoldScore, GridScore, grid_search};
 use crate::classification::{ClassifierParams, Samples};
@@ -16,7 +16,7 @@ use crate::recipes::training::choice::{ChoiceReport, CrossTraining, choose};
 /// The recipe with the best of `options.depths` (of equal ones the first), and the scores of all; unchanged if no
 /// cross-validation is asked for.
 pub(super) fn chosen_depth(
-    described: &Described,
+    described: &SampleTable,
     recipe: PyramidRecipe,
     options: &TrainOptions,
     monitor: &Monitor,
@@ -43,7 +43,7 @@ pub(super) struct TriedDepths {
 /// k-fold cross-validation for each depth (of the recipe's own depth if none is given), on spatially disjoint folds of
 /// whole squares: parameters and scores. Fails if there are fewer squares than folds.
 fn cross_validate(
-    described: &Described,
+    described: &SampleTable,
     recipe: &PyramidRecipe,
     options: &TrainOptions,
     monitor: &Monitor,
@@ -65,7 +65,7 @@ fn cross_validate(
 }
 
 /// Scores of each class over all held-out samples.
-fn class_scores(described: &Described, folds: &[FoldScore]) -> Vec<ClassScores> {
+fn class_scores(described: &SampleTable, folds: &[FoldScore]) -> Vec<ClassScores> {
     let mut confusion = Confusion::new(described.classes.clone());
     for fold in folds {
         confusion.add_counts(&fold.confusion);
@@ -82,7 +82,7 @@ fn with_depth(mut params: ClassifierParams, depth: usize) -> ClassifierParams {
 
 /// The regularisation that the recipe names, or the one that is best on held-out patches, with the scores of all.
 pub(super) fn chosen_regularisation(
-    described: &Described,
+    described: &SampleTable,
     recipe: &PyramidRecipe,
     monitor: &Monitor,
 ) -> Result<(RegulariseParams, Option<ChoiceReport>)> {

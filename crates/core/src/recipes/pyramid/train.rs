@@ -1,13 +1,13 @@
 //! Training. The functions of this file follow the steps of Hackel 2018, chapter 4.4.
 
 use super::PyramidRecipe;
-use super::described::Described;
+use super::described::SampleTable;
 use super::report::PyramidReport;
 use super::select::{chosen_depth, chosen_regularisation};
 use crate::classification::{Fingerprint, Predictor};
 use crate::error::Result;
 use crate::parallel::Monitor;
-use crate::recipes::training::sources::Sources;
+use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
 
@@ -22,8 +22,8 @@ pub(super) fn train(
     options.without_strengths(PyramidRecipe::NAME)?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
-    let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
-    let mut described = Described::new(&data, &sources, recipe, monitor)?;
+    let sources = SampleSources::select(&data, &recipe.training, recipe.seed, monitor)?;
+    let mut described = SampleTable::new(&data, &sources, recipe, monitor)?;
     let recipe = PyramidRecipe { features: described.features.clone(), ..recipe.clone() };
     let (recipe, tried) = chosen_depth(&described, recipe, options, monitor)?;
     let (regularise, regularisation) = chosen_regularisation(&described, &recipe, monitor)?;

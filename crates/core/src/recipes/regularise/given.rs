@@ -95,8 +95,7 @@ pub fn regularise_cloud(
     let row = |i: usize| &own[i * width..][..width];
     let mut values = Vec::with_capacity(points.len() * width);
     points.frame.index.iter().for_each(|&i| values.extend_from_slice(row(i as usize)));
-    let found =
-        regularise(&points.positions, Probabilities { values: &values, classes: width }, None, params, monitor)?;
+    let found = regularise(&points.positions, Probabilities { values: &values, classes: width }, params, monitor)?;
     let best: Vec<usize> = own.chunks_exact(width).map(crate::classification::argmax).collect();
     let mut result = RegularisedCloud {
         codes: best.iter().map(|&c| classes[c].code).collect(),

@@ -22,7 +22,6 @@ pub(super) use support::{DescribedPoints, Support, adjacency, partition, point_g
 use crate::classification::argmax;
 use crate::cloud::Positions;
 use crate::error::Result;
-use crate::features::FeatureTable;
 use crate::parallel::Monitor;
 use crate::segmentation::Partition;
 use std::sync::Arc;
@@ -75,20 +74,17 @@ fn spread(partition: &Partition, labels: &[u16]) -> Vec<u16> {
 
 /// Regularised labels from class probabilities of points.
 ///
-/// `descriptors` are linearity, planarity, scattering and verticality of each point
-/// ([`optimal_features`](crate::features::optimal_features)); they are computed if they are needed but not given. The
-/// result is the same bytes for any number of threads.
+/// The result is the same bytes for any number of threads.
 ///
 /// # Errors
 /// If a parameter is out of range, there is not one row of probabilities a point, or the work was cancelled.
 pub fn regularise(
     points: &Positions,
     given: Probabilities<'_>,
-    descriptors: Option<&FeatureTable>,
     params: &RegulariseParams,
     monitor: &Monitor,
 ) -> Result<Regularised> {
-    Support::new(points, descriptors, params, monitor)?.decide(given, params, monitor)
+    Support::new(points, None, params, monitor)?.decide(given, params, monitor)
 }
 
 #[cfg(test)]
@@ -122,7 +118,7 @@ mod tests {
     fn run(params: &RegulariseParams) -> (Regularised, Vec<u16>) {
         let (points, values, truth) = scene();
         let given = Probabilities { values: &values, classes: 3 };
-        (regularise(&points, given, None, params, &Monitor::default()).unwrap(), truth)
+        (regularise(&points, given, params, &Monitor::default()).unwrap(), truth)
     }
 
     fn wrong(method: Regularise) -> usize {
@@ -168,7 +164,7 @@ mod tests {
         };
         let (points, values, _) = scene();
         let given = Probabilities { values: &values, classes: 3 };
-        let found = regularise(&points, given, None, &params, &Monitor::default()).unwrap();
+        let found = regularise(&points, given, &params, &Monitor::default()).unwrap();
         let smooth = smoothed(given, params.smoothing);
         let graph = point_graph(&points, 10, &params.adjacency, &Monitor::default()).unwrap();
         let unary: f64 =
@@ -193,7 +189,7 @@ mod tests {
         let (points, values, _) = scene();
         let given = Probabilities { values: &values, classes: 3 };
         let refused = |given: Probabilities<'_>, params: RegulariseParams| {
-            regularise(&points, given, None, &params, &Monitor::default()).unwrap_err().to_string()
+            regularise(&points, given, &params, &Monitor::default()).unwrap_err().to_string()
         };
         let params = || RegulariseParams { method: Regularise::PointCrf, ..RegulariseParams::default() };
         assert!(refused(given, RegulariseParams { strength: -1.0, ..params() }).contains("strength"));

@@ -170,7 +170,7 @@ mod tests {
     fn lost_roofs(scene: &Village, method: Regularise, near: f64) -> f64 {
         let given = Probabilities { values: &scene.values, classes: 2 };
         let params = RegulariseParams { method, near, ..RegulariseParams::default() };
-        let found = regularise(&scene.points, given, None, &params, &Monitor::default()).unwrap();
+        let found = regularise(&scene.points, given, &params, &Monitor::default()).unwrap();
         let of = |label: u16| found.labels.iter().zip(&scene.truth).filter(|(a, b)| **b == 1 && **a == label).count();
         of(0) as f64 / (of(0) + of(1)) as f64
     }

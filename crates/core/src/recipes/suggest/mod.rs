@@ -113,7 +113,7 @@ pub fn suggest(
     };
     let power = if known.doubt.is_some() { params.size_power } else { 0.0 };
     let largest = (0..count).map(size).max().unwrap_or(1).max(1);
-    let mut search = Search {
+    let mut search = GreedyChoice {
         weights: (0..count).map(|s| weights[s] * (size(s) as f64).powf(power)).collect(),
         places: places(segmented, params.fewest_points, monitor)?,
         diversity: vec![f64::INFINITY; count],
@@ -139,7 +139,7 @@ pub fn suggest(
 }
 
 /// The state of the greedy choice, one entry a segment.
-struct Search {
+struct GreedyChoice {
     /// uncertainty · points^power.
     weights: Vec<f64>,
     places: Vec<Place>,
@@ -151,7 +151,7 @@ struct Search {
     open: Vec<bool>,
 }
 
-impl Search {
+impl GreedyChoice {
     /// The distance to what is known; while nothing is, the share of the largest segment: the first is the largest.
     fn newness(&self, s: usize) -> f64 {
         if self.diversity[s].is_finite() { self.diversity[s] } else { self.shares[s] }

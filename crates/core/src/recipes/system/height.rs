@@ -113,7 +113,7 @@ impl System for HeightRecipe {
         let mut values = vec![0.0; points.len() * classes];
         job.model.classifier.predict_proba(&heights(&points), &mut values)?;
         let given = Probabilities { values: &values, classes };
-        let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
+        let found = regularise(&points.positions, given, job.regularise, monitor)?;
         job.decided(&points, &found, monitor)
     }
 }

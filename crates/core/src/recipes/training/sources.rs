@@ -11,7 +11,7 @@ use crate::random::stream;
 use crate::recipes::system::report::ClassCount;
 
 /// Samples of one cloud or thinned copy.
-pub(in crate::recipes) struct Source {
+pub(in crate::recipes) struct SampleSource {
     /// Number of the cloud.
     pub(in crate::recipes) cloud: usize,
     /// Indices of the points of a thinned copy; `None`: all points of the cloud.
@@ -21,9 +21,9 @@ pub(in crate::recipes) struct Source {
 }
 
 /// The samples of all clouds, and what they are samples of.
-pub(in crate::recipes) struct Sources {
+pub(in crate::recipes) struct SampleSources {
     /// Each cloud, followed by its copies.
-    pub(in crate::recipes) list: Vec<Source>,
+    pub(in crate::recipes) list: Vec<SampleSource>,
     /// Weight of the samples of each code.
     weights: Vec<f32>,
     /// The classes that are learned.
@@ -34,7 +34,7 @@ pub(in crate::recipes) struct Sources {
     pub(in crate::recipes) warnings: Vec<String>,
 }
 
-impl Sources {
+impl SampleSources {
     /// Selects the samples: one a voxel of each cloud and copy, at most so many a copy, then the balance of classes over
     /// all of them (Hackel 2018, chapters 4.4.3 and 4.6.1).
     ///
@@ -71,7 +71,7 @@ impl Sources {
     }
 }
 
-impl Source {
+impl SampleSource {
     /// Calls `work` with the cloud or copy in metres.
     ///
     /// # Errors
@@ -134,7 +134,7 @@ struct Gathering<'a> {
 
 impl Gathering<'_> {
     /// The candidate samples of every cloud and its thinned copies.
-    fn sources(&self, data: &TrainingData<'_>, monitor: &Monitor) -> Result<Vec<Source>> {
+    fn sources(&self, data: &TrainingData<'_>, monitor: &Monitor) -> Result<Vec<SampleSource>> {
         let (mut sources, params) = (Vec::new(), self.params);
         for (c, LabelledScene { metric, labels }) in data.scenes.iter().enumerate() {
             for copy in copies(metric, params, self.seed.wrapping_add(c as u64), monitor)? {
@@ -147,7 +147,7 @@ impl Gathering<'_> {
                     }
                 };
                 let candidates = self.limited(candidates, sources.len() as u64);
-                sources.push(Source { cloud: c, copy, candidates });
+                sources.push(SampleSource { cloud: c, copy, candidates });
             }
         }
         Ok(sources)
@@ -175,7 +175,7 @@ impl Gathering<'_> {
     }
 
     /// The class balance of chapter 4.6.1 over all sources together; returns the sample weight of each code.
-    fn balanced(&self, sources: &mut [Source]) -> Result<Vec<f32>> {
+    fn balanced(&self, sources: &mut [SampleSource]) -> Result<Vec<f32>> {
         let present = tally(sources);
         let codes: Vec<u8> = (0..=255u8).filter(|&code| present[usize::from(code)] > 0).collect();
         let position = |code: u8| codes.iter().position(|&c| c == code).unwrap_or_default() as u16;
@@ -197,7 +197,7 @@ impl Gathering<'_> {
 }
 
 /// Number of samples by code.
-fn tally(sources: &[Source]) -> [u64; 256] {
+fn tally(sources: &[SampleSource]) -> [u64; 256] {
     let mut samples = [0; 256];
     sources.iter().flat_map(|s| &s.candidates).for_each(|c| samples[usize::from(c.code)] += 1);
     samples

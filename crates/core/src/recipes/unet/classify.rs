@@ -8,7 +8,7 @@ use crate::classification::Predictor;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::memory;
-use crate::nn::networks::{Scene, UNet};
+use crate::nn::networks::{SceneLevels, UNet};
 use crate::nn::parameters::Parameters;
 use crate::nn::tape::Tape;
 use crate::nn::workspace::Workspace;
@@ -96,7 +96,7 @@ impl<'a> Trained<'a> {
     }
 
     /// The features of the cells of these points.
-    fn features(&self, points: &Points, numbers: &[f32], of: &[u32], monitor: &Monitor) -> Result<Described> {
+    fn features(&self, points: &Points, numbers: &[f32], of: &[u32], monitor: &Monitor) -> Result<CellFeatures> {
         let width = self.recipe.inputs.width();
         let mut gathered = Gathered::default();
         for &point in of {
@@ -105,11 +105,11 @@ impl<'a> Trained<'a> {
         }
         let cells = Cells::new(&gathered, width, monitor)?;
         drop(gathered);
-        let scene = Scene::new(cells.sites, self.net.levels(), monitor)?;
+        let scene = SceneLevels::new(cells.sites, self.net.levels(), monitor)?;
         let mut tape = Tape::prediction(&self.parameters, &self.workspace, monitor);
         let inputs = tape.input(cells.inputs, OWN + width);
         let features = self.net.features(&mut tape, &scene, inputs)?;
-        Ok(Described { features: tape.take(features), of_point: cells.of_point, touching: scene.touching() })
+        Ok(CellFeatures { features: tape.take(features), of_point: cells.of_point, touching: scene.touching() })
     }
 
     /// A warning if the cells have few neighbours and the network was not trained on clouds as thin.
@@ -127,7 +127,7 @@ impl<'a> Trained<'a> {
 }
 
 /// Cells and their features.
-struct Described {
+struct CellFeatures {
     /// One row a cell.
     features: Vec<f32>,
     /// Cell of each point.
@@ -159,7 +159,7 @@ impl Trained<'_> {
         monitor.stage("classify", points.len() as u64);
         for square in squares.members.chunk_by(|a, b| a.0 == b.0) {
             let all = squares.with_margin(square[0].0, self.recipe.network.reach() as i64);
-            let Described { features, of_point, touching } = self.features(points, &numbers, &all, monitor)?;
+            let CellFeatures { features, of_point, touching } = self.features(points, &numbers, &all, monitor)?;
             rated.cells += features.len() / width;
             rated.touching += touching;
             let mut found = vec![0.0; features.len() / width * classes];
@@ -182,7 +182,7 @@ pub(super) fn classify(recipe: &UNetRecipe, job: &Job<'_>, monitor: &Monitor) ->
     let points = job.scene.some_points(monitor)?;
     let rated = trained.rate(&points, job, SQUARE, monitor)?;
     let given = Probabilities { values: &rated.values, classes: job.model.classes.len() };
-    let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
+    let found = regularise(&points.positions, given, job.regularise, monitor)?;
     let mut result = job.decided(&points, &found, monitor)?.compared(rated.fit.shares());
     result.warnings.extend(trained.too_thin(&rated, &result, job));
     Ok(result)

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::training::TrainingData;
 use crate::recipes::training::networks::Labelled;
-use crate::recipes::training::sources::{Source, Sources};
+use crate::recipes::training::sources::{SampleSource, SampleSources};
 use sha2::Digest;
 
 /// A cloud, or a thinned copy of one.
@@ -20,25 +20,27 @@ pub(super) struct TrainingScene {
 }
 
 impl TrainingScene {
-    /// The scene of a source.
+    /// The scenes of all sources, in their order.
     ///
     /// # Errors
     /// If a column is absent, or the work was cancelled.
-    pub(super) fn new(
+    pub(super) fn all(
         recipe: &UNetRecipe,
         data: &TrainingData<'_>,
-        source: &Source,
-        sources: &Sources,
+        sources: &SampleSources,
         monitor: &Monitor,
-    ) -> Result<Self> {
+    ) -> Result<Vec<Self>> {
         let classes = &sources.classes;
-        let codes = source.codes(data, classes, &recipe.training);
-        source.with_scene(data, monitor, |scene: &MetricCloud<'_>| {
-            let points = scene.some_points(monitor)?;
-            let numbers = recipe.inputs.of_points(scene.cloud, &points, &recipe.ground, monitor)?;
-            let labelled = Labelled::new(&points, &codes, source, classes);
-            Ok(Self { points: points.positions, width: recipe.inputs.width(), numbers, labelled })
-        })
+        let of = |source: &SampleSource| {
+            let codes = source.codes(data, classes, &recipe.training);
+            source.with_scene(data, monitor, |scene: &MetricCloud<'_>| {
+                let points = scene.some_points(monitor)?;
+                let numbers = recipe.inputs.of_points(scene.cloud, &points, &recipe.ground, monitor)?;
+                let labelled = Labelled::new(&points, &codes, source, classes);
+                Ok(Self { points: points.positions, width: recipe.inputs.width(), numbers, labelled })
+            })
+        };
+        sources.list.iter().map(of).collect()
     }
 
     /// Feeds all that is learned from to a checksum.

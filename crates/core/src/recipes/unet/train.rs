@@ -8,7 +8,7 @@ use super::{UNetRecipe, UNetReport};
 use crate::classification::{Classifier, Fingerprint, Samples};
 use crate::error::Result;
 use crate::nn::layers::cross_entropy;
-use crate::nn::networks::{Scene, UNet};
+use crate::nn::networks::{SceneLevels, UNet};
 use crate::nn::parameters::Parameters;
 use crate::nn::tape::Tape;
 use crate::nn::workspace::Workspace;
@@ -17,7 +17,7 @@ use crate::random::{Stream, stream};
 use crate::recipes::training::networks::{
     Checkpoint, Drawn, Labelled, NONE, Progress, automatic_voxel, drawn, linear_of, names,
 };
-use crate::recipes::training::sources::Sources;
+use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, TrainOptions};
 
@@ -39,7 +39,7 @@ struct Training<'a> {
 /// A batch in cells.
 struct Prepared {
     cells: Cells,
-    scene: Scene,
+    scene: SceneLevels,
     targets: Vec<f32>,
 }
 
@@ -54,13 +54,12 @@ pub(super) fn train(
     use crate::recipes::System;
     recipe.validate()?;
     let data = TrainingData::new(clouds, None, monitor)?;
-    let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
+    let sources = SampleSources::select(&data, &recipe.training, recipe.seed, monitor)?;
     let voxel = match recipe.voxel {
         Some(voxel) => voxel,
         None => automatic_voxel(&data, monitor)?,
     };
-    let scene = |source| TrainingScene::new(recipe, &data, source, &sources, monitor);
-    let scenes = sources.list.iter().map(scene).collect::<Result<Vec<_>>>()?;
+    let scenes = TrainingScene::all(recipe, &data, &sources, monitor)?;
     let classes = sources.classes.len();
     let inputs = OWN + recipe.inputs.width();
     let (net, parameters) = UNet::new::<f32>(&recipe.network, inputs, classes, recipe.seed)?;
@@ -124,7 +123,7 @@ impl Training<'_> {
         }
         let cells = Cells::new(&batch.points, inputs.width(), monitor)?;
         let targets = batch.targets(&cells.of_point, cells.len(), &self.weights);
-        let scene = Scene::new(cells.sites.clone(), self.net.levels(), monitor)?;
+        let scene = SceneLevels::new(cells.sites.clone(), self.net.levels(), monitor)?;
         Ok(Prepared { cells, scene, targets })
     }
 
@@ -236,9 +235,8 @@ mod tests {
     fn batches(recipe: &UNetRecipe, clouds: &[LabelledCloud]) -> Vec<Prepared> {
         let monitor = Monitor::default();
         let data = TrainingData::new(clouds, None, &monitor).unwrap();
-        let sources = Sources::select(&data, &recipe.training, 0, &monitor).unwrap();
-        let scene = |source| TrainingScene::new(recipe, &data, source, &sources, &monitor).unwrap();
-        let scenes: Vec<TrainingScene> = sources.list.iter().map(scene).collect();
+        let sources = SampleSources::select(&data, &recipe.training, 0, &monitor).unwrap();
+        let scenes = TrainingScene::all(recipe, &data, &sources, &monitor).unwrap();
         let classes = sources.classes.len();
         let (net, _) = UNet::new::<f32>(&recipe.network, OWN, classes, 0).unwrap();
         let training = Training { recipe, voxel: 1.0, scenes, weights: vec![1.0; classes], net };

@@ -1,7 +1,7 @@
 //! Classification of all points of a cloud.
 
 use super::WeakRecipe;
-use super::describe::{Described, RoadSources, WeakScene, paper_descriptors, scaled_features};
+use super::describe::{DescribedCloud, RoadSources, WeakScene, paper_descriptors, scaled_features};
 use super::hold::{Constrained, KnownLabels};
 use super::shares::most_probable;
 use crate::error::{Error, Result};
@@ -53,7 +53,7 @@ fn probabilities<'a>(
     let sources = RoadSources { examples: &learned.road, elevation: job.params.elevation.as_ref() };
     let paper = paper_descriptors(&scene, sources, recipe, monitor)?;
     scene.local = FeatureTable::default();
-    let described = Described { scene, paper };
+    let described = DescribedCloud { scene, paper };
     let scaled = scaled_features(recipe);
     model.check_features(&described.names(scaled))?;
     let values = described.probabilities(&model.classifier, scaled, monitor)?;

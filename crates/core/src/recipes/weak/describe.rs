@@ -69,7 +69,7 @@ pub(super) fn scaled_features(recipe: &WeakRecipe) -> Option<&FeatureSet> {
 }
 
 /// A cloud and the six descriptors of the paper.
-pub(super) struct Described<'a> {
+pub(super) struct DescribedCloud<'a> {
     pub(super) scene: WeakScene<'a>,
     pub(super) paper: FeatureTable,
 }
@@ -95,7 +95,7 @@ impl SelectedPoints {
     }
 }
 
-impl Described<'_> {
+impl DescribedCloud<'_> {
     /// Names of all columns.
     pub(super) fn names(&self, scaled: Option<&FeatureSet>) -> Vec<String> {
         let scaled = scaled.map(|set| set.names(set.pyramid.first_scale.unwrap_or_default()));
@@ -124,8 +124,8 @@ impl Described<'_> {
             return Ok(values);
         };
         let row_of = points.frame.rows(metric.cloud.len());
-        let first = FirstColumns { table: &self.paper, row_of: &row_of };
-        let predictor = CloudPredictor::after(first, metric, set, classifier, monitor)?;
+        let first = FirstColumns { classifier, table: &self.paper, row_of: &row_of };
+        let predictor = CloudPredictor::after(first, metric, set, monitor)?;
         Ok(predictor.of_points(&row_of, points.len(), monitor)?.probabilities)
     }
 }

@@ -1,7 +1,7 @@
 //! Training on a few labelled points.
 
 use super::WeakRecipe;
-use super::describe::{Described, RoadSources, WeakScene, paper_descriptors, scaled_features};
+use super::describe::{DescribedCloud, RoadSources, WeakScene, paper_descriptors, scaled_features};
 use super::examples::{Example, WeakLabels, examples};
 use super::learned::{LabelledPosition, WeakLearned};
 use super::report::{StrengthScore, WeakReport};
@@ -32,7 +32,7 @@ struct LabelledPoints<'a> {
 
 /// A cloud on which strengths of the random field are tried.
 struct Trial<'a> {
-    described: Described<'a>,
+    described: DescribedCloud<'a>,
     support: Support,
 }
 
@@ -138,7 +138,7 @@ fn study<'a>(
         let sources = RoadSources { examples: &road, elevation: options.elevation.as_ref() };
         let paper = paper_descriptors(&scene, sources, &recipe, monitor)?;
         scene.local = FeatureTable::default();
-        let (metric, described) = (scene.metric, Described { scene, paper });
+        let (metric, described) = (scene.metric, DescribedCloud { scene, paper });
         let density = planar_density(&described.scene.points.positions, monitor)?;
         let at: Vec<u32> = examples.iter().map(|e| e.point).collect();
         let selected = described.select(&at);

@@ -75,6 +75,6 @@ pub(super) fn classify(recipe: &WindowsRecipe, job: &Job<'_>, monitor: &Monitor)
     let points = job.scene.some_points(monitor)?;
     let rated = trained.rate(&points, job, monitor)?;
     let given = Probabilities { values: &rated.values, classes: job.model.classes.len() };
-    let found = regularise(&points.positions, given, None, job.regularise, monitor)?;
+    let found = regularise(&points.positions, given, job.regularise, monitor)?;
     Ok(job.decided(&points, &found, monitor)?.compared(rated.fit.shares()))
 }

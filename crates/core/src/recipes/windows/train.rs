@@ -15,7 +15,7 @@ use crate::random::{Stream, stream};
 use crate::recipes::training::networks::{
     Checkpoint, Drawn, Labelled, Progress, automatic_voxel, drawn, linear_of, names,
 };
-use crate::recipes::training::sources::{Source, Sources};
+use crate::recipes::training::sources::{SampleSource, SampleSources};
 use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
 use sha2::Digest;
@@ -26,7 +26,7 @@ const LOOKED_AT: u64 = 8;
 const TURNS: u64 = 1 << 40;
 
 /// A cloud, or a thinned copy of one.
-struct Scene {
+struct TrainingCloud {
     positions: Positions,
     labelled: Labelled,
 }
@@ -35,7 +35,7 @@ struct Scene {
 struct Training<'a> {
     recipe: &'a WindowsRecipe,
     frame: Frame,
-    scenes: Vec<Scene>,
+    scenes: Vec<TrainingCloud>,
     classes: usize,
     net: WindowNet,
 }
@@ -63,18 +63,18 @@ pub(super) fn train(
     options.without_depths(WindowsRecipe::NAME)?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, None, monitor)?;
-    let sources = Sources::select(&data, &recipe.training, recipe.seed, monitor)?;
+    let sources = SampleSources::select(&data, &recipe.training, recipe.seed, monitor)?;
     let voxel = match recipe.voxel {
         Some(voxel) => voxel,
         None => automatic_voxel(&data, monitor)?,
     };
     let recipe = WindowsRecipe { voxel: Some(voxel), ..recipe.clone() };
-    let scene = |source: &Source| {
+    let scene = |source: &SampleSource| {
         let codes = source.codes(&data, &sources.classes, &recipe.training);
         source.with_scene(&data, monitor, |scene: &MetricCloud<'_>| {
             let points = scene.some_points(monitor)?;
             let labelled = Labelled::new(&points, &codes, source, &sources.classes);
-            Ok(Scene { positions: points.positions, labelled })
+            Ok(TrainingCloud { positions: points.positions, labelled })
         })
     };
     let scenes = sources.list.iter().map(scene).collect::<Result<Vec<_>>>()?;
@@ -112,7 +112,7 @@ pub(super) fn train(
     Ok((model, report))
 }
 
-impl Scene {
+impl TrainingCloud {
     /// Feeds all that is learned from to a checksum.
     fn feed(&self, sum: &mut impl Digest) {
         let Positions { x, y, z } = &self.positions;

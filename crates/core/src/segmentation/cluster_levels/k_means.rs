@@ -115,7 +115,7 @@ pub fn hartigan(rows: NumberRows<'_>, params: &HartiganParams, seed: u64, monito
     let chosen = stream(seed, 0).choose(rows.len(), params.sample);
     let values: Vec<f64> = chosen.iter().flat_map(|&i| rows.row(i as usize)).copied().collect();
     let sample = NumberRows { values: &values, width: rows.width };
-    let (n, search) = (sample.len(), Search { rows: sample, params, seed, monitor });
+    let (n, search) = (sample.len(), CentreSearch { rows: sample, params, seed, monitor });
     let mut best = search.improved(mean(sample))?;
     let patterns = match params.start {
         KMeansStart::PlusPlus => Vec::new(),
@@ -151,14 +151,14 @@ struct Solution {
 }
 
 /// The search for centres.
-struct Search<'a> {
+struct CentreSearch<'a> {
     rows: NumberRows<'a>,
     params: &'a HartiganParams,
     seed: u64,
     monitor: &'a Monitor,
 }
 
-impl Search<'_> {
+impl CentreSearch<'_> {
     /// The best of all starts for k clusters; ties: the first.
     fn best(&self, k: usize, fewer: &Solution, patterns: &[Vec<f64>]) -> Result<Solution> {
         let random = match self.params.start {

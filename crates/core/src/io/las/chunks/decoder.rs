@@ -3,7 +3,7 @@
 //! The arithmetic decoding is done by the `laz` crate. Sizes that it would allocate are checked here first, and its
 //! panics become errors.
 
-use super::deep::{Source, on_a_large_stack};
+use super::deep::{WatchedBytes, on_a_large_stack};
 use crate::error::{Error, Mismatch, Result};
 use crate::io::las::header::{bad, u32_at};
 use laz::laszip::LazItemType;
@@ -40,7 +40,7 @@ pub(in crate::io::las) struct Decoder<'a, B> {
     /// Bytes of the chunk.
     bytes: u64,
     whole: bool,
-    inner: Box<dyn RecordDecompressor<Source<B>> + Send + Sync + 'a>,
+    inner: Box<dyn RecordDecompressor<WatchedBytes<B>> + Send + Sync + 'a>,
 }
 
 impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
@@ -53,8 +53,8 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
         let place = format!("chunk {index}");
         let length = bytes.as_ref().len() as u64;
         let inner = guarded(path, &place, || {
-            let source = Source::new(bytes);
-            let mut inner: Box<dyn RecordDecompressor<Source<B>> + Send + Sync + 'a> = match layered(vlr) {
+            let source = WatchedBytes::new(bytes);
+            let mut inner: Box<dyn RecordDecompressor<WatchedBytes<B>> + Send + Sync + 'a> = match layered(vlr) {
                 true => Box::new(LayeredPointRecordDecompressor::new(source)),
                 false => Box::new(SequentialPointRecordDecompressor::new(source)),
             };

@@ -18,13 +18,13 @@ const STACK: usize = 32 << 20;
 const DEEPEST: usize = 1 << 20;
 
 /// The bytes of a chunk.
-pub(in crate::io::las) struct Source<B> {
+pub(in crate::io::las) struct WatchedBytes<B> {
     bytes: Cursor<B>,
     /// Address in the stack where the decoder began.
     top: usize,
 }
 
-impl<B: AsRef<[u8]>> Source<B> {
+impl<B: AsRef<[u8]>> WatchedBytes<B> {
     pub(in crate::io::las) fn new(bytes: B) -> Self {
         Self { bytes: Cursor::new(bytes), top: here() }
     }
@@ -55,7 +55,7 @@ fn here() -> usize {
     std::ptr::from_ref(std::hint::black_box(&mark)).addr()
 }
 
-impl<B: AsRef<[u8]>> Read for Source<B> {
+impl<B: AsRef<[u8]>> Read for WatchedBytes<B> {
     #[inline(always)]
     fn read(&mut self, out: &mut [u8]) -> Result<usize> {
         self.check()?;
@@ -69,7 +69,7 @@ impl<B: AsRef<[u8]>> Read for Source<B> {
     }
 }
 
-impl<B: AsRef<[u8]>> Seek for Source<B> {
+impl<B: AsRef<[u8]>> Seek for WatchedBytes<B> {
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {
         self.bytes.seek(to)
     }
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     /// Reads a byte in each of so many nested calls.
-    fn nested(source: &mut Source<&[u8]>, calls: usize) -> Result<usize> {
+    fn nested(source: &mut WatchedBytes<&[u8]>, calls: usize) -> Result<usize> {
         let room = std::hint::black_box([0u8; 1024]);
         source.read_exact(&mut [0])?;
         Ok(if calls > 1 { nested(source, calls - 1)? } else { 0 } + room.len())
@@ -102,7 +102,7 @@ mod tests {
         let bytes = vec![0; 100_000];
         let depth = |calls| {
             on_a_large_stack(|| {
-                let mut source = Source::new(bytes.as_slice());
+                let mut source = WatchedBytes::new(bytes.as_slice());
                 source.begin();
                 nested(&mut source, calls)
             })

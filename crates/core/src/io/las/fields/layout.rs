@@ -11,7 +11,7 @@ use std::collections::HashMap;
 
 /// Source of a column.
 #[derive(Clone, Debug)]
-enum Source {
+enum ColumnSource {
     Axis(usize),
     Field(Field),
     Extra(Extra),
@@ -24,7 +24,7 @@ enum Source {
 pub(in crate::io) struct Layout {
     format: u8,
     length: usize,
-    sources: Vec<(String, Source)>,
+    sources: Vec<(String, ColumnSource)>,
     /// Index of the column of each name.
     places: HashMap<String, usize>,
     taken: Names,
@@ -52,23 +52,23 @@ impl Layout {
             places: HashMap::new(),
             taken: Names::default(),
         };
-        (0..3).for_each(|a| layout.push(["X", "Y", "Z"][a], Source::Axis(a)));
-        fields::of_format(header.format).for_each(|(field, name)| layout.push(name, Source::Field(field)));
+        (0..3).for_each(|a| layout.push(["X", "Y", "Z"][a], ColumnSource::Axis(a)));
+        fields::of_format(header.format).for_each(|(field, name)| layout.push(name, ColumnSource::Field(field)));
         if matches!(header.format, 4 | 5 | 9 | 10) {
-            WAVE.iter().for_each(|(name, at, size)| layout.push(name, Source::Bytes(base - 29 + at, *size)));
+            WAVE.iter().for_each(|(name, at, size)| layout.push(name, ColumnSource::Bytes(base - 29 + at, *size)));
         }
         let mut at = base;
         for extra in extra::described(header, vlrs).0 {
             layout.unnamed(at..extra.at, base);
             at = extra.at + extra::size_of(extra.kind);
-            layout.push(&extra.name.clone(), Source::Extra(extra));
+            layout.push(&extra.name.clone(), ColumnSource::Extra(extra));
         }
         layout.unnamed(at..layout.length, base);
         layout
     }
 
     /// Adds a column; a number is appended to a name that exists already.
-    fn push(&mut self, name: &str, source: Source) {
+    fn push(&mut self, name: &str, source: ColumnSource) {
         let free = self.taken.free(name);
         self.places.insert(free.clone(), self.sources.len());
         self.sources.push((free, source));
@@ -78,7 +78,7 @@ impl Layout {
     fn unnamed(&mut self, range: std::ops::Range<usize>, base: usize) {
         for at in range.clone().step_by(8) {
             let size = (range.end - at).min(8);
-            self.push(&format!("ExtraByte{}", at - base), Source::Bytes(at, size));
+            self.push(&format!("ExtraByte{}", at - base), ColumnSource::Bytes(at, size));
         }
     }
 
@@ -97,16 +97,16 @@ impl Layout {
         let (name, source) = &self.sources[*self.places.get(name)?];
         let each = records.chunks_exact(self.length);
         let values = match source {
-            Source::Axis(axis) => {
+            ColumnSource::Axis(axis) => {
                 Values::I32(each.map(|r| i32::from_le_bytes(crate::io::las::header::array(r, 4 * axis))).collect())
             }
-            Source::Bytes(at, size) => Values::U64(each.map(|r| number(&r[*at..at + size])).collect()),
-            Source::Field(field) => {
+            ColumnSource::Bytes(at, size) => Values::U64(each.map(|r| number(&r[*at..at + size])).collect()),
+            ColumnSource::Field(field) => {
                 let mut values = field.values();
                 field.append(self.format, records, self.length, &mut values);
                 values
             }
-            Source::Extra(extra) => {
+            ColumnSource::Extra(extra) => {
                 let mut values = extra.values();
                 extra.append(records, self.length, &mut values);
                 values

@@ -20,7 +20,7 @@ const PIECE: usize = 128 << 10;
 
 /// Source of a column.
 #[derive(Clone, Debug)]
-enum Source {
+enum FieldSource {
     Field(Field),
     Extra(Extra),
 }
@@ -31,7 +31,7 @@ pub(super) struct Sink {
     header: Header,
     bounds: Option<Bounds>,
     ticks: [Vec<i32>; 3],
-    columns: Vec<(Source, Column)>,
+    columns: Vec<(FieldSource, Column)>,
     crs: Option<String>,
     metres_per_unit: Option<f64>,
     class_names: ClassNames,
@@ -43,18 +43,18 @@ impl Sink {
         let header = records.header.clone();
         let (extras, _) = records.extras();
         let fields = fields::of_format(header.format)
-            .map(|(field, name)| (Source::Field(field), Column::new(name, field.values())));
+            .map(|(field, name)| (FieldSource::Field(field), Column::new(name, field.values())));
         let extras = extras.into_iter().map(|e| {
             let column = Column::new(&e.name, e.values());
-            (Source::Extra(e), column)
+            (FieldSource::Extra(e), column)
         });
-        let mut columns: Vec<(Source, Column)> =
+        let mut columns: Vec<(FieldSource, Column)> =
             fields.chain(extras).filter(|(_, column)| options.wants(&column.name)).collect();
         tell_apart(&mut columns);
         records.selection =
             columns.iter().fold(DecompressionSelection::base().decompress_z(), |selection, (source, _)| match source {
-                Source::Field(field) => field.select(selection),
-                Source::Extra(_) => selection.decompress_extra_bytes(),
+                FieldSource::Field(field) => field.select(selection),
+                FieldSource::Extra(_) => selection.decompress_extra_bytes(),
             });
         let vlrs = records.vlrs.iter().chain(&records.evlrs);
         let (crs, metres_per_unit) = crs(&header, vlrs.clone());
@@ -97,9 +97,9 @@ impl Sink {
         let axis = |a: usize, axis: &mut Vec<i32>, piece: &[u8]| {
             axis.extend(piece.chunks_exact(length).map(|record| i32::from_le_bytes(array(record, 4 * a))));
         };
-        let column = |source: &Source, column: &mut Column, piece: &[u8]| match source {
-            Source::Field(field) => field.append(format, piece, length, &mut column.values),
-            Source::Extra(extra) => extra.append(piece, length, &mut column.values),
+        let column = |source: &FieldSource, column: &mut Column, piece: &[u8]| match source {
+            FieldSource::Field(field) => field.append(format, piece, length, &mut column.values),
+            FieldSource::Extra(extra) => extra.append(piece, length, &mut column.values),
         };
         if rayon::current_num_threads() > 1 && records.len() > 4 * PIECE {
             self.ticks.par_iter_mut().enumerate().for_each(|(a, ticks)| axis(a, ticks, records));
@@ -144,7 +144,7 @@ pub(in crate::io::las) fn within(records: &[u8], header: &Header, [low, high]: B
 }
 
 /// Appends a number to the second of two dimensions with the same name.
-fn tell_apart(columns: &mut [(Source, Column)]) {
+fn tell_apart(columns: &mut [(FieldSource, Column)]) {
     let mut names = Names::default();
     columns.iter_mut().for_each(|(_, column)| column.name = names.free(&column.name));
 }

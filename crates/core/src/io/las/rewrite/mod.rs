@@ -29,7 +29,7 @@ use crate::error::{Error, Result};
 use crate::io::{Edit, RewriteReport, Selection, WriteOptions, run};
 use crate::parallel::Monitor;
 use kept::Kept;
-use plan::{Plan, plan};
+use plan::{RecordChanges, plan};
 use rayon::prelude::*;
 use std::path::Path;
 use tail::Tail;
@@ -167,7 +167,7 @@ pub(in crate::io) fn rewrite_as(
 
 /// The way of the records from the input to the output.
 struct Way<'a, 'b> {
-    plan: &'a Plan<'b>,
+    plan: &'a RecordChanges<'b>,
     kept: Option<&'a mut Kept<'b>>,
     writer: &'a mut Writer,
 }

@@ -19,7 +19,7 @@ struct Slot<'a> {
 }
 
 /// All changes.
-pub(super) struct Plan<'a> {
+pub(super) struct RecordChanges<'a> {
     codes: Option<&'a [u8]>,
     colours: Option<&'a [[u8; 3]]>,
     slots: Vec<Slot<'a>>,
@@ -31,7 +31,12 @@ pub(super) struct Plan<'a> {
 }
 
 /// Finds the destination of each edit and extends record length and descriptors.
-pub(super) fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], to: Option<u8>) -> Result<Plan<'a>> {
+pub(super) fn plan<'a>(
+    records: &Records,
+    front: &mut Front,
+    edits: &'a [Edit],
+    to: Option<u8>,
+) -> Result<RecordChanges<'a>> {
     let header = &records.header;
     let format = to.unwrap_or(header.format);
     let base = usize::from(RECORD_SIZES[usize::from(format)]);
@@ -79,7 +84,7 @@ pub(super) fn plan<'a>(records: &Records, front: &mut Front, edits: &'a [Edit], 
         .map_err(|_| Error::input(format!("records of {length} bytes; at most 65535 are possible")))?;
     put(&mut front.header, 105, &new_length.to_le_bytes());
     let old_length = usize::from(header.record_length);
-    Ok(Plan { codes, colours, slots, format: header.format, to, old_length, new_length: length })
+    Ok(RecordChanges { codes, colours, slots, format: header.format, to, old_length, new_length: length })
 }
 
 fn same_type(old: &Extra, column: &Column) -> Result<usize> {
@@ -114,7 +119,7 @@ pub(in crate::io::las) fn describe(vlrs: &mut Vec<Vlr>, undescribed: usize, adde
     }
 }
 
-impl Plan<'_> {
+impl RecordChanges<'_> {
     /// Whether records can be changed in place.
     pub(super) fn keeps_length(&self) -> bool {
         self.to.is_none() && self.old_length == self.new_length

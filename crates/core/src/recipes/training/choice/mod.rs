@@ -13,7 +13,7 @@ mod verdict;
 pub(in crate::recipes) use cross_training::CrossTraining;
 pub(in crate::recipes) use patches::Labelled;
 pub use report::{CandidateScore, ChoiceReport};
-pub(in crate::recipes) use trial::{Plan, Trial};
+pub(in crate::recipes) use trial::{NeededPoints, Trial};
 
 use crate::classification::{Classifier, Samples};
 use crate::error::Result;

@@ -13,7 +13,7 @@ use crate::recipes::regularise::{ChoiceParams, Probabilities, Regularise, Regula
 use std::collections::HashMap;
 
 /// Points of a cloud or thinned copy whose features are needed: its samples, and the points of its patches.
-pub(in crate::recipes) struct Plan {
+pub(in crate::recipes) struct NeededPoints {
     /// The samples, then other points, each once: indices in the cloud.
     pub(in crate::recipes) points: Vec<u32>,
     /// Row of each point of the patches among them.
@@ -34,7 +34,7 @@ pub(in crate::recipes) struct Trial {
     truth: Vec<Option<u8>>,
 }
 
-impl Plan {
+impl NeededPoints {
     /// The samples alone.
     pub(in crate::recipes) fn samples(samples: &[u32]) -> Self {
         Self { points: samples.to_vec(), rows: Vec::new(), trial: Trial::default() }
@@ -73,7 +73,7 @@ impl Plan {
         Ok(Self { trial, ..plan })
     }
 
-    /// The patches with their features, from those of all [`Plan::points`].
+    /// The patches with their features, from those of all [`NeededPoints::points`].
     pub(in crate::recipes) fn into_trial(self, table: &FeatureTable) -> Trial {
         let rows = self.rows.iter().flat_map(|&row| table.row(row)).copied().collect();
         Trial { rows, ..self.trial }

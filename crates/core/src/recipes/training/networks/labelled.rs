@@ -4,7 +4,7 @@ use crate::classes::ClassTable;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::random::Stream;
-use crate::recipes::training::sources::Source;
+use crate::recipes::training::sources::SampleSource;
 use sha2::Digest;
 
 /// The class of a point without one.
@@ -23,7 +23,7 @@ impl Labelled {
     pub(in crate::recipes) fn new(
         points: &Points,
         codes: &[Option<u8>],
-        source: &Source,
+        source: &SampleSource,
         classes: &ClassTable,
     ) -> Self {
         let class = |&point: &u32| {

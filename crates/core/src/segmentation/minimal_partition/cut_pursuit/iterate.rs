@@ -5,7 +5,7 @@ use super::super::merge::{GREEDY_LINKS, merge_further};
 use super::super::refine::move_boundary_nodes;
 use super::super::regions::{Objective, Regions, energy};
 use super::bisect::Scratch;
-use super::piece::{Segments, Source};
+use super::piece::{Segments, WholeProblem};
 use super::{CutPursuit, CutPursuitParams};
 use crate::error::Result;
 use crate::parallel::{Looks, Monitor, map_ordered_with};
@@ -14,7 +14,7 @@ use crate::segmentation::Partition;
 
 /// State between iterations.
 pub(super) struct Pursuit<'a> {
-    source: Source<'a>,
+    source: WholeProblem<'a>,
     params: &'a CutPursuitParams,
     monitor: &'a Monitor,
     partition: Partition,
@@ -40,7 +40,7 @@ impl<'a> Pursuit<'a> {
             trace: vec![energy],
         };
         let saturated = vec![false; partition.len()];
-        let source = Source { objective, incidence: objective.graph.incidence(monitor)? };
+        let source = WholeProblem { objective, incidence: objective.graph.incidence(monitor)? };
         Ok(Self { source, params, monitor, partition, saturated, found })
     }
 
@@ -145,7 +145,7 @@ impl<'a> Pursuit<'a> {
 
     /// Moves boundary nodes; changed segments are open again.
     fn move_nodes(&mut self) -> Result<()> {
-        let Source { objective, ref incidence } = self.source;
+        let WholeProblem { objective, ref incidence } = self.source;
         let moved = move_boundary_nodes(objective, incidence, &self.partition, self.monitor)?;
         let before = |members: &[u32]| self.partition.segments()[members[0] as usize] as usize;
         let same = |members: &[u32]| self.partition.members(before(members)) == members;

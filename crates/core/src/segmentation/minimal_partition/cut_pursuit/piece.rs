@@ -18,7 +18,7 @@ pub(super) struct Piece {
 }
 
 /// The problem that segments are copied from.
-pub(super) struct Source<'a> {
+pub(super) struct WholeProblem<'a> {
     pub(super) objective: Objective<'a>,
     pub(super) incidence: Incidence<'a>,
 }
@@ -36,7 +36,7 @@ impl Piece {
     /// If the work was cancelled.
     pub(super) fn gather(
         &mut self,
-        source: &Source,
+        source: &WholeProblem,
         segments: &Segments<'_>,
         segment: usize,
         monitor: &Monitor,
