@@ -100,6 +100,14 @@ fn a_damaged_file_is_refused_or_salvaged_with_a_count() {
     ends(f, &["info", "out.las", "--stats"], 0);
     let (_, err) = ends(f, &["classify", "--salvage", "cut.las", "-o", "named.laz"], 0);
     assert!(err.contains("points are lost"), "{err}");
+    // Of this one nothing is left but the header.
+    let points = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+    std::fs::write(f.join("header.las"), &bytes[..points]).unwrap();
+    let convert = ["convert", "--salvage", "header.las", "none.laz"];
+    for arguments in [&convert[..], &["classify", "--salvage", "header.las", "-o", "none.laz"]] {
+        let (_, err) = ends(f, arguments, 4);
+        assert!(err.contains("none of its") && !f.join("none.laz").exists(), "{err}");
+    }
     let read = found[0]["read"].as_u64().unwrap();
     assert_eq!(scansion_core::io::inspect(&f.join("named.laz")).unwrap().points, read);
 }

@@ -624,3 +624,87 @@ fn what_exists_is_replaced_only_if_that_is_asked_for() {
     assert_eq!(scansion(f, &["convert", "a.laz", "o.laz", "--overwrite"]).status.code(), Some(0));
     assert!(std::fs::read(f.join("o.laz")).unwrap().starts_with(b"LASF"));
 }
+
+#[test]
+fn a_training_goes_on_from_its_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    let train = ["train", "a.laz", "--recipe", "unet", "--checkpoint", "c.check", "-o", "m.model"];
+    let small = ["--set", "learning.steps=2", "--set", "network.widths=[4,4]", "--set", "voxel=1"];
+    let arguments = [&train[..], &small].concat();
+    assert_eq!(scansion(f, &arguments).status.code(), Some(0));
+    let model = std::fs::read(f.join("m.model")).unwrap();
+    std::fs::remove_file(f.join("m.model")).unwrap();
+    assert_eq!(scansion(f, &arguments).status.code(), Some(0), "without --overwrite");
+    assert!(std::fs::read(f.join("m.model")).unwrap() == model);
+    done(f, &arguments);
+    // Another file is no checkpoint, and stays as it is.
+    let cloud = std::fs::read(f.join("a.laz")).unwrap();
+    std::fs::copy(f.join("a.laz"), f.join("b.laz")).unwrap();
+    let mut wrong = arguments;
+    wrong[5] = "b.laz";
+    fails(f, &[&wrong[..], &["--overwrite"]].concat(), 4);
+    assert!(std::fs::read(f.join("b.laz")).unwrap() == cloud);
+}
+
+#[test]
+fn merge_takes_no_existing_file_for_its_output_unless_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let cloud = street(12.0, 1);
+    for name in ["t1.laz", "t2.laz", "t3.laz"] {
+        io::write(&f.join(name), &cloud, &WriteOptions::default()).unwrap();
+    }
+    let before = contents(f);
+    for arguments in [["merge", "t1.laz", "t2.laz", "t3.laz"].as_slice(), &["merge", "t1.laz", "t3.laz"]] {
+        for overwrite in [&[][..], &["--overwrite"]] {
+            let message = fails(f, &[arguments, overwrite].concat(), 2);
+            assert!(message.contains("t3.laz") && message.contains("exists"), "{message}");
+        }
+    }
+    assert!(fails(f, &["merge", "t1.laz", "all.laz"], 2).contains("two inputs"));
+    assert!(contents(f) == before);
+    assert_eq!(scansion(f, &["merge", "t*.laz", "-o", "all.laz"]).status.code(), Some(2), "one pattern is one name");
+    done(f, &["merge", "t1.laz", "t[23].laz", "-o", "all.laz"]);
+    assert_eq!(io::inspect(&f.join("all.laz")).unwrap().points, 3 * cloud.len() as u64);
+    done(f, &["merge", "t1.laz", "t2.laz", "-o", "all.laz"]);
+    assert_eq!(io::inspect(&f.join("all.laz")).unwrap().points, 2 * cloud.len() as u64);
+}
+
+#[test]
+fn a_batch_skips_what_is_done_and_its_table_has_one_header() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    for name in ["a.laz", "b.laz", "c.laz"] {
+        io::write(&f.join(name), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    }
+    done(f, &train(&["a.laz", "-o", "m.model"]));
+    std::fs::create_dir(f.join("out")).unwrap();
+    std::fs::write(f.join("out/a.laz"), "done before").unwrap();
+    let batch = ["classify", "a.laz", "b.laz", "c.laz", "-m", "m.model", "-o", "out", "--format", "csv"];
+    let found = scansion(f, &[&batch[..], &["--skip-existing", "--map", "5=4"]].concat());
+    assert_eq!(found.status.code(), Some(0), "{}", text(&found.stderr));
+    assert_eq!(text(&found.stdout).matches("file,code").count(), 1);
+    assert!(text(&found.stderr).contains("out/a.laz: it exists and is skipped"));
+    assert_eq!(std::fs::read(f.join("out/a.laz")).unwrap(), b"done before");
+    assert!(io::inspect(&f.join("out/c.laz")).is_ok());
+    assert_eq!(scansion(f, &batch).status.code(), Some(4), "all outputs exist");
+}
+
+#[test]
+fn names_stand_for_codes_units_and_the_built_in_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    io::write(&f.join("a.laz"), &street(12.0, 1), &WriteOptions::default()).unwrap();
+    done(f, &["filter", "a.laz", "-o", "b.laz", "--classes", "building,2"]);
+    done(f, &["filter", "a.laz", "-o", "c.laz", "--classes", "6,2"]);
+    assert!(std::fs::read(f.join("b.laz")).unwrap() == std::fs::read(f.join("c.laz")).unwrap());
+    assert!(scansion(f, &["filter", "a.laz", "-o", "d.laz", "--classes", "vegetation"]).status.code() == Some(2));
+    done(f, &["classify", "a.laz", "-o", "d.laz", "--force", "-m", "built-in", "--unit", "metres"]);
+    done(f, &["classify", "a.laz", "-o", "e.laz", "--force"]);
+    assert!(io::read(&f.join("d.laz")).unwrap() == io::read(&f.join("e.laz")).unwrap());
+    assert!(fails(f, &["train", "a.laz", "--recipe", "piramid", "-o", "m.model"], 2).contains("pyramid, "));
+    assert!(fails(f, &["train", "a.laz", "-o", "new.laz"], 4).contains("extension is that of clouds"));
+    assert!(fails(f, &["classify", "a.laz", "-m", "b.laz", "-o", "f.laz"], 4).contains("not a model"));
+}

@@ -74,6 +74,9 @@ impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Usage(message) | Self::Resource(message) => f.write_str(message),
+            Self::Core(error @ Error::Malformed { format: "LAS" | "LAZ", .. }) => {
+                write!(f, "{error}; if the file is damaged, scansion convert --salvage may read what is intact")
+            }
             Self::Core(error) => error.fmt(f),
             Self::Different => f.write_str("the files differ"),
             Self::Partly { failed, inputs } => write!(f, "{failed} of {inputs} inputs failed"),

@@ -15,6 +15,7 @@ pub use exit_code::ExitCode;
 
 use clap::Parser;
 use std::ffi::OsString;
+use std::io::Write;
 
 /// Runs the program with these arguments (the first is the program's name) and returns the exit code.
 ///
@@ -44,5 +45,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// `--help` and `--version` are not failures.
 fn usage(error: &clap::Error) -> ExitCode {
     let shown = error.print();
+    if error.to_string().contains("invalid float literal") {
+        let _ = writeln!(std::io::stderr(), "A number is written with a point, e.g. 0.5");
+    }
     if shown.is_err() || error.use_stderr() { ExitCode::Usage } else { ExitCode::Done }
 }

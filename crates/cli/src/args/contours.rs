@@ -1,5 +1,6 @@
 //! Arguments of `contours`.
 
+use super::choices::class_code;
 use super::{UnitArgs, examples};
 use clap::Args as ClapArgs;
 use std::path::PathBuf;
@@ -20,8 +21,8 @@ pub(crate) struct Contours {
     /// the points, by area]
     #[arg(long, value_name = "METRES")]
     pub(crate) voxel: Option<f64>,
-    /// Points of these classes carry no line, e.g. 3,4,5 for vegetation
-    #[arg(long, value_name = "CODES", value_delimiter = ',')]
+    /// Leave out the points of these classes, e.g. 3,4,5 for vegetation; what remains may still border on them
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code)]
     pub(crate) without: Vec<u8>,
     /// Leave out lines of a lower confidence, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]

@@ -19,7 +19,7 @@ pub(super) const COMPLETIONS: &str = "Examples:
   scansion completions fish > ~/.config/fish/completions/scansion.fish";
 
 pub(super) const MERGE: &str = "Example:
-  scansion merge tile_*.laz all.laz";
+  scansion merge tile_*.laz -o all.laz";
 
 pub(super) const DIFF: &str = "Example:
   scansion diff my.laz classified.laz                        what changed, and where";

@@ -2,7 +2,7 @@
 
 use super::{ScaleArgs, examples};
 use clap::Args as ClapArgs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// scansion info FILE...
 #[derive(Debug, ClapArgs)]
@@ -67,11 +67,25 @@ pub(crate) struct Man {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::MERGE)]
 pub(crate) struct Merge {
-    /// Files to merge, in this order (`*`, `?` and `[...]` are expanded), and the output last
+    /// Files to merge, in this order (`*`, `?` and `[...]` are expanded); without -o the output last
     #[arg(required = true, num_args = 2.., value_names = ["IN...", "OUT"])]
     pub(crate) files: Vec<PathBuf>,
+    /// Output, in place of the last name
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) scale: ScaleArgs,
+}
+
+impl Merge {
+    /// The inputs as they were typed, and the output.
+    pub(crate) fn inputs_and_output(&self) -> (&[PathBuf], &Path) {
+        match (&self.output, self.files.split_last()) {
+            (Some(output), _) => (&self.files, output),
+            (None, Some((output, inputs))) => (inputs, output),
+            (None, None) => (&[], Path::new("")),
+        }
+    }
 }
 
 /// scansion diff A B

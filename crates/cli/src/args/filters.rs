@@ -1,5 +1,6 @@
 //! Arguments of the command that filters points.
 
+use super::choices::class_code;
 use super::{GroundArgs, ScaleArgs, examples};
 use clap::{Args as ClapArgs, ValueEnum};
 use scansion_core::filters::{Area, HeightRange};
@@ -15,10 +16,10 @@ pub(crate) struct Filter {
     #[arg(short, long)]
     pub(crate) output: PathBuf,
     /// Keep only points of these classes
-    #[arg(long, value_name = "CODES", value_delimiter = ',')]
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code)]
     pub(crate) classes: Vec<u8>,
     /// Remove points of these classes
-    #[arg(long, value_name = "CODES", value_delimiter = ',')]
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code)]
     pub(crate) drop_classes: Vec<u8>,
     #[command(flatten)]
     pub(crate) noise: NoiseArgs,

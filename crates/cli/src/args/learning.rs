@@ -1,5 +1,6 @@
 //! Arguments of the commands that compute features, train, classify and evaluate.
 
+use super::choices::class_code;
 use super::choices::{classifiers, regularisations};
 use super::{LabelArgs, RecipeArgs, ScaleArgs, UnitArgs, examples};
 use clap::{Args as ClapArgs, Subcommand};
@@ -112,7 +113,7 @@ pub(crate) struct Classify {
     /// Output file, or a folder for several inputs
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Model to use [default: the built-in one for airborne scans]
+    /// Model to use [default: the built-in one for airborne scans, which can also be called built-in]
     #[arg(short, long)]
     pub(crate) model: Option<PathBuf>,
     /// Regularise the labels with this method [default: the model's own]
@@ -137,7 +138,7 @@ pub(crate) struct Classify {
     #[arg(short = 'u', long)]
     pub(crate) only_unclassified: bool,
     /// Keep the class of points with these codes, e.g. 9,17 for water and bridges
-    #[arg(long, visible_alias = "skip", value_name = "CODES", value_delimiter = ',')]
+    #[arg(long, visible_alias = "skip", value_name = "CODES", value_delimiter = ',', value_parser = class_code)]
     pub(crate) keep: Vec<u8>,
     /// Write the classes to this dimension, e.g. PredictedClassification, and leave Classification as it is
     #[arg(long, value_name = "NAME")]
@@ -155,6 +156,9 @@ pub(crate) struct Classify {
     /// Write the result of the built-in model although the cloud is not like an airborne scan
     #[arg(long)]
     pub(crate) force: bool,
+    /// Leave outputs that exist as they are, and go on with the others, e.g. after a stop
+    #[arg(long, conflicts_with = "overwrite")]
+    pub(crate) skip_existing: bool,
 }
 
 /// scansion regularize IN -o OUT

@@ -1,13 +1,14 @@
 //! Arguments about units and LAS scales.
 
 use super::Command;
+use super::choices::unit;
 use clap::Args as ClapArgs;
 
 /// The unit of the coordinates.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct UnitArgs {
-    /// Metres per unit of the coordinates, e.g. 0.3048 for feet [default: from the file, else 1]
-    #[arg(long, value_name = "METRES")]
+    /// Metres per unit of the coordinates, e.g. 0.3048, or feet or us-feet [default: from the file, else 1]
+    #[arg(long, value_name = "METRES", value_parser = unit)]
     pub(crate) unit: Option<f64>,
 }
 

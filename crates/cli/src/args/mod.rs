@@ -21,6 +21,7 @@ pub(crate) use pictures::{Render, ViewArg};
 pub(crate) use segments::{Segment, SegmentArgs, Suggest};
 pub(crate) use terrain::{GroundArgs, Height, Terrain};
 
+use choices::class_code;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use scansion_core::classes::ClassTable;
 use scansion_core::io::run::Replace;
@@ -84,7 +85,7 @@ pub(crate) struct Global {
     /// Replace outputs that exist; commands that write a changed copy may then replace their input too
     #[arg(long, global = true)]
     pub(crate) overwrite: bool,
-    /// Print errors only
+    /// No notes, warnings and progress on stderr; errors and results remain
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
 }
@@ -188,7 +189,7 @@ impl Command {
             Self::Demo(_) | Self::Completions(_) | Self::Man(_) => (&[], vec![]),
             Self::Info(args) => (&args.inputs, vec![]),
             Self::Convert(args) => (std::slice::from_ref(&args.input), vec![]),
-            Self::Merge(args) => (args.files.split_last().map_or(&[], |(_, inputs)| inputs), vec![]),
+            Self::Merge(args) => (args.inputs_and_output().0, vec![]),
             Self::Diff(args) => return vec![&args.a, &args.b],
             Self::Features(args) => (&[], vec![&args.input, &args.recipe.recipe]),
             Self::Train(args) => {
@@ -234,7 +235,7 @@ pub(crate) struct LabelArgs {
     #[arg(long, value_name = "FILE:OLD=NEW,...")]
     pub(crate) map_of: Vec<String>,
     /// Use only these codes (after --map), including 0 and 1 if listed
-    #[arg(long, value_name = "CODES", value_delimiter = ',')]
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code)]
     pub(crate) classes: Vec<u8>,
     /// Codes (after --map) that mean "unlabelled", or none; these points are skipped and counted. auto: 0 and 1 in the
     /// Classification of LAS and LAZ, 0 in the .labels of Semantic3D, none in other formats and dimensions. Negative
@@ -284,9 +285,9 @@ impl Unlabelled {
 /// The recipe, and changes to it.
 #[derive(Clone, Debug, ClapArgs)]
 pub(crate) struct RecipeArgs {
-    /// Recipe: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), with -paper
-    /// behind the name without our additions; airborne, mobile or indoor (two stages with context); or a TOML file
-    /// [default: pyramid]
+    /// Recipe: pyramid (Hackel 2018), weak (Guinard and Landrieu 2017), objects (Hasanpour Zaryabi et al. 2022), clusters
+    /// (Grilli et al. 2021), spheres (Thomas et al. 2018), airborne, mobile or indoor (two stages with context), the networks unet
+    /// and windows, or contours; some with -paper behind the name, without our additions; or a TOML file [default: pyramid]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) recipe: Option<PathBuf>,
     /// Change one setting of the recipe, e.g. forest.trees=100; may be repeated

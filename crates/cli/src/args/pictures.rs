@@ -1,5 +1,6 @@
 //! Arguments of `render`.
 
+use super::choices::class_code;
 use super::{Unlabelled, examples};
 use clap::{Args as ClapArgs, ValueEnum};
 use scansion_core::filters::HeightRange;
@@ -34,7 +35,7 @@ pub(crate) struct Render {
     #[arg(long, value_name = "OLD=NEW,...", requires = "truth", conflicts_with = "map")]
     pub(crate) map_predicted: Vec<String>,
     /// Compare only points whose true class is one of these
-    #[arg(long, value_name = "CODES", value_delimiter = ',', requires = "truth")]
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code, requires = "truth")]
     pub(crate) classes: Vec<u8>,
     /// Codes of the truth that mean "unlabelled", or none: such points are not compared. auto: 0 and 1 in LAS and LAZ,
     /// 0 in Semantic3D, none in other formats

@@ -20,9 +20,12 @@ impl Command {
         match self {
             Self::Info(args) => read(args.inputs.iter_mut().collect()),
             Self::Convert(args) => cloud(vec![&mut args.input], &mut args.output),
-            Self::Merge(args) => match args.files.split_last_mut() {
-                Some((output, inputs)) => cloud(inputs.iter_mut().collect(), output),
-                None => Streams::default(),
+            Self::Merge(args) => match &mut args.output {
+                Some(output) => cloud(args.files.iter_mut().collect(), output),
+                None => match args.files.split_last_mut() {
+                    Some((output, inputs)) => cloud(inputs.iter_mut().collect(), output),
+                    None => Streams::default(),
+                },
             },
             Self::Diff(args) => read(vec![&mut args.a, &mut args.b]),
             Self::Features(args) => {

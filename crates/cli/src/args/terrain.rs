@@ -1,5 +1,6 @@
 //! Arguments of the commands about terrain.
 
+use super::choices::class_code;
 use super::{ScaleArgs, UnitArgs, examples};
 use clap::Args as ClapArgs;
 use std::path::PathBuf;
@@ -11,7 +12,7 @@ pub(crate) struct GroundArgs {
     #[arg(long, value_name = "METRES", default_value_t = 1.0)]
     pub(crate) cell: f64,
     /// Classes of the ground [default: 2 if there are such points, else the ground filter]
-    #[arg(long, value_name = "CODES", value_delimiter = ',', conflicts_with = "ground_filter")]
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code, conflicts_with = "ground_filter")]
     pub(crate) ground_classes: Vec<u8>,
     /// Find the ground by the ground filter, whatever the classes are
     #[arg(long)]
@@ -53,7 +54,7 @@ pub(crate) struct Terrain {
     #[arg(long, value_name = "METRES", default_value_t = 100.0)]
     pub(crate) reach: f64,
     /// Classes of buildings
-    #[arg(long, value_name = "CODES", value_delimiter = ',', default_value = "6")]
+    #[arg(long, value_name = "CODES", value_delimiter = ',', value_parser = class_code, default_value = "6")]
     pub(crate) building_classes: Vec<u8>,
     /// Leave out buildings of a smaller area, and close smaller holes, m²
     #[arg(long, value_name = "AREA", default_value_t = 10.0)]

@@ -92,16 +92,19 @@ impl Summary {
     }
 
     /// What goes to stdout; nothing if a table on stderr was asked for.
-    pub(crate) fn data(&self, format: Format) -> Option<String> {
+    ///
+    /// One JSON object a line; the header of CSV only before the `first` file.
+    pub(crate) fn data(&self, format: Format, first: bool) -> Option<String> {
         match format {
             Format::Table => None,
             Format::Json => serde_json::to_string(self).ok(),
+            Format::Csv if first => Some(format!("file,code,class,points,share,confidence\n{}", self.csv())),
             Format::Csv => Some(self.csv()),
         }
     }
 
     fn csv(&self) -> String {
-        let mut text = String::from("file,code,class,points,share,confidence\n");
+        let mut text = String::new();
         for ClassShare { code, name, points, share, confidence } in &self.classes {
             let [file, name] = [&self.output, name].map(|text| format!("\"{}\"", text.replace('"', "\"\"")));
             let _ = writeln!(text, "{file},{code},{name},{points},{share},{confidence}");

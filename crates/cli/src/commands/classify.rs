@@ -12,6 +12,9 @@ use scansion_core::recipes::{self, ClassRules, Classified, ClassifyParams, Model
 use std::path::Path;
 use std::time::Instant;
 
+/// Mean confidence below which a model is doubted.
+const DOUBTFUL: f64 = 0.55;
+
 /// What the built-in model has no class for.
 const LIMITS: &str = "built-in model: cars, masts, long bridges and water have no class of their own and become vegetation, \
                       building or ground; `scansion train` makes models with other classes";
@@ -23,15 +26,24 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
         model.fitted = model.fitted.with_settings(args.set.iter().map(String::as_str))?;
     }
     let map: LabelMap = args.map.join(",").parse()?;
-    if args.model.is_none() {
-        context.printer.note(LIMITS);
-    }
     let pairs = sources::outputs(&sources::expanded(&args.inputs)?, &args.output)?;
-    let mut failed = 0;
-    let checked: Vec<_> = pairs.iter().map(|(_, output)| io::check_cloud_output(output)).collect();
+    let (mut failed, mut first) = (0, true);
+    let skipped = |output: &Path| args.skip_existing && output.exists();
+    let check = |output: &Path| if skipped(output) { Ok(false) } else { io::check_cloud_output(output).map(|()| true) };
+    let checked: Vec<_> = pairs.iter().map(|(_, output)| check(output)).collect();
     for (number, ((input, output), checked)) in pairs.iter().zip(checked).enumerate() {
         context.monitor.file(number + 1, pairs.len());
-        let work = || checked.map_err(Failure::from).and_then(|()| one(input, output, &model, &map, args, context));
+        let work = || match checked? {
+            false => {
+                context.printer.note(&format!("{}: it exists and is skipped", output.display()));
+                Ok(())
+            }
+            true => {
+                let summary = one(input, output, &model, &map, args, context)?;
+                let data = summary.data(context.printer.format, std::mem::replace(&mut first, false));
+                data.map_or(Ok(()), |text| context.printer.data(&text))
+            }
+        };
         match run::part(work) {
             Err(failure) if pairs.len() == 1 => return Err(failure),
             Err(Failure::Core(Error::Interrupted)) => {
@@ -44,7 +56,15 @@ pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure>
             Ok(()) => {}
         }
     }
+    if builtin(args) && failed < pairs.len() {
+        context.printer.note(LIMITS);
+    }
     if failed > 0 { Err(Failure::Partly { failed, inputs: pairs.len() }) } else { Ok(()) }
+}
+
+/// Whether the built-in model is used.
+fn builtin(args: &Classify) -> bool {
+    args.model.as_deref().is_none_or(sources::is_builtin)
 }
 
 fn one(
@@ -54,7 +74,7 @@ fn one(
     map: &LabelMap,
     args: &Classify,
     context: &Context<'_>,
-) -> Result<(), Failure> {
+) -> Result<Summary, Failure> {
     let start = Instant::now();
     if !args.salvage {
         io::check_dimensions(input, output, &dimensions(model, args))?;
@@ -64,10 +84,11 @@ fn one(
     let mut options = context.read_options();
     options.columns = Columns::Only(wanted);
     let cloud = match args.salvage {
-        true => salvage::read(input, &options)?.0,
+        true => salvage::read_some(input, &options)?,
         false => io::read_with(input, &options)?,
     };
     io::check_steps(input, output, &cloud, &context.write_options())?;
+    context.tell_unit(input, &cloud);
     let params = ClassifyParams {
         probabilities: args.probabilities,
         metres_per_unit: args.unit.unit,
@@ -78,7 +99,7 @@ fn one(
     };
     let result = recipes::classify(&cloud, model, &params, &context.monitor)?;
     result.warnings.iter().for_each(|w| context.printer.warning(&format!("{}: {w}", input.display())));
-    if args.model.is_none()
+    if builtin(args)
         && !args.force
         && let Some(why) = recipes::builtin_misfit(&result)
     {
@@ -87,6 +108,11 @@ fn one(
             input.display()
         ))
         .into());
+    }
+    if let Some(mean) = result.mean_confidence().filter(|&mean| !builtin(args) && mean < DOUBTFUL) {
+        let name = input.display();
+        let text = format!("{name}: the mean confidence is {mean:.2}: the model may not have learned such clouds");
+        context.printer.warning(&text);
     }
     let points = cloud.len();
     let codes = merge(&cloud, &result, map, args);
@@ -112,7 +138,7 @@ fn one(
     ));
     summary.table().lines().for_each(|line| context.printer.note(line));
     summary.notice().iter().for_each(|text| context.printer.warning(text));
-    summary.data(context.printer.format).map_or(Ok(()), |text| context.printer.data(&text))
+    Ok(summary)
 }
 
 /// The rules of the model's recipe, with the user's confidence.
@@ -131,7 +157,7 @@ fn given(model: &Model, args: &Classify, context: &Context<'_>) -> Result<ClassT
 /// What made the classes, as JSON: program, model and its checksum, recipe, regularisation.
 fn provenance(model: &Model, args: &Classify) -> Result<String, Failure> {
     let own = model.fitted.regularise().method;
-    let file = args.model.as_deref().and_then(Path::file_name);
+    let file = args.model.as_deref().filter(|_| !builtin(args)).and_then(Path::file_name);
     let text = serde_json::json!({
         "program": concat!("scansion ", env!("CARGO_PKG_VERSION")),
         "model": file.map_or("built-in".into(), |name| name.to_string_lossy()),
@@ -168,6 +194,19 @@ fn unclassified(cloud: &Cloud) -> &'static [u8] {
 /// The codes of some classes in the output.
 fn mapped(classes: &ClassTable, map: &LabelMap) -> Vec<u8> {
     classes.classes().iter().map(|class| map.apply(class.code)).collect()
+}
+
+/// The names of the codes that are written; a code that is a class of its own keeps its name where others become it too.
+fn written_names(classes: &ClassTable, map: &LabelMap) -> Vec<(u8, String)> {
+    let (own, others): (Vec<_>, Vec<_>) = classes.classes().iter().partition(|c| map.apply(c.code) == c.code);
+    let mut names: Vec<(u8, String)> = own.into_iter().map(|c| (c.code, c.name.clone())).collect();
+    for class in others {
+        let code = map.apply(class.code);
+        if names.iter().all(|(taken, _)| *taken != code) {
+            names.push((code, class.name.clone()));
+        }
+    }
+    names
 }
 
 /// Classes of the input that are written over, but are none of the `known` ones, which a result may have.
@@ -208,11 +247,12 @@ fn edits(
         None => Edit::Classification(codes),
     }];
     if !args.no_extra {
-        let classes = given(model, args, context)?;
-        let names = classes.classes().iter().map(|c| (map.apply(c.code), c.name.clone())).collect();
-        edits.push(Edit::ClassNames(names));
-        let own = context.naming.class_names.iter().map(|(&code, own)| (code, own.name.clone()));
-        edits.push(Edit::OtherClassNames(own.collect()));
+        // The list of names in a file is that of Classification.
+        if args.to.is_none() {
+            edits.push(Edit::ClassNames(written_names(&given(model, args, context)?, map)));
+            let own = context.naming.class_names.iter().map(|(&code, own)| (code, own.name.clone()));
+            edits.push(Edit::OtherClassNames(own.collect()));
+        }
         edits.push(Edit::Provenance(provenance(model, args)?));
         edits.push(Edit::Dimension(Column::new(names::CONFIDENCE, Values::F32(result.confidence))));
         edits.push(Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))));

@@ -17,6 +17,9 @@ pub(crate) fn run(args: &Convert, context: &Context<'_>) -> Result<(), Failure> 
         ConvertParams { point_format: args.point_format, bounds: bounds(&args.bounds)?, resolution: args.resolution };
     let report = io::convert(&args.input, &args.output, &params, &context.write_options())?;
     context.report(&args.output, &report);
+    if report.points == 0 {
+        context.printer.warning(&format!("{}: it has no points", args.output.display()));
+    }
     Ok(())
 }
 

@@ -33,7 +33,7 @@ use crate::progress::Progress;
 use crate::threads;
 use scansion_core::Error;
 use scansion_core::classes::preset;
-use scansion_core::cloud::{ClassNames, CodeScheme, OwnClass};
+use scansion_core::cloud::{ClassNames, Cloud, CodeScheme, OwnClass};
 use scansion_core::io::run::{Rules, expect, run};
 use scansion_core::io::salvage::Losses;
 use scansion_core::io::{ReadOptions, RewriteReport, WriteOptions};
@@ -105,6 +105,14 @@ impl Context<'_> {
         let mut options = ReadOptions { metres_per_unit, text_columns, scheme, class_names, ..ReadOptions::default() };
         options.monitor.clone_from(&self.monitor);
         options
+    }
+
+    /// Says which unit is assumed for a cloud that has none, if the user has not said it.
+    pub(crate) fn tell_unit(&self, input: &Path, cloud: &Cloud) {
+        if self.unit.is_none() && cloud.metres_per_unit.is_none() && cloud.crs.is_none() {
+            let name = input.display();
+            self.printer.note(&format!("{name}: the file has no unit: metres are assumed; --unit 0.3048 for feet"));
+        }
     }
 
     /// Warns about losses of a damaged file.

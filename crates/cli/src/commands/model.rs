@@ -46,6 +46,11 @@ fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
     for (class, samples) in model.classes.classes().iter().zip(&model.fingerprint.class_counts) {
         let _ = writeln!(text, "{:>5}  {:<20} {samples:>12}", class.code, class.name);
     }
+    let given = model.fitted.rules().given(&model.classes);
+    if given.classes() != model.classes.classes() {
+        let list: Vec<String> = given.classes().iter().map(|class| format!("{} {}", class.code, class.name)).collect();
+        let _ = writeln!(text, "\nclassify writes: {}", list.join(", "));
+    }
     let _ = writeln!(text, "\nmost important features (share of what the splits gained)");
     for (name, importance) in ranked.iter().take(20) {
         let bar = "#".repeat((importance * 400.0).round().clamp(0.0, 60.0) as usize);

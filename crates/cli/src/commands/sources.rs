@@ -17,6 +17,10 @@ pub(crate) fn any_recipe(args: &RecipeArgs) -> Result<AnyRecipe> {
         None => AnyRecipe::named("pyramid")?,
         Some(path) => match path.to_str().filter(|name| AnyRecipe::is_name(name)) {
             Some(name) => AnyRecipe::named(name)?,
+            None if !path.exists() && path.extension().is_none() => {
+                let names = format!("{}, or a TOML file", AnyRecipe::names().join(", "));
+                return Err(Error::parameter("recipe", path.display(), names));
+            }
             None => AnyRecipe::from_toml(&text(path)?).map_err(|e| Error::input(format!("{}: {e}", path.display())))?,
         },
     };
@@ -49,7 +53,12 @@ pub(crate) fn elevation(path: Option<&Path>, monitor: &Monitor) -> Result<Option
 
 /// The model in that file, or the built-in one.
 pub(crate) fn model(path: Option<&Path>) -> Result<Model> {
-    path.map_or_else(default_model, Model::load)
+    path.filter(|path| !is_builtin(path)).map_or_else(default_model, Model::load)
+}
+
+/// Whether an argument is the name of the built-in model.
+pub(crate) fn is_builtin(path: &Path) -> bool {
+    ["built-in", "builtin", "default"].iter().any(|name| path.as_os_str() == *name) && !path.exists()
 }
 
 /// Pairs each input with its output: a file for one input, a folder for several, if it is a folder already, or if its

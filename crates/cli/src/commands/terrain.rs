@@ -24,6 +24,7 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
     options.columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
     let cloud = io::read_with(&args.input, &options)?;
     args.footprints.iter().try_for_each(|_| footprint_params(args).check(&cloud))?;
+    context.tell_unit(&args.input, &cloud);
     let scene = MetricCloud::new(&cloud, None, &context.monitor)?;
     let survey = match [&args.output, &args.chm, &args.footprints].iter().any(|path| path.is_some()) {
         true => survey(&scene, &params, context)?,
@@ -33,6 +34,9 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
     let mut made = rasters_of(&surveyed, args, context)?;
     for (product, raster) in &made.rasters {
         io::write_raster(&product.file, raster, &Georeference::of(&cloud), &context.monitor)?;
+        if cloud.crs.is_some() && product.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("asc")) {
+            context.printer.note(&format!("{}: .asc files have no reference system", product.file.display()));
+        }
     }
     if let Some(path) = &args.footprints {
         let heights = heights_above_ground(&scene, &survey, &params, &context.monitor)?;
@@ -198,7 +202,10 @@ impl Made {
         if let Some(found) = &self.outlines {
             text += &match format {
                 Format::Csv => format!("buildings,area\n{},{:.1}\n", found.buildings, found.area),
-                _ => format!("{} buildings, {:.0} m²\n", found.buildings, found.area),
+                _ => {
+                    let many = if found.buildings == 1 { "building" } else { "buildings" };
+                    format!("{} {many}, {:.0} m²\n", found.buildings, found.area)
+                }
             };
         }
         text

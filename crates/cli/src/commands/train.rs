@@ -6,7 +6,7 @@ use crate::args::{Format, RecipeArgs, Train};
 use crate::exit_code::Failure;
 use scansion_core::Error;
 use scansion_core::cloud::Cloud;
-use scansion_core::io::{self, Columns};
+use scansion_core::io::{self, Columns, run};
 use scansion_core::recipes::{
     AnyRecipe, ClassCount, ContoursRecipe, EdgeLines, Grid, LabelFile, LabelledCloud, Labels, Model, PickedCloud,
     Picking, Report, SearchParams, SearchReport, TrainOptions, edge_labels, labelled_scenes, search,
@@ -25,7 +25,13 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
         elevation: sources::elevation(args.elevation_model.as_deref(), &context.monitor)?,
         checkpoint: args.checkpoint.clone(),
     };
-    options.checkpoint.as_deref().map_or(Ok(()), io::check_output)?;
+    if let Some(checkpoint) = &options.checkpoint {
+        run::goes_on_from(checkpoint);
+        io::check_output(checkpoint)?;
+    }
+    if !args.weak_labels.is_empty() && args.recipe.recipe.is_none() && !args.weak {
+        context.printer.note("--weak-labels: the recipe weak is made for a few labels a class (--weak)");
+    }
     if args.block.is_some() && args.grid.is_empty() && !options.cross_validates() {
         return Err(Failure::Usage("--block needs --cross-validate, --grid or --grid-depth".into()));
     }

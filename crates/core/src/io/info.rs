@@ -94,6 +94,20 @@ impl Losses {
         self.declared.saturating_sub(self.read)
     }
 
+    /// Fails if the file has points but none can be read.
+    ///
+    /// # Errors
+    /// Names the file.
+    pub fn check_some(&self, path: &Path) -> Result<()> {
+        match self.read == 0 && self.declared > 0 {
+            true => {
+                let (file, declared) = (path.display(), self.declared);
+                Err(Error::input(format!("{file}: none of its {declared} points can be read")))
+            }
+            false => Ok(()),
+        }
+    }
+
     /// A sentence for the user.
     pub fn summary(&self) -> String {
         match (self.notes.is_empty(), self.lost()) {

@@ -2,6 +2,7 @@
 
 use super::open;
 use crate::error::{Error, Result};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// A table of labels: `x,y,z,class` or `cluster_id,class`.
@@ -33,8 +34,9 @@ enum Columns {
 }
 
 impl LabelTable {
-    /// Reads a text table separated by commas, semicolons or blanks, with or without a header line. Rows with an empty
-    /// class are skipped, so that a partly filled-in list can be used; `#` starts a comment.
+    /// Reads a text table separated by semicolons, commas or blanks, whichever of them the first line has, with or without a
+    /// header. Between semicolons and blanks numbers may have decimal commas. Rows with an empty class are skipped, so that a
+    /// partly filled-in list can be used; `#` starts a comment.
     ///
     /// # Errors
     /// `path:line: what is wrong`.
@@ -42,11 +44,13 @@ impl LabelTable {
         let text = open::text(path, open::MOST_TABLE)?;
         let mut table = Self { path: path.to_path_buf(), ..Self::default() };
         let mut columns = None;
-        for (line, row) in text.lines().map(str::trim).enumerate() {
-            if row.is_empty() || row.starts_with('#') {
-                continue;
-            }
-            let cells = cells(row);
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+        let rows = text.lines().map(str::trim).enumerate();
+        let mut rows = rows.filter(|(_, row)| !row.is_empty() && !row.starts_with('#')).peekable();
+        let separator = rows.peek().and_then(|(_, row)| [';', ','].into_iter().find(|&c| row.contains(c)));
+        for (line, row) in rows {
+            let cells = cells(row, separator);
+            let cells: Vec<&str> = cells.iter().map(|cell| &**cell).collect();
             match &columns {
                 Some(columns) => table.take(line + 1, &cells, columns)?,
                 None => {
@@ -111,10 +115,25 @@ impl LabelTable {
     }
 }
 
-fn cells(row: &str) -> Vec<&str> {
-    match row.contains([',', ';']) {
-        true => row.split([',', ';']).map(|c| c.trim().trim_matches('"')).collect(),
-        false => row.split_whitespace().collect(),
+/// The cells of a row, with decimal points.
+fn cells(row: &str, separator: Option<char>) -> Vec<Cow<'_, str>> {
+    match separator {
+        Some(',') => row.split(',').map(|text| bare(text).into()).collect(),
+        Some(separator) => row.split(separator).map(|text| pointed(bare(text))).collect(),
+        None => row.split_whitespace().map(|text| pointed(bare(text))).collect(),
+    }
+}
+
+/// A cell without blanks and quotes around it.
+fn bare(cell: &str) -> &str {
+    cell.trim().trim_matches('"')
+}
+
+/// A number with a decimal comma as one with a point; other texts as they are.
+fn pointed(cell: &str) -> Cow<'_, str> {
+    match cell.replacen(',', ".", 1) {
+        number if cell.contains(',') && number.parse::<f64>().is_ok() => number.into(),
+        _ => cell.into(),
     }
 }
 
@@ -133,4 +152,36 @@ fn by_name(cells: &[&str]) -> Option<Columns> {
         return Some(Columns::Segments([segment, class]));
     }
     Some(Columns::Positions([at(&["x"])?, at(&["y"])?, at(&["z"])?, class]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn separators_marks_and_decimal_commas_are_those_of_spreadsheets() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("labels.csv");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            LabelTable::read(&path)
+        };
+        let plain = read("x,y,z,class\n-54.83,-40.16,-4.28,2\n").unwrap();
+        for text in [
+            "\u{feff}x,y,z,class\r\n-54.83,-40.16,-4.28,2\r\n",
+            "x;y;z;class\n-54,83;-40,16;-4,28;2\n",
+            "x;y;z;class\n-54.83;-40.16;-4.28;2\n",
+            "x y z class\n-54,83\t-40,16  -4,28 2\n",
+            "# picked by hand\n\"x\",\"y\",\"z\",\"class\"\n-54.83,-40.16,-4.28,2\n",
+        ] {
+            assert_eq!(
+                read(text).unwrap().positions.first().map(|row| (row.of, row.code)),
+                Some(([-54.83, -40.16, -4.28], 2)),
+                "{text}"
+            );
+        }
+        assert_eq!(plain.positions.len(), 1);
+        assert_eq!(read("\u{feff}cluster_id,class\n7,6\n").unwrap().segments.len(), 1);
+        assert!(read("x;y;z;class\n1;2;3;2,5\n").unwrap_err().to_string().contains("0 to 255"));
+    }
 }

@@ -8,7 +8,7 @@ use crate::classes::ClassTable;
 use crate::classification::arrays::{Array, Reader, malformed, print_arrays};
 use crate::classification::{Classifier, ClassifierKind, Fingerprint, Predictor};
 use crate::error::{Error, Result};
-use crate::io::{atomic, open};
+use crate::io::{atomic, is_cloud_name, open};
 use crate::nn::parameters::{Parameter, Parameters};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
@@ -232,6 +232,9 @@ impl Model {
     /// As [`Model::from_bytes`]; [`Error::Io`] if the file cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = open::bytes(path, open::MOST_MODEL)?;
+        if bytes.starts_with(b"LASF") {
+            return Err(Error::input(format!("{}: it is a cloud (LAS or LAZ), not a model", path.display())));
+        }
         Self::from_bytes(&bytes, path)
     }
 
@@ -251,7 +254,12 @@ impl Model {
     /// As [`atomic::check_output`]; or if the file exists and is not a model.
     pub fn check_output(path: &Path) -> Result<()> {
         atomic::check_output(path)?;
-        check_replaced(path)
+        check_replaced(path)?;
+        if is_cloud_name(path) {
+            let name = path.display();
+            return Err(Error::input(format!("{name}: the extension is that of clouds; call a model e.g. my.model")));
+        }
+        Ok(())
     }
 
     /// Fails unless these are the features of the classifier, in their order.

@@ -94,6 +94,8 @@ pub struct AtomicFile {
     target: PathBuf,
     partial: Partial,
     writer: Option<BufWriter<Storage>>,
+    /// Refuses to replace a file that has appeared since, with this advice.
+    refuse: Option<&'static str>,
 }
 
 impl AtomicFile {
@@ -114,12 +116,13 @@ impl AtomicFile {
         let partial = Partial::new(partial);
         // A lock shows other runs that the file is in use; some file systems have no locks.
         let _ = file.try_lock();
+        let refuse = run::refuses_existing(&target).filter(|_| old.is_none());
         if let Some(old) = old {
             // A user who could not read the old file must not be able to read the new one; some file systems have no
             // permissions.
             let _ = file.set_permissions(old.permissions());
         }
-        Ok(Self { target, partial, writer: Some(BufWriter::with_capacity(1 << 20, Storage(file))) })
+        Ok(Self { target, partial, writer: Some(BufWriter::with_capacity(1 << 20, Storage(file))), refuse })
     }
 
     /// The temporary name, for checks before [`AtomicFile::finish`].
@@ -159,7 +162,11 @@ impl AtomicFile {
             step().and_then(|()| writer.get_ref().0.sync_all()).map_err(|e| Error::io(&self.target, e))?;
         }
         self.writer = None;
-        step().and_then(|()| self.partial.rename(&self.target)).map_err(|e| Error::io(&self.target, e))?;
+        let renamed = step().and_then(|()| match self.refuse {
+            Some(advice) => self.partial.rename_new(&self.target, advice),
+            None => self.partial.rename(&self.target),
+        });
+        renamed.map_err(|e| Error::io(&self.target, e))?;
         let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // Some file systems cannot sync a folder; the file itself is safe at this point.
         let _ = step().and_then(|()| File::open(folder)).and_then(|f| f.sync_all());

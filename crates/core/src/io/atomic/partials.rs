@@ -1,5 +1,6 @@
 //! The temporary files of this process, so that all can be removed if it has to end immediately.
 
+use super::run::exists;
 use std::io::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -28,12 +29,38 @@ impl Partial {
 
     /// Gives the file its final name.
     pub(super) fn rename(&mut self, target: &Path) -> Result<()> {
+        self.renamed(|from| std::fs::rename(from, target))
+    }
+
+    /// The same, unless a file has this name by now.
+    pub(super) fn rename_new(&mut self, target: &Path, advice: &str) -> Result<()> {
+        self.renamed(|from| rename_new(from, target, advice))
+    }
+
+    fn renamed(&mut self, rename: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
         let mut open = OPEN.lock().map_err(|_| Error::other("a writer of this process has failed"))?;
-        std::fs::rename(&self.0, target)?;
+        rename(&self.0)?;
         open.retain(|path| *path != self.0);
         self.0 = PathBuf::new();
         Ok(())
     }
+}
+
+/// Renames a file; an error if the new name is taken. In one step where the system and the file system can do that.
+fn rename_new(from: &Path, to: &Path, advice: &str) -> Result<()> {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::fs::{CWD, RenameFlags, renameat_with};
+        use rustix::io::Errno;
+        match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+            Ok(()) => return Ok(()),
+            Err(Errno::EXIST) => return Err(exists(advice)),
+            // Not known to an old kernel or this file system.
+            Err(Errno::INVAL | Errno::NOSYS) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    if to.exists() { Err(exists(advice)) } else { std::fs::rename(from, to) }
 }
 
 impl Drop for Partial {

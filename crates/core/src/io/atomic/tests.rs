@@ -148,3 +148,25 @@ fn whatever_fails_the_old_output_stays_and_nothing_is_left_behind() {
         std::fs::remove_file(&path).unwrap();
     }
 }
+
+#[test]
+fn a_file_that_appears_while_an_output_is_made_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.txt");
+    let rules = |existing| run::Rules { existing, ..run::Rules::default() };
+    let late = |existing| {
+        run::run(rules(existing), || {
+            let _ = std::fs::remove_file(&path);
+            let mut file = AtomicFile::create(&path)?;
+            file.write_all(b"ours")?;
+            std::fs::write(&path, b"theirs").unwrap();
+            file.finish()
+        })
+    };
+    let error = late(run::Replace::Refused("use another name")).unwrap_err().to_string();
+    assert!(error.contains("it exists; use another name"), "{error}");
+    assert_eq!(std::fs::read(&path).unwrap(), b"theirs");
+    late(run::Replace::Allowed).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), b"ours");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}

@@ -39,11 +39,21 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(Cloud, Losses)> {
     Ok((cloud, Losses { declared: points, read: points, notes: Vec::new() }))
 }
 
+/// The cloud of [`read`]; no points of a file that declares some are an error.
+///
+/// # Errors
+/// As [`examine`], and [`Losses::check_some`].
+pub fn read_some(path: &Path, options: &ReadOptions) -> Result<Cloud> {
+    let (cloud, losses) = read(path, options)?;
+    losses.check_some(path)?;
+    Ok(cloud)
+}
+
 /// Like [`rewrite`](crate::io::rewrite()), for the intact part of a damaged LAS or LAZ file; the output is an intact file.
 /// Edits have one value for each point that [`read`] returns.
 ///
 /// # Errors
-/// As [`examine`], and those of writing.
+/// As [`examine`], [`Losses::check_some`], and those of writing.
 pub fn copy(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<(RewriteReport, Losses)> {
     check_target(output)?;
     run::joined(&options.monitor, || copy_any(input, output, edits, options))
@@ -53,6 +63,7 @@ fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions)
     let to_las = ["las", "laz"].contains(&extension(output).as_str());
     if las::is_las(input)? && to_las {
         let (records, losses) = las::Records::salvage(input, &options.monitor)?;
+        losses.check_some(input)?;
         return Ok((las::rewrite_records(records, output, &Selection { kept: None, edits }, options)?, losses));
     }
     if !las::is_las(input)? {
@@ -61,6 +72,7 @@ fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions)
         return Ok((report, losses));
     }
     let (mut cloud, losses) = read(input, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() })?;
+    losses.check_some(input)?;
     apply(&mut cloud, edits)?;
     write(output, &cloud, options)?;
     Ok((RewriteReport { points: cloud.len() as u64, notes: Vec::new() }, losses))

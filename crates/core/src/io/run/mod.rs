@@ -51,6 +51,8 @@ struct Files {
     rules: Rules,
     inputs: RefCell<Vec<Input>>,
     outputs: RefCell<Vec<Output>>,
+    /// Files that the run goes on from and writes again.
+    continued: RefCell<Vec<Place>>,
     /// The enclosing run, for a part of it.
     whole: Option<Rc<Files>>,
 }
@@ -149,6 +151,23 @@ pub fn expect(path: &Path) {
     }
 }
 
+/// Registers a file from which the run goes on if it exists, and which it then writes again: the same file may be input
+/// and output.
+pub fn goes_on_from(path: &Path) {
+    if let Some(files) = current() {
+        files.continued.borrow_mut().push(Place::of(path));
+    }
+}
+
+/// Whether a file that appears under the name of an output before it is complete must not be replaced.
+pub(super) fn refuses_existing(target: &Path) -> Option<&'static str> {
+    let files = current()?;
+    match files.rules.existing {
+        Replace::Refused(advice) if !files.goes_on_from(&Place::of(target)) => Some(advice),
+        _ => None,
+    }
+}
+
 /// To be called for every file that was opened for reading.
 ///
 /// # Errors
@@ -161,6 +180,7 @@ pub(super) fn opened(path: &Path, file: &File) -> Result<()> {
         for level in files.levels() {
             let outputs = level.outputs.borrow();
             let same = outputs.iter().find(|o| o.stage.get() != Stage::Done && o.place.is(&place));
+            let same = same.filter(|_| !files.goes_on_from(&place));
             if let Some(output) = same {
                 return Err(same_file(path, &output.typed, advice));
             }
@@ -266,12 +286,16 @@ impl Files {
     /// Fails if an output exists and must not be replaced.
     fn check_new(&self, typed: &Path, target: &Path) -> Result<()> {
         match self.rules.existing {
-            Replace::Refused(advice) if target.exists() => {
-                let text = format!("it exists; {advice}");
-                Err(Error::io(typed, std::io::Error::new(std::io::ErrorKind::AlreadyExists, text)))
+            Replace::Refused(advice) if target.exists() && !self.goes_on_from(&Place::of(target)) => {
+                Err(Error::io(typed, exists(advice)))
             }
             _ => Ok(()),
         }
+    }
+
+    /// Whether the run goes on from this file.
+    fn goes_on_from(&self, place: &Place) -> bool {
+        self.levels().any(|level| level.continued.borrow().iter().any(|other| other.is(place)))
     }
 
     /// This part of the run and the enclosing ones.
@@ -283,12 +307,18 @@ impl Files {
     fn check(&self, output: &Output) -> Result<()> {
         let Replace::Refused(advice) = self.rules.replace else { return Ok(()) };
         for level in self.levels() {
-            if let Some(input) = level.inputs.borrow().iter().find(|i| i.place.is(&output.place)) {
-                return Err(same_file(&input.typed, &output.typed, advice));
+            let input = level.inputs.borrow().iter().find(|i| i.place.is(&output.place)).map(|i| i.typed.clone());
+            if let Some(input) = input.filter(|_| !self.goes_on_from(&output.place)) {
+                return Err(same_file(&input, &output.typed, advice));
             }
         }
         Ok(())
     }
+}
+
+/// The error about an output that exists.
+pub(super) fn exists(advice: &str) -> std::io::Error {
+    std::io::Error::new(std::io::ErrorKind::AlreadyExists, format!("it exists; {advice}"))
 }
 
 impl Output {
