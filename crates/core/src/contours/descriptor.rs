@@ -6,10 +6,12 @@ use super::likely::Likely;
 use super::linking::Candidate;
 use super::params::DescriptorParams;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered};
+use crate::linalg::Sym3;
+use crate::neighbours::within;
+use crate::parallel::{Monitor, map_ordered, map_watched};
 
 /// Number of values of a candidate.
-pub const VALUES: usize = 20;
+pub const VALUES: usize = 29;
 
 /// Number of bins of each histogram, and of sections.
 const BINS: usize = 5;
@@ -39,7 +41,25 @@ pub const VALUE_NAMES: [&str; VALUES] = [
     "section_likelihood_3",
     "section_likelihood_4",
     "section_likelihood_5",
+    "straightness",
+    "length",
+    "longest_step",
+    "along_tangent",
+    "least_likelihood",
+    "cost",
+    "second_spread",
+    "third_spread",
+    "crowd",
 ];
+
+/// Radius of the surroundings of a node, metres.
+const AROUND: f64 = 0.25;
+
+/// Nodes whose surroundings are in memory at a time.
+const QUERIES: usize = 1 << 17;
+
+/// Sum of the likelihoods of a straight row of sure nodes within the surroundings of one, 0.025 m apart.
+const ROW: f64 = 20.0;
 
 /// The values of each candidate, [`VALUES`] a row, named by [`VALUE_NAMES`].
 ///
@@ -49,7 +69,13 @@ pub const VALUE_NAMES: [&str; VALUES] = [
 /// lies in the last. Values 15 to 19 are mean likelihoods of five sections of the path whose numbers of nodes differ by
 /// at most one; a path of fewer than five nodes repeats them. Histograms have the sum 1 unless counts are asked for:
 /// then the first ten values do not depend on position, rotation, and size. Nodes at one position, and without a
-/// tangent, give nothing to the first, and the second histogram. O(n²) for a path of n nodes.
+/// tangent, give nothing to the first, and the second histogram.
+///
+/// Beyond the source: values 20 to 25 are the distance of the ends by the length of the path, this length in metres, the longest
+/// step, the mean |cos| between the tangents and the steps from them, the least likelihood of a node, and the cost by the length.
+/// The last three are means over the nodes of what is within 0.25 m: the second and third eigenvalue of the scatter of likelihood
+/// by the first, large where likely nodes fill a surface or a volume, and the likelihood in all, 1 for a single line. O(n²) for a
+/// path of n nodes.
 ///
 /// # Errors
 /// If a path is empty or has a node that does not exist, likelihoods or tangents do not fit the nodes, or the work was
@@ -61,6 +87,7 @@ pub fn describe(
     monitor: &Monitor,
 ) -> Result<Vec<f32>> {
     nodes.check(monitor)?;
+    let around = surroundings(nodes, monitor)?;
     monitor.stage("descriptors", candidates.len() as u64);
     let rows = map_ordered(candidates.len().div_ceil(BLOCK), monitor, |block| {
         let range = block * BLOCK..candidates.len().min((block + 1) * BLOCK);
@@ -68,12 +95,43 @@ pub fn describe(
         for candidate in &candidates[range] {
             monitor.check()?;
             let path = Path::new(nodes, &candidate.path)?;
-            rows.extend(path.values(params));
+            let mut values = path.values(params);
+            if !params.without_shape {
+                values[4 * BINS..].copy_from_slice(&path.whole(candidate, &around));
+            }
+            rows.extend(values);
         }
         monitor.advance(BLOCK as u64);
         Ok(rows)
     })?;
     Ok(rows.concat())
+}
+
+/// What is near each node: eigenvalues 2 and 3 by 1, and the likelihood.
+fn surroundings(nodes: &Likely, monitor: &Monitor) -> Result<Vec<[f32; 3]>> {
+    let rows: Vec<u32> = (0..nodes.len() as u32).collect();
+    let mut found = Vec::with_capacity(nodes.len());
+    for part in rows.chunks(QUERIES) {
+        let near = within(&nodes.positions, &nodes.positions.select(part, monitor)?, AROUND, monitor)?;
+        found.extend(map_watched(part.len(), monitor, |at| {
+            let weight = |row: &u32| f64::from(nodes.likelihoods[*row as usize]);
+            let place = |row: &u32| nodes.positions.xyz(*row as usize).map(f64::from);
+            let total: f64 = near.of(at).iter().map(weight).sum();
+            let mut centre = [0.0; 3];
+            for row in near.of(at) {
+                centre.iter_mut().zip(place(row)).for_each(|(sum, v)| *sum += weight(row) * v / total);
+            }
+            let rooted = |row: &u32| {
+                let (at, root) = (place(row), weight(row).sqrt());
+                [0, 1, 2].map(|axis| root * (at[axis] - centre[axis]))
+            };
+            let apart: Vec<[f64; 3]> = near.of(at).iter().map(rooted).collect();
+            let [first, second, third] = Sym3::scatter(&apart, [0.0; 3], 1.0).eigen().values;
+            let share = |value: f64| if first > 0.0 { (value / first) as f32 } else { 0.0 };
+            [share(second), share(third), (total / ROW) as f32]
+        })?);
+    }
+    Ok(found)
 }
 
 struct Path {
@@ -136,6 +194,25 @@ impl Path {
         }
         values
     }
+
+    /// The values that are not histograms or sections.
+    fn whole(&self, candidate: &Candidate, around: &[[f32; 3]]) -> [f32; VALUES - 4 * BINS] {
+        let n = self.places.len();
+        let (mut length, mut longest, mut along) = (0.0f32, 0.0f32, 0.0f32);
+        for i in 1..n {
+            let way = apart(self.places[i - 1], self.places[i]);
+            let step = dot(way, way).sqrt();
+            (length, longest) = (length + step, longest.max(step));
+            along += dot(way, self.tangents[i - 1]).abs();
+        }
+        let chord = apart(self.places[0], self.places[n - 1]);
+        let by_length = |value: f32| if length > 0.0 { value / length } else { 0.0 };
+        let least = self.likelihoods.iter().copied().fold(1.0, f32::min);
+        let mean = |k: usize| candidate.path.iter().map(|&node| around[node as usize][k]).sum::<f32>() / n as f32;
+        let straight = by_length(dot(chord, chord).sqrt());
+        let cost = by_length(candidate.cost as f32);
+        [straight, length, longest, by_length(along), least, cost, mean(0), mean(1), mean(2)]
+    }
 }
 
 fn apart(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
@@ -179,7 +256,7 @@ mod tests {
         let rows: Vec<[f64; 3]> = (0..12).map(|i| [f64::from(i), f64::from(2 * i), f64::from(-i)]).collect();
         let found = values(&rows, &[[-1.0, -2.0, 1.0]; 12], &[0.95; 12]);
         assert_eq!(found[..15], [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-        assert!(found[15..].iter().all(|v| (v - 0.95).abs() < 1e-6));
+        assert!(found[15..20].iter().all(|v| (v - 0.95).abs() < 1e-6));
         // With tangents across, the second histogram is in its first bin.
         let across = values(&rows, &[[2.0, -1.0, 0.0]; 12], &[0.95; 12]);
         assert_eq!(across[5..10], [1.0, 0.0, 0.0, 0.0, 0.0]);
@@ -210,10 +287,10 @@ mod tests {
         let found = values(&rows, &[[0.0; 3]; 7], &[0.1, 0.3, 0.5, 0.7, 0.9, 1.0, 0.0]);
         let sevenths = [2.0, 1.0, 1.0, 1.0, 2.0].map(|v: f32| v / 7.0);
         assert_eq!(found[10..15], sevenths);
-        assert_eq!(found[15..], [0.1, 0.3, 0.6, 0.9, 0.5]);
+        assert_eq!(found[15..20], [0.1, 0.3, 0.6, 0.9, 0.5]);
         assert_eq!(found[5..10], [0.0; 5]);
         let two = values(&rows[..2], &[[0.0; 3]; 2], &[0.25, 0.75]);
-        assert_eq!(two[15..], [0.25, 0.25, 0.75, 0.75, 0.75]);
+        assert_eq!(two[15..20], [0.25, 0.25, 0.75, 0.75, 0.75]);
     }
 
     #[test]

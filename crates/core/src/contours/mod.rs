@@ -21,6 +21,7 @@ mod neighbourhood;
 mod nodes;
 mod params;
 mod polylines;
+mod ridge;
 mod seeds;
 mod simplify;
 mod tangents;
@@ -39,10 +40,11 @@ pub use linking::{Candidate, Neighbourhood, link};
 pub use neighbourhood::neighbourhood;
 pub use nodes::Nodes;
 pub use params::{
-    CandidateParams, DescriptorParams, FieldParams, LinkParams, NeighbourhoodParams, SeedParams, Suppression,
-    TangentParams, TidyParams, TraceParams,
+    CandidateParams, DescriptorParams, FieldParams, LinkParams, NeighbourhoodParams, RidgeParams, SeedParams,
+    Suppression, TangentParams, TidyParams, TraceParams,
 };
 pub use polylines::Polyline;
+pub use ridge::ridge;
 pub use seeds::seeds;
 pub use simplify::simplify;
 pub use tangents::tangents;
@@ -83,9 +85,11 @@ pub struct Traced {
 /// too small for the extent, the graph does not fit into memory, or the work was cancelled.
 pub fn candidates(likely: &Likely, params: &CandidateParams, monitor: &Monitor) -> Result<Candidates> {
     params.validate()?;
-    let seeds = seeds::seeds(likely, &params.seeds, monitor)?;
-    let nodes = Nodes::new(likely, &seeds, &params.neighbourhood, monitor)?;
+    let moved = ridge::ridge(likely, &params.ridge, monitor)?;
+    let seeds = seeds::seeds(&moved.likely, &params.seeds, monitor)?;
+    let mut nodes = Nodes::new(&moved.likely, &seeds, &params.neighbourhood, monitor)?;
     let seeds = nodes.of_points(&seeds)?;
+    nodes.points.iter_mut().for_each(|point| *point = moved.points[*point as usize]);
     let graph = neighbourhood(&nodes.likely, &params.neighbourhood, monitor)?;
     let of = Neighbourhood { positions: &nodes.likely.positions, graph: &graph };
     let list = link(&of, &seeds, &params.links, monitor)?;

@@ -35,7 +35,7 @@ fn scan(size: [f32; 3], noise: f64, random: &mut Stream) -> Likely {
 
 /// A stand-in for the classifier: mean likelihood and straightness.
 fn probabilities(of: &Candidates) -> Vec<f32> {
-    let one = |row: &[f32]| (row[15..].iter().sum::<f32>() / 5.0 * (0.5 + 0.5 * (row[3] + row[4]))).clamp(0.0, 1.0);
+    let one = |row: &[f32]| (row[15..20].iter().sum::<f32>() / 5.0 * (0.5 + 0.5 * (row[3] + row[4]))).clamp(0.0, 1.0);
     of.descriptors.chunks(VALUES).map(one).collect()
 }
 
@@ -84,7 +84,11 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
 fn by_the_letter_vertices_are_points_of_the_cloud() {
     let likely = scan([1.0, 1.0, 0.5], 0.005, &mut stream(5, 1));
     let plain = TraceParams { tidy: TidyParams::plain(0.05), ..TraceParams::default() };
-    let found = traced(&likely, &plain);
+    let unmoved = RidgeParams { passes: 0, ..RidgeParams::default() };
+    let params = CandidateParams { ridge: unmoved, ..CandidateParams::default() };
+    let monitor = Monitor::default();
+    let from = candidates(&likely, &params, &monitor).unwrap();
+    let found = trace(&from, &probabilities(&from), &plain, &monitor).unwrap();
     assert!(!found.polylines.is_empty());
     for line in &found.polylines {
         let mut points = line.nodes.iter().map(|&node| likely.positions.xyz(node as usize));

@@ -2,11 +2,13 @@
 
 mod checks;
 mod neighbourhood;
+mod ridge;
 mod tangents;
 mod tidy;
 
 pub(super) use checks::{above_zero, at_least_one, between, zero_or_more};
 pub use neighbourhood::NeighbourhoodParams;
+pub use ridge::RidgeParams;
 pub use tangents::TangentParams;
 pub use tidy::TidyParams;
 
@@ -104,6 +106,8 @@ pub struct DescriptorParams {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CandidateParams {
+    /// Likely points moved to the edge.
+    pub ridge: RidgeParams,
     /// The seeds.
     pub seeds: SeedParams,
     /// The graph that paths run in.
@@ -120,6 +124,7 @@ impl CandidateParams {
     /// # Errors
     /// If a field is outside its range.
     pub fn validate(&self) -> Result<()> {
+        self.ridge.validate()?;
         self.seeds.validate()?;
         self.neighbourhood.validate()?;
         self.links.validate()
