@@ -30,6 +30,11 @@ __all__ = [
     "synthetic_scene",
 ]
 
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 Lines = Iterable[Any]
 """Lines: an array of shape (m, 3) each."""
 

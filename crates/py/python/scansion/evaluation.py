@@ -29,6 +29,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 class _Pair(NamedTuple):
     """The codes to compare; -1 for points without a true label or without a prediction."""
 

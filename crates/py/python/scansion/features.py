@@ -20,6 +20,10 @@ from scansion._cloud import as_cloud
 __all__ = ["definitions", "multiscale", "names", "normals", "preset", "radius", "radius_names"]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def multiscale(
     xyz: Any,
     *,
