@@ -161,3 +161,32 @@ def test_progress_is_reported_and_its_errors_end_the_work(labelled, capsys):
     with scansion.progress():
         scansion.segment(labelled)
     assert scansion.segment(labelled, progress=False).report["segments"] > 0
+
+
+def test_columns_are_found_however_they_are_spelled(tmp_path):
+    cloud = scansion.PointCloud(np.eye(3), classification=np.array([2, 6, 2], np.uint8), Height=[1, 2, 3])
+    assert cloud.columns == ["Classification", "Height"] and "classification" in cloud and "Z" not in cloud.columns
+    cloud["classification"][0] = 9
+    cloud["height"] += 1
+    assert cloud["Classification"].tolist() == [9, 6, 2] and cloud["Height"].tolist() == [2, 3, 4]
+    assert cloud["Z"].tolist() == cloud["z"].tolist() == cloud.z.tolist()
+    for name, wanted in [("clasification", "did you mean 'Classification'"), ("absent", "the cloud has: Class")]:
+        with pytest.raises(KeyError, match=wanted):
+            cloud[name]
+    with pytest.raises(ValueError, match="coordinates cannot be written"):
+        cloud["Z"] = [1, 2, 3]
+    scansion.write(tmp_path / "a.laz", cloud)
+    assert scansion.read(tmp_path / "a.laz", columns=["classification", "gps_time"]).columns == ["Classification", "GpsTime"]
+    pandas = pytest.importorskip("pandas")
+    lower = cloud.to_pandas().rename(columns=str.lower)
+    assert scansion.concatenate([lower]).columns == ["Classification", "height"]
+    both = pandas.DataFrame({"x": [0], "y": [0], "z": [0], "red": [1], "Red": [2]})
+    assert scansion.concatenate([both]).to_pandas().iloc[0].tolist() == [0, 0, 0, 1, 2]
+    del cloud["HEIGHT"]
+    assert cloud.columns == ["Classification"]
+
+
+def test_a_table_with_names_in_lower_case_trains(labelled):
+    pytest.importorskip("pandas")
+    lower = labelled.to_pandas().rename(columns=str.lower)
+    assert scansion.PointClassifier(SMALL).fit(lower).classes_.tolist() == [2, 5, 6]

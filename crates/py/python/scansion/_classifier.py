@@ -403,7 +403,7 @@ def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:
 def _weighted(cloud: Any, weights: Any) -> PointCloud:
     """The cloud with the weights of its points in a column."""
     points = as_cloud(cloud).copy()
-    points[WEIGHT] = column(weights, "sample_weight", len(points)).astype(np.float32)
+    points._put(WEIGHT, column(weights, "sample_weight", len(points)).astype(np.float32))
     return points
 
 
@@ -412,6 +412,6 @@ def _labelled(cloud: Any, labels: Any, wanted: list[str]) -> PointCloud:
     points = as_cloud(cloud, columns=[*wanted, LABELS])
     if labels is not None:
         points = points.copy()
-        points[LABELS] = labels
+        points._put(LABELS, labels)
         points.scheme = "own"
     return points

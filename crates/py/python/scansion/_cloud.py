@@ -14,6 +14,7 @@ from scansion import _core
 from scansion._arrays import as_array, column, coordinates, mask, native
 from scansion._cloud_table import as_html, as_text, rows
 from scansion._laspy import from_laspy, to_laspy
+from scansion._names import axis, meant, missing, our_names
 
 
 class PointCloud:
@@ -21,7 +22,8 @@ class PointCloud:
 
     Coordinates of LAS files are kept as the integers in the file, so that writing gives the same bytes. ``cloud["name"]`` is
     the column itself: what is written into it is in the cloud. ``cloud[mask]``, ``cloud[indices]`` and ``cloud[a:b]`` are
-    new clouds of some of the points. As an array, a cloud is its coordinates.
+    new clouds of some of the points. As an array, a cloud is its coordinates. Capitals and underscores in names do not matter,
+    laspy's names are known too, and ``cloud["X"]`` is ``cloud.x``.
 
     Parameters
     ----------
@@ -32,7 +34,7 @@ class PointCloud:
     metres_per_unit : float, optional
         Metres per unit of the coordinates (0.3048 for feet).
     **columns : array_like of shape (n,)
-        One column each, e.g. ``Classification=...``. Names are PDAL's if it has one.
+        One column each, e.g. ``Classification=...``. Names become PDAL's if it has one.
 
     Examples
     --------
@@ -64,7 +66,8 @@ class PointCloud:
         **columns: ArrayLike,
     ) -> None:
         self._take(_core.Cloud.from_xyz(coordinates(xyz)), None)
-        self._fill(crs, metres_per_unit, columns)
+        ours = our_names(columns)
+        self._fill(crs, metres_per_unit, {ours[name]: values for name, values in columns.items()})
 
     def _take(self, core: _core.Cloud, path: str | None) -> None:
         self._native, self._path = core, path
@@ -76,7 +79,7 @@ class PointCloud:
         if metres_per_unit is not None:
             self._native.metres_per_unit = metres_per_unit
         for name, values in columns.items():
-            self[name] = values
+            self._put(name, values)
 
     @classmethod
     def _wrap(cls, core: _core.Cloud, path: str | None = None) -> PointCloud:
@@ -177,7 +180,7 @@ class PointCloud:
         return len(self._native)
 
     def __contains__(self, name: object) -> bool:
-        return name in self.columns
+        return isinstance(name, str) and meant(name, self.columns) in self.columns
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
@@ -202,23 +205,35 @@ class PointCloud:
         return self.select(points if points.dtype.kind != "i" else np.where(points < 0, points + len(self), points))
 
     def _column(self, name: str) -> NDArray[Any]:
-        if name not in self._views:
-            values = self._native.column(name)
+        called = meant(name, self.columns)
+        at = axis(name)
+        if at is not None and called not in self.columns:
+            return _read_only(self._native.axis(at))
+        if called not in self._views:
+            values = self._native.column(called)
             if values is None:
-                raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
-            self._views[name] = values
-        return self._views[name]
+                raise missing(name, self.columns)
+            self._views[called] = values
+        return self._views[called]
 
     def __setitem__(self, name: str, values: ArrayLike) -> None:
         if not isinstance(name, str):
             raise TypeError(f'expected the name of a column, found {name!r}; some points: cloud["name"][points] = values')
+        called = meant(name, self.columns)
+        if axis(name) is not None and called not in self.columns:
+            raise ValueError(f"{name}: coordinates cannot be written; PointCloud(xyz) makes a cloud of other ones")
+        self._put(called, values)
+
+    def _put(self, name: str, values: ArrayLike) -> None:
+        """Sets the column with exactly this name."""
         self._native.set_column(name, column(values, name, len(self)))
         self._views.pop(name, None)
 
     def __delitem__(self, name: str) -> None:
-        if not self._native.remove_column(name):
-            raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
-        self._views.pop(name, None)
+        called = meant(name, self.columns)
+        if not self._native.remove_column(called):
+            raise missing(name, self.columns)
+        self._views.pop(called, None)
 
     def __repr__(self) -> str:
         return as_text(self)
@@ -339,9 +354,10 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
     for axes in ("XYZ", "xyz"):
         if all(axis in fields for axis in axes):
             cloud = PointCloud(np.column_stack([np.asarray(points[axis], dtype=np.float64) for axis in axes]))
+            ours = our_names(str(name) for name in fields)
             for name in fields:
                 if name not in axes:
-                    cloud[str(name)] = points[name]
+                    cloud._put(ours[str(name)], points[name])
             return cloud
     kind = "table" if table else "structured array"
     raise ValueError(f"{kind}: expected the fields X, Y, Z or x, y, z, found {', '.join(map(str, fields))}")

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scansion import _core
 from scansion._arrays import codes, column, mask
 from scansion._cloud import PointCloud, as_cloud
+from scansion._names import asked
 
 
 def _box(bounds: ArrayLike | None) -> Any:
@@ -64,7 +65,7 @@ def read(
         The file is malformed (the message gives the position) or its format is not supported.
     """
     name = os.fspath(path)
-    return PointCloud._wrap(_core.read(name, (columns, _box(bounds), resolution, text_columns or [])), name)
+    return PointCloud._wrap(_core.read(name, (asked(columns), _box(bounds), resolution, text_columns or [])), name)
 
 
 def blocks(
@@ -96,7 +97,7 @@ def blocks(
     """
     if size < 1:
         raise ValueError(f"size: found {size}, expected 1 or more points a block")
-    part = (columns, _box(bounds), resolution, text_columns or [])
+    part = (asked(columns), _box(bounds), resolution, text_columns or [])
     return map(PointCloud._wrap, _core.Blocks(os.fspath(path), size, part))
 
 

@@ -7,31 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scansion import _core
+from scansion._names import LASPY
 
 if TYPE_CHECKING:
     from scansion._cloud import PointCloud
-
-_LASPY_NAMES = {
-    "intensity": "Intensity",
-    "return_number": "ReturnNumber",
-    "number_of_returns": "NumberOfReturns",
-    "synthetic": "Synthetic",
-    "key_point": "KeyPoint",
-    "withheld": "Withheld",
-    "overlap": "Overlap",
-    "scanner_channel": "ScanChannel",
-    "scan_direction_flag": "ScanDirectionFlag",
-    "edge_of_flight_line": "EdgeOfFlightLine",
-    "classification": "Classification",
-    "user_data": "UserData",
-    "point_source_id": "PointSourceId",
-    "gps_time": "GpsTime",
-    "red": "Red",
-    "green": "Green",
-    "blue": "Blue",
-    "nir": "Infrared",
-}
-"""laspy's dimension names and ours (PDAL's)."""
 
 _SCAN_ANGLE = "ScanAngle"
 _SCAN_ANGLE_UNIT = 0.006
@@ -52,7 +31,7 @@ def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
             # As the core does: both factors in single precision.
             cloud[_SCAN_ANGLE] = values.astype(np.float32) * np.float32(unit)
         elif values.ndim == 1 and values.dtype.kind in "fiub":
-            cloud[_LASPY_NAMES.get(name, name)] = values
+            cloud._put(LASPY.get(name, name), values)
     cloud.scheme = "asprs"
     cloud.crs = _laspy_crs(las.header)
     return cloud
@@ -78,7 +57,7 @@ def to_laspy(cloud: PointCloud) -> Any:
     las.x, las.y, las.z = xyz[:, 0], xyz[:, 1], xyz[:, 2]
     if ticks is not None:
         las.X, las.Y, las.Z = ticks[0][:, 0], ticks[0][:, 1], ticks[0][:, 2]
-    known = {ours: theirs for theirs, ours in _LASPY_NAMES.items()}
+    known = {ours: theirs for theirs, ours in LASPY.items()}
     for name in cloud.columns:
         values = cloud[name]
         if name == _SCAN_ANGLE:

@@ -198,7 +198,7 @@ def suggest(
     points = measured(cloud, [_LABELS, *_core.segment_columns(text, settings)], metres_per_unit)
     if labels is not None:
         points = points.copy()
-        points[_LABELS] = signed(labels, "labels", len(points))
+        points._put(_LABELS, signed(labels, "labels", len(points)))
         points.scheme = "own"
     wishes = json.dumps({"count": count})
     doubt: Any = None
