@@ -190,3 +190,14 @@ def test_a_table_with_names_in_lower_case_trains(labelled):
     pytest.importorskip("pandas")
     lower = labelled.to_pandas().rename(columns=str.lower)
     assert scansion.PointClassifier(SMALL).fit(lower).classes_.tolist() == [2, 5, 6]
+
+
+def test_one_number_goes_to_all_points(cloud):
+    cloud["Classification"] = 7
+    assert cloud["Classification"].tolist() == [7, 7, 7] and cloud["Classification"].dtype == np.uint8
+    cloud["Classification"] = 300
+    assert cloud["Classification"].tolist() == [300, 300, 300]
+    cloud["New"] = 0.5
+    assert cloud["New"].tolist() == [0.5] * 3
+    with pytest.raises(TypeError, match="New: expected a one-dimensional array of numbers"):
+        cloud["New"] = "a"

@@ -193,10 +193,11 @@ class PointClassifier(Classifier):
             settings = [*settings, f'training.weight="{WEIGHT}"']
             clouds = [_weighted(cloud, w) for cloud, w in zip(clouds, weights, strict=True)]
         wanted = _core.recipe_columns(recipe, settings)
-        prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
+        prepared = [_labelled(cloud, y, wanted) for cloud, y in zip(clouds, given, strict=True)]
+        check_codes(prepared, self.class_map)
         with following(progress):
             model, report = _core.Model.train(
-                prepared,
+                [cloud._core for cloud in prepared],
                 recipe,
                 settings,
                 LABELS,
@@ -391,6 +392,13 @@ def labelled_clouds(clouds: Any, labels: Any, wanted: list[str]) -> list[PointCl
     """The clouds with these columns and their labels in the column Classification."""
     listed_clouds, given = _listed_clouds(clouds, labels)
     return [_labelled(cloud, y, wanted) for cloud, y in zip(listed_clouds, given, strict=True)]
+
+
+def check_codes(clouds: list[PointCloud], class_map: str) -> None:
+    """Fails if a label is not a code and ``class_map`` makes none of it, in the words of Python."""
+    for cloud in clouds:
+        if LABELS in cloud:
+            signed(cloud[LABELS], "labels", None, (), class_map)
 
 
 def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:

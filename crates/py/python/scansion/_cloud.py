@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import as_array, column, coordinates, mask, native
+from scansion._arrays import as_array, column, coordinates, filled, mask, native
 from scansion._cloud_table import as_html, as_text, rows
 from scansion._laspy import from_laspy, to_laspy
 from scansion._names import axis, meant, missing, our_names
@@ -222,6 +222,8 @@ class PointCloud:
         called = meant(name, self.columns)
         if axis(name) is not None and called not in self.columns:
             raise ValueError(f"{name}: coordinates cannot be written; PointCloud(xyz) makes a cloud of other ones")
+        if np.ndim(values) == 0:
+            values = filled(values, self._native.column(called), len(self))
         self._put(called, values)
 
     def _put(self, name: str, values: ArrayLike) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from scansion import _core
-from scansion._classifier import LABELS, labelled_clouds
+from scansion._classifier import LABELS, check_codes, labelled_clouds
 from scansion._labels import listed
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed, toml_value
@@ -85,6 +85,7 @@ def search(
         settings.append(f"seed={seed(random_state)}")
     wanted = _core.recipe_columns(text, settings)
     prepared = labelled_clouds(clouds, labels, wanted)
+    check_codes(prepared, class_map)
     values = {key: list(each) for key, each in (grid or {}).items()}
     axes = [(key, [toml_value(key, value) for value in each]) for key, each in values.items()]
     codes = None if unlabelled is None else listed(list(unlabelled))

@@ -43,7 +43,7 @@ class _Pair(NamedTuple):
 
 
 def _pair(
-    truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[Any], maps: tuple[str, str]
+    truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[Any], maps: tuple[str | None, str | None] = (None, None)
 ) -> _Pair:
     if is_text(truth) or is_text(predicted):
         if any(maps):
@@ -212,7 +212,7 @@ def segmentation_error(
     cloud = as_cloud(xyz, columns=[])
     segments = native(column(labels, "labels", len(cloud)), np.uint32)
     settings = to_json({"cell": cell, "empty": empty})
-    codes_of = _pair(truth, truth, unlabelled, ("", "")).truth
+    codes_of = _pair(truth, truth, unlabelled).truth
     if len(codes_of) != len(cloud):
         raise ValueError(f"truth: expected shape ({len(cloud)},), found ({len(codes_of)},)")
     found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, segments, codes_of, settings))
@@ -321,5 +321,5 @@ def _segments(
     labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any]
 ) -> tuple[NDArray[np.uint32], NDArray[np.int16]]:
     """Segments and codes of the same points."""
-    codes_of = _pair(truth, truth, unlabelled, ("", "")).truth
+    codes_of = _pair(truth, truth, unlabelled).truth
     return native(column(labels, "labels", len(codes_of)), np.uint32), codes_of
