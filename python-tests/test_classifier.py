@@ -92,7 +92,7 @@ def test_codes_from_0_are_all_learned_and_scored(kind):
 
 
 @pytest.mark.parametrize("kind", [PointClassifier, WeakClassifier, ObjectClassifier])
-def test_text_comes_back_as_text(kind):
+def test_text_comes_back_as_text(kind, tmp_path):
     xyz, labels = street(0)
     other, truth = street(1)
     names = {2: "ground", 5: "bush", 6: "wall"}
@@ -103,8 +103,13 @@ def test_text_comes_back_as_text(kind):
     assert predicted.dtype.kind == "U"
     assert (predicted == true).mean() > 0.8
     assert by_text.score(other, true) == pytest.approx(metrics.accuracy_score(true, predicted))
-    again = pickle.loads(pickle.dumps(by_text))
-    assert (again.predict(other) == predicted).all()
+    by_text.save(tmp_path / "a.model")
+    loaded = kind.load(tmp_path / "a.model")
+    for again in (pickle.loads(pickle.dumps(by_text)), loaded, pickle.loads(pickle.dumps(loaded))):
+        assert (again.predict(other) == predicted).all() and again.classes_.tolist() == by_text.class_names_
+    loaded.save(tmp_path / "b.model")
+    files = [(tmp_path / name).read_bytes() for name in ("a.model", "b.model")]
+    assert files[0] == files[1] and len(list(tmp_path.iterdir())) == 2
     partly = text.astype(object)
     partly[::2] = None
     partly[1::10] = "unknown"
@@ -356,3 +361,16 @@ def test_weights_of_points_decide_between_labels_that_contradict_each_other():
         PointClassifier(recipe).fit(both, labels, sample_weight=weight[1:])
     with pytest.raises(ValueError, match=r"training\.weight"):
         PointClassifier(recipe).fit(both, labels, sample_weight=-weight)
+
+
+def test_clones_of_stored_models_are_fitted_by_their_recipe(tmp_path):
+    base = pytest.importorskip("sklearn.base")
+    built_in = PointClassifier.default()
+    assert repr(built_in) == "PointClassifier(recipe='airborne')" == repr(base.clone(built_in))
+    xyz, labels = street(0)
+    fitted = PointClassifier(RECIPE, random_state=3).fit(xyz, labels, sample_weight=np.ones(len(xyz)))
+    fitted.save(tmp_path / "a.model")
+    loaded = PointClassifier.load(tmp_path / "a.model")
+    assert loaded.classes_.tolist() == [2, 5, 6] and "pyramid" in repr(loaded) and len(repr(loaded)) < 60
+    again = base.clone(loaded).fit(xyz, labels)
+    assert again.predict_proba(xyz).tobytes() == fitted.predict_proba(xyz).tobytes()

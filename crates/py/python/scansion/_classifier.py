@@ -16,6 +16,7 @@ from scansion._arrays import column
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
 from scansion._labels import classes_of, encoded, is_text, listed, signed, texts
+from scansion._model_file import has_text, mark_text
 from scansion._progress import Progress, following
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
@@ -125,21 +126,37 @@ class PointClassifier(Classifier):
 
     @classmethod
     def default(cls) -> PointClassifier:
-        """The built-in model for airborne scans: ground (2), vegetation (5), building (6); `classify` divides further."""
-        return cls()._take(_core.Model.default())
+        """The built-in model for airborne scans: ground (2), vegetation (5), building (6); `classify` divides further.
+
+        Its recipe is ``airborne``, which clones of it are fitted with too. Where the truth has low, medium and high vegetation
+        (3, 4, 5), compare `predict` with ``evaluation.report(..., map_truth="3-4=5")``, or use `classify`.
+
+        Examples
+        --------
+        >>> from scansion import PointClassifier
+        >>> PointClassifier.default()
+        PointClassifier(recipe='airborne')
+        """
+        return cls("airborne")._take(_core.Model.default())
 
     @classmethod
     def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
         """A classifier from a model file that ``save`` or ``scansion train`` wrote.
 
+        ``recipe`` is that of the model as TOML, so that a clone is fitted as the model was.
+
         Parameters
         ----------
         path : path
         """
-        return cls()._take(_core.Model.load(os.fspath(path)))
+        model = _core.Model.load(os.fspath(path))
+        loaded = cls(_without_weights(model.recipe()))._take(model)
+        if has_text(path):
+            loaded.classes_ = np.array(loaded.class_names_)
+        return loaded
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model to a file, which ``scansion classify --model`` can use too.
+        """Writes the model to a file, which ``scansion classify --model`` can use too. That the labels were text is kept.
 
         Parameters
         ----------
@@ -153,6 +170,8 @@ class PointClassifier(Classifier):
         """
         self._check_is_fitted()
         self._model.save(os.fspath(path))
+        if self.classes_.dtype.kind == "U":
+            mark_text(path)
 
     def fit(
         self: Self,
@@ -372,6 +391,11 @@ class PointClassifier(Classifier):
         if self.random_state is not None:
             settings.append(f"seed={seed(self.random_state)}")
         return text, settings
+
+
+def _without_weights(recipe: str) -> str:
+    """The recipe of a model without the weights that ``fit`` was given."""
+    return recipe.replace(f'weight = "{WEIGHT}"', 'weight = "none"')
 
 
 def _path(path: str | os.PathLike[str] | None) -> str | None:
