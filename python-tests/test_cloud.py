@@ -201,3 +201,17 @@ def test_one_number_goes_to_all_points(cloud):
     assert cloud["New"].tolist() == [0.5] * 3
     with pytest.raises(TypeError, match="New: expected a one-dimensional array of numbers"):
         cloud["New"] = "a"
+
+
+def test_a_table_keeps_what_a_cloud_has_besides_its_points(cloud, tmp_path):
+    pytest.importorskip("pandas")
+    cloud.crs, cloud.metres_per_unit, cloud.scheme, cloud.class_names = "EPSG:2992", 0.3048, "asprs", {15: "pole"}
+    frame = cloud.to_pandas()
+    for part in (frame, frame[frame["Classification"] == 2], frame.iloc[[2, 0]], frame[["X", "Y", "Z"]]):
+        again = scansion.concatenate([part])
+        assert (again.crs, again.metres_per_unit, again.scheme) == ("EPSG:2992", 0.3048, "asprs")
+        assert scansion._cloud.as_cloud(part).class_names == {15: "pole"}
+    scansion.write(tmp_path / "a.laz", frame)
+    assert scansion.info(tmp_path / "a.laz")["metres_per_unit"] == 0.3048
+    frame.attrs = {}
+    assert scansion.concatenate([frame]).crs is None

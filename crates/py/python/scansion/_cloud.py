@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
 from scansion._arrays import as_array, column, coordinates, filled, mask, native
-from scansion._cloud_table import as_html, as_text, rows
+from scansion._cloud_table import ATTRS, about, as_html, as_text, rows, take_about
 from scansion._laspy import from_laspy, to_laspy
 from scansion._names import axis, meant, missing, our_names
 
@@ -157,7 +157,7 @@ class PointCloud:
 
     @property
     def scheme(self) -> str:
-        """The class list of the codes in the column Classification: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
+        """The class list of codes, in the column Classification or beside the cloud: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
         ``"semantic3d"``, ``"toronto-3d"``, ``"paris-lille-3d"`` (0 is), ``"semantickitti"`` (0 and 1 are), ``"s3dis"`` or
         ``"own"`` (every code is a class). Set by readers; may be changed."""
         return self._native.scheme
@@ -252,6 +252,9 @@ class PointCloud:
     def to_pandas(self) -> Any:
         """The points as a ``pandas.DataFrame``: X, Y, Z and the columns; needs pandas.
 
+        Reference system, unit and class list are in its ``attrs``, which pandas keeps when rows or columns are selected, so that
+        a table that is classified or written has them too.
+
         Examples
         --------
         >>> import scansion
@@ -260,7 +263,9 @@ class PointCloud:
         """
         import pandas
 
-        return pandas.DataFrame(rows(self))
+        frame = pandas.DataFrame(rows(self))
+        frame.attrs[ATTRS] = about(self)
+        return frame
 
     def copy(self) -> PointCloud:
         """An independent copy."""
@@ -338,7 +343,8 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
     Parameters
     ----------
     points : PointCloud, path, laspy.LasData, pandas.DataFrame, structured array or array_like of shape (n, 3)
-        A structured array or a table needs the fields X, Y, Z (or x, y, z); its other fields become columns.
+        A structured array or a table needs the fields X, Y, Z (or x, y, z); its other fields become columns. A table that
+        `PointCloud.to_pandas` made has the reference system, unit and class list of its cloud.
     columns : list of str, optional
         Columns to read if ``points`` is a path; all by default.
     """
@@ -360,6 +366,8 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
             for name in fields:
                 if name not in axes:
                     cloud._put(ours[str(name)], points[name])
+            if table:
+                take_about(cloud, getattr(points, "attrs", {}).get(ATTRS))
             return cloud
     kind = "table" if table else "structured array"
     raise ValueError(f"{kind}: expected the fields X, Y, Z or x, y, z, found {', '.join(map(str, fields))}")

@@ -1,6 +1,7 @@
 """Evaluation of labels: confusion matrix, scores, report.
 
-Rows are true classes, columns predicted ones.
+Rows are true classes, columns predicted ones. Labels are arrays, which have no class list: of LAS files pass
+``unlabelled=[0, 1]``, so that unclassified points are skipped.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def confusion_matrix(
         Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
         negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
-        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``); ``[0, 1]`` for the codes of LAS.
     map_truth, map_predicted : str
         Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
@@ -117,7 +118,7 @@ def scores(
         Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
         negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
-        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``); ``[0, 1]`` for the codes of LAS.
     map_truth, map_predicted : str
         Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
@@ -135,6 +136,8 @@ def scores(
     >>> from scansion.evaluation import scores
     >>> scores([2, 2, 6, 6], [2, 6, 6, 6])["overall_accuracy"]
     0.75
+    >>> scores([2, 2, 6, 1], [2, 6, 6, 6], unlabelled=[0, 1])["confusion_matrix"]
+    [[1, 1], [0, 1]]
     """
     found: dict[str, Any] = json.loads(_core.scores(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted))))
     return found
@@ -156,7 +159,7 @@ def report(
         Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
         negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
-        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``); ``[0, 1]`` for the codes of LAS.
     map_truth, map_predicted : str
         Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
@@ -164,6 +167,18 @@ def report(
     -------
     str
         Aligned text with the confusion matrix and one line a class.
+
+    Notes
+    -----
+    A class that only one side divides counts as wrong there: ``PointClassifier.default().predict`` calls all vegetation 5, and a
+    truth of 3, 4 and 5 needs ``map_truth="3-4=5"``.
+
+    Examples
+    --------
+    >>> from scansion.evaluation import report
+    >>> truth, predicted = [2, 3, 4, 5, 6, 1], [2, 5, 5, 5, 6, 6]
+    >>> "overall accuracy 1.0000" in report(truth, predicted, unlabelled=[0, 1], map_truth="3-4=5")
+    True
     """
     return _core.report(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted)))
 
@@ -234,7 +249,7 @@ def one_vs_rest(
     truth, predicted : array_like of shape (n,)
         Class codes 0..255, or text, as for `scores`.
     unlabelled : iterable of int or str
-        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``); ``[0, 1]`` for the codes of LAS.
     map_truth, map_predicted : str
         Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
