@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 from scansion import _core
 from scansion._arrays import codes, column, mask
 from scansion._cloud import PointCloud, as_cloud
+from scansion._losses import losses, storable
 from scansion._names import asked
 
 
@@ -116,6 +118,9 @@ def write(
 ) -> None:
     """Writes points as LAS, LAZ, PLY, PCD, npz or text, by the extension; the file is either complete or absent.
 
+    LAS and LAZ keep the reference system, or, if there is none, the unit, as a local system; npz keeps both, the others none.
+    The file is a new one, dated today: `rewrite` keeps all of a LAS file but its classes and dimensions.
+
     Parameters
     ----------
     path : path
@@ -130,8 +135,19 @@ def write(
     ------
     ValueError
         No scale represents the extent in 32 bits without such a loss; give ``scale`` to accept it.
+
+    Warns
+    -----
+    UserWarning
+        The file does not keep the reference system, the unit, or a record of the LAS file from which the cloud came.
     """
-    _core.write(os.fspath(path), as_cloud(cloud)._core, _steps(scale))
+    name = os.fspath(path)
+    points = storable(as_cloud(cloud), name)
+    lost = losses(points, name)
+    _core.write(name, points._core, _steps(scale))
+    if lost:
+        advice = "; rewrite keeps the records of a LAS file" if "record" in lost[-1] else ""
+        warnings.warn(f"{name}: not kept: {', '.join(lost)}{advice}", stacklevel=2)
 
 
 def rewrite(

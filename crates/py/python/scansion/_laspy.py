@@ -8,6 +8,7 @@ import numpy as np
 
 from scansion import _core
 from scansion._names import LASPY
+from scansion._units import METRES, local_system
 
 if TYPE_CHECKING:
     from scansion._cloud import PointCloud
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 _SCAN_ANGLE = "ScanAngle"
 _SCAN_ANGLE_UNIT = 0.006
 """Degrees in one unit of the scan angle of point formats 6 to 10 (LAS 1.4 R15)."""
+
+_LINEAR_UNIT = 3076
+"""The GeoTIFF key ProjLinearUnitsGeoKey."""
 
 
 def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
@@ -34,6 +38,8 @@ def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
             cloud._put(LASPY.get(name, name), values)
     cloud.scheme = "asprs"
     cloud.crs = _laspy_crs(las.header)
+    if cloud.crs is None:
+        cloud.metres_per_unit = METRES.get(_geo_keys(las.header).get(_LINEAR_UNIT, 0))
     return cloud
 
 
@@ -50,7 +56,7 @@ def to_laspy(cloud: PointCloud) -> Any:
         header.scales, header.offsets = np.array(ticks[1]), np.array(ticks[2])
     else:
         header.scales, header.offsets = (np.array(values) for values in core.las_frame())
-    if (wkt := core.wkt()) is not None:
+    if (wkt := core.wkt() or local_system(cloud.crs, cloud.metres_per_unit)) is not None:
         header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
         header.global_encoding.wkt = True
     las = laspy.LasData(header)
@@ -75,7 +81,12 @@ def _laspy_crs(header: Any) -> str | None:
         text = getattr(vlr, "string", None)
         if getattr(vlr, "record_id", None) == 2112 and text:
             return str(text).rstrip("\0")
-    keys = [vlr.geo_keys for vlr in header.vlrs if getattr(vlr, "record_id", None) == 34735]
-    values = {key.id: key.value_offset for key in (keys[0] if keys else []) if key.tiff_tag_location == 0}
+    values = _geo_keys(header)
     code = values.get(3072, values.get(2048) if values.get(1024) == 2 else None)
     return f"EPSG:{code}" if code not in (None, 0, 32767) else None
+
+
+def _geo_keys(header: Any) -> dict[int, int]:
+    """The GeoTIFF keys that are numbers."""
+    keys = [vlr.geo_keys for vlr in header.vlrs if getattr(vlr, "record_id", None) == 34735]
+    return {key.id: key.value_offset for key in (keys[0] if keys else []) if key.tiff_tag_location == 0}

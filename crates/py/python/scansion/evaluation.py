@@ -177,7 +177,7 @@ def report(
     --------
     >>> from scansion.evaluation import report
     >>> truth, predicted = [2, 3, 4, 5, 6, 1], [2, 5, 5, 5, 6, 6]
-    >>> "overall accuracy 1.0000" in report(truth, predicted, unlabelled=[0, 1], map_truth="3-4=5")
+    >>> "overall accuracy 100.00" in report(truth, predicted, unlabelled=[0, 1], map_truth="3-4=5")
     True
     """
     return _core.report(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted)))
