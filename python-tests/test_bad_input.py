@@ -243,3 +243,12 @@ def test_codes_above_255_are_refused_with_the_argument_that_maps_them():
             scansion.evaluation.scores(*pair)
     with pytest.raises(ValueError, match="found 1002$"):
         scansion.evaluation.purities(labels, labels)
+
+
+def test_messages_name_arguments_of_python(tmp_path):
+    (tmp_path / "a.xyz").write_text("".join(f"{i} {i % 7} 0 1 2 3 4\n" for i in range(20)))
+    with pytest.warns(UserWarning, match="text_columns names them"):
+        scansion.read(tmp_path / "a.xyz")
+    degrees = scansion.PointCloud(XYZ, crs="EPSG:4326")
+    with pytest.raises(ValueError, match=r"which \(metres_per_unit\)"):
+        scansion.segment(degrees)
