@@ -211,6 +211,7 @@ def test_a_table_keeps_what_a_cloud_has_besides_its_points(cloud, tmp_path):
         again = scansion.concatenate([part])
         assert (again.crs, again.metres_per_unit, again.scheme) == ("EPSG:2992", 0.3048, "asprs")
         assert scansion._cloud.as_cloud(part).class_names == {15: "pole"}
+    assert pickle.loads(pickle.dumps(cloud)).class_names == {15: "pole"}
     scansion.write(tmp_path / "a.laz", frame)
     assert scansion.info(tmp_path / "a.laz")["metres_per_unit"] == 0.3048
     frame.attrs = {}

@@ -247,7 +247,8 @@ class PointCloud:
         core = self._core
         columns = {name: core.column(name) for name in self.columns}
         ticks = core.ticks()
-        return _restore, (core.xyz() if ticks is None else ticks, self.crs, self.metres_per_unit, columns, self.scheme)
+        place = core.xyz() if ticks is None else ticks
+        return _restore, (place, self.crs, self.metres_per_unit, columns, self.scheme, self.class_names)
 
     def to_pandas(self) -> Any:
         """The points as a ``pandas.DataFrame``: X, Y, Z and the columns; needs pandas.
@@ -318,12 +319,14 @@ def _restore(
     metres_per_unit: float | None,
     columns: Mapping[str, NDArray[Any]],
     scheme: str = "own",
+    class_names: Mapping[int, str] | None = None,
 ) -> PointCloud:
     """The inverse of ``PointCloud.__reduce__``."""
     core = _core.Cloud.from_ticks(*place) if isinstance(place, tuple) else _core.Cloud.from_xyz(place)
     cloud = PointCloud._wrap(core)
     cloud._fill(crs, metres_per_unit, columns)
     cloud.scheme = scheme
+    cloud.class_names = class_names or {}
     return cloud
 
 
