@@ -319,6 +319,7 @@ def test_the_unit_of_a_las_file_survives_and_lost_records_are_told(tmp_path, dat
         scansion.write(tmp_path / "a.laz", cloud)
     assert scansion.info(tmp_path / "a.laz")["metres_per_unit"] == cloud.metres_per_unit == 0.3048
     laspy = pytest.importorskip("laspy")
-    assert scansion.PointCloud.from_laspy(laspy.read(data / "hostile" / "PDAL__autzen__autzen-thin-srs.las")).metres_per_unit == 0.3048
+    las = laspy.read(data / "hostile" / "PDAL__autzen__autzen-thin-srs.las")
+    assert scansion.PointCloud.from_laspy(las).metres_per_unit == 0.3048
     cloud.to_laspy().write(tmp_path / "b.las")
     assert scansion.PointCloud.from_laspy(laspy.read(tmp_path / "b.las")).metres_per_unit == 0.3048
