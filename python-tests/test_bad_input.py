@@ -226,3 +226,29 @@ def test_other_threads_run_while_the_core_works():
     stop.set()
     thread.join()
     assert len(ticks) > 10
+
+
+def test_codes_above_255_are_refused_with_the_argument_that_maps_them():
+    labels = np.full(len(XYZ), 1002)
+    cloud = scansion.PointCloud(XYZ, Classification=labels)
+    for work in (
+        lambda: scansion.PointClassifier().fit(cloud),
+        lambda: scansion.PointClassifier().fit(XYZ, labels),
+        lambda: scansion.search(cloud),
+    ):
+        with pytest.raises(ValueError, match='class_map="1002=5"'):
+            work()
+    for pair, option in [((labels, labels // 501), "map_truth"), ((labels // 501, labels), "map_predicted")]:
+        with pytest.raises(ValueError, match=option):
+            scansion.evaluation.scores(*pair)
+    with pytest.raises(ValueError, match="found 1002$"):
+        scansion.evaluation.purities(labels, labels)
+
+
+def test_messages_name_arguments_of_python(tmp_path):
+    (tmp_path / "a.xyz").write_text("".join(f"{i} {i % 7} 0 1 2 3 4\n" for i in range(20)))
+    with pytest.warns(UserWarning, match="text_columns names them"):
+        scansion.read(tmp_path / "a.xyz")
+    degrees = scansion.PointCloud(XYZ, crs="EPSG:4326")
+    with pytest.raises(ValueError, match=r"which \(metres_per_unit\)"):
+        scansion.segment(degrees)

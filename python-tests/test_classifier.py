@@ -92,7 +92,7 @@ def test_codes_from_0_are_all_learned_and_scored(kind):
 
 
 @pytest.mark.parametrize("kind", [PointClassifier, WeakClassifier, ObjectClassifier])
-def test_text_comes_back_as_text(kind):
+def test_text_comes_back_as_text(kind, tmp_path):
     xyz, labels = street(0)
     other, truth = street(1)
     names = {2: "ground", 5: "bush", 6: "wall"}
@@ -103,8 +103,13 @@ def test_text_comes_back_as_text(kind):
     assert predicted.dtype.kind == "U"
     assert (predicted == true).mean() > 0.8
     assert by_text.score(other, true) == pytest.approx(metrics.accuracy_score(true, predicted))
-    again = pickle.loads(pickle.dumps(by_text))
-    assert (again.predict(other) == predicted).all()
+    by_text.save(tmp_path / "a.model")
+    loaded = kind.load(tmp_path / "a.model")
+    for again in (pickle.loads(pickle.dumps(by_text)), loaded, pickle.loads(pickle.dumps(loaded))):
+        assert (again.predict(other) == predicted).all() and again.classes_.tolist() == by_text.class_names_
+    loaded.save(tmp_path / "b.model")
+    files = [(tmp_path / name).read_bytes() for name in ("a.model", "b.model")]
+    assert files[0] == files[1] and len(list(tmp_path.iterdir())) == 2
     partly = text.astype(object)
     partly[::2] = None
     partly[1::10] = "unknown"
@@ -356,3 +361,52 @@ def test_weights_of_points_decide_between_labels_that_contradict_each_other():
         PointClassifier(recipe).fit(both, labels, sample_weight=weight[1:])
     with pytest.raises(ValueError, match=r"training\.weight"):
         PointClassifier(recipe).fit(both, labels, sample_weight=-weight)
+
+
+def test_clones_of_stored_models_are_fitted_by_their_recipe(tmp_path):
+    base = pytest.importorskip("sklearn.base")
+    built_in = PointClassifier.default()
+    assert repr(built_in) == "PointClassifier(recipe='airborne')" == repr(base.clone(built_in))
+    xyz, labels = street(0)
+    fitted = PointClassifier(RECIPE, random_state=3).fit(xyz, labels, sample_weight=np.ones(len(xyz)))
+    fitted.save(tmp_path / "a.model")
+    loaded = PointClassifier.load(tmp_path / "a.model")
+    assert loaded.classes_.tolist() == [2, 5, 6] and "pyramid" in repr(loaded) and len(repr(loaded)) < 60
+    again = base.clone(loaded).fit(xyz, labels)
+    assert again.predict_proba(xyz).tobytes() == fitted.predict_proba(xyz).tobytes()
+
+
+def las_cloud(seed=0):
+    """A street with the codes of LAS, every fifth point unclassified."""
+    xyz, labels = street(seed)
+    labels[::5] = 1
+    cloud = scansion.PointCloud(xyz, Classification=labels)
+    cloud.scheme = "asprs"
+    return cloud
+
+
+def test_codes_beside_a_cloud_belong_to_its_class_list(recwarn):
+    cloud, other = las_cloud(), las_cloud(1)
+    codes, expected = cloud["Classification"], PointClassifier(RECIPE).fit(cloud)
+    for pair in ((cloud, codes), (cloud.to_pandas(),), (cloud.to_pandas(), codes.tolist())):
+        fitted = PointClassifier(RECIPE).fit(*pair)
+        assert fitted.classes_.tolist() == [2, 5, 6] and fitted.class_names_ == expected.class_names_
+        assert fitted.class_names_[0] == "ground" and fitted.report_["unlabelled"] == (codes == 1).sum()
+    assert PointClassifier(RECIPE).fit(cloud.xyz, codes).classes_.tolist() == [1, 2, 5, 6]
+    assert PointClassifier(RECIPE, unlabelled=[]).fit(cloud, codes).classes_.tolist() == [1, 2, 5, 6]
+    accuracy = expected.score(other)
+    assert accuracy == expected.score(other, other["Classification"]) == expected.score(other.to_pandas()[::1])
+    assert accuracy > expected.score(other.xyz, other["Classification"]) + 0.1
+    assert not [w for w in recwarn if "unlabelled" in str(w.message)]
+    text = np.where(cloud["Classification"] == 2, "ground", "other")
+    assert PointClassifier(RECIPE).fit(cloud, text).report_["unlabelled"] == 0
+    found = scansion.search(cloud, codes, recipe=RECIPE, folds=2)
+    assert [row["code"] for row in found.tried[0]["scores"]["labels"]] == [2, 5, 6]
+
+
+def test_codes_that_the_class_list_leaves_out_are_warned_of():
+    cloud = las_cloud()
+    own = np.where(cloud["Classification"] == 2, 1, 2)
+    own[: len(own) // 4] = 3
+    with pytest.warns(UserWarning, match=r"points of code 1 count as unlabelled.*'asprs'.*unlabelled=\[\]"):
+        assert PointClassifier(RECIPE).fit(cloud, own).classes_.tolist() == [2, 3]

@@ -161,3 +161,58 @@ def test_progress_is_reported_and_its_errors_end_the_work(labelled, capsys):
     with scansion.progress():
         scansion.segment(labelled)
     assert scansion.segment(labelled, progress=False).report["segments"] > 0
+
+
+def test_columns_are_found_however_they_are_spelled(tmp_path):
+    cloud = scansion.PointCloud(np.eye(3), classification=np.array([2, 6, 2], np.uint8), Height=[1, 2, 3])
+    assert cloud.columns == ["Classification", "Height"] and "classification" in cloud and "Z" not in cloud.columns
+    cloud["classification"][0] = 9
+    cloud["height"] += 1
+    assert cloud["Classification"].tolist() == [9, 6, 2] and cloud["Height"].tolist() == [2, 3, 4]
+    assert cloud["Z"].tolist() == cloud["z"].tolist() == cloud.z.tolist()
+    for name, wanted in [("clasification", "did you mean 'Classification'"), ("absent", "the cloud has: Class")]:
+        with pytest.raises(KeyError, match=wanted):
+            cloud[name]
+    with pytest.raises(ValueError, match="coordinates cannot be written"):
+        cloud["Z"] = [1, 2, 3]
+    scansion.write(tmp_path / "a.laz", cloud)
+    assert scansion.read(tmp_path / "a.laz", columns=["classification", "gps_time"]).columns == ["Classification", "GpsTime"]
+    pandas = pytest.importorskip("pandas")
+    lower = cloud.to_pandas().rename(columns=str.lower)
+    assert scansion.concatenate([lower]).columns == ["Classification", "height"]
+    both = pandas.DataFrame({"x": [0], "y": [0], "z": [0], "red": [1], "Red": [2]})
+    assert scansion.concatenate([both]).to_pandas().iloc[0].tolist() == [0, 0, 0, 1, 2]
+    del cloud["HEIGHT"]
+    assert cloud.columns == ["Classification"]
+
+
+def test_a_table_with_names_in_lower_case_trains(labelled):
+    pytest.importorskip("pandas")
+    lower = labelled.to_pandas().rename(columns=str.lower)
+    assert scansion.PointClassifier(SMALL).fit(lower).classes_.tolist() == [2, 5, 6]
+
+
+def test_one_number_goes_to_all_points(cloud):
+    cloud["Classification"] = 7
+    assert cloud["Classification"].tolist() == [7, 7, 7] and cloud["Classification"].dtype == np.uint8
+    cloud["Classification"] = 300
+    assert cloud["Classification"].tolist() == [300, 300, 300]
+    cloud["New"] = 0.5
+    assert cloud["New"].tolist() == [0.5] * 3
+    with pytest.raises(TypeError, match="New: expected a one-dimensional array of numbers"):
+        cloud["New"] = "a"
+
+
+def test_a_table_keeps_what_a_cloud_has_besides_its_points(cloud, tmp_path):
+    pytest.importorskip("pandas")
+    cloud.crs, cloud.metres_per_unit, cloud.scheme, cloud.class_names = "EPSG:2992", 0.3048, "asprs", {15: "pole"}
+    frame = cloud.to_pandas()
+    for part in (frame, frame[frame["Classification"] == 2], frame.iloc[[2, 0]], frame[["X", "Y", "Z"]]):
+        again = scansion.concatenate([part])
+        assert (again.crs, again.metres_per_unit, again.scheme) == ("EPSG:2992", 0.3048, "asprs")
+        assert scansion._cloud.as_cloud(part).class_names == {15: "pole"}
+    assert pickle.loads(pickle.dumps(cloud)).class_names == {15: "pole"}
+    scansion.write(tmp_path / "a.laz", frame)
+    assert scansion.info(tmp_path / "a.laz")["metres_per_unit"] == 0.3048
+    frame.attrs = {}
+    assert scansion.concatenate([frame]).crs is None

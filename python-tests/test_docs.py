@@ -54,6 +54,12 @@ def test_every_public_name_is_documented_and_typed(name, thing):
         assert signature.return_annotation is not inspect.Signature.empty, f"{name} has no return annotation"
 
 
+@pytest.mark.parametrize("name", [name for name in MODULES if name != "scansion"])
+def test_completion_offers_only_public_names(name):
+    module = importlib.import_module(name)
+    assert dir(module) == sorted(module.__all__)
+
+
 @pytest.mark.parametrize("name", sorted(set(MODULES + PRIVATE)))
 def test_examples_run(name):
     assert doctest.testmod(importlib.import_module(name)).failed == 0

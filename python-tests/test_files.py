@@ -291,3 +291,35 @@ def test_a_stray_point_is_set_aside_with_a_warning():
     assert segments[-1] == 0 and np.array_equal(segments[:-1], scansion.segment(clean).cluster_id)
     near, _ = scansion.neighbours.knn(strayed, 4)
     assert len(near) == 2001 and np.array_equal(near[:-1], scansion.neighbours.knn(clean, 4)[0])
+
+
+def test_units_and_systems_are_kept_or_their_loss_is_told(tmp_path, recwarn):
+    def losses(name, cloud):
+        recwarn.clear()
+        scansion.write(tmp_path / name, cloud)
+        return [str(warning.message) for warning in recwarn]
+
+    feet = scansion.PointCloud(np.eye(3) * 100, metres_per_unit=0.3048)
+    for name in ("a.laz", "a.npz"):
+        assert losses(name, feet) == []
+        assert scansion.read(tmp_path / name).metres_per_unit == 0.3048
+    assert feet.crs is None
+    assert "not kept: the unit of 0.3048 m" in losses("a.ply", feet)[0]
+    system = scansion.PointCloud(feet.xyz, crs="EPSG:2154")
+    assert losses("b.laz", system) == [] and losses("b.labels", scansion.PointCloud(system, Classification=[2, 2, 2])) == []
+    assert "the coordinate reference system" in losses("b.txt", system)[0]
+    system.metres_per_unit = 0.3048
+    assert "the unit of 0.3048 m" in losses("b.laz", system)[0]
+    assert losses("c.ply", scansion.PointCloud(feet.xyz, metres_per_unit=1.0)) == []
+
+
+def test_the_unit_of_a_las_file_survives_and_lost_records_are_told(tmp_path, data):
+    cloud = scansion.read(data / "hostile" / "PDAL__autzen__autzen-thin-srs.las")
+    with pytest.warns(UserWarning, match="not kept: record liblas 2112; rewrite keeps"):
+        scansion.write(tmp_path / "a.laz", cloud)
+    assert scansion.info(tmp_path / "a.laz")["metres_per_unit"] == cloud.metres_per_unit == 0.3048
+    laspy = pytest.importorskip("laspy")
+    las = laspy.read(data / "hostile" / "PDAL__autzen__autzen-thin-srs.las")
+    assert scansion.PointCloud.from_laspy(las).metres_per_unit == 0.3048
+    cloud.to_laspy().write(tmp_path / "b.las")
+    assert scansion.PointCloud.from_laspy(laspy.read(tmp_path / "b.las")).metres_per_unit == 0.3048

@@ -5,6 +5,7 @@
 
 use crate::error::raise;
 use crate::progress::Reports;
+use crate::words::in_python;
 use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use scansion_core::io::run::{Rules, run};
@@ -55,7 +56,7 @@ pub(crate) fn call_with<T: Send>(
         let result = py.detach(|| worker.join()).and_then(|caught| caught);
         signal?;
         for text in monitor.take_warnings() {
-            let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
+            let text = CString::new(in_python(&text).replace('\0', " ")).unwrap_or_default();
             PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
         }
         result.map_err(|_| PyRuntimeError::new_err("internal error in scansion; please report it"))?.map_err(raise)

@@ -1,5 +1,6 @@
 //! Conversion of the core's errors to Python exceptions.
 
+use crate::words::in_python;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyMemoryError, PyOSError, PyValueError};
 use pyo3::{PyErr, create_exception};
 use scansion_core::Error;
@@ -23,9 +24,9 @@ pub(crate) fn raise(error: Error) -> PyErr {
     }
 }
 
-/// The message, with control characters from files escaped.
+/// The message in the words of Python, with control characters from files escaped.
 fn text(error: &Error) -> String {
-    escaped(&error.to_string()).into_owned()
+    in_python(&escaped(&error.to_string()))
 }
 
 /// `OSError(errno, text, filename)`, which Python turns into `FileNotFoundError`, `PermissionError` and so on.

@@ -3,6 +3,7 @@
 use crate::call::{call, call_with};
 use crate::cloud::Cloud;
 use crate::convert::{values, vector};
+use crate::words::in_python;
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use scansion_core::cloud::{Column, MetricCloud};
@@ -80,7 +81,8 @@ pub(crate) fn statistics(py: Python<'_>, path: PathBuf, n_jobs: Option<i64>) -> 
         let unit = cloud.metres_per_unit.unwrap_or(1.0);
         let points = MetricCloud::new(&cloud, Some(unit), monitor)?.points(monitor)?;
         let density = planar_density(&points.positions, monitor)?;
-        crate::json::text(&(found, density, cloud.bounds_watched(monitor)?))
+        let text = crate::json::text(&(found, density, cloud.bounds_watched(monitor)?))?;
+        Ok(in_python(&text))
     })
 }
 

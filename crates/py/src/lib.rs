@@ -25,6 +25,7 @@ mod regularisation;
 mod segmentation;
 mod segments;
 mod terrain;
+mod words;
 
 use pyo3::prelude::*;
 

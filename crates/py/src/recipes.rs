@@ -5,6 +5,7 @@ use crate::cloud::Cloud;
 use crate::convert::to_matrix;
 use crate::error::raise;
 use crate::json;
+use crate::words::in_python;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -234,8 +235,7 @@ impl Model {
             recipes::classify(&cloud, &self.inner, &params, monitor)
         })?;
         let misfit = self.builtin.then(|| recipes::builtin_misfit(&found)).flatten();
-        let warnings =
-            misfit.map_or_else(|| found.warnings.clone(), |why| [found.warnings.clone(), vec![why]].concat());
+        let warnings = found.warnings.iter().chain(&misfit).map(|text| in_python(text)).collect();
         let classes = self.inner.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;
         Ok((

@@ -53,6 +53,17 @@ def column(values: Any, name: str, length: int | None = None) -> NDArray[Any]:
     return native(array, kind if kind.str[1:] in _COLUMN_TYPES else np.float64)
 
 
+def filled(value: Any, like: NDArray[Any] | None, length: int) -> NDArray[Any]:
+    """One number for all points, in the type of the column that it replaces if that can hold it.
+
+    >>> filled(7, np.zeros(2, np.uint8), 2), filled(300, np.zeros(2, np.uint8), 2)
+    (array([7, 7], dtype=uint8), array([300, 300], dtype=uint16))
+    """
+    number = np.asarray(value)
+    kind = number.dtype if like is None else np.result_type(like.dtype, np.min_scalar_type(value))
+    return np.full(length, number, kind)
+
+
 def codes(values: Any, name: str, length: int | None = None) -> NDArray[np.uint8]:
     """``values`` as class codes 0..255, one a point."""
     array = column(values, name, length)

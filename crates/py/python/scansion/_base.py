@@ -28,6 +28,13 @@ def from_sklearn(own: type[Any]) -> type[Any]:
     return found
 
 
+def _short(value: Any) -> str:
+    """How a parameter is shown: of a long text the first line."""
+    if isinstance(value, str) and "\n" in value:
+        return f"{value.splitlines()[0] + '...'!r}"
+    return repr(value)
+
+
 class Classifier:
     """A classifier for scikit-learn's clone, grid search and pipelines. Parameters are the arguments of ``__init__``."""
 
@@ -59,7 +66,7 @@ class Classifier:
     def __repr__(self) -> str:
         defaults = {name: p.default for name, p in inspect.signature(type(self).__init__).parameters.items()}
         given = self.get_params().items()
-        changed = ", ".join(f"{k}={v!r}" for k, v in given if repr(v) != repr(defaults[k]))
+        changed = ", ".join(f"{k}={_short(v)}" for k, v in given if repr(v) != repr(defaults[k]))
         return f"{type(self).__name__}({changed})"
 
     def __sklearn_tags__(self) -> Any:

@@ -16,6 +16,7 @@ from scansion._arrays import column
 from scansion._base import Classifier
 from scansion._cloud import PointCloud, as_cloud
 from scansion._labels import classes_of, encoded, is_text, listed, signed, texts
+from scansion._model_file import has_text, mark_text
 from scansion._progress import Progress, following
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
@@ -55,8 +56,9 @@ class PointClassifier(Classifier):
         for rare classes.
     unlabelled : iterable of int or str, optional
         Labels that mean "unlabelled"; such points are not used for training. By default those of the cloud's class list (LAS:
-        0 and 1, Semantic3D: 0, others: none; see `PointCloud.scheme`), and none for labels given as an array. Negative
-        labels, NaN and None are always unlabelled.
+        0 and 1, Semantic3D: 0, others: none; see `PointCloud.scheme`), also for codes that are given as an array beside the
+        cloud; a cloud that is an array has no list. ``[]`` makes every code a class. Negative labels, NaN and None are always
+        unlabelled.
     class_map : str
         Mapping of codes before training, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None
@@ -125,21 +127,37 @@ class PointClassifier(Classifier):
 
     @classmethod
     def default(cls) -> PointClassifier:
-        """The built-in model for airborne scans: ground (2), vegetation (5), building (6); `classify` divides further."""
-        return cls()._take(_core.Model.default())
+        """The built-in model for airborne scans: ground (2), vegetation (5), building (6); `classify` divides further.
+
+        Its recipe is ``airborne``, which clones of it are fitted with too. Where the truth has low, medium and high vegetation
+        (3, 4, 5), compare `predict` with ``evaluation.report(..., map_truth="3-4=5")``, or use `classify`.
+
+        Examples
+        --------
+        >>> from scansion import PointClassifier
+        >>> PointClassifier.default()
+        PointClassifier(recipe='airborne')
+        """
+        return cls("airborne")._take(_core.Model.default())
 
     @classmethod
     def load(cls: type[Self], path: str | os.PathLike[str]) -> Self:
         """A classifier from a model file that ``save`` or ``scansion train`` wrote.
 
+        ``recipe`` is that of the model as TOML, so that a clone is fitted as the model was.
+
         Parameters
         ----------
         path : path
         """
-        return cls()._take(_core.Model.load(os.fspath(path)))
+        model = _core.Model.load(os.fspath(path))
+        loaded = cls(_without_weights(model.recipe()))._take(model)
+        if has_text(path):
+            loaded.classes_ = np.array(loaded.class_names_)
+        return loaded
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the model to a file, which ``scansion classify --model`` can use too.
+        """Writes the model to a file, which ``scansion classify --model`` can use too. That the labels were text is kept.
 
         Parameters
         ----------
@@ -153,6 +171,8 @@ class PointClassifier(Classifier):
         """
         self._check_is_fitted()
         self._model.save(os.fspath(path))
+        if self.classes_.dtype.kind == "U":
+            mark_text(path)
 
     def fit(
         self: Self,
@@ -171,8 +191,8 @@ class PointClassifier(Classifier):
         clouds : cloud or list of clouds
             Each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
         labels : array_like of shape (n,) or list of such, optional
-            Class codes 0..255 (negative: unlabelled), or text (None: unlabelled); by default each
-            cloud's column Classification.
+            Class codes 0..255 of the cloud's class list (negative: unlabelled; see ``unlabelled``), or text (None: unlabelled);
+            by default each cloud's column Classification.
         sample_weight : array_like of shape (n,) or list of such, optional
             Weight of each point, 0 or more; points of weight 0 are not learned from. As ``training.weight``, which names a
             column; not for the recipes weak and objects.
@@ -183,7 +203,8 @@ class PointClassifier(Classifier):
         progress : bool or callable, optional
             Show the progress, as `scansion.progress`.
 
-        Warns about classes that were left out because they have too few points, and about rare ones.
+        Warns about classes that were left out because they have too few points, about rare ones, and about ``labels`` that the
+        class list of the cloud takes as unlabelled.
         """
         recipe, settings = self._recipe()
         weights = None if sample_weight is None else _listed_clouds(clouds, sample_weight, "sample_weight")[1]
@@ -193,10 +214,11 @@ class PointClassifier(Classifier):
             settings = [*settings, f'training.weight="{WEIGHT}"']
             clouds = [_weighted(cloud, w) for cloud, w in zip(clouds, weights, strict=True)]
         wanted = _core.recipe_columns(recipe, settings)
-        prepared = [_labelled(cloud, y, wanted)._core for cloud, y in zip(clouds, given, strict=True)]
+        reading = Reading(wanted, self.class_map, listed=self.unlabelled is None, text=bool(names))
+        prepared = [_labelled(cloud, y, reading) for cloud, y in zip(clouds, given, strict=True)]
         with following(progress):
             model, report = _core.Model.train(
-                prepared,
+                [cloud._core for cloud in prepared],
                 recipe,
                 settings,
                 LABELS,
@@ -314,8 +336,8 @@ class PointClassifier(Classifier):
         clouds : cloud or list of clouds
             As for ``fit``: each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
         labels : array_like of shape (n,) or list of such, optional
-            Class codes or text as for ``fit``; by default each cloud's column Classification. ``unlabelled`` and
-            ``class_map`` are applied as in ``fit``.
+            Class codes or text as for ``fit``; by default each cloud's column Classification. ``unlabelled``, or else the class
+            list of each cloud, and ``class_map`` are applied as in ``fit``.
         regularize : str, optional
             As in `classify`.
         """
@@ -336,7 +358,7 @@ class PointClassifier(Classifier):
             known = np.array([text not in skipped for text in true.tolist()], dtype=bool)
             found: NDArray[Any] = self._texts(self.classify(points, divided=False, regularize=regularize).codes)
             return int((found[known] == true[known].astype(str)).sum()), int(known.sum()), len(points)
-        if labels is None and self.unlabelled is None:
+        if self.unlabelled is None:
             unlabelled = points._core.unlabelled()
         given = points[LABELS] if labels is None else labels
         codes = signed(given, "labels", len(points), unlabelled, self.class_map)
@@ -373,6 +395,11 @@ class PointClassifier(Classifier):
         return text, settings
 
 
+def _without_weights(recipe: str) -> str:
+    """The recipe of a model without the weights that ``fit`` was given."""
+    return recipe.replace(f'weight = "{WEIGHT}"', 'weight = "none"')
+
+
 def _path(path: str | os.PathLike[str] | None) -> str | None:
     return None if path is None else os.fspath(path)
 
@@ -387,10 +414,21 @@ def _listed_clouds(clouds: Any, labels: Any, name: str = "labels") -> tuple[list
     return clouds, given
 
 
-def labelled_clouds(clouds: Any, labels: Any, wanted: list[str]) -> list[PointCloud]:
-    """The clouds with these columns and their labels in the column Classification."""
-    listed_clouds, given = _listed_clouds(clouds, labels)
-    return [_labelled(cloud, y, wanted) for cloud, y in zip(listed_clouds, given, strict=True)]
+class Reading(NamedTuple):
+    """How the labels of clouds are read."""
+
+    columns: list[str]
+    """Columns that are needed besides the labels."""
+    class_map: str
+    listed: bool
+    """Whether the class list of a cloud says which codes are unlabelled."""
+    text: bool = False
+    """Whether the codes stand for text, so that no class list has them."""
+
+
+def labelled_clouds(clouds: Any, labels: Any, reading: Reading) -> list[PointCloud]:
+    """The clouds with the columns, and their labels in the column Classification."""
+    return [_labelled(cloud, y, reading) for cloud, y in zip(*_listed_clouds(clouds, labels), strict=True)]
 
 
 def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:
@@ -403,15 +441,36 @@ def _is_rows(values: list[Any] | tuple[Any, ...]) -> bool:
 def _weighted(cloud: Any, weights: Any) -> PointCloud:
     """The cloud with the weights of its points in a column."""
     points = as_cloud(cloud).copy()
-    points[WEIGHT] = column(weights, "sample_weight", len(points)).astype(np.float32)
+    points._put(WEIGHT, column(weights, "sample_weight", len(points)).astype(np.float32))
     return points
 
 
-def _labelled(cloud: Any, labels: Any, wanted: list[str]) -> PointCloud:
+def _labelled(cloud: Any, labels: Any, reading: Reading) -> PointCloud:
     """The cloud with its labels in the column Classification."""
-    points = as_cloud(cloud, columns=[*wanted, LABELS])
+    points = as_cloud(cloud, columns=[*reading.columns, LABELS])
+    if labels is None and LABELS not in points.columns and LABELS in points:
+        labels = points[LABELS]  # The column has another spelling.
     if labels is not None:
+        if reading.listed and not reading.text:
+            _warn_of_unlabelled(points, labels, reading.class_map)
         points = points.copy()
-        points[LABELS] = labels
-        points.scheme = "own"
+        points._put(LABELS, labels)
+        points.scheme = "own" if reading.text else points.scheme
+    if LABELS in points:
+        signed(points[LABELS], "labels", None, (), reading.class_map)  # Its errors are in words of Python.
     return points
+
+
+def _warn_of_unlabelled(points: PointCloud, labels: Any, class_map: str) -> None:
+    """Warns of codes that the class list takes as unlabelled, but that the cloud's own column does not have there."""
+    codes = signed(labels, "labels", len(points), (), class_map)
+    lost = np.isin(codes, points._core.unlabelled())
+    if LABELS in points:
+        lost &= np.asarray(points[LABELS] != labels)
+    if lost.any():
+        which = " and ".join(map(str, np.unique(codes[lost]).tolist()))
+        warnings.warn(
+            f"labels: {lost.sum():,} points of code {which} count as unlabelled, as the class list of the cloud has it "
+            f"(scheme {points.scheme!r}); unlabelled=[] makes every code a class",
+            stacklevel=5,
+        )

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import as_array, column, coordinates, mask, native
-from scansion._cloud_table import as_html, as_text, rows
+from scansion._arrays import as_array, column, coordinates, filled, mask, native
+from scansion._cloud_table import ATTRS, about, as_html, as_text, rows, take_about
 from scansion._laspy import from_laspy, to_laspy
+from scansion._names import axis, meant, missing, our_names
 
 
 class PointCloud:
@@ -21,7 +22,8 @@ class PointCloud:
 
     Coordinates of LAS files are kept as the integers in the file, so that writing gives the same bytes. ``cloud["name"]`` is
     the column itself: what is written into it is in the cloud. ``cloud[mask]``, ``cloud[indices]`` and ``cloud[a:b]`` are
-    new clouds of some of the points. As an array, a cloud is its coordinates.
+    new clouds of some of the points. As an array, a cloud is its coordinates. Capitals and underscores in names do not matter,
+    laspy's names are known too, and ``cloud["X"]`` is ``cloud.x``.
 
     Parameters
     ----------
@@ -32,7 +34,7 @@ class PointCloud:
     metres_per_unit : float, optional
         Metres per unit of the coordinates (0.3048 for feet).
     **columns : array_like of shape (n,)
-        One column each, e.g. ``Classification=...``. Names are PDAL's if it has one.
+        One column each, e.g. ``Classification=...``. Names become PDAL's if it has one.
 
     Examples
     --------
@@ -64,7 +66,8 @@ class PointCloud:
         **columns: ArrayLike,
     ) -> None:
         self._take(_core.Cloud.from_xyz(coordinates(xyz)), None)
-        self._fill(crs, metres_per_unit, columns)
+        ours = our_names(columns)
+        self._fill(crs, metres_per_unit, {ours[name]: values for name, values in columns.items()})
 
     def _take(self, core: _core.Cloud, path: str | None) -> None:
         self._native, self._path = core, path
@@ -76,7 +79,7 @@ class PointCloud:
         if metres_per_unit is not None:
             self._native.metres_per_unit = metres_per_unit
         for name, values in columns.items():
-            self[name] = values
+            self._put(name, values)
 
     @classmethod
     def _wrap(cls, core: _core.Cloud, path: str | None = None) -> PointCloud:
@@ -154,7 +157,7 @@ class PointCloud:
 
     @property
     def scheme(self) -> str:
-        """The class list of the codes in the column Classification: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
+        """The class list of codes, in the column Classification or beside the cloud: ``"asprs"`` (LAS: 0 and 1 are unlabelled),
         ``"semantic3d"``, ``"toronto-3d"``, ``"paris-lille-3d"`` (0 is), ``"semantickitti"`` (0 and 1 are), ``"s3dis"`` or
         ``"own"`` (every code is a class). Set by readers; may be changed."""
         return self._native.scheme
@@ -177,7 +180,7 @@ class PointCloud:
         return len(self._native)
 
     def __contains__(self, name: object) -> bool:
-        return name in self.columns
+        return isinstance(name, str) and meant(name, self.columns) in self.columns
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
@@ -202,23 +205,37 @@ class PointCloud:
         return self.select(points if points.dtype.kind != "i" else np.where(points < 0, points + len(self), points))
 
     def _column(self, name: str) -> NDArray[Any]:
-        if name not in self._views:
-            values = self._native.column(name)
+        called = meant(name, self.columns)
+        at = axis(name)
+        if at is not None and called not in self.columns:
+            return _read_only(self._native.axis(at))
+        if called not in self._views:
+            values = self._native.column(called)
             if values is None:
-                raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
-            self._views[name] = values
-        return self._views[name]
+                raise missing(name, self.columns)
+            self._views[called] = values
+        return self._views[called]
 
     def __setitem__(self, name: str, values: ArrayLike) -> None:
         if not isinstance(name, str):
             raise TypeError(f'expected the name of a column, found {name!r}; some points: cloud["name"][points] = values')
+        called = meant(name, self.columns)
+        if axis(name) is not None and called not in self.columns:
+            raise ValueError(f"{name}: coordinates cannot be written; PointCloud(xyz) makes a cloud of other ones")
+        if np.ndim(values) == 0:
+            values = filled(values, self._native.column(called), len(self))
+        self._put(called, values)
+
+    def _put(self, name: str, values: ArrayLike) -> None:
+        """Sets the column with exactly this name."""
         self._native.set_column(name, column(values, name, len(self)))
         self._views.pop(name, None)
 
     def __delitem__(self, name: str) -> None:
-        if not self._native.remove_column(name):
-            raise KeyError(f"no column {name!r}; the cloud has: {', '.join(self.columns) or 'none'}")
-        self._views.pop(name, None)
+        called = meant(name, self.columns)
+        if not self._native.remove_column(called):
+            raise missing(name, self.columns)
+        self._views.pop(called, None)
 
     def __repr__(self) -> str:
         return as_text(self)
@@ -230,10 +247,14 @@ class PointCloud:
         core = self._core
         columns = {name: core.column(name) for name in self.columns}
         ticks = core.ticks()
-        return _restore, (core.xyz() if ticks is None else ticks, self.crs, self.metres_per_unit, columns, self.scheme)
+        place = core.xyz() if ticks is None else ticks
+        return _restore, (place, self.crs, self.metres_per_unit, columns, self.scheme, self.class_names)
 
     def to_pandas(self) -> Any:
         """The points as a ``pandas.DataFrame``: X, Y, Z and the columns; needs pandas.
+
+        Reference system, unit and class list are in its ``attrs``, which pandas keeps when rows or columns are selected, so that
+        a table that is classified or written has them too.
 
         Examples
         --------
@@ -243,7 +264,9 @@ class PointCloud:
         """
         import pandas
 
-        return pandas.DataFrame(rows(self))
+        frame = pandas.DataFrame(rows(self))
+        frame.attrs[ATTRS] = about(self)
+        return frame
 
     def copy(self) -> PointCloud:
         """An independent copy."""
@@ -296,12 +319,14 @@ def _restore(
     metres_per_unit: float | None,
     columns: Mapping[str, NDArray[Any]],
     scheme: str = "own",
+    class_names: Mapping[int, str] | None = None,
 ) -> PointCloud:
     """The inverse of ``PointCloud.__reduce__``."""
     core = _core.Cloud.from_ticks(*place) if isinstance(place, tuple) else _core.Cloud.from_xyz(place)
     cloud = PointCloud._wrap(core)
     cloud._fill(crs, metres_per_unit, columns)
     cloud.scheme = scheme
+    cloud.class_names = class_names or {}
     return cloud
 
 
@@ -321,7 +346,8 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
     Parameters
     ----------
     points : PointCloud, path, laspy.LasData, pandas.DataFrame, structured array or array_like of shape (n, 3)
-        A structured array or a table needs the fields X, Y, Z (or x, y, z); its other fields become columns.
+        A structured array or a table needs the fields X, Y, Z (or x, y, z); its other fields become columns. A table that
+        `PointCloud.to_pandas` made has the reference system, unit and class list of its cloud.
     columns : list of str, optional
         Columns to read if ``points`` is a path; all by default.
     """
@@ -339,9 +365,12 @@ def as_cloud(points: Any, *, columns: list[str] | None = None) -> PointCloud:
     for axes in ("XYZ", "xyz"):
         if all(axis in fields for axis in axes):
             cloud = PointCloud(np.column_stack([np.asarray(points[axis], dtype=np.float64) for axis in axes]))
+            ours = our_names(str(name) for name in fields)
             for name in fields:
                 if name not in axes:
-                    cloud[str(name)] = points[name]
+                    cloud._put(ours[str(name)], points[name])
+            if table:
+                take_about(cloud, getattr(points, "attrs", {}).get(ATTRS))
             return cloud
     kind = "table" if table else "structured array"
     raise ValueError(f"{kind}: expected the fields X, Y, Z or x, y, z, found {', '.join(map(str, fields))}")

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from scansion._cloud import PointCloud
 
+ATTRS = "scansion"
+"""The entry of ``DataFrame.attrs`` with what a cloud has besides its points."""
+
 _FIRST, _LAST = 3, 2
 """Points at the beginning and the end that are shown."""
 _MOST = 12
@@ -26,6 +29,22 @@ def rows(cloud: PointCloud) -> dict[str, NDArray[Any]]:
         assert values is not None
         found[name] = values
     return found
+
+
+def about(cloud: PointCloud) -> dict[str, Any]:
+    """What a cloud has besides its points, as JSON has it."""
+    names = {str(code): name for code, name in cloud.class_names.items()}
+    return {"crs": cloud.crs, "metres_per_unit": cloud.metres_per_unit, "scheme": cloud.scheme, "class_names": names}
+
+
+def take_about(cloud: PointCloud, found: Any) -> None:
+    """The inverse of `about`."""
+    if not isinstance(found, dict):
+        return
+    cloud.crs = found.get("crs")
+    cloud.metres_per_unit = found.get("metres_per_unit", cloud.metres_per_unit)
+    cloud.scheme = found.get("scheme", "own")
+    cloud.class_names = {int(code): name for code, name in found.get("class_names", {}).items()}
 
 
 def as_text(cloud: PointCloud) -> str:

@@ -55,7 +55,7 @@ def concatenate(clouds: Iterable[Any], *, columns: str = "same") -> PointCloud:
     if first.metres_per_unit is not None:
         whole.metres_per_unit = first.metres_per_unit
     for name in _names(parts, columns):
-        whole[name] = _joined(parts, name)
+        whole._put(name, _joined(parts, name))
     whole.scheme = first.scheme if all(part.scheme == first.scheme for part in parts) else "own"
     return whole
 
@@ -71,10 +71,10 @@ def _places(parts: list[PointCloud]) -> _core.Cloud:
 
 def _names(parts: list[PointCloud], columns: str) -> list[str]:
     every = list(dict.fromkeys(name for part in parts for name in part.columns))
-    common = [name for name in every if all(name in part for part in parts)]
+    common = [name for name in every if all(name in part.columns for part in parts)]
     if columns == "same" and len(common) < len(every):
         missing = ", ".join(
-            f"{name} (not in cloud {next(at for at, part in enumerate(parts) if name not in part)})"
+            f"{name} (not in cloud {next(at for at, part in enumerate(parts) if name not in part.columns)})"
             for name in every
             if name not in common
         )
@@ -83,6 +83,9 @@ def _names(parts: list[PointCloud], columns: str) -> list[str]:
 
 
 def _joined(parts: list[PointCloud], name: str) -> NDArray[Any]:
-    kind = np.result_type(*(part[name].dtype for part in parts if name in part))
+    kind = np.result_type(*(part[name].dtype for part in parts if name in part.columns))
     absent = np.nan if kind.kind == "f" else 0
-    return np.concatenate([part[name].astype(kind) if name in part else np.full(len(part), absent, kind) for part in parts])
+    blank = (np.full(len(part), absent, kind) for part in parts)
+    return np.concatenate(
+        [part[name].astype(kind) if name in part.columns else empty for part, empty in zip(parts, blank, strict=True)]
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -13,6 +14,8 @@ from numpy.typing import ArrayLike
 from scansion import _core
 from scansion._arrays import codes, column, mask
 from scansion._cloud import PointCloud, as_cloud
+from scansion._losses import losses, storable
+from scansion._names import asked
 
 
 def _box(bounds: ArrayLike | None) -> Any:
@@ -64,7 +67,7 @@ def read(
         The file is malformed (the message gives the position) or its format is not supported.
     """
     name = os.fspath(path)
-    return PointCloud._wrap(_core.read(name, (columns, _box(bounds), resolution, text_columns or [])), name)
+    return PointCloud._wrap(_core.read(name, (asked(columns), _box(bounds), resolution, text_columns or [])), name)
 
 
 def blocks(
@@ -96,7 +99,7 @@ def blocks(
     """
     if size < 1:
         raise ValueError(f"size: found {size}, expected 1 or more points a block")
-    part = (columns, _box(bounds), resolution, text_columns or [])
+    part = (asked(columns), _box(bounds), resolution, text_columns or [])
     return map(PointCloud._wrap, _core.Blocks(os.fspath(path), size, part))
 
 
@@ -115,6 +118,9 @@ def write(
 ) -> None:
     """Writes points as LAS, LAZ, PLY, PCD, npz or text, by the extension; the file is either complete or absent.
 
+    LAS and LAZ keep the reference system, or, if there is none, the unit, as a local system; npz keeps both, the others none.
+    The file is a new one, dated today: `rewrite` keeps all of a LAS file but its classes and dimensions.
+
     Parameters
     ----------
     path : path
@@ -129,8 +135,19 @@ def write(
     ------
     ValueError
         No scale represents the extent in 32 bits without such a loss; give ``scale`` to accept it.
+
+    Warns
+    -----
+    UserWarning
+        The file does not keep the reference system, the unit, or a record of the LAS file from which the cloud came.
     """
-    _core.write(os.fspath(path), as_cloud(cloud)._core, _steps(scale))
+    name = os.fspath(path)
+    points = storable(as_cloud(cloud), name)
+    lost = losses(points, name)
+    _core.write(name, points._core, _steps(scale))
+    if lost:
+        advice = "; rewrite keeps the records of a LAS file" if "record" in lost[-1] else ""
+        warnings.warn(f"{name}: not kept: {', '.join(lost)}{advice}", stacklevel=2)
 
 
 def rewrite(

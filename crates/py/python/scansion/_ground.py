@@ -60,5 +60,5 @@ def marked(xyz: Any, ground: Any) -> tuple[PointCloud, Any]:
         raise ValueError(f"ground: expected shape ({len(cloud)},), found {mask.shape}")
     old = cloud["Classification"] if "Classification" in cloud else np.zeros(len(cloud))
     cloud = cloud.copy()
-    cloud["Classification"] = np.where(mask, 2, np.where(old == 2, 1, old)).astype(np.uint8)
+    cloud._put("Classification", np.where(mask, 2, np.where(old == 2, 1, old)).astype(np.uint8))
     return cloud, [2]

@@ -56,16 +56,17 @@ def encoded(labels: NDArray[np.object_], classes: list[str]) -> NDArray[np.int16
 
 
 def signed(
-    values: Any, name: str, length: int | None = None, unlabelled: Iterable[int] = (), changes: str = ""
+    values: Any, name: str, length: int | None = None, unlabelled: Iterable[int] = (), changes: str | None = None
 ) -> NDArray[np.int16]:
     """Codes 0..255, changed by a map like ``3-4=5``; -1 where they are negative, NaN or, after the mapping, ``unlabelled``.
 
-    Codes above 255 need an entry in the map.
+    Codes above 255 need an entry in the map. None is the map of a function that takes none.
     """
     array = column(values, name, length)
     known = array >= 0
     large = array >= MOST
     beyond = _beyond(array[large], name, changes)
+    changes = changes or ""
     array = np.where(large, 0, array)
     table = np.frombuffer(_core.mapped_codes(changes), dtype=np.uint8).astype(np.int16)
     for code in listed(unlabelled):
@@ -77,16 +78,24 @@ def signed(
     return found
 
 
-def _beyond(values: NDArray[Any], name: str, changes: str) -> NDArray[np.int16]:
+def _beyond(values: NDArray[Any], name: str, changes: str | None) -> NDArray[np.int16]:
     """The codes to which a map changes these, which are above 255."""
     distinct, places = np.unique(values, return_inverse=True)
     found = np.empty(len(distinct), dtype=np.int16)
     for i, value in enumerate(distinct.tolist()):
-        code = _core.mapped_code(changes, int(value)) if value == value // 1 and value < 1 << 32 else None
+        code = _core.mapped_code(changes or "", int(value)) if value == value // 1 and value < 1 << 32 else None
         if code is None:
-            raise ValueError(f"{name}: expected whole numbers in 0..255, or a map for larger ones, found {value}")
+            raise ValueError(f"{name}: expected whole numbers in 0..255, found {value}{_advice(value, name, changes)}")
         found[i] = code
     return found[places.reshape(-1)]
+
+
+def _advice(value: float, name: str, changes: str | None) -> str:
+    """How a code above 255 is mapped, if there is a map for it."""
+    if changes is None or value != value // 1 or value >= 1 << 32:
+        return ""
+    option = {"truth": "map_truth", "predicted": "map_predicted"}.get(name, "class_map")
+    return f'; {option} changes larger ones, as in {option}="{int(value)}=5"'
 
 
 def listed(unlabelled: Iterable[int]) -> bytes:

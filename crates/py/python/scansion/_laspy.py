@@ -7,35 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scansion import _core
+from scansion._names import LASPY
+from scansion._units import METRES, local_system
 
 if TYPE_CHECKING:
     from scansion._cloud import PointCloud
 
-_LASPY_NAMES = {
-    "intensity": "Intensity",
-    "return_number": "ReturnNumber",
-    "number_of_returns": "NumberOfReturns",
-    "synthetic": "Synthetic",
-    "key_point": "KeyPoint",
-    "withheld": "Withheld",
-    "overlap": "Overlap",
-    "scanner_channel": "ScanChannel",
-    "scan_direction_flag": "ScanDirectionFlag",
-    "edge_of_flight_line": "EdgeOfFlightLine",
-    "classification": "Classification",
-    "user_data": "UserData",
-    "point_source_id": "PointSourceId",
-    "gps_time": "GpsTime",
-    "red": "Red",
-    "green": "Green",
-    "blue": "Blue",
-    "nir": "Infrared",
-}
-"""laspy's dimension names and ours (PDAL's)."""
-
 _SCAN_ANGLE = "ScanAngle"
 _SCAN_ANGLE_UNIT = 0.006
 """Degrees in one unit of the scan angle of point formats 6 to 10 (LAS 1.4 R15)."""
+
+_LINEAR_UNIT = 3076
+"""The GeoTIFF key ProjLinearUnitsGeoKey."""
 
 
 def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
@@ -52,9 +35,11 @@ def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
             # As the core does: both factors in single precision.
             cloud[_SCAN_ANGLE] = values.astype(np.float32) * np.float32(unit)
         elif values.ndim == 1 and values.dtype.kind in "fiub":
-            cloud[_LASPY_NAMES.get(name, name)] = values
+            cloud._put(LASPY.get(name, name), values)
     cloud.scheme = "asprs"
     cloud.crs = _laspy_crs(las.header)
+    if cloud.crs is None:
+        cloud.metres_per_unit = METRES.get(_geo_keys(las.header).get(_LINEAR_UNIT, 0))
     return cloud
 
 
@@ -71,14 +56,14 @@ def to_laspy(cloud: PointCloud) -> Any:
         header.scales, header.offsets = np.array(ticks[1]), np.array(ticks[2])
     else:
         header.scales, header.offsets = (np.array(values) for values in core.las_frame())
-    if (wkt := core.wkt()) is not None:
+    if (wkt := core.wkt() or local_system(cloud.crs, cloud.metres_per_unit)) is not None:
         header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
         header.global_encoding.wkt = True
     las = laspy.LasData(header)
     las.x, las.y, las.z = xyz[:, 0], xyz[:, 1], xyz[:, 2]
     if ticks is not None:
         las.X, las.Y, las.Z = ticks[0][:, 0], ticks[0][:, 1], ticks[0][:, 2]
-    known = {ours: theirs for theirs, ours in _LASPY_NAMES.items()}
+    known = {ours: theirs for theirs, ours in LASPY.items()}
     for name in cloud.columns:
         values = cloud[name]
         if name == _SCAN_ANGLE:
@@ -96,7 +81,12 @@ def _laspy_crs(header: Any) -> str | None:
         text = getattr(vlr, "string", None)
         if getattr(vlr, "record_id", None) == 2112 and text:
             return str(text).rstrip("\0")
-    keys = [vlr.geo_keys for vlr in header.vlrs if getattr(vlr, "record_id", None) == 34735]
-    values = {key.id: key.value_offset for key in (keys[0] if keys else []) if key.tiff_tag_location == 0}
+    values = _geo_keys(header)
     code = values.get(3072, values.get(2048) if values.get(1024) == 2 else None)
     return f"EPSG:{code}" if code not in (None, 0, 32767) else None
+
+
+def _geo_keys(header: Any) -> dict[int, int]:
+    """The GeoTIFF keys that are numbers."""
+    keys = [vlr.geo_keys for vlr in header.vlrs if getattr(vlr, "record_id", None) == 34735]
+    return {key.id: key.value_offset for key in (keys[0] if keys else []) if key.tiff_tag_location == 0}

@@ -21,8 +21,9 @@ class ObjectClassifier(PointClassifier):
         in ``docs/objects.md``.
     unlabelled : iterable of int or str, optional
         Labels that mean "unlabelled"; such points do not count for the class of their segment. By default those of the
-        cloud's class list (LAS: 0 and 1, Semantic3D: 0, others: none), and none for labels given as an array. Negative
-        labels, NaN and None are always unlabelled.
+        cloud's class list (LAS: 0 and 1, Semantic3D: 0, others: none), also for codes that are given as an array beside the
+        cloud; a cloud that is an array has no list. ``[]`` makes every code a class. Negative labels, NaN and None are always
+        unlabelled.
     class_map : str
         Mapping of codes before training, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None

@@ -60,7 +60,8 @@ def render(
     value_range : (float, float), optional
         Ends of the colour bar; the 2nd and 98th percentile by default.
     truth : array_like of shape (n,), optional
-        True class codes 0..255, negative: unlabelled; the colours then show where the cloud's classes differ from them.
+        True class codes 0..255 of the cloud's class list (negative, and of LAS 0 and 1: unlabelled); the colours then show where
+        the cloud's classes differ from them.
     classes : iterable of int
         Compare only points whose true class is one of these; all by default.
     changes : bool
@@ -96,7 +97,7 @@ def render(
     if target is not None and isinstance(cloud, (str, os.PathLike)):
         _apart(cloud, target)
     points = as_cloud(cloud)
-    codes = None if truth is None else signed(truth, "truth", len(points))
+    codes = None if truth is None else signed(truth, "truth", len(points), points._core.unlabelled())
     return _core.render(points._core, to_json(settings), target, codes, n_jobs)
 
 

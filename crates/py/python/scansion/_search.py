@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from scansion import _core
-from scansion._classifier import LABELS, labelled_clouds
+from scansion._classifier import LABELS, Reading, labelled_clouds
 from scansion._labels import listed
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed, toml_value
@@ -45,7 +45,7 @@ def search(
     clouds : cloud or list of clouds
         Each a PointCloud, path, laspy.LasData, structured array or array of shape (n, 3).
     labels : array_like of shape (n,) or list of such, optional
-        Class codes 0..255 (negative: unlabelled); by default each cloud's column Classification.
+        Class codes 0..255 of the cloud's class list (negative: unlabelled); by default each cloud's column Classification.
     grid : mapping of str to sequence, optional
         Keys of the recipe and the values to try, as in ``{"forest.max_depth": [18, 30]}``; without it the recipe itself is
         evaluated.
@@ -56,7 +56,7 @@ def search(
     block : float, optional
         Edge of the squares that are held out together, metres; by default 50, halved until there are two squares a fold.
     unlabelled : iterable of int, optional
-        Codes that mean "unlabelled"; by default those of the cloud's class list.
+        Codes that mean "unlabelled"; by default those of the cloud's class list (LAS: 0 and 1), for ``labels`` too.
     class_map : str
         Mapping of codes before training, as in ``"3-4=5"``.
     random_state : int, optional
@@ -84,7 +84,7 @@ def search(
     if random_state is not None:
         settings.append(f"seed={seed(random_state)}")
     wanted = _core.recipe_columns(text, settings)
-    prepared = labelled_clouds(clouds, labels, wanted)
+    prepared = labelled_clouds(clouds, labels, Reading(wanted, class_map, listed=unlabelled is None))
     values = {key: list(each) for key, each in (grid or {}).items()}
     axes = [(key, [toml_value(key, value) for value in each]) for key, each in values.items()]
     codes = None if unlabelled is None else listed(list(unlabelled))

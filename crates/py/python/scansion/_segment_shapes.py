@@ -59,8 +59,8 @@ def segment_shapes(xyz: Any, labels: ArrayLike) -> SegmentShapes:
     cloud = as_cloud(xyz, columns=[])
     segments = native(column(labels, "labels", len(cloud)), np.uint32)
     points, rows = _core.segment_shapes(cloud._core, segments)
-    parts = [rows[:, first : first + 3] for first in range(0, 15, 3)]
-    return SegmentShapes(points, *parts, axes=rows[:, 15:].reshape(-1, 3, 3))
+    centroid, low, high, centre, sides = (rows[:, first : first + 3] for first in range(0, 15, 3))
+    return SegmentShapes(points, centroid, low, high, centre, sides, rows[:, 15:].reshape(-1, 3, 3))
 
 
 def segment_graph(

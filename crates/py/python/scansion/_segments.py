@@ -160,7 +160,8 @@ def suggest(
     uncertainty : array_like of shape (n,), optional
         Uncertainty of each point, 0..1, in place of the model's; all are 1 without either.
     labels : array_like of shape (n,), optional
-        Labels of earlier rounds, codes 0..255 (negative: unlabelled): segments that contain one are left out.
+        Labels of earlier rounds, codes 0..255 (negative, and 0 and 1 of a cloud from LAS: unlabelled): segments that contain
+        one are left out.
     labelled : bool
         The same for the labels in the column Classification (codes of 2 or more in LAS).
     page : path, optional
@@ -198,8 +199,7 @@ def suggest(
     points = measured(cloud, [_LABELS, *_core.segment_columns(text, settings)], metres_per_unit)
     if labels is not None:
         points = points.copy()
-        points[_LABELS] = signed(labels, "labels", len(points))
-        points.scheme = "own"
+        points._put(_LABELS, signed(labels, "labels", len(points)))
     wishes = json.dumps({"count": count})
     doubt: Any = None
     if model is not None:

@@ -30,7 +30,8 @@ class WeakClassifier(PointClassifier):
         Strengths of the random field to choose from, by the accuracy on held-out labels; empty uses the recipe's.
     unlabelled : iterable of int or str, optional
         Labels that mean "unlabelled"; by default those of the cloud's class list (LAS: 0 and 1, Semantic3D: 0, others: none),
-        and none for labels given as an array. Negative labels, NaN and None are always unlabelled.
+        also for codes that are given as an array beside the cloud; a cloud that is an array has no list. ``[]`` makes every
+        code a class. Negative labels, NaN and None are always unlabelled.
     class_map : str
         Mapping of codes before training, as in ``"3-4=5"``.
     random_state : int, numpy.random.RandomState or None

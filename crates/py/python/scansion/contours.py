@@ -30,6 +30,11 @@ __all__ = [
     "synthetic_scene",
 ]
 
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 Lines = Iterable[Any]
 """Lines: an array of shape (m, 3) each."""
 
@@ -392,7 +397,10 @@ def score(
     1.0
     """
     params = to_json({"tolerance": tolerance, "forgiven": forgiven, "step": step})
-    return json.loads(_core.score_lines(_lines(lines), _lines(reference), _lines(unsure), params))
+    scores: dict[str, float | None] = json.loads(
+        _core.score_lines(_lines(lines), _lines(reference), _lines(unsure), params)
+    )
+    return scores
 
 
 def score_points(
@@ -421,8 +429,10 @@ def score_points(
     0.5
     """
     rows = np.ascontiguousarray(points, np.float64).reshape(-1, 3)
-    marks = [np.ascontiguousarray(mark, bool).reshape(-1) for mark in (found, reference)]
-    return json.loads(_core.score_points(rows, *marks, to_json({"forgiven": forgiven})))
+    marked, true = (np.ascontiguousarray(mark, bool).reshape(-1) for mark in (found, reference))
+    params = to_json({"forgiven": forgiven})
+    scores: dict[str, float | None] = json.loads(_core.score_points(rows, marked, true, params))
+    return scores
 
 
 def precision_recall(

@@ -1,6 +1,7 @@
 """Evaluation of labels: confusion matrix, scores, report.
 
-Rows are true classes, columns predicted ones.
+Rows are true classes, columns predicted ones. Labels are arrays, which have no class list: of LAS files pass
+``unlabelled=[0, 1]``, so that unclassified points are skipped.
 """
 
 from __future__ import annotations
@@ -29,6 +30,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 class _Pair(NamedTuple):
     """The codes to compare; -1 for points without a true label or without a prediction."""
 
@@ -39,7 +44,7 @@ class _Pair(NamedTuple):
 
 
 def _pair(
-    truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[Any], maps: tuple[str, str]
+    truth: ArrayLike, predicted: ArrayLike, unlabelled: Iterable[Any], maps: tuple[str | None, str | None] = (None, None)
 ) -> _Pair:
     if is_text(truth) or is_text(predicted):
         if any(maps):
@@ -71,7 +76,7 @@ def confusion_matrix(
         Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
         negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
-        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``); ``[0, 1]`` for the codes of LAS.
     map_truth, map_predicted : str
         Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
@@ -113,7 +118,7 @@ def scores(
         Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
         negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
-        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``); ``[0, 1]`` for the codes of LAS.
     map_truth, map_predicted : str
         Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
@@ -131,6 +136,8 @@ def scores(
     >>> from scansion.evaluation import scores
     >>> scores([2, 2, 6, 6], [2, 6, 6, 6])["overall_accuracy"]
     0.75
+    >>> scores([2, 2, 6, 1], [2, 6, 6, 6], unlabelled=[0, 1])["confusion_matrix"]
+    [[1, 1], [0, 1]]
     """
     found: dict[str, Any] = json.loads(_core.scores(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted))))
     return found
@@ -152,7 +159,7 @@ def report(
         Class codes 0..255, or text. Points whose true label is negative, NaN or None are skipped; a prediction that is
         negative, NaN or None counts as wrong, under a code that occurs on neither side.
     unlabelled : iterable of int or str
-        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``); ``[0, 1]`` for the codes of LAS.
     map_truth, map_predicted : str
         Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
@@ -160,6 +167,18 @@ def report(
     -------
     str
         Aligned text with the confusion matrix and one line a class.
+
+    Notes
+    -----
+    A class that only one side divides counts as wrong there: ``PointClassifier.default().predict`` calls all vegetation 5, and a
+    truth of 3, 4 and 5 needs ``map_truth="3-4=5"``.
+
+    Examples
+    --------
+    >>> from scansion.evaluation import report
+    >>> truth, predicted = [2, 3, 4, 5, 6, 1], [2, 5, 5, 5, 6, 6]
+    >>> "overall accuracy 100.00" in report(truth, predicted, unlabelled=[0, 1], map_truth="3-4=5")
+    True
     """
     return _core.report(*_pair(truth, predicted, unlabelled, (map_truth, map_predicted)))
 
@@ -208,7 +227,7 @@ def segmentation_error(
     cloud = as_cloud(xyz, columns=[])
     segments = native(column(labels, "labels", len(cloud)), np.uint32)
     settings = to_json({"cell": cell, "empty": empty})
-    codes_of = _pair(truth, truth, unlabelled, ("", "")).truth
+    codes_of = _pair(truth, truth, unlabelled).truth
     if len(codes_of) != len(cloud):
         raise ValueError(f"truth: expected shape ({len(cloud)},), found ({len(codes_of)},)")
     found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, segments, codes_of, settings))
@@ -230,7 +249,7 @@ def one_vs_rest(
     truth, predicted : array_like of shape (n,)
         Class codes 0..255, or text, as for `scores`.
     unlabelled : iterable of int or str
-        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``).
+        Labels in ``truth`` whose points are skipped too (codes: after ``map_truth``); ``[0, 1]`` for the codes of LAS.
     map_truth, map_predicted : str
         Mapping of the codes of each side before the comparison, as in ``"3-4=5"``.
 
@@ -317,5 +336,5 @@ def _segments(
     labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any]
 ) -> tuple[NDArray[np.uint32], NDArray[np.int16]]:
     """Segments and codes of the same points."""
-    codes_of = _pair(truth, truth, unlabelled, ("", "")).truth
+    codes_of = _pair(truth, truth, unlabelled).truth
     return native(column(labels, "labels", len(codes_of)), np.uint32), codes_of

@@ -20,6 +20,10 @@ from scansion._cloud import as_cloud
 __all__ = ["definitions", "multiscale", "names", "normals", "preset", "radius", "radius_names"]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def multiscale(
     xyz: Any,
     *,
@@ -281,10 +285,10 @@ def radius(
     """
     choice(shape, "shape", ("sphere", "cylinder"))
     choice(divisor, "divisor", ("n", "n-1"))
-    given = [radii] if np.ndim(radii) == 0 else list(radii)  # type: ignore[arg-type]
-    if not np.all(np.isfinite(np.asarray(given, dtype=np.float64))):
+    given: list[float] = np.atleast_1d(np.asarray(radii, dtype=np.float64)).tolist()
+    if not np.all(np.isfinite(given)):
         raise ValueError(f"radii: found {given}, expected finite numbers")
-    settings = {"radii": [float(r) for r in given], "shape": shape, "divisor": divisor, "normalise": normalise}
+    settings = {"radii": given, "shape": shape, "divisor": divisor, "normalise": normalise}
     wanted = radius_names() if features is None else list(features)
     cloud = as_cloud(xyz, columns=[])
     return _core.radius_features(cloud._core, wanted, to_json(settings), metres_per_unit, n_jobs)

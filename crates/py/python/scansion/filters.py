@@ -19,6 +19,10 @@ from scansion._ground import choice, code_list
 __all__ = ["filter_file", "inside_polygon", "radius_outliers", "statistical_outliers"]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def statistical_outliers(
     xyz: Any,
     neighbours: int = 8,

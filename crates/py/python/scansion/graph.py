@@ -19,6 +19,10 @@ from scansion._graph import as_edges, as_weights
 __all__ = ["connected_components", "felzenszwalb", "knn_graph", "minimum_spanning_tree"]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def knn_graph(
     xyz: Any,
     *,

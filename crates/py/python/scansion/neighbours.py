@@ -14,6 +14,10 @@ from scansion._cloud import as_cloud
 __all__ = ["knn", "optimal", "within"]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def knn(
     xyz: Any, k: int = 10, *, metres_per_unit: float | None = None, n_jobs: int | None = None
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:

@@ -30,6 +30,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 class Labelling(NamedTuple):
     """Labels, their energy, and whether the search converged; as an array, the labels."""
 

@@ -39,6 +39,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 class Segments(NamedTuple):
     """Segment of each node, mean values of each segment, and the energy; as an array, the segments."""
 

@@ -36,3 +36,7 @@ __all__ = [
     "submanifold_convolution",
     "submanifold_convolution_gradient",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -25,8 +25,9 @@ def samples(X: Any, labels: NDArray[np.intp] | None, resolution: int) -> tuple[_
         raise ValueError(f"X: found shape {tensor.shape}, expected {expected}")
     count, channels, *extent = tensor.shape
     _same_length(count, codes, labels)
-    shape = {"channels": int(channels), "extent": [int(length) for length in extent]}
-    size = int(channels) * math.prod(shape["extent"])
+    lengths = [int(length) for length in extent]
+    shape = {"channels": int(channels), "extent": lengths}
+    size = int(channels) * math.prod(lengths)
     keys, values = _sorted(tensor, count * size)
     starts = np.searchsorted(keys, np.arange(count + 1, dtype=np.uint64) * np.uint64(size)).tolist()
     return _core.Objects.of_entries(to_json(shape), starts, keys % np.uint64(size), values, codes), shape

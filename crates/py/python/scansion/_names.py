@@ -1,0 +1,80 @@
+"""Names of columns as people spell them: PDAL's, laspy's, with or without capitals and underscores."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+LASPY = {
+    "intensity": "Intensity",
+    "return_number": "ReturnNumber",
+    "number_of_returns": "NumberOfReturns",
+    "synthetic": "Synthetic",
+    "key_point": "KeyPoint",
+    "withheld": "Withheld",
+    "overlap": "Overlap",
+    "scanner_channel": "ScanChannel",
+    "scan_direction_flag": "ScanDirectionFlag",
+    "edge_of_flight_line": "EdgeOfFlightLine",
+    "classification": "Classification",
+    "user_data": "UserData",
+    "point_source_id": "PointSourceId",
+    "gps_time": "GpsTime",
+    "red": "Red",
+    "green": "Green",
+    "blue": "Blue",
+    "nir": "Infrared",
+}
+"""laspy's dimension names and ours (PDAL's)."""
+
+
+def _folded(name: str) -> str:
+    return name.replace("_", "").lower()
+
+
+_OURS = {_folded(name): ours for theirs, ours in LASPY.items() for name in (theirs, ours)}
+"""Our names by the folded ones of both."""
+
+
+def meant(name: str, columns: Iterable[str]) -> str:
+    """The column that a name means: itself, else one that differs in capitals and underscores only, else our name for it.
+
+    >>> meant("return_number", ["ReturnNumber"]), meant("nir", []), meant("height", ["Height", "height"]), meant("mine", [])
+    ('ReturnNumber', 'Infrared', 'height', 'mine')
+    """
+    columns = list(columns)
+    if name in columns:
+        return name
+    ours = _OURS.get(_folded(name), name)
+    alike = [column for column in columns if _folded(column) in (_folded(name), _folded(ours))]
+    return alike[0] if len(alike) == 1 else ours
+
+
+def our_names(names: Iterable[str]) -> dict[str, str]:
+    """Our name of each column, unless another column has it.
+
+    >>> our_names(["gps_time", "red", "Red"])
+    {'gps_time': 'GpsTime', 'red': 'red', 'Red': 'Red'}
+    """
+    names = list(names)
+    ours = {name: meant(name, []) for name in names}
+    taken = list(ours.values())
+    return {name: name if taken.count(our) > 1 else our for name, our in ours.items()}
+
+
+def asked(names: list[str] | None) -> list[str] | None:
+    """Columns to read from a file: these, and ours that they may mean."""
+    return names if names is None else list(dict.fromkeys([*names, *(meant(name, []) for name in names)]))
+
+
+def axis(name: str) -> int | None:
+    """The coordinate with this name, 0 to 2."""
+    at = "xyz".find(name.lower())
+    return at if at >= 0 and len(name) == 1 else None
+
+
+def missing(name: str, columns: list[str]) -> KeyError:
+    """The error for a column that is absent, with a name that is like it."""
+    near = get_close_matches(_folded(name), [_folded(column) for column in columns], 1)
+    hint = next((f" (did you mean {column!r}?)" for column in columns if _folded(column) in near), "")
+    return KeyError(f"no column {name!r}{hint}; the cloud has: {', '.join(columns) or 'none'}")
