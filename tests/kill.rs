@@ -67,7 +67,7 @@ type Verb = (&'static [&'static str], &'static [&'static str]);
 const VERBS: [Verb; 11] = [
     (&["convert", "in.laz", "o.las"], &["o.las"]),
     (&["convert", "in.laz", "o.npz"], &["o.npz"]),
-    (&["merge", "in.laz", "in.laz", "o.laz"], &["o.laz"]),
+    (&["merge", "in.laz", "in.laz", "-o", "o.laz"], &["o.laz"]),
     (&["classify", "in.laz", "-o", "o.laz", "-m", "in.model"], &["o.laz"]),
     (&["segment", "in.laz", "-o", "o.laz"], &["o.laz"]),
     (&["suggest", "in.laz", "-n", "5", "-o", "o.csv", "-o", "o.html", "-o", "o.laz"], &["o.csv", "o.html", "o.laz"]),

@@ -665,8 +665,7 @@ fn merge_takes_no_existing_file_for_its_output_unless_named() {
     }
     assert!(fails(f, &["merge", "t1.laz", "all.laz"], 2).contains("two inputs"));
     assert!(contents(f) == before);
-    assert_eq!(scansion(f, &["merge", "t*.laz", "-o", "all.laz"]).status.code(), Some(2), "one pattern is one name");
-    done(f, &["merge", "t1.laz", "t[23].laz", "-o", "all.laz"]);
+    done(f, &["merge", "t*.laz", "-o", "all.laz"]);
     assert_eq!(io::inspect(&f.join("all.laz")).unwrap().points, 3 * cloud.len() as u64);
     done(f, &["merge", "t1.laz", "t2.laz", "-o", "all.laz"]);
     assert_eq!(io::inspect(&f.join("all.laz")).unwrap().points, 2 * cloud.len() as u64);

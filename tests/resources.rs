@@ -148,6 +148,10 @@ fn deep_settings_and_places_far_away_are_refused() {
     assert_eq!(names(f), ["a.laz", "l.csv", "r.toml"]);
 }
 
+/// Address space, in kilobytes, in which the program starts and reads its arguments. A megabyte less, and it ends before it can
+/// take care of anything.
+const LEAST: u64 = 40_000;
+
 /// Address-space limits from one that hardly lets the program start to one that is enough.
 #[test]
 fn too_little_memory_is_an_error_that_leaves_nothing_behind() {
@@ -164,7 +168,7 @@ fn too_little_memory_is_an_error_that_leaves_nothing_behind() {
     for work in works {
         let (mut refused, mut amount) = (0, false);
         for step in 0..60 {
-            let output = limited(36_000 + 6_000 * step, f, work);
+            let output = limited(LEAST + 6_000 * step, f, work);
             let text = stderr(&output);
             match output.status.code() {
                 Some(0) => {
@@ -180,7 +184,7 @@ fn too_little_memory_is_an_error_that_leaves_nothing_behind() {
                     refused += 1;
                     amount |= ["bytes failed", "MiB", "threads"].iter().any(|said| text.contains(said));
                 }
-                other => panic!("{work:?} in {} kB: {other:?} {text}", 36_000 + 6_000 * step),
+                other => panic!("{work:?} in {} kB: {other:?} {text}", LEAST + 6_000 * step),
             }
             assert_eq!(names(f), ["a.laz", "demo.laz"], "{work:?}: {text}");
         }

@@ -180,6 +180,7 @@ fn points_outside_the_header_are_told_by_every_verb() {
     let folder = tempfile::tempdir().unwrap();
     let (f, cloud) = (folder.path(), town(&[]));
     save(f, "a.las", &cloud);
+    save(f, "clean.las", &cloud);
     let mut bytes = std::fs::read(f.join("a.las")).unwrap();
     // The 100th point, 40 m up.
     let at = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize + 30 * 100 + 8;
@@ -189,7 +190,7 @@ fn points_outside_the_header_are_told_by_every_verb() {
     for verb in [
         &["convert", "a.las", "b.laz"][..],
         &["convert", "a.las", "b.ply"],
-        &["merge", "a.las", "c.laz"],
+        &["merge", "a.las", "clean.las", "c.laz"],
         &["diff", "a.las", "a.las"],
         &["classify", "a.las", "-o", "d.laz"],
         &["segment", "a.las", "-o", "d.laz", "--method", "merge"],

@@ -39,13 +39,13 @@ impl Interruptible {
                 // If a handler cannot be installed, the system's default ends the process.
                 let _ = signal_hook::flag::register_usize(signal, Arc::clone(&SIGNAL), signal as usize);
             }
-            // With a handler, writing beyond the largest size of a file is an error of that file.
-            #[cfg(unix)]
-            let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
             if std::thread::Builder::new().name("signals".into()).spawn(watch).is_ok() {
                 // If this fails, an abort ends the process in the usual way.
                 let _ = hold_aborts();
             }
+            // With a handler, writing beyond the largest size of a file is an error of that file.
+            #[cfg(unix)]
+            let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
         });
         Self(monitor)
     }

@@ -33,7 +33,7 @@ pub(crate) fn class_code(text: &str) -> Result<u8, String> {
     }
     let near = classes.iter().filter(|class| class.name.to_lowercase().contains(&wanted));
     let near: Vec<String> = near.map(|class| format!("{} {}", class.code, class.name)).collect();
-    Err(match near.is_empty() || wanted.is_empty() {
+    Err(match near.is_empty() || !wanted.starts_with(char::is_alphabetic) {
         true => "a class code, 0 to 255, or a name of the ASPRS list, e.g. building".into(),
         false => format!("a class code, or one of {}", near.join(", ")),
     })

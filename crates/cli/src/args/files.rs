@@ -68,7 +68,7 @@ pub(crate) struct Man {
 #[command(after_help = examples::MERGE)]
 pub(crate) struct Merge {
     /// Files to merge, in this order (`*`, `?` and `[...]` are expanded); without -o the output last
-    #[arg(required = true, num_args = 2.., value_names = ["IN...", "OUT"])]
+    #[arg(required = true, num_args = 1.., value_names = ["IN...", "OUT"])]
     pub(crate) files: Vec<PathBuf>,
     /// Output, in place of the last name
     #[arg(short, long, value_name = "OUT")]
