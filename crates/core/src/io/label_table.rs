@@ -34,8 +34,8 @@ enum Columns {
 }
 
 impl LabelTable {
-    /// Reads a text table separated by semicolons, commas or blanks, whichever of them the first line has, with or without a
-    /// header. Between semicolons and blanks numbers may have decimal commas. Rows with an empty class are skipped, so that a
+    /// Reads a text table, with or without a header. Columns are separated by semicolons, else by commas, else by blanks, as in the
+    /// first line. Between semicolons and blanks numbers may have decimal commas. Rows with an empty class are skipped, so that a
     /// partly filled-in list can be used; `#` starts a comment.
     ///
     /// # Errors
