@@ -16,8 +16,7 @@ pub(crate) fn run(args: &Merge, context: &Context<'_>) -> Result<(), Failure> {
     }
     if args.output.is_none() && output.exists() && !inputs.iter().any(|input| input == output) {
         let name = output.display();
-        let text =
-            format!("the last name, {name}, is the output, and it exists; to replace it, name it with -o {name}");
+        let text = format!("the last name, {name}, is the output, and it exists; to replace it: -o {name} --overwrite");
         return Err(Failure::Usage(text));
     }
     if inputs.len() < 2 {
