@@ -156,7 +156,22 @@ impl Binning {
     pub(super) fn bin_tiles(&self, values: &[f32], codes: &mut CodeBlock<u8>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
         codes.by_tile.resize(codes.rows.next_multiple_of(TILE) * codes.width, 0);
-        pulp::Arch::new().dispatch(QuantiseTiles { tables: &self.tables, values, codes: &mut codes.by_tile });
+        pulp::Arch::new().dispatch(QuantiseTiles {
+            tables: &self.tables,
+            values,
+            codes: &mut codes.by_tile,
+            by_row: &mut [],
+        });
+    }
+
+    /// As [`Binning::bin_tiles`] and [`Binning::bin_rows`] together.
+    pub(super) fn bin_both(&self, values: &[f32], codes: &mut CodeBlock<u8>) {
+        (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
+        codes.by_tile.resize(codes.rows.next_multiple_of(TILE) * codes.width, 0);
+        codes.by_row.resize(values.len() + ROW, 0);
+        let by_row = codes.by_row.get_mut(..values.len()).unwrap_or_default();
+        let codes = &mut codes.by_tile;
+        pulp::Arch::new().dispatch(QuantiseTiles { tables: &self.tables, values, codes, by_row });
     }
 
     /// The cuts of these features only.

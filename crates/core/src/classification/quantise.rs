@@ -15,8 +15,8 @@ const PART: usize = 64;
 /// Values in a cache line.
 const LINE: usize = 16;
 
-/// The codes of a block of at most 65,536 rows: by row, or in tiles of [`TILE`] rows,
-/// column-major within a tile.
+/// The codes of a block of at most 65,536 rows: by row, in tiles of [`TILE`] rows (column-major within a
+/// tile), or both.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CodeBlock<C> {
     pub(super) by_tile: Vec<C>,
@@ -86,6 +86,16 @@ fn count_below<S: Simd>(simd: S, cuts: &[f32; 16], x: S::f32s) -> u32 {
         }
         return count;
     }
+    #[cfg(target_arch = "x86_64")]
+    if let Some(v3) = (&simd as &dyn std::any::Any).downcast_ref::<pulp::x86::V3>() {
+        // One bit per lane: its sign.
+        let mut count = 0u32;
+        for &cuts in lanes {
+            let below: pulp::f32x8 = bytemuck::cast(simd.less_than_f32s(cuts, x));
+            count = count.wrapping_add(v3.avx._mm256_movemask_ps(bytemuck::cast(below)).count_ones());
+        }
+        return count;
+    }
     let (one, zero) = (simd.splat_f32s(1.0), simd.splat_f32s(0.0));
     let mut counts = zero;
     for &cuts in lanes {
@@ -120,6 +130,8 @@ pub(super) struct QuantiseTiles<'a> {
     pub(super) tables: &'a [CutTable],
     pub(super) values: &'a [f32],
     pub(super) codes: &'a mut [u8],
+    /// The same codes row by row; empty if they are not needed.
+    pub(super) by_row: &'a mut [u8],
 }
 
 impl pulp::WithSimd for QuantiseTiles<'_> {
@@ -129,13 +141,17 @@ impl pulp::WithSimd for QuantiseTiles<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let width = self.tables.len().max(1);
         let tiles = self.codes.chunks_exact_mut(TILE * width);
+        let mut rows = self.by_row.chunks_mut(PART * width);
         for (values, tile) in self.values.chunks(TILE * width).zip(tiles) {
             for (part, values) in values.chunks(PART * width).enumerate() {
                 read_ahead(values);
+                let rows = rows.next().unwrap_or_default();
                 let columns = tile.chunks_exact_mut(PART).skip(part).step_by(TILE / PART);
                 for (f, (table, codes)) in self.tables.iter().zip(columns).enumerate() {
                     let Some(codes) = codes.first_chunk_mut() else { continue };
                     table.column(simd, values.chunks_exact(width).filter_map(|row| row.get(f)), codes);
+                    let to = rows.iter_mut().skip(f).step_by(width);
+                    to.zip(codes.iter()).for_each(|(to, &code)| *to = code);
                 }
             }
         }

@@ -1,35 +1,81 @@
 //! Trees in half the memory, and prediction of blocks of rows with them.
 //!
-//! A node takes 4 bytes and stores the offset to its children. Every index within a piece of a tree fits into 16 bits,
-//! and every index within a row of codes into 8, so that no bounds check is needed during the descent.
+//! A node takes 4 bytes. Every index within a piece of a tree fits into 16 bits, and every feature into 8, so that no
+//! bounds check is needed during the descent.
 
+use super::crown::{Crown, ENDS, FindEnds};
 use crate::classification::nodes::{LEAF_CUT, Node, Trees};
-use crate::classification::quantise::{CodeBlock, ROW};
+use crate::classification::quantise::{CodeBlock, ROW, TILE};
 use std::ops::Range;
 
 /// Largest number of nodes of a piece.
 pub(in crate::classification) const WINDOW: usize = 1 << 16;
 
+/// The nodes of a piece, and those after it as far as a number of 16 bits can lead.
+type Steps = [Step; WINDOW + 1];
+
+/// The first levels are evaluated for all rows of the block together unless fewer than one in this many descends.
+const FEW: usize = 6;
+
 /// Flag: the number is not a row of probabilities but the piece in which the descent continues.
 const ONWARD: u32 = 1 << 31;
 
-/// Levels that a row descends before the next row is processed, so that the processor works on several rows at once.
-const LEVELS: usize = 3;
+/// Levels that rows descend before those at a leaf leave.
+const LEVELS: usize = 8;
 
-/// Rows that descend a tree together; their codes stay in the first-level cache.
+/// Rows that descend in step.
+const AT_ONCE: usize = 8;
+
+/// Rows that descend a tree together; their codes stay in the cache.
 const TOGETHER: usize = 256;
+
+/// Cut of a leaf.
+const LEAF: u8 = 255;
 
 /// Nodes in a cache line.
 const LINE: usize = 16;
 
-/// Samples with a code above `cut` move `offset + 1` nodes ahead, others `offset`. A leaf has offset 0 and cut 255,
-/// which no code exceeds: rows stay there. Its `feature` is its row of probabilities; 255 if that is stored in
+/// A node: its left child (16 bits), feature (8 bits) and cut (8 bits), from the highest bit down. Rows with a code above
+/// the cut move to the node after the left child, others to the left child. A leaf has itself as left child and cut 255,
+/// which no code exceeds: rows stay there. Its feature is its row of probabilities; 255 if that is stored in
 /// [`Compact::rows`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Step {
-    offset: u16,
-    feature: u8,
-    cut: u8,
+pub(super) struct Step(u32);
+
+impl Step {
+    fn new(left: usize, feature: u32, cut: u16) -> Self {
+        Self(((left as u32) << 16) | (feature << 8) | u32::from(cut))
+    }
+
+    #[inline(always)]
+    pub(super) fn left(self) -> u16 {
+        (self.0 >> 16) as u16
+    }
+
+    #[inline(always)]
+    fn feature(self) -> u8 {
+        (self.0 >> 8) as u8
+    }
+
+    #[inline(always)]
+    pub(super) fn cut(self) -> u8 {
+        self.0 as u8
+    }
+
+    /// The node of rows above the cut; a leaf itself.
+    pub(super) fn right(self) -> u16 {
+        self.left().wrapping_add(u16::from(!self.is_leaf()))
+    }
+
+    /// Feature and cut.
+    pub(super) fn split(self) -> (u8, u8) {
+        (self.feature(), self.cut())
+    }
+
+    #[inline(always)]
+    pub(super) fn is_leaf(self) -> bool {
+        self.cut() == LEAF
+    }
 }
 
 /// All trees of a forest, each in pieces of at most [`WINDOW`] nodes.
@@ -43,19 +89,34 @@ pub(in crate::classification) struct Compact {
     trees: Vec<TreePieces>,
 }
 
-/// The ranges of a tree's pieces: the top, and those below it.
+/// The ranges of a tree's pieces: the top, and those below it; and the first levels of the top.
 #[derive(Clone, Debug, PartialEq)]
 struct TreePieces {
+    crown: Crown,
     top: Range<usize>,
     lower: Vec<Range<usize>>,
 }
 
-/// Current node of each row of a block; reused from tree to tree.
+/// A row that descends, and the node where it is.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    row: u16,
+    at: u16,
+}
+
+/// The rows of a block that descend; reused from tree to tree.
 #[derive(Clone, Debug, Default)]
 pub(in crate::classification) struct CompactWalk {
-    at: Vec<u16>,
+    /// The rows, ascending.
+    pub(in crate::classification) rows: Vec<u16>,
+    /// End of the crown that each row of the block reaches.
+    ends: Vec<u8>,
+    /// Where each row begins; those that begin at the same node follow each other.
+    order: Vec<Place>,
     /// Rows that have not reached a leaf.
-    moving: Vec<u16>,
+    moving: Vec<Place>,
+    /// Where each row of the block is.
+    at: Vec<u16>,
     /// Rows that continue in each of the lower pieces.
     onward: Vec<Vec<u16>>,
 }
@@ -90,7 +151,7 @@ impl Compact {
             return None;
         }
         let mut compact = Self { steps: Vec::new(), rows: Vec::new(), trees: Vec::new() };
-        compact.steps.reserve_exact(nodes.len() + WINDOW);
+        compact.steps.reserve_exact(nodes.len() + WINDOW + 1);
         compact.rows.reserve_exact(nodes.len());
         let ends = roots.iter().skip(1).map(|&r| r as usize).chain([nodes.len()]);
         for (&root, end) in roots.iter().zip(ends) {
@@ -98,13 +159,14 @@ impl Compact {
             let mut below = Vec::new();
             let top = compact.piece(&tree, 0, if tree.nodes.len() > most { most } else { 0 }, &mut below);
             let lower = below.into_iter().map(|node| compact.piece(&tree, node, 0, &mut Vec::new())).collect();
-            compact.trees.push(TreePieces { top, lower });
+            let crown = Crown::new(compact.steps.get(top.clone())?);
+            compact.trees.push(TreePieces { crown, top, lower });
         }
         let pieces = || compact.trees.iter().flat_map(|tree| tree.lower.iter().chain([&tree.top]));
         if pieces().any(|piece| piece.len() > WINDOW) {
             return None;
         }
-        compact.steps.resize(compact.steps.len() + WINDOW, Step::default());
+        compact.steps.resize(compact.steps.len() + WINDOW + 1, Step::default());
         Some(compact)
     }
 
@@ -118,16 +180,15 @@ impl Compact {
             let node = tree.nodes[old];
             self.rows.resize(self.steps.len(), 0);
             if node.cut == LEAF_CUT {
-                self.steps[new] = Step { offset: 0, feature: node.left.min(255) as u8, cut: 255 };
+                self.steps[new] = Step::new(new - first, node.left.min(255), LEAF.into());
                 self.rows[new] = if node.left < 255 { 0 } else { node.left };
             } else if old != start && tree.sizes[old] as usize <= cut {
-                self.steps[new] = Step { offset: 0, feature: 255, cut: 255 };
+                self.steps[new] = Step::new(new - first, 255, LEAF.into());
                 self.rows[new] = ONWARD | below.len() as u32;
                 below.push(old);
             } else {
                 let next = self.steps.len();
-                let offset = (next - new) as u16;
-                self.steps[new] = Step { offset, feature: node.feature as u8, cut: node.cut as u8 };
+                self.steps[new] = Step::new(next - first, node.feature.into(), node.cut);
                 self.steps.extend([Step::default(); 2]);
                 let left = tree.child(&node);
                 let mut children = [(left, next), (left + 1, next + 1)];
@@ -144,8 +205,8 @@ impl Compact {
         self.trees.len()
     }
 
-    /// Writes for every row of codes the row of probabilities that it reaches in a tree. `codes.by_row` ends with
-    /// [`ROW`] spare codes.
+    /// Writes for each of `walk.rows` the row of probabilities that it reaches in a tree. `codes` holds tiles and rows;
+    /// the latter end with [`ROW`] spare codes.
     pub(in crate::classification) fn walk(
         &self,
         tree: usize,
@@ -153,112 +214,181 @@ impl Compact {
         walk: &mut CompactWalk,
         leaves: &mut Vec<u32>,
     ) {
-        let Some(TreePieces { top, lower }) = self.trees.get(tree) else { return };
-        let Some((steps, rows)) = self.open(top) else { return };
-        walk.at.resize(codes.rows, 0);
-        leaves.clear();
-        for first in (0..codes.rows).step_by(TOGETHER) {
-            let own = first..codes.rows.min(first + TOGETHER);
-            walk.start(steps, codes, own.clone());
-            walk.finish(steps, codes);
-            leaves.extend(walk.at.get(own).unwrap_or_default().iter().map(|&at| leaf(steps, rows, at)));
+        let Some(TreePieces { crown, top, lower }) = self.trees.get(tree) else { return };
+        let Some(piece) = self.open(top) else { return };
+        walk.start(crown, codes);
+        leaves.resize(codes.rows, 0);
+        let CompactWalk { order, moving, at, .. } = walk;
+        for own in order.chunks(TOGETHER) {
+            moving.extend_from_slice(own);
+            Rows { codes, at }.finish(piece.steps, moving);
+            own.iter().for_each(|place| piece.read(at, place.row, leaves));
         }
         if !lower.is_empty() {
             self.go_on(lower, codes, walk, leaves);
+        }
+        if walk.rows.len() < codes.rows {
+            // The rows ascend: none is overwritten before it is read.
+            (0..walk.rows.len()).for_each(|i| leaves[i] = leaves[usize::from(walk.rows[i])]);
+            leaves.truncate(walk.rows.len());
         }
     }
 
     /// Continues the descent in the lower pieces, for the rows that have reached the end of the top.
     fn go_on(&self, lower: &[Range<usize>], codes: &CodeBlock<u8>, walk: &mut CompactWalk, leaves: &mut [u32]) {
-        let mut onward = std::mem::take(&mut walk.onward);
+        let CompactWalk { rows, moving, at, onward, .. } = walk;
         onward.resize_with(lower.len().max(onward.len()), Vec::new);
         onward.iter_mut().for_each(Vec::clear);
-        for (row, &leaf) in leaves.iter().enumerate().filter(|(_, leaf)| **leaf & ONWARD != 0) {
-            if let Some(rows) = onward.get_mut((leaf & !ONWARD) as usize) {
-                rows.push(row as u16);
+        for &row in rows.iter() {
+            let leaf = leaves[usize::from(row)];
+            if let Some(rows) = onward.get_mut((leaf & !ONWARD) as usize).filter(|_| leaf & ONWARD != 0) {
+                rows.push(row);
             }
         }
-        for (piece, own) in lower.iter().zip(&onward).filter(|(_, own)| !own.is_empty()) {
-            let Some((steps, rows)) = self.open(piece) else { continue };
-            own.iter().for_each(|&row| walk.at[usize::from(row)] = 0);
-            walk.moving.extend_from_slice(own);
-            walk.finish(steps, codes);
-            own.iter().map(|&row| usize::from(row)).for_each(|row| leaves[row] = leaf(steps, rows, walk.at[row]));
+        for (piece, own) in lower.iter().zip(onward).filter(|(_, own)| !own.is_empty()) {
+            let Some(piece) = self.open(piece) else { continue };
+            moving.extend(own.iter().map(|&row| Place { row, at: 0 }));
+            Rows { codes, at }.finish(piece.steps, moving);
+            own.iter().for_each(|&row| piece.read(at, row, leaves));
         }
-        walk.onward = onward;
     }
 
     /// The nodes of a piece, including those beyond its end that may be read ahead, and its rows of probabilities.
-    fn open(&self, piece: &Range<usize>) -> Option<(&[Step; WINDOW], &[u32])> {
+    fn open(&self, piece: &Range<usize>) -> Option<Piece<'_>> {
         let steps = self.steps.get(piece.start..)?.first_chunk()?;
         warm(steps.get(..piece.len())?);
-        Some((steps, self.rows.get(piece.clone())?))
+        Some(Piece { steps, rows: self.rows.get(piece.clone())? })
     }
 }
 
-/// The row of probabilities of a leaf, or the piece in which the descent continues.
-#[inline(always)]
-fn leaf(steps: &[Step; WINDOW], rows: &[u32], at: u16) -> u32 {
-    match steps[usize::from(at)].feature {
-        255 => rows.get(usize::from(at)).copied().unwrap_or_default(),
-        row => u32::from(row),
+/// A piece in use.
+#[derive(Clone, Copy)]
+struct Piece<'a> {
+    steps: &'a Steps,
+    /// As [`Compact::rows`].
+    rows: &'a [u32],
+}
+
+impl Piece<'_> {
+    /// Writes the row of probabilities that a row of the block has reached, or the piece in which it continues.
+    #[inline(always)]
+    fn read(self, at: &[u16], row: u16, leaves: &mut [u32]) {
+        let row = usize::from(row);
+        let (Some(&at), Some(to)) = (at.get(row), leaves.get_mut(row)) else { return };
+        *to = match self.steps[usize::from(at)].feature() {
+            255 => self.rows.get(usize::from(at)).copied().unwrap_or_default(),
+            row => u32::from(row),
+        };
     }
 }
 
 /// Reads a tree sequentially, which loads it from memory much faster than node by node.
 fn warm(steps: &[Step]) {
-    let sum = steps.iter().step_by(LINE).fold(0u16, |sum, step| sum.wrapping_add(step.offset));
+    let sum = steps.iter().step_by(LINE).fold(0, |sum, step| sum ^ step.0);
     std::hint::black_box(sum);
 }
 
 impl CompactWalk {
-    /// Starts some rows at the root.
-    fn start(&mut self, steps: &[Step; WINDOW], codes: &CodeBlock<u8>, rows: Range<usize>) {
-        self.moving.resize(rows.len(), 0);
-        let mut kept = 0usize;
-        for row in rows {
-            let (Some(at), Some(codes)) = (self.at.get_mut(row), row_of(codes, row)) else { break };
-            *at = descend(steps, 0, codes);
-            if let Some(slot) = self.moving.get_mut(kept) {
-                *slot = row as u16;
-            }
-            kept = kept.wrapping_add(usize::from(steps[usize::from(*at)].offset != 0));
+    /// Places the rows where they leave the first levels; at the root if there are few.
+    fn start(&mut self, crown: &Crown, codes: &CodeBlock<u8>) {
+        self.at.resize(codes.rows, 0);
+        if self.rows.len() * FEW < codes.rows {
+            self.order.clear();
+            self.order.extend(self.rows.iter().map(|&row| Place { row, at: 0 }));
+            return;
         }
-        self.moving.truncate(kept);
+        self.ends.resize(codes.rows.next_multiple_of(TILE), 0);
+        pulp::Arch::new().dispatch(FindEnds { crown, codes, ends: &mut self.ends });
+        self.sort(crown);
     }
 
-    /// Moves the rows until all have reached a leaf.
-    fn finish(&mut self, steps: &[Step; WINDOW], codes: &CodeBlock<u8>) {
-        while !self.moving.is_empty() {
-            let mut kept = 0usize;
-            for i in 0..self.moving.len() {
-                let Some(&row) = self.moving.get(i) else { break };
-                let Some(at) = self.at.get_mut(usize::from(row)) else { break };
-                let Some(codes) = row_of(codes, usize::from(row)) else { break };
-                *at = descend(steps, *at, codes);
-                if let Some(slot) = self.moving.get_mut(kept) {
-                    *slot = row;
-                }
-                kept = kept.wrapping_add(usize::from(steps[usize::from(*at)].offset != 0));
+    /// Orders the rows by their ends, so that those in the same part of the tree follow each other.
+    fn sort(&mut self, crown: &Crown) {
+        let Self { rows, ends, order, .. } = self;
+        let end = |row: u16| ends.get(usize::from(row)).copied().unwrap_or_default() % ENDS as u8;
+        let mut places = [0u16; ENDS];
+        for &row in rows.iter() {
+            let count = &mut places[usize::from(end(row))];
+            *count = count.wrapping_add(1);
+        }
+        let mut next = 0u16;
+        for place in &mut places {
+            (*place, next) = (next, next.wrapping_add(*place));
+        }
+        order.resize(rows.len(), Place::default());
+        for &row in rows.iter() {
+            let end = end(row);
+            let place = &mut places[usize::from(end)];
+            if let Some(to) = order.get_mut(usize::from(*place)) {
+                *to = Place { row, at: crown.end(end) };
             }
-            self.moving.truncate(kept);
+            *place = place.wrapping_add(1);
         }
     }
 }
 
-#[inline(always)]
-fn row_of(codes: &CodeBlock<u8>, row: usize) -> Option<&[u8; ROW]> {
-    codes.by_row.get(row.wrapping_mul(codes.width)..).and_then(|codes| codes.first_chunk())
+/// The rows of a block during a descent: their codes, and where they are.
+struct Rows<'a> {
+    codes: &'a CodeBlock<u8>,
+    at: &'a mut [u16],
 }
 
-#[inline(always)]
-fn descend(steps: &[Step; WINDOW], mut at: u16, codes: &[u8; ROW]) -> u16 {
-    for _ in 0..LEVELS {
-        let step = steps[usize::from(at)];
-        let right = u16::from(codes[usize::from(step.feature)] > step.cut);
-        at = at.wrapping_add(step.offset).wrapping_add(right);
+impl Rows<'_> {
+    /// Moves rows until all have reached a leaf.
+    fn finish(&mut self, steps: &Steps, moving: &mut Vec<Place>) {
+        while !moving.is_empty() {
+            let (mut kept, mut next) = (0usize, 0usize);
+            while let Some(&few) = moving.get(next..).and_then(|rest| rest.first_chunk::<AT_ONCE>()) {
+                next = next.wrapping_add(AT_ONCE);
+                kept = keep(moving, kept, self.descend(steps, few));
+            }
+            while let Some(&one) = moving.get(next) {
+                next = next.wrapping_add(1);
+                kept = keep(moving, kept, self.descend(steps, [one]));
+            }
+            moving.truncate(kept);
+        }
     }
-    at
+
+    /// Moves a few rows some levels down, all of them a level before any of them the next one, so that the processor
+    /// works on all at once. Returns where they are, and whether they are not at a leaf.
+    #[inline(always)]
+    fn descend<const N: usize>(&mut self, steps: &Steps, few: [Place; N]) -> [(Place, bool); N] {
+        let codes = few.map(|place| self.codes_of(place.row));
+        let mut at = few.map(|place| usize::from(place.at));
+        for _ in 0..LEVELS {
+            for (at, codes) in at.iter_mut().zip(codes) {
+                let step = steps[*at];
+                let right = codes[usize::from(step.feature())] > step.cut();
+                *at = usize::from(step.left()).wrapping_add(usize::from(right));
+            }
+        }
+        std::array::from_fn(|i| {
+            let place = Place { row: few[i].row, at: at[i] as u16 };
+            if let Some(to) = self.at.get_mut(usize::from(place.row)) {
+                *to = place.at;
+            }
+            (place, !steps[at[i]].is_leaf())
+        })
+    }
+
+    #[inline(always)]
+    fn codes_of(&self, row: u16) -> &[u8; ROW] {
+        let first = usize::from(row).wrapping_mul(self.codes.width);
+        self.codes.by_row.get(first..).and_then(|codes| codes.first_chunk()).unwrap_or(&[0; ROW])
+    }
+}
+
+/// Appends those rows that go on to the first `kept` of a list; returns how many these then are.
+#[inline(always)]
+fn keep<const N: usize>(moving: &mut [Place], mut kept: usize, few: [(Place, bool); N]) -> usize {
+    for (place, goes_on) in few {
+        if let Some(to) = moving.get_mut(kept) {
+            *to = place;
+        }
+        kept = kept.wrapping_add(usize::from(goes_on));
+    }
+    kept
 }
 
 #[cfg(test)]
@@ -278,15 +408,20 @@ mod tests {
         let wide = Binning::new(vec![Vec::new(); 300]).unwrap();
         let fine = Binning::new(vec![(0..300).map(|cut| cut as f32).collect(); 9]).unwrap();
         let mut codes = CodeBlock::default();
-        forest.binning.bin_rows(&data.features, &mut codes);
+        forest.binning.bin_both(&data.features, &mut codes);
         let (mut walk, mut leaves) = (CompactWalk::default(), Vec::new());
         for most in [WINDOW, 1000, 50, 3] {
             let compact = Compact::new(trees, most).unwrap();
-            for (tree, &root) in forest.roots.iter().enumerate() {
-                compact.walk(tree, &codes, &mut walk, &mut leaves);
-                for (row, &leaf) in leaves.iter().enumerate() {
-                    let wanted = forest.leaf_of(root, |f| u16::from(codes.by_row[row * 9 + f]));
-                    assert_eq!(&forest.leaves[leaf as usize * 300..][..300], wanted, "{row}, {most}");
+            // All rows; some; so few that they begin at the root.
+            for step in [1, 3, 100] {
+                walk.rows = (0..4000).step_by(step).collect();
+                for (tree, &root) in forest.roots.iter().enumerate() {
+                    compact.walk(tree, &codes, &mut walk, &mut leaves);
+                    assert_eq!(leaves.len(), walk.rows.len());
+                    for (&row, &leaf) in walk.rows.iter().zip(&leaves) {
+                        let wanted = forest.leaf_of(root, |f| u16::from(codes.by_row[usize::from(row) * 9 + f]));
+                        assert_eq!(&forest.leaves[leaf as usize * 300..][..300], wanted, "{row}, {most}, {step}");
+                    }
                 }
             }
             assert!(compact.rows.iter().any(|&r| r > 255) && compact.trees() == 3);

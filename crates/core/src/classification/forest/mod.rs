@@ -3,6 +3,7 @@
 pub(in crate::classification) mod bagging;
 pub(in crate::classification) mod codec;
 pub(in crate::classification) mod compact;
+mod crown;
 pub(in crate::classification) mod descend;
 pub(in crate::classification) mod growing;
 pub(in crate::classification) mod importance;

@@ -116,9 +116,17 @@ impl Forest {
         Ok(())
     }
 
+    /// Quantises rows; all of them will descend.
+    pub(in crate::classification) fn begin(&self, rows: &[f32], scratch: &mut ForestScratch) {
+        let ForestScratch { narrow, compact_walk, .. } = scratch;
+        self.binning.bin_both(rows, narrow);
+        compact_walk.rows.clear();
+        compact_walk.rows.extend(0..narrow.rows as u16);
+    }
+
     fn add_compact(&self, rows: &[f32], trees: &Compact, scratch: &mut ForestScratch, out: &mut [f32]) {
+        self.begin(rows, scratch);
         let ForestScratch { narrow, compact_walk, leaves, .. } = scratch;
-        self.binning.bin_rows(rows, narrow);
         for tree in 0..trees.trees() {
             trees.walk(tree, narrow, compact_walk, leaves);
             self.add_leaves(leaves, out);

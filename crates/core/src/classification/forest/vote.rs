@@ -9,12 +9,6 @@ use crate::classification::learner::argmax;
 /// A lead must exceed what the remaining trees can add by this much: more than the rounding of the sums.
 const SLACK: f32 = 1e-3;
 
-/// Unfinished rows of a block, and their sums of class shares.
-struct OpenRows {
-    rows: Vec<u32>,
-    sums: Vec<f32>,
-}
-
 impl Forest {
     /// The classes of a block of rows, equal to those of the largest probabilities.
     ///
@@ -26,24 +20,25 @@ impl Forest {
         scratch: &mut ForestScratch,
         out: &mut [u16],
     ) {
-        self.binning.bin_rows(rows, &mut scratch.narrow);
-        let mut open = OpenRows { rows: (0..out.len() as u32).collect(), sums: vec![0.0; out.len() * self.classes] };
+        self.begin(rows, scratch);
+        // Those of the rows that descend.
+        let mut sums = vec![0.0; out.len() * self.classes];
         let count = trees.trees();
         let majority = count / 2 + 1;
         for tree in 0..count {
-            self.add_tree(trees, tree, scratch, &mut open.sums);
+            self.add_tree(trees, tree, scratch, &mut sums);
             let (done, left) = (tree + 1, count - tree - 1);
             if left > 0 && done >= majority && (done - majority).is_multiple_of((count / 16).max(1)) {
-                self.settle(left as f32 + SLACK, &mut open, scratch, out);
+                self.settle(left as f32 + SLACK, &mut sums, scratch, out);
             }
-            if open.rows.is_empty() {
+            if scratch.compact_walk.rows.is_empty() {
                 return;
             }
         }
         let trees = count.max(1) as f32;
-        for (&row, sums) in open.rows.iter().zip(open.sums.chunks_exact_mut(self.classes)) {
+        for (&row, sums) in scratch.compact_walk.rows.iter().zip(sums.chunks_exact_mut(self.classes)) {
             sums.iter_mut().for_each(|p| *p /= trees);
-            out[row as usize] = argmax(sums) as u16;
+            out[usize::from(row)] = argmax(sums) as u16;
         }
     }
 
@@ -54,25 +49,23 @@ impl Forest {
     }
 
     /// Writes the classes of rows whose lead exceeds `most`; the others are moved together.
-    fn settle(&self, most: f32, open: &mut OpenRows, scratch: &mut ForestScratch, out: &mut [u16]) {
-        let (codes, classes) = (&mut scratch.narrow, self.classes);
+    fn settle(&self, most: f32, sums: &mut Vec<f32>, scratch: &mut ForestScratch, out: &mut [u16]) {
+        let (rows, classes) = (&mut scratch.compact_walk.rows, self.classes);
         let mut kept = 0;
-        for i in 0..open.rows.len() {
-            let sums = &open.sums[i * classes..][..classes];
-            let best = argmax(sums);
-            let second = (0..classes).filter(|&c| c != best).map(|c| sums[c]).fold(0.0, f32::max);
-            if sums[best] - second > most {
-                out[open.rows[i] as usize] = best as u16;
+        for i in 0..rows.len() {
+            let own = &sums[i * classes..][..classes];
+            let best = argmax(own);
+            let second = (0..classes).filter(|&c| c != best).map(|c| own[c]).fold(0.0, f32::max);
+            if own[best] - second > most {
+                out[usize::from(rows[i])] = best as u16;
                 continue;
             }
-            open.rows[kept] = open.rows[i];
-            open.sums.copy_within(i * classes..(i + 1) * classes, kept * classes);
-            codes.by_row.copy_within(i * codes.width..(i + 1) * codes.width, kept * codes.width);
+            rows[kept] = rows[i];
+            sums.copy_within(i * classes..(i + 1) * classes, kept * classes);
             kept += 1;
         }
-        open.rows.truncate(kept);
-        open.sums.truncate(kept * classes);
-        codes.rows = kept;
+        rows.truncate(kept);
+        sums.truncate(kept * classes);
     }
 }
 
@@ -108,6 +101,6 @@ mod tests {
         let mut labels = vec![0; 3000];
         let Descent::Compact(trees) = &forest.descent else { panic!("small trees are compact") };
         forest.label_block(&data.features, trees, &mut scratch, &mut labels);
-        assert!(scratch.narrow.rows < 3000, "no row was settled early");
+        assert!(scratch.compact_walk.rows.len() < 3000, "no row was settled early");
     }
 }
