@@ -4,6 +4,7 @@
 //! bounds check is needed during the descent.
 
 use super::crown::{Crown, ENDS, FindEnds};
+use super::step::{LEAF, Step};
 use crate::classification::nodes::{LEAF_CUT, Node, Trees};
 use crate::classification::quantise::{CodeBlock, ROW, TILE};
 use std::ops::Range;
@@ -29,54 +30,8 @@ const AT_ONCE: usize = 8;
 /// Rows that descend a tree together; their codes stay in the cache.
 const TOGETHER: usize = 256;
 
-/// Cut of a leaf.
-const LEAF: u8 = 255;
-
 /// Nodes in a cache line.
 const LINE: usize = 16;
-
-/// A node: its left child (16 bits), feature (8 bits) and cut (8 bits), from the highest bit down. Rows with a code above
-/// the cut move to the node after the left child, others to the left child. A leaf has itself as left child and cut 255,
-/// which no code exceeds: rows stay there. Its feature is its row of probabilities; 255 if that is stored in
-/// [`Compact::rows`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Step(u32);
-
-impl Step {
-    fn new(left: usize, feature: u32, cut: u16) -> Self {
-        Self(((left as u32) << 16) | (feature << 8) | u32::from(cut))
-    }
-
-    #[inline(always)]
-    pub(super) fn left(self) -> u16 {
-        (self.0 >> 16) as u16
-    }
-
-    #[inline(always)]
-    fn feature(self) -> u8 {
-        (self.0 >> 8) as u8
-    }
-
-    #[inline(always)]
-    pub(super) fn cut(self) -> u8 {
-        self.0 as u8
-    }
-
-    /// The node of rows above the cut; a leaf itself.
-    pub(super) fn right(self) -> u16 {
-        self.left().wrapping_add(u16::from(!self.is_leaf()))
-    }
-
-    /// Feature and cut.
-    pub(super) fn split(self) -> (u8, u8) {
-        (self.feature(), self.cut())
-    }
-
-    #[inline(always)]
-    pub(super) fn is_leaf(self) -> bool {
-        self.cut() == LEAF
-    }
-}
 
 /// All trees of a forest, each in pieces of at most [`WINDOW`] nodes.
 #[derive(Clone, Debug, PartialEq)]
@@ -284,7 +239,7 @@ impl Piece<'_> {
 
 /// Reads a tree sequentially, which loads it from memory much faster than node by node.
 fn warm(steps: &[Step]) {
-    let sum = steps.iter().step_by(LINE).fold(0, |sum, step| sum ^ step.0);
+    let sum = steps.iter().step_by(LINE).fold(0, |sum, step| sum ^ step.bits());
     std::hint::black_box(sum);
 }
 

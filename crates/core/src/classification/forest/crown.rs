@@ -1,6 +1,6 @@
 //! The first levels of a tree, evaluated for a whole tile of rows at once: all splits, without branches or look-ups.
 
-use super::compact::Step;
+use super::step::Step;
 use crate::classification::quantise::{CodeBlock, TILE};
 
 /// Levels of a crown. Each doubles the work, which is less than that of a descent up to here.

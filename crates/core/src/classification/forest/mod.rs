@@ -9,6 +9,7 @@ pub(in crate::classification) mod growing;
 pub(in crate::classification) mod importance;
 mod join;
 pub(in crate::classification) mod predict;
+mod step;
 pub(in crate::classification) mod vote;
 
 use self::compact::{Compact, WINDOW};
