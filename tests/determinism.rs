@@ -4,8 +4,8 @@ use scansion_core::features::{self, FeatureSet};
 use scansion_core::io::{self, WriteOptions};
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, PyramidRecipe, System, TrainOptions, classify,
-    default_model, read_labels,
+    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, Model, PyramidRecipe, System, TrainOptions, TrainingResult,
+    classify, default_model, read_labels,
 };
 use scansion_tests::street;
 
@@ -37,7 +37,9 @@ fn features_models_labels_and_files_are_the_same_for_1_2_3_and_8_threads() {
             let monitor = Monitor::default();
             let recipe = small_recipe();
             let table = features::table(&scene, &recipe.features, &monitor).unwrap();
-            let (model, report) = recipe.train(&pair, &TrainOptions::default(), &monitor).unwrap();
+            let TrainingResult { fitted, trained, report } =
+                recipe.train(&pair, &TrainOptions::default(), &monitor).unwrap();
+            let model = Model { fitted: fitted.into(), trained };
             let named = classify(
                 &other,
                 &model,
@@ -67,8 +69,9 @@ fn a_model_learned_on_one_street_names_another() {
     let monitor = Monitor::default();
     let scene = street(40.0, 1);
     let labels = read_labels(&scene, &LabelParams::default()).unwrap();
-    let (model, _) =
-        small_recipe().train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor).unwrap();
+    let model = Model::from(
+        small_recipe().train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor).unwrap(),
+    );
     let other = street(40.0, 7);
     let truth = other.column("Classification").unwrap().values.to_f64();
     let named = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();

@@ -108,13 +108,17 @@ fn pages_of_methods_name_the_features_of_the_registry() {
 #[test]
 fn the_features_of_the_built_in_model_are_in_the_registry() {
     let model = recipes::default_model().unwrap();
-    let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();
+    let codes: Vec<u8> = model.trained.classes.classes().iter().map(|class| class.code).collect();
     let context = ContextParams::default().names(&codes);
     let scopes = [Scope::Level, Scope::Cell, Scope::Point];
     assert!(context.iter().all(|name| Feature::named(name, Scope::Class).is_some()), "{context:?}");
     let registered = |name: &String| scopes.iter().any(|&scope| Feature::named(name, scope).is_some());
-    let first = model.first.map(|first| first.feature_names).unwrap_or_default();
+    let first = model.trained.first.map(|first| first.feature_names).unwrap_or_default();
     assert!(!first.is_empty() && first.iter().all(registered), "{first:?}");
     let known = |name: &String| registered(name) || context.contains(name);
-    assert!(!model.feature_names.is_empty() && model.feature_names.iter().all(known), "{:?}", model.feature_names);
+    assert!(
+        !model.trained.feature_names.is_empty() && model.trained.feature_names.iter().all(known),
+        "{:?}",
+        model.trained.feature_names
+    );
 }

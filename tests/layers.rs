@@ -14,27 +14,7 @@ use syn::{Attribute, Item, ItemFn, ItemMod, ItemUse, Macro, UseTree, VisRestrict
 const MOST_FILES: usize = 12;
 
 /// Folders with circles, and the submodules of each circle. Remove what no longer takes part in one.
-const CIRCLES: [(&str, &[&str]); 2] = [
-    // A method trains a model, and a model holds the recipe of any method.
-    (
-        "recipes",
-        &[
-            "auto_context",
-            "classify",
-            "clusters",
-            "contours",
-            "model",
-            "objects",
-            "one_stage",
-            "pyramid",
-            "spheres",
-            "system",
-            "training",
-            "unet",
-            "weak",
-            "windows",
-        ],
-    ),
+const CIRCLES: [(&str, &[&str]); 1] = [
     // The parameters name a method, and every method takes the parameters.
     ("recipes/segment", &["felzenszwalb", "growing", "method", "on_points", "on_supervoxels", "params", "riemannian"]),
 ];

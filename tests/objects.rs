@@ -4,8 +4,8 @@ use scansion_core::cloud::Cloud;
 use scansion_core::evaluation::Confusion;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelledCloud, ObjectsRecipe, SegmentMethod, SegmentParams, System, TrainOptions,
-    classify, segment,
+    AnyRecipe, ClassifyParams, LabelledCloud, Model, ObjectsRecipe, SegmentMethod, SegmentParams, System, TrainOptions,
+    TrainingResult, classify, segment,
 };
 use scansion_tests::village::{labelled, village};
 
@@ -27,7 +27,9 @@ fn a_village_is_named_by_the_segments_of_others() {
         // Each village has one large ground segment, so that a single village would not show the variation.
         let others = [1, 6, 7, 8, 9].map(village);
         let settings = [SIZE, &kind, "training.share=1.0", "boosting.min_samples_leaf=3"];
-        let (model, report) = objects(&settings).train(&others, &TrainOptions::default(), &monitor).unwrap();
+        let TrainingResult { fitted, trained, report } =
+            objects(&settings).train(&others, &TrainOptions::default(), &monitor).unwrap();
+        let model = Model { fitted: fitted.into(), trained };
         assert!(report.by_segment.is_none() && report.oracle_accuracy > 0.97, "{report:?}");
         let found = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();
         let scores = Confusion::from_options(&truth.codes, &found.codes).unwrap().scores();
@@ -44,8 +46,8 @@ fn a_unit_of_the_recipe_counts_for_the_density_too() {
         LabelledCloud { cloud: Cloud::from_rows(&rows).unwrap(), labels }
     };
     let (recipe, monitor) = (objects(&[SIZE, "metres_per_unit=0.3048"]), Monitor::default());
-    let (model, _) = recipe.train(&[feet(1), feet(2)], &TrainOptions::default(), &monitor).unwrap();
-    assert!((3.5..4.5).contains(&model.fingerprint.density), "{}", model.fingerprint.density);
+    let model = Model::from(recipe.train(&[feet(1), feet(2)], &TrainOptions::default(), &monitor).unwrap());
+    assert!((3.5..4.5).contains(&model.trained.fingerprint.density), "{}", model.trained.fingerprint.density);
     let found = classify(&feet(3).cloud, &model, &ClassifyParams::default(), &monitor).unwrap();
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
 }
@@ -53,7 +55,7 @@ fn a_unit_of_the_recipe_counts_for_the_density_too() {
 #[test]
 fn segments_that_are_not_learned_from_are_scored() {
     let recipe = objects(&[SIZE, "training.share=0.5"]);
-    let (_, report) = recipe.train(&[village(1), village(2)], &TrainOptions::default(), &Monitor::default()).unwrap();
+    let report = recipe.train(&[village(1), village(2)], &TrainOptions::default(), &Monitor::default()).unwrap().report;
     assert!(report.learned < report.labelled);
     let (by_segment, by_point) = (report.by_segment.unwrap(), report.by_point.unwrap());
     assert_eq!(by_segment.points as usize, report.labelled - report.learned);
@@ -64,12 +66,12 @@ fn segments_that_are_not_learned_from_are_scored() {
 fn squares_that_are_learned_from_and_purity_reach_the_report() {
     let monitor = Monitor::default();
     let settings = [SIZE, "training.disjoint=true", "training.square=15", "training.purity=0.9"];
-    let (_, report) = objects(&settings).train(&[village(1)], &TrainOptions::default(), &monitor).unwrap();
+    let report = objects(&settings).train(&[village(1)], &TrainOptions::default(), &monitor).unwrap().report;
     let share = report.learned as f64 / report.labelled as f64;
     assert!((0.25..0.45).contains(&share), "{share}");
     assert!(report.labelled < report.segments, "impure segments have no class");
-    let (_, all) =
-        objects(&[SIZE, "training.share=1.0"]).train(&[village(1)], &TrainOptions::default(), &monitor).unwrap();
+    let all =
+        objects(&[SIZE, "training.share=1.0"]).train(&[village(1)], &TrainOptions::default(), &monitor).unwrap().report;
     assert!(all.by_segment.is_none() && all.learned == all.labelled);
 }
 
@@ -80,13 +82,15 @@ fn models_and_segments_are_the_same_for_1_2_3_and_8_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let monitor = Monitor::default();
-            let (model, _) = objects(&[SIZE])
-                .train(
-                    &[LabelledCloud { cloud: cloud.clone(), labels: labels.clone() }],
-                    &TrainOptions::default(),
-                    &monitor,
-                )
-                .unwrap();
+            let model = Model::from(
+                objects(&[SIZE])
+                    .train(
+                        &[LabelledCloud { cloud: cloud.clone(), labels: labels.clone() }],
+                        &TrainOptions::default(),
+                        &monitor,
+                    )
+                    .unwrap(),
+            );
             let found = classify(&cloud, &model, &ClassifyParams::default(), &monitor).unwrap();
             let parted: Vec<_> = SegmentMethod::ALL
                 .iter()
@@ -161,7 +165,7 @@ fn odd_clouds_are_parted_or_refused_but_never_break() {
     let roof = plane.iter().map(|p| [p[0] + 40.0, p[1], 10.0]);
     let two: Vec<[f64; 3]> = holes.iter().copied().chain(roof).collect();
     let codes: Vec<u8> = (0..800).map(|i| if i < 400 { 2 } else { 6 }).collect();
-    let (model, _) = train(&two, &codes, &[SIZE]).unwrap();
+    let model = Model::from(train(&two, &codes, &[SIZE]).unwrap());
     let cloud = Cloud::from_rows(&two).unwrap();
     let codes = classify(&cloud, &model, &ClassifyParams::default(), &Monitor::default()).unwrap().codes;
     assert!(codes[11] == 1 && codes[12] != 1, "points that are not finite stay unclassified");

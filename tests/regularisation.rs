@@ -7,7 +7,7 @@ use scansion_core::parallel::Monitor;
 use scansion_core::random::{Stream, stream};
 use scansion_core::recipes::{
     AnyRecipe, ChoiceReport, ClassifyParams, LabelledCloud, Labels, Model, PyramidRecipe, Regularise, RegulariseParams,
-    System, TrainOptions, classify,
+    System, TrainOptions, TrainingResult, classify,
 };
 
 /// A plain of 50 m; `of` gives class and intensity of a place.
@@ -39,7 +39,9 @@ fn recipe() -> PyramidRecipe {
 }
 
 fn trained(cloud: LabelledCloud) -> (Model, ChoiceReport) {
-    let (model, report) = recipe().train(&[cloud], &TrainOptions::default(), &Monitor::default()).unwrap();
+    let TrainingResult { fitted, trained, report } =
+        recipe().train(&[cloud], &TrainOptions::default(), &Monitor::default()).unwrap();
+    let model = Model { fitted: fitted.into(), trained };
     (model, report.regularisation.unwrap())
 }
 
@@ -95,7 +97,9 @@ fn a_scene_of_a_few_metres_is_divided_too_and_one_without_two_classes_in_both_co
 #[test]
 fn a_method_that_the_recipe_names_is_not_chosen_again_and_a_section_without_one_is() {
     let named = PyramidRecipe { regularise: RegulariseParams::default(), ..recipe() };
-    let (model, report) = named.train(&[fields(40)], &TrainOptions::default(), &Monitor::default()).unwrap();
+    let TrainingResult { fitted, trained, report } =
+        named.train(&[fields(40)], &TrainOptions::default(), &Monitor::default()).unwrap();
+    let model = Model { fitted: fitted.into(), trained };
     assert!(report.regularisation.is_none() && model.fitted.regularise().method == Regularise::None);
     let read = |text: &str| AnyRecipe::from_toml(text).map(|recipe| recipe.to_toml().unwrap());
     for name in ["pyramid", "airborne"] {

@@ -5,8 +5,8 @@ use scansion_core::evaluation::Confusion;
 use scansion_core::io;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, Labels, Regularise, SegmentParams, System, TrainOptions,
-    WeakRecipe, classify, read_labels, segment, statistics,
+    AnyRecipe, ClassifyParams, LabelParams, LabelledCloud, Labels, Model, Regularise, SegmentParams, System,
+    TrainOptions, TrainingResult, WeakRecipe, classify, read_labels, segment, statistics,
 };
 use scansion_core::segmentation::{Intent, PartitionParams};
 use scansion_tests::{data, street};
@@ -23,9 +23,10 @@ fn scores(cloud: &Cloud, labels: &Labels, settings: &[&str], seed: u64) -> Vec<(
     let settings = [&["labels.per_class=15", "neighbourhood.k_step=10"], settings].concat();
     let recipe = WeakRecipe { seed, ..weak(&settings) };
     let monitor = Monitor::default();
-    let (model, report) = recipe
+    let TrainingResult { fitted, trained, report } = recipe
         .train(&[LabelledCloud { cloud: cloud.clone(), labels: labels.clone() }], &TrainOptions::default(), &monitor)
         .unwrap();
+    let model = Model { fitted: fitted.into(), trained };
     assert!(report.classes.iter().all(|c| c.samples == 15));
     let methods = [Regularise::None, Regularise::PointCrf, Regularise::Consensus, Regularise::SegmentCrf];
     methods
@@ -79,9 +80,10 @@ fn models_labels_and_segments_are_the_same_for_1_2_3_and_8_threads() {
             let monitor = Monitor::default();
             let recipe = weak(&["labels.per_class=20", "forest.trees=20"]);
             let options = TrainOptions { strengths: vec![0.3, 1.0], ..TrainOptions::default() };
-            let (model, report) = recipe
+            let TrainingResult { fitted, trained, report } = recipe
                 .train(&[LabelledCloud { cloud: scene.clone(), labels: labels.clone() }], &options, &monitor)
                 .unwrap();
+            let model = Model { fitted: fitted.into(), trained };
             let named = classify(&scene, &model, &ClassifyParams::default(), &monitor).unwrap();
             let intent = Intent::SegmentsPerHectare(500.0);
             let params = SegmentParams {
@@ -108,9 +110,11 @@ fn a_model_with_a_field_names_another_street_and_any_model_can_have_one() {
         let hits = codes.iter().zip(&truth.codes).filter(|(c, t)| Some(**c) == **t).count();
         hits as f64 / codes.len() as f64
     };
-    let (model, _) = weak(&["labels.per_class=25"])
-        .train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor)
-        .unwrap();
+    let model = Model::from(
+        weak(&["labels.per_class=25"])
+            .train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor)
+            .unwrap(),
+    );
     let named = classify(&other, &model, &ClassifyParams::default(), &monitor).unwrap();
     assert!(right(&named.codes) > 0.9, "{}", right(&named.codes));
     let pyramid = scansion_core::recipes::default_model().unwrap();
@@ -132,7 +136,8 @@ fn labelled(rows: &[[f64; 3]], codes: &[u8]) -> LabelledCloud {
 fn names(rows: &[[f64; 3]], codes: &[u8], settings: &[&str]) -> Result<Vec<u8>, String> {
     let pair = [labelled(rows, codes)];
     let monitor = Monitor::default();
-    let (model, _) = weak(settings).train(&pair, &TrainOptions::default(), &monitor).map_err(|e| e.to_string())?;
+    let model =
+        Model::from(weak(settings).train(&pair, &TrainOptions::default(), &monitor).map_err(|e| e.to_string())?);
     Ok(classify(&pair[0].cloud, &model, &ClassifyParams::default(), &monitor).map_err(|e| e.to_string())?.codes)
 }
 
@@ -141,9 +146,10 @@ fn a_unit_of_the_recipe_counts_for_the_density_too() {
     let rows: Vec<[f64; 3]> = (0..1600).map(|i| [f64::from(i % 40), f64::from(i / 40), 0.0]).collect();
     let codes: Vec<u8> = (0..1600).map(|i| if i % 40 < 20 { 2 } else { 6 }).collect();
     let recipe = weak(&["features.metres_per_unit=0.5", "labels.per_class=15"]);
-    let (model, _) = recipe.train(&[labelled(&rows, &codes)], &TrainOptions::default(), &Monitor::default()).unwrap();
+    let model =
+        Model::from(recipe.train(&[labelled(&rows, &codes)], &TrainOptions::default(), &Monitor::default()).unwrap());
     // A point every half metre.
-    assert!((3.5..4.5).contains(&model.fingerprint.density), "{}", model.fingerprint.density);
+    assert!((3.5..4.5).contains(&model.trained.fingerprint.density), "{}", model.trained.fingerprint.density);
 }
 
 #[test]
@@ -191,8 +197,9 @@ fn parts_get_the_labels_of_the_whole_if_its_statistics_are_known() {
     // The six descriptors alone: the coarse levels of a pyramid reach from one site to the other.
     let settings = ["labels.per_class=25", "shares.power=1", "descriptors=paper", "regularise.method=none"];
     let monitor = Monitor::default();
-    let (model, _) =
-        weak(&settings).train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor).unwrap();
+    let model = Model::from(
+        weak(&settings).train(&[LabelledCloud { cloud: scene, labels }], &TrainOptions::default(), &monitor).unwrap(),
+    );
     let params = ClassifyParams::default();
     let whole = classify(&Cloud::from_rows(&sites.concat()).unwrap(), &model, &params, &monitor).unwrap();
     let parts = sites.map(|rows| Cloud::from_rows(&rows).unwrap());
@@ -224,8 +231,9 @@ fn the_finest_scale_of_the_features_is_that_of_the_spacing() {
         let rows: Vec<[f64; 3]> = ground.chain(wall).collect();
         let codes: Vec<u8> = (0..3200).map(|i| if i % 100 > 0 { 0 } else { 2 + 4 * u8::from(i >= 1600) }).collect();
         let recipe = weak(&["features.pyramid.levels=2", "neighbourhood.k_max=12", "forest.trees=5"]);
-        let (model, _) =
-            recipe.train(&[labelled(&rows, &codes)], &TrainOptions::default(), &Monitor::default()).unwrap();
-        assert!(model.feature_names.iter().any(|n| n == name), "{:?}", model.feature_names);
+        let model = Model::from(
+            recipe.train(&[labelled(&rows, &codes)], &TrainOptions::default(), &Monitor::default()).unwrap(),
+        );
+        assert!(model.trained.feature_names.iter().any(|n| n == name), "{:?}", model.trained.feature_names);
     }
 }

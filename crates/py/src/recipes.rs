@@ -172,9 +172,9 @@ impl Model {
         };
         let (mut inner, report) = call(py, n_jobs, train)?;
         if !names.is_empty() {
-            let classes = inner.classes.classes().iter().cloned();
+            let classes = inner.trained.classes.classes().iter().cloned();
             let called = |c: Class| Class { name: names.get(usize::from(c.code)).cloned().unwrap_or(c.name), ..c };
-            inner.classes = ClassTable::new(classes.map(called).collect()).map_err(raise)?;
+            inner.trained.classes = ClassTable::new(classes.map(called).collect()).map_err(raise)?;
         }
         Ok((Self { inner, builtin: false }, report))
     }
@@ -236,7 +236,7 @@ impl Model {
         })?;
         let misfit = self.builtin.then(|| recipes::builtin_misfit(&found)).flatten();
         let warnings = found.warnings.iter().chain(&misfit).map(|text| in_python(text)).collect();
-        let classes = self.inner.classes.len();
+        let classes = self.inner.trained.classes.len();
         let probabilities = found.probabilities.map(|p| to_matrix(py, p, classes)).transpose()?;
         Ok((
             PyArray1::from_vec(py, found.codes),
@@ -249,15 +249,15 @@ impl Model {
 
     /// A list, not `bytes`, for Python.
     fn codes(&self) -> Vec<u16> {
-        self.inner.classes.classes().iter().map(|c| u16::from(c.code)).collect()
+        self.inner.trained.classes.classes().iter().map(|c| u16::from(c.code)).collect()
     }
 
     fn class_names(&self) -> Vec<String> {
-        self.inner.classes.classes().iter().map(|c| c.name.clone()).collect()
+        self.inner.trained.classes.classes().iter().map(|c| c.name.clone()).collect()
     }
 
     fn feature_names(&self) -> Vec<String> {
-        self.inner.feature_names.clone()
+        self.inner.trained.feature_names.clone()
     }
 
     fn recipe(&self) -> PyResult<String> {
@@ -265,7 +265,7 @@ impl Model {
     }
 
     fn importance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.inner.classifier.importance())
+        PyArray1::from_slice(py, self.inner.trained.classifier.importance())
     }
 }
 

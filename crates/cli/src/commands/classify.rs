@@ -21,7 +21,7 @@ const LIMITS: &str = "built-in model: cars, masts, long bridges and water have n
 
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
     let mut model = sources::model(args.model.as_deref())?;
-    model.classes = model.classes.renamed(&context.naming.class_names);
+    model.trained.classes = model.trained.classes.renamed(&context.naming.class_names);
     if !args.set.is_empty() {
         model.fitted = model.fitted.with_settings(args.set.iter().map(String::as_str))?;
     }
@@ -151,7 +151,7 @@ fn rules(model: &Model, args: &Classify) -> Result<ClassRules, Failure> {
 
 /// All classes of the output.
 fn given(model: &Model, args: &Classify, context: &Context<'_>) -> Result<ClassTable, Failure> {
-    Ok(rules(model, args)?.given(&model.classes).renamed(&context.naming.class_names))
+    Ok(rules(model, args)?.given(&model.trained.classes).renamed(&context.naming.class_names))
 }
 
 /// What made the classes, as JSON: program, model and its checksum, recipe, regularisation.
@@ -231,7 +231,7 @@ fn dimensions(model: &Model, args: &Classify) -> Vec<Column> {
         list.extend([names::CONFIDENCE.into(), names::ENTROPY.into()]);
     }
     if args.probabilities {
-        list.extend(model.classes.classes().iter().map(|class| names::probability_of(&class.name)));
+        list.extend(model.trained.classes.classes().iter().map(|class| names::probability_of(&class.name)));
     }
     let own = args.to.iter().map(|name| Column::new(name, Values::U8(Vec::new())));
     own.chain(list.into_iter().map(|name| Column::new(name, Values::F32(Vec::new())))).collect()
@@ -258,7 +258,7 @@ fn edits(
         edits.push(Edit::Dimension(Column::new(names::ENTROPY, Values::F32(result.entropy))));
     }
     if let Some(probabilities) = result.probabilities {
-        let classes = model.classes.classes();
+        let classes = model.trained.classes.classes();
         for (c, class) in classes.iter().enumerate() {
             let values = probabilities.chunks_exact(classes.len()).map(|p| p[c]).collect();
             edits.push(Edit::Dimension(Column::new(names::probability_of(&class.name), Values::F32(values))));

@@ -4,7 +4,7 @@ use super::{Context, sources};
 use crate::args::{Format, Model};
 use crate::exit_code::Failure;
 use scansion_core::classification::Predictor;
-use scansion_core::recipes::{Model as ModelFile, Regularise, RegulariseParams};
+use scansion_core::recipes::{Model as ModelFile, Regularise, RegulariseParams, Trained};
 use std::fmt::Write;
 
 pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
@@ -23,31 +23,33 @@ pub(crate) fn run(args: &Model, context: &Context<'_>) -> Result<(), Failure> {
 
 /// Features by decreasing importance.
 fn ranked(model: &ModelFile) -> Vec<(&str, f64)> {
+    let Trained { feature_names, classifier, .. } = &model.trained;
     let mut ranked: Vec<(&str, f64)> =
-        model.feature_names.iter().map(String::as_str).zip(model.classifier.importance().iter().copied()).collect();
+        feature_names.iter().map(String::as_str).zip(classifier.importance().iter().copied()).collect();
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(b.0)));
     ranked
 }
 
 fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
-    let parts: Vec<String> = model.classifier.parts().iter().map(|p| format!("{} {}", p.count, p.kind)).collect();
+    let trained = &model.trained;
+    let parts: Vec<String> = trained.classifier.parts().iter().map(|p| format!("{} {}", p.count, p.kind)).collect();
     let mut text = format!(
         "{}: {}, {} features, trained at {:.1} points per square metre\n\
          regularisation: {}\n\n{:>5}  {:<20} {:>12}\n",
-        model.classifier.kind().name(),
+        trained.classifier.kind().name(),
         parts.join(", "),
-        model.feature_names.len(),
-        model.fingerprint.density,
+        trained.feature_names.len(),
+        trained.fingerprint.density,
         regularisation(model),
         "code",
         "class",
         "samples"
     );
-    for (class, samples) in model.classes.classes().iter().zip(&model.fingerprint.class_counts) {
+    for (class, samples) in trained.classes.classes().iter().zip(&trained.fingerprint.class_counts) {
         let _ = writeln!(text, "{:>5}  {:<20} {samples:>12}", class.code, class.name);
     }
-    let given = model.fitted.rules().given(&model.classes);
-    if given.classes() != model.classes.classes() {
+    let given = model.fitted.rules().given(&trained.classes);
+    if given.classes() != trained.classes.classes() {
         let list: Vec<String> = given.classes().iter().map(|class| format!("{} {}", class.code, class.name)).collect();
         let _ = writeln!(text, "\nclassify writes: {}", list.join(", "));
     }
@@ -75,15 +77,15 @@ fn csv(ranked: &[(&str, f64)]) -> String {
 
 fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> Result<String, Failure> {
     let mut value = serde_json::json!({
-        "classifier": model.classifier.kind(),
+        "classifier": model.trained.classifier.kind(),
         "seed": model.fitted.seed(),
-        "classes": model.classes.classes(),
-        "samples": model.fingerprint.class_counts,
-        "density": model.fingerprint.density,
+        "classes": model.trained.classes.classes(),
+        "samples": model.trained.fingerprint.class_counts,
+        "density": model.trained.fingerprint.density,
         "regularisation": regularisation(model),
         "features": ranked.iter().map(|(name, importance)| serde_json::json!({"name": name, "importance": importance})).collect::<Vec<_>>(),
         "recipe": model.fitted.recipe().to_toml()?,
     });
-    model.classifier.parts().iter().for_each(|part| value[part.kind] = part.count.into());
+    model.trained.classifier.parts().iter().for_each(|part| value[part.kind] = part.count.into());
     Ok(value.to_string())
 }

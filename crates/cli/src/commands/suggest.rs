@@ -29,14 +29,14 @@ pub(crate) fn run(args: &Suggest, context: &Context<'_>) -> Result<(), Failure> 
     let model = args.model.as_deref().map(|path| sources::model(Some(path))).transpose()?;
     let offered = match (&args.offer, &model) {
         (Some(list), _) => list.clone(),
-        (None, Some(model)) => model.classes.clone(),
+        (None, Some(model)) => model.trained.classes.clone(),
         (None, None) => ClassTable::default(),
     };
     let (cloud, own, mut segmented) = parted(&args.input, (&args.segments, &[]), &args.labels, context)?;
     segmented.describe(&OptimalParams::default(), &context.monitor)?;
     let picked = picked(args, &segmented, context)?;
     let said = match &model {
-        Some(model) => Some((probabilities(&args.input, model, context)?, model.classes.len())),
+        Some(model) => Some((probabilities(&args.input, model, context)?, model.trained.classes.len())),
         None => None,
     };
     let known = KnownPoints {

@@ -17,6 +17,7 @@ mod segment;
 mod spheres;
 mod suggest;
 mod system;
+mod trained;
 mod training;
 mod unet;
 mod weak;
@@ -25,17 +26,18 @@ mod windows;
 pub use auto_context::{AutoContextKind, AutoContextRecipe, AutoContextReport, FoldParams};
 pub use builtin::{BUILTIN_MAP, builtin_misfit, default_contour_model, default_model};
 pub use classify::rules::{ClassRules, LevelParams, WireParams};
-pub use classify::statistics::{CloudStatistics, statistics};
-pub use classify::{Classified, ClassifyParams, FeatureFit, Job, classify};
+pub use classify::statistics::CloudStatistics;
+pub use classify::{Classified, ClassifyParams, FeatureFit, Job};
 pub use clusters::{ClusterSet, ClusterTable, ClusterTableParams, ClustersKind, ClustersRecipe, cluster_table};
 pub use contours::{
     Baseline, BaselineParams, CandidateTraining, ContourLine, ContourParams, ContourStages, Contours, ContoursKind,
-    ContoursRecipe, ContoursReport, SceneScores, baseline_contours, contour_stages, contours, edge_labels,
-    labelled_scene, labelled_scenes, measure_scene,
+    ContoursRecipe, ContoursReport, SceneScores, baseline_contours, edge_labels, labelled_scene, labelled_scenes,
+    measure_scene,
 };
 pub use labels::file::{LabelFile, PickedCloud, Picking};
 pub use labels::{EdgeLines, LabelParams, LabelledCloud, Labels, read_labels};
-pub use model::{FirstStage, Model};
+pub use model::any::{AnyFitted, AnyRecipe};
+pub use model::{Model, classify, contour_stages, contours, statistics};
 pub use objects::{Heights, ObjectSegments, ObjectTraining, ObjectsKind, ObjectsRecipe, ObjectsReport, SupervoxelMode};
 pub use one_stage::OneStageReport;
 pub use pyramid::{DepthScore, PyramidKind, PyramidRecipe, PyramidReport};
@@ -49,10 +51,10 @@ pub use segment::{
 };
 pub use spheres::{SphereGroups, SpheresKind, SpheresRecipe};
 pub use suggest::{Doubt, KnownPoints, SuggestParams, Suggestion, suggest, suggestion_page};
-pub use system::any::{AnyFitted, AnyRecipe};
 pub use system::report::{ClassCount, Report};
 pub use system::settings::set_key;
-pub use system::{Fitted, Nothing, System, TrainOptions};
+pub use system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+pub use trained::{FirstStage, Trained};
 pub use training::blocks::square_folds;
 pub use training::choice::{CandidateScore, ChoiceReport};
 pub use training::samples::TrainingParams;

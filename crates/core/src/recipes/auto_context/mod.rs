@@ -15,9 +15,8 @@ pub use report::AutoContextReport;
 use super::classify::rules::{ClassRules, LevelParams, WireParams};
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
-use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams, automatic};
-use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
 use crate::classification::{BoostingParams, ForestParams};
 use crate::error::{Error, Result};
@@ -262,7 +261,7 @@ impl System for AutoContextRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, AutoContextReport)> {
+    ) -> Result<TrainingResult<Self>> {
         train::train(self, clouds, options, monitor)
     }
 

@@ -14,19 +14,19 @@ use crate::features::definition::{Feature, Scope};
 use crate::features::{self, Context, Rated};
 use crate::parallel::Monitor;
 use crate::recipes::classify::predict::CloudPredictor;
-use crate::recipes::model::{FirstStage, Stage};
 use crate::recipes::regularise::Regularise;
+use crate::recipes::trained::{FirstStage, Stage, Trained};
 use crate::recipes::training::choice::{ChoiceReport, CrossTraining, Labelled, NeededPoints, Trial, choose};
 use crate::recipes::training::sources::{SampleSource, SampleSources};
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
+use crate::recipes::{Fitted, LabelledCloud, Nothing, System, TrainOptions, TrainingResult};
 
 pub(super) fn train(
     recipe: &AutoContextRecipe,
     clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Model, AutoContextReport)> {
+) -> Result<TrainingResult<AutoContextRecipe>> {
     options.without_strengths(recipe.name())?;
     options.without_depths(recipe.name())?;
     recipe.validate()?;
@@ -58,7 +58,7 @@ pub(super) fn train(
         warnings: sources.warnings.clone(),
     };
     let [a, b] = halves;
-    let model = Model {
+    let trained = Trained {
         network: None,
         first: Some(FirstStage {
             fingerprint: Some(Fingerprint::of(&first.samples(&sources), density)),
@@ -67,11 +67,10 @@ pub(super) fn train(
         }),
         fingerprint: fingerprint.select(&used),
         feature_names: used.iter().map(|&f| second.names[f].clone()).collect(),
-        fitted: Fitted { recipe, learned: Nothing {} }.into(),
         classes: sources.classes.clone(),
         classifier: Classifier::Boosting(trained),
     };
-    Ok((model, report))
+    Ok(TrainingResult { fitted: Fitted { recipe, learned: Nothing {} }, trained, report })
 }
 
 /// The comparison of regularisations on held-out patches; `None` if the recipe names one. Points are rated by the forest

@@ -1,4 +1,4 @@
-//! Classifies every point of a cloud with a model of any recipe.
+//! What classification by every recipe has in common: its parameters, its result, the comparison with the training.
 
 pub(in crate::recipes) mod predict;
 pub(in crate::recipes) mod rules;
@@ -7,12 +7,11 @@ pub(in crate::recipes) mod statistics;
 use crate::classification::argmax;
 use crate::cloud::{Cloud, MetricCloud, Points};
 use crate::error::Result;
-use crate::memory;
 use crate::parallel::{Monitor, watched};
 use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
-use crate::recipes::model::Model;
 use crate::recipes::regularise::{Regularise, RegulariseParams, Regularised};
+use crate::recipes::trained::Trained;
 use crate::terrain::ElevationModel;
 use crate::voxels::planar_density;
 
@@ -23,7 +22,7 @@ const OTHER: f64 = 8.0;
 /// scans have up to 0.01, an office 0.15, depth images 0.26.
 const UNLIKE: f64 = 0.05;
 
-/// Parameters of [`classify`].
+/// Parameters of [`classify`](crate::recipes::classify()).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClassifyParams {
     /// Also return the probability of every class (4 bytes a point and class).
@@ -73,28 +72,9 @@ pub struct Classified {
     pub warnings: Vec<String>,
 }
 
-/// Classifies every point of a cloud with a model of any recipe.
-///
-/// Without regularisation, the features of the pyramid are computed and discarded block by block; with it, the
-/// probabilities and a graph of all points are held (about 300 bytes a point).
-///
-/// # Errors
-/// If the model needs a feature that this version or this cloud does not have.
-pub fn classify(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<Classified> {
-    let regularise = params.regularise_of(model);
-    forecast(cloud.len(), model.fitted.bytes_a_point(regularise.method))?;
-    let scene = params.scene(cloud, model, monitor)?;
-    let mut result = model.fitted.classify(&Job { scene: &scene, model, params, regularise: &regularise }, monitor)?;
-    let rules = params.rules.clone().unwrap_or_else(|| model.fitted.rules());
-    rules.apply(&mut result, &model.classes, &scene, monitor)?;
-    scene.strays.index.iter().for_each(|&i| result.codes[i as usize] = stray_code(model));
-    Ok(result)
-}
-
 impl ClassifyParams {
-    /// The model's regularisation with the method that the caller asks for.
-    pub(in crate::recipes) fn regularise_of(&self, model: &Model) -> RegulariseParams {
-        let own = model.fitted.regularise();
+    /// The model's own regularisation with the method that the caller asks for.
+    pub(in crate::recipes) fn regularise_of(&self, own: &RegulariseParams) -> RegulariseParams {
         let method = match self.regularise.unwrap_or(own.method) {
             // A choice that no training has made.
             Regularise::Auto => Regularise::None,
@@ -107,10 +87,10 @@ impl ClassifyParams {
     pub(in crate::recipes) fn scene<'a>(
         &self,
         cloud: &'a Cloud,
-        model: &Model,
+        of_recipe: Option<f64>,
         monitor: &Monitor,
     ) -> Result<MetricCloud<'a>> {
-        MetricCloud::new(cloud, self.metres_per_unit.or(model.fitted.metres_per_unit()), monitor)
+        MetricCloud::new(cloud, self.metres_per_unit.or(of_recipe), monitor)
     }
 }
 
@@ -119,12 +99,16 @@ impl ClassifyParams {
 pub struct Job<'a> {
     /// The cloud in metres.
     pub scene: &'a MetricCloud<'a>,
-    /// The model, with classes, feature names and classifier.
-    pub model: &'a Model,
+    /// Classes, feature names and classifiers of the model.
+    pub model: &'a Trained,
     /// What the caller asks for.
     pub params: &'a ClassifyParams,
     /// The regularisation: the recipe's with the caller's method.
     pub regularise: &'a RegulariseParams,
+    /// Lowest density of the thinned copies in training, points per square metre ([`System::lowest_density`]).
+    ///
+    /// [`System::lowest_density`]: crate::recipes::System::lowest_density
+    pub lowest_density: f64,
 }
 
 impl Job<'_> {
@@ -149,7 +133,7 @@ impl Job<'_> {
 
     /// Warnings about differences between this cloud and the training data; `here` is its density, points per m².
     pub(in crate::recipes) fn warnings(&self, here: f64, monitor: &Monitor) -> Result<Vec<String>> {
-        let Self { scene: MetricCloud { cloud, .. }, model, .. } = self;
+        let Self { scene: MetricCloud { cloud, .. }, model, lowest_density, .. } = self;
         let mut warnings = Vec::new();
         let mut finite = 0;
         for piece in watched(cloud.len(), monitor) {
@@ -164,7 +148,7 @@ impl Job<'_> {
         }
         warnings.extend(self.scene.oddities());
         let there = model.fingerprint.density;
-        let thinnest = model.fitted.lowest_density().min(there);
+        let thinnest = lowest_density.min(there);
         if finite > 1000 && there > 0.0 && (here > OTHER * there || here * OTHER < thinnest) {
             let mut text = format!(
                 "{here:.1} points per square metre here, {there:.1} in training: check the unit of the coordinates and the result"
@@ -182,16 +166,9 @@ impl Job<'_> {
 const NOISE: u8 = 7;
 
 /// The code for stray points: noise (7) if the model has ASPRS codes, in which 0 and 1 are not classes.
-fn stray_code(model: &Model) -> u8 {
+pub(in crate::recipes) fn stray_code(model: &Trained) -> u8 {
     let has = |code| model.classes.position(code).is_some();
     if has(2) && !has(0) && !has(1) { NOISE } else { model.classes.free_code() }
-}
-
-/// Fails before any work if there is less memory than the classification of so many points needs at least.
-fn forecast(points: usize, bytes_a_point: u64) -> Result<()> {
-    // The fine levels are held for only a part of the points.
-    let needed = bytes_a_point * points as u64 + 150 * points.min(1 << 20) as u64;
-    memory::require(needed, &format!("classifying {points} points"))
 }
 
 impl Classified {
@@ -216,7 +193,7 @@ impl Classified {
     }
 
     /// No class for any point yet.
-    pub(in crate::recipes) fn unknown(points: usize, model: &Model, probabilities: bool) -> Self {
+    pub(in crate::recipes) fn unknown(points: usize, model: &Trained, probabilities: bool) -> Self {
         let classes = model.classes.len();
         Self {
             codes: vec![model.classes.free_code(); points],
@@ -230,13 +207,13 @@ impl Classified {
     }
 
     /// Gives some points their most probable class; row i of `probabilities` belongs to point `points[i]`.
-    pub(in crate::recipes) fn place(&mut self, points: &[u32], probabilities: &[f32], model: &Model) {
+    pub(in crate::recipes) fn place(&mut self, points: &[u32], probabilities: &[f32], model: &Trained) {
         for (&point, row) in points.iter().zip(probabilities.chunks_exact(model.classes.len())) {
             self.set(point as usize, argmax(row), row, model);
         }
     }
 
-    fn set(&mut self, point: usize, label: usize, row: &[f32], model: &Model) {
+    fn set(&mut self, point: usize, label: usize, row: &[f32], model: &Trained) {
         self.codes[point] = model.classes.classes()[label].code;
         self.confidence[point] = row[label].clamp(0.0, 1.0);
         self.entropy[point] = entropy(row);

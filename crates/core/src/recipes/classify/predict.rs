@@ -9,7 +9,7 @@ use crate::features::{
 };
 use crate::parallel::{Monitor, map_ordered_with};
 use crate::recipes::classify::FeatureFit;
-use crate::recipes::model::Stage;
+use crate::recipes::trained::Stage;
 
 /// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
 const TOGETHER: usize = 8;

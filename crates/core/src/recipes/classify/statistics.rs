@@ -1,10 +1,6 @@
 //! Statistics of a whole cloud, which are needed to classify a part of it.
 
-use crate::cloud::Cloud;
 use crate::error::{Error, Result};
-use crate::parallel::Monitor;
-use crate::recipes::classify::{ClassifyParams, Job};
-use crate::recipes::model::Model;
 use serde::{Deserialize, Serialize};
 
 /// Statistics of a cloud: those of its parts, added together, are those of the whole.
@@ -28,15 +24,4 @@ impl CloudStatistics {
         self.class_counts.iter_mut().zip(&other.class_counts).for_each(|(sum, count)| *sum += count);
         Ok(self)
     }
-}
-
-/// The first pass over a part of a cloud: what [`ClassifyParams::statistics`] takes, once those of all parts are added.
-/// A model that needs nothing of the whole cloud gives empty statistics at once.
-///
-/// # Errors
-/// As [`classify`](crate::recipes::classify()).
-pub fn statistics(cloud: &Cloud, model: &Model, params: &ClassifyParams, monitor: &Monitor) -> Result<CloudStatistics> {
-    let regularise = params.regularise_of(model);
-    let scene = params.scene(cloud, model, monitor)?;
-    model.fitted.statistics(&Job { scene: &scene, model, params, regularise: &regularise }, monitor)
 }

@@ -12,10 +12,9 @@ pub use table::{ClusterTable, ClusterTableParams, cluster_table};
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
-use super::model::Model;
 use super::one_stage::{Description, OneStage, OneStageReport, classify, train};
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
 use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
 use crate::classification::{
@@ -164,7 +163,7 @@ impl System for ClustersRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, OneStageReport)> {
+    ) -> Result<TrainingResult<Self>> {
         train(self, clouds, options, monitor)
     }
 

@@ -1,14 +1,11 @@
-//! From a cloud and a model to lines.
+//! From rated candidates to lines.
 
 use super::classes::Sides;
 use super::scaled::{LocalLines, Scale};
-use super::stages::{ContourParams, ContourStages, contour_stages};
-use crate::cloud::Cloud;
+use super::stages::ContourStages;
 use crate::contours::{Polyline, TraceParams, trace};
 use crate::error::Result;
 use crate::parallel::Monitor;
-use crate::recipes::model::Model;
-use crate::recipes::system::any::AnyFitted;
 use serde::Serialize;
 
 /// A line along an edge.
@@ -43,20 +40,6 @@ pub struct Contours {
     pub energies: Vec<f64>,
     /// Warnings for the user.
     pub warnings: Vec<String>,
-}
-
-/// Lines along the edges of objects.
-///
-/// The model is one of the recipe `contours`. Results are the same for any number of threads. O(n log n) for n points; 80
-/// bytes a point, and about 2 kB for each seed of a line, of which a voxel along an edge has one.
-///
-/// # Errors
-/// If the model is of another recipe, the cloud has no points with finite coordinates or lacks a column, there is not one
-/// class a point, a parameter is outside its range, or the work was cancelled.
-pub fn contours(cloud: &Cloud, model: &Model, params: &ContourParams, monitor: &Monitor) -> Result<Contours> {
-    let stages = contour_stages(cloud, model, params, monitor)?;
-    let AnyFitted::Contours(fitted) = &model.fitted else { return Ok(Contours::default()) };
-    stages.lines(&fitted.recipe.trace, monitor)
 }
 
 impl ContourStages {

@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::classify::predict::{CloudPredictor, Fit};
 use crate::recipes::classify::{Classified, Job};
-use crate::recipes::model::{Model, Stage};
 use crate::recipes::regularise::{Probabilities, regularise};
+use crate::recipes::trained::{Stage, Trained};
 
 /// Position of the contours among the classes.
 pub(super) const CONTOUR: usize = 1;
@@ -23,7 +23,7 @@ pub(super) struct RatedPoints {
 }
 
 /// The classifier of points of a model.
-pub(super) fn stage(model: &Model) -> Result<Stage<'_>> {
+pub(super) fn stage(model: &Trained) -> Result<Stage<'_>> {
     let missing =
         || Error::ModelMismatch("it has no classifier of contour points: train one with the recipe contours".into());
     model.first.as_ref().map(|first| first.stage()).ok_or_else(missing)

@@ -19,16 +19,16 @@ mod synthetic;
 mod train;
 
 pub use baseline::{Baseline, BaselineParams, baseline_contours};
-pub use extract::{ContourLine, Contours, contours};
+pub use extract::{ContourLine, Contours};
 pub use report::ContoursReport;
-pub use stages::{ContourParams, ContourStages, contour_stages};
+pub(in crate::recipes) use stages::{ContourModel, stages_of};
+pub use stages::{ContourParams, ContourStages};
 pub use synthetic::{SceneScores, edge_labels, labelled_scene, labelled_scenes, measure_scene};
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
-use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
 use crate::classification::ForestParams;
 use crate::contours::{CandidateParams, MatchParams, TangentParams, TraceParams};
@@ -213,7 +213,7 @@ impl System for ContoursRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, ContoursReport)> {
+    ) -> Result<TrainingResult<Self>> {
         train::train(self, clouds, options, monitor)
     }
 

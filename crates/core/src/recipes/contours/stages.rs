@@ -1,5 +1,6 @@
 //! What lies between points and lines: rated points and rated candidates.
 
+use super::ContoursRecipe;
 use super::classes::codes_of;
 use super::likely::{CONTOUR, rate, stage};
 use super::scaled::Scale;
@@ -9,8 +10,7 @@ use crate::contours::{Candidates, Likely, VALUES, candidates};
 use crate::error::{Error, Result};
 use crate::parallel::{Monitor, map_ordered_with};
 use crate::recipes::classify::FeatureFit;
-use crate::recipes::model::Model;
-use crate::recipes::system::any::AnyFitted;
+use crate::recipes::trained::Trained;
 
 /// Candidates that one task rates.
 const BLOCK: usize = 4096;
@@ -46,29 +46,32 @@ pub struct ContourStages {
     pub(super) warnings: Vec<String>,
 }
 
-/// Rates the points and the candidates of a cloud by a model of the recipe `contours`.
+/// A model of this recipe.
+#[derive(Clone, Copy)]
+pub(in crate::recipes) struct ContourModel<'a> {
+    pub(in crate::recipes) recipe: &'a ContoursRecipe,
+    pub(in crate::recipes) trained: &'a Trained,
+}
+
+/// Rates the points and the candidates of a cloud.
 ///
 /// # Errors
-/// As [`contours`](super::contours()).
-pub fn contour_stages(
+/// As [`contours`](crate::recipes::contours()).
+pub(in crate::recipes) fn stages_of(
     cloud: &Cloud,
-    model: &Model,
+    model: ContourModel<'_>,
     params: &ContourParams,
     monitor: &Monitor,
 ) -> Result<ContourStages> {
     if !(0.0..=1.0).contains(&params.min_confidence) {
         return Err(Error::parameter("min_confidence", params.min_confidence, "0 to 1"));
     }
-    let AnyFitted::Contours(fitted) = &model.fitted else {
-        let reason = format!("it is one of the recipe {} (allowed: contours)", model.fitted.recipe().name());
-        return Err(Error::ModelMismatch(reason));
-    };
-    let recipe = &fitted.recipe;
+    let ContourModel { recipe, trained } = model;
     let original = MetricCloud::new(cloud, params.metres_per_unit.or(recipe.features.metres_per_unit), monitor)?;
     let scale = Scale::of(recipe, &original, monitor)?;
     let scene = scale.scene(&original);
     let codes = codes_of(cloud, params.codes.as_deref())?;
-    let mut rated = rate(recipe, &scene, stage(model)?, monitor)?;
+    let mut rated = rate(recipe, &scene, stage(trained)?, monitor)?;
     match &codes {
         Some(codes) => rated.leave_out(codes, &params.without),
         None if params.without.is_empty() => {}
@@ -77,7 +80,7 @@ pub fn contour_stages(
     let likely = rated.likely(&recipe.tangents, monitor)?;
     let candidates = candidates(&likely, &recipe.candidates, monitor)?;
     let warnings = [original.oddities(), warnings(rated.fit.shares())].concat();
-    let probabilities = probabilities(model, &candidates, monitor)?;
+    let probabilities = probabilities(trained, &candidates, monitor)?;
     let points = rated.points;
     Ok(ContourStages {
         likely,
@@ -104,7 +107,7 @@ fn warnings(fit: Option<FeatureFit>) -> Vec<String> {
 }
 
 /// The probability of each candidate to be a contour.
-fn probabilities(model: &Model, found: &Candidates, monitor: &Monitor) -> Result<Vec<f32>> {
+fn probabilities(model: &Trained, found: &Candidates, monitor: &Monitor) -> Result<Vec<f32>> {
     debug_assert_eq!(found.descriptors.len(), found.list.len() * VALUES);
     monitor.stage("candidates", found.list.len() as u64);
     let blocks: Vec<&[f32]> = found.descriptors.chunks(BLOCK * VALUES).collect();

@@ -13,11 +13,12 @@ use crate::error::{Error, Result};
 use crate::features::FeatureSet;
 use crate::parallel::{Monitor, map_each};
 use crate::random::{Stream, stream};
-use crate::recipes::model::FirstStage;
-use crate::recipes::pyramid::{PyramidRecipe, PyramidReport};
+use crate::recipes::pyramid::PyramidRecipe;
 use crate::recipes::regularise::{Regularise, RegulariseParams};
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{EdgeLines, Fitted, LabelledCloud, Labels, Model, Nothing, System, TrainOptions};
+use crate::recipes::{
+    EdgeLines, FirstStage, Fitted, LabelledCloud, Labels, Nothing, System, TrainOptions, Trained, TrainingResult,
+};
 
 /// Codes of points off and on contours.
 const CODES: [u8; 2] = [0, 1];
@@ -30,16 +31,16 @@ pub(super) fn train(
     clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Model, ContoursReport)> {
+) -> Result<TrainingResult<ContoursRecipe>> {
     options.without_strengths(recipe.name())?;
     options.without_depths(recipe.name())?;
     recipe.validate()?;
     let scaled = clouds.iter().map(|cloud| scaled(recipe, cloud, monitor)).collect::<Result<Vec<_>>>()?;
-    let (points, report) = point_model(recipe, &scaled, monitor)?;
+    let TrainingResult { trained: points, report, .. } = point_model(recipe, &scaled, monitor)?;
     let halves = halves(scaled, monitor)?;
     let mut collected = CandidateExamples { params: &recipe.examples, rows: Default::default() };
     for (taught, other) in [(0, 1), (1, 0)] {
-        let (model, _) = point_model(recipe, &halves[taught], monitor)?;
+        let model = point_model(recipe, &halves[taught], monitor)?.trained;
         for cloud in &halves[other] {
             let found = found_candidates(recipe, cloud, &model, monitor)?;
             collected.take(&found, &cloud.labels, monitor)?;
@@ -53,8 +54,7 @@ pub(super) fn train(
     let classifier = Classifier::Forest(forest.train(&samples, monitor)?);
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     let report = ContoursReport::new(report, examples.counts, data.unlabelled());
-    let model = Model {
-        fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }.into(),
+    let trained = Trained {
         classes: points.classes.clone(),
         feature_names: VALUE_NAMES.iter().map(|&name| name.to_string()).collect(),
         fingerprint: Fingerprint::of(&samples, density(&data, monitor)?),
@@ -66,7 +66,7 @@ pub(super) fn train(
         }),
         network: None,
     };
-    Ok((model, report))
+    Ok(TrainingResult { fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }, trained, report })
 }
 
 /// A copy of a cloud in scaled metres, labelled as on or off contours.
@@ -104,7 +104,11 @@ fn halves(clouds: Vec<LabelledCloud>, monitor: &Monitor) -> Result<[Half; 2]> {
 }
 
 /// The forest that rates points.
-fn point_model(recipe: &ContoursRecipe, clouds: &[LabelledCloud], monitor: &Monitor) -> Result<(Model, PyramidReport)> {
+fn point_model(
+    recipe: &ContoursRecipe,
+    clouds: &[LabelledCloud],
+    monitor: &Monitor,
+) -> Result<TrainingResult<PyramidRecipe>> {
     let regularise = RegulariseParams { method: Regularise::None, ..RegulariseParams::default() };
     let points = PyramidRecipe {
         seed: recipe.seed,
@@ -119,7 +123,12 @@ fn point_model(recipe: &ContoursRecipe, clouds: &[LabelledCloud], monitor: &Moni
 }
 
 /// The candidates of a scaled cloud; their nodes are points of the cloud.
-fn found_candidates(recipe: &ContoursRecipe, cloud: &LabelledCloud, model: &Model, monitor: &Monitor) -> Result<Found> {
+fn found_candidates(
+    recipe: &ContoursRecipe,
+    cloud: &LabelledCloud,
+    model: &Trained,
+    monitor: &Monitor,
+) -> Result<Found> {
     let scene = MetricCloud::new(&cloud.cloud, None, monitor)?;
     let rated: RatedPoints = rate(recipe, &scene, model.stage(), monitor)?;
     let likely = rated.likely(&recipe.tangents, monitor)?;

@@ -23,9 +23,8 @@ pub use split::ObjectTraining;
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
-use super::model::Model;
 use super::regularise::RegulariseParams;
-use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
 use super::training::classifiers::offers_classifiers;
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams, LinearParams};
 use crate::cloud::names;
@@ -158,7 +157,7 @@ impl System for ObjectsRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, ObjectsReport)> {
+    ) -> Result<TrainingResult<Self>> {
         options.without_depths(Self::NAME)?;
         options.without_strengths(Self::NAME)?;
         train::train(self, clouds, monitor)

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::evaluation::{Confusion, Scores};
 use crate::parallel::Monitor;
 use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
-use crate::recipes::{ClassCount, Fitted, LabelledCloud, Model, Nothing, System};
+use crate::recipes::{ClassCount, Fitted, LabelledCloud, Nothing, System, Trained, TrainingResult};
 use crate::segmentation::{Majority, majorities};
 use crate::voxels::planar_density;
 
@@ -37,7 +37,7 @@ pub(super) fn train(
     recipe: &ObjectsRecipe,
     clouds: &[LabelledCloud],
     monitor: &Monitor,
-) -> Result<(Model, ObjectsReport)> {
+) -> Result<TrainingResult<ObjectsRecipe>> {
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     check_classes(&data.labelled_classes())?;
@@ -59,16 +59,15 @@ pub(super) fn train(
     let classifier = recipe.classifier().with_seed(recipe.seed).train(&samples, monitor)?;
     let report = report(&data, &studied, &Answer { classifier: &classifier, classes: &classes })?;
     let density = mean_density(studied.iter().map(|l| l.density));
-    let model = Model {
+    let trained = Trained {
         first: None,
         network: None,
         fingerprint: Fingerprint::of(&samples, density),
-        fitted: Fitted { recipe, learned: Nothing {} }.into(),
         feature_names: names,
         classes,
         classifier,
     };
-    Ok((model, report))
+    Ok(TrainingResult { fitted: Fitted { recipe, learned: Nothing {} }, trained, report })
 }
 
 fn study(scene: &LabelledScene<'_>, recipe: &ObjectsRecipe, seed: u64, monitor: &Monitor) -> Result<CloudSegments> {

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{AnyFitted, Fitted, LabelledCloud, Model, Nothing, TrainOptions};
+use crate::recipes::{Fitted, LabelledCloud, Nothing, TrainOptions, Trained, TrainingResult};
 
 /// The features of all samples.
 #[derive(Default)]
@@ -26,10 +26,9 @@ pub(in crate::recipes) fn train<R>(
     clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Model, OneStageReport)>
+) -> Result<TrainingResult<R>>
 where
-    R: OneStage<Learned = Nothing>,
-    AnyFitted: From<Fitted<R>>,
+    R: OneStage<Learned = Nothing, Report = OneStageReport>,
 {
     options.without_strengths(recipe.name())?;
     options.without_depths(recipe.name())?;
@@ -57,16 +56,15 @@ where
         found: described.found,
         warnings: sources.warnings,
     };
-    let model = Model {
+    let trained = Trained {
         first: None,
         network: None,
         fingerprint: Fingerprint::of(&samples, density(&data, monitor)?).select(&used),
         feature_names: used.iter().map(|&f| described.names[f].clone()).collect(),
-        fitted: Fitted { recipe, learned: Nothing {} }.into(),
         classes: sources.classes,
         classifier,
     };
-    Ok((model, report))
+    Ok(TrainingResult { fitted: Fitted { recipe, learned: Nothing {} }, trained, report })
 }
 
 /// The features of the samples of all sources, and the recipe with its open choices made.

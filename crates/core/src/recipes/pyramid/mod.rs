@@ -13,9 +13,8 @@ pub use report::{DepthScore, PyramidReport};
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
-use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams, automatic};
-use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
 use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams, LinearParams};
@@ -127,7 +126,7 @@ impl System for PyramidRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, PyramidReport)> {
+    ) -> Result<TrainingResult<Self>> {
         train::train(self, clouds, options, monitor)
     }
 

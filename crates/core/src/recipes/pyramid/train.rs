@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
+use crate::recipes::{Fitted, LabelledCloud, Nothing, System, TrainOptions, Trained, TrainingResult};
 
 /// Trains a model. The finest voxel, if the recipe leaves it open, is that of the first cloud's point spacing; the depth
 /// is the best of `options.depths`, and the regularisation is chosen if the recipe says `auto`.
@@ -18,7 +18,7 @@ pub(super) fn train(
     clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Model, PyramidReport)> {
+) -> Result<TrainingResult<PyramidRecipe>> {
     options.without_strengths(PyramidRecipe::NAME)?;
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
@@ -45,14 +45,13 @@ pub(super) fn train(
         regularisation,
         warnings: sources.warnings,
     };
-    let model = Model {
+    let trained = Trained {
         first: None,
         network: None,
         fingerprint: Fingerprint::of(&described.samples(), density(&data, monitor)?).select(&used),
         feature_names: used.iter().map(|&f| described.names[f].clone()).collect(),
-        fitted: Fitted { recipe, learned: Nothing {} }.into(),
         classes: described.classes,
         classifier,
     };
-    Ok((model, report))
+    Ok(TrainingResult { fitted: Fitted { recipe, learned: Nothing {} }, trained, report })
 }

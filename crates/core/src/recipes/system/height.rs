@@ -6,10 +6,10 @@ use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::labels::LabelledCloud;
-use crate::recipes::model::Model;
 use crate::recipes::regularise::{Probabilities, RegulariseParams, regularise};
 use crate::recipes::system::report::{ClassCount, Report};
-use crate::recipes::system::{Fitted, Nothing, System, TrainOptions};
+use crate::recipes::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use crate::recipes::trained::Trained;
 use crate::recipes::training::{ClassSamples, TrainingData, check_classes, mean_density};
 use crate::voxels::planar_density;
 use serde::{Deserialize, Serialize};
@@ -75,7 +75,7 @@ impl System for HeightRecipe {
         clouds: &[LabelledCloud],
         _options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, HeightReport)> {
+    ) -> Result<TrainingResult<Self>> {
         self.validate()?;
         let data = TrainingData::new(clouds, self.metres_per_unit(), monitor)?;
         let classes = data.labelled_classes();
@@ -94,17 +94,17 @@ impl System for HeightRecipe {
         }
         let samples = Samples { features: &features, width: 1, labels: &labels, weights: None, classes: classes.len() };
         let forest = ForestParams { seed: self.seed, ..self.forest.clone() };
-        let model = Model {
+        let trained = Trained {
             first: None,
             network: None,
             fingerprint: Fingerprint::of(&samples, mean_density(densities.into_iter())),
             feature_names: NAMES.map(String::from).to_vec(),
             classifier: Classifier::Forest(forest.train(&samples, monitor)?),
-            fitted: Fitted { recipe: self.clone(), learned: Nothing {} }.into(),
             classes,
         };
         let all = |_| ClassSamples { count: labels.len() as u64, weight: 1.0 };
-        Ok((model, HeightReport { classes: data.class_counts(all) }))
+        let report = HeightReport { classes: data.class_counts(all) };
+        Ok(TrainingResult { fitted: Fitted { recipe: self.clone(), learned: Nothing {} }, trained, report })
     }
 
     fn classify(_fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
@@ -146,7 +146,7 @@ impl Report for HeightReport {
 mod tests {
     use super::*;
     use crate::cloud::{Cloud, CodeScheme};
-    use crate::recipes::{AnyRecipe, ClassifyParams, Labels, classify};
+    use crate::recipes::{AnyRecipe, ClassifyParams, Labels, Model, classify};
 
     #[test]
     fn a_method_of_one_file_and_one_line_trains_is_saved_and_classifies() {

@@ -1,12 +1,10 @@
 //! The interface of a published method: its recipe (the settings), training and classification.
 //!
-//! A new method needs a folder with a recipe that implements [`System`], one line in the list of `any.rs` and a page
+//! A new method needs a folder with a recipe that implements [`System`], one line in the list of `model/any.rs` and a page
 //! in `docs/`. Models, command line and Python know methods only through this trait.
 
-pub(in crate::recipes) mod any;
 #[cfg(test)]
-mod height;
-mod papers;
+pub(in crate::recipes) mod height;
 pub(in crate::recipes) mod report;
 pub(in crate::recipes) mod settings;
 
@@ -16,9 +14,9 @@ use crate::recipes::classify::rules::ClassRules;
 use crate::recipes::classify::statistics::CloudStatistics;
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::labels::LabelledCloud;
-use crate::recipes::model::Model;
 use crate::recipes::regularise::{Regularise, RegulariseParams};
 use crate::recipes::system::report::Report;
+use crate::recipes::trained::Trained;
 use crate::terrain::ElevationModel;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -113,7 +111,7 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, Self::Report)>;
+    ) -> Result<TrainingResult<Self>>;
 
     /// What classification of a part needs to know of the whole cloud: the first pass over it.
     ///
@@ -137,6 +135,17 @@ pub struct Fitted<S: System> {
     pub recipe: S,
     /// What training has learned besides the classifier.
     pub learned: S::Learned,
+}
+
+/// What training returns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainingResult<S: System> {
+    /// The recipe with its choices made, and what only this method learns.
+    pub fitted: Fitted<S>,
+    /// Classes, features and classifiers.
+    pub trained: Trained,
+    /// What there is to say about it.
+    pub report: S::Report,
 }
 
 /// For methods that learn only a classifier.

@@ -75,7 +75,7 @@ impl<'a> Squares<'a> {
 }
 
 /// The network of a model.
-struct Trained<'a> {
+struct TrainedNet<'a> {
     recipe: &'a UNetRecipe,
     net: UNet,
     parameters: Parameters<f32>,
@@ -83,7 +83,7 @@ struct Trained<'a> {
     voxel: f64,
 }
 
-impl<'a> Trained<'a> {
+impl<'a> TrainedNet<'a> {
     fn of(recipe: &'a UNetRecipe, job: &Job<'_>) -> Result<Self> {
         let Some(voxel) = recipe.voxel else {
             return Err(Error::ModelMismatch("a model of the recipe unet needs a voxel".into()));
@@ -147,7 +147,7 @@ struct Rated {
     touching: usize,
 }
 
-impl Trained<'_> {
+impl TrainedNet<'_> {
     /// Rates all points, in squares of `edge` cells.
     fn rate(&self, points: &Points, job: &Job<'_>, edge: i64, monitor: &Monitor) -> Result<Rated> {
         let (model, classes, width) = (job.model, job.model.classes.len(), self.net.width());
@@ -178,7 +178,7 @@ impl Trained<'_> {
 }
 
 pub(super) fn classify(recipe: &UNetRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
-    let trained = Trained::of(recipe, job)?;
+    let trained = TrainedNet::of(recipe, job)?;
     let points = job.scene.some_points(monitor)?;
     let rated = trained.rate(&points, job, SQUARE, monitor)?;
     let given = Probabilities { values: &rated.values, classes: job.model.classes.len() };
@@ -197,7 +197,7 @@ mod tests {
     use crate::recipes::classify::ClassifyParams;
     use crate::recipes::labels::{LabelledCloud, Labels};
     use crate::recipes::unet::{Augmentation, LearningParams};
-    use crate::recipes::{Fitted, Model, Nothing, TrainOptions};
+    use crate::recipes::{Fitted, Model, Nothing, TrainOptions, Trained};
     use std::path::Path;
 
     /// A meadow with boxes as tall as a house on it; class 6 on the boxes, class 2 on the meadow.
@@ -226,7 +226,7 @@ mod tests {
     }
 
     fn trained() -> Model {
-        recipe().train(&[village(1)], &Default::default(), &Monitor::default()).unwrap().0
+        recipe().train(&[village(1)], &Default::default(), &Monitor::default()).unwrap().into()
     }
 
     #[test]
@@ -248,7 +248,7 @@ mod tests {
         let wide = Model { fitted: Fitted { recipe: wide, learned: Nothing {} }.into(), ..model.clone() };
         let message = crate::recipes::classify(&cloud, &wide, &ClassifyParams::default(), &monitor).unwrap_err();
         assert!(message.to_string().contains("by the model's recipe"), "{message}");
-        let none = Model { network: None, ..model };
+        let none = Model { trained: Trained { network: None, ..model.trained }, ..model };
         let message = crate::recipes::classify(&cloud, &none, &ClassifyParams::default(), &monitor).unwrap_err();
         assert!(message.to_string().contains("needs a network"), "{message}");
     }
@@ -274,8 +274,8 @@ mod tests {
             });
             assert!(train(&options, &stopped).is_err());
         });
-        let (model, report) = train(&options, &Monitor::default()).unwrap();
-        assert!((model, report) == train(&TrainOptions::default(), &Monitor::default()).unwrap());
+        let result = train(&options, &Monitor::default()).unwrap();
+        assert!(result == train(&TrainOptions::default(), &Monitor::default()).unwrap());
         let other = UNetRecipe { seed: 9, ..recipe.clone() }.train(&[village(1)], &options, &Monitor::default());
         assert!(other.unwrap_err().to_string().contains("other settings or clouds"));
         let path = options.checkpoint.clone().unwrap();
@@ -306,9 +306,15 @@ mod tests {
         let LabelledCloud { cloud, .. } = village(3);
         let metric = MetricCloud::new(&cloud, None, &monitor).unwrap();
         let (params, regularise) = (ClassifyParams::default(), recipe().regularise);
-        let job = Job { scene: &metric, model: &model, params: &params, regularise: &regularise };
+        let job = Job {
+            scene: &metric,
+            model: &model.trained,
+            params: &params,
+            regularise: &regularise,
+            lowest_density: f64::INFINITY,
+        };
         let recipe = recipe();
-        let trained = Trained::of(&recipe, &job).unwrap();
+        let trained = TrainedNet::of(&recipe, &job).unwrap();
         let points = metric.some_points(&monitor).unwrap();
         let whole = trained.rate(&points, &job, 1000, &monitor).unwrap().values;
         // The margin must not reach beyond the next square.

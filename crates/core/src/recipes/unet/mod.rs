@@ -18,9 +18,8 @@ pub use report::UNetReport;
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
-use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
 use crate::error::{Error, Result};
 use crate::nn::networks::UNetParams;
@@ -165,7 +164,7 @@ impl System for UNetRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, UNetReport)> {
+    ) -> Result<TrainingResult<Self>> {
         train::train(self, clouds, options, monitor)
     }
 

@@ -19,7 +19,7 @@ use crate::recipes::training::networks::{
 };
 use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, TrainOptions};
+use crate::recipes::{Fitted, LabelledCloud, Nothing, TrainOptions, Trained, TrainingResult};
 
 /// Steps whose parts are looked at for the summary.
 const LOOKED_AT: u64 = 8;
@@ -48,7 +48,7 @@ pub(super) fn train(
     clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Model, UNetReport)> {
+) -> Result<TrainingResult<UNetRecipe>> {
     options.without_strengths("unet")?;
     options.without_depths("unet")?;
     use crate::recipes::System;
@@ -83,8 +83,7 @@ pub(super) fn train(
         losses,
         warnings: sources.warnings,
     };
-    let model = Model {
-        fitted: Fitted { recipe, learned: Nothing {} }.into(),
+    let trained = Trained {
         classes: sources.classes,
         feature_names: names(training.net.width()),
         fingerprint: summary,
@@ -92,7 +91,7 @@ pub(super) fn train(
         first: None,
         network: Some(parameters.sorted()),
     };
-    Ok((model, report))
+    Ok(TrainingResult { fitted: Fitted { recipe, learned: Nothing {} }, trained, report })
 }
 
 /// The share of each class in the samples to the power of minus `balance`, with mean 1.
@@ -297,7 +296,7 @@ mod tests {
         let clouds = [plane(0.0, 2, [0.0, 0.0]), plane(40.0, 5, [5000.0, 300.0])];
         let train = |mix, threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| recipe(mix).train(&clouds, &TrainOptions::default(), &Monitor::default()).unwrap().0)
+            pool.install(|| recipe(mix).train(&clouds, &TrainOptions::default(), &Monitor::default()).unwrap())
         };
         let model = train(0.5, 1);
         assert!(train(0.5, 3) == model && train(0.0, 1) != model);

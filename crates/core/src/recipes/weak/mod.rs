@@ -35,9 +35,8 @@ pub use shares::ClassShares;
 use super::classify::statistics::CloudStatistics;
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
-use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, System, TrainOptions};
+use super::system::{Fitted, System, TrainOptions, TrainingResult};
 use crate::classification::ForestParams;
 use crate::cloud::names;
 use crate::error::Result;
@@ -179,7 +178,7 @@ impl System for WeakRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, WeakReport)> {
+    ) -> Result<TrainingResult<Self>> {
         options.without_depths(Self::NAME)?;
         train::train(self, clouds, options, monitor)
     }

@@ -15,7 +15,7 @@ use crate::recipes::regularise::{
     DescribedPoints, Probabilities, RegulariseParams, Segments, Support, adjacency, partition,
 };
 use crate::recipes::training::{ClassSamples, LabelledScene, TrainingData, check_classes, mean_density};
-use crate::recipes::{Fitted, LabelledCloud, Model, System, TrainOptions};
+use crate::recipes::{Fitted, LabelledCloud, System, TrainOptions, Trained, TrainingResult};
 use crate::segmentation::Intent;
 use crate::terrain::RoadExample;
 use crate::voxels::planar_density;
@@ -45,7 +45,7 @@ pub(super) fn train(
     clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Model, WeakReport)> {
+) -> Result<TrainingResult<WeakRecipe>> {
     recipe.validate()?;
     let data = TrainingData::new(clouds, recipe.metres_per_unit(), monitor)?;
     check_classes(&data.labelled_classes())?;
@@ -82,16 +82,15 @@ pub(super) fn train(
         strength: recipe.regularise.strength,
         warnings: warnings(&recipe, road_examples),
     };
-    let model = Model {
+    let trained = Trained {
         first: None,
         network: None,
         fingerprint: Fingerprint::of(&samples, density),
-        fitted: Fitted { recipe, learned }.into(),
         feature_names,
         classes,
         classifier,
     };
-    Ok((model, report))
+    Ok(TrainingResult { fitted: Fitted { recipe, learned }, trained, report })
 }
 
 /// A cloud of which only the local descriptors have been computed.

@@ -18,7 +18,7 @@ use crate::recipes::training::networks::{check_values, restore};
 const BLOCK: usize = 128;
 
 /// The network of a model.
-struct Trained {
+struct TrainedNet {
     net: WindowNet,
     parameters: Parameters<f32>,
     frame: Frame,
@@ -30,7 +30,7 @@ struct Rated {
     fit: Fit,
 }
 
-impl Trained {
+impl TrainedNet {
     fn of(recipe: &WindowsRecipe, job: &Job<'_>) -> Result<Self> {
         let Some(voxel) = recipe.voxel else {
             return Err(Error::ModelMismatch("a model of the recipe windows needs a voxel".into()));
@@ -71,7 +71,7 @@ impl Trained {
 }
 
 pub(super) fn classify(recipe: &WindowsRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
-    let trained = Trained::of(recipe, job)?;
+    let trained = TrainedNet::of(recipe, job)?;
     let points = job.scene.some_points(monitor)?;
     let rated = trained.rate(&points, job, monitor)?;
     let given = Probabilities { values: &rated.values, classes: job.model.classes.len() };

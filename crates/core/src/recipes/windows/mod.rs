@@ -17,9 +17,8 @@ pub use settings::{Placement, WindowsKind, WindowsLearning};
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
-use super::model::Model;
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, Nothing, System, TrainOptions};
+use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
 use crate::error::{Error, Result};
 use crate::nn::networks::WindowNetParams;
@@ -103,7 +102,7 @@ impl System for WindowsRecipe {
         clouds: &[LabelledCloud],
         options: &TrainOptions,
         monitor: &Monitor,
-    ) -> Result<(Model, WindowsReport)> {
+    ) -> Result<TrainingResult<Self>> {
         train::train(self, clouds, options, monitor)
     }
 

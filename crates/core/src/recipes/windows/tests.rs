@@ -4,7 +4,7 @@ use crate::cloud::{Cloud, CodeScheme, Positions};
 use crate::random::stream;
 use crate::recipes::classify::ClassifyParams;
 use crate::recipes::labels::Labels;
-use crate::recipes::{AnyRecipe, Model};
+use crate::recipes::{AnyRecipe, Model, Trained};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -137,7 +137,7 @@ fn recipe() -> WindowsRecipe {
 }
 
 fn trained(recipe: &WindowsRecipe) -> Model {
-    recipe.train(&[village(1)], &TrainOptions::default(), &Monitor::default()).unwrap().0
+    recipe.train(&[village(1)], &TrainOptions::default(), &Monitor::default()).unwrap().into()
 }
 
 /// Labels that a model gives, and how many of them are right.
@@ -169,7 +169,7 @@ fn roofs_of_another_village_are_found_and_the_model_comes_back_from_its_file() {
         let message = found.unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
-    let none = Model { network: None, ..model };
+    let none = Model { trained: Trained { network: None, ..model.trained }, ..model };
     let message = crate::recipes::classify(&known.cloud, &none, &ClassifyParams::default(), &Monitor::default());
     assert!(message.unwrap_err().to_string().contains("needs a network"));
 }
@@ -205,8 +205,8 @@ fn twenty_points_can_be_overfitted() {
         training: TrainingParams { voxel: 0.0, ..TrainingParams::default() },
         ..recipe()
     };
-    let (model, report) =
-        recipe.train(std::slice::from_ref(&known), &TrainOptions::default(), &Monitor::default()).unwrap();
+    let result = recipe.train(std::slice::from_ref(&known), &TrainOptions::default(), &Monitor::default()).unwrap();
+    let (report, model) = (result.report.clone(), result.into());
     assert_eq!(classified(&model, &known).1, 20, "{:?}", report.curve());
     assert!(report.curve()[9] < 0.2 * report.curve()[0]);
     let text = crate::recipes::Report::text(&report);

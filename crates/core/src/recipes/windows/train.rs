@@ -17,7 +17,7 @@ use crate::recipes::training::networks::{
 };
 use crate::recipes::training::sources::{SampleSource, SampleSources};
 use crate::recipes::training::{TrainingData, density};
-use crate::recipes::{Fitted, LabelledCloud, Model, Nothing, System, TrainOptions};
+use crate::recipes::{Fitted, LabelledCloud, Nothing, System, TrainOptions, Trained, TrainingResult};
 use sha2::Digest;
 
 /// Steps whose points are looked at for the summary.
@@ -58,7 +58,7 @@ pub(super) fn train(
     clouds: &[LabelledCloud],
     options: &TrainOptions,
     monitor: &Monitor,
-) -> Result<(Model, WindowsReport)> {
+) -> Result<TrainingResult<WindowsRecipe>> {
     options.without_strengths(WindowsRecipe::NAME)?;
     options.without_depths(WindowsRecipe::NAME)?;
     recipe.validate()?;
@@ -100,16 +100,15 @@ pub(super) fn train(
         losses,
         warnings: sources.warnings,
     };
-    let model = Model {
+    let trained = Trained {
         feature_names: names(training.net.width()),
-        fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }.into(),
         classes: sources.classes,
         fingerprint: summary,
         classifier: Classifier::Linear(head),
         first: None,
         network: Some(parameters.sorted()),
     };
-    Ok((model, report))
+    Ok(TrainingResult { fitted: Fitted { recipe: recipe.clone(), learned: Nothing {} }, trained, report })
 }
 
 impl TrainingCloud {

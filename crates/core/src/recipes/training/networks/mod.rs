@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::features::spacing;
 use crate::nn::parameters::Parameters;
 use crate::parallel::Monitor;
-use crate::recipes::model::Model;
+use crate::recipes::trained::Trained;
 
 /// Names of the features that a network gives.
 pub(in crate::recipes) fn names(width: usize) -> Vec<String> {
@@ -44,7 +44,7 @@ pub(in crate::recipes) fn linear_of([weights, bias]: [&[f32]; 2], summary: &Fing
 ///
 /// # Errors
 /// If it has no network, or the numbers differ.
-pub(in crate::recipes) fn check_values(model: &Model, expected: usize) -> Result<()> {
+pub(in crate::recipes) fn check_values(model: &Trained, expected: usize) -> Result<()> {
     let Some(stored) = &model.network else {
         return Err(Error::ModelMismatch("a model of this recipe needs a network".into()));
     };
@@ -62,7 +62,7 @@ pub(in crate::recipes) fn check_values(model: &Model, expected: usize) -> Result
 ///
 /// # Errors
 /// If an array is absent or does not fit, or the model has other features.
-pub(in crate::recipes) fn restore(parameters: &mut Parameters<f32>, model: &Model, width: usize) -> Result<()> {
+pub(in crate::recipes) fn restore(parameters: &mut Parameters<f32>, model: &Trained, width: usize) -> Result<()> {
     let Some(stored) = &model.network else {
         return Err(Error::ModelMismatch("a model of this recipe needs a network".into()));
     };

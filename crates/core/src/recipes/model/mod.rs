@@ -3,10 +3,20 @@
 //! Safetensors with one metadata entry, a JSON object. It contains the SHA-256 of the whole file, computed with 64
 //! zeros in the place of the checksum.
 
-use super::system::any::AnyFitted;
+pub(in crate::recipes) mod any;
+mod classify;
+mod contours;
+mod papers;
+
+pub use self::classify::{classify, statistics};
+pub use self::contours::{contour_stages, contours};
+
+use self::any::AnyFitted;
+use super::system::{Fitted, System, TrainingResult};
+use super::trained::{FirstStage, Trained};
 use crate::classes::ClassTable;
-use crate::classification::arrays::{Array, Reader, malformed, print_arrays};
-use crate::classification::{Classifier, ClassifierKind, Fingerprint, Predictor};
+use crate::classification::ClassifierKind;
+use crate::classification::arrays::{Reader, malformed, print_arrays};
 use crate::error::{Error, Result};
 use crate::io::{atomic, is_cloud_name, open};
 use crate::nn::parameters::{Parameter, Parameters};
@@ -35,50 +45,8 @@ const START: u64 = 1 << 16;
 pub struct Model {
     /// The recipe, with every choice made, and what training has learned besides the classifier.
     pub fitted: AnyFitted,
-    /// The classes, in the order of the probabilities.
-    pub classes: ClassTable,
-    /// Feature names in the order of the classifier's columns; each once.
-    pub feature_names: Vec<String>,
-    /// Summary of the training samples, of the features in `feature_names`.
-    pub fingerprint: Fingerprint,
-    /// The classifier.
-    pub classifier: Classifier,
-    /// The classifier whose probabilities are features of `classifier`, if there are two stages.
-    pub first: Option<FirstStage>,
-    /// The parameters, in the order of their names, of the network that gives the features, if one does.
-    pub network: Option<Parameters<f32>>,
-}
-
-/// The first of two classifiers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FirstStage {
-    /// Feature names in the order of the classifier's columns; each once.
-    pub feature_names: Vec<String>,
-    /// The classifier, of the same classes as the second.
-    pub classifier: Classifier,
-    /// Summary of its training samples; `None` in models of older programs.
-    pub fingerprint: Option<Fingerprint>,
-}
-
-/// A classifier and the names of its features.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Stage<'a> {
-    pub(super) names: &'a [String],
-    pub(super) classifier: &'a Classifier,
-    /// Summary of the samples that it was trained on, if it is known.
-    pub(super) training: Option<&'a Fingerprint>,
-}
-
-impl FirstStage {
-    pub(super) fn stage(&self) -> Stage<'_> {
-        Stage { names: &self.feature_names, classifier: &self.classifier, training: self.fingerprint.as_ref() }
-    }
-
-    /// The arrays of the classifier and of the summary.
-    fn arrays(&self) -> Vec<Array> {
-        let print = self.fingerprint.as_ref().map(print_arrays);
-        self.classifier.arrays().into_iter().chain(print.into_iter().flatten()).collect()
-    }
+    /// Classes, features and classifiers.
+    pub trained: Trained,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -127,49 +95,58 @@ fn check_replaced(path: &Path) -> Result<()> {
     }
 }
 
+impl<S: System> From<TrainingResult<S>> for Model
+where
+    AnyFitted: From<Fitted<S>>,
+{
+    fn from(TrainingResult { fitted, trained, .. }: TrainingResult<S>) -> Self {
+        Self { fitted: fitted.into(), trained }
+    }
+}
+
 impl Model {
     /// The bytes of the model file; the same model gives the same bytes.
     ///
     /// # Errors
     /// If classes, names, fingerprint and classifier do not fit together.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        self.check_shape()?;
+        self.trained.check_shape()?;
         let learned = self.fitted.learned_toml()?;
         let header = Header {
             format: FORMAT.into(),
-            version: match (&self.first, learned.is_empty(), self.classifier.kind()) {
-                _ if self.network.is_some() => VERSION,
+            version: match (&self.trained.first, learned.is_empty(), self.trained.classifier.kind()) {
+                _ if self.trained.network.is_some() => VERSION,
                 (.., ClassifierKind::Linear) => VERSION,
                 (Some(_), ..) => 4,
                 (None, false, _) => 3,
                 (None, true, ClassifierKind::Forest) => 1,
                 (None, true, _) => 2,
             },
-            classifier: self.classifier.kind(),
+            classifier: self.trained.classifier.kind(),
             sha256: "0".repeat(64),
             seed: self.fitted.seed(),
             recipe: self.fitted.recipe().to_toml()?,
             learned,
-            classes: self.classes.clone(),
-            features: self.feature_names.clone(),
-            first: self.first.as_ref().map(|first| FirstHeader {
+            classes: self.trained.classes.clone(),
+            features: self.trained.feature_names.clone(),
+            first: self.trained.first.as_ref().map(|first| FirstHeader {
                 classifier: first.classifier.kind(),
                 features: first.feature_names.clone(),
             }),
-            network: self.network.is_some(),
+            network: self.trained.network.is_some(),
         };
         let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
         let header = serde_json::to_string(&header).map_err(|e| refused(&e))?;
-        let mut arrays = self.classifier.arrays();
-        arrays.extend(print_arrays(&self.fingerprint));
-        let first = self.first.as_ref().map(FirstStage::arrays).unwrap_or_default();
+        let mut arrays = self.trained.classifier.arrays();
+        arrays.extend(print_arrays(&self.trained.fingerprint));
+        let first = self.trained.first.as_ref().map(FirstStage::arrays).unwrap_or_default();
         let named = arrays.iter().map(|array| ("", array)).chain(first.iter().map(|array| (FIRST, array)));
         let views = named.map(|(prefix, (name, dtype, len, bytes))| {
             let view = TensorView::new(*dtype, vec![*len], bytes).map_err(|e| refused(&e))?;
             Ok((format!("{prefix}{name}"), view))
         });
         let mut views = views.collect::<Result<Vec<_>>>()?;
-        let network = self.network.iter().flat_map(Parameters::iter);
+        let network = self.trained.network.iter().flat_map(Parameters::iter);
         let network: Vec<(&Parameter<f32>, Vec<u8>)> =
             network.map(|array| (array, array.values.iter().flat_map(|v| v.to_le_bytes()).collect())).collect();
         for (array, bytes) in &network {
@@ -213,17 +190,12 @@ impl Model {
         let fingerprint = reader.fingerprint(width, classes)?;
         let classifier = reader.classifier(header.classifier, width, classes)?;
         let network = if header.network { Some(network_of(&reader)?) } else { None };
-        let model = Self {
-            network,
-            first: header.first.as_ref().map(|first| first_of(first, reader, classes)).transpose()?,
-            classifier,
-            fingerprint,
-            fitted: fitted_of(&header, path)?,
-            classes: header.classes,
-            feature_names: header.features,
-        };
-        model.check_shape().map_err(|e| malformed(path, "features", e, "names that differ"))?;
-        Ok(model)
+        let first = header.first.as_ref().map(|first| first_of(first, reader, classes)).transpose()?;
+        let fitted = fitted_of(&header, path)?;
+        let (classes, feature_names) = (header.classes, header.features);
+        let trained = Trained { classes, feature_names, fingerprint, classifier, first, network };
+        trained.check_shape().map_err(|e| malformed(path, "features", e, "names that differ"))?;
+        Ok(Self { fitted, trained })
     }
 
     /// Reads a model file.
@@ -260,71 +232,6 @@ impl Model {
             return Err(Error::input(format!("{name}: the extension is that of clouds; call a model e.g. my.model")));
         }
         Ok(())
-    }
-
-    /// Fails unless these are the features of the classifier, in their order.
-    pub(super) fn check_features(&self, names: &[String]) -> Result<()> {
-        match names == self.feature_names {
-            true => Ok(()),
-            false => Err(Error::ModelMismatch(format!(
-                "it needs the features {}; its recipe gives {}",
-                self.feature_names.join(", "),
-                names.join(", ")
-            ))),
-        }
-    }
-
-    fn check_shape(&self) -> Result<()> {
-        let (width, classes) = (self.classifier.width(), self.classifier.classes());
-        let print = &self.fingerprint;
-        if self.feature_names.len() != width || self.classes.len() != classes {
-            return Err(Error::input(format!(
-                "{} feature names and {} classes for a classifier of {width} features and {classes} classes",
-                self.feature_names.len(),
-                self.classes.len()
-            )));
-        }
-        check_print(print, &self.classifier)?;
-        if let Some(FirstStage { feature_names, classifier, fingerprint }) = &self.first {
-            let found = [feature_names.len(), classifier.width(), classifier.classes()];
-            if found != [classifier.width(), classifier.width(), classes] {
-                return Err(Error::input(format!(
-                    "a first classifier of {} features and {} classes with {} feature names (allowed: {classes} classes)",
-                    found[1], found[2], found[0]
-                )));
-            }
-            each_once(feature_names)?;
-            fingerprint.as_ref().map_or(Ok(()), |print| check_print(print, classifier))?;
-        }
-        each_once(&self.feature_names)
-    }
-
-    pub(super) fn stage(&self) -> Stage<'_> {
-        let training = Some(&self.fingerprint);
-        Stage { names: &self.feature_names, classifier: &self.classifier, training }
-    }
-}
-
-/// Fails unless a summary is one of the samples of a classifier.
-fn check_print(print: &Fingerprint, classifier: &Classifier) -> Result<()> {
-    let (width, classes) = (classifier.width(), classifier.classes());
-    let quantiles = width * Fingerprint::LEVELS.len();
-    match print.means.len() == width && print.quantiles.len() == quantiles && print.class_counts.len() == classes {
-        true => Ok(()),
-        false => Err(Error::input(format!(
-            "a fingerprint of {} features and {} classes for a classifier of {width} and {classes}",
-            print.means.len(),
-            print.class_counts.len()
-        ))),
-    }
-}
-
-fn each_once(names: &[String]) -> Result<()> {
-    let mut names: Vec<&str> = names.iter().map(String::as_str).collect();
-    names.sort_unstable();
-    match names.windows(2).find(|w| w[0] == w[1]) {
-        Some(twice) => Err(Error::input(format!("the feature name {} stands twice", twice[0]))),
-        None => Ok(()),
     }
 }
 
@@ -417,20 +324,22 @@ fn checksum(bytes: &[u8], place: usize) -> String {
 mod tests {
     use super::*;
     use crate::classification::testing::blobs;
-    use crate::classification::{BaggingParams, BoostingParams, ClassifierParams, Forest, ForestParams, Samples};
+    use crate::classification::{
+        BaggingParams, BoostingParams, Classifier, ClassifierParams, Fingerprint, Forest, ForestParams, Samples,
+    };
     use crate::parallel::Monitor;
 
     fn model(samples: &Samples<'_>) -> Model {
         let params = ForestParams { trees: 2, max_depth: Some(3), ..ForestParams::default() };
-        Model {
-            fitted: AnyFitted::from_toml("seed = 1\n", "").unwrap(),
+        let trained = Trained {
             classes: ClassTable::from_codes(&[2, 5, 6]),
             feature_names: vec!["height".into(), "roughness \"r\"".into()],
             fingerprint: Fingerprint::of(samples, 7.5),
             classifier: Classifier::Forest(Forest::fit(samples, &params, &Monitor::default()).unwrap()),
             first: None,
             network: None,
-        }
+        };
+        Model { fitted: AnyFitted::from_toml("seed = 1\n", "").unwrap(), trained }
     }
 
     fn small() -> Model {
@@ -445,7 +354,7 @@ mod tests {
     /// The error for a file with a correct checksum whose forest was altered.
     fn tampered(change: impl FnOnce(&mut Forest)) -> Error {
         let mut model = small();
-        if let Classifier::Forest(forest) = &mut model.classifier {
+        if let Classifier::Forest(forest) = &mut model.trained.classifier {
             change(forest);
         }
         read(&model.to_bytes().unwrap()).unwrap_err()
@@ -469,7 +378,8 @@ mod tests {
         let bagging = ClassifierParams::Bagging(BaggingParams { trees: 2, ..BaggingParams::default() });
         for params in [boosting, bagging] {
             let classifier = params.train(&data.samples(), &Monitor::default()).unwrap();
-            let model = Model { classifier, ..model(&data.samples()) };
+            let mut model = model(&data.samples());
+            model.trained.classifier = classifier;
             let bytes = model.to_bytes().unwrap();
             assert_eq!(read(&bytes).unwrap(), model);
             for i in (0..bytes.len()).step_by(7) {
@@ -499,7 +409,7 @@ mod tests {
         let message = |change: fn(&mut Forest)| tampered(change).to_string();
         let inner = |f: &Forest| f.nodes.iter().position(|n| n.cut != LEAF).unwrap();
         const LEAF: u16 = u16::MAX;
-        assert!(matches!(small().classifier, Classifier::Forest(f) if inner(&f) == 0));
+        assert!(matches!(small().trained.classifier, Classifier::Forest(f) if inner(&f) == 0));
         assert!(message(|f| f.nodes[0].left = 0).contains("node_left at node 0"));
         assert!(message(|f| f.nodes[0].left = 1_000_000).contains("node_left at node 0"));
         assert!(message(|f| f.nodes[0].left += 2).contains("node_left"));
@@ -539,9 +449,10 @@ mod tests {
 
     #[test]
     fn names_that_do_not_fit_are_refused_when_written() {
-        let model = small();
-        assert!(Model { feature_names: vec!["a".into()], ..model.clone() }.to_bytes().is_err());
-        assert!(Model { feature_names: vec!["a".into(), "a".into()], ..model.clone() }.to_bytes().is_err());
-        assert!(Model { fingerprint: Fingerprint::default(), ..model }.to_bytes().is_err());
+        let Model { fitted, trained } = small();
+        let refused = |trained: Trained| Model { fitted: fitted.clone(), trained }.to_bytes().is_err();
+        assert!(refused(Trained { feature_names: vec!["a".into()], ..trained.clone() }));
+        assert!(refused(Trained { feature_names: vec!["a".into(), "a".into()], ..trained.clone() }));
+        assert!(refused(Trained { fingerprint: Fingerprint::default(), ..trained }));
     }
 }

@@ -18,7 +18,7 @@ use crate::recipes::spheres::SpheresRecipe;
 use crate::recipes::system::height::HeightRecipe;
 use crate::recipes::system::report::Report;
 use crate::recipes::system::settings::{explained, set_key, with_defaults};
-use crate::recipes::system::{Fitted, System, TrainOptions};
+use crate::recipes::system::{Fitted, System, TrainOptions, TrainingResult};
 use crate::recipes::unet::UNetRecipe;
 use crate::recipes::weak::WeakRecipe;
 use crate::recipes::windows::WindowsRecipe;
@@ -151,8 +151,8 @@ macro_rules! systems {
                     $($(#[cfg($cfg)])? Self::$name(recipe) => {
                         check_elevation::<$recipe>(options.elevation.is_some())?;
                         check_checkpoint::<$recipe>(options.checkpoint.is_some())?;
-                        let (model, report) = recipe.train(clouds, options, monitor)?;
-                        Ok((model, Box::new(report)))
+                        let TrainingResult { fitted, trained, report } = recipe.train(clouds, options, monitor)?;
+                        Ok((Model { fitted: fitted.into(), trained }, Box::new(report)))
                     })*
                 }
             }

@@ -1,7 +1,7 @@
 //! Recipes as in their papers, without our additions: the files in `assets/recipes`.
 
 use crate::error::Result;
-use crate::recipes::system::any::AnyRecipe;
+use crate::recipes::model::any::AnyRecipe;
 
 /// Name and text of each.
 const PAPERS: [(&str, &str); 5] = [
