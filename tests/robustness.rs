@@ -148,3 +148,15 @@ fn cancelled_work_ends_and_leaves_nothing() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     assert!(!Path::new("out.laz").exists());
 }
+
+/// Coordinates so large that the edge of a patch, on which regularisations are compared, is rounded away. A damaged file
+/// that the search for such files found.
+#[test]
+fn coordinates_without_room_for_a_patch_are_learned_from_or_refused() {
+    let cloud = io::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("data/huge_steps.las")).unwrap();
+    let labels = read_labels(&cloud, &LabelParams::default()).unwrap();
+    let settings = ["forest.trees=3", "training.keep_samples=50"];
+    let recipe = AnyRecipe::named("pyramid").unwrap().with_settings(settings).unwrap();
+    let trained = recipe.train(&[LabelledCloud { cloud, labels }], &TrainOptions::default(), &Monitor::default());
+    assert!(trained.map_or_else(|e| !e.to_string().is_empty(), |(model, _)| model.trained.classes.len() > 1));
+}

@@ -75,6 +75,8 @@ impl Patches {
                 }
             }
         }
+        // None if coordinates are so large that the edge of a patch is rounded away.
+        members.retain(|members| !members.is_empty());
         // Squares at the border of the cloud hold few points: more patches make up for them.
         let mut count = 0;
         let taken = members.iter().take_while(|members| {
