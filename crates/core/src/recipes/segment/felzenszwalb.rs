@@ -1,7 +1,7 @@
 //! Segments of Felzenszwalb and Huttenlocher 2004 on the points, by the four local descriptors.
 
-use super::method::{PartitionMethod, SegmentScene};
-use super::{Parted, SegmentParams};
+use super::SegmentParams;
+use super::interface::{Parted, PartitionMethod, SegmentScene};
 use crate::error::{Error, Result};
 use crate::features::{FeatureTable, optimal_features};
 use crate::graph::{EdgeMeaning, felzenszwalb};

@@ -1,12 +1,13 @@
 //! Segmentation of a cloud: descriptors, adjacency graph, partition, and its quality.
 
+mod dispatch;
 mod felzenszwalb;
 mod growing;
+mod interface;
 mod method;
 mod on_points;
 mod on_supervoxels;
 mod params;
-mod parted;
 mod riemannian;
 
 pub use method::SegmentMethod;
@@ -22,8 +23,7 @@ use crate::graph::Graph;
 use crate::neighbours::OptimalParams;
 use crate::parallel::{Monitor, watched};
 use crate::segmentation::{Automatic, Partition, StageSeconds, Trial};
-use method::SegmentScene;
-use parted::{Level, Parted};
+use interface::{Level, Parted, SegmentScene};
 use serde::Serialize;
 
 /// A segmented cloud.

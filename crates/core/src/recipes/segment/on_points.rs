@@ -1,7 +1,7 @@
 //! Minimal partitions of the points by the four local descriptors.
 
-use super::method::{PartitionMethod, SegmentScene};
-use super::{Parted, SegmentParams};
+use super::SegmentParams;
+use super::interface::{Parted, PartitionMethod, SegmentScene};
 use crate::error::Result;
 use crate::features::optimal_features;
 use crate::parallel::Monitor;

@@ -1,7 +1,7 @@
 //! Supervoxels, alone or joined by local graphs (Hasanpour Zaryabi et al. 2022).
 
-use super::method::{PartitionMethod, SegmentScene};
-use super::{Parted, SegmentParams};
+use super::SegmentParams;
+use super::interface::{Parted, PartitionMethod, SegmentScene};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::recipes::SupervoxelMode;

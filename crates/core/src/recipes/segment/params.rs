@@ -1,7 +1,6 @@
 //! Parameters of segmentation: a method, and the parameters of each method.
 
 use super::SegmentMethod;
-use crate::cloud::names;
 use crate::error::{Error, Result};
 use crate::graph::{FelzenszwalbParams, KnnGraphParams};
 use crate::neighbours::OptimalParams;
@@ -135,44 +134,6 @@ impl SegmentParams {
             set_key(&mut table, setting)?;
         }
         explained(&table.to_string())
-    }
-
-    /// Columns of a cloud that the method reads, besides labels.
-    pub fn columns(&self) -> Vec<String> {
-        match self.method.method().reads_colours() && self.objects.colour != Some(false) {
-            true => names::COLOUR.iter().map(ToString::to_string).collect(),
-            false => Vec::new(),
-        }
-    }
-
-    /// Checks the ranges of the method's fields.
-    ///
-    /// # Errors
-    /// Names the field, its value and what is allowed.
-    pub fn validate(&self) -> Result<()> {
-        if self.neighbours == 0 {
-            return Err(Error::parameter("neighbours", 0, "1 or more"));
-        }
-        if !(2..=32).contains(&self.growing.neighbours) {
-            return Err(Error::parameter("growing.neighbours", self.growing.neighbours, "2..=32"));
-        }
-        if !self.levels.is_empty() && !self.method.method().has_levels() {
-            let able = SegmentMethod::those(|method| method.has_levels());
-            return Err(Error::parameter(
-                "levels",
-                format!("{:?}", self.levels),
-                format!("the method {able}, or none"),
-            ));
-        }
-        self.neighbourhood.validate()?;
-        self.adjacency.validate()?;
-        self.partition.validate()?;
-        self.felzenszwalb.validate()?;
-        self.riemannian.validate()?;
-        self.objects.validate()?;
-        self.region_growing.validate()?;
-        self.octree_region_growing.validate()?;
-        self.clusters.validate()
     }
 }
 

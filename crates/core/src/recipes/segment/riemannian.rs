@@ -1,8 +1,7 @@
 //! Supervoxels of an adaptive octree, joined on their Riemannian graph (Li 2018).
 
-use super::method::{PartitionMethod, SegmentScene};
-use super::parted::Level;
-use super::{Parted, SegmentParams};
+use super::SegmentParams;
+use super::interface::{Level, Parted, PartitionMethod, SegmentScene};
 use crate::error::Result;
 use crate::parallel::Monitor;
 use crate::segmentation::{Intent, multi_scale};

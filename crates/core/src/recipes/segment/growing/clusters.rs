@@ -1,7 +1,7 @@
 //! Clusters at four levels (Grilli, Poux, Remondino 2021).
 
-use super::super::method::{PartitionMethod, SegmentScene};
-use super::super::{ClusterReport, Parted, SegmentParams};
+use super::super::interface::{Parted, PartitionMethod, SegmentScene};
+use super::super::{ClusterReport, SegmentParams};
 use crate::cloud::{Column, Values};
 use crate::error::Result;
 use crate::parallel::Monitor;

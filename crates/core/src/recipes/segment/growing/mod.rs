@@ -4,8 +4,8 @@ mod clusters;
 
 pub(super) use clusters::Clusters;
 
-use super::method::{PartitionMethod, SegmentScene};
-use super::{Parted, SegmentParams};
+use super::SegmentParams;
+use super::interface::{Parted, PartitionMethod, SegmentScene};
 use crate::error::Result;
 use crate::features::normals;
 use crate::neighbours::knn;
