@@ -102,6 +102,13 @@ def test_clouds_become_one(cloud, tmp_path):
     assert every["Classification"].tolist() == [2, 6, 2, 0] and np.isnan(every["Height"][3])
     with pytest.raises(ValueError, match="reference systems"):
         scansion.concatenate([cloud, scansion.PointCloud(cloud, crs="EPSG:2056")], columns="common")
+    feet = scansion.PointCloud([[5, 5, 5]])
+    feet.metres_per_unit = 0.3048
+    scansion.write(tmp_path / "feet.laz", feet)
+    assert scansion.read(tmp_path / "feet.laz").crs.startswith("LOCAL_CS")
+    assert scansion.concatenate([feet, tmp_path / "feet.laz"], columns="common").metres_per_unit == 0.3048
+    with pytest.raises(ValueError, match="reference systems"):
+        scansion.concatenate([feet, scansion.PointCloud([[5, 5, 5]])])
     with pytest.raises(ValueError, match="none"):
         scansion.concatenate([])
 

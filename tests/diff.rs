@@ -71,6 +71,11 @@ fn convert_and_merge_keep_what_the_target_holds() {
     let (_, err) = ends(f, &["convert", "crs.laz", "out.ply"], 0);
     assert!(err.contains("reference system"), "{err}");
     ends(f, &["convert", "in.laz", "in.laz"], 2);
+    (cloud.crs, cloud.metres_per_unit) = (None, Some(0.3048));
+    scansion_core::io::write(&f.join("feet.npz"), &cloud, &Default::default()).unwrap();
+    ends(f, &["convert", "feet.npz", "-o", "feet.laz"], 0);
+    assert_eq!(scansion_core::io::inspect(&f.join("feet.laz")).unwrap().metres_per_unit, Some(0.3048));
+    ends(f, &["convert", "feet.npz", "two.laz", "-o", "names.laz"], 2);
     ends(f, &["convert", "in.laz", "out.nonsense"], 4);
     for (name, seed) in [("tile_1.laz", 1), ("tile_2.laz", 2), ("other.laz", 3)] {
         scansion_core::io::write(&f.join(name), &street(12.0, seed), &Default::default()).unwrap();

@@ -129,6 +129,28 @@ fn rasters_of_clouds_in_feet_are_in_feet() {
 }
 
 #[test]
+fn tiles_give_the_products_of_their_merged_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let whole = houses();
+    let (west, east): (Vec<u32>, Vec<u32>) =
+        (0..whole.len() as u32).partition(|&i| whole.xyz(i as usize)[0] < 500_017.0);
+    for (name, part) in [("tile_1.laz", west), ("tile_2.laz", east)] {
+        io::write(&f.join(name), &whole.select(&part), &Default::default()).unwrap();
+    }
+    done(f, &["merge", "tile_1.laz", "tile_2.laz", "-o", "whole.laz"]);
+    let products = |inputs: &str| {
+        done(f, &["terrain", inputs, "-o", "t.tif", "--dsm", "s.asc", "--footprints", "b.geojson"]);
+        ["t.tif", "s.asc", "b.geojson"].map(|name| std::fs::read(f.join(name)).unwrap())
+    };
+    assert!(products("whole.laz") == products("tile_*.laz"));
+    let mut other = io::read(&f.join("tile_2.laz")).unwrap();
+    other.crs = Some("EPSG:25833".into());
+    io::write(&f.join("tile_3.laz"), &other, &Default::default()).unwrap();
+    assert!(fails(f, &["terrain", "tile_1.laz", "tile_3.laz", "-o", "x.tif"], 4).contains("another reference system"));
+}
+
+#[test]
 fn what_has_no_terrain_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

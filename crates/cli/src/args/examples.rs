@@ -70,6 +70,7 @@ pub(super) const TERRAIN: &str = "Examples:
   scansion terrain my.laz -o dtm.tif --dsm dsm.tif --chm chm.tif --cell 0.5
   scansion terrain my.laz -o dtm.asc --ground-filter         for clouds without classes
   scansion terrain classified.laz --footprints buildings.gpkg
+  scansion terrain tiles/*.laz -o dtm.tif                    one model of all tiles, without seams
 
 Rasters and outlines have the coordinates, the unit and the reference system of the cloud: in a cloud in feet, heights
 are feet. --cell and the other lengths are metres; cells of 3 ft are --cell 0.9144.";

@@ -29,7 +29,11 @@ pub(crate) struct Convert {
     /// File to copy
     pub(crate) input: PathBuf,
     /// Output file; its extension determines the format
-    pub(crate) output: PathBuf,
+    #[arg(value_name = "OUTPUT", required_unless_present = "named_output")]
+    pub(super) output: Option<PathBuf>,
+    /// Output file, in place of the second name
+    #[arg(short = 'o', long = "output", value_name = "OUTPUT", conflicts_with = "output")]
+    pub(super) named_output: Option<PathBuf>,
     /// Point format of LAS and LAZ, 0 to 10; it must have all fields of the input's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
     pub(crate) point_format: Option<u8>,
@@ -45,6 +49,13 @@ pub(crate) struct Convert {
     /// Read the intact part of a damaged LAS or LAZ file, and report what is lost
     #[arg(long, conflicts_with_all = ["point_format", "bounds", "resolution", "scale"])]
     pub(crate) salvage: bool,
+}
+
+impl Convert {
+    /// The output, however it was given.
+    pub(crate) fn output(&self) -> &Path {
+        self.output.as_ref().or(self.named_output.as_ref()).map_or(Path::new(""), |path| path)
+    }
 }
 
 /// scansion completions SHELL

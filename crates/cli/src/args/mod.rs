@@ -204,7 +204,7 @@ impl Command {
                 let recipe = args.segments.recipe.as_deref().filter(|path| !is_name(path));
                 return files.map(PathBuf::as_path).chain(recipe).collect();
             }
-            Self::Terrain(args) => (std::slice::from_ref(&args.input), vec![]),
+            Self::Terrain(args) => (&args.inputs, vec![]),
             Self::Contours(args) => (std::slice::from_ref(&args.input), vec![&args.model]),
             Self::Height(args) => (std::slice::from_ref(&args.input), vec![]),
             Self::Filter(args) => return std::iter::once(&*args.input).chain(args.polygon_file()).collect(),

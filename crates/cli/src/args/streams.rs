@@ -19,7 +19,10 @@ impl Command {
         let read = |inputs| Streams { inputs, ..Streams::default() };
         match self {
             Self::Info(args) => read(args.inputs.iter_mut().collect()),
-            Self::Convert(args) => cloud(vec![&mut args.input], &mut args.output),
+            Self::Convert(args) => {
+                let output = args.output.as_mut().or(args.named_output.as_mut());
+                Streams { inputs: vec![&mut args.input], output, format: "las" }
+            }
             Self::Merge(args) => match &mut args.output {
                 Some(output) => cloud(args.files.iter_mut().collect(), output),
                 None => match args.files.split_last_mut() {
@@ -37,7 +40,7 @@ impl Command {
             Self::Segment(args) => cloud(vec![&mut args.input], &mut args.output),
             Self::Suggest(args) => read(vec![&mut args.input]),
             Self::Terrain(args) => {
-                Streams { inputs: vec![&mut args.input], output: args.output.as_mut(), format: "tif" }
+                Streams { inputs: args.inputs.iter_mut().collect(), output: args.output.as_mut(), format: "tif" }
             }
             Self::Contours(args) => {
                 Streams { inputs: vec![&mut args.input], output: Some(&mut args.output), format: "geojson" }

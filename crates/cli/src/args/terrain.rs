@@ -30,12 +30,13 @@ pub(crate) struct GroundArgs {
     pub(crate) unit: UnitArgs,
 }
 
-/// scansion terrain IN -o DTM
+/// scansion terrain IN... -o DTM
 #[derive(Debug, ClapArgs)]
 #[command(after_help = examples::TERRAIN)]
 pub(crate) struct Terrain {
-    /// Cloud to map
-    pub(crate) input: PathBuf,
+    /// Cloud to map, or its tiles (`*`, `?` and `[...]` are expanded)
+    #[arg(required = true)]
+    pub(crate) inputs: Vec<PathBuf>,
     /// Terrain model: heights of the ground, as GeoTIFF (.tif) or ESRI ASCII grid (.asc)
     #[arg(short, long, visible_alias = "dtm", value_name = "FILE", required_unless_present_any = ["dsm", "chm", "footprints"])]
     pub(crate) output: Option<PathBuf>,

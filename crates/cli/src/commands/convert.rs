@@ -6,19 +6,20 @@ use crate::exit_code::Failure;
 use scansion_core::io::{self, Bounds, ConvertParams, salvage};
 
 pub(crate) fn run(args: &Convert, context: &Context<'_>) -> Result<(), Failure> {
-    io::check_cloud_output(&args.output)?;
+    let output = args.output();
+    io::check_cloud_output(output)?;
     if args.salvage {
-        let (report, losses) = salvage::copy(&args.input, &args.output, &[], &context.write_options())?;
+        let (report, losses) = salvage::copy(&args.input, output, &[], &context.write_options())?;
         context.losses(&args.input, &losses);
-        context.report(&args.output, &report);
+        context.report(output, &report);
         return Ok(());
     }
     let params =
         ConvertParams { point_format: args.point_format, bounds: bounds(&args.bounds)?, resolution: args.resolution };
-    let report = io::convert(&args.input, &args.output, &params, &context.write_options())?;
-    context.report(&args.output, &report);
+    let report = io::convert(&args.input, output, &params, &context.write_options())?;
+    context.report(output, &report);
     if report.points == 0 {
-        context.printer.warning(&format!("{}: it has no points", args.output.display()));
+        context.printer.warning(&format!("{}: it has no points", output.display()));
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `scansion terrain`: terrain and surface models, and outlines of buildings.
 
-use super::Context;
+use super::{Context, sources};
 use crate::args::{Format, GroundArgs, Terrain};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{MetricCloud, Raster, names};
@@ -22,9 +22,11 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
     footprint_params(args).validate()?;
     let mut options = context.read_options();
     options.columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
-    let cloud = io::read_with(&args.input, &options)?;
+    let inputs = sources::expanded(&args.inputs)?;
+    let (cloud, notes) = io::read_together(&inputs, &options)?;
+    notes.iter().for_each(|note| context.printer.note(note));
     args.footprints.iter().try_for_each(|_| footprint_params(args).check(&cloud))?;
-    context.tell_unit(&args.input, &cloud);
+    inputs.iter().take(1).for_each(|input| context.tell_unit(input, &cloud));
     let scene = MetricCloud::new(&cloud, None, &context.monitor)?;
     let survey = match [&args.output, &args.chm, &args.footprints].iter().any(|path| path.is_some()) {
         true => survey(&scene, &params, context)?,

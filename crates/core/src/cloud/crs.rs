@@ -14,6 +14,9 @@ const ENTRY: usize = 6;
 /// Largest nesting of brackets that is accepted.
 const DEEPEST: usize = 32;
 
+/// Two units whose sizes differ by less, as a share, are the same; the two kinds of feet differ by 2e-6.
+const SAME: f64 = 1e-7;
+
 /// The unit of horizontal coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unit {
@@ -21,6 +24,35 @@ pub enum Unit {
     Length(f64),
     /// Angles on the ellipsoid.
     Degrees,
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearUnit {
+    /// Its code in EPSG's registry.
+    pub code: u16,
+    /// Its name there.
+    pub name: &'static str,
+    /// Metres in one.
+    pub metres: f64,
+}
+
+impl LinearUnit {
+    const COMMON: [Self; 3] = [
+        Self { code: 9001, name: "metre", metres: 1.0 },
+        Self { code: 9002, name: "foot", metres: 0.3048 },
+        Self { code: 9003, name: "US survey foot", metres: 1200.0 / 3937.0 },
+    ];
+
+    /// The common unit of that many metres.
+    pub fn of(metres: f64) -> Option<Self> {
+        Self::COMMON.into_iter().find(|unit| same_length(metres, unit.metres))
+    }
+}
+
+/// Whether two units, in metres, are the same but for rounding.
+pub fn same_length(a: f64, b: f64) -> bool {
+    (a / b - 1.0).abs() < SAME
 }
 
 /// The unit of x and y; `None` if the text does not say.
@@ -100,6 +132,12 @@ pub fn wkt_of(code: u16) -> Option<String> {
     flate2::read::DeflateDecoder::new(EPSG.get(data + start..data + end(frame)?)?).read_to_string(&mut text).ok()?;
     let line = text.lines().find_map(|line| line.split_once('\t').filter(|(c, _)| c.parse() == Ok(code)))?;
     Some(line.1.to_string())
+}
+
+/// A local system in WKT 1 that tells only the metres per unit of x and y.
+pub fn local(metres: f64) -> String {
+    let name = LinearUnit::of(metres).map_or("unit", |unit| unit.name);
+    format!("LOCAL_CS[\"unknown\",UNIT[\"{name}\",{metres}],AXIS[\"Easting\",EAST],AXIS[\"Northing\",NORTH]]")
 }
 
 /// `KEYWORD[value, value, ..., NODE[...], ...]`.
@@ -219,6 +257,14 @@ impl Node {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_local_system_tells_its_unit() {
+        for metres in [0.3048, 1200.0 / 3937.0, 1000.0] {
+            assert_eq!(unit_of(&local(metres)), Some(Unit::Length(metres)));
+        }
+        assert!(local(0.3048).contains(r#""foot""#) && local(1200.0 / 3937.0).contains("US survey foot"));
+    }
 
     #[test]
     fn codes_of_epsg_have_the_units_of_the_registry() {

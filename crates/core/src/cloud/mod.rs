@@ -248,10 +248,13 @@ impl Cloud {
         Ok(())
     }
 
-    /// The reference system as WKT; `None` if there is none, or if its EPSG code is not in the table.
+    /// The reference system as WKT; that of a cloud without one, whose unit is known and not the metre, is a local system
+    /// that tells only the unit. `None` if there is neither, or if an EPSG code is not in the table.
     pub fn wkt(&self) -> Option<String> {
-        let text = self.crs.as_deref()?;
-        crs::epsg_code(text).map_or_else(|| Some(text.to_string()), crs::wkt_of)
+        match self.crs.as_deref() {
+            Some(text) => crs::epsg_code(text).map_or_else(|| Some(text.to_string()), crs::wkt_of),
+            None => self.metres_per_unit.filter(|&metres| metres != 1.0).map(crs::local),
+        }
     }
 
     /// Whether x and y are degrees: the reference system says so, and no length unit is given.

@@ -45,7 +45,7 @@ def concatenate(clouds: Iterable[Any], *, columns: str = "same") -> PointCloud:
         raise ValueError("clouds: found none, expected one or more")
     first = parts[0]
     for at, part in enumerate(parts):
-        if part.crs != first.crs or part.metres_per_unit != first.metres_per_unit:
+        if _system(part) != _system(first) or part.metres_per_unit != first.metres_per_unit:
             raise ValueError(
                 f"reference systems: found {part.crs or 'none'} ({part.metres_per_unit or 'no'} m per unit) in cloud {at}, "
                 f"expected that of cloud 0: {first.crs or 'none'} ({first.metres_per_unit or 'no'} m per unit)"
@@ -58,6 +58,13 @@ def concatenate(clouds: Iterable[Any], *, columns: str = "same") -> PointCloud:
         whole._put(name, _joined(parts, name))
     whole.scheme = first.scheme if all(part.scheme == first.scheme for part in parts) else "own"
     return whole
+
+
+def _system(cloud: PointCloud) -> str | None:
+    """The reference system; None for one that tells only the unit, as LAS files of a cloud without a system have."""
+    empty = _core.Cloud.from_xyz(np.empty((0, 3)))
+    empty.metres_per_unit = cloud.metres_per_unit
+    return None if cloud.crs == empty.wkt() else cloud.crs
 
 
 def _places(parts: list[PointCloud]) -> _core.Cloud:

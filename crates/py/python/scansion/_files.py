@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scansion import _core
 from scansion._arrays import codes, column, mask
 from scansion._cloud import PointCloud, as_cloud
-from scansion._losses import losses, storable
+from scansion._losses import losses
 from scansion._names import asked
 
 
@@ -142,7 +142,7 @@ def write(
         The file does not keep the reference system, the unit, or a record of the LAS file from which the cloud came.
     """
     name = os.fspath(path)
-    points = storable(as_cloud(cloud), name)
+    points = as_cloud(cloud)
     lost = losses(points, name)
     _core.write(name, points._core, _steps(scale))
     if lost:

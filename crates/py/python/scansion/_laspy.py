@@ -8,7 +8,7 @@ import numpy as np
 
 from scansion import _core
 from scansion._names import LASPY
-from scansion._units import METRES, local_system
+from scansion._units import METRES
 
 if TYPE_CHECKING:
     from scansion._cloud import PointCloud
@@ -56,7 +56,7 @@ def to_laspy(cloud: PointCloud) -> Any:
         header.scales, header.offsets = np.array(ticks[1]), np.array(ticks[2])
     else:
         header.scales, header.offsets = (np.array(values) for values in core.las_frame())
-    if (wkt := core.wkt() or local_system(cloud.crs, cloud.metres_per_unit)) is not None:
+    if (wkt := core.wkt()) is not None:
         header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
         header.global_encoding.wkt = True
     las = laspy.LasData(header)

@@ -9,23 +9,12 @@ import numpy as np
 
 from scansion import _core
 from scansion._cloud import PointCloud
-from scansion._units import local_system
 
 _LAS = (".las", ".laz")
 _WHOLE = (".npz", ".labels")
 """Formats that keep system and unit, or of which nobody expects it."""
 _CARRIED = ("laszip encoded", "LASF_Projection", "LASF_Spec 4", "copc")
 """Records of LAS files whose content is in a cloud or is made anew."""
-
-
-def storable(cloud: PointCloud, path: str) -> PointCloud:
-    """The cloud to write: in LAS a unit without a reference system is stored as a local one."""
-    system = local_system(cloud.crs, cloud.metres_per_unit)
-    if _ending(path) not in _LAS or system is None:
-        return cloud
-    cloud = cloud.copy()
-    cloud.crs = system
-    return cloud
 
 
 def losses(cloud: PointCloud, path: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 use super::{Georeference, NODATA, row_from_north};
 use crate::cloud::Raster;
-use crate::cloud::crs::{Codes, codes_of, vertical_unit_of};
+use crate::cloud::crs::{Codes, LinearUnit, codes_of, vertical_unit_of};
 use crate::error::{Error, Result};
 use crate::io::atomic::AtomicFile;
 use crate::memory;
@@ -25,9 +25,6 @@ const OWN: u16 = 32767;
 
 /// Longest text of a system that GDAL reads.
 const LONGEST: usize = 2300;
-
-/// Relative difference of two units that counts as none.
-const SAME: f64 = 1e-9;
 
 /// Writes the raster; its coordinates and heights are in the unit of the reference system.
 pub(super) fn write(path: &Path, raster: &Raster, place: &Georeference, monitor: &Monitor) -> Result<()> {
@@ -89,25 +86,19 @@ fn tags<W: Write + Seek, K: TiffKind>(
     if !texts.is_empty() {
         tags.write_tag(Tag::GeoAsciiParamsTag, &texts[..])?;
     }
-    if let Some((_, name)) = place.metres_per_unit.and_then(linear_unit) {
+    if let Some(LinearUnit { name, .. }) = place.metres_per_unit.and_then(LinearUnit::of) {
         let unit = format!("<Item name=\"UNITTYPE\" sample=\"0\" role=\"unittype\">{name}</Item>");
         tags.write_tag(GDAL_METADATA, &format!("<GDALMetadata>{unit}</GDALMetadata>")[..])?;
     }
     tags.write_tag(Tag::GdalNodata, &format!("{NODATA}")[..])
 }
 
-/// EPSG's code of a unit of length, and its name in GDAL.
-fn linear_unit(metres: f64) -> Option<(u16, &'static str)> {
-    let units = [(1.0, 9001, "metre"), (0.3048, 9002, "foot"), (1200.0 / 3937.0, 9003, "US survey foot")];
-    units.into_iter().find(|(m, ..)| (metres / m - 1.0).abs() < SAME).map(|(_, code, name)| (code, name))
-}
-
 /// The key directory, and the texts that it refers to; nothing if the system is not known.
 fn keys(place: &Georeference) -> (Vec<u16>, String) {
     let crs = place.crs.as_deref().unwrap_or_default();
     let Codes { horizontal, vertical } = codes_of(crs);
-    let linear = place.metres_per_unit.and_then(linear_unit).map(|(code, _)| code);
-    let heights = vertical_unit_of(crs).and_then(linear_unit).map(|(code, _)| code);
+    let linear = place.metres_per_unit.and_then(LinearUnit::of).map(|unit| unit.code);
+    let heights = vertical_unit_of(crs).and_then(LinearUnit::of).map(|unit| unit.code);
     let text = citation(crs).filter(|_| horizontal.is_none()).unwrap_or_default();
     let own = (!text.is_empty()).then_some(OWN);
     let short = |key: u16, value: Option<u16>| value.map(|value| [key, 0, 1, value]);

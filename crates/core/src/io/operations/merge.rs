@@ -1,5 +1,6 @@
 //! Merges several files into one.
 
+use crate::cloud::crs::same_length;
 use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use crate::io::atomic::check_place;
@@ -44,10 +45,10 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
 /// Reads several files as one cloud, in the given order, and tells what some of them lack. A single one is read as it is.
 ///
 /// # Errors
-/// As [`read_with`], and if there are no inputs, or their reference systems differ.
+/// As [`read_with`], and if there are no inputs, or their reference systems or units differ.
 pub fn read_together(inputs: &[PathBuf], options: &ReadOptions) -> Result<(Cloud, Vec<String>)> {
     let mut merged: Option<Cloud> = None;
-    let mut notes = Vec::new();
+    let mut notes: Vec<String> = Vec::new();
     for (number, input) in inputs.iter().enumerate() {
         options.monitor.file(number + 1, inputs.len());
         let cloud = read_with(input, options)?;
@@ -64,6 +65,14 @@ pub fn read_together(inputs: &[PathBuf], options: &ReadOptions) -> Result<(Cloud
 fn append(before: Cloud, cloud: &Cloud, path: &Path, notes: &mut Vec<String>) -> Result<Cloud> {
     let first = NamedCrs::new(Path::new("the first input"), before.crs.as_deref());
     check_crs(first, NamedCrs::new(path, cloud.crs.as_deref()), notes)?;
+    if let (Some(a), Some(b)) = (before.metres_per_unit, cloud.metres_per_unit)
+        && !same_length(a, b)
+    {
+        return Err(Error::input(format!(
+            "{} has units of {b} m, the first input of {a} m: write it in their unit, or give all the same --unit",
+            path.display()
+        )));
+    }
     let (m, n) = (before.len(), cloud.len());
     let axes = [0, 1, 2].map(|a| {
         let of = |cloud: &Cloud| (0..cloud.len()).map(|i| cloud.xyz(i)[a]).collect::<Vec<f64>>();
@@ -173,6 +182,20 @@ mod tests {
         let message = merge(&paths, &target, &WriteOptions::default()).unwrap_err().to_string();
         assert!(message.contains("reference system"), "{message}");
         assert!(!target.exists());
+    }
+
+    #[test]
+    fn feet_are_not_joined_with_metres() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = ["a.npz", "b.npz", "c.npz"].map(|n| folder.path().join(n));
+        for (path, metres) in paths.iter().zip([None, Some(0.3048), Some(1.0)]) {
+            let mut cloud = Cloud::from_rows(&[[0.0; 3], [1.0; 3]]).unwrap();
+            cloud.metres_per_unit = metres;
+            write(path, &cloud, &WriteOptions::default()).unwrap();
+        }
+        let joined = |range: std::ops::Range<usize>| read_together(&paths[range], &ReadOptions::default());
+        assert_eq!(joined(0..2).unwrap().0.metres_per_unit, Some(0.3048));
+        assert!(joined(0..3).unwrap_err().to_string().contains("0.3048"));
     }
 
     #[test]

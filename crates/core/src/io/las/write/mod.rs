@@ -83,9 +83,8 @@ pub fn las_frame(cloud: &Cloud, options: &WriteOptions) -> Result<LasFrame> {
 
 /// The reference system as WKT, the only form in point formats from 6 on.
 fn wkt(cloud: &Cloud, options: &WriteOptions) -> Option<String> {
-    let text = cloud.crs.as_deref()?;
     let kept = cloud.wkt().filter(|wkt| wkt.len() < 65_535);
-    if kept.is_none() {
+    if let (None, Some(text)) = (&kept, &cloud.crs) {
         let short: String = text.chars().take(60).collect();
         options.monitor.warn(format!("the reference system {short} is not kept: no WKT of it is known that fits LAS"));
     }
