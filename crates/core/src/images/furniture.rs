@@ -26,17 +26,43 @@ pub(super) fn draw(image: &mut Image, frame: &Frame, paint: &Paint<'_>, cloud: &
     text::draw(image, place, Style { size: 16.0, colour: FAINT }, &count);
 }
 
+/// Lines of a name in the legend, at most.
+const LINES: usize = 2;
+
 fn entries(image: &mut Image, [x, y]: [i64; 2], entries: &[LegendEntry]) {
-    for (line, LegendEntry { colour, name, share }) in (0..).zip(entries) {
-        let top = y + 32 * line;
+    let mut top = y;
+    for LegendEntry { colour, name, share } in entries {
         image.rectangle([x, top], [22, 22], *colour);
         let room = LEGEND as f32 - MARGIN as f32 - 32.0 - text::width(16.0, share) - 8.0;
-        let mut name = name.clone();
-        while text::width(SIZE, &name) > room && name.pop().is_some() {}
-        text::draw(image, [x as f32 + 32.0, top as f32 + 18.0], Style { size: SIZE, colour: INK }, &name);
         let right = x as f32 + (LEGEND - MARGIN) as f32 - text::width(16.0, share);
         text::draw(image, [right, top as f32 + 17.0], Style { size: 16.0, colour: FAINT }, share);
+        let lines = wrapped(name, room);
+        for (line, own) in (0..).zip(&lines) {
+            let place = [x as f32 + 32.0, (top + 22 * line) as f32 + 18.0];
+            text::draw(image, place, Style { size: SIZE, colour: INK }, own);
+        }
+        top += 32 + 22 * (lines.len() as i64 - 1);
     }
+}
+
+/// The lines of a name that are at most `room` pixels wide, broken between words; what does not fit into [`LINES`] is cut, with
+/// an ellipsis in its place.
+fn wrapped(name: &str, room: f32) -> Vec<String> {
+    let fits = |text: &str| text::width(SIZE, text) <= room;
+    let mut lines = vec![String::new()];
+    for word in name.split_whitespace() {
+        let last = lines.len() == LINES;
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if last || fits(&format!("{line} {word}")) => *line = format!("{line} {word}"),
+            _ => lines.push(word.to_string()),
+        }
+    }
+    for line in lines.iter_mut().filter(|line| !fits(line)) {
+        while !fits(&format!("{line}…")) && line.pop().is_some() {}
+        line.push('…');
+    }
+    lines
 }
 
 /// The colour ramp with its values.
@@ -139,6 +165,17 @@ mod tests {
             cloud.metres_per_unit = Some(metres);
             assert_eq!([500.0, 10_560.0].map(|length| Unit::of(&cloud).label(length)), ["500 ft", "2 mi"]);
         }
+    }
+
+    #[test]
+    fn long_names_take_two_lines_and_are_never_cut_without_a_sign() {
+        assert_eq!(wrapped("ground", 185.0), ["ground"]);
+        assert_eq!(wrapped("building > high vegetation", 185.0), ["building > high", "vegetation"]);
+        let long = wrapped("a very long name of a class that somebody once thought of", 185.0);
+        assert!(long.len() == 2 && long[1].ends_with('…') && text::width(SIZE, &long[1]) <= 185.0, "{long:?}");
+        let word = wrapped(&"w".repeat(100), 185.0);
+        assert!(word.len() == 1 && word[0].ends_with('…'), "{word:?}");
+        assert_eq!(wrapped("", 185.0), [""]);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::io::atomic::check_place;
 use crate::io::info::{NamedCrs, check_crs};
 use crate::io::{ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, run, write};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Writes the points of all inputs, in the given order, into one file, atomically. The output may be one of the inputs.
@@ -43,74 +44,104 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
 }
 
 /// Reads several files as one cloud, in the given order, and tells what some of them lack. A single one is read as it is.
+/// Time linear in the points.
 ///
 /// # Errors
 /// As [`read_with`], and if there are no inputs, or their reference systems or units differ.
 pub fn read_together(inputs: &[PathBuf], options: &ReadOptions) -> Result<(Cloud, Vec<String>)> {
-    let mut merged: Option<Cloud> = None;
-    let mut notes: Vec<String> = Vec::new();
+    let mut parts = Vec::with_capacity(inputs.len());
     for (number, input) in inputs.iter().enumerate() {
         options.monitor.file(number + 1, inputs.len());
-        let cloud = read_with(input, options)?;
-        merged = Some(match merged {
-            None => cloud,
-            Some(before) => append(before, &cloud, input, &mut notes)?,
-        });
+        parts.push(read_with(input, options)?);
     }
-    let cloud = merged.ok_or_else(|| Error::input("nothing to merge"))?;
-    Ok((cloud, notes))
+    match parts.len() {
+        0 => Err(Error::input("nothing to merge")),
+        1 => Ok((parts.remove(0), Vec::new())),
+        _ => joined(parts, inputs),
+    }
 }
 
-/// Appends the cloud of a file to those before it.
-fn append(before: Cloud, cloud: &Cloud, path: &Path, notes: &mut Vec<String>) -> Result<Cloud> {
-    let first = NamedCrs::new(Path::new("the first input"), before.crs.as_deref());
-    check_crs(first, NamedCrs::new(path, cloud.crs.as_deref()), notes)?;
-    if let (Some(a), Some(b)) = (before.metres_per_unit, cloud.metres_per_unit)
-        && !same_length(a, b)
-    {
-        return Err(Error::input(format!(
-            "{} has units of {b} m, the first input of {a} m: write it in their unit, or give all the same --unit",
-            path.display()
-        )));
-    }
-    let (m, n) = (before.len(), cloud.len());
-    let axes = [0, 1, 2].map(|a| {
-        let of = |cloud: &Cloud| (0..cloud.len()).map(|i| cloud.xyz(i)[a]).collect::<Vec<f64>>();
-        [of(&before), of(cloud)].concat()
-    });
-    let mut merged = Cloud::new(Coordinates::Float(axes))?;
-    merged.scheme = if before.scheme == cloud.scheme { cloud.scheme } else { CodeScheme::Own };
-    merged.class_names = cloud.class_names.clone().into_iter().chain(before.class_names.clone()).collect();
-    merged.crs = before.crs.clone().or_else(|| cloud.crs.clone());
-    merged.metres_per_unit = before.metres_per_unit.or(cloud.metres_per_unit);
-    let names = before.columns().iter().chain(cloud.columns().iter().filter(|c| before.column(&c.name).is_none()));
-    for name in names.map(|c| &c.name) {
-        let values = match (before.column(name), cloud.column(name)) {
-            (Some(a), Some(b)) => joined(&a.values, &b.values),
-            (Some(a), None) => joined(&a.values, &zeros(&a.values, n)),
-            (None, Some(b)) => joined(&zeros(&b.values, m), &b.values),
-            (None, None) => continue,
-        };
-        if before.column(name).is_some() != cloud.column(name).is_some() {
-            notes.push(format!("{name} is not in all inputs (see {}); 0 where it lacks", path.display()));
+/// The points of all parts; a column is 0 where a part lacks it.
+fn joined(mut parts: Vec<Cloud>, paths: &[PathBuf]) -> Result<(Cloud, Vec<String>)> {
+    let mut notes = Vec::new();
+    let place = common_place(&parts, paths, &mut notes)?;
+    let axes = [0, 1, 2].map(|a| parts.iter().flat_map(|part| (0..part.len()).map(move |i| part.xyz(i)[a])).collect());
+    let mut whole = Cloud::new(Coordinates::Float(axes))?;
+    (whole.crs, whole.metres_per_unit) = (place.crs, place.metres_per_unit);
+    let scheme = parts[0].scheme;
+    whole.scheme = if parts.iter().all(|part| part.scheme == scheme) { scheme } else { CodeScheme::Own };
+    // Names of earlier parts replace those of later ones.
+    whole.class_names = parts.iter().rev().flat_map(|part| part.class_names.clone()).collect();
+    let mut seen = HashSet::new();
+    let all = parts.iter().flat_map(Cloud::columns).map(|column| column.name.clone());
+    let names: Vec<String> = all.filter(|name| seen.insert(name.clone())).collect();
+    for name in names {
+        if let Some(at) = parts.iter().position(|part| part.column(&name).is_none()) {
+            notes.push(format!("{name} is not in all inputs (see {}); 0 where it lacks", paths[at].display()));
         }
-        merged.set_column(Column::new(name, values))?;
+        let own: Vec<(usize, Option<Values>)> =
+            parts.iter_mut().map(|part| (part.len(), part.take_column(&name).map(|column| column.values))).collect();
+        whole.set_column(Column::new(&name, concatenated(&own)))?;
     }
-    Ok(merged)
+    Ok((whole, notes))
+}
+
+/// The reference system and unit that all parts have.
+#[derive(Default)]
+struct CommonPlace {
+    crs: Option<String>,
+    metres_per_unit: Option<f64>,
+}
+
+/// The place of all parts; a note tells of a part that does not say its own.
+fn common_place(parts: &[Cloud], paths: &[PathBuf], notes: &mut Vec<String>) -> Result<CommonPlace> {
+    let mut common = CommonPlace::default();
+    for (number, (part, path)) in parts.iter().zip(paths).enumerate() {
+        if number > 0 {
+            let first = NamedCrs::new(Path::new("the first input"), common.crs.as_deref());
+            check_crs(first, NamedCrs::new(path, part.crs.as_deref()), notes)?;
+        }
+        if let (Some(a), Some(b)) = (common.metres_per_unit, part.metres_per_unit)
+            && !same_length(a, b)
+        {
+            return Err(Error::input(format!(
+                "{} has units of {b} m, an input before it of {a} m: write it in their unit, or give all the same --unit",
+                path.display()
+            )));
+        }
+        common.crs = common.crs.or_else(|| part.crs.clone());
+        common.metres_per_unit = common.metres_per_unit.or(part.metres_per_unit);
+    }
+    Ok(common)
 }
 
 macro_rules! typed {
     ($($variant:ident),*) => {
-        /// Concatenates two columns; numbers of different types become `f64`.
-        fn joined(a: &Values, b: &Values) -> Values {
-            match (a, b) {
-                $((Values::$variant(a), Values::$variant(b)) => Values::$variant([&a[..], &b[..]].concat()),)*
-                _ => Values::F64([a.to_f64(), b.to_f64()].concat()),
+        /// Concatenates a column of parts of so many points, 0 where a part has none; numbers of different types become `f64`.
+        fn concatenated(parts: &[(usize, Option<Values>)]) -> Values {
+            let kind = |values: &Values| std::mem::discriminant(values);
+            let mut known = parts.iter().filter_map(|(_, values)| values.as_ref());
+            let first = known.next();
+            match first {
+                $(Some(first @ Values::$variant(_)) if known.all(|values| kind(values) == kind(first)) => {
+                    let mut all = Vec::new();
+                    for (count, values) in parts {
+                        match values {
+                            Some(Values::$variant(values)) => all.extend_from_slice(values),
+                            _ => all.resize(all.len() + count, Default::default()),
+                        }
+                    }
+                    Values::$variant(all)
+                })*
+                _ => Values::F64(
+                    parts
+                        .iter()
+                        .flat_map(|(count, values)| {
+                            values.as_ref().map_or_else(|| vec![0.0; *count], Values::to_f64)
+                        })
+                        .collect(),
+                ),
             }
-        }
-
-        fn zeros(like: &Values, n: usize) -> Values {
-            match like { $(Values::$variant(_) => Values::$variant(vec![Default::default(); n]),)* }
         }
     };
 }
