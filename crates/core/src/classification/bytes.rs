@@ -7,7 +7,6 @@ use crate::classification::learner::Stored;
 use crate::error::{Error, Result};
 use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;
-use std::collections::HashMap;
 use std::path::Path;
 
 macro_rules! bytes {
@@ -43,7 +42,7 @@ fn write<T: Stored>(trained: &T) -> Result<Vec<u8>> {
         TensorView::new(*dtype, vec![*len], bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
     });
     let shape = format!("{} {}", trained.width(), trained.classes());
-    let metadata = Some(HashMap::from([(T::TITLE.to_string(), shape)]));
+    let metadata = Some([(T::TITLE.to_string(), shape)].into_iter().collect());
     safetensors::serialize(views.collect::<Result<Vec<_>>>()?, metadata).map_err(|e| refused(&e))
 }
 

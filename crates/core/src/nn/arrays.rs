@@ -5,7 +5,7 @@ use crate::io::{atomic, open};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 use sha2::{Digest, Sha256};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The key of the text in the metadata.
@@ -121,7 +121,7 @@ impl Arrays {
             TensorView::new(*kind, shape.clone(), bytes).map(|view| (*name, view)).map_err(|e| refused(&e))
         });
         let text = format!("{CHECKSUM}{}\n{}", self.checksum(), self.text);
-        let metadata = Some(HashMap::from([(KEY.to_string(), text)]));
+        let metadata = Some([(KEY.to_string(), text)].into_iter().collect());
         safetensors::serialize(views.collect::<Result<Vec<_>>>()?, metadata).map_err(|e| refused(&e))
     }
 
@@ -287,7 +287,7 @@ mod tests {
         let views = bytes
             .iter()
             .map(|(name, kind, shape, bytes)| (*name, TensorView::new(*kind, shape.clone(), bytes).unwrap()));
-        let metadata = Some(HashMap::from([(KEY.to_string(), all.text.clone())]));
+        let metadata = Some([(KEY.to_string(), all.text.clone())].into_iter().collect());
         let old = safetensors::serialize(views, metadata).unwrap();
         assert_eq!(Arrays::from_bytes(&old, Path::new("x")).unwrap(), all);
         let message = Arrays::from_checked_bytes(&old, Path::new("x")).unwrap_err().to_string();

@@ -24,7 +24,6 @@ use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::collections::HashMap;
 use std::path::Path;
 
 /// Newest version of the file format that can be read. Version 1 has only forests, version 2 other classifiers too;
@@ -153,7 +152,7 @@ impl Model {
             let view = TensorView::new(Dtype::F32, array.shape.clone(), bytes).map_err(|e| refused(&e))?;
             views.push((format!("{NETWORK}{}", array.name), view));
         }
-        let metadata = Some(HashMap::from([(KEY.to_string(), header)]));
+        let metadata = Some([(KEY.to_string(), header)].into_iter().collect());
         let mut bytes = safetensors::serialize(views, metadata).map_err(|e| refused(&e))?;
         let place = find(&bytes, &[b'0'; 64]).ok_or_else(|| refused(&"no place for the checksum"))?;
         let sum = checksum(&bytes, place);
