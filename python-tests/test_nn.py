@@ -80,7 +80,63 @@ def test_gradients_are_those_of_differences():
     assert (change * gradient.to_dense()).sum() == pytest.approx(of_values[5], abs=1e-3)
 
 
+@pytest.mark.parametrize("in_order", [False, True])
+def test_sites_that_are_used_again_give_the_same_bytes(in_order):
+    coordinates = np.argwhere(RANDOM.random((14, 13, 12)) < 0.3)
+    if not in_order:
+        coordinates = RANDOM.permutation(coordinates)
+    sites = nn.Sites(coordinates)
+    assert (len(sites), sites.axes) == (len(coordinates), 3)
+    features = RANDOM.normal(size=(len(coordinates), 5)).astype(np.float32)
+    towards = RANDOM.normal(size=(len(coordinates), 4)).astype(np.float32)
+    empty = sites.nbytes
+    for size, dilation in [(3, 1), (3, 2), (1, 1), (5, 1)]:
+        for _ in range(2):
+            weights = RANDOM.normal(size=(size, size, size, 5, 4)).astype(np.float32)
+            for n_jobs in (1, 2):
+                found = nn.submanifold_convolution(sites, features, weights, dilation, n_jobs)
+                anew = nn.submanifold_convolution(coordinates, features, weights, dilation)
+                assert found.tobytes() == anew.tobytes()
+                gradients = nn.submanifold_convolution_gradient(sites, features, weights, towards, dilation, n_jobs)
+                others = nn.submanifold_convolution_gradient(coordinates, features, weights, towards, dilation)
+                assert all(own.tobytes() == other.tobytes() for own, other in zip(gradients, others, strict=True))
+    # The neighbours of four kernels, each found once: 5 bytes a pair, the ends of the blocks, nothing else.
+    places = {tuple(row) for row in coordinates.tolist()}
+    pairs = 0
+    for reach, step in [(1, 1), (1, 2), (0, 1), (2, 1)]:
+        offsets = step * np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3), -1).reshape(-1, 3)
+        pairs += sum(tuple(row) in places for offset in offsets for row in (coordinates + offset).tolist())
+    blocks = -(-len(coordinates) // 256)
+    assert sites.nbytes - empty == 5 * pairs + 4 * blocks * (27 + 27 + 1 + 125)
+
+
+def test_layers_share_sites():
+    coordinates = RANDOM.permutation(np.argwhere(RANDOM.random((9, 9, 9)) < 0.3))
+    features, towards = RANDOM.normal(size=(len(coordinates), 2)), RANDOM.normal(size=(len(coordinates), 4))
+    sites = nn.Sites(coordinates)
+    results = []
+    for places in (sites, coordinates):
+        layers = nn.SparseConv3d(2, 3, random_state=1), nn.SparseConv3d(3, 4, random_state=2)
+        out = layers[1](places, layers[0](places, features))
+        back = layers[0].backward(layers[1].backward(towards))
+        results.append([out, back, layers[0].weight_gradient, layers[1].bias_gradient])
+    assert all(own.tobytes() == other.tobytes() for own, other in zip(*results, strict=True))
+    kept = sites.nbytes
+    nn.SparseConv3d(2, 3)(sites, features)
+    assert sites.nbytes == kept
+
+
 def test_wrong_arrays_are_named():
+    with pytest.raises(ValueError, match="stands twice"):
+        nn.Sites([[0, 0], [0, 0]])
+    with pytest.raises(ValueError, match=r"found shape \(3,\)"):
+        nn.Sites([0, 1, 2])
+    with pytest.raises(ValueError, match="5 axes"):
+        nn.Sites(np.zeros((1, 5)))
+    with pytest.raises(ValueError, match=r"features: found shape \(1, 1\)"):
+        nn.submanifold_convolution(nn.Sites([[0], [1]]), [[1.0]], np.ones((3, 1, 1)))
+    with pytest.raises(ValueError, match=r"expected \(size, 1, outputs"):
+        nn.submanifold_convolution(nn.Sites([[0], [1]]), [[1.0], [2.0]], np.ones((3, 3, 1, 1)))
     with pytest.raises(ValueError, match="stands twice"):
         nn.submanifold_convolution([[0, 0], [0, 0]], [[1.0], [1.0]], np.ones((3, 3, 1, 1)))
     with pytest.raises(ValueError, match="weights"):

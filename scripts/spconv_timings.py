@@ -3,10 +3,10 @@
     python scripts/spconv_timings.py [R]       # R: 256; needs: pip install . torch spconv ; for docs/sparse-convolution.md
 
 R^2 occupied cells of R^3, at random or on a relief (one cell above each of the ground), 3^3 weights. Finding which cells
-neighbour which (the rule book) is part of the times, except where it says reused: spconv can keep it for further layers on
-the same cells. Times are the least of several runs that take turns; torch's number of threads is also spconv's. Results on
-one thread are compared first. On several, spconv 2.3.6 adds up through pointers that its threads share (`scatter_add` in
-its `gather.py`), so that some runs give wrong rows: the table counts such runs of 10.
+neighbour which (the rule book) is part of the times, except where it says reused: both can keep it for further layers on
+the same cells (`nn.Sites`, `indice_key`). Times are the least of several runs that take turns; torch's number of threads is
+also spconv's. Results on one thread are compared first. On several, spconv 2.3.6 adds up through pointers that its threads
+share (`scatter_add` in its `gather.py`), so that some runs give wrong rows: the table counts such runs of 10, of our 20.
 """
 
 import sys
@@ -69,12 +69,14 @@ def measured(kind, r, channels, seconds=8.0):
     rows = draws.standard_normal((len(where), inputs)).astype(np.float32)
     weights = draws.standard_normal((3, 3, 3, inputs, outputs)).astype(np.float32)
     theirs = of_spconv(where, rows, weights, r)
-    runs = {}
+    runs, sites = {}, nn.Sites(where)
     for t in THREADS:
         runs["ours", t] = lambda t=t: nn.submanifold_convolution(where, rows, weights, n_jobs=t)
+        runs["ours, reused", t] = lambda t=t: nn.submanifold_convolution(sites, rows, weights, n_jobs=t)
         runs["spconv", t] = lambda t=t: theirs(t)
         runs["reused", t] = lambda t=t: theirs(t, reused=True)
     expected = runs["ours", 1]()
+    np.testing.assert_array_equal(runs["ours, reused", 1](), expected)
     for name in ("spconv", "reused"):
         np.testing.assert_allclose(runs[name, 1](), expected, atol=1e-3)
     return least(runs, seconds), {key: wrong(run, expected) for key, run in runs.items()}
@@ -87,17 +89,18 @@ def dense(r, channels):
 
 
 def main(r):
-    head = ["cells", "channels", "threads", "ours", "spconv", "rule book reused", "torch, dense"]
-    head += ["spconv / ours", "reused / ours", "wrong runs of ours", "of spconv"]
+    head = ["cells", "channels", "threads", "ours", "spconv", "spconv / ours", "ours, reused", "spconv, reused"]
+    head += ["spconv / ours, reused", "torch, dense", "wrong runs of ours", "of spconv"]
     print("| " + " | ".join(head) + " |\n" + "|---" * len(head) + "|", flush=True)
     for channels in CHANNELS:
         whole = dense(r, channels) if channels == CHANNELS[0] else {}
         for kind in ("random", "relief"):
             found, failed = measured(kind, r, channels)
             for t in THREADS:
-                ours, theirs, reused = (found[name, t] for name in ("ours", "spconv", "reused"))
-                numbers = [f"{v:.3g}" for v in (ours, theirs, reused)] + [f"{whole[t]:.0f}" if whole else ""]
-                numbers += [f"{theirs / ours:.1f}", f"{reused / ours:.1f}", str(failed["ours", t]), str(failed["spconv", t])]
+                ours, kept, theirs, reused = (found[name, t] for name in ("ours", "ours, reused", "spconv", "reused"))
+                numbers = [f"{ours:.3g}", f"{theirs:.3g}", f"{theirs / ours:.1f}"]
+                numbers += [f"{kept:.3g}", f"{reused:.3g}", f"{reused / kept:.1f}", f"{whole[t]:.0f}" if whole else ""]
+                numbers += [str(failed["ours", t] + failed["ours, reused", t]), str(failed["spconv", t])]
                 print(f"| {kind} | {channels[0]} → {channels[1]} | {t} | " + " | ".join(numbers) + " |", flush=True)
 
 

@@ -69,9 +69,9 @@ mod _core {
     #[pymodule_export]
     use crate::nn::{ObjectModel, ObjectTraining, Objects, object_learning, object_network};
     #[pymodule_export]
-    use crate::nn::{load_xyz, read_idx, read_off, sample_surface};
+    use crate::nn::{Sites, sparse_convolution, sparse_gradient, submanifold_convolution, submanifold_gradient};
     #[pymodule_export]
-    use crate::nn::{sparse_convolution, sparse_gradient, submanifold_convolution, submanifold_gradient};
+    use crate::nn::{load_xyz, read_idx, read_off, sample_surface};
     #[pymodule_export]
     use crate::partitions::{object_features, octree_region_growing, region_growing, riemannian, supervoxels};
     #[pymodule_export]

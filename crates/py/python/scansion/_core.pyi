@@ -17,6 +17,7 @@ __all__ = [
     "ObjectModel",
     "ObjectTraining",
     "Objects",
+    "Sites",
     "SyntheticScene",
     "__version__",
     "alpha_beta_swap",
@@ -611,15 +612,24 @@ def read_off(path: str) -> tuple[NDArray[np.float64], NDArray[np.uint32]]: ...
 def sample_surface(
     vertices: NDArray[np.float64], triangles: NDArray[np.uint32], count: int, seed: int
 ) -> NDArray[np.float64]: ...
+@final
+class Sites:
+    def __new__(cls, coordinates: NDArray[np.int64], n_jobs: int | None = None) -> Sites: ...
+    def __len__(self) -> int: ...
+    @property
+    def axes(self) -> int: ...
+    @property
+    def nbytes(self) -> int: ...
+
 def submanifold_convolution(
-    coordinates: NDArray[np.int64],
+    sites: Sites,
     features: NDArray[np.float32],
     weights: NDArray[np.float32],
     layer: str,
     n_jobs: int | None = None,
 ) -> NDArray[np.float32]: ...
 def submanifold_gradient(
-    coordinates: NDArray[np.int64],
+    sites: Sites,
     features: NDArray[np.float32],
     weights: NDArray[np.float32],
     gradient: NDArray[np.float32],

@@ -4,7 +4,9 @@
 use super::BLOCK;
 use crate::nn::scalar::Scalar;
 use crate::parallel::fold_ordered;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Mean and variance (divisor: the number of rows) of each channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,27 +44,20 @@ impl<T: Scalar> Moments<T> {
     pub fn of(values: &[T], channels: usize) -> Self {
         let rows = values.len() / channels.max(1);
         let count = rows.max(1) as f64;
-        let mean: Vec<f64> = sums(rows, channels, |row, sum| {
-            let own = &values[row * channels..][..channels];
-            own.iter().zip(sum).for_each(|(v, s)| *s += v.wide());
-        })
-        .into_iter()
-        .map(|sum| sum / count)
-        .collect();
-        let variance = sums(rows, channels, |row, sum| {
-            let own = values[row * channels..][..channels].iter().zip(&mean);
-            own.zip(sum).for_each(|((v, m), s)| *s += (v.wide() - m) * (v.wide() - m));
-        });
-        let variance = variance.into_iter().map(|sum| T::of(sum / count)).collect();
+        let of = |rows: Range<usize>| &values[rows.start * channels..rows.end * channels];
+        let sum = sums(rows, channels, |rows, sum| Arch::new().dispatch(Sum { values: of(rows), sum }));
+        let mean: Vec<f64> = sum.into_iter().map(|sum| sum / count).collect();
+        let squares = |rows, sum: &mut [f64]| Arch::new().dispatch(Squares { values: of(rows), mean: &mean, sum });
+        let variance = sums(rows, channels, squares).into_iter().map(|sum| T::of(sum / count)).collect();
         Self { mean: mean.into_iter().map(T::of).collect(), variance }
     }
 }
 
-/// Sums of `width` numbers over all rows, in a fixed order.
-fn sums(rows: usize, width: usize, add: impl Fn(usize, &mut [f64]) + Sync) -> Vec<f64> {
-    let part = |range: std::ops::Range<usize>| {
+/// Sums of `width` numbers over all rows, in a fixed order; `add` adds those of some rows.
+fn sums(rows: usize, width: usize, add: impl Fn(Range<usize>, &mut [f64]) + Sync) -> Vec<f64> {
+    let part = |range: Range<usize>| {
         let mut sum = vec![0.0; width];
-        range.for_each(|row| add(row, &mut sum));
+        add(range, &mut sum);
         sum
     };
     let join = |mut sum: Vec<f64>, part: Vec<f64>| {
@@ -70,6 +65,46 @@ fn sums(rows: usize, width: usize, add: impl Fn(usize, &mut [f64]) + Sync) -> Ve
         sum
     };
     fold_ordered(rows, BLOCK, part, join).unwrap_or_else(|| vec![0.0; width])
+}
+
+/// Adds each channel of rows.
+struct Sum<'a, T> {
+    values: &'a [T],
+    sum: &'a mut [f64],
+}
+
+impl<T: Scalar> WithSimd for Sum<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for row in self.values.chunks_exact(self.sum.len()) {
+            for (sum, v) in self.sum.iter_mut().zip(row) {
+                *sum += v.wide();
+            }
+        }
+    }
+}
+
+/// Adds the squared differences of each channel from its mean.
+struct Squares<'a, T> {
+    values: &'a [T],
+    mean: &'a [f64],
+    sum: &'a mut [f64],
+}
+
+impl<T: Scalar> WithSimd for Squares<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for row in self.values.chunks_exact(self.sum.len()) {
+            for ((sum, v), mean) in self.sum.iter_mut().zip(row).zip(self.mean) {
+                let difference = v.wide() - mean;
+                *sum += difference * difference;
+            }
+        }
+    }
 }
 
 impl<T: Scalar> BatchNorm<'_, T> {
@@ -85,15 +120,10 @@ impl<T: Scalar> BatchNorm<'_, T> {
         let factors: Vec<T> = self.inverse(moments).iter().zip(self.scale).map(|(&i, &s)| i * s).collect();
         let terms: Vec<T> = moments.mean.iter().zip(&factors).zip(self.shift).map(|((&m, &f), &s)| s - m * f).collect();
         let size = (BLOCK * channels).max(1);
+        let (factors, terms) = (&factors[..], &terms[..]);
         values.par_chunks_mut(size).enumerate().for_each(|(block, values)| {
-            for row in values.chunks_exact_mut(channels) {
-                row.iter_mut().zip(&factors).zip(&terms).for_each(|((v, &f), &t)| *v = v.mul_add(f, t));
-            }
             let beside = beside.get(block * size..).unwrap_or_default();
-            values.iter_mut().zip(beside).for_each(|(v, &b)| *v += b);
-            if rectify {
-                values.iter_mut().for_each(|v| *v = if *v > T::ZERO { *v } else { T::ZERO });
-            }
+            Arch::new().dispatch(Normalise { factors, terms, beside, rectify, values });
         });
     }
 
@@ -103,28 +133,120 @@ impl<T: Scalar> BatchNorm<'_, T> {
         let channels = self.scale.len();
         let rows = values.len() / channels.max(1);
         let inverse = self.inverse(moments);
-        let normal = |row: usize, c: usize| (values[row * channels + c] - moments.mean[c]) * inverse[c];
-        let both = sums(rows, 2 * channels, |row, sum| {
-            for c in 0..channels {
-                let g = gradient[row * channels + c];
-                sum[c] += g.wide();
-                sum[channels + c] += (g * normal(row, c)).wide();
-            }
+        let normal = Normal { values, mean: &moments.mean, inverse: &inverse };
+        let both = sums(rows, 2 * channels, |rows, sum| {
+            let (gradient, normal) = (&gradient[rows.start * channels..rows.end * channels], normal.rows(rows));
+            Arch::new().dispatch(GradientSums { normal, gradient, sum });
         });
         let count = rows.max(1) as f64;
         let mean: Vec<T> = both.iter().map(|sum| T::of(sum / count)).collect();
+        let factors: Vec<T> = self.scale.iter().zip(&inverse).map(|(&s, &i)| s * i).collect();
         let mut found = gradient;
-        found.par_chunks_mut((BLOCK * channels).max(1)).enumerate().for_each(|(block, found)| {
-            for (row, found) in (block * BLOCK..).zip(found.chunks_exact_mut(channels)) {
-                for c in 0..channels {
-                    let centred = found[c] - mean[c] - normal(row, c) * mean[channels + c];
-                    found[c] = self.scale[c] * inverse[c] * centred;
-                }
-            }
+        found.par_chunks_mut((BLOCK * channels).max(1)).enumerate().for_each(|(block, gradient)| {
+            let rows = block * BLOCK..block * BLOCK + gradient.len() / channels;
+            Arch::new().dispatch(Centre { normal: normal.rows(rows), factors: &factors, mean: &mean, gradient });
         });
         let (shift, scale) = both.split_at(channels);
         let cast = |sums: &[f64]| sums.iter().map(|&s| T::of(s)).collect();
         NormGradient { values: found, scale: cast(scale), shift: cast(shift) }
+    }
+}
+
+/// Values times factors, plus terms, plus what stands beside; then rectified.
+struct Normalise<'a, T> {
+    factors: &'a [T],
+    terms: &'a [T],
+    beside: &'a [T],
+    rectify: bool,
+    values: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Normalise<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for row in self.values.chunks_exact_mut(self.factors.len()) {
+            for ((v, &factor), &term) in row.iter_mut().zip(self.factors).zip(self.terms) {
+                *v = v.mul_add(factor, term);
+            }
+        }
+        for (v, &beside) in self.values.iter_mut().zip(self.beside) {
+            *v += beside;
+        }
+        if self.rectify {
+            for v in self.values {
+                *v = if *v > T::ZERO { *v } else { T::ZERO };
+            }
+        }
+    }
+}
+
+/// Rows that are to be normalised by channel, before scale and shift.
+#[derive(Clone, Copy)]
+struct Normal<'a, T> {
+    values: &'a [T],
+    mean: &'a [T],
+    inverse: &'a [T],
+}
+
+impl<T: Scalar> Normal<'_, T> {
+    /// Some of them.
+    fn rows(&self, rows: Range<usize>) -> Self {
+        let channels = self.mean.len();
+        Self { values: &self.values[rows.start * channels..rows.end * channels], ..*self }
+    }
+}
+
+/// Sums of the gradient of each channel, and of its products with the normalised values.
+struct GradientSums<'a, T> {
+    normal: Normal<'a, T>,
+    gradient: &'a [T],
+    sum: &'a mut [f64],
+}
+
+impl<T: Scalar> WithSimd for GradientSums<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Normal { values, mean, inverse } = self.normal;
+        let channels = mean.len();
+        let (shift, scale) = self.sum.split_at_mut(channels);
+        for (row, gradient) in values.chunks_exact(channels).zip(self.gradient.chunks_exact(channels)) {
+            for c in 0..channels {
+                let g = gradient[c];
+                shift[c] += g.wide();
+                scale[c] += (g * ((row[c] - mean[c]) * inverse[c])).wide();
+            }
+        }
+    }
+}
+
+/// Takes from the gradient what the moments of the batch make up for.
+struct Centre<'a, T> {
+    normal: Normal<'a, T>,
+    factors: &'a [T],
+    /// Means of the gradient, then of its products with the normalised values.
+    mean: &'a [T],
+    gradient: &'a mut [T],
+}
+
+impl<T: Scalar> WithSimd for Centre<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Normal { values, mean, inverse } = self.normal;
+        let channels = mean.len();
+        let (shift, scale) = self.mean.split_at(channels);
+        let factors = &self.factors[..channels];
+        for (row, gradient) in values.chunks_exact(channels).zip(self.gradient.chunks_exact_mut(channels)) {
+            for c in 0..channels {
+                let normal = (row[c] - mean[c]) * inverse[c];
+                gradient[c] = factors[c] * (gradient[c] - shift[c] - normal * scale[c]);
+            }
+        }
     }
 }
 

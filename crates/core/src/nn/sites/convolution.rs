@@ -1,6 +1,7 @@
 //! Convolution of sites by a kernel map, forward and backward.
 
-use super::kernel_map::{BLOCK, Block, KernelMap};
+use super::block::{BLOCK, Block};
+use super::kernel_map::KernelMap;
 use super::product::{Matrix, add_outer_products, add_products};
 use crate::error::{Error, Result};
 use crate::nn::scalar::Scalar;

@@ -4,17 +4,22 @@
 //! *3D semantic segmentation with submanifold sparse convolutional networks*, CVPR 2018,
 //! doi:10.1109/CVPR.2018.00961), strided and transposed convolution, pooling.
 
+mod block;
 mod convolution;
+mod kernel;
 mod kernel_map;
+mod order;
 mod product;
+mod search;
 
+pub(crate) use block::Pairs;
 pub use convolution::{Connections, Convolution, ConvolutionGradient};
-pub(crate) use kernel_map::Pairs;
-pub use kernel_map::{Kernel, KernelMap};
+pub use kernel::Kernel;
+pub use kernel_map::KernelMap;
 pub(crate) use product::{Matrix, add_outer_products, add_outer_products_of_rows, add_products, add_products_of_rows};
 
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, sort_watched};
+use crate::parallel::Monitor;
 
 /// Bits of a key for the number of the sample.
 const SAMPLE_BITS: u32 = 12;
@@ -29,6 +34,15 @@ pub(crate) const MARGIN: i64 = 32;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sites<const D: usize> {
     keys: Vec<u64>,
+}
+
+/// Sites of keys in any order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ranked<const D: usize> {
+    /// The sites.
+    pub sites: Sites<D>,
+    /// Site of each key.
+    pub site_of: Vec<u32>,
 }
 
 impl<const D: usize> Sites<D> {
@@ -68,11 +82,18 @@ impl<const D: usize> Sites<D> {
     /// The sites of these keys, sorted, each once.
     ///
     /// # Errors
-    /// If the work was cancelled.
-    pub fn of_keys(mut keys: Vec<u64>, monitor: &Monitor) -> Result<Self> {
-        sort_watched(&mut keys, monitor)?;
-        keys.dedup();
-        Ok(Self { keys })
+    /// If there are 2^32 keys or more, or the work was cancelled.
+    pub fn of_keys(keys: Vec<u64>, monitor: &Monitor) -> Result<Self> {
+        Ok(Self { keys: order::sorted(keys, monitor)? })
+    }
+
+    /// The same, and which site each key is.
+    ///
+    /// # Errors
+    /// As [`Sites::of_keys`].
+    pub fn ranked(keys: &[u64], monitor: &Monitor) -> Result<Ranked<D>> {
+        let order::Ranks { keys, of } = order::ranked(keys, monitor)?;
+        Ok(Ranked { sites: Self { keys }, site_of: of })
     }
 
     /// Number of sites.

@@ -3,7 +3,7 @@
 //! Plain loops over arrays that fit into registers; they run inside [`pulp::Arch::dispatch`], which compiles them for
 //! several instruction sets.
 
-use super::kernel_map::Pairs;
+use super::block::Pairs;
 use crate::nn::scalar::Scalar;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -125,8 +125,9 @@ fn products<T: Scalar, const R: usize, const L: usize>(
         sums[r].copy_from_slice(&out[place(r)..][..L]);
     }
     let mut tile = [T::ZERO; L];
-    for c in 0..x.columns {
-        tile.copy_from_slice(&weights.values[c * weights.columns + weights.first..][..L]);
+    // Whole rows of the weights: their places need no product, which would be checked.
+    for (c, own) in weights.values.chunks_exact(weights.columns).enumerate().take(x.columns) {
+        tile.copy_from_slice(&own[weights.first..][..L]);
         for (row, sum) in rows.iter().zip(&mut sums) {
             for l in 0..L {
                 sum[l] = row[c].mul_add(tile[l], sum[l]);
@@ -183,8 +184,8 @@ fn outer_products<T: Scalar, const P: usize, const L: usize>(
         own.copy_from_slice(&y.values[usize::from(output) * y.columns + y.first..][..L]);
     }
     let mut total = [T::ZERO; L];
-    for c in 0..x.columns {
-        let place = &mut sum[c * y.columns + y.first..][..L];
+    for (c, own) in sum.chunks_exact_mut(y.columns).enumerate().take(x.columns) {
+        let place = &mut own[y.first..][..L];
         total.copy_from_slice(place);
         for p in 0..P {
             let value = rows[p][c];

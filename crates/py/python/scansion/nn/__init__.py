@@ -9,6 +9,7 @@ classifies objects: images, occupied cells, clouds of points.
 from __future__ import annotations
 
 from scansion.nn._convolution import (
+    Sites,
     SparseConv3d,
     sparse_convolution,
     sparse_convolution_gradient,
@@ -21,6 +22,7 @@ from scansion.nn._tensor import SparseTensor
 from scansion.nn._unet import SparseUNet
 
 __all__ = [
+    "Sites",
     "SparseConv3d",
     "SparseTensor",
     "SparseUNet",

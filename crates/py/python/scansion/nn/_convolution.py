@@ -13,23 +13,77 @@ from scansion._settings import seed, whole
 from scansion.nn._tensor import SparseTensor
 
 
-def _submanifold(coordinates: Any, features: Any, weights: Any, dilation: int) -> tuple[Any, ...]:
-    coordinates = np.ascontiguousarray(coordinates, np.int64)
+class Sites:
+    """Occupied positions that several convolutions share: which of them are neighbours (the rule book) is found once for each
+    size and dilation of a kernel, by the first convolution that needs it, and kept. As ``indice_key`` in spconv and the
+    coordinate manager in MinkowskiEngine.
+
+    To be given to :func:`submanifold_convolution`, its gradient and :class:`SparseConv3d` in place of the coordinates; the
+    results are the same bytes.
+
+    Parameters
+    ----------
+    coordinates : array of shape (n, axes)
+        Integer positions along 1 to 4 axes, each row once, in any order. Features are given in the same order.
+    n_jobs : int or None
+        Number of threads; None: all.
+
+    Attributes
+    ----------
+    axes : int
+    nbytes : int
+        Bytes in memory: 8 or 12 a position, and for each kernel used 5 for every two positions that it brings together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scansion import nn
+    >>> sites = nn.Sites([[0], [1], [5]])
+    >>> once = nn.submanifold_convolution(sites, [[1.0], [2.0], [4.0]], np.ones((3, 1, 1)))
+    >>> nn.submanifold_convolution(sites, once, np.ones((3, 1, 1))).ravel()
+    array([6., 6., 4.], dtype=float32)
+    >>> len(sites)
+    3
+    """
+
+    def __init__(self, coordinates: Any, n_jobs: int | None = None) -> None:
+        coordinates = np.ascontiguousarray(coordinates, np.int64)
+        if coordinates.ndim != 2:
+            raise ValueError(f"coordinates: found shape {coordinates.shape}, expected shape (n, axes)")
+        if not 1 <= coordinates.shape[1] <= 4:
+            raise ValueError(f"found coordinates of {coordinates.shape[1]} axes, expected 1 to 4")
+        self._core = _core.Sites(coordinates, n_jobs)
+
+    def __len__(self) -> int:
+        return len(self._core)
+
+    @property
+    def axes(self) -> int:
+        return self._core.axes
+
+    @property
+    def nbytes(self) -> int:
+        return self._core.nbytes
+
+
+def _sites(coordinates: Any, n_jobs: int | None) -> Sites:
+    return coordinates if isinstance(coordinates, Sites) else Sites(coordinates, n_jobs)
+
+
+def _submanifold(sites: Sites, features: Any, weights: Any, dilation: int) -> tuple[Any, ...]:
     features = np.ascontiguousarray(features, np.float32)
     weights = np.asarray(weights, np.float32)
-    if coordinates.ndim != 2 or features.ndim != 2 or len(coordinates) != len(features):
-        raise ValueError("coordinates: expected shape (n, axes), features: expected shape (n, channels)")
-    axes = coordinates.shape[1]
-    if not 1 <= axes <= 4 or features.shape[1] == 0:
-        found = f"coordinates of {axes} axes and features of {features.shape[1]} channels"
-        raise ValueError(f"found {found}, expected 1 to 4 axes and 1 or more channels")
+    if features.ndim != 2 or len(features) != len(sites) or features.shape[1] == 0:
+        expected = f"({len(sites)}, channels), one row a position and 1 or more channels"
+        raise ValueError(f"features: found shape {features.shape}, expected shape {expected}")
+    axes = sites.axes
     if weights.ndim != axes + 2 or len(set(weights.shape[:axes])) > 1 or weights.shape[axes] != features.shape[1]:
         expected = f"({', '.join(['size'] * axes)}, {features.shape[1]}, outputs)"
         raise ValueError(f"weights: found shape {weights.shape}, expected {expected}")
     if weights.shape[0] % 2 == 0:
         raise ValueError(f"weights: found size {weights.shape[0]}, expected an odd number")
     layer = {"size": weights.shape[0], "dilation": whole(dilation, "dilation"), "outputs": weights.shape[-1]}
-    return coordinates, features, np.ascontiguousarray(weights).ravel(), to_json(layer)
+    return features, np.ascontiguousarray(weights).ravel(), to_json(layer)
 
 
 def submanifold_convolution(
@@ -43,8 +97,9 @@ def submanifold_convolution(
 
     Parameters
     ----------
-    coordinates : array of shape (n, axes)
-        Integer positions along 1 to 4 axes, each row once, in any order.
+    coordinates : array of shape (n, axes) or Sites
+        Integer positions along 1 to 4 axes, each row once, in any order. :class:`Sites` keep what was found about them for
+        further calls.
     features : array of shape (n, inputs)
         Values of the input channels.
     weights : array of shape (size, ..., size, inputs, outputs)
@@ -67,8 +122,9 @@ def submanifold_convolution(
     >>> nn.submanifold_convolution(row, [[1.0], [2.0], [4.0]], np.ones((3, 1, 1))).ravel()
     array([3., 3., 4.], dtype=float32)
     """
-    coordinates, features, flat, layer = _submanifold(coordinates, features, weights, dilation)
-    return _core.submanifold_convolution(coordinates, features, flat, layer, n_jobs)
+    sites = _sites(coordinates, n_jobs)
+    features, flat, layer = _submanifold(sites, features, weights, dilation)
+    return _core.submanifold_convolution(sites._core, features, flat, layer, n_jobs)
 
 
 def submanifold_convolution_gradient(
@@ -93,11 +149,12 @@ def submanifold_convolution_gradient(
     tuple of arrays
         Of the shapes of ``features`` and ``weights``.
     """
-    coordinates, features, flat, layer = _submanifold(coordinates, features, weights, dilation)
+    sites = _sites(coordinates, n_jobs)
+    features, flat, layer = _submanifold(sites, features, weights, dilation)
     gradient = np.ascontiguousarray(gradient, np.float32)
     if gradient.shape != (len(features), np.shape(weights)[-1]):
         raise ValueError(f"gradient: found shape {gradient.shape}, expected {(len(features), np.shape(weights)[-1])}")
-    values, found = _core.submanifold_gradient(coordinates, features, flat, gradient, layer, n_jobs)
+    values, found = _core.submanifold_gradient(sites._core, features, flat, gradient, layer, n_jobs)
     return values, found.reshape(np.shape(weights))
 
 
@@ -254,9 +311,11 @@ class SparseConv3d:
         self._input: tuple[Any, Any] | None = None
 
     def __call__(self, coordinates: Any, features: Any) -> NDArray[np.float32]:
-        """Features of shape (n, out_channels) at integer coordinates of shape (n, 3), each row once."""
-        self._input = (coordinates, features)
-        found = submanifold_convolution(coordinates, features, self.weight, self.dilation, self.n_jobs)
+        """Features of shape (n, out_channels) at integer coordinates of shape (n, 3), each row once, or at :class:`Sites` that
+        further layers use too."""
+        sites = _sites(coordinates, self.n_jobs)
+        self._input = (sites, features)
+        found = submanifold_convolution(sites, features, self.weight, self.dilation, self.n_jobs)
         return found if self.bias is None else found + self.bias
 
     def backward(self, gradient: Any) -> NDArray[np.float32]:
