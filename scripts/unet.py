@@ -3,13 +3,12 @@
     python scripts/unet.py DATA [PROGRAM] [SEEDS]      # needs: pip install . ; PROGRAM defaults to scansion, SEEDS to 3
 
 Scenes as in ladder.py. Each recipe is trained with seeds 0, 1, ...; scores are means over the seeds, with the lowest and the
-highest mean IoU. Seconds to classify are those of the processor for all test scenes on one thread.
+highest mean IoU. Seconds are those of the processor: for training, and for classifying all test scenes on one thread.
 """
 
 import pathlib
 import sys
 import tempfile
-import time
 
 SEEDS = int(sys.argv[3]) if len(sys.argv) > 3 else 3
 sys.argv[3:] = []
@@ -26,17 +25,15 @@ CONTEXT = ["mobile", "airborne"]
 
 
 def measured(scene, number, recipe, settings, folder):
-    """Rows (without and with the random field on segments): scores of each seed, seconds of training, file size."""
+    """Rows (without and with the random field on segments): scores of each seed, processor seconds of training, file size."""
     found = {"none": [], "segment-crf": []}
     for seed in range(SEEDS):
         model = folder / "any.model"
         sets = [word for setting in settings for word in ("--set", setting)]
-        start = time.monotonic()
         name = recipe or CONTEXT[number]
-        run("train", *scene["train"], "-o", model, "--recipe", name, "--seed", seed, *scene["labels"], *sets)
-        wall = time.monotonic() - start
+        used, _ = run("train", *scene["train"], "-o", model, "--recipe", name, "--seed", seed, *scene["labels"], *sets)
         for method, rows in found.items():
-            rows.append([*scores(scene, model, method, folder), wall, model.stat().st_size / 1e6])
+            rows.append([*scores(scene, model, method, folder), used, model.stat().st_size / 1e6])
     return found
 
 

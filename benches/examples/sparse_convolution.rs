@@ -1,11 +1,13 @@
-//! Times sparse convolutions on random tensors and on a surface, and the product of dense matrices beside them: the least of
-//! some runs, on all threads (`RAYON_NUM_THREADS`).
+//! Times sparse convolutions on random tensors and on a surface, and beside them products of dense matrices, ours and faer's:
+//! the least of some runs, on all threads (`RAYON_NUM_THREADS`).
 //!
 //! Sub-manifold: 65,536 random sites in 256³ cells, kernel map included, as spconv's benchmark. Direct: density 1/r in r³
 //! cells, filters of density 0.1, 0.3, 0.5 and 1, at most 1/r of the cells of a channel kept, as Hackel 2018, section 6.4.1.
 
 #![allow(clippy::print_stdout, reason = "a program for people")]
 
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, Par};
 use scansion_core::nn::layers::Linear;
 use scansion_core::nn::sites::{Connections, Convolution, Kernel, KernelMap, Sites};
 use scansion_core::nn::sparse::{Attention, Selection, Shape, SparseConvolution, SparseFilter, SparseTensor};
@@ -55,6 +57,22 @@ fn least<T>(runs: usize, mut work: impl FnMut() -> Outcome<T>) -> Outcome<f64> {
     Ok(best)
 }
 
+/// Speed in GFLOP/s of faer's product of 4096 rows of `width` values with a square matrix.
+fn faer_product(width: usize) -> Outcome<f64> {
+    let rows = 4096;
+    let (left, right) = (Mat::<f32>::full(rows, width, 0.3), Mat::<f32>::full(width, width, 0.2));
+    let mut out = Mat::<f32>::zeros(rows, width);
+    let threads = match rayon::current_num_threads() {
+        1 => Par::Seq,
+        more => Par::rayon(more),
+    };
+    let time = least(50, || {
+        matmul(out.as_mut(), Accum::Replace, left.as_ref(), right.as_ref(), 1.0, threads);
+        Ok(())
+    })?;
+    Ok(2e-9 * (rows * width * width) as f64 / time)
+}
+
 fn dense_product(monitor: &Monitor) -> Outcome<()> {
     let (rows, inputs, outputs) = (4096, 512, 64);
     let (values, weights, bias) = (vec![0.3f32; rows * inputs], vec![0.2f32; inputs * outputs], vec![0.0f32; outputs]);
@@ -78,12 +96,14 @@ fn surface(monitor: &Monitor) -> Outcome<()> {
         let connections = Connections::centred(&map);
         let layer = Convolution { connections, weights: &weights, inputs: width, outputs: width };
         let work = 2e-9 * (map.pairs() * width * width) as f64;
-        let forward = least(3, || Ok(layer.forward(&values, monitor)?))?;
-        let backward = least(3, || Ok(layer.backward(&values, &values, monitor)?))?;
+        let whole = faer_product(width)?;
+        let forward = work / least(3, || Ok(layer.forward(&values, monitor)?))?;
+        let backward = 2.0 * work / least(3, || Ok(layer.backward(&values, &values, monitor)?))?;
         println!(
-            "sub-manifold, surface, {width}->{width}: forward {:.1}, backward {:.1} GFLOP/s",
-            work / forward,
-            2.0 * work / backward
+            "sub-manifold, surface, {width}->{width}: forward {forward:.1}, backward {backward:.1} GFLOP/s; \
+             faer {whole:.1}, of that {:.0} and {:.0} %",
+            100.0 * forward / whole,
+            100.0 * backward / whole
         );
     }
     Ok(())
