@@ -253,7 +253,7 @@ impl Cloud {
     pub fn wkt(&self) -> Option<String> {
         match self.crs.as_deref() {
             Some(text) => crs::epsg_code(text).map_or_else(|| Some(text.to_string()), crs::wkt_of),
-            None => self.metres_per_unit.filter(|&metres| metres != 1.0).map(crs::local),
+            None => self.metres_per_unit.filter(|&metres| !crs::same_length(metres, 1.0)).map(crs::local),
         }
     }
 
