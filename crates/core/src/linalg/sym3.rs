@@ -36,7 +36,7 @@ impl Sym3 {
     }
 
     /// xx, yy, zz, xy, xz, yz.
-    pub(super) fn entries(&self) -> [f64; 6] {
+    pub(crate) fn entries(&self) -> [f64; 6] {
         let [xx, yy, zz] = self.diagonal;
         let [xy, xz, yz] = self.off;
         [xx, yy, zz, xy, xz, yz]

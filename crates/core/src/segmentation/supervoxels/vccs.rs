@@ -1,6 +1,7 @@
 //! Supervoxels that grow over adjacent voxels.
 
 mod flow;
+mod mean;
 mod seeds;
 mod voxels;
 

@@ -2,7 +2,8 @@
 
 use super::super::describe::dot;
 use super::super::{NO_SUPERVOXEL, PointAttributes, VccsParams};
-use super::voxels::{Sum, Voxel, Voxels};
+use super::mean::{Sum, means};
+use super::voxels::{Voxel, Voxels};
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor, watched};
@@ -137,8 +138,13 @@ impl<'a> Flow<'a> {
                     }
                 }
             }
-            let means = centres.par_iter_mut().zip(&sums);
-            means.filter(|(_, sum)| !sum.is_empty()).for_each(|(centre, sum)| *centre = sum.mean());
+            let blocks = centres.par_chunks_mut(BLOCK).zip(sums.par_chunks(BLOCK));
+            blocks.for_each(|(centres, sums)| {
+                let mut moved = vec![Voxel::default(); sums.len()];
+                means(sums, &mut moved);
+                let occupied = centres.iter_mut().zip(moved).zip(sums).filter(|(_, sum)| !sum.is_empty());
+                occupied.for_each(|((centre, mean), _)| *centre = mean);
+            });
         }
         Ok(())
     }
