@@ -59,7 +59,7 @@ impl Selection {
         *strengths.select_nth_unstable_by(most - 1, by_strength).1
     }
 
-    /// Keeps the strongest of the entries (cell, value) of a channel, in their order; of equal ones those of lower cells.
+    /// Keeps the strongest of the entries (cell, value) of a channel, in their order; of equal ones the first.
     /// O(entries).
     pub fn apply<T: Scalar>(self, entries: &mut Vec<(usize, T)>, cells: usize) {
         if self.attention == Attention::Positive {
@@ -69,13 +69,15 @@ impl Selection {
         if entries.len() <= most {
             return;
         }
-        let stronger = |a: &(usize, T), b: &(usize, T)| {
-            let by_value = self.strength(b.1).partial_cmp(&self.strength(a.1)).unwrap_or(Ordering::Equal);
-            by_value.then(a.0.cmp(&b.0))
-        };
-        entries.select_nth_unstable_by(most - 1, stronger);
-        entries.truncate(most);
-        entries.sort_unstable_by_key(|entry| entry.0);
+        let least = self.least(most, entries.iter());
+        let stronger = entries.iter().filter(|entry| self.strength(entry.1) > least).count();
+        let mut equal = most.saturating_sub(stronger);
+        entries.retain(|&(_, value)| {
+            let own = self.strength(value);
+            let as_weak = (own == least) & (equal > 0);
+            equal -= usize::from(as_weak);
+            (own > least) | as_weak
+        });
     }
 }
 

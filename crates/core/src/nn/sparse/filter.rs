@@ -107,7 +107,7 @@ impl<T: Scalar> SparseFilter<T> {
         }
         let taps = |(input, weights): (usize, Vec<[T; LANES]>)| {
             let used = weights.into_iter().enumerate().filter(|(position, _)| stored[input * volume + position]);
-            Taps { taps: used.map(|(position, weights)| Tap::new(position, weights, self.size, shape)).collect() }
+            Taps::new(used.map(|(position, weights)| Tap::new(position, weights, self.size, shape)).collect())
         };
         by_input.into_iter().enumerate().map(taps).collect()
     }

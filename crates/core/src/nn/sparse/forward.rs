@@ -27,6 +27,10 @@ const TASKS: usize = 16;
 const LAYERS: usize = 4;
 /// A part keeps this many times the responses that it is expected to be left with.
 const SLACK: f64 = 1.5;
+/// And so many more.
+const FEWEST: usize = 64;
+/// So many parts are a small share of the work each.
+const SMALL: usize = 4;
 
 /// How many responses of a channel a part keeps.
 #[derive(Clone, Copy, Debug)]
@@ -39,9 +43,9 @@ enum Keep {
 
 /// The responses of a tensor, in parts: layers of a sample for a group of output channels.
 ///
-/// A part first keeps about as many of its strongest responses as the bound of the whole leaves it. Where some that it dropped
-/// may be among the strongest of the whole, it is computed again and keeps as many as the bound. Parts hold about three times
-/// the bound in all, and 2 [`TASKS`] times at worst.
+/// A part first keeps about as many of its strongest responses as the bound of the whole leaves it, and on the way as many as
+/// the inputs so far let expect. Where some that it dropped may be among the strongest of the whole, it is computed again and
+/// keeps as many as the bound. Parts hold about three times the bound in all, and 2 [`TASKS`] times at worst.
 pub(super) struct Work<'a, T> {
     filter: &'a SparseFilter<T>,
     bias: &'a [T],
@@ -92,12 +96,14 @@ impl<'a, T: Scalar> Work<'a, T> {
             let (sample, group) = (rest / self.taps.len(), rest % self.taps.len());
             let layers = self.layers[part].clone();
             let enough = match keep {
-                Keep::Expected => self.expected(sample, &layers),
-                Keep::Bound => self.most,
+                Keep::Expected if self.layers.len() > 1 => self.expected(sample, &layers),
+                _ => self.most,
             };
+            // Few parts: each is too dear to be computed again.
+            let enough_at_first = if self.layers.len() < SMALL { enough } else { enough.min(FEWEST) };
             let mut bias = [T::ZERO; LANES];
             bias.iter_mut().zip(self.bias.iter().skip(group * LANES)).for_each(|(to, &from)| *to = from);
-            let how = Collecting { bias, selection: self.selection, enough };
+            let how = Collecting { bias, selection: self.selection, enough, enough_at_first };
             let reach = self.filter.size / 2;
             Piece { input: self.input, taps: &self.taps[group], sample, layers, reach }.responses(window, &how)
         })
@@ -112,8 +118,7 @@ impl<'a, T: Scalar> Work<'a, T> {
             (0..*channels).map(|channel| self.input.entries(sample * channels + channel, cells.clone()).len()).sum()
         };
         let share = count(layers.clone()) as f64 / count(0..extent[0]).max(1) as f64;
-        let expected = SLACK * share * self.most as f64 + 64.0;
-        if self.layers.len() == 1 { self.most } else { self.most.min(expected as usize) }
+        self.most.min((SLACK * share * self.most as f64) as usize + FEWEST)
     }
 
     /// The parts of a sample and a group, group after group.

@@ -18,6 +18,12 @@ pub(super) struct Tap<T> {
     steps: [isize; 4],
     /// The same as a difference of cell numbers.
     difference: isize,
+    pub(super) ahead: Ahead<T>,
+}
+
+/// What is needed of a weight where the surroundings lie inside the tensor.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ahead<T> {
     /// Layers along the first axis from the first output of an input to this one.
     pub(super) layer: usize,
     /// Difference of the cell numbers within layers along the first axis.
@@ -38,7 +44,8 @@ impl<T: Scalar> Tap<T> {
         }
         let layers = shape.extent[1..].iter().product::<usize>() as isize;
         let layer = (steps[0] + (size / 2) as isize) as usize;
-        Self { position, steps, difference, layer, within: difference - steps[0] * layers, weights }
+        let ahead = Ahead { layer, within: difference - steps[0] * layers, weights };
+        Self { position, steps, difference, ahead }
     }
 
     /// The output cell of an input, if it lies inside the tensor.
@@ -62,6 +69,15 @@ impl<T: Scalar> Tap<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Taps<T> {
     pub(super) taps: Vec<Tap<T>>,
+    /// The same side by side, for the loop over the inputs.
+    pub(super) ahead: Vec<Ahead<T>>,
+}
+
+impl<T: Copy> Taps<T> {
+    pub(super) fn new(taps: Vec<Tap<T>>) -> Self {
+        let ahead = taps.iter().map(|tap| tap.ahead).collect();
+        Self { taps, ahead }
+    }
 }
 
 /// An input cell.
@@ -69,7 +85,7 @@ pub(super) struct Place {
     cell: usize,
     position: [usize; 4],
     /// Whether all outputs lie inside the tensor.
-    interior: bool,
+    pub(super) interior: bool,
 }
 
 impl Place {

@@ -5,6 +5,8 @@ use super::slab::LANES;
 use crate::nn::scalar::Scalar;
 use std::cmp::Ordering;
 
+/// Cells that are taken together.
+pub(super) const MARKED: usize = 8;
 /// Cells after which counts are taken over, while `f32` still holds them exactly.
 const UNCOUNTED: usize = 1 << 20;
 
@@ -30,15 +32,21 @@ pub(super) struct Collecting<T> {
     pub(super) selection: Option<Selection>,
     /// Number of responses of a channel that are enough; weaker ones may be dropped.
     pub(super) enough: usize,
+    /// The same at the beginning; it grows with the share of the inputs that were added.
+    pub(super) enough_at_first: usize,
 }
 
 /// Collects responses cell after cell.
 ///
-/// A channel holds up to twice as many as are enough, and then drops the weaker half: O(1) a response on average.
+/// A channel holds up to half as many again as are enough (twice as many where that number does not grow), and then drops the
+/// weakest: O(1) a response on average.
 #[derive(Debug)]
 pub(super) struct Strongest<T> {
     bias: [T; LANES],
     attention: Option<Attention>,
+    /// Number of responses of a channel that are enough at the beginning, how many more are at the end, and those now.
+    enough_at_first: usize,
+    more_enough: usize,
     enough: usize,
     least: [T; LANES],
     dropped: [bool; LANES],
@@ -53,10 +61,13 @@ pub(super) struct Strongest<T> {
 
 impl<T: Scalar> Strongest<T> {
     pub(super) fn new(how: &Collecting<T>) -> Self {
+        let enough_at_first = if how.selection.is_some() { how.enough_at_first } else { usize::MAX };
         Self {
             bias: how.bias,
             attention: how.selection.map(|selection| selection.attention),
-            enough: if how.selection.is_some() { how.enough } else { usize::MAX },
+            enough_at_first,
+            more_enough: how.enough.saturating_sub(enough_at_first),
+            enough: enough_at_first,
             least: [T::ZERO; LANES],
             dropped: [false; LANES],
             counting: [T::ZERO; LANES],
@@ -67,37 +78,40 @@ impl<T: Scalar> Strongest<T> {
         }
     }
 
+    /// Says which share of the inputs has been added.
+    pub(super) fn has_come_to(&mut self, share: f64) {
+        self.enough = self.enough_at_first.saturating_add((share * self.more_enough as f64) as usize);
+    }
+
     /// Takes the sums of neighbouring cells, which become responses; cells come in ascending order.
     #[inline(always)]
-    pub(super) fn take(&mut self, first: usize, cells: &mut [[T; LANES]]) {
+    pub(super) fn take(&mut self, first: usize, sums: &[[T; LANES]; MARKED]) {
         let (all, positive) = (|response: T| response != T::ZERO, |response: T| response > T::ZERO);
-        let over = match self.attention {
-            Some(Attention::Positive) => self.responses(cells, |response| response, positive),
-            Some(Attention::Magnitude) => self.responses(cells, T::magnitude, all),
-            None => self.responses(cells, T::magnitude, positive),
-        };
-        if over.iter().any(|&over| over > T::ZERO) {
-            self.keep(first, cells);
+        match self.attention {
+            Some(Attention::Positive) => self.keep(first, sums, |response| response, positive),
+            Some(Attention::Magnitude) => self.keep(first, sums, T::magnitude, all),
+            None => self.keep(first, sums, T::magnitude, positive),
         }
-        self.cells += cells.len();
+        self.cells += MARKED;
         if self.cells > UNCOUNTED {
             self.count();
         }
     }
 
-    /// Turns sums into responses and counts them; the largest distance of a strength above the least, for each
-    /// channel. Plain loops over local copies, which the compiler turns into operations on all channels at once.
+    /// Counts responses and keeps those that are stronger than the least of their channel. Plain loops over local copies, which
+    /// the compiler turns into operations on all channels at once.
     #[inline(always)]
-    fn responses(
+    fn keep(
         &mut self,
-        cells: &mut [[T; LANES]],
+        first: usize,
+        sums: &[[T; LANES]; MARKED],
         strength: impl Fn(T) -> T,
         counts: impl Fn(T) -> bool,
-    ) -> [T; LANES] {
+    ) {
         let (bias, least, mut counted) = (self.bias, self.least, self.counting);
-        let mut over = [T::ZERO; LANES];
-        for cell in cells {
-            let mut values = *cell;
+        let mut responses = *sums;
+        let mut strong = 0u32;
+        for (cell, values) in responses.iter_mut().enumerate() {
             for lane in 0..LANES {
                 let moved = values[lane] + bias[lane];
                 values[lane] = if values[lane] == T::ZERO { T::ZERO } else { moved };
@@ -105,37 +119,36 @@ impl<T: Scalar> Strongest<T> {
             for lane in 0..LANES {
                 counted[lane] += if counts(values[lane]) { T::ONE } else { T::ZERO };
             }
+            let mut any = false;
             for lane in 0..LANES {
-                let above = strength(values[lane]) - least[lane];
-                over[lane] = if above > over[lane] { above } else { over[lane] };
+                any |= strength(values[lane]) > least[lane];
             }
-            *cell = values;
+            strong |= u32::from(any) << cell;
         }
         self.counting = counted;
-        over
+        while strong != 0 {
+            let cell = strong.trailing_zeros() as usize;
+            strong &= strong - 1;
+            for lane in 0..LANES {
+                if strength(responses[cell][lane]) > least[lane] {
+                    self.push(lane, (first + cell, responses[cell][lane]));
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, lane: usize, entry: (usize, T)) {
+        self.entries[lane].push(entry);
+        if self.entries[lane].len() >= self.enough.saturating_add(self.enough_at_first.max(self.enough / 2)) {
+            self.drop_weak(lane);
+        }
     }
 
     fn count(&mut self) {
         self.cells = 0;
         for (sum, count) in self.counted.iter_mut().zip(&mut self.counting) {
             *sum += std::mem::take(count).wide() as usize;
-        }
-    }
-
-    fn keep(&mut self, first: usize, cells: &[[T; LANES]]) {
-        for (cell, responses) in (first..).zip(cells) {
-            let mut strong = 0u32;
-            for (lane, (&response, &least)) in responses.iter().zip(&self.least).enumerate() {
-                strong |= u32::from(strength(self.attention, response) > least) << lane;
-            }
-            while strong != 0 {
-                let lane = strong.trailing_zeros() as usize;
-                strong &= strong - 1;
-                self.entries[lane].push((cell, responses[lane]));
-                if self.entries[lane].len() / 2 >= self.enough {
-                    self.drop_weak(lane);
-                }
-            }
         }
     }
 
@@ -152,12 +165,16 @@ impl<T: Scalar> Strongest<T> {
             strengths.select_nth_unstable_by(place, |a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
         let stronger = above.iter().filter(|value| **value > least).count();
         let mut equal = self.enough - stronger;
-        entries.retain(|entry| {
-            let own = strength(entry.1);
-            let kept = own > least || (own == least && equal > 0);
-            equal -= usize::from(kept && own == least);
-            kept
-        });
+        let mut kept = 0;
+        // Without branches, which the processor could not foresee.
+        for i in 0..entries.len() {
+            let own = strength(entries[i].1);
+            let as_weak = (own == least) & (equal > 0);
+            entries[kept] = entries[i];
+            kept += usize::from((own > least) | as_weak);
+            equal -= usize::from(as_weak);
+        }
+        entries.truncate(kept);
         (self.least[lane], self.dropped[lane]) = (least, true);
     }
 

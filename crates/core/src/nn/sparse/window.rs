@@ -1,8 +1,8 @@
 //! The dense buffer of the responses: it slides along the first axis of a tensor, so that it stays in the cache while every
 //! input is visited once.
 
-use super::slab::{LANES, Place, Taps};
-use super::strongest::{Collecting, Found, Strongest};
+use super::slab::{Ahead, LANES, Place, Taps};
+use super::strongest::{Collecting, Found, MARKED, Strongest};
 use super::tensor::SparseTensor;
 use crate::error::Result;
 use crate::memory;
@@ -10,10 +10,10 @@ use crate::nn::scalar::Scalar;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// Cells that are marked together when one of them is written to.
-const MARKED: usize = 8;
 /// Cells of the inputs of a step, at least one layer along the first axis.
 const STEP: usize = 1 << 12;
+/// Cells of which all input channels are added in turn, so that what they add to stays in the innermost cache.
+const BLOCK: usize = 1024;
 /// No layer of the buffer.
 const OUTSIDE: usize = usize::MAX;
 
@@ -51,6 +51,19 @@ impl<T: Scalar> Piece<'_, T> {
 }
 
 impl<T: Scalar> Window<T> {
+    /// Adds an input to the output of a weight; `from` is its place in the layer of that output.
+    #[inline(always)]
+    fn add(&mut self, from: usize, value: T, ahead: &Ahead<T>) {
+        let at = from.wrapping_add_signed(ahead.within);
+        // Copies, so that the compiler sees that they do not overlap.
+        let (weights, mut sums) = (ahead.weights, self.values[at]);
+        for lane in 0..LANES {
+            sums[lane] = value.mul_add(weights[lane], sums[lane]);
+        }
+        self.values[at] = sums;
+        self.written[at / MARKED] = true;
+    }
+
     /// Room for so many cells.
     fn fit(&mut self, cells: usize) -> Result<()> {
         let more = cells.saturating_sub(self.values.len());
@@ -87,6 +100,14 @@ impl Layout {
     }
 }
 
+/// Where the layers that an input layer reaches begin in the buffer, the first one `reach` before it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bases {
+    layers: [usize; 16],
+    /// Whether all of them belong to the piece; the others are [`OUTSIDE`].
+    inside: bool,
+}
+
 /// Adds the responses of a piece step by step and hands on those of layers that are complete.
 struct Pass<'a, 'b, T> {
     part: &'a Piece<'b, T>,
@@ -100,13 +121,21 @@ impl<T: Scalar> WithSimd for Pass<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _simd: S) {
-        let Layout { step, inputs, .. } = self.layout.clone();
+        let Layout { step, inputs, layer, .. } = self.layout.clone();
         let mut drained = self.part.layers.start;
+        let from = self.entries();
+        let mut next: Vec<usize> = from.iter().map(|entries| entries.start).collect();
+        let all = from.iter().map(Range::len).sum::<usize>().max(1);
         for first in inputs.clone().step_by(step) {
             let end = (first + step).min(inputs.end);
-            for channel in 0..self.part.taps.len() {
-                self.add(channel, first..end);
+            for block in (first * layer..end * layer).step_by(BLOCK) {
+                let block = block..(block + BLOCK).min(end * layer);
+                for (channel, next) in next.iter_mut().enumerate() {
+                    *next = self.add(channel, block.clone(), *next);
+                }
             }
+            let done: usize = next.iter().zip(&from).map(|(next, from)| next - from.start).sum();
+            self.strongest.has_come_to(done as f64 / all as f64);
             let complete = if end == inputs.end { self.part.layers.end } else { end.saturating_sub(self.part.reach) };
             while drained < complete {
                 self.drain(drained);
@@ -117,55 +146,65 @@ impl<T: Scalar> WithSimd for Pass<'_, '_, T> {
 }
 
 impl<T: Scalar> Pass<'_, '_, T> {
-    /// Adds what an input channel gives in some of its layers.
-    #[inline(always)]
-    fn add(&mut self, channel: usize, layers: Range<usize>) {
-        let (part, layer) = (self.part, self.layout.layer);
-        let (input, taps) = (part.input, &part.taps[channel]);
-        let plane = part.sample * part.taps.len() + channel;
-        let base = (plane * input.shape().cells()) as u64;
-        let entries = input.entries(plane, layers.start * layer..layers.end * layer);
-        let mut rest = input.keys()[entries.clone()].iter().zip(&input.values()[entries]).peekable();
-        let mut bases = [OUTSIDE; 16];
-        for z in layers {
-            self.place(z, &mut bases);
-            let start = base + (z * layer) as u64;
-            let here = start..start + layer as u64;
-            while let Some((&key, &value)) = rest.next_if(|(key, _)| here.contains(key)) {
-                self.scatter((key - start) as usize, value, taps, &bases);
-            }
-        }
+    /// The entries of each input channel in the layers of the piece.
+    fn entries(&self) -> Vec<Range<usize>> {
+        let (part, Layout { inputs, layer, .. }) = (self.part, &self.layout);
+        let planes = (part.sample * part.taps.len()..).take(part.taps.len());
+        planes.map(|plane| part.input.entries(plane, inputs.start * layer..inputs.end * layer)).collect()
     }
 
-    /// Where the layers that an input layer reaches begin in the buffer, the first one `reach` before it.
+    /// Adds what an input channel gives in some cells, from this entry on; the entry behind them.
     #[inline(always)]
-    fn place(&self, z: usize, bases: &mut [usize; 16]) {
+    fn add(&mut self, channel: usize, cells: Range<usize>, first: usize) -> usize {
+        let (part, layer) = (self.part, self.layout.layer);
+        let (input, taps) = (part.input, &part.taps[channel]);
+        let start = ((part.sample * part.taps.len() + channel) * input.shape().cells()) as u64;
+        let end = start + cells.end as u64;
+        let entries = input.keys()[first..].iter().zip(&input.values()[first..]);
+        let (mut layer_end, mut layer_start, mut bases) = (start, start, Bases::default());
+        let mut count = 0;
+        for (&key, &value) in entries.take_while(|(key, _)| **key < end) {
+            if key >= layer_end {
+                let z = (key - start) as usize / layer;
+                bases = self.bases(z);
+                layer_start = start + (z * layer) as u64;
+                layer_end = layer_start + layer as u64;
+            }
+            self.scatter((key - layer_start) as usize, value, taps, &bases);
+            count += 1;
+        }
+        first + count
+    }
+
+    /// The layers that an input layer reaches.
+    #[inline(always)]
+    fn bases(&self, z: usize) -> Bases {
         let Layout { slot, ring, .. } = self.layout;
-        for (step, base) in bases.iter_mut().enumerate().take(2 * self.part.reach + 1) {
+        let mut bases = Bases { layers: [OUTSIDE; 16], inside: true };
+        for (step, base) in bases.layers.iter_mut().enumerate().take(2 * self.part.reach + 1) {
             let output = (z + step).checked_sub(self.part.reach).filter(|z| self.part.layers.contains(z));
             *base = output.map_or(OUTSIDE, |output| output % ring * slot);
+            bases.inside &= *base != OUTSIDE;
         }
+        bases
     }
 
     /// Adds an input to all outputs that its weights lead to.
     #[inline(always)]
-    fn scatter(&mut self, cell: usize, value: T, taps: &Taps<T>, bases: &[usize; 16]) {
-        let Window { values, written } = &mut *self.window;
+    fn scatter(&mut self, cell: usize, value: T, taps: &Taps<T>, bases: &Bases) {
         let (shape, reach) = (self.part.input.shape(), self.part.reach);
         let place = Place::new(cell, shape, reach, 1);
+        if place.interior && bases.inside {
+            for ahead in &taps.ahead {
+                self.window.add(bases.layers[ahead.layer] + cell, value, ahead);
+            }
+            return;
+        }
         for tap in &taps.taps {
-            let base = bases[tap.layer];
-            if base == OUTSIDE || !tap.stays(&place, shape, 1) {
-                continue;
+            let base = bases.layers[tap.ahead.layer];
+            if base != OUTSIDE && tap.stays(&place, shape, 1) {
+                self.window.add(base + cell, value, &tap.ahead);
             }
-            let at = (base + cell).wrapping_add_signed(tap.within);
-            // Copies, so that the compiler sees that they do not overlap.
-            let (weights, mut sums) = (tap.weights, values[at]);
-            for lane in 0..LANES {
-                sums[lane] = value.mul_add(weights[lane], sums[lane]);
-            }
-            values[at] = sums;
-            written[at / MARKED] = true;
         }
     }
 
@@ -175,13 +214,12 @@ impl<T: Scalar> Pass<'_, '_, T> {
         let Layout { layer, slot, ring, .. } = self.layout;
         let base = z % ring * slot;
         let marks = base / MARKED..(base + slot) / MARKED;
-        let blocks = self.window.values[base..base + slot].chunks_exact_mut(MARKED);
+        let (blocks, _) = self.window.values[base..base + slot].as_chunks_mut::<MARKED>();
         for ((written, cells), first) in self.window.written[marks].iter_mut().zip(blocks).zip((0..).step_by(MARKED)) {
-            if !std::mem::take(written) {
-                continue;
+            if std::mem::take(written) {
+                self.strongest.take(z * layer + first, cells);
+                *cells = [[T::ZERO; LANES]; MARKED];
             }
-            self.strongest.take(z * layer + first, cells);
-            cells.fill([T::ZERO; LANES]);
         }
     }
 }
