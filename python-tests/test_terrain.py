@@ -5,7 +5,10 @@ import json
 import sqlite3
 import struct
 
+import contourpy
+import ezdxf
 import numpy as np
+import pyogrio
 import pytest
 import scansion
 from scansion import terrain
@@ -125,6 +128,44 @@ def test_a_house_has_its_outline(tmp_path):
         terrain.footprints(village(), classes=[17])
     with pytest.raises(ValueError, match="classes of the buildings"):
         terrain.footprints(village(), ground=np.ones(12_000, dtype=bool))
+
+
+def test_height_contours_are_those_of_contourpy(tmp_path):
+    rows, columns = np.indices((60, 80))
+    values = 3 * np.sin(0.31 * columns) + 2 * np.cos(0.43 * rows + 0.1 * columns) + 0.02 * columns
+    values[20:25, 30:34] = np.nan
+    dtm = terrain.Raster(values, (500_000.0, 5_000_030.0), 0.5, crs="EPSG:25832", metres_per_unit=1.0)
+    found = terrain.contours(dtm, interval=0.25, base=0.1, least_length=0.0)
+    x, y = centres(dtm)
+    peer = contourpy.contour_generator(x[0], y[:, 0], np.ma.masked_invalid(values), corner_mask=False)
+
+    def length(lines):
+        return sum(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines)
+
+    levels = np.unique(found.heights)
+    steps = (levels - 0.1) / 0.25
+    assert len(levels) > 40 and np.allclose(steps, np.round(steps))
+    for level in levels:
+        own = [line for line, height in zip(found.lines, found.heights) if height == level]
+        theirs = peer.lines(level)
+        assert len(own) == len(theirs)
+        assert length(own) == pytest.approx(length(theirs), rel=1e-9)
+    assert length(found.lines) == pytest.approx(found.length.sum())
+    assert all(np.array_equal(line[0], line[-1]) == closed for line, closed in zip(found.lines, found.closed))
+    for name in ("h.gpkg", "h.geojson"):
+        found.write(tmp_path / name)
+        meta, _, geometry, fields = pyogrio.raw.read(tmp_path / name)
+        assert "25832" in meta["crs"] and len(geometry) == len(found)
+        elevation = fields[list(meta["fields"]).index("elevation")]
+        assert np.allclose(elevation, found.heights, atol=1e-9)
+    found.write(tmp_path / "h.dxf")
+    lines = list(ezdxf.readfile(tmp_path / "h.dxf").modelspace())
+    assert len(lines) == len(found) and {line.dxf.layer for line in lines} == {"CONTOUR", "INDEX-CONTOUR"}
+    assert terrain.contours(dtm, interval=100.0, base=50.0).lines == []
+    with pytest.raises(ValueError, match="interval"):
+        terrain.contours(dtm, interval=0.0)
+    with pytest.raises(ValueError, match="two dimensions"):
+        terrain.contours(terrain.Raster(np.zeros(3), (0.0, 0.0), 1.0))
 
 
 def test_bad_rasters_and_parameters_are_refused(tmp_path):

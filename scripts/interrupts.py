@@ -32,16 +32,20 @@ def interrupted(work, after):
         sent.append(time.perf_counter())
         os.kill(os.getpid(), signal.SIGINT)
 
+    wait = None
     timer = threading.Timer(after, send)
     timer.start()
     try:
-        work()
-    except KeyboardInterrupt:
-        return time.perf_counter() - sent[0]
-    finally:
+        try:
+            work()
+        except KeyboardInterrupt:
+            wait = time.perf_counter() - sent[0]
         timer.cancel()
         timer.join()
-    return None
+    except KeyboardInterrupt:
+        # The signal came after the end of the work.
+        timer.join()
+    return wait
 
 
 def on_points(cloud, xyz):

@@ -129,6 +129,40 @@ fn rasters_of_clouds_in_feet_are_in_feet() {
 }
 
 #[test]
+fn height_contours_of_a_slope_in_feet_lie_whole_feet_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let rows: Vec<[f64; 3]> = (0..90 * 60)
+        .map(|i| [f64::from(i % 90) * 2.0 + 0.3, f64::from(i / 90) * 2.0 + 0.4, 10.0 + 0.05 * f64::from(i % 90)])
+        .collect();
+    let mut slope = Cloud::from_rows(&rows).unwrap();
+    slope.set_column(Column::new("Classification", Values::U8(vec![2; rows.len()]))).unwrap();
+    slope.crs = Some("EPSG:2229".into());
+    io::write(&f.join("feet.laz"), &slope, &Default::default()).unwrap();
+    let said = done(f, &["terrain", "feet.laz", "--contours", "h.geojson", "--interval", "0.5", "--cell", "0.6096"]);
+    assert!(said.contains("8 height contours from 10.50 to 14.00, "), "{said}");
+    let drawing = io::read_lines(&f.join("h.geojson")).unwrap();
+    assert_eq!(drawing.len(), 8);
+    for line in &drawing {
+        let height = line[0][2];
+        assert!((height * 2.0 - (height * 2.0).round()).abs() < 1e-9);
+        assert!(
+            line.iter().all(|at| at[2] == height && (10.0 + 0.025 * (at[0] - 0.3) - height).abs() < 0.02),
+            "{line:?}"
+        );
+    }
+    let report = done(f, &["terrain", "feet.laz", "--contours", "h.dxf", "--format", "json"]);
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!((report[0]["product"].as_str(), report[0]["lines"].as_u64()), (Some("contours"), Some(4)));
+    assert!(
+        done(f, &["terrain", "feet.laz", "--contours", "h.obj", "--interval", "50"]).contains("no height contours")
+    );
+    assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.shp"], 4).contains("GeoPackage"));
+    assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.dxf", "--interval", "0"], 2).contains("interval"));
+    assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.dxf", "--min-length=-1"], 2).contains("least_length"));
+}
+
+#[test]
 fn tiles_give_the_products_of_their_merged_file() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

@@ -13,6 +13,7 @@ mod evaluation;
 mod features;
 mod filters;
 mod graph;
+mod height_contours;
 mod images;
 mod io;
 mod json;
@@ -60,6 +61,8 @@ mod _core {
     use crate::filters::{filter, inside_polygon, polygon_text, radius_outliers, statistical_outliers};
     #[pymodule_export]
     use crate::graph::{connected_components, felzenszwalb, knn_graph, minimum_spanning_tree};
+    #[pymodule_export]
+    use crate::height_contours::{HeightContours, height_contours};
     #[pymodule_export]
     use crate::images::render;
     #[pymodule_export]

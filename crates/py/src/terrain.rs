@@ -221,7 +221,7 @@ pub(crate) fn write_raster(
 }
 
 /// A raster from heights whose first row is the northernmost.
-fn raster(heights: &[f64], columns: usize, origin: [f64; 2], cell: f64) -> Result<Raster> {
+pub(crate) fn raster(heights: &[f64], columns: usize, origin: [f64; 2], cell: f64) -> Result<Raster> {
     let rows = heights.chunks(columns.max(1)).rev();
     Raster::new(origin, cell, columns, rows.flatten().copied().collect())
 }

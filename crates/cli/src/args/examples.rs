@@ -69,6 +69,7 @@ pub(super) const TERRAIN: &str = "Examples:
   scansion terrain my.laz -o dtm.tif                         heights of the ground, 1 m cells
   scansion terrain my.laz -o dtm.tif --dsm dsm.tif --chm chm.tif --cell 0.5
   scansion terrain my.laz -o dtm.asc --ground-filter         for clouds without classes
+  scansion terrain my.laz --contours heights.dxf --interval 0.5     a line every half metre (in feet: every half foot)
   scansion terrain classified.laz --footprints buildings.gpkg
   scansion terrain tiles/*.laz -o dtm.tif                    one model of all tiles, without seams
 

@@ -38,7 +38,7 @@ pub(crate) struct Terrain {
     #[arg(required = true)]
     pub(crate) inputs: Vec<PathBuf>,
     /// Terrain model: heights of the ground, as GeoTIFF (.tif) or ESRI ASCII grid (.asc)
-    #[arg(short, long, visible_alias = "dtm", value_name = "FILE", required_unless_present_any = ["dsm", "chm", "footprints"])]
+    #[arg(short, long, visible_alias = "dtm", value_name = "FILE", required_unless_present_any = ["dsm", "chm", "contours", "footprints"])]
     pub(crate) output: Option<PathBuf>,
     /// Surface model: the highest point of each cell
     #[arg(long, value_name = "FILE")]
@@ -46,6 +46,15 @@ pub(crate) struct Terrain {
     /// Heights of the surface above the terrain: buildings, trees
     #[arg(long, value_name = "FILE")]
     pub(crate) chm: Option<PathBuf>,
+    /// Lines of equal height of the terrain model, as DXF, GeoPackage, GeoJSON, OBJ or PLY
+    #[arg(long, value_name = "FILE")]
+    pub(crate) contours: Option<PathBuf>,
+    /// Difference of height from one line to the next, in the unit of the cloud
+    #[arg(long, value_name = "HEIGHT", default_value_t = 1.0)]
+    pub(crate) interval: f64,
+    /// Leave out shorter lines of equal height, metres
+    #[arg(long, value_name = "METRES", default_value_t = 5.0)]
+    pub(crate) min_length: f64,
     /// Outlines of buildings with area, height and number of points, as GeoJSON (.geojson) or GeoPackage (.gpkg)
     #[arg(long, value_name = "FILE")]
     pub(crate) footprints: Option<PathBuf>,

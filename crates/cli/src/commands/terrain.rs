@@ -1,13 +1,13 @@
-//! `scansion terrain`: terrain and surface models, and outlines of buildings.
+//! `scansion terrain`: terrain and surface models, height contours, and outlines of buildings.
 
 use super::{Context, sources};
 use crate::args::{Format, GroundArgs, Terrain};
 use crate::exit_code::Failure;
 use scansion_core::cloud::{MetricCloud, Raster, names};
-use scansion_core::io::{self, Columns, Georeference};
+use scansion_core::io::{self, Columns, Drawing, Georeference};
 use scansion_core::terrain::{
-    self, Footprint, FootprintParams, GroundChoice, GroundParams, ProductParams, Survey, footprints,
-    heights_above_ground, normalised, surface_model, terrain_model,
+    self, Footprint, FootprintParams, GroundChoice, GroundParams, Isoline, IsolineParams, ProductParams, Survey,
+    footprints, heights_above_ground, isolines, normalised, surface_model, terrain_model,
 };
 use scansion_core::{Error, Result};
 use serde::Serialize;
@@ -16,7 +16,9 @@ use std::path::{Path, PathBuf};
 pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<(), Failure> {
     let rasters = [&args.output, &args.dsm, &args.chm].into_iter().flatten();
     rasters.map(PathBuf::as_path).try_for_each(io::check_raster_output)?;
+    args.contours.iter().try_for_each(|path| io::check_drawing_output(path))?;
     args.footprints.iter().try_for_each(|path| io::check_outline_output(path))?;
+    isoline_params(args, 1.0).validate()?;
     let params = ProductParams { reach: args.reach, ..product_params(&args.ground)? };
     params.validate()?;
     footprint_params(args).validate()?;
@@ -28,7 +30,7 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
     args.footprints.iter().try_for_each(|_| footprint_params(args).check(&cloud))?;
     inputs.iter().take(1).for_each(|input| context.tell_unit(input, &cloud));
     let scene = MetricCloud::new(&cloud, None, &context.monitor)?;
-    let survey = match [&args.output, &args.chm, &args.footprints].iter().any(|path| path.is_some()) {
+    let survey = match [&args.output, &args.chm, &args.contours, &args.footprints].iter().any(|path| path.is_some()) {
         true => survey(&scene, &params, context)?,
         false => Survey::of_points(&scene, &params, &context.monitor)?,
     };
@@ -39,6 +41,12 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
         if cloud.crs.is_some() && product.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("asc")) {
             context.printer.note(&format!("{}: .asc files have no reference system", product.file.display()));
         }
+    }
+    if let Some((path, terrain)) = args.contours.as_deref().zip(made.terrain.take()) {
+        let lines = isolines(&terrain, &isoline_params(args, scene.metres), &context.monitor)?;
+        made.contours = Some(Contours::of(path, &lines, scene.metres));
+        let lines = lines.iter().map(Isoline::drawn).collect();
+        io::write_drawing(path, &Drawing { lines, place: Georeference::of(&cloud) }, &context.monitor)?;
     }
     if let Some(path) = &args.footprints {
         let heights = heights_above_ground(&scene, &survey, &params, &context.monitor)?;
@@ -90,6 +98,11 @@ fn footprint_params(args: &Terrain) -> FootprintParams {
     }
 }
 
+/// The parameters of height contours of a cloud with that many metres per unit.
+fn isoline_params(args: &Terrain, metres: f64) -> IsolineParams {
+    IsolineParams { interval: args.interval, least_length: args.min_length / metres, ..IsolineParams::default() }
+}
+
 /// What rasters are made of.
 struct Surveyed<'a> {
     survey: &'a Survey,
@@ -101,16 +114,19 @@ struct Surveyed<'a> {
 /// The requested rasters in the unit of the cloud.
 fn rasters_of(surveyed: &Surveyed<'_>, args: &Terrain, context: &Context<'_>) -> Result<Made> {
     let Surveyed { survey, params, metres } = *surveyed;
-    let needed = |paths: [&Option<PathBuf>; 2]| paths.into_iter().any(Option::is_some);
-    let terrain =
-        needed([&args.output, &args.chm]).then(|| terrain_model(survey, params, &context.monitor)).transpose()?;
+    let needed = |paths: &[&Option<PathBuf>]| paths.iter().any(|path| path.is_some());
+    let on_terrain = needed(&[&args.output, &args.chm, &args.contours]);
+    let terrain = on_terrain.then(|| terrain_model(survey, params, &context.monitor)).transpose()?;
     let surface =
-        needed([&args.dsm, &args.chm]).then(|| surface_model(survey, params.cell, &context.monitor)).transpose()?;
+        needed(&[&args.dsm, &args.chm]).then(|| surface_model(survey, params.cell, &context.monitor)).transpose()?;
     let above = match (&args.chm, &surface, &terrain) {
         (Some(_), Some(surface), Some(terrain)) => Some(normalised(surface, terrain)?),
         _ => None,
     };
     let mut made = Made::default();
+    if let (Some(_), Some(terrain)) = (&args.contours, &terrain) {
+        made.terrain = Some(terrain.clone().in_unit(metres)?);
+    }
     for (name, path, raster) in
         [("terrain", &args.output, terrain), ("surface", &args.dsm, surface), ("above terrain", &args.chm, above)]
     {
@@ -134,6 +150,9 @@ fn outlines(path: &Path, found: &[Footprint], scene: &MetricCloud<'_>) -> Result
 #[derive(Default)]
 struct Made {
     rasters: Vec<(Product, Raster)>,
+    /// The terrain model, if it has contours.
+    terrain: Option<Raster>,
+    contours: Option<Contours>,
     outlines: Option<Outlines>,
 }
 
@@ -148,6 +167,25 @@ struct Product {
     cells_without_data: usize,
     lowest: Option<f64>,
     highest: Option<f64>,
+}
+
+/// Height contours, in the unit of the cloud; length in m.
+#[derive(Serialize)]
+struct Contours {
+    product: &'static str,
+    file: PathBuf,
+    lines: usize,
+    length: f64,
+    lowest: Option<f64>,
+    highest: Option<f64>,
+}
+
+impl Contours {
+    fn of(file: &Path, lines: &[Isoline], metres: f64) -> Self {
+        let length = metres * lines.iter().map(Isoline::length).sum::<f64>();
+        let [lowest, highest] = [lines.first(), lines.last()].map(|line| line.map(|line| line.height));
+        Self { product: "contours", file: file.to_path_buf(), lines: lines.len(), length, lowest, highest }
+    }
 }
 
 /// The outlines of buildings; area in m².
@@ -178,7 +216,12 @@ impl Product {
 impl Made {
     fn report(&self) -> Vec<serde_json::Value> {
         let rasters = self.rasters.iter().map(|(product, _)| serde_json::to_value(product));
-        rasters.chain(self.outlines.iter().map(serde_json::to_value)).filter_map(std::result::Result::ok).collect()
+        let contours = self.contours.iter().map(serde_json::to_value);
+        rasters
+            .chain(contours)
+            .chain(self.outlines.iter().map(serde_json::to_value))
+            .filter_map(std::result::Result::ok)
+            .collect()
     }
 
     fn text(&self, format: Format) -> String {
@@ -200,6 +243,18 @@ impl Made {
             let cells = p.cells_without_data.to_string();
             text +=
                 &row([p.product.into(), columns, rows, p.cell.to_string(), cells, number(p.lowest), number(p.highest)]);
+        }
+        if let Some(found) = &self.contours {
+            let (lines, length) = (found.lines, found.length);
+            let [lowest, highest] = [found.lowest, found.highest].map(number);
+            text += &match format {
+                Format::Csv => format!("contours,length,lowest,highest\n{lines},{length:.1},{lowest},{highest}\n"),
+                _ if lines == 0 => "no height contours\n".to_string(),
+                _ => {
+                    let many = if lines == 1 { "height contour" } else { "height contours" };
+                    format!("{lines} {many} from {lowest} to {highest}, {length:.0} m\n")
+                }
+            };
         }
         if let Some(found) = &self.outlines {
             text += &match format {

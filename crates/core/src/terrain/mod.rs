@@ -1,5 +1,5 @@
 //! Terrain: road and ground points, elevation model, height above ground, position with respect to the road;
-//! terrain and surface models, outlines of buildings.
+//! terrain and surface models, height contours, outlines of buildings.
 
 mod above_ground;
 mod alpha_shape;
@@ -19,7 +19,7 @@ pub use descriptors::{Ground, Terrain, TerrainParams, mask_of_classes, terrain};
 pub use elevation::{ElevationModel, ElevationParams};
 pub use ground_filter::{GroundMethod, GroundParams, ground_points};
 pub use position::position;
-pub use products::{Footprint, FootprintParams, GroundChoice, ProductParams, Survey};
-pub use products::{footprints, heights_above_ground, normalised, outlines, surface_model, terrain_model};
+pub use products::{Footprint, FootprintParams, GroundChoice, Isoline, IsolineParams, ProductParams, Survey};
+pub use products::{footprints, heights_above_ground, isolines, normalised, outlines, surface_model, terrain_model};
 pub use road::{RoadExample, road_points};
 pub use smooth::fill_holes;

@@ -1,4 +1,4 @@
-"""Ground points, heights above the ground, terrain and surface models, outlines of buildings."""
+"""Ground points, heights above the ground, terrain and surface models, height contours, outlines of buildings."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from scansion import _core
 from scansion._arrays import native, to_json
 from scansion._cloud import as_cloud
 from scansion._footprints import footprints, write_footprints
+from scansion._height_contours import HeightContours, contours
 from scansion._road import RoadPosition, road_points, road_position
 from scansion._surfaces import Raster, chm, dsm, dtm, height_above_ground, write_raster
 
 __all__ = [
+    "HeightContours",
     "Raster",
     "RoadPosition",
     "chm",
+    "contours",
     "dsm",
     "dtm",
     "footprints",

@@ -2,8 +2,8 @@
 
 use super::super::describe::dot;
 use super::super::{NO_SUPERVOXEL, PointAttributes, VccsParams};
-use super::mean::{Sum, means};
-use super::voxels::{Voxel, Voxels};
+use super::mean::{Sum, Voxel, means};
+use super::voxels::Voxels;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
 use crate::parallel::{Looks, Monitor, watched};

@@ -1,12 +1,19 @@
 //! Means of points and of voxels.
 
-use super::voxels::Voxel;
 use crate::linalg::Sym3;
 use crate::linalg::jacobi::jacobi;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Matrices whose eigenvectors are found together.
 const LANES: usize = 8;
+
+/// Mean position, normal (unit, any sign) and colour of some points.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Voxel {
+    pub(super) place: [f32; 3],
+    pub(super) normal: [f32; 3],
+    pub(super) colour: [f32; 3],
+}
 
 /// Sums for a mean. Normals have no side, so that their mean is the axis of Σ n nᵀ: no order of the sum matters.
 #[derive(Clone, Copy, Debug, Default)]

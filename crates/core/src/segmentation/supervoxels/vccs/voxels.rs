@@ -1,7 +1,7 @@
 //! The occupied voxels and their adjacency.
 
 use super::super::PointAttributes;
-use super::mean::{Sum, means};
+use super::mean::{Sum, Voxel, means};
 use crate::cloud::Positions;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
@@ -12,14 +12,6 @@ use rayon::prelude::*;
 
 /// Voxels that one task describes.
 const BLOCK: usize = 4096;
-
-/// Mean position, normal (unit, any sign) and colour of some points.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Voxel {
-    pub(super) place: [f32; 3],
-    pub(super) normal: [f32; 3],
-    pub(super) colour: [f32; 3],
-}
 
 /// All occupied voxels.
 pub(super) struct Voxels {
