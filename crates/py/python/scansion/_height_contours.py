@@ -86,7 +86,7 @@ def contours(
     >>> hill = 10 - np.hypot(*np.mgrid[-20:21, -20:21] / 3)
     >>> found = terrain.contours(terrain.Raster(hill, (0.0, 41.0), 1.0), interval=2.5)
     >>> found
-    <HeightContours: 7 lines from 2.5 to 7.5>
+    <HeightContours: 6 lines from 2.5 to 7.5>
     >>> found.heights[found.closed].tolist(), found.lines[-1].shape[1]
     ([5.0, 7.5], 2)
     """
