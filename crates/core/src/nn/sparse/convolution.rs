@@ -428,6 +428,31 @@ mod tests {
     }
 
     #[test]
+    fn a_sample_has_the_same_bytes_alone_and_beside_others() {
+        let monitor = Monitor::default();
+        // Layers of several blocks, of one, and of a small part of one.
+        for extent in [&[26, 40, 60][..], &[40, 30, 30], &[90, 7, 5], &[4000], &[50, 3, 4, 5]] {
+            let shape = Shape::new(7, 3, extent).unwrap();
+            let (input, filter) = (sparse(&shape, 0.1, 4), filter([3, 9], extent.len(), 0.8));
+            let selection = Some(Selection { attention: Attention::Magnitude, density: 0.05 });
+            let layer = SparseConvolution { filter: &filter, bias: &[], selection };
+            let all = layer.forward(&input, &monitor).unwrap();
+            let alone = Shape::new(1, 3, extent).unwrap();
+            let cells = shape.cells();
+            for sample in 0..7 {
+                let first = (sample * 3 * cells) as u64;
+                let inside = (0..input.len()).filter(|&i| (first..first + 3 * cells as u64).contains(&input.keys()[i]));
+                let (keys, values) = inside.map(|i| (input.keys()[i] - first, input.values()[i])).unzip();
+                let one = SparseTensor::new(alone.clone(), keys, values).unwrap();
+                let found = layer.forward(&one, &monitor).unwrap();
+                let expected: Vec<f64> =
+                    (0..9).flat_map(|c| all.entries(sample * 9 + c, 0..cells)).map(|i| all.values()[i]).collect();
+                assert!(found.values() == expected, "{extent:?}, sample {sample}");
+            }
+        }
+    }
+
+    #[test]
     fn empty_tensors_and_single_entries_are_no_special_case() {
         let monitor = Monitor::default();
         let filter = SparseFilter::of_dense([1, 1], 3, 2, (1..=9).map(f64::from).collect()).unwrap();

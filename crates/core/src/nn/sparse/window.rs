@@ -12,7 +12,8 @@ use std::ops::Range;
 
 /// Cells of the inputs of a step, at least one layer along the first axis.
 const STEP: usize = 1 << 12;
-/// Cells of which all input channels are added in turn, so that what they add to stays in the innermost cache.
+/// Cells of a block, whose input channels are added in turn, so that what they add to stays in the innermost cache. A block is a
+/// piece of a layer or some whole layers.
 const BLOCK: usize = 1024;
 /// No layer of the buffer.
 const OUTSIDE: usize = usize::MAX;
@@ -37,7 +38,7 @@ pub(super) struct Window<T> {
 }
 
 impl<T: Scalar> Piece<'_, T> {
-    /// The responses. Sums have a fixed order: steps of layers, input channel, input cell.
+    /// The responses. Sums have a fixed order: block of a sample, input channel, input cell; it does not depend on the piece.
     ///
     /// # Errors
     /// If the buffer, some layers along the first axis, does not fit into memory.
@@ -84,7 +85,9 @@ struct Layout {
     slot: usize,
     /// Layers of the buffer.
     ring: usize,
-    /// Layers of a step.
+    /// Layers of a block, or 1 if a layer has several.
+    group: usize,
+    /// Layers of a step, whole blocks.
     step: usize,
     /// Input layers of the piece.
     inputs: Range<usize>,
@@ -95,8 +98,19 @@ impl Layout {
         let extent = &part.input.shape().extent;
         let layer: usize = extent[1..].iter().product();
         let inputs = part.layers.start.saturating_sub(part.reach)..(part.layers.end + part.reach).min(extent[0]);
-        let step = (STEP / layer).clamp(1, inputs.len().max(1));
-        Self { layer, slot: layer.next_multiple_of(MARKED), ring: step + 2 * part.reach, step, inputs }
+        let group = (BLOCK / layer).max(1);
+        let step = (STEP / layer / group).max(1) * group;
+        let ring = step.min(inputs.len()) + 2 * part.reach;
+        Self { layer, slot: layer.next_multiple_of(MARKED), ring, group, step, inputs }
+    }
+
+    /// The end of the block that begins with an input cell.
+    fn block_end(&self, cell: usize) -> usize {
+        let z = cell / self.layer;
+        match self.group {
+            1 => z * self.layer + (cell % self.layer + BLOCK).min(self.layer),
+            group => (z / group + 1) * group * self.layer,
+        }
     }
 }
 
@@ -126,14 +140,18 @@ impl<T: Scalar> WithSimd for Pass<'_, '_, T> {
         let from = self.entries();
         let mut next: Vec<usize> = from.iter().map(|entries| entries.start).collect();
         let all = from.iter().map(Range::len).sum::<usize>().max(1);
-        for first in inputs.clone().step_by(step) {
-            let end = (first + step).min(inputs.end);
-            for block in (first * layer..end * layer).step_by(BLOCK) {
-                let block = block..(block + BLOCK).min(end * layer);
+        let mut first = inputs.start;
+        while first < inputs.end {
+            let end = ((first / step + 1) * step).min(inputs.end);
+            let mut cell = first * layer;
+            while cell < end * layer {
+                let block = cell..self.layout.block_end(cell).min(end * layer);
                 for (channel, next) in next.iter_mut().enumerate() {
                     *next = self.add(channel, block.clone(), *next);
                 }
+                cell = block.end;
             }
+            first = end;
             let done: usize = next.iter().zip(&from).map(|(next, from)| next - from.start).sum();
             self.strongest.has_come_to(done as f64 / all as f64);
             let complete = if end == inputs.end { self.part.layers.end } else { end.saturating_sub(self.part.reach) };
