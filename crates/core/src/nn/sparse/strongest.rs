@@ -131,15 +131,15 @@ impl<T: Scalar> Strongest<T> {
             strong &= strong - 1;
             for lane in 0..LANES {
                 if strength(responses[cell][lane]) > least[lane] {
-                    self.push(lane, (first + cell, responses[cell][lane]));
+                    self.push(lane, first + cell, responses[cell][lane]);
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn push(&mut self, lane: usize, entry: (usize, T)) {
-        self.entries[lane].push(entry);
+    fn push(&mut self, lane: usize, cell: usize, response: T) {
+        self.entries[lane].push((cell, response));
         if self.entries[lane].len() >= self.enough.saturating_add(self.enough_at_first.max(self.enough / 2)) {
             self.drop_weak(lane);
         }

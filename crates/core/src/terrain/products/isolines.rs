@@ -118,7 +118,8 @@ pub fn isolines(raster: &Raster, params: &IsolineParams, monitor: &Monitor) -> R
     }
     let mut looks = Looks::at(monitor);
     let mut found = Vec::new();
-    let pieces = pieces(raster, params, first, (end - first) as usize, &mut looks)?;
+    let levels = Levels { params, first, count: (end - first) as usize };
+    let pieces = levels.pieces(raster, &mut looks)?;
     for (number, mut pieces) in pieces.into_iter().enumerate() {
         let number = first + number as f64;
         let height = params.height(number);
@@ -142,37 +143,45 @@ pub fn isolines(raster: &Raster, params: &IsolineParams, monitor: &Monitor) -> R
 /// A piece of a line within a square of four centres, from an edge of the lattice to another one.
 type Piece = [usize; 2];
 
-/// The pieces of each of so many lines, from the one of this number on.
-fn pieces(
-    raster: &Raster,
-    params: &IsolineParams,
+/// The heights with a line between the lowest and the highest of a raster.
+struct Levels<'a> {
+    params: &'a IsolineParams,
+    /// Number of the lowest.
     first: f64,
     count: usize,
-    looks: &mut Looks<'_>,
-) -> Result<Vec<Vec<Piece>>> {
-    let (columns, values) = (raster.columns(), raster.values());
-    let mut pieces = vec![Vec::new(); count];
-    for row in 1..raster.rows() {
-        looks.steps(columns)?;
-        for column in 1..columns {
-            let south_west = (row - 1) * columns + column - 1;
-            let corners = [south_west, south_west + 1, south_west + columns + 1, south_west + columns];
-            let square = Square { corners, heights: corners.map(|corner| values[corner]) };
-            if square.heights.iter().any(|height| height.is_nan()) {
-                continue;
-            }
-            let low = square.heights.into_iter().fold(f64::INFINITY, f64::min);
-            let high = square.heights.into_iter().fold(f64::NEG_INFINITY, f64::max);
-            let mut number = params.first_from(low);
-            while params.height(number) <= high {
-                if let Some(pieces) = pieces.get_mut((number - first) as usize) {
-                    square.cross(params.height(number), pieces);
+}
+
+impl Levels<'_> {
+    /// The pieces of the lines of each level.
+    fn pieces(&self, raster: &Raster, looks: &mut Looks<'_>) -> Result<Vec<Vec<Piece>>> {
+        let (columns, values) = (raster.columns(), raster.values());
+        let mut pieces = vec![Vec::new(); self.count];
+        for row in 1..raster.rows() {
+            looks.steps(columns)?;
+            for column in 1..columns {
+                let south_west = (row - 1) * columns + column - 1;
+                let corners = [south_west, south_west + 1, south_west + columns + 1, south_west + columns];
+                let square = Square { corners, heights: corners.map(|corner| values[corner]) };
+                if square.heights.iter().all(|height| !height.is_nan()) {
+                    self.cross(&square, &mut pieces);
                 }
-                number += 1.0;
             }
         }
+        Ok(pieces)
     }
-    Ok(pieces)
+
+    /// Adds the pieces of all lines through a square.
+    fn cross(&self, square: &Square, pieces: &mut [Vec<Piece>]) {
+        let low = square.heights.into_iter().fold(f64::INFINITY, f64::min);
+        let high = square.heights.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let mut number = self.params.first_from(low);
+        while self.params.height(number) <= high {
+            if let Some(pieces) = pieces.get_mut((number - self.first) as usize) {
+                square.cross(self.params.height(number), pieces);
+            }
+            number += 1.0;
+        }
+    }
 }
 
 /// Four neighbouring centres, counter-clockwise from the south-west.
