@@ -135,7 +135,7 @@ def test_height_contours_are_those_of_contourpy(tmp_path):
     values = 3 * np.sin(0.31 * columns) + 2 * np.cos(0.43 * rows + 0.1 * columns) + 0.02 * columns
     values[20:25, 30:34] = np.nan
     dtm = terrain.Raster(values, (500_000.0, 5_000_030.0), 0.5, crs="EPSG:25832", metres_per_unit=1.0)
-    found = terrain.contours(dtm, interval=0.25, base=0.1, least_length=0.0)
+    found = terrain.contours(dtm, interval=0.25, base=0.1, min_length=0.0)
     x, y = centres(dtm)
     peer = contourpy.contour_generator(x[0], y[:, 0], np.ma.masked_invalid(values), corner_mask=False)
 
@@ -162,8 +162,9 @@ def test_height_contours_are_those_of_contourpy(tmp_path):
     lines = list(ezdxf.readfile(tmp_path / "h.dxf").modelspace())
     assert len(lines) == len(found) and {line.dxf.layer for line in lines} == {"CONTOUR", "INDEX-CONTOUR"}
     assert terrain.contours(dtm, interval=100.0, base=50.0).lines == []
-    with pytest.raises(ValueError, match="interval"):
-        terrain.contours(dtm, interval=0.0)
+    for wrong in ({"interval": 0.0}, {"base": 1e300}):
+        with pytest.raises(ValueError, match="interval"):
+            terrain.contours(dtm, **wrong)
     with pytest.raises(ValueError, match="two dimensions"):
         terrain.contours(terrain.Raster(np.zeros(3), (0.0, 0.0), 1.0))
 

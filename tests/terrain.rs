@@ -159,7 +159,7 @@ fn height_contours_of_a_slope_in_feet_lie_whole_feet_apart() {
     );
     assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.shp"], 4).contains("GeoPackage"));
     assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.dxf", "--interval", "0"], 2).contains("interval"));
-    assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.dxf", "--min-length=-1"], 2).contains("least_length"));
+    assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.dxf", "--min-length=-1"], 2).contains("min_length"));
 }
 
 #[test]

@@ -132,7 +132,7 @@ pub(crate) enum Command {
     Segment(Segment),
     /// Suggest the segments whose labels would help most
     Suggest(Suggest),
-    /// Make terrain and surface models, and outlines of buildings
+    /// Make terrain and surface models, height contours, and outlines of buildings
     Terrain(Terrain),
     /// Draw lines along the edges of objects
     Contours(Contours),

@@ -42,11 +42,9 @@ pub(crate) fn run(args: &Terrain, context: &Context<'_>) -> std::result::Result<
             context.printer.note(&format!("{}: .asc files have no reference system", product.file.display()));
         }
     }
-    if let Some((path, terrain)) = args.contours.as_deref().zip(made.terrain.take()) {
-        let lines = isolines(&terrain, &isoline_params(args, scene.metres), &context.monitor)?;
-        made.contours = Some(Contours::of(path, &lines, scene.metres));
+    if let Some((contours, lines)) = &made.contours {
         let lines = lines.iter().map(Isoline::drawn).collect();
-        io::write_drawing(path, &Drawing { lines, place: Georeference::of(&cloud) }, &context.monitor)?;
+        io::write_drawing(&contours.file, &Drawing { lines, place: Georeference::of(&cloud) }, &context.monitor)?;
     }
     if let Some(path) = &args.footprints {
         let heights = heights_above_ground(&scene, &survey, &params, &context.monitor)?;
@@ -100,7 +98,7 @@ fn footprint_params(args: &Terrain) -> FootprintParams {
 
 /// The parameters of height contours of a cloud with that many metres per unit.
 fn isoline_params(args: &Terrain, metres: f64) -> IsolineParams {
-    IsolineParams { interval: args.interval, least_length: args.min_length / metres, ..IsolineParams::default() }
+    IsolineParams { interval: args.interval, min_length: args.min_length / metres, ..IsolineParams::default() }
 }
 
 /// What rasters are made of.
@@ -111,7 +109,7 @@ struct Surveyed<'a> {
     metres: f64,
 }
 
-/// The requested rasters in the unit of the cloud.
+/// The requested rasters and height contours in the unit of the cloud.
 fn rasters_of(surveyed: &Surveyed<'_>, args: &Terrain, context: &Context<'_>) -> Result<Made> {
     let Surveyed { survey, params, metres } = *surveyed;
     let needed = |paths: &[&Option<PathBuf>]| paths.iter().any(|path| path.is_some());
@@ -123,15 +121,17 @@ fn rasters_of(surveyed: &Surveyed<'_>, args: &Terrain, context: &Context<'_>) ->
         (Some(_), Some(surface), Some(terrain)) => Some(normalised(surface, terrain)?),
         _ => None,
     };
+    let in_unit = |raster: Option<Raster>| raster.map(|raster| raster.in_unit(metres)).transpose();
+    let (terrain, surface, above) = (in_unit(terrain)?, in_unit(surface)?, in_unit(above)?);
     let mut made = Made::default();
-    if let (Some(_), Some(terrain)) = (&args.contours, &terrain) {
-        made.terrain = Some(terrain.clone().in_unit(metres)?);
+    if let (Some(path), Some(terrain)) = (&args.contours, &terrain) {
+        let lines = isolines(terrain, &isoline_params(args, metres), &context.monitor)?;
+        made.contours = Some((Contours::of(path, &lines, metres), lines));
     }
     for (name, path, raster) in
         [("terrain", &args.output, terrain), ("surface", &args.dsm, surface), ("above terrain", &args.chm, above)]
     {
         if let (Some(path), Some(raster)) = (path, raster) {
-            let raster = raster.in_unit(metres)?;
             made.rasters.push((Product::of(name, path, &raster), raster));
         }
     }
@@ -150,9 +150,7 @@ fn outlines(path: &Path, found: &[Footprint], scene: &MetricCloud<'_>) -> Result
 #[derive(Default)]
 struct Made {
     rasters: Vec<(Product, Raster)>,
-    /// The terrain model, if it has contours.
-    terrain: Option<Raster>,
-    contours: Option<Contours>,
+    contours: Option<(Contours, Vec<Isoline>)>,
     outlines: Option<Outlines>,
 }
 
@@ -216,7 +214,7 @@ impl Product {
 impl Made {
     fn report(&self) -> Vec<serde_json::Value> {
         let rasters = self.rasters.iter().map(|(product, _)| serde_json::to_value(product));
-        let contours = self.contours.iter().map(serde_json::to_value);
+        let contours = self.contours.iter().map(|(contours, _)| serde_json::to_value(contours));
         rasters
             .chain(contours)
             .chain(self.outlines.iter().map(serde_json::to_value))
@@ -244,7 +242,7 @@ impl Made {
             text +=
                 &row([p.product.into(), columns, rows, p.cell.to_string(), cells, number(p.lowest), number(p.highest)]);
         }
-        if let Some(found) = &self.contours {
+        if let Some((found, _)) = &self.contours {
             let (lines, length) = (found.lines, found.length);
             let [lowest, highest] = [found.lowest, found.highest].map(number);
             text += &match format {

@@ -60,7 +60,7 @@ class HeightContours:
 
 
 def contours(
-    raster: Raster, *, interval: float = 1.0, base: float = 0.0, least_length: float = 5.0
+    raster: Raster, *, interval: float = 1.0, base: float = 0.0, min_length: float = 5.0
 ) -> HeightContours:
     """Lines of equal height of a terrain model (marching squares).
 
@@ -72,7 +72,7 @@ def contours(
         Difference of height from one line to the next.
     base : float
         A height with a line; the others lie whole intervals above and below.
-    least_length : float
+    min_length : float
         Shorter lines are left out. This and all lengths are in the unit of the raster.
 
     Returns
@@ -94,6 +94,6 @@ def contours(
     if values.ndim != 2:
         raise ValueError(f"raster: expected two dimensions, found shape {values.shape}")
     corner = (float(raster.corner[0]), float(raster.corner[1]))
-    settings = to_json({"interval": interval, "base": base, "least_length": least_length})
+    settings = to_json({"interval": interval, "base": base, "min_length": min_length})
     place = (raster.crs, raster.metres_per_unit)
     return HeightContours(_core.height_contours(values, corner, float(raster.cell), settings, *place))

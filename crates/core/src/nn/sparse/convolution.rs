@@ -247,7 +247,7 @@ impl<T: Scalar> WithSimd for Backward<'_, '_, '_, T> {
                     let gradient = &buffer.values[output - around.start];
                     let weights = &mut sums.part.weights[first + tap.position];
                     for lane in 0..LANES {
-                        own[lane] = gradient[lane].mul_add(tap.ahead.weights[lane], own[lane]);
+                        own[lane] = gradient[lane].mul_add(tap.target.weights[lane], own[lane]);
                         weights[lane] = gradient[lane].mul_add(value, weights[lane]);
                     }
                 });

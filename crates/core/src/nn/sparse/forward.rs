@@ -27,10 +27,10 @@ const TASKS: usize = 16;
 const LAYERS: usize = 4;
 /// A part keeps this many times the responses that it is expected to be left with.
 const SLACK: f64 = 1.5;
-/// And so many more.
+/// And so many more; so many at the beginning.
 const FEWEST: usize = 64;
-/// So many parts are a small share of the work each.
-const SMALL: usize = 4;
+/// From so many parts on it costs little to compute one again.
+const MANY: usize = 4;
 
 /// How many responses of a channel a part keeps.
 #[derive(Clone, Copy, Debug)]
@@ -99,8 +99,7 @@ impl<'a, T: Scalar> Work<'a, T> {
                 Keep::Expected if self.layers.len() > 1 => self.expected(sample, &layers),
                 _ => self.most,
             };
-            // Few parts: each is too dear to be computed again.
-            let enough_at_first = if self.layers.len() < SMALL { enough } else { enough.min(FEWEST) };
+            let enough_at_first = if self.layers.len() < MANY { enough } else { enough.min(FEWEST) };
             let mut bias = [T::ZERO; LANES];
             bias.iter_mut().zip(self.bias.iter().skip(group * LANES)).for_each(|(to, &from)| *to = from);
             let how = Collecting { bias, selection: self.selection, enough, enough_at_first };

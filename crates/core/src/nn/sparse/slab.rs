@@ -18,12 +18,12 @@ pub(super) struct Tap<T> {
     steps: [isize; 4],
     /// The same as a difference of cell numbers.
     difference: isize,
-    pub(super) ahead: Ahead<T>,
+    pub(super) target: Target<T>,
 }
 
-/// What is needed of a weight where the surroundings lie inside the tensor.
+/// A weight and where it leads within the layers of the buffer.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ahead<T> {
+pub(super) struct Target<T> {
     /// Layers along the first axis from the first output of an input to this one.
     pub(super) layer: usize,
     /// Difference of the cell numbers within layers along the first axis.
@@ -44,8 +44,8 @@ impl<T: Scalar> Tap<T> {
         }
         let layers = shape.extent[1..].iter().product::<usize>() as isize;
         let layer = (steps[0] + (size / 2) as isize) as usize;
-        let ahead = Ahead { layer, within: difference - steps[0] * layers, weights };
-        Self { position, steps, difference, ahead }
+        let target = Target { layer, within: difference - steps[0] * layers, weights };
+        Self { position, steps, difference, target }
     }
 
     /// The output cell of an input, if it lies inside the tensor.
@@ -69,14 +69,14 @@ impl<T: Scalar> Tap<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Taps<T> {
     pub(super) taps: Vec<Tap<T>>,
-    /// The same side by side, for the loop over the inputs.
-    pub(super) ahead: Vec<Ahead<T>>,
+    /// The targets of the same side by side, for the loop over the inputs.
+    pub(super) targets: Vec<Target<T>>,
 }
 
 impl<T: Copy> Taps<T> {
     pub(super) fn new(taps: Vec<Tap<T>>) -> Self {
-        let ahead = taps.iter().map(|tap| tap.ahead).collect();
-        Self { taps, ahead }
+        let targets = taps.iter().map(|tap| tap.target).collect();
+        Self { taps, targets }
     }
 }
 

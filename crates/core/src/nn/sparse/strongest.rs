@@ -78,8 +78,8 @@ impl<T: Scalar> Strongest<T> {
         }
     }
 
-    /// Says which share of the inputs has been added.
-    pub(super) fn has_come_to(&mut self, share: f64) {
+    /// Sets the share of the inputs that were added.
+    pub(super) fn set_share(&mut self, share: f64) {
         self.enough = self.enough_at_first.saturating_add((share * self.more_enough as f64) as usize);
     }
 

@@ -1,7 +1,7 @@
 //! The dense buffer of the responses: it slides along the first axis of a tensor, so that it stays in the cache while every
 //! input is visited once.
 
-use super::slab::{Ahead, LANES, Place, Taps};
+use super::slab::{LANES, Place, Taps, Target};
 use super::strongest::{Collecting, Found, MARKED, Strongest};
 use super::tensor::SparseTensor;
 use crate::error::Result;
@@ -54,10 +54,10 @@ impl<T: Scalar> Piece<'_, T> {
 impl<T: Scalar> Window<T> {
     /// Adds an input to the output of a weight; `from` is its place in the layer of that output.
     #[inline(always)]
-    fn add(&mut self, from: usize, value: T, ahead: &Ahead<T>) {
-        let at = from.wrapping_add_signed(ahead.within);
+    fn add(&mut self, from: usize, value: T, target: &Target<T>) {
+        let at = from.wrapping_add_signed(target.within);
         // Copies, so that the compiler sees that they do not overlap.
-        let (weights, mut sums) = (ahead.weights, self.values[at]);
+        let (weights, mut sums) = (target.weights, self.values[at]);
         for lane in 0..LANES {
             sums[lane] = value.mul_add(weights[lane], sums[lane]);
         }
@@ -153,7 +153,7 @@ impl<T: Scalar> WithSimd for Pass<'_, '_, T> {
             }
             first = end;
             let done: usize = next.iter().zip(&from).map(|(next, from)| next - from.start).sum();
-            self.strongest.has_come_to(done as f64 / all as f64);
+            self.strongest.set_share(done as f64 / all as f64);
             let complete = if end == inputs.end { self.part.layers.end } else { end.saturating_sub(self.part.reach) };
             while drained < complete {
                 self.drain(drained);
@@ -213,15 +213,15 @@ impl<T: Scalar> Pass<'_, '_, T> {
         let (shape, reach) = (self.part.input.shape(), self.part.reach);
         let place = Place::new(cell, shape, reach, 1);
         if place.interior && bases.inside {
-            for ahead in &taps.ahead {
-                self.window.add(bases.layers[ahead.layer] + cell, value, ahead);
+            for target in &taps.targets {
+                self.window.add(bases.layers[target.layer] + cell, value, target);
             }
             return;
         }
         for tap in &taps.taps {
-            let base = bases.layers[tap.ahead.layer];
+            let base = bases.layers[tap.target.layer];
             if base != OUTSIDE && tap.stays(&place, shape, 1) {
-                self.window.add(base + cell, value, &tap.ahead);
+                self.window.add(base + cell, value, &tap.target);
             }
         }
     }

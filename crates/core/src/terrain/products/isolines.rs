@@ -9,6 +9,8 @@ use serde_json::json;
 
 /// Most heights with a line.
 const MOST_LEVELS: f64 = 100_000.0;
+/// Largest number of a line, counted from the base: whole numbers up to it and one more are exact.
+const LAST_NUMBER: f64 = (1u64 << 52) as f64;
 
 /// Parameters of height contours, in the unit of the raster.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,13 +21,13 @@ pub struct IsolineParams {
     /// A height with a line; the others lie whole intervals above and below.
     pub base: f64,
     /// Shorter lines are left out; from 0 on.
-    pub least_length: f64,
+    pub min_length: f64,
 }
 
 impl Default for IsolineParams {
     /// No paper: a line every metre, and none around single bumps.
     fn default() -> Self {
-        Self { interval: 1.0, base: 0.0, least_length: 5.0 }
+        Self { interval: 1.0, base: 0.0, min_length: 5.0 }
     }
 }
 
@@ -41,9 +43,9 @@ impl IsolineParams {
         if !self.base.is_finite() {
             return Err(Error::parameter("base", self.base, "finite"));
         }
-        match self.least_length >= 0.0 {
+        match self.min_length >= 0.0 {
             true => Ok(()),
-            false => Err(Error::parameter("least_length", self.least_length, "0 or more")),
+            false => Err(Error::parameter("min_length", self.min_length, "0 or more")),
         }
     }
 
@@ -116,6 +118,10 @@ pub fn isolines(raster: &Raster, params: &IsolineParams, monitor: &Monitor) -> R
         let expected = format!("an interval that gives at most {MOST_LEVELS} lines between {low} and {high}");
         return Err(Error::parameter("interval", params.interval, expected));
     }
+    if first.abs().max(end.abs()) > LAST_NUMBER {
+        let expected = format!("an interval and a base that count {low} to {high} in at most 2^52 lines");
+        return Err(Error::parameter("interval", params.interval, expected));
+    }
     let mut looks = Looks::at(monitor);
     let mut found = Vec::new();
     let levels = Levels { params, first, count: (end - first) as usize };
@@ -124,7 +130,7 @@ pub fn isolines(raster: &Raster, params: &IsolineParams, monitor: &Monitor) -> R
         let number = first + number as f64;
         let height = params.height(number);
         looks.steps(pieces.len())?;
-        for (edges, closed) in chains(&mut pieces) {
+        for Chain { edges, closed } in chains(&mut pieces) {
             let mut vertices: Vec<_> = edges.iter().map(|&edge| crossing(raster, edge, height)).collect();
             vertices.dedup();
             if closed && vertices.len() > 1 && vertices.first() == vertices.last() {
@@ -132,7 +138,7 @@ pub fn isolines(raster: &Raster, params: &IsolineParams, monitor: &Monitor) -> R
             }
             let line = Isoline { height, index: number % 5.0 == 0.0, vertices, closed };
             let least = if closed { 3 } else { 2 };
-            if line.vertices.len() >= least && line.length() >= params.least_length {
+            if line.vertices.len() >= least && line.length() >= params.min_length {
                 found.push(line);
             }
         }
@@ -228,16 +234,22 @@ fn crossing(raster: &Raster, edge: usize, height: f64) -> [f64; 2] {
     [0, 1].map(|axis| raster.origin()[axis] + at[axis] * raster.cell())
 }
 
-/// Joins pieces to lines of edges, each with whether it is closed: first those with a beginning, by its edge.
-fn chains(pieces: &mut [Piece]) -> Vec<(Vec<usize>, bool)> {
+/// The edges of the lattice that a line crosses; if it is closed, the first is not repeated.
+struct Chain {
+    edges: Vec<usize>,
+    closed: bool,
+}
+
+/// Joins pieces to lines: first those with a beginning, by its edge.
+fn chains(pieces: &mut [Piece]) -> Vec<Chain> {
     pieces.sort_unstable();
     let mut ends: Vec<usize> = pieces.iter().map(|piece| piece[1]).collect();
     ends.sort_unstable();
     let begins = |piece: &Piece| ends.binary_search(&piece[0]).is_err();
-    let (open, rest): (Vec<usize>, Vec<usize>) = (0..pieces.len()).partition(|&i| begins(&pieces[i]));
+    let open: Vec<usize> = (0..pieces.len()).filter(|&i| begins(&pieces[i])).collect();
     let mut used = vec![false; pieces.len()];
     let mut found = Vec::new();
-    for start in open.into_iter().chain(rest) {
+    for start in open.into_iter().chain(0..pieces.len()) {
         if used[start] {
             continue;
         }
@@ -251,7 +263,7 @@ fn chains(pieces: &mut [Piece]) -> Vec<(Vec<usize>, bool)> {
         if closed {
             edges.pop();
         }
-        found.push((edges, closed));
+        found.push(Chain { edges, closed });
     }
     found
 }
@@ -260,7 +272,7 @@ fn chains(pieces: &mut [Piece]) -> Vec<(Vec<usize>, bool)> {
 mod tests {
     use super::*;
 
-    const ALL: IsolineParams = IsolineParams { interval: 1.0, base: 0.0, least_length: 0.0 };
+    const ALL: IsolineParams = IsolineParams { interval: 1.0, base: 0.0, min_length: 0.0 };
 
     /// Cells of 1 with their south-west corner at 0, 0.
     fn raster(columns: usize, rows: usize, height: impl Fn(f64, f64) -> f64) -> Raster {
@@ -280,7 +292,7 @@ mod tests {
 
     #[test]
     fn a_slope_has_straight_lines_at_equal_distances() {
-        let params = IsolineParams { interval: 0.5, base: 0.25, least_length: 0.0 };
+        let params = IsolineParams { interval: 0.5, base: 0.25, min_length: 0.0 };
         let found = lines(&raster(20, 6, |x, _| 0.1 * x + 7.0), &params);
         assert_eq!(found.iter().map(|line| line.height).collect::<Vec<_>>(), [7.25, 7.75, 8.25, 8.75]);
         for line in &found {
@@ -364,7 +376,7 @@ mod tests {
         let slope = |x: f64, y: f64| if (x - 10.5).hypot(y - 10.5) < 3.0 { f64::NAN } else { 0.1 * x };
         let found = lines(&raster(21, 21, slope), &ALL);
         assert_eq!(found.len(), 3, "the line through the hole ends there: {found:?}");
-        assert!(lines(&raster(21, 21, slope), &IsolineParams { least_length: 10.0, ..ALL }).len() == 1);
+        assert!(lines(&raster(21, 21, slope), &IsolineParams { min_length: 10.0, ..ALL }).len() == 1);
     }
 
     #[test]
@@ -374,7 +386,8 @@ mod tests {
             (IsolineParams { interval: 0.0, ..ALL }, "interval"),
             (IsolineParams { interval: 1e-9, ..ALL }, "interval"),
             (IsolineParams { base: f64::NAN, ..ALL }, "base"),
-            (IsolineParams { least_length: -1.0, ..ALL }, "least_length"),
+            (IsolineParams { base: 1e300, ..ALL }, "2^52"),
+            (IsolineParams { min_length: -1.0, ..ALL }, "min_length"),
         ] {
             let error = isolines(&slope, &params, &Monitor::default()).unwrap_err().to_string();
             assert!(error.contains(name), "{error}");
