@@ -53,14 +53,15 @@ pub use spheres::{SphereGroups, SpheresKind, SpheresRecipe};
 pub use suggest::{Doubt, KnownPoints, SuggestParams, Suggestion, suggest, suggestion_page};
 pub use system::report::{ClassCount, Report};
 pub use system::settings::set_key;
-pub use system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+pub use system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 pub use trained::{FirstStage, Trained};
 pub use training::blocks::square_folds;
 pub use training::choice::{CandidateScore, ChoiceReport};
+pub use training::networks::NetworkReport;
 pub use training::samples::TrainingParams;
-pub use unet::{Augmentation, LearningParams, UNetInputs, UNetKind, UNetRecipe, UNetReport};
+pub use unet::{Augmentation, LearningParams, UNetInputs, UNetKind, UNetRecipe};
 pub use weak::{
     ClassShares, Descriptors, Example, LabelledPosition, RoadExample, RoadParams, RoadSource, StrengthScore, WeakKind,
     WeakLabels, WeakLearned, WeakRecipe, WeakReport,
 };
-pub use windows::{Placement, WindowsKind, WindowsLearning, WindowsRecipe, WindowsReport};
+pub use windows::{Placement, WindowsKind, WindowsLearning, WindowsRecipe};

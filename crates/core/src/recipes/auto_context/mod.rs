@@ -16,7 +16,7 @@ use super::classify::rules::{ClassRules, LevelParams, WireParams};
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams, automatic};
-use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
 use crate::classification::{BoostingParams, ForestParams};
 use crate::error::{Error, Result};
@@ -224,20 +224,17 @@ impl System for AutoContextRecipe {
         }
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings {
+            seed: self.seed,
+            regularise: &self.regularise,
+            metres_per_unit: self.features.metres_per_unit,
+            densities: &self.training.densities,
+        }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn metres_per_unit(&self) -> Option<f64> {
-        self.features.metres_per_unit
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn rules(&self) -> ClassRules {
@@ -250,10 +247,6 @@ impl System for AutoContextRecipe {
 
     fn bytes_a_point(&self, method: Regularise) -> u64 {
         if method == Regularise::None { 70 } else { 220 }
-    }
-
-    fn lowest_density(&self) -> f64 {
-        self.training.densities.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     fn train(

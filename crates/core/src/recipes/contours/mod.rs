@@ -28,7 +28,7 @@ pub use synthetic::{SceneScores, edge_labels, labelled_scene, labelled_scenes, m
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use super::training::samples::TrainingParams;
 use crate::classification::ForestParams;
 use crate::contours::{CandidateParams, MatchParams, TangentParams, TraceParams};
@@ -184,20 +184,17 @@ impl System for ContoursRecipe {
         self.regularise.validate()
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings {
+            seed: self.seed,
+            regularise: &self.regularise,
+            metres_per_unit: self.features.metres_per_unit,
+            densities: &[],
+        }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn metres_per_unit(&self) -> Option<f64> {
-        self.features.metres_per_unit
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn columns(&self) -> Vec<String> {

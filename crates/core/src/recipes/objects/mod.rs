@@ -24,7 +24,7 @@ pub use split::ObjectTraining;
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::RegulariseParams;
-use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use super::training::classifiers::offers_classifiers;
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams, LinearParams};
 use crate::cloud::names;
@@ -129,20 +129,17 @@ impl System for ObjectsRecipe {
         self.regularise.validate()
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings {
+            seed: self.seed,
+            regularise: &self.regularise,
+            metres_per_unit: self.metres_per_unit,
+            densities: &[],
+        }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn metres_per_unit(&self) -> Option<f64> {
-        self.metres_per_unit
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn columns(&self) -> Vec<String> {

@@ -14,7 +14,7 @@ pub use report::{DepthScore, PyramidReport};
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams, automatic};
-use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
 use crate::classification::{BaggingParams, BoostingParams, ClassifierKind, ForestParams, LinearParams};
@@ -92,20 +92,17 @@ impl System for PyramidRecipe {
         self.regularise.validate()
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings {
+            seed: self.seed,
+            regularise: &self.regularise,
+            metres_per_unit: self.features.metres_per_unit,
+            densities: &self.training.densities,
+        }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn metres_per_unit(&self) -> Option<f64> {
-        self.features.metres_per_unit
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn columns(&self) -> Vec<String> {
@@ -115,10 +112,6 @@ impl System for PyramidRecipe {
     /// Without regularisation, features and probabilities are discarded block by block.
     fn bytes_a_point(&self, method: Regularise) -> u64 {
         if method == Regularise::None { 45 } else { 200 }
-    }
-
-    fn lowest_density(&self) -> f64 {
-        self.training.densities.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     fn train(

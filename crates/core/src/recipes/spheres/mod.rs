@@ -8,7 +8,7 @@ use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::one_stage::{Description, OneStage, OneStageReport, classify, train};
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use super::training::classifiers::offers_classifiers;
 use super::training::samples::TrainingParams;
 use crate::classification::{
@@ -140,16 +140,17 @@ impl System for SpheresRecipe {
         self.regularise.validate()
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings {
+            seed: self.seed,
+            regularise: &self.regularise,
+            metres_per_unit: None,
+            densities: &self.training.densities,
+        }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn columns(&self) -> Vec<String> {
@@ -159,10 +160,6 @@ impl System for SpheresRecipe {
 
     fn bytes_a_point(&self, method: Regularise) -> u64 {
         if method == Regularise::None { 120 } else { 250 }
-    }
-
-    fn lowest_density(&self) -> f64 {
-        self.training.densities.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     fn train(

@@ -8,7 +8,7 @@ use crate::recipes::classify::{Classified, Job};
 use crate::recipes::labels::LabelledCloud;
 use crate::recipes::regularise::{Probabilities, RegulariseParams, regularise};
 use crate::recipes::system::report::{ClassCount, Report};
-use crate::recipes::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use crate::recipes::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
 use crate::recipes::trained::Trained;
 use crate::recipes::training::{ClassSamples, TrainingData, check_classes, mean_density};
 use crate::voxels::planar_density;
@@ -54,16 +54,12 @@ impl System for HeightRecipe {
         self.regularise.validate()
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings { seed: self.seed, regularise: &self.regularise, metres_per_unit: None, densities: &[] }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn columns(&self) -> Vec<String> {

@@ -63,14 +63,21 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     /// Names the field, its value and what is allowed.
     fn validate(&self) -> Result<()>;
 
-    /// Seed of all random draws.
-    fn seed(&self) -> u64;
+    /// The settings that every method has.
+    fn shared(&self) -> SharedSettings<'_>;
 
     /// The same recipe with another seed.
     fn with_seed(self, seed: u64) -> Self;
 
+    /// Seed of all random draws.
+    fn seed(&self) -> u64 {
+        self.shared().seed
+    }
+
     /// Regularisation of the labels.
-    fn regularise(&self) -> &RegulariseParams;
+    fn regularise(&self) -> &RegulariseParams {
+        self.shared().regularise
+    }
 
     /// What the classes of its models become in the end.
     fn rules(&self) -> ClassRules {
@@ -79,7 +86,7 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
 
     /// Metres per unit of the coordinates that the recipe prescribes; `None`: what each cloud says, else 1.
     fn metres_per_unit(&self) -> Option<f64> {
-        None
+        self.shared().metres_per_unit
     }
 
     /// Columns of a cloud that it reads, besides labels.
@@ -92,7 +99,7 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
 
     /// Lowest density, points per square metre, of the thinned copies used in training; infinite if there are none.
     fn lowest_density(&self) -> f64 {
-        f64::INFINITY
+        self.shared().densities.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// Largest distance, metres, between a label picked by hand and the nearest point.
@@ -126,6 +133,19 @@ pub trait System: Clone + Debug + Default + PartialEq + Serialize + DeserializeO
     /// # Errors
     /// If the model needs something that this version or this cloud does not have, or the work was cancelled.
     fn classify(fitted: &Fitted<Self>, job: &Job<'_>, monitor: &Monitor) -> Result<Classified>;
+}
+
+/// The settings that every method has.
+#[derive(Clone, Copy, Debug)]
+pub struct SharedSettings<'a> {
+    /// Seed of all random draws.
+    pub seed: u64,
+    /// Regularisation of the labels.
+    pub regularise: &'a RegulariseParams,
+    /// Metres per unit of the coordinates that the recipe prescribes.
+    pub metres_per_unit: Option<f64>,
+    /// Densities of the thinned copies used in training, points per square metre.
+    pub densities: &'a [f64],
 }
 
 /// A recipe after training: all automatic choices are replaced by their values; what was learned is stored separately.

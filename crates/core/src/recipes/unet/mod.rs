@@ -8,18 +8,17 @@ mod cells;
 mod classify;
 mod crop;
 mod inputs;
-mod report;
 mod scenes;
 mod train;
 
 pub use crop::Augmentation;
 pub use inputs::UNetInputs;
-pub use report::UNetReport;
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
+use super::training::networks::NetworkReport;
 use super::training::samples::TrainingParams;
 use crate::error::{Error, Result};
 use crate::nn::networks::UNetParams;
@@ -120,7 +119,7 @@ impl System for UNetRecipe {
     const KEEPS_CHECKPOINTS: bool = true;
     const TRAINING_ONLY: &'static [&'static str] = &["training", "learning", "augment", "network", "inputs", "voxel"];
     type Learned = Nothing;
-    type Report = UNetReport;
+    type Report = NetworkReport;
 
     fn validate(&self) -> Result<()> {
         if let Some(voxel) = self.voxel.filter(|voxel| !(1e-3..=1e3).contains(voxel)) {
@@ -135,16 +134,17 @@ impl System for UNetRecipe {
         self.regularise.validate()
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings {
+            seed: self.seed,
+            regularise: &self.regularise,
+            metres_per_unit: None,
+            densities: &self.training.densities,
+        }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn columns(&self) -> Vec<String> {
@@ -153,10 +153,6 @@ impl System for UNetRecipe {
 
     fn bytes_a_point(&self, method: Regularise) -> u64 {
         if method == Regularise::None { 100 } else { 250 }
-    }
-
-    fn lowest_density(&self) -> f64 {
-        self.training.densities.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     fn train(

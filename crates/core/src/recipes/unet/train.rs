@@ -1,10 +1,10 @@
 //! Training: steps on parts of the clouds, then the summary of what the network has learned.
 
+use super::UNetRecipe;
 use super::cells::Cells;
 use super::crop::{Batch, Crop};
 use super::inputs::OWN;
 use super::scenes::TrainingScene;
-use super::{UNetRecipe, UNetReport};
 use crate::classification::{Classifier, Fingerprint, Samples};
 use crate::error::Result;
 use crate::nn::layers::cross_entropy;
@@ -15,7 +15,7 @@ use crate::nn::workspace::Workspace;
 use crate::parallel::Monitor;
 use crate::random::{Stream, stream};
 use crate::recipes::training::networks::{
-    Checkpoint, Drawn, Labelled, NONE, Progress, automatic_voxel, drawn, linear_of, names,
+    Checkpoint, Drawn, Labelled, NONE, NetworkReport, Progress, automatic_voxel, drawn, linear_of, names,
 };
 use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
@@ -74,7 +74,7 @@ pub(super) fn train(
     let Progress { parameters, losses, cells, .. } = progress;
     let summary = training.summary(&parameters, density(&data, monitor)?, monitor)?;
     let head = linear_of(training.net.head(&parameters).into(), &summary)?;
-    let report = UNetReport {
+    let report = NetworkReport {
         classes: sources.counts,
         unlabelled: data.unlabelled(),
         voxel,

@@ -36,7 +36,7 @@ use super::classify::statistics::CloudStatistics;
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, System, TrainOptions, TrainingResult};
+use super::system::{Fitted, SharedSettings, System, TrainOptions, TrainingResult};
 use crate::classification::ForestParams;
 use crate::cloud::names;
 use crate::error::Result;
@@ -144,20 +144,17 @@ impl System for WeakRecipe {
         self.regularise.validate()
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings {
+            seed: self.seed,
+            regularise: &self.regularise,
+            metres_per_unit: self.features.metres_per_unit,
+            densities: &[],
+        }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn metres_per_unit(&self) -> Option<f64> {
-        self.features.metres_per_unit
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn columns(&self) -> Vec<String> {

@@ -6,19 +6,18 @@
 
 mod classify;
 mod occupancy;
-mod report;
 mod settings;
 #[cfg(test)]
 mod tests;
 mod train;
 
-pub use report::WindowsReport;
 pub use settings::{Placement, WindowsKind, WindowsLearning};
 
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams};
-use super::system::{Fitted, Nothing, System, TrainOptions, TrainingResult};
+use super::system::{Fitted, Nothing, SharedSettings, System, TrainOptions, TrainingResult};
+use super::training::networks::NetworkReport;
 use super::training::samples::TrainingParams;
 use crate::error::{Error, Result};
 use crate::nn::networks::WindowNetParams;
@@ -53,7 +52,7 @@ impl System for WindowsRecipe {
     const KEEPS_CHECKPOINTS: bool = true;
     const TRAINING_ONLY: &'static [&'static str] = &["training", "learning", "network", "placement", "voxel"];
     type Learned = Nothing;
-    type Report = WindowsReport;
+    type Report = NetworkReport;
 
     fn validate(&self) -> Result<()> {
         if let Some(voxel) = self.voxel.filter(|voxel| !(1e-3..=1e3).contains(voxel)) {
@@ -73,16 +72,17 @@ impl System for WindowsRecipe {
         self.regularise.validate()
     }
 
-    fn seed(&self) -> u64 {
-        self.seed
+    fn shared(&self) -> SharedSettings<'_> {
+        SharedSettings {
+            seed: self.seed,
+            regularise: &self.regularise,
+            metres_per_unit: None,
+            densities: &self.training.densities,
+        }
     }
 
     fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
-    }
-
-    fn regularise(&self) -> &RegulariseParams {
-        &self.regularise
     }
 
     fn columns(&self) -> Vec<String> {
@@ -91,10 +91,6 @@ impl System for WindowsRecipe {
 
     fn bytes_a_point(&self, method: Regularise) -> u64 {
         if method == Regularise::None { 120 } else { 250 }
-    }
-
-    fn lowest_density(&self) -> f64 {
-        self.training.densities.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     fn train(

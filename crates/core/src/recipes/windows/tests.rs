@@ -210,7 +210,7 @@ fn twenty_points_can_be_overfitted() {
     assert_eq!(classified(&model, &known).1, 20, "{:?}", report.curve());
     assert!(report.curve()[9] < 0.2 * report.curve()[0]);
     let text = crate::recipes::Report::text(&report);
-    assert!(text.contains("loss in each tenth") && text.contains("occupied in a window"), "{text}");
+    assert!(text.contains("loss in each tenth") && text.contains("cells of") && text.contains("at a time"), "{text}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Training: steps on points drawn from the clouds, which are turned from time to time, then the summary of what the
 //! network has learned.
 
+use super::WindowsRecipe;
 use super::occupancy::{Frame, Occupancy};
-use super::{WindowsRecipe, WindowsReport};
 use crate::classification::{Classifier, Fingerprint, Samples};
 use crate::cloud::{MetricCloud, Positions};
 use crate::error::Result;
@@ -13,7 +13,7 @@ use crate::nn::sparse::SparseTensor;
 use crate::parallel::{Monitor, map_ordered};
 use crate::random::{Stream, stream};
 use crate::recipes::training::networks::{
-    Checkpoint, Drawn, Labelled, Progress, automatic_voxel, drawn, linear_of, names,
+    Checkpoint, Drawn, Labelled, NetworkReport, Progress, automatic_voxel, drawn, linear_of, names,
 };
 use crate::recipes::training::sources::{SampleSource, SampleSources};
 use crate::recipes::training::{TrainingData, density};
@@ -91,12 +91,12 @@ pub(super) fn train(
     let [weights, bias] = training.net.head().map(|id| parameters.get(id));
     let head = linear_of([weights, bias], &summary)?;
     let windows = losses.len() * recipe.learning.batch * recipe.network.scales;
-    let report = WindowsReport {
+    let report = NetworkReport {
         classes: sources.counts,
         unlabelled: data.unlabelled(),
         voxel,
         parameters: parameters.trained(),
-        occupied: cells as f64 / windows as f64,
+        cells: cells as f64 / windows as f64,
         losses,
         warnings: sources.warnings,
     };

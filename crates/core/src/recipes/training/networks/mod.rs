@@ -1,10 +1,13 @@
-//! What the recipes with a network share: drawing of labelled points, checkpoints, and the head as a classifier.
+//! What the recipes with a network share: drawing of labelled points, checkpoints, the head as a
+//! classifier, and the report.
 
 mod labelled;
 mod progress;
+mod report;
 
 pub(in crate::recipes) use labelled::{Drawn, Labelled, NONE, drawn};
 pub(in crate::recipes) use progress::{Checkpoint, Progress};
+pub use report::NetworkReport;
 
 use super::TrainingData;
 use crate::classification::{Fingerprint, Linear};
@@ -73,16 +76,4 @@ pub(in crate::recipes) fn restore(parameters: &mut Parameters<f32>, model: &Trai
     }
     stored.iter().try_for_each(|array| parameters.replace(&array.name, array.values.clone()))?;
     model.check_features(&names(width))
-}
-
-/// The lines about the loss in a report: its mean in each tenth of the steps.
-pub(in crate::recipes) fn curve(losses: &[f64]) -> Vec<f64> {
-    let size = losses.len().div_ceil(10).max(1);
-    losses.chunks(size).map(|part| part.iter().sum::<f64>() / part.len() as f64).collect()
-}
-
-/// The same as text.
-pub(in crate::recipes) fn curve_text(losses: &[f64]) -> String {
-    let curve: Vec<String> = curve(losses).iter().map(|loss| format!("{loss:.3}")).collect();
-    format!("loss in each tenth of the steps: {}", curve.join(" "))
 }

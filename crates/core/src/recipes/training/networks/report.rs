@@ -1,14 +1,13 @@
-//! The report of a training.
+//! The report of the training of a network.
 
 use crate::error::Result;
 use crate::recipes::system::report::{ClassCount, Report, json_of};
-use crate::recipes::training::networks::{curve, curve_text};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Report of the training of a network of windows.
+/// The report of the training of a network of cells.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct WindowsReport {
+pub struct NetworkReport {
     /// Each labelled class, ascending by code; those that were left out have no samples.
     pub classes: Vec<ClassCount>,
     /// Number of points skipped because they are unlabelled.
@@ -17,22 +16,23 @@ pub struct WindowsReport {
     pub voxel: f64,
     /// Number of values that were learned.
     pub parameters: usize,
-    /// Mean number of occupied places of a window.
-    pub occupied: f64,
-    /// Loss of each step: mean cross-entropy of its points.
+    /// Mean number of occupied cells of what the network looks at in one go: a step's scenes, or a window.
+    pub cells: f64,
+    /// Loss of each step: cross-entropy of its points or cells.
     pub losses: Vec<f64>,
     /// Warnings for the user: classes that were left out or are rare.
     pub warnings: Vec<String>,
 }
 
-impl WindowsReport {
+impl NetworkReport {
     /// Mean loss of each tenth of the steps.
     pub fn curve(&self) -> Vec<f64> {
-        curve(&self.losses)
+        let part = self.losses.len().div_ceil(10).max(1);
+        self.losses.chunks(part).map(|part| part.iter().sum::<f64>() / part.len() as f64).collect()
     }
 }
 
-impl Report for WindowsReport {
+impl Report for NetworkReport {
     fn classes(&self) -> &[ClassCount] {
         &self.classes
     }
@@ -42,16 +42,12 @@ impl Report for WindowsReport {
     }
 
     fn text(&self) -> String {
+        let Self { voxel, cells, parameters, losses, .. } = self;
         let mut text = format!("{:>5}  {:<20} {:>12}\n\n", "", "unlabelled, skipped", self.unlabelled);
-        let _ = writeln!(
-            text,
-            "finest cells of {:.3} m, {:.0} occupied in a window; {} parameters; {} steps",
-            self.voxel,
-            self.occupied,
-            self.parameters,
-            self.losses.len()
-        );
-        let _ = writeln!(text, "{}", curve_text(&self.losses));
+        let steps = losses.len();
+        let _ = writeln!(text, "cells of {voxel:.3} m, {cells:.0} at a time; {parameters} parameters; {steps} steps");
+        let curve: Vec<String> = self.curve().iter().map(|loss| format!("{loss:.3}")).collect();
+        let _ = writeln!(text, "loss in each tenth of the steps: {}", curve.join(" "));
         text
     }
 
