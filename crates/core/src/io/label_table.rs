@@ -5,15 +5,24 @@ use crate::error::{Error, Result};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-/// A table of labels: `x,y,z,class` or `cluster_id,class`.
+/// A table of labels: `x,y,z,class`, `cluster_id,class`, or both.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LabelTable {
     /// The file, for messages.
     pub path: PathBuf,
     /// Labelled positions, in the coordinates of the cloud.
     pub positions: Vec<LabelRow<[f64; 3]>>,
-    /// Labelled segments (`ClusterID`).
-    pub segments: Vec<LabelRow<u32>>,
+    /// Labelled segments.
+    pub segments: Vec<LabelRow<LabelledSegment>>,
+}
+
+/// A segment that has a label.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LabelledSegment {
+    /// Its `ClusterID`.
+    pub id: u32,
+    /// The position of one of its points, in the coordinates of the cloud, if the table tells it.
+    pub at: Option<[f64; 3]>,
 }
 
 /// A row of a table of labels.
@@ -29,8 +38,8 @@ pub struct LabelRow<T> {
 
 /// Indices of the columns of a table.
 enum Columns {
-    Positions([usize; 4]),
-    Segments([usize; 2]),
+    Positions { at: [usize; 3], class: usize },
+    Segments { id: usize, at: Option<[usize; 3]>, class: usize },
 }
 
 impl LabelTable {
@@ -77,10 +86,9 @@ impl LabelTable {
     }
 
     fn take(&mut self, line: usize, cells: &[&str], columns: &Columns) -> Result<()> {
-        let class = match columns {
-            Columns::Positions([.., class]) | Columns::Segments([_, class]) => *class,
-        };
-        if cells.get(class).is_none_or(|c| c.is_empty()) {
+        let (Columns::Positions { class, .. } | Columns::Segments { class, .. }) = *columns;
+        let empty = |column: usize| cells.get(column).is_none_or(|c| c.is_empty());
+        if empty(class) {
             return Ok(());
         }
         let number = |column: usize, allowed: &str| {
@@ -95,15 +103,19 @@ impl LabelTable {
                 false => Err(self.wrong(line, value, allowed)),
             }
         };
+        let place = |[x, y, z]: [usize; 3]| -> Result<[f64; 3]> {
+            Ok([number(x, "a number")?, number(y, "a number")?, number(z, "a number")?])
+        };
         let code = whole(class, 255.0, "a class code, 0 to 255")? as u8;
-        match columns {
-            Columns::Positions([x, y, z, _]) => {
-                let at = [number(*x, "a number")?, number(*y, "a number")?, number(*z, "a number")?];
-                self.positions.push(LabelRow { line, of: at, code });
+        match *columns {
+            Columns::Positions { at, .. } => {
+                let of = place(at)?;
+                self.positions.push(LabelRow { line, of, code });
             }
-            Columns::Segments([segment, _]) => {
-                let segment = whole(*segment, f64::from(u32::MAX), "a ClusterID")? as u32;
-                self.segments.push(LabelRow { line, of: segment, code });
+            Columns::Segments { id, at, .. } => {
+                let id = whole(id, f64::from(u32::MAX), "a ClusterID")? as u32;
+                let at = at.filter(|at| !at.iter().all(|&column| empty(column))).map(place).transpose()?;
+                self.segments.push(LabelRow { line, of: LabelledSegment { id, at }, code });
             }
         }
         Ok(())
@@ -139,8 +151,8 @@ fn pointed(cell: &str) -> Cow<'_, str> {
 
 fn by_count(cells: usize) -> Option<Columns> {
     match cells {
-        4 => Some(Columns::Positions([0, 1, 2, 3])),
-        2 => Some(Columns::Segments([0, 1])),
+        4 => Some(Columns::Positions { at: [0, 1, 2], class: 3 }),
+        2 => Some(Columns::Segments { id: 0, at: None, class: 1 }),
         _ => None,
     }
 }
@@ -148,10 +160,11 @@ fn by_count(cells: usize) -> Option<Columns> {
 fn by_name(cells: &[&str]) -> Option<Columns> {
     let at = |names: &[&str]| cells.iter().position(|c| names.contains(&c.to_lowercase().as_str()));
     let class = at(&["class", "label", "code", "classification"])?;
-    if let Some(segment) = at(&["cluster_id", "clusterid", "segment"]) {
-        return Some(Columns::Segments([segment, class]));
+    let place = || Some([at(&["x"])?, at(&["y"])?, at(&["z"])?]);
+    match at(&["cluster_id", "clusterid", "segment"]) {
+        Some(id) => Some(Columns::Segments { id, at: place(), class }),
+        None => place().map(|at| Columns::Positions { at, class }),
     }
-    Some(Columns::Positions([at(&["x"])?, at(&["y"])?, at(&["z"])?, class]))
 }
 
 #[cfg(test)]

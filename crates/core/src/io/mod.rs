@@ -28,7 +28,7 @@ pub use blocks::{Blocks, blocks};
 pub use drawings::{Drawing, DrawnLine, check_drawing_output, read_lines, write_drawing};
 pub use format::is_cloud_name;
 pub use info::{FileInfo, Octree};
-pub use label_table::{LabelRow, LabelTable};
+pub use label_table::{LabelRow, LabelTable, LabelledSegment};
 pub use options::{Bounds, Columns, ReadOptions, Selection, WriteOptions};
 
 pub use atomic::abandon_outputs;

@@ -3,15 +3,16 @@
 use crate::cloud::{Cloud, MetricCloud};
 use crate::error::{Error, Result};
 use crate::filters::ClassArea;
-use crate::io::{LabelRow, LabelTable};
+use crate::io::{LabelRow, LabelTable, LabelledSegment};
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
 use crate::recipes::Labels;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Labels picked by hand: positions with a class (for the nearest point), segments with a class (for all points with
-/// that `ClusterID`), or polygons with a class (for all points in them).
+/// that `ClusterID`), or polygons with a class (for all points in them). A segment may come with the position of one of
+/// its points, as in a list of suggestions: it then finds its cloud, and a cloud divided anew is noticed.
 #[derive(Clone, Debug, Default)]
 pub struct LabelFile {
     table: LabelTable,
@@ -36,6 +37,9 @@ pub struct PickedCloud<'a> {
     pub picking: Picking,
 }
 
+/// A position that has a class.
+type Position = LabelRow<[f64; 3]>;
+
 /// The point that a position belongs to.
 #[derive(Clone, Copy)]
 struct Nearest {
@@ -49,6 +53,24 @@ struct Nearest {
 fn clusters(cloud: &Cloud) -> HashSet<u32> {
     let column = cloud.column("ClusterID");
     column.map(|column| (0..cloud.len()).map(|i| column.values.get(i) as u32).collect()).unwrap_or_default()
+}
+
+/// The nearest point of a cloud to each position.
+fn nearest_in(at: &[[f64; 3]], picked: &PickedCloud<'_>, monitor: &Monitor) -> Result<Vec<Nearest>> {
+    if at.is_empty() {
+        return Ok(Vec::new());
+    }
+    let metres = Some(picked.picking.metres);
+    let points = MetricCloud::new(picked.cloud, metres, monitor)?.some_points(monitor)?;
+    let queries = MetricCloud::new(&Cloud::from_rows(at)?, metres, monitor)?.points_and_strays(monitor)?;
+    let queries = queries.moved_to(points.frame.origin)?;
+    let near = nearest_of(&points.positions, &queries.positions, 1, monitor)?;
+    let nearest = |q: usize| Nearest {
+        distance: f64::from(near.squared_distances(q)[0]).sqrt(),
+        cloud: 0,
+        point: points.frame.index[near.of(q)[0] as usize] as usize,
+    };
+    Ok((0..at.len()).map(nearest).collect())
 }
 
 impl LabelFile {
@@ -77,7 +99,8 @@ impl LabelFile {
     /// The labels of a cloud's points. Each position must be near enough to a point.
     ///
     /// # Errors
-    /// If a position is too far from every point, the cloud lacks a segment, or a point gets two classes.
+    /// If a position is too far from every point, the cloud lacks a segment or has another one at its position, or a
+    /// point gets two classes.
     pub fn apply(&self, cloud: &Cloud, picking: &Picking, monitor: &Monitor) -> Result<Labels> {
         let labels = Self::apply_all(std::slice::from_ref(self), &[PickedCloud { cloud, picking: *picking }], monitor)?;
         Ok(labels.into_iter().next().unwrap_or_default())
@@ -87,26 +110,14 @@ impl LabelFile {
     /// point, the first of equally near ones; a segment to the only cloud that has it.
     ///
     /// # Errors
-    /// If a position is too far from the points of every cloud, no cloud or several have a segment, or a point gets two
-    /// classes.
+    /// If a position is too far from the points of every cloud, no cloud or several have a segment, another segment is at
+    /// a segment's position, or a point gets two classes.
     pub fn apply_all(files: &[Self], clouds: &[PickedCloud<'_>], monitor: &Monitor) -> Result<Vec<Labels>> {
         let mut codes: Vec<Vec<Option<u8>>> = clouds.iter().map(|picked| vec![None; picked.cloud.len()]).collect();
         for file in files {
             file.apply_areas(clouds, &mut codes, monitor)?;
-            match clouds {
-                [PickedCloud { cloud, picking }] => {
-                    file.apply_positions(cloud, picking, &mut codes[0], monitor)?;
-                    file.apply_segments(cloud, &mut codes[0])?;
-                }
-                _ => {
-                    file.spread_positions(clouds, &mut codes, monitor)?;
-                    for (part, slots) in file.segments_of(clouds)?.iter().zip(&mut codes) {
-                        if let Some((part, cloud)) = part {
-                            part.apply_segments(cloud, slots)?;
-                        }
-                    }
-                }
-            }
+            file.apply_positions(clouds, &mut codes, monitor)?;
+            file.apply_segments(clouds, &mut codes, monitor)?;
         }
         let of = |cloud: &Cloud, codes| Labels { names: cloud.class_names.clone(), ..Labels::new(codes, cloud.scheme) };
         Ok(codes.into_iter().zip(clouds).map(|(codes, picked)| of(picked.cloud, codes)).collect())
@@ -137,102 +148,150 @@ impl LabelFile {
         Ok(())
     }
 
-    /// Gives each position to the cloud with the nearest point.
-    fn spread_positions(
+    fn apply_positions(
         &self,
         clouds: &[PickedCloud<'_>],
         codes: &mut [Vec<Option<u8>>],
         monitor: &Monitor,
     ) -> Result<()> {
         let rows = &self.table.positions;
+        for (row, found) in rows.iter().zip(self.located(rows, clouds, monitor)?) {
+            self.put(row.line, &mut codes[found.cloud][found.point], row.code)?;
+        }
+        Ok(())
+    }
+
+    /// The nearest point of each position.
+    fn located(&self, rows: &[Position], clouds: &[PickedCloud<'_>], monitor: &Monitor) -> Result<Vec<Nearest>> {
+        match clouds {
+            _ if rows.is_empty() => Ok(Vec::new()),
+            [one] => self.located_in(rows, one, monitor),
+            _ => self.located_among(rows, clouds, monitor),
+        }
+    }
+
+    fn located_in(&self, rows: &[Position], picked: &PickedCloud<'_>, monitor: &Monitor) -> Result<Vec<Nearest>> {
+        let picking = &picked.picking;
+        self.check_box(rows, picked, monitor)?;
+        let at: Vec<[f64; 3]> = rows.iter().map(|row| row.of).collect();
+        let found = nearest_in(&at, picked, monitor)?.into_iter().zip(rows);
+        let near = |(found, row): (Nearest, &Position)| match found.distance > picking.within {
+            true => {
+                let found = format!("{:?} is {:.3} m from the nearest point", row.of, found.distance);
+                Err(self.too_far(row.line, found, picking))
+            }
+            false => Ok(found),
+        };
+        found.map(near).collect()
+    }
+
+    /// The nearest point of each position in the cloud that has it, the first of equally near ones.
+    fn located_among(&self, rows: &[Position], clouds: &[PickedCloud<'_>], monitor: &Monitor) -> Result<Vec<Nearest>> {
         let mut best: Vec<Option<Nearest>> = vec![None; rows.len()];
-        for (number, PickedCloud { cloud, picking }) in clouds.iter().enumerate() {
+        for (number, picked) in clouds.iter().enumerate() {
+            let PickedCloud { cloud, picking } = picked;
             let Some([low, high]) = cloud.bounds_watched(monitor)? else { continue };
             let reach = picking.within / picking.metres;
             let inside = |at: &[f64; 3]| (0..3).all(|a| at[a] >= low[a] - reach && at[a] <= high[a] + reach);
             let near: Vec<usize> = (0..rows.len()).filter(|&row| inside(&rows[row].of)).collect();
-            if near.is_empty() {
-                continue;
-            }
-            let points = MetricCloud::new(cloud, Some(picking.metres), monitor)?.some_points(monitor)?;
-            let places = Cloud::from_rows(&near.iter().map(|&row| rows[row].of).collect::<Vec<_>>())?;
-            let queries = MetricCloud::new(&places, Some(picking.metres), monitor)?.points_and_strays(monitor)?;
-            let queries = queries.moved_to(points.frame.origin)?;
-            let found = nearest_of(&points.positions, &queries.positions, 1, monitor)?;
-            for (q, &row) in near.iter().enumerate() {
-                let distance = f64::from(found.squared_distances(q)[0]).sqrt();
-                if distance <= picking.within && best[row].is_none_or(|known| distance < known.distance) {
-                    let point = points.frame.index[found.of(q)[0] as usize] as usize;
-                    best[row] = Some(Nearest { distance, cloud: number, point });
+            let at: Vec<[f64; 3]> = near.iter().map(|&row| rows[row].of).collect();
+            for (row, found) in near.into_iter().zip(nearest_in(&at, picked, monitor)?) {
+                let nearer = best[row].is_none_or(|known| found.distance < known.distance);
+                if found.distance <= picking.within && nearer {
+                    best[row] = Some(Nearest { cloud: number, ..found });
                 }
             }
         }
-        for (row, found) in rows.iter().zip(best) {
-            let Some(Nearest { cloud, point, .. }) = found else {
+        let found = rows.iter().zip(best).map(|(row, found)| {
+            found.ok_or_else(|| {
                 let within = clouds.iter().map(|picked| picked.picking.within).fold(0.0, f64::max);
                 let found = format!("{:?} is near no point of the {} clouds", row.of, clouds.len());
                 let allowed = format!("at most {within} m from a point of one of them; check the coordinate system");
-                return Err(self.table.wrong(row.line, found, &allowed));
-            };
-            self.put(row.line, &mut codes[cloud][point], row.code)?;
-        }
-        Ok(())
+                self.table.wrong(row.line, found, &allowed)
+            })
+        });
+        found.collect()
     }
 
-    /// The segments of each cloud, as files of their own.
-    fn segments_of<'a>(&self, clouds: &[PickedCloud<'a>]) -> Result<Vec<Option<(Self, &'a Cloud)>>> {
-        let mut parts: Vec<Vec<LabelRow<u32>>> = vec![Vec::new(); clouds.len()];
+    /// Gives the points of each segment its class. Where the table tells a position, the segment there must be the same;
+    /// in a cloud without `ClusterID` the point there gets the class.
+    fn apply_segments(
+        &self,
+        clouds: &[PickedCloud<'_>],
+        codes: &mut [Vec<Option<u8>>],
+        monitor: &Monitor,
+    ) -> Result<()> {
+        let rows = &self.table.segments;
+        if rows.is_empty() {
+            return Ok(());
+        }
+        let placed =
+            |row: &LabelRow<LabelledSegment>| row.of.at.map(|of| LabelRow { line: row.line, of, code: row.code });
+        let placed: Vec<Position> = rows.iter().filter_map(placed).collect();
+        let mut places = self.located(&placed, clouds, monitor)?.into_iter();
+        let mut classes: Vec<HashMap<u32, LabelRow<u32>>> = vec![HashMap::new(); clouds.len()];
         let there: Vec<HashSet<u32>> = clouds.iter().map(|picked| clusters(picked.cloud)).collect();
-        for row in &self.table.segments {
-            let owners: Vec<usize> = (0..clouds.len()).filter(|&c| there[c].contains(&row.of)).collect();
-            match owners[..] {
-                [one] => parts[one].push(*row),
-                _ => {
-                    let found = format!("cluster_id {} in {} of {} clouds", row.of, owners.len(), clouds.len());
-                    let allowed = "a ClusterID that one of them has; with several clouds give positions x,y,z,class";
-                    return Err(self.table.wrong(row.line, found, allowed));
+        for &LabelRow { line, of: LabelledSegment { id, at }, code } in rows {
+            let place = at.and_then(|_| places.next());
+            if let Some(place) = place.filter(|place| there[place.cloud].is_empty()) {
+                self.put(line, &mut codes[place.cloud][place.point], code)?;
+                continue;
+            }
+            let owner = match place {
+                Some(place) => self.checked(LabelRow { line, of: id, code }, place, clouds)?,
+                None => self.owner(line, id, &there)?,
+            };
+            let known = classes[owner].entry(id).or_insert(LabelRow { line, of: id, code });
+            self.put(line, &mut Some(known.code), code)?;
+        }
+        for ((picked, slots), classes) in
+            clouds.iter().zip(codes).zip(classes).filter(|(_, classes)| !classes.is_empty())
+        {
+            let Some(column) = picked.cloud.column("ClusterID") else { continue };
+            for (i, slot) in slots.iter_mut().enumerate() {
+                if let Some(row) = classes.get(&(column.values.get(i) as u32)) {
+                    self.put(row.line, slot, row.code)?;
                 }
             }
         }
-        let part = |segments| LabelTable { path: self.table.path.clone(), positions: Vec::new(), segments };
-        let parts = parts.into_iter().zip(clouds).map(|(rows, picked)| {
-            (!rows.is_empty()).then(|| (Self { table: part(rows), areas: Vec::new() }, picked.cloud))
-        });
-        Ok(parts.collect())
-    }
-
-    fn apply_positions(
-        &self,
-        cloud: &Cloud,
-        picking: &Picking,
-        codes: &mut [Option<u8>],
-        monitor: &Monitor,
-    ) -> Result<()> {
-        if self.table.positions.is_empty() {
-            return Ok(());
-        }
-        self.check_box(cloud, picking, monitor)?;
-        let points = MetricCloud::new(cloud, Some(picking.metres), monitor)?.some_points(monitor)?;
-        let rows: Vec<[f64; 3]> = self.table.positions.iter().map(|row| row.of).collect();
-        let rows = Cloud::from_rows(&rows)?;
-        let queries = MetricCloud::new(&rows, Some(picking.metres), monitor)?.points_and_strays(monitor)?;
-        let queries = queries.moved_to(points.frame.origin)?;
-        let near = nearest_of(&points.positions, &queries.positions, 1, monitor)?;
-        for (q, LabelRow { line, of: at, code }) in self.table.positions.iter().enumerate() {
-            let distance = f64::from(near.squared_distances(q)[0]).sqrt();
-            if distance > picking.within {
-                let found = format!("{at:?} is {distance:.3} m from the nearest point");
-                return Err(self.too_far(*line, found, picking));
-            }
-            self.put(*line, &mut codes[points.frame.index[near.of(q)[0] as usize] as usize], *code)?;
-        }
         Ok(())
     }
 
+    /// The cloud at a segment's position, if the point there is of that segment.
+    fn checked(&self, row: LabelRow<u32>, place: Nearest, clouds: &[PickedCloud<'_>]) -> Result<usize> {
+        let column = clouds[place.cloud].cloud.column("ClusterID");
+        match column.map(|column| column.values.get(place.point) as u32) {
+            Some(there) if there != row.of => {
+                let found = format!("cluster_id {} at a point of segment {there}", row.of);
+                Err(self.table.wrong(row.line, found, "the segment there; the cloud was divided anew after the table"))
+            }
+            _ => Ok(place.cloud),
+        }
+    }
+
+    /// The only cloud that has a segment.
+    fn owner(&self, line: usize, id: u32, there: &[HashSet<u32>]) -> Result<usize> {
+        let owners: Vec<usize> = (0..there.len()).filter(|&cloud| there[cloud].contains(&id)).collect();
+        match (&owners[..], there) {
+            ([one], _) => Ok(*one),
+            (_, [only]) if only.is_empty() => Err(Error::input(format!(
+                "{} names segments, but the cloud has no ClusterID",
+                self.table.path.display()
+            ))),
+            (_, [_]) => Err(self.table.wrong(line, format!("cluster_id {id}"), "a ClusterID that the cloud has")),
+            _ => {
+                let found = format!("cluster_id {id} in {} of {} clouds", owners.len(), there.len());
+                let allowed = "a ClusterID that one of them has; with several clouds give positions x,y,z,class";
+                Err(self.table.wrong(line, found, allowed))
+            }
+        }
+    }
+
     /// Fails at the first position outside the cloud's bounding box by more than the distance allowed.
-    fn check_box(&self, cloud: &Cloud, picking: &Picking, monitor: &Monitor) -> Result<()> {
+    fn check_box(&self, rows: &[Position], picked: &PickedCloud<'_>, monitor: &Monitor) -> Result<()> {
+        let PickedCloud { cloud, picking } = picked;
         let Some([low, high]) = cloud.bounds_watched(monitor)? else { return Ok(()) };
-        for LabelRow { line, of: at, .. } in &self.table.positions {
+        for LabelRow { line, of: at, .. } in rows {
             let beyond = (0..3).map(|a| (low[a] - at[a]).max(at[a] - high[a])).fold(0.0, f64::max) * picking.metres;
             if beyond > picking.within || beyond.is_nan() {
                 let found = format!("{at:?} is {beyond:.3e} m outside the cloud from {low:?} to {high:?}");
@@ -244,33 +303,6 @@ impl LabelFile {
 
     fn too_far(&self, line: usize, found: String, picking: &Picking) -> Error {
         self.table.wrong(line, found, &format!("at most {} m; check the coordinate system", picking.within))
-    }
-
-    fn apply_segments(&self, cloud: &Cloud, codes: &mut [Option<u8>]) -> Result<()> {
-        if self.table.segments.is_empty() {
-            return Ok(());
-        }
-        let column = cloud.column("ClusterID").ok_or_else(|| {
-            Error::input(format!("{} names segments, but the cloud has no ClusterID", self.table.path.display()))
-        })?;
-        let mut classes = std::collections::HashMap::new();
-        for &LabelRow { line, of: segment, code } in &self.table.segments {
-            self.put(line, classes.entry(segment).or_insert(None), code)?;
-        }
-        let mut seen = HashSet::new();
-        for (i, place) in codes.iter_mut().enumerate() {
-            let segment = column.values.get(i) as u32;
-            if let Some(Some(code)) = classes.get(&segment) {
-                seen.insert(segment);
-                *place = Some(*code);
-            }
-        }
-        match self.table.segments.iter().find(|row| !seen.contains(&row.of)) {
-            Some(LabelRow { line, of: segment, .. }) => {
-                Err(self.table.wrong(*line, format!("cluster_id {segment}"), "a ClusterID that the cloud has"))
-            }
-            None => Ok(()),
-        }
     }
 
     fn put(&self, line: usize, place: &mut Option<u8>, code: u8) -> Result<()> {
@@ -332,7 +364,12 @@ mod tests {
         let both = apply(&["x,y,z,class\n0.1,0,0,2\n2.6,0,0,6\n", "cluster_id,class\n8,5\n"]).unwrap();
         assert_eq!(both[0].codes, [Some(2), None, None]);
         assert_eq!(both[1].codes, [Some(6), None, Some(5)]);
+        // Segments with positions: those of the tile there, or the point there if the tile has none.
+        let both = apply(&["cluster_id,x,y,z,class\n7,3,0,0,5\n1,1,0,0,2\n2,0,0,0,\n"]).unwrap();
+        assert_eq!(both[0].codes, [None, Some(2), None]);
+        assert_eq!(both[1].codes, [Some(5), Some(5), None]);
         let message = |texts: &[&str]| apply(texts).unwrap_err().to_string();
+        assert!(message(&["cluster_id,x,y,z,class\n8,3,0,0,5\n"]).contains("cluster_id 8 at a point of segment 7"));
         assert!(message(&["x,y,z,class\n9,0,0,2\n"]).contains("near no point of the 2 clouds"));
         assert!(message(&["cluster_id,class\n9,2\n"]).contains("0 of 2 clouds"));
         assert!(message(&["x,y,z,class\n0,0,0,2\n", "x,y,z,class\n0,0,0,3\n"]).contains("class 3"));
@@ -375,6 +412,9 @@ mod tests {
             ("x,y,z,class\n1.6,0.4,0,2\n", "from the nearest point"),
             ("x,y,z,class\n0,0,0,2\n0.1,0,0,3\n", ":3: class 3 where an earlier line has 2"),
             ("cluster_id,class\n9,2\n", "cluster_id 9"),
+            ("cluster_id,class\n1,2\n1,3\n", ":3: class 3 where an earlier line has 2"),
+            ("cluster_id,x,y,z,class\n1,2,0,0,5\n", "cluster_id 1 at a point of segment 2"),
+            ("cluster_id,x,y,z,class\n1,500,0,0,5\n", "outside the cloud"),
             ("a,b\n1,2\n", "x,y,z,class or cluster_id,class"),
             ("x,y,z,class\n", "no row"),
         ] {
