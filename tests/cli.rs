@@ -2,36 +2,12 @@
 
 use scansion_tests::{demo_scan, street};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
-fn scansion(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_scansion-under-test"))
-        .args(arguments)
-        .current_dir(folder)
-        .env("NO_COLOR", "1")
-        .output()
-        .unwrap()
-}
+scansion_tests::program!(scansion, done, fails);
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn done(folder: &Path, arguments: &[&str]) -> String {
-    // Tests write the same names again.
-    let again: &[&str] = if arguments.contains(&"--overwrite") { &[] } else { &["--overwrite"] };
-    let output = scansion(folder, &[arguments, again].concat());
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
-    let output = scansion(folder, arguments);
-    let stderr = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
-    assert!(stderr.contains("error"), "{stderr}");
-    assert!(!stderr.contains("panicked"), "{stderr}");
-    stderr
 }
 
 /// `regularize` of written probabilities gives what `classify --regularize` gives, but for what rounding does.

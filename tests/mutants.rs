@@ -243,13 +243,14 @@ fn mutants_of_every_format_are_read_or_refused() {
     assert!(finds.is_empty(), "{finds:#?}");
 }
 
-/// Writes the samples as seeds of the fuzz targets, if requested.
+/// Writes the samples as seeds of the fuzz targets: into `SCANSION_CORPUS` if it is set.
 #[test]
-fn corpus_of_the_fuzz_targets_is_written_on_demand() {
-    let Some(corpus) = std::env::var_os("SCANSION_CORPUS").map(PathBuf::from) else { return };
-    // Tests run in their package's folder.
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(corpus);
+fn corpus_of_the_fuzz_targets_is_written() {
     let folder = folder();
+    // Tests run in their package's folder.
+    let wanted =
+        std::env::var_os("SCANSION_CORPUS").map(|to| Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(to));
+    let corpus = wanted.unwrap_or_else(|| folder.path().join("corpus"));
     for format in FORMATS {
         for (i, (name, bytes)) in samples::of(format, folder.path()).into_iter().enumerate() {
             let target = match name.rsplit('.').next().unwrap() {
@@ -267,9 +268,9 @@ fn corpus_of_the_fuzz_targets_is_written_on_demand() {
     std::fs::write(corpus.join("labels/three"), "2\n5\n6\n").unwrap();
     let cloud = samples::cloud(600);
     let labels = read_labels(&cloud, &LabelParams::default()).unwrap();
-    for classifier in ["forest", "boosting"] {
-        let settings = [format!("classifier=\"{classifier}\""), "forest.trees=3".into(), "boosting.rounds=3".into()];
-        let recipe = AnyRecipe::named("pyramid").unwrap().with_settings(settings.iter().map(String::as_str)).unwrap();
+    for (classifier, small) in [("rf", "forest.trees=3"), ("gbt", "boosting.rounds=3")] {
+        let choice = format!("classifier=\"{classifier}\"");
+        let recipe = AnyRecipe::named("pyramid").unwrap().with_settings([&*choice, small].into_iter()).unwrap();
         let (model, _) = recipe
             .train(
                 &[LabelledCloud { cloud: cloud.clone(), labels: labels.clone() }],
@@ -278,6 +279,11 @@ fn corpus_of_the_fuzz_targets_is_written_on_demand() {
             )
             .unwrap();
         model.save(&corpus.join("model").join(classifier)).unwrap();
+    }
+    let targets = std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/fuzz_targets")).unwrap();
+    for target in targets.map(|entry| entry.unwrap().path()) {
+        let seeds = std::fs::read_dir(corpus.join(target.file_stem().unwrap())).unwrap();
+        assert!(seeds.count() > 0, "{} has no seeds", target.display());
     }
 }
 

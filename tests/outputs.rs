@@ -11,35 +11,16 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-fn command(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_scansion-under-test"));
-    command.args(arguments).args(["--progress", "never", "-j", "2"]).current_dir(folder).env("NO_COLOR", "1");
-    command
-}
+scansion_tests::program!(scansion, done, fails);
 
-fn scansion(folder: &Path, arguments: &[&str]) -> Output {
-    command(folder, arguments).output().unwrap()
+fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = PROGRAM.command(folder, arguments);
+    command.args(["--progress", "never", "-j", "2"]);
+    command
 }
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn done(folder: &Path, arguments: &[&str]) -> String {
-    // Tests write the same names again.
-    let again: &[&str] = if arguments.contains(&"--overwrite") { &[] } else { &["--overwrite"] };
-    let output = scansion(folder, &[arguments, again].concat());
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-/// The message of a run that fails with this code.
-fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
-    let output = scansion(folder, arguments);
-    let stderr = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
-    assert!(stderr.contains("error: ") && !stderr.contains("panicked"), "{stderr}");
-    stderr
 }
 
 /// All files of a folder with their bytes.
@@ -200,22 +181,37 @@ fn an_output_that_cannot_be_written_is_found_before_points_are_read() {
         assert!(fails(f, &[verb, &[&format!("o.{ext}")[..]]].concat(), 4).contains("three"), "{verb:?}");
     }
     for (arguments, code, expected) in [
-        (vec!["classify", "a.xyz", "-o", "o.e57"], 4, "cannot write .e57"),
-        (vec!["convert", "a.xyz", "o"], 4, "a file without extension"),
-        (vec!["segment", "a.xyz", "-o", "o.doc"], 4, "cannot write .doc"),
-        (vec!["merge", "a.xyz", "a.xyz", "o.e57"], 4, "cannot write .e57"),
-        (vec!["features", "a.xyz", "-o", "o.txt2"], 4, "cannot write .txt2"),
+        (vec!["classify", "a.xyz", "-o", "o.e57"], 2, "cannot write .e57"),
+        (vec!["convert", "a.xyz", "o"], 2, "a file without extension"),
+        (vec!["segment", "a.xyz", "-o", "o.doc"], 2, "cannot write .doc"),
+        (vec!["merge", "a.xyz", "a.xyz", "o.e57"], 2, "cannot write .e57"),
+        (vec!["features", "a.xyz", "-o", "o.txt2"], 2, "cannot write .txt2"),
         (vec!["suggest", "a.xyz", "-o", "o.csv", "-o", "o.e57"], 2, "o.e57"),
         (vec!["evaluate", "a.xyz", "a.xyz", "-o", "o.csv", "-o", "o.pdf"], 2, "o.pdf"),
         (vec!["render", "a.xyz", "-o", "o.jpg"], 2, "o.jpg"),
         (vec!["render", "a.xyz", "-o", "folder.png"], 1, "folder.png"),
-        (vec!["convert", "a.xyz", "o.copc.laz"], 4, "name it o.laz"),
-        (vec!["classify", "a.xyz", "-o", "O.COPC.LAZ"], 4, "COPC is read, not written"),
+        (vec!["convert", "a.xyz", "o.copc.laz"], 2, "name it o.laz"),
+        (vec!["classify", "a.xyz", "-o", "O.COPC.LAZ"], 2, "COPC is read, not written"),
     ] {
         let message = fails(f, &arguments, code);
         assert!(message.contains(expected) && !message.contains("three"), "{arguments:?}: {message}");
     }
     assert_eq!(contents(f).len(), 1, "nothing is left");
+}
+
+#[test]
+fn points_that_las_cannot_hold_are_found_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let rows: String = (0..2000).map(|i| format!("{} {} 0.5\n", i % 50, i / 50)).collect();
+    std::fs::write(f.join("a.xyz"), format!("{rows}1 2 nan\n")).unwrap();
+    for verb in ["classify", "height", "segment"] {
+        let message = fails(f, &[verb, "a.xyz", "-o", "o.laz"], 4);
+        assert!(message.contains("point 2000") && message.contains("finite ones only"), "{message}");
+        assert!(!message.contains("stay unclassified") && !message.contains("ground:"), "the work was done: {message}");
+    }
+    done(f, &["height", "a.xyz", "-o", "o.ply"]);
+    done(f, &["filter", "a.xyz", "--outliers", "statistical", "-o", "o.laz"]);
 }
 
 #[test]

@@ -4,32 +4,11 @@ use scansion_core::Cloud;
 use scansion_core::cloud::{Column, Values};
 use scansion_core::io::{self, read_ascii_grid};
 use scansion_tests::street;
-use std::path::Path;
-use std::process::{Command, Output};
 
-fn scansion(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_scansion-under-test"));
-    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").output().unwrap()
-}
+scansion_tests::program!(scansion, done, fails);
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn done(folder: &Path, arguments: &[&str]) -> String {
-    // Tests write the same names again.
-    let again: &[&str] = if arguments.contains(&"--overwrite") { &[] } else { &["--overwrite"] };
-    let output = scansion(folder, &[arguments, again].concat());
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-fn fails(folder: &Path, arguments: &[&str], code: i32) -> String {
-    let output = scansion(folder, arguments);
-    let stderr = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {stderr}");
-    assert!(!stderr.contains("panicked"), "{stderr}");
-    stderr
 }
 
 /// Four houses of 8 m x 10 m in classes 2, 5 and 6, in UTM.
@@ -157,7 +136,7 @@ fn height_contours_of_a_slope_in_feet_lie_whole_feet_apart() {
     assert!(
         done(f, &["terrain", "feet.laz", "--contours", "h.obj", "--interval", "50"]).contains("no height contours")
     );
-    assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.shp"], 4).contains("GeoPackage"));
+    assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.shp"], 2).contains("GeoPackage"));
     assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.dxf", "--interval", "0"], 2).contains("interval"));
     assert!(fails(f, &["terrain", "feet.laz", "--contours", "x.dxf", "--min-length=-1"], 2).contains("min_length"));
 }
@@ -197,8 +176,8 @@ fn what_has_no_terrain_is_refused() {
     assert!(fails(f, &["terrain", "empty.las", "-o", "x.tif"], 4).contains("no point"));
     assert!(fails(f, &["terrain", "degrees.las", "-o", "x.tif"], 4).contains("degrees"));
     assert!(fails(f, &["height", "degrees.las", "-o", "x.las"], 4).contains("degrees"));
-    assert!(fails(f, &["terrain", "a.laz", "-o", "x.png"], 4).contains(".tif"));
-    assert!(fails(f, &["terrain", "a.laz", "--footprints", "x.shp"], 4).contains("GeoJSON"));
+    assert!(fails(f, &["terrain", "a.laz", "-o", "x.png"], 2).contains(".tif"));
+    assert!(fails(f, &["terrain", "a.laz", "--footprints", "x.shp"], 2).contains("GeoJSON"));
     assert!(fails(f, &["terrain", "a.laz", "-o", "x.tif", "--ground-classes", "9"], 4).contains("class 9"));
     assert!(
         fails(f, &["terrain", "a.laz", "--footprints", "x.geojson", "--building-classes", "17"], 4)

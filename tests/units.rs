@@ -6,28 +6,9 @@ use scansion_core::io::{self, WriteOptions};
 use scansion_tests::street;
 use std::fmt::Write;
 use std::path::Path;
-use std::process::{Command, Output};
 use std::time::Instant;
 
-fn scansion(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_scansion-under-test"))
-        .args(arguments)
-        .current_dir(folder)
-        .env("NO_COLOR", "1")
-        .output()
-        .unwrap()
-}
-
-/// Standard output and standard error of a command that ends with this code.
-fn ends(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
-    // Tests write the same names again.
-    let again: &[&str] = if code < 2 && !arguments.contains(&"--overwrite") { &["--overwrite"] } else { &[] };
-    let output = scansion(folder, &[arguments, again].concat());
-    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {out}{err}");
-    assert!(!err.contains("panicked"), "{err}");
-    (out, err)
-}
+scansion_tests::program!(ends);
 
 /// A street with classes, far east and north, in whole millimetres, followed by these rows.
 fn town(strays: &[[f64; 3]]) -> Cloud {

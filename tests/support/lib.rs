@@ -1,5 +1,6 @@
 //! Support for the integration tests: synthetic scenes with known labels, and the shared real data.
 
+pub mod program;
 pub mod samples;
 pub mod village;
 

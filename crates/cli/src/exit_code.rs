@@ -56,7 +56,7 @@ impl Failure {
         match self {
             Self::Usage(_) | Self::Core(Error::InvalidParameter { .. }) => ExitCode::Usage,
             Self::Different | Self::Resource(_) => ExitCode::Failed,
-            Self::Core(Error::SameFile { .. }) => ExitCode::Usage,
+            Self::Core(Error::SameFile { .. } | Error::OutputName { .. }) => ExitCode::Usage,
             Self::Core(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::AlreadyExists => {
                 ExitCode::Usage
             }

@@ -47,6 +47,14 @@ pub enum Error {
         /// What is not supported, and the alternatives.
         reason: String,
     },
+    /// The name of an output ends in no extension that can be written: choose another name.
+    #[error("{}: {reason}", path.display())]
+    OutputName {
+        /// The output.
+        path: PathBuf,
+        /// The extensions that can be written.
+        reason: String,
+    },
     /// The operating system refused to read or write.
     #[error("{}: {source}", path.display())]
     Io {

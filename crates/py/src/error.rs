@@ -17,7 +17,9 @@ create_exception!(
 pub(crate) fn raise(error: Error) -> PyErr {
     match error {
         Error::Io { path, source } => os_error(&path, &source),
-        Error::Malformed { .. } | Error::Unsupported { .. } => FileFormatError::new_err(text(&error)),
+        Error::Malformed { .. } | Error::Unsupported { .. } | Error::OutputName { .. } => {
+            FileFormatError::new_err(text(&error))
+        }
         Error::Memory { .. } => PyMemoryError::new_err(text(&error)),
         Error::Interrupted => PyKeyboardInterrupt::new_err(()),
         _ => PyValueError::new_err(text(&error)),

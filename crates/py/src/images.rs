@@ -71,7 +71,7 @@ pub(crate) fn render<'py>(
 fn check(path: &Path, view: &View) -> scansion_core::Result<()> {
     if path.extension().and_then(|e| e.to_str()) != Some("png") {
         let reason = "pictures are written as .png".to_string();
-        return Err(Error::Unsupported { path: path.to_path_buf(), reason });
+        return Err(Error::OutputName { path: path.to_path_buf(), reason });
     }
     io::check_output(path)?;
     match view {

@@ -87,7 +87,7 @@ fn one(
         true => salvage::read_some(input, &options)?,
         false => io::read_with(input, &options)?,
     };
-    io::check_steps(input, output, &cloud, &context.write_options())?;
+    io::check_coordinates(input, output, &cloud, &context.write_options())?;
     context.tell_unit(input, &cloud);
     let params = ClassifyParams {
         probabilities: args.probabilities,

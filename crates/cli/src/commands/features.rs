@@ -4,6 +4,7 @@ use super::feature_rows::{NamedRows, RowColumns, RowFile};
 use super::{Context, sources};
 use crate::args::{Features, Format};
 use crate::exit_code::Failure;
+use scansion_core::Error;
 use scansion_core::cloud::{Column, MetricCloud, Values};
 use scansion_core::features::definition::{self, Definition, Group};
 use scansion_core::features::{FeatureStream, Rows, Wanted, optimal_features};
@@ -16,10 +17,9 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
         return context.printer.data(&list(context.printer.format));
     };
     let table = matches!(output.extension().and_then(|e| e.to_str()), Some("npy" | "csv"));
-    if table {
-        io::check_output(output)?
-    } else {
-        io::check_cloud_output(output)?
+    match table {
+        true => io::check_output(output)?,
+        false => io::check_cloud_output(output).map_err(or_table)?,
     }
     let files = Files { input, output };
     if args.optimal {
@@ -34,10 +34,20 @@ pub(crate) fn run(args: &Features, context: &Context<'_>) -> Result<(), Failure>
     let mut options = context.read_options();
     options.columns = Columns::Only(set.columns());
     let cloud = io::read_with(input, &options)?;
-    io::check_steps(input, output, &cloud, &context.write_options())?;
+    io::check_coordinates(input, output, &cloud, &context.write_options())?;
     let stream = FeatureStream::prepare(&cloud, &set, asked, &context.monitor)?;
     let names = stream.names().to_vec();
     write(NamedRows { cloud: &cloud, names: &names }, files, context, |take| stream.for_each(&context.monitor, take))
+}
+
+/// Adds the tables to the formats that can be written.
+fn or_table(error: Error) -> Error {
+    match error {
+        Error::OutputName { path, reason } => {
+            Error::OutputName { path, reason: format!("{reason}; tables: .csv, .npy") }
+        }
+        error => error,
+    }
 }
 
 /// The name of the column with the number of neighbours.
@@ -62,7 +72,7 @@ fn optimal(args: &Features, files: Files<'_>, context: &Context<'_>) -> Result<(
     let names = Wanted::Asked(&args.only).names(&own.collect::<Vec<_>>())?;
     let options = ReadOptions { columns: Columns::Only(Vec::new()), ..context.read_options() };
     let cloud = io::read_with(files.input, &options)?;
-    io::check_steps(files.input, files.output, &cloud, &context.write_options())?;
+    io::check_coordinates(files.input, files.output, &cloud, &context.write_options())?;
     let points = MetricCloud::new(&cloud, args.unit.unit, &context.monitor)?.points(&context.monitor)?;
     let found = optimal_features(&points.positions, &params, &context.monitor)?;
     let mut all = Rows { points: (0..cloud.len() as u32).collect(), ..Rows::default() };

@@ -17,7 +17,7 @@ pub(crate) fn run(args: &Height, context: &Context<'_>) -> Result<(), Failure> {
     let mut options = context.read_options();
     options.columns = Columns::Only(vec![names::CLASSIFICATION.into()]);
     let cloud = io::read_with(&args.input, &options)?;
-    io::check_steps(&args.input, &args.output, &cloud, &context.write_options())?;
+    io::check_coordinates(&args.input, &args.output, &cloud, &context.write_options())?;
     let scene = MetricCloud::new(&cloud, None, &context.monitor)?;
     let survey = survey(&scene, &params, context)?;
     let mut heights = heights_above_ground(&scene, &survey, &params, &context.monitor)?;

@@ -30,7 +30,7 @@ pub(crate) fn run(args: &Regularize, context: &Context<'_>) -> Result<(), Failur
     let mut options = context.read_options();
     options.columns = Columns::Only(classes.iter().map(|class| class.name.clone()).collect());
     let cloud = io::read_with(&args.input, &options)?;
-    io::check_steps(&args.input, &args.output, &cloud, &context.write_options())?;
+    io::check_coordinates(&args.input, &args.output, &cloud, &context.write_options())?;
     let scene = MetricCloud::new(&cloud, args.unit.unit, &context.monitor)?;
     let found = regularise_cloud(&scene, &classes, &params, &context.monitor)?;
     let summary = Summary {

@@ -23,7 +23,7 @@ pub(crate) fn run(args: &Segment, context: &Context<'_>) -> Result<(), Failure> 
         names.chain(own).map(|name: String| Column::new(name, Values::U32(Vec::new()))).collect();
     io::check_dimensions(&args.input, &args.output, &dimensions)?;
     let (cloud, _, found) = parted(&args.input, (&args.segments, &args.levels), &args.labels, context)?;
-    io::check_steps(&args.input, &args.output, &cloud, &context.write_options())?;
+    io::check_coordinates(&args.input, &args.output, &cloud, &context.write_options())?;
     drop(cloud);
     let mut edits = Vec::new();
     if args.colour {

@@ -45,7 +45,7 @@ pub fn filter_file(input: &Path, output: &Path, params: &FilterParams, options: 
         ..ReadOptions::default()
     };
     let cloud = io::read_with(input, &read)?;
-    io::check_steps(input, output, &cloud, options)?;
+    io::check_scale(input, output, &cloud, options)?;
     let Filtered { kept, noise, steps, mut notes } = filter(&cloud, params, monitor)?;
     let edits: Vec<Edit> = params.mark.then(|| marked(&cloud, &noise)).into_iter().collect();
     drop(cloud);

@@ -33,9 +33,14 @@ pub fn is_cloud_name(path: &Path) -> bool {
     WRITTEN.contains(&extension(path).as_str())
 }
 
+/// Whether the name has the extension of LAS or LAZ.
+pub(super) fn is_las_name(path: &Path) -> bool {
+    ["las", "laz"].contains(&extension(path).as_str())
+}
+
 /// Fails if the extension is not that of a cloud format that can be written.
 pub(super) fn check_target(path: &Path) -> Result<()> {
-    let refused = |reason: String| Err(Error::Unsupported { path: path.to_path_buf(), reason });
+    let refused = |reason: String| Err(Error::OutputName { path: path.to_path_buf(), reason });
     let name = path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
     match extension(path).as_str() {
         "laz" if name.to_lowercase().ends_with(".copc.laz") => {

@@ -45,7 +45,7 @@ pub use operations::{salvage, statistics};
 use crate::cloud::crs::{Unit, unit_of};
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
-use format::{Format, check_target, extension, format_of};
+use format::{Format, check_target, extension, format_of, is_las_name};
 use std::path::Path;
 
 /// One change made by [`rewrite`] or [`select`]; values in the order of the file.
@@ -165,19 +165,28 @@ pub fn check_cloud_output(path: &Path) -> Result<()> {
 /// # Errors
 /// If the input has a dimension of the same name and another type, or records would become too long.
 pub fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result<()> {
-    let las = ["las", "laz"].contains(&extension(output).as_str());
-    match las && format_of(input)? == Format::Las {
+    match is_las_name(output) && format_of(input)? == Format::Las {
         true => las::check_dimensions(input, output, added),
         false => Ok(()),
     }
 }
 
-/// Fails if no LAS scale fits a cloud that is to be written from `input` to `output`. To be called before long work.
+/// Fails if a cloud that is to be written from `input` to `output` does not fit LAS: its coordinates must be finite and
+/// a scale must fit them. To be called before long work.
 ///
 /// # Errors
 /// As [`write`](fn@write) of LAS and LAZ, and if a scale is requested from LAS to LAS.
-pub fn check_steps(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
-    match (["las", "laz"].contains(&extension(output).as_str()), las::is_las(input)?) {
+pub fn check_coordinates(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+    check_scale(input, output, cloud, options)?;
+    match is_las_name(output) && !las::is_las(input)? {
+        true => las::check_finite(cloud),
+        false => Ok(()),
+    }
+}
+
+/// Fails if no LAS scale fits a cloud; its points that are not finite may be removed before it is written.
+pub(crate) fn check_scale(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
+    match (is_las_name(output), las::is_las(input)?) {
         (true, true) => options.keeps_steps(),
         (true, false) => las_frame(cloud, options).map(|_| ()),
         (false, _) => Ok(()),

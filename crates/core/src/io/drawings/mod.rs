@@ -123,7 +123,7 @@ impl Drawing {
 pub fn check_drawing_output(path: &Path) -> Result<()> {
     match extension(path).as_str() {
         "dxf" | "gpkg" | "geojson" | "json" | "obj" | "ply" => check_output(path),
-        _ => Err(Error::Unsupported {
+        _ => Err(Error::OutputName {
             path: path.to_path_buf(),
             reason:
                 "lines are written as DXF (.dxf), GeoPackage (.gpkg), GeoJSON (.geojson, .json), OBJ (.obj) or PLY \

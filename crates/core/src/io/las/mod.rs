@@ -25,7 +25,7 @@ pub(super) use rewrite::merge::merge;
 pub(super) use rewrite::{check_dimensions, convert, rewrite_records, select};
 pub use write::las_frame;
 pub use write::step::LasFrame;
-pub(super) use write::write;
+pub(super) use write::{check_finite, write};
 
 /// The warning if heights have a unit of their own.
 fn vertical_warning(horizontal: Option<f64>, vertical: f64) -> String {

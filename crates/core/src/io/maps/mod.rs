@@ -87,5 +87,5 @@ fn row_from_north(raster: &Raster, row: usize) -> impl Iterator<Item = f32> {
 }
 
 fn refused(path: &Path, reason: &str) -> Result<()> {
-    Err(Error::Unsupported { path: path.to_path_buf(), reason: reason.into() })
+    Err(Error::OutputName { path: path.to_path_buf(), reason: reason.into() })
 }

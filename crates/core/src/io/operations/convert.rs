@@ -5,7 +5,7 @@ use crate::cloud::crs;
 use crate::error::{Error, Result};
 use crate::io::atomic::check_place;
 use crate::io::{
-    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, extension, inspect, las, read_with, run, write,
+    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, inspect, is_las_name, las, read_with, run, write,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -57,7 +57,7 @@ pub fn convert(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
 }
 
 fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &WriteOptions) -> Result<RewriteReport> {
-    let to_las = ["las", "laz"].contains(&extension(output).as_str());
+    let to_las = is_las_name(output);
     let from_las = las::is_las(input)?;
     let part = params.part(options);
     if from_las && to_las {

@@ -5,7 +5,7 @@ use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
 use crate::io::atomic::check_place;
 use crate::io::info::{NamedCrs, check_crs};
-use crate::io::{ReadOptions, RewriteReport, WriteOptions, check_target, extension, las, read_with, run, write};
+use crate::io::{ReadOptions, RewriteReport, WriteOptions, check_target, is_las_name, las, read_with, run, write};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
 }
 
 fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Result<RewriteReport> {
-    let mut all_las = ["las", "laz"].contains(&extension(output).as_str());
+    let mut all_las = is_las_name(output);
     for input in inputs {
         all_las &= las::is_las(input)?;
     }

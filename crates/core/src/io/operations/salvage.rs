@@ -4,7 +4,7 @@ use super::select::apply;
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::io::{
-    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, check_target, extension, las, read_with, rewrite, run,
+    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, check_target, is_las_name, las, read_with, rewrite, run,
     write,
 };
 use crate::parallel::Monitor;
@@ -60,7 +60,7 @@ pub fn copy(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions)
 }
 
 fn copy_any(input: &Path, output: &Path, edits: &[Edit], options: &WriteOptions) -> Result<(RewriteReport, Losses)> {
-    let to_las = ["las", "laz"].contains(&extension(output).as_str());
+    let to_las = is_las_name(output);
     if las::is_las(input)? && to_las {
         let (records, losses) = las::Records::salvage(input, &options.monitor)?;
         losses.check_some(input)?;

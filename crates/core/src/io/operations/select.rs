@@ -3,7 +3,7 @@
 use crate::cloud::{Cloud, Column, OwnClass, Values, names};
 use crate::error::Result;
 use crate::io::{
-    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, atomic, check_target, extension, las, read_with, run,
+    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, atomic, check_target, is_las_name, las, read_with, run,
     write,
 };
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub fn select(input: &Path, output: &Path, selection: &Selection<'_>, options: &
 }
 
 fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &WriteOptions) -> Result<RewriteReport> {
-    let to_las = ["las", "laz"].contains(&extension(output).as_str());
+    let to_las = is_las_name(output);
     if to_las && las::is_las(input)? {
         options.keeps_steps()?;
         return las::select(input, output, selection, options);

@@ -100,8 +100,18 @@ fn ticks(cloud: &Cloud, i: usize, frame: &LasFrame, rescaled: bool) -> Result<[i
     let p = cloud.xyz(i);
     match p.iter().all(|v| v.is_finite()) {
         true => Ok([0, 1, 2].map(|a| ((p[a] - offset[a]) / scale[a]).round() as i32)),
-        false => Err(Error::input(format!("point {i} has coordinates {p:?}; LAS holds finite ones only"))),
+        false => Err(not_finite(i, p)),
     }
+}
+
+/// Fails if a coordinate is not finite.
+pub(in crate::io) fn check_finite(cloud: &Cloud) -> Result<()> {
+    let wrong = (0..cloud.len()).map(|i| (i, cloud.xyz(i))).find(|(_, p)| !p.iter().all(|v| v.is_finite()));
+    wrong.map_or(Ok(()), |(i, p)| Err(not_finite(i, p)))
+}
+
+fn not_finite(i: usize, p: [f64; 3]) -> Error {
+    Error::input(format!("point {i} has coordinates {p:?}; LAS holds finite ones only: filter outliers first"))
 }
 
 fn vlrs(wkt: Option<&str>, extras: &[Cow<'_, Column>]) -> Result<Vec<Vlr>> {
