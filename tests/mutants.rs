@@ -270,7 +270,7 @@ fn corpus_of_the_fuzz_targets_is_written() {
     let labels = read_labels(&cloud, &LabelParams::default()).unwrap();
     for (classifier, small) in [("rf", "forest.trees=3"), ("gbt", "boosting.rounds=3")] {
         let choice = format!("classifier=\"{classifier}\"");
-        let recipe = AnyRecipe::named("pyramid").unwrap().with_settings([&*choice, small].into_iter()).unwrap();
+        let recipe = AnyRecipe::named("pyramid").unwrap().with_settings([&*choice, small]).unwrap();
         let (model, _) = recipe
             .train(
                 &[LabelledCloud { cloud: cloud.clone(), labels: labels.clone() }],
