@@ -3,7 +3,8 @@
     python scripts/ladder.py DATA [PROGRAM]        # needs: pip install . ; PROGRAM is the command line, default scansion
     python scripts/ladder.py DATA PROGRAM fewer    # the spheres with fewer radii beside the pyramid, for docs/spheres.md
 
-Each row adds one step to the one above, with the spheres in place of the pyramid. Streets: Oakland parts 06, 11, 13, 14, 15
+Each row adds one step to the one above, with the spheres in place of the pyramid; the last row has the recipes in two stages
+with all their defaults, and what makes neighbours agree chosen by training. Streets: Oakland parts 06, 11, 13, 14, 15
 and 17 from seven others. Airborne: three scenes of LiDAR HD from a housing estate and AHN3. Scores count the points of all test
 scenes together; seconds are those of the processor for classifying them on one thread, memory is the largest of them.
 """
@@ -26,6 +27,7 @@ STREETS = {
     "training": ["training.voxel=0.1"],
     "pyramid": ["features.pyramid.first_scale=0.1", "features.pyramid.levels=7"],
     "spheres": ["spheres.first_radius=0.25", "spheres.scales=6"],
+    "two stages": "mobile",
 }
 AIRBORNE = {
     "train": [DATA / f"airborne/{name}.laz" for name in ("lidarhd_housing", "ahn3_delft_west")],
@@ -34,6 +36,7 @@ AIRBORNE = {
     "training": ["training.voxel=0.25", "training.per_copy=4000", "training.densities=[10.0, 4.0, 1.0]"],
     "pyramid": ["features.pyramid.first_scale=0.25", "features.pyramid.levels=4"],
     "spheres": ["spheres.first_radius=0.5", "spheres.scales=6"],
+    "two stages": "airborne",
 }
 # The numbers of levels and radii are the best of 2 to 8 (`fewer`).
 SCENES = [STREETS, AIRBORNE]
@@ -66,12 +69,13 @@ def train(scene, recipe, settings, model):
 
 
 def scores(scene, model, method, folder):
-    """Overall accuracy, mean F1 and mean IoU in percent, seconds and MB."""
+    """Overall accuracy, mean F1 and mean IoU in percent, seconds and MB. Without a method that of the model."""
+    regularize = [] if method is None else ["--regularize", method]
     seconds, most, truth, found = 0.0, 0.0, [], []
     for cloud in scene["test"]:
         output = folder / "classified.laz"
         output.unlink(missing_ok=True)
-        used, memory = run("classify", cloud, "-m", model, "-o", output, "--regularize", method, "-j1")
+        used, memory = run("classify", cloud, "-m", model, "-o", output, *regularize, "-j1")
         seconds, most = seconds + used, max(most, memory)
         codes = np.asarray(scansion.read(cloud)["Classification"])
         own = np.where(np.isin(codes, (3, 4)), 5, codes) if scene["labels"] else codes
@@ -129,6 +133,14 @@ def main():
                 for scene, model in zip(SCENES, models):
                     train(scene, "spheres", [*scene["training"], *scene["spheres"], *settings], model)
             row(name, [scores(scene, model, method, folder) for scene, model in zip(SCENES, models)])
+        two_stages(models, folder)
+
+
+def two_stages(models, folder):
+    """The row of the recipes with two stages."""
+    for scene, model in zip(SCENES, models):
+        train(scene, scene["two stages"], [], model)
+    row("two stages: `mobile`, `airborne`", [scores(scene, model, None, folder) for scene, model in zip(SCENES, models)])
 
 
 if __name__ == "__main__":
