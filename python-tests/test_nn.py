@@ -356,6 +356,25 @@ def test_digits_are_not_turned():
     assert [learning["augment"]["turn"] for learning in turns] == [False, True]
 
 
+def test_networks_of_the_thesis_have_its_constants():
+    X, y = bars(8, 1)
+    network = nn.VoxelClassifier("mnist-paper", settings={"network.hidden": 4}, density=0.035)
+    settings = network.fit(X, y).settings_
+    learning = settings["learning"]
+    assert (learning["epochs"], learning["rate"], learning["pruning"]) == (10, 0.01, 5e-3)
+    assert learning["regulariser"]["strength"] == 0 and settings["network"]["deviation"] == 0.1
+    assert [level["density"] for level in settings["network"]["levels"]] == [0.035, 0.035]
+    assert len(network.history_) == 10
+
+    settings = {"network.hidden": 4, "network.levels": [{"channels": [2], "density": 0.5}], "learning.pruning": 0}
+    network = nn.VoxelClassifier("modelnet-paper", epochs=2, settings=settings)
+    learning = network.fit(X, y).settings_["learning"]
+    assert (learning["epochs"], learning["batch"], learning["rate"]) == (2, 32, 0.001)
+    regulariser = {"strength": 0.6, "offset": 0.1, "above": 0.1, "below": 0.1, "smoothing": 0.0, "biases": True}
+    assert learning["regulariser"] == {**regulariser, "density": 1.0}
+    assert learning["pruning"] == 0 and len(network.history_) == 2
+
+
 def test_entries_in_any_order_are_those_of_the_objects():
     X, y = bars(20, 1)
     network = small().fit(X, y)

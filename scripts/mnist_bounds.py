@@ -1,8 +1,9 @@
 """MNIST by the bound of the density, for docs/sparse-convolution.md: loss, time of an epoch, accuracy, beside the dense twin.
 
-    python scripts/mnist_bounds.py DATA [--bounds B ...] [--images N] [--epochs N] [--rate R] [--plot FILE]
+    python scripts/mnist_bounds.py DATA [--network NAME] [--bounds B ...] [--images N] [--epochs N] [--rate R] [--plot FILE]
 
-DATA holds the four IDX files, compressed or not; pixels below 50 become 0. Seconds are those of the processor, summed over
+DATA holds the four IDX files, compressed or not; pixels below 50 become 0. NAME is mnist or mnist-paper, which has the constants
+of the thesis. Seconds are those of the processor, summed over
 the threads. Needs: pip install . ; with --plot matplotlib.
 """
 
@@ -32,7 +33,7 @@ def main(given):
     for bound in [*given.bounds, None]:
         start = time.process_time()
         network = nn.VoxelClassifier(
-            "mnist",
+            given.network,
             density=bound,
             dense=bound is None,
             epochs=given.epochs,
@@ -57,6 +58,7 @@ def main(given):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("data", type=pathlib.Path)
+    parser.add_argument("--network", default="mnist")
     parser.add_argument("--bounds", nargs="*", type=float, default=BOUNDS)
     parser.add_argument("--images", type=int, default=60_000, help="images to train on, picked at random")
     parser.add_argument("--epochs", type=int, default=10)

@@ -1,11 +1,13 @@
 """Strength of the density regulariser, with pruning, on objects; for docs/sparse-convolution.md.
 
-    python scripts/objects.py DATA [--epochs N] [--batch N] [--rate R] [--most N] [--plot FILE]
+    python scripts/objects.py DATA [--network NAME] [--epochs N] [--batch N] [--rate R] [--most N]
+                                   [--strengths S ...] [--plot FILE]
 
 Needs: pip install . ; with --plot matplotlib.
 
 DATA holds modelnet10_voxels32_chair_monitor.npz and dales_objects_499.tar.gz. A fourth of the objects of each class is for
-testing. Beside the networks stand their dense twin and our forest on descriptors of each object, without and with its size
+testing. NAME is modelnet or modelnet-paper, which has the constants of the thesis unless others are given, and its penalty: λ is
+half of our strength. Beside the networks stand their dense twin and our forest on descriptors of each object, without and with its size
 (the network sees objects scaled to the same cube). Seconds are those of the processor, summed over the threads.
 """
 
@@ -75,11 +77,14 @@ def pick(objects, rows):
 def rows_of(title, objects, names, rows, given):
     """Prints the rows of the networks; returns the shares of weights that are left, epoch after epoch."""
     (train, test), curves = rows, {}
-    for strength in [*STRENGTHS, None]:
+    factor = 2 if given.network.endswith("-paper") else 1
+    for strength in [*given.strengths, None]:
         dense = strength is None
-        regulariser = {"learning.regulariser.strength": strength or 0.0, "learning.pruning": 0.0 if dense else PRUNING}
+        own = factor * (strength or 0.0)
+        regulariser = {"learning.regulariser.strength": own, "learning.pruning": 0.0 if dense else PRUNING}
         start = time.process_time()
         network = nn.VoxelClassifier(
+            given.network,
             epochs=given.epochs,
             batch_size=given.batch,
             learning_rate=given.rate,
@@ -87,7 +92,7 @@ def rows_of(title, objects, names, rows, given):
             settings=regulariser,
         )
         network.fit(pick(objects, train), names[train])
-        seconds = (time.process_time() - start) / given.epochs
+        seconds = (time.process_time() - start) / len(network.history_)
         weights = [epoch["weights"] for epoch in network.history_]
         score = network.score(pick(objects, test), names[test])
         name = "dense twin" if dense else f"λ = {strength:g}"
@@ -129,9 +134,14 @@ def main(given):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("data", type=pathlib.Path)
-    parser.add_argument("--epochs", type=int, default=30)
-    parser.add_argument("--batch", type=int, default=32)
-    parser.add_argument("--rate", type=float, default=0.003)
+    parser.add_argument("--network", default="modelnet")
+    parser.add_argument("--strengths", nargs="*", type=float, default=STRENGTHS)
+    parser.add_argument("--epochs", type=int)
+    parser.add_argument("--batch", type=int)
+    parser.add_argument("--rate", type=float, help="default: 0.003, with the constants of the thesis its 0.001")
     parser.add_argument("--most", type=int, help="objects to train on, picked at random")
     parser.add_argument("--plot", metavar="FILE")
-    main(parser.parse_args())
+    given = parser.parse_args()
+    if given.rate is None and given.network == "modelnet":
+        given.rate = 0.003
+    main(given)

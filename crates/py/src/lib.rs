@@ -70,7 +70,7 @@ mod _core {
     #[pymodule_export]
     use crate::neighbours::{knn, optimal, within};
     #[pymodule_export]
-    use crate::nn::{ObjectModel, ObjectTraining, Objects, object_learning, object_network};
+    use crate::nn::{ObjectModel, ObjectTraining, Objects, object_preset};
     #[pymodule_export]
     use crate::nn::{Sites, sparse_convolution, sparse_gradient, submanifold_convolution, submanifold_gradient};
     #[pymodule_export]

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use scansion_core::nn::arrays::{Array, Arrays};
 use scansion_core::nn::networks::{
-    LabelKind, ObjectLearning, ObjectModel as CoreModel, ObjectNetParams, ObjectTraining as CoreTraining,
+    LabelKind, ObjectLearning, ObjectModel as CoreModel, ObjectNetParams, ObjectPreset, ObjectTraining as CoreTraining,
 };
 use scansion_core::nn::objects::{Objects as CoreObjects, Sample};
 use std::path::PathBuf;
@@ -163,25 +163,17 @@ impl ObjectModel {
     }
 }
 
-/// The settings of a network of the thesis: `modelnet` of a resolution, `mnist` with a bound of density.
+/// The settings of a network and of its training by their name, for objects of so many cells along each axis; one bound of
+/// density for all sparse levels if it is given; the dense twin if asked for.
 #[pyfunction]
 #[pyo3(signature = (name, resolution, density = None, dense = false))]
-pub(crate) fn object_network(name: &str, resolution: usize, density: Option<f64>, dense: bool) -> PyResult<String> {
-    let mut network = match name {
-        "modelnet" => ObjectNetParams::modelnet(resolution),
-        "mnist" => ObjectNetParams::mnist(density.unwrap_or(ObjectNetParams::MNIST_DENSITY)),
-        _ => return Err(PyValueError::new_err(format!("network: found {name:?}, expected \"modelnet\" or \"mnist\""))),
-    };
+pub(crate) fn object_preset(name: &str, resolution: usize, density: Option<f64>, dense: bool) -> PyResult<String> {
+    let mut preset = ObjectPreset::named(name, resolution).map_err(raise)?;
     if let Some(density) = density {
-        network.levels.iter_mut().filter_map(|level| level.density.as_mut()).for_each(|own| *own = density);
+        preset = preset.with_density(density);
     }
-    let network = if dense { network.dense_twin() } else { network };
-    json::text(&network).map_err(raise)
-}
-
-/// The default settings of training of a network of the thesis.
-#[pyfunction]
-pub(crate) fn object_learning(name: &str) -> PyResult<String> {
-    let learning = if name == "mnist" { ObjectLearning::mnist() } else { ObjectLearning::default() };
-    json::text(&learning).map_err(raise)
+    if dense {
+        preset.network = preset.network.dense_twin();
+    }
+    json::text(&preset).map_err(raise)
 }

@@ -10,8 +10,8 @@ mod windows;
 pub use connected::Mode;
 pub use levels::{Kept, ObjectLevel, Weights};
 pub use objects::{
-    EpochReport, LabelKind, ObjectLearning, ObjectModel, ObjectModelAbout, ObjectNet, ObjectNetParams, ObjectTraining,
-    Pass,
+    EpochReport, LabelKind, ObjectLearning, ObjectModel, ObjectModelAbout, ObjectNet, ObjectNetParams, ObjectPreset,
+    ObjectTraining, Pass,
 };
 pub use unet::{SceneLevels, UNet, UNetParams};
 pub use windows::{WindowNet, WindowNetParams, WindowPass};

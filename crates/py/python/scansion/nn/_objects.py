@@ -31,22 +31,23 @@ class VoxelClassifier(Classifier):
 
     Parameters
     ----------
-    network : {"modelnet", "mnist"}
+    network : {"modelnet", "mnist", "modelnet-paper", "mnist-paper"}
         The network of the thesis: nine sparse and three dense convolutions along three axes, or six sparse ones along two.
         Its bounds of density are those of the resolution of the objects. Samples of "modelnet" are turned about the last axis
-        in training, digits of "mnist" are not (``learning.augment.turn``).
+        in training, digits of "mnist" are not (``learning.augment.turn``). The names that end in ``-paper`` have the constants of
+        the thesis for network and training: ModelNet40 with the density regulariser (its λ is 0.3), MNIST without.
     resolution : int
         Cells along each side of the cube into which clouds of points are put; objects that come in cells have their own.
     density : float, optional
         Upper bound of the share of the cells of a channel that keep a response, above 0, at most 1, instead of the network's.
     dense : bool
         Use dense convolutions only: the network's dense twin.
-    epochs : int
-        Passes through the samples.
-    batch_size : int
-        Samples in a step.
-    learning_rate : float
-        Highest learning rate.
+    epochs : int, optional
+        Passes through the samples; None: those of the network, 30 (with the constants of the thesis 90 and 10).
+    batch_size : int, optional
+        Samples in a step; None: 32.
+    learning_rate : float, optional
+        Highest learning rate; None: that of the network, 0.01 (with those of the thesis 0.001 for ModelNet40).
     settings : mapping, optional
         Any other setting, nested or with dotted keys: ``network.hidden``, ``network.levels``, ``learning.optimiser``,
         ``learning.regulariser.strength``, ``learning.pruning``, ``learning.augment.turn`` and others; `settings_` lists all.
@@ -95,9 +96,9 @@ class VoxelClassifier(Classifier):
         resolution: int = 32,
         density: float | None = None,
         dense: bool = False,
-        epochs: int = 30,
-        batch_size: int = 32,
-        learning_rate: float = 0.01,
+        epochs: int | None = None,
+        batch_size: int | None = None,
+        learning_rate: float | None = None,
         settings: Mapping[str, Any] | None = None,
         random_state: int | np.random.RandomState | None = None,
         n_jobs: int | None = None,
@@ -149,7 +150,7 @@ class VoxelClassifier(Classifier):
             training.resume(path, objects)
         self.history_ = []
         with following(progress):
-            while training.epochs() < self.epochs:
+            while training.epochs() < self.settings_["learning"]["epochs"]:
                 start = time.perf_counter()
                 report = json.loads(training.epoch(objects, self.n_jobs))
                 self.history_.append({**report, "seconds": time.perf_counter() - start})
@@ -162,14 +163,14 @@ class VoxelClassifier(Classifier):
         """All settings under the core's names."""
         density = None if self.density is None else share(self.density, "density")
         shortest = min(self.shape_["extent"])
-        network = json.loads(_core.object_network(self.network, shortest, density, bool(self.dense)))
-        learning = {
-            **json.loads(_core.object_learning(self.network)),
-            "epochs": whole(self.epochs, "epochs"),
-            "batch": whole(self.batch_size, "batch_size"),
-            "rate": share(self.learning_rate, "learning_rate", (0, 1e6)),
-            "seed": seed(self.random_state),
-        }
+        preset = json.loads(_core.object_preset(self.network, shortest, density, bool(self.dense)))
+        network, learning = preset["network"], {**preset["learning"], "seed": seed(self.random_state)}
+        if self.epochs is not None:
+            learning["epochs"] = whole(self.epochs, "epochs")
+        if self.batch_size is not None:
+            learning["batch"] = whole(self.batch_size, "batch_size")
+        if self.learning_rate is not None:
+            learning["rate"] = share(self.learning_rate, "learning_rate", (0, 1e6))
         given = together(self.settings)
         for key in given:
             if key not in ("network", "learning"):

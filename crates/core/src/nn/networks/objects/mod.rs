@@ -9,11 +9,13 @@ mod fit_tests;
 mod learning;
 mod model;
 mod pass;
+mod preset;
 
 pub use fit::{EpochReport, ObjectTraining};
 pub use learning::ObjectLearning;
 pub use model::{LabelKind, ObjectModel, ObjectModelAbout};
 pub use pass::Pass;
+pub use preset::ObjectPreset;
 
 use crate::error::{Error, Result};
 use crate::nn::networks::build::{Builder, limited};
