@@ -49,14 +49,16 @@ impl Selection {
         if self.attention == Attention::Magnitude { response.magnitude() } else { response }
     }
 
-    /// Strength of the weakest of the strongest so many entries (cell, value); 0 if there are fewer. O(entries).
-    pub(super) fn least<'a, T: Scalar>(self, most: usize, entries: impl Iterator<Item = &'a (usize, T)>) -> T {
+    /// The limit of the strongest so many entries (cell, value); if there are fewer, all are stronger. O(entries).
+    pub(super) fn limit<'a, T: Scalar>(self, most: usize, entries: impl Iterator<Item = &'a (usize, T)>) -> Limit<T> {
         let mut strengths: Vec<T> = entries.map(|entry| self.strength(entry.1)).collect();
         if strengths.len() < most {
-            return T::ZERO;
+            return Limit { least: T::ZERO, equal: 0 };
         }
         let by_strength = |a: &T, b: &T| b.partial_cmp(a).unwrap_or(Ordering::Equal);
-        *strengths.select_nth_unstable_by(most - 1, by_strength).1
+        let (before, &mut least, _) = strengths.select_nth_unstable_by(most - 1, by_strength);
+        let stronger = before.iter().filter(|own| **own > least).count();
+        Limit { least, equal: most - stronger }
     }
 
     /// Keeps the strongest of the entries (cell, value) of a channel, in their order; of equal ones the first.
@@ -69,15 +71,27 @@ impl Selection {
         if entries.len() <= most {
             return;
         }
-        let least = self.least(most, entries.iter());
-        let stronger = entries.iter().filter(|entry| self.strength(entry.1) > least).count();
-        let mut equal = most.saturating_sub(stronger);
-        entries.retain(|&(_, value)| {
-            let own = self.strength(value);
-            let as_weak = (own == least) & (equal > 0);
-            equal -= usize::from(as_weak);
-            (own > least) | as_weak
-        });
+        let mut limit = self.limit(most, entries.iter());
+        entries.retain(|&(_, value)| limit.takes(self.strength(value)));
+    }
+}
+
+/// Which entries are among the strongest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limit<T> {
+    /// Strength of the weakest of them.
+    pub(super) least: T,
+    /// How many of exactly this strength are among them.
+    equal: usize,
+}
+
+impl<T: Scalar> Limit<T> {
+    /// Whether an entry of this strength is one of them; of equal ones the first are.
+    #[inline(always)]
+    pub(super) fn takes(&mut self, strength: T) -> bool {
+        let as_weak = (strength == self.least) & (self.equal > 0);
+        self.equal -= usize::from(as_weak);
+        (strength > self.least) | as_weak
     }
 }
 

@@ -6,8 +6,15 @@ use std::ops::Range;
 
 /// Output channels that are computed together.
 pub(super) const LANES: usize = 8;
+/// Outputs of a run of weights, at most.
+pub(super) const RUN: usize = 3;
 /// Cells of a slab, at least one layer along the first axis.
 const CELLS: usize = 1 << 15;
+
+/// The sums of the output channels of a cell. Aligned, so that none lies in two lines of the cache.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+pub(super) struct Sums<T>(pub(super) [T; LANES]);
 
 /// A weight of several output channels, and where it leads.
 #[derive(Clone, Debug)]
@@ -65,18 +72,46 @@ impl<T: Scalar> Tap<T> {
     }
 }
 
+/// Weights that lead to cells side by side, so that their place is found once.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Run<T> {
+    /// Layers along the first axis from the first output of an input to these.
+    pub(super) layer: usize,
+    /// Difference of the cell numbers within layers along the first axis, of the lowest output.
+    pub(super) within: isize,
+    /// Number of outputs, 1 to [`RUN`].
+    pub(super) length: usize,
+    /// The weights by ascending outputs.
+    pub(super) weights: [[T; LANES]; RUN],
+}
+
 /// The weights of one input channel.
 #[derive(Clone, Debug)]
 pub(super) struct Taps<T> {
     pub(super) taps: Vec<Tap<T>>,
     /// The targets of the same side by side, for the loop over the inputs.
-    pub(super) targets: Vec<Target<T>>,
+    pub(super) runs: Vec<Run<T>>,
 }
 
-impl<T: Copy> Taps<T> {
+impl<T: Scalar> Taps<T> {
     pub(super) fn new(taps: Vec<Tap<T>>) -> Self {
-        let targets = taps.iter().map(|tap| tap.target).collect();
-        Self { taps, targets }
+        let mut targets: Vec<Target<T>> = taps.iter().map(|tap| tap.target).collect();
+        targets.sort_by_key(|target| (target.layer, target.within));
+        let mut runs: Vec<Run<T>> = Vec::new();
+        for Target { layer, within, weights } in targets {
+            match runs.last_mut() {
+                Some(run) if run.layer == layer && run.length < RUN && run.within + run.length as isize == within => {
+                    run.weights[run.length] = weights;
+                    run.length += 1;
+                }
+                _ => {
+                    let mut own = [[T::ZERO; LANES]; RUN];
+                    own[0] = weights;
+                    runs.push(Run { layer, within, length: 1, weights: own });
+                }
+            }
+        }
+        Self { taps, runs }
     }
 }
 

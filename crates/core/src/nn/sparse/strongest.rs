@@ -1,11 +1,11 @@
 //! The strongest responses of several output channels, collected while a convolution passes over a part of its outputs.
 
 use super::attention::{Attention, Selection};
-use super::slab::LANES;
+use super::slab::{LANES, Sums};
 use crate::nn::scalar::Scalar;
 use std::cmp::Ordering;
 
-/// Cells that are taken together.
+/// Cells that are taken together, a bit of a byte each.
 pub(super) const MARKED: usize = 8;
 /// Cells after which counts are taken over, while `f32` still holds them exactly.
 const UNCOUNTED: usize = 1 << 20;
@@ -48,6 +48,8 @@ pub(super) struct Strongest<T> {
     enough_at_first: usize,
     more_enough: usize,
     enough: usize,
+    /// Number of responses of a channel at which the weakest are dropped.
+    full: usize,
     least: [T; LANES],
     dropped: [bool; LANES],
     /// Counts that are not taken over yet; whole numbers.
@@ -62,12 +64,13 @@ pub(super) struct Strongest<T> {
 impl<T: Scalar> Strongest<T> {
     pub(super) fn new(how: &Collecting<T>) -> Self {
         let enough_at_first = if how.selection.is_some() { how.enough_at_first } else { usize::MAX };
-        Self {
+        let mut own = Self {
             bias: how.bias,
             attention: how.selection.map(|selection| selection.attention),
             enough_at_first,
             more_enough: how.enough.saturating_sub(enough_at_first),
             enough: enough_at_first,
+            full: 0,
             least: [T::ZERO; LANES],
             dropped: [false; LANES],
             counting: [T::ZERO; LANES],
@@ -75,17 +78,20 @@ impl<T: Scalar> Strongest<T> {
             cells: 0,
             entries: Default::default(),
             strengths: Vec::new(),
-        }
+        };
+        own.set_share(0.0);
+        own
     }
 
     /// Sets the share of the inputs that were added.
     pub(super) fn set_share(&mut self, share: f64) {
         self.enough = self.enough_at_first.saturating_add((share * self.more_enough as f64) as usize);
+        self.full = self.enough.saturating_add(self.enough_at_first.max(self.enough / 2));
     }
 
     /// Takes the sums of neighbouring cells, which become responses; cells come in ascending order.
     #[inline(always)]
-    pub(super) fn take(&mut self, first: usize, sums: &[[T; LANES]; MARKED]) {
+    pub(super) fn take(&mut self, first: usize, sums: &[Sums<T>; MARKED]) {
         let (all, positive) = (|response: T| response != T::ZERO, |response: T| response > T::ZERO);
         match self.attention {
             Some(Attention::Positive) => self.keep(first, sums, |response| response, positive),
@@ -101,46 +107,40 @@ impl<T: Scalar> Strongest<T> {
     /// Counts responses and keeps those that are stronger than the least of their channel. Plain loops over local copies, which
     /// the compiler turns into operations on all channels at once.
     #[inline(always)]
-    fn keep(
-        &mut self,
-        first: usize,
-        sums: &[[T; LANES]; MARKED],
-        strength: impl Fn(T) -> T,
-        counts: impl Fn(T) -> bool,
-    ) {
-        let (bias, least, mut counted) = (self.bias, self.least, self.counting);
-        let mut responses = *sums;
-        let mut strong = 0u32;
-        for (cell, values) in responses.iter_mut().enumerate() {
+    fn keep(&mut self, first: usize, sums: &[Sums<T>; MARKED], strength: impl Fn(T) -> T, counts: impl Fn(T) -> bool) {
+        let (bias, least) = (self.bias, self.least);
+        // For each channel the responses that count, of every second cell, so that no addition waits for that of the cell before;
+        // and a bit a cell that is strong, without operations across channels, which would cost more than all others.
+        let (mut counted, mut strong) = ([[T::ZERO; LANES]; 2], [0u32; LANES]);
+        for (cell, &Sums(mut values)) in sums.iter().enumerate() {
             for lane in 0..LANES {
                 let moved = values[lane] + bias[lane];
                 values[lane] = if values[lane] == T::ZERO { T::ZERO } else { moved };
             }
             for lane in 0..LANES {
-                counted[lane] += if counts(values[lane]) { T::ONE } else { T::ZERO };
+                counted[cell % 2][lane] += if counts(values[lane]) { T::ONE } else { T::ZERO };
             }
-            let mut any = false;
             for lane in 0..LANES {
-                any |= strength(values[lane]) > least[lane];
+                strong[lane] |= if strength(values[lane]) > least[lane] { 1 << cell } else { 0 };
             }
-            strong |= u32::from(any) << cell;
         }
-        self.counting = counted;
+        for lane in 0..LANES {
+            self.counting[lane] += counted[0][lane] + counted[1][lane];
+        }
+        let mut strong = u64::from_le_bytes(strong.map(|cells| cells as u8));
         while strong != 0 {
-            let cell = strong.trailing_zeros() as usize;
+            let bit = strong.trailing_zeros() as usize;
             strong &= strong - 1;
-            for lane in 0..LANES {
-                if strength(responses[cell][lane]) > least[lane] {
-                    self.push(lane, first + cell, responses[cell][lane]);
-                }
-            }
+            let (lane, cell) = (bit / MARKED, bit % MARKED);
+            // A strong response is not 0, and so was its sum.
+            self.push(lane, first + cell, sums[cell].0[lane] + bias[lane]);
         }
     }
 
     #[inline(always)]
     fn push(&mut self, lane: usize, cell: usize, response: T) {
         self.entries[lane].push((cell, response));
-        if self.entries[lane].len() >= self.enough.saturating_add(self.enough_at_first.max(self.enough / 2)) {
+        if self.entries[lane].len() >= self.full {
             self.drop_weak(lane);
         }
     }

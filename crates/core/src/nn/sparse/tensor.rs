@@ -42,6 +42,13 @@ impl Shape {
         self.samples * self.channels
     }
 
+    /// The largest distance of cell numbers, within a layer along the first axis, from a cell to one that a filter reaches from it.
+    pub(super) fn farthest(&self, reach: usize) -> usize {
+        let strides =
+            self.extent[1..].iter().rev().scan(1, |stride, &length| Some(std::mem::replace(stride, *stride * length)));
+        reach * strides.sum::<usize>()
+    }
+
     /// The position of a cell along each axis; unused axes are 0.
     pub(super) fn position(&self, cell: usize) -> [usize; 4] {
         let (mut rest, mut position) = (cell, [0; 4]);
@@ -134,6 +141,19 @@ impl<T: Scalar> SparseTensor<T> {
             true => Ok(Self { values, ..self.clone() }),
             false => Err(Error::input(format!("{} values for {} entries", values.len(), self.keys.len()))),
         }
+    }
+
+    /// The first entry whose key is not below this one, known to be not before another entry and likely near it.
+    /// O(log(entries between them)).
+    pub(super) fn entry_from(&self, key: u64, known: usize) -> usize {
+        let keys = &self.keys[known..];
+        let (mut below, mut length) = (0, 1);
+        while keys.get(below + length - 1).is_some_and(|&own| own < key) {
+            below += length;
+            length *= 2;
+        }
+        let near = &keys[below..(below + length).min(keys.len())];
+        known + below + near.partition_point(|&own| own < key)
     }
 
     /// Number of entries.

@@ -1,7 +1,7 @@
 //! The dense buffer of the responses: it slides along the first axis of a tensor, so that it stays in the cache while every
-//! input is visited once.
+//! input is visited once, or twice at the border of two strips.
 
-use super::slab::{LANES, Place, Taps, Target};
+use super::slab::{LANES, Place, RUN, Run, Sums, Taps, Target};
 use super::strongest::{Collecting, Found, MARKED, Strongest};
 use super::tensor::SparseTensor;
 use crate::error::Result;
@@ -15,10 +15,13 @@ const STEP: usize = 1 << 12;
 /// Cells of a block, whose input channels are added in turn, so that what they add to stays in the innermost cache. A block is a
 /// piece of a layer or some whole layers.
 const BLOCK: usize = 1024;
+/// Cells by which layers of the buffer lie further apart than they need, so that those above each other do not compete for the same
+/// places of the cache.
+const APART: usize = 5 * MARKED;
 /// No layer of the buffer.
 const OUTSIDE: usize = usize::MAX;
 
-/// The responses of some layers of a sample, for a group of output channels.
+/// The responses of some layers of a sample, or of a strip of each, for a group of output channels.
 pub(super) struct Piece<'a, T> {
     pub(super) input: &'a SparseTensor<T>,
     /// Weights of the group, for each input channel.
@@ -26,6 +29,12 @@ pub(super) struct Piece<'a, T> {
     pub(super) sample: usize,
     /// Output layers along the first axis.
     pub(super) layers: Range<usize>,
+    /// Output cells within each of these layers.
+    pub(super) strip: Range<usize>,
+    /// Number of inputs in these cells.
+    pub(super) inputs: usize,
+    /// For each cell of a layer whether all outputs of an input lie in the tensor along the other axes.
+    pub(super) interior: &'a [bool],
     /// Layers that the filters reach beyond their centre.
     pub(super) reach: usize,
 }
@@ -33,7 +42,7 @@ pub(super) struct Piece<'a, T> {
 /// The buffer: as many layers as a step and its surroundings have, used in turn.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Window<T> {
-    values: Vec<[T; LANES]>,
+    values: Vec<Sums<T>>,
     written: Vec<bool>,
 }
 
@@ -57,12 +66,39 @@ impl<T: Scalar> Window<T> {
     fn add(&mut self, from: usize, value: T, target: &Target<T>) {
         let at = from.wrapping_add_signed(target.within);
         // Copies, so that the compiler sees that they do not overlap.
-        let (weights, mut sums) = (target.weights, self.values[at]);
+        let (weights, Sums(mut sums)) = (target.weights, self.values[at]);
         for lane in 0..LANES {
             sums[lane] = value.mul_add(weights[lane], sums[lane]);
         }
-        self.values[at] = sums;
+        self.values[at] = Sums(sums);
         self.written[at / MARKED] = true;
+    }
+
+    /// Adds an input to the outputs of a run of weights; `from` is its place in the layer of these outputs.
+    #[inline(always)]
+    fn add_run(&mut self, from: usize, value: T, run: &Run<T>) {
+        let at = from.wrapping_add_signed(run.within);
+        if let (RUN, Some((sums, _))) = (run.length, self.values[at..].split_first_chunk_mut::<RUN>()) {
+            // Copies, so that the compiler sees that they do not overlap.
+            let mut own = *sums;
+            for (Sums(sums), weights) in own.iter_mut().zip(&run.weights) {
+                for lane in 0..LANES {
+                    sums[lane] = value.mul_add(weights[lane], sums[lane]);
+                }
+            }
+            *sums = own;
+            self.written[at / MARKED] = true;
+            self.written[(at + RUN - 1) / MARKED] = true;
+            return;
+        }
+        for (cell, weights) in (at..).zip(&run.weights[..run.length]) {
+            let Sums(mut sums) = self.values[cell];
+            for lane in 0..LANES {
+                sums[lane] = value.mul_add(weights[lane], sums[lane]);
+            }
+            self.values[cell] = Sums(sums);
+            self.written[cell / MARKED] = true;
+        }
     }
 
     /// Room for so many cells.
@@ -70,7 +106,7 @@ impl<T: Scalar> Window<T> {
         let more = cells.saturating_sub(self.values.len());
         memory::reserve(&mut self.values, more, "the buffer of a convolution")?;
         memory::reserve(&mut self.written, more / MARKED, "the buffer of a convolution")?;
-        self.values.resize(self.values.len() + more, [T::ZERO; LANES]);
+        self.values.resize(self.values.len() + more, Sums([T::ZERO; LANES]));
         self.written.resize(self.values.len() / MARKED, false);
         Ok(())
     }
@@ -81,7 +117,7 @@ impl<T: Scalar> Window<T> {
 struct Layout {
     /// Cells of a layer.
     layer: usize,
-    /// Cells of a layer in the buffer.
+    /// Cells of a strip of a layer in the buffer.
     slot: usize,
     /// Layers of the buffer.
     ring: usize,
@@ -91,6 +127,10 @@ struct Layout {
     step: usize,
     /// Input layers of the piece.
     inputs: Range<usize>,
+    /// Input cells within a layer.
+    around: Range<usize>,
+    /// Input cells within a layer whose outputs all lie in the strip, apart from the ends of a layer.
+    inner: Range<usize>,
 }
 
 impl Layout {
@@ -101,14 +141,27 @@ impl Layout {
         let group = (BLOCK / layer).max(1);
         let step = (STEP / layer / group).max(1) * group;
         let ring = step.min(inputs.len()) + 2 * part.reach;
-        Self { layer, slot: layer.next_multiple_of(MARKED), ring, group, step, inputs }
+        let far = part.input.shape().farthest(part.reach);
+        let Range { start, end } = part.strip;
+        let around = start.saturating_sub(far)..(end + far).min(layer);
+        let inner = if start == 0 { 0 } else { start + far }..if end == layer { end } else { end.saturating_sub(far) };
+        Self {
+            layer,
+            slot: part.strip.len().next_multiple_of(MARKED) + APART,
+            ring,
+            group,
+            step,
+            inputs,
+            around,
+            inner,
+        }
     }
 
     /// The end of the block that begins with an input cell.
     fn block_end(&self, cell: usize) -> usize {
         let z = cell / self.layer;
         match self.group {
-            1 => z * self.layer + (cell % self.layer + BLOCK).min(self.layer),
+            1 => z * self.layer + ((cell % self.layer / BLOCK + 1) * BLOCK).min(self.layer),
             group => (z / group + 1) * group * self.layer,
         }
     }
@@ -135,25 +188,24 @@ impl<T: Scalar> WithSimd for Pass<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _simd: S) {
-        let Layout { step, inputs, layer, .. } = self.layout.clone();
+        let Layout { step, inputs, layer, around, .. } = self.layout.clone();
         let mut drained = self.part.layers.start;
-        let from = self.entries();
-        let mut next: Vec<usize> = from.iter().map(|entries| entries.start).collect();
-        let all = from.iter().map(Range::len).sum::<usize>().max(1);
+        let mut next = self.first_entries();
+        let (mut done, all) = (0, self.part.inputs.max(1));
         let mut first = inputs.start;
         while first < inputs.end {
             let end = ((first / step + 1) * step).min(inputs.end);
-            let mut cell = first * layer;
-            while cell < end * layer {
-                let block = cell..self.layout.block_end(cell).min(end * layer);
-                for (channel, next) in next.iter_mut().enumerate() {
-                    *next = self.add(channel, block.clone(), *next);
+            if around.len() == layer {
+                done += self.add_all(first * layer..end * layer, &mut next);
+            } else {
+                for z in first..end {
+                    let cells = z * layer + around.start..z * layer + around.end;
+                    self.seek(cells.start, &mut next);
+                    done += self.add_all(cells, &mut next);
                 }
-                cell = block.end;
             }
             first = end;
-            let done: usize = next.iter().zip(&from).map(|(next, from)| next - from.start).sum();
-            self.strongest.set_share(done as f64 / all as f64);
+            self.strongest.set_share((done as f64 / all as f64).min(1.0));
             let complete = if end == inputs.end { self.part.layers.end } else { end.saturating_sub(self.part.reach) };
             while drained < complete {
                 self.drain(drained);
@@ -164,11 +216,36 @@ impl<T: Scalar> WithSimd for Pass<'_, '_, T> {
 }
 
 impl<T: Scalar> Pass<'_, '_, T> {
-    /// The entries of each input channel in the layers of the piece.
-    fn entries(&self) -> Vec<Range<usize>> {
+    /// The first entry of each input channel in the layers of the piece.
+    fn first_entries(&self) -> Vec<usize> {
         let (part, Layout { inputs, layer, .. }) = (self.part, &self.layout);
         let planes = (part.sample * part.taps.len()..).take(part.taps.len());
-        planes.map(|plane| part.input.entries(plane, inputs.start * layer..inputs.end * layer)).collect()
+        planes.map(|plane| part.input.entries(plane, inputs.start * layer..inputs.end * layer).start).collect()
+    }
+
+    /// Moves on to the first entry of each input channel from a cell on.
+    fn seek(&self, cell: usize, next: &mut [usize]) {
+        let (input, channels) = (self.part.input, self.part.taps.len());
+        for (channel, next) in next.iter_mut().enumerate() {
+            let plane = self.part.sample * channels + channel;
+            *next = input.entry_from((plane * input.shape().cells() + cell) as u64, *next);
+        }
+    }
+
+    /// Adds what all input channels give in some cells, block by block, from these entries on; their number.
+    #[inline(always)]
+    fn add_all(&mut self, cells: Range<usize>, next: &mut [usize]) -> usize {
+        let (mut cell, mut added) = (cells.start, 0);
+        while cell < cells.end {
+            let block = cell..self.layout.block_end(cell).min(cells.end);
+            for (channel, next) in next.iter_mut().enumerate() {
+                let behind = self.add(channel, block.clone(), *next);
+                added += behind - *next;
+                *next = behind;
+            }
+            cell = block.end;
+        }
+        added
     }
 
     /// Adds what an input channel gives in some cells, from this entry on; the entry behind them.
@@ -210,18 +287,22 @@ impl<T: Scalar> Pass<'_, '_, T> {
     /// Adds an input to all outputs that its weights lead to.
     #[inline(always)]
     fn scatter(&mut self, cell: usize, value: T, taps: &Taps<T>, bases: &Bases) {
-        let (shape, reach) = (self.part.input.shape(), self.part.reach);
-        let place = Place::new(cell, shape, reach, 1);
-        if place.interior && bases.inside {
-            for target in &taps.targets {
-                self.window.add(bases.layers[target.layer] + cell, value, target);
+        let (part, strip) = (self.part, &self.part.strip);
+        if part.interior[cell] && bases.inside && self.layout.inner.contains(&cell) {
+            let from = cell - strip.start;
+            for run in &taps.runs {
+                // At most 15, which the compiler does not know.
+                self.window.add_run(bases.layers[run.layer & 15] + from, value, run);
             }
             return;
         }
+        let shape = part.input.shape();
+        let place = Place::new(cell, shape, part.reach, 1);
         for tap in &taps.taps {
             let base = bases.layers[tap.target.layer];
-            if base != OUTSIDE && tap.stays(&place, shape, 1) {
-                self.window.add(base + cell, value, &tap.target);
+            let to = cell.wrapping_add_signed(tap.target.within);
+            if base != OUTSIDE && tap.stays(&place, shape, 1) && strip.contains(&to) {
+                self.window.add((base + cell).wrapping_sub(strip.start), value, &tap.target);
             }
         }
     }
@@ -230,13 +311,13 @@ impl<T: Scalar> Pass<'_, '_, T> {
     #[inline(always)]
     fn drain(&mut self, z: usize) {
         let Layout { layer, slot, ring, .. } = self.layout;
-        let base = z % ring * slot;
+        let (base, start) = (z % ring * slot, self.part.strip.start);
         let marks = base / MARKED..(base + slot) / MARKED;
         let (blocks, _) = self.window.values[base..base + slot].as_chunks_mut::<MARKED>();
         for ((written, cells), first) in self.window.written[marks].iter_mut().zip(blocks).zip((0..).step_by(MARKED)) {
             if std::mem::take(written) {
-                self.strongest.take(z * layer + first, cells);
-                *cells = [[T::ZERO; LANES]; MARKED];
+                self.strongest.take(z * layer + start + first, cells);
+                *cells = [Sums([T::ZERO; LANES]); MARKED];
             }
         }
     }
