@@ -22,7 +22,8 @@ pub struct Responses<T> {
     pub densities: Vec<f64>,
 }
 
-/// Parts of the outputs that are computed on their own, over all samples and groups of output channels.
+/// Parts of the outputs that are computed on their own, over all samples and groups of output channels; strips of layers, at most,
+/// of each sample and group.
 const TASKS: usize = 16;
 /// Fewest layers of a part, as a multiple of the layers of a filter.
 const LAYERS: usize = 4;

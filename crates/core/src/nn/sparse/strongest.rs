@@ -124,8 +124,8 @@ impl<T: Scalar> Strongest<T> {
                 strong[lane] |= if strength(values[lane]) > least[lane] { 1 << cell } else { 0 };
             }
         }
-        for lane in 0..LANES {
-            self.counting[lane] += counted[0][lane] + counted[1][lane];
+        for (sum, (&even, &odd)) in self.counting.iter_mut().zip(counted[0].iter().zip(&counted[1])) {
+            *sum += even + odd;
         }
         let mut strong = u64::from_le_bytes(strong.map(|cells| cells as u8));
         while strong != 0 {
