@@ -4,7 +4,7 @@
 //! values go left at every node. If the samples contain NaN, the first cut is the lowest finite number, so that code 0
 //! stands for NaN only.
 
-use super::quantise::{CodeBlock, CutTable, QuantiseRows, QuantiseTiles, ROW, TILE};
+use super::quantise::{CodeBlock, Column, CutTable, QuantiseRows, QuantiseTiles, SPARE, TILE};
 use super::samples::Samples;
 use crate::error::{Error, Result};
 use crate::random::stream;
@@ -137,41 +137,39 @@ impl Binning {
         Ok(())
     }
 
-    /// Codes of row-major values, row by row, followed by [`ROW`] zeros as padding.
+    /// Codes of row-major values, row by row.
     pub(super) fn bin_rows(&self, values: &[f32], codes: &mut CodeBlock<u8>) {
-        (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
-        codes.by_row.resize(values.len() + ROW, 0);
-        let codes = codes.by_row.get_mut(..values.len()).unwrap_or_default();
-        pulp::Arch::new().dispatch(QuantiseRows { tables: &self.tables, values, codes });
+        self.shape(values, self.width(), codes);
+        codes.by_row.resize(values.len(), 0);
+        pulp::Arch::new().dispatch(QuantiseRows { tables: &self.tables, values, codes: &mut codes.by_row });
     }
 
     /// As [`Binning::bin_rows`], for binnings of any size.
     pub(super) fn bin_rows_wide(&self, values: &[f32], codes: &mut CodeBlock<u16>) {
-        (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
+        self.shape(values, self.width(), codes);
         codes.by_row.resize(values.len(), 0);
         self.bin_wide(values, &mut codes.by_row);
     }
 
-    /// Codes of row-major values in whole tiles of [`TILE`] rows, column-major within a tile.
+    /// Codes of row-major values in tiles.
     pub(super) fn bin_tiles(&self, values: &[f32], codes: &mut CodeBlock<u8>) {
-        (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
-        codes.by_tile.resize(codes.rows.next_multiple_of(TILE) * codes.width, 0);
-        pulp::Arch::new().dispatch(QuantiseTiles {
-            tables: &self.tables,
-            values,
-            codes: &mut codes.by_tile,
-            by_row: &mut [],
-        });
+        self.bin_both(values, 0, codes);
     }
 
-    /// As [`Binning::bin_tiles`] and [`Binning::bin_rows`] together.
-    pub(super) fn bin_both(&self, values: &[f32], codes: &mut CodeBlock<u8>) {
+    /// Codes of row-major values in tiles, and row by row with this stride (0: not at all), followed by [`SPARE`]
+    /// codes.
+    pub(super) fn bin_both(&self, values: &[f32], stride: usize, codes: &mut CodeBlock<u8>) {
+        self.shape(values, stride, codes);
+        codes.by_tile.resize(codes.rows.div_ceil(TILE) * codes.width, Column([0; TILE]));
+        codes.by_row.resize(codes.rows * stride + SPARE, 0);
+        let by_row = codes.by_row.get_mut(..codes.rows * stride).unwrap_or_default();
+        let (tables, codes) = (&self.tables, &mut codes.by_tile);
+        pulp::Arch::new().dispatch(QuantiseTiles { tables, values, codes, by_row, stride });
+    }
+
+    fn shape<C>(&self, values: &[f32], stride: usize, codes: &mut CodeBlock<C>) {
         (codes.rows, codes.width) = (values.len() / self.width().max(1), self.width());
-        codes.by_tile.resize(codes.rows.next_multiple_of(TILE) * codes.width, 0);
-        codes.by_row.resize(values.len() + ROW, 0);
-        let by_row = codes.by_row.get_mut(..values.len()).unwrap_or_default();
-        let codes = &mut codes.by_tile;
-        pulp::Arch::new().dispatch(QuantiseTiles { tables: &self.tables, values, codes, by_row });
+        codes.stride = stride;
     }
 
     /// The cuts of these features only.

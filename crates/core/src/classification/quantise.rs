@@ -6,22 +6,32 @@ use pulp::{Simd, bytemuck};
 /// Rows of a tile: two vector registers of codes, so that the processor can work on one while the other waits.
 pub(super) const TILE: usize = 128;
 
-/// Codes that may be read from the beginning of any row of 8-bit codes: those of the widest row of compact trees.
+/// Codes of the widest row of compact trees.
 pub(super) const ROW: usize = 256;
 
-/// Rows whose values stay in the first-level cache while all features are quantised.
-const PART: usize = 64;
+/// Rows that descend a tree in step.
+pub(super) const IN_STEP: usize = 12;
+
+/// Codes that may be read behind the last row: those of rows in step.
+pub(super) const SPARE: usize = IN_STEP * ROW;
 
 /// Values in a cache line.
 const LINE: usize = 16;
 
-/// The codes of a block of at most 65,536 rows: by row, in tiles of [`TILE`] rows (column-major within a
-/// tile), or both.
+/// The codes of one feature for the rows of a tile, in whole cache lines.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(super) struct Column(pub(super) [u8; TILE]);
+
+/// The codes of a block of at most 65,536 rows: by row, in tiles of [`TILE`] rows, or both.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CodeBlock<C> {
-    pub(super) by_tile: Vec<C>,
-    /// Row by row; 8-bit codes are followed by [`ROW`] zeros.
+    /// For each tile a column for each feature.
+    pub(super) by_tile: Vec<Column>,
+    /// Row by row; behind the last row there are more codes that may be read.
     pub(super) by_row: Vec<C>,
+    /// From one row to the next in `by_row`: at least the width.
+    pub(super) stride: usize,
     pub(super) rows: usize,
     pub(super) width: usize,
 }
@@ -44,15 +54,14 @@ impl CutTable {
         Self { cuts: cuts.len(), coarse: std::array::from_fn(|block| cut(16 * block + 15)), fine }
     }
 
-    /// Codes of values of one feature.
+    /// Codes of one feature.
     #[inline(always)]
-    fn column<'a, S: Simd>(&self, simd: S, values: impl Iterator<Item = &'a f32>, codes: &mut [u8; PART]) {
-        let pairs = codes.iter_mut().zip(values);
+    fn column<S: Simd>(&self, simd: S, feature: Feature<'_>) {
         match self.cuts {
-            0 => codes.fill(0),
-            1..=16 => pairs.for_each(|(code, &x)| *code = self.flat::<1, S>(simd, x)),
-            17..=32 => pairs.for_each(|(code, &x)| *code = self.flat::<2, S>(simd, x)),
-            _ => pairs.for_each(|(code, &x)| *code = self.nested(simd, x)),
+            0 => feature.fill(|_| 0),
+            1..=16 => feature.fill(|x| self.flat::<1, S>(simd, x)),
+            17..=32 => feature.fill(|x| self.flat::<2, S>(simd, x)),
+            _ => feature.fill(|x| self.nested(simd, x)),
         }
     }
 
@@ -125,13 +134,41 @@ impl pulp::WithSimd for QuantiseRows<'_> {
     }
 }
 
-/// Codes of rows in tiles, which hold [`TILE`] codes of one feature after the other; compiled for each instruction set.
+/// One feature of the rows of a tile: values and codes of the first row at the beginning, those of the others at equal
+/// distances.
+struct Feature<'a> {
+    values: &'a [f32],
+    width: usize,
+    codes: &'a mut [u8; TILE],
+    by_row: &'a mut [u8],
+    stride: usize,
+}
+
+impl Feature<'_> {
+    #[inline(always)]
+    fn fill(self, code_of: impl Fn(f32) -> u8) {
+        let (mut from, mut to) = (0usize, 0usize);
+        for code in self.codes {
+            let Some(&x) = self.values.get(from) else { break };
+            *code = code_of(x);
+            if let Some(to) = self.by_row.get_mut(to) {
+                *to = *code;
+            }
+            from = from.wrapping_add(self.width);
+            to = to.wrapping_add(self.stride);
+        }
+    }
+}
+
+/// Codes of rows in tiles; compiled for each instruction set.
 pub(super) struct QuantiseTiles<'a> {
     pub(super) tables: &'a [CutTable],
     pub(super) values: &'a [f32],
-    pub(super) codes: &'a mut [u8],
+    pub(super) codes: &'a mut [Column],
     /// The same codes row by row; empty if they are not needed.
     pub(super) by_row: &'a mut [u8],
+    /// From one row to the next in `by_row`.
+    pub(super) stride: usize,
 }
 
 impl pulp::WithSimd for QuantiseTiles<'_> {
@@ -139,20 +176,15 @@ impl pulp::WithSimd for QuantiseTiles<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let width = self.tables.len().max(1);
-        let tiles = self.codes.chunks_exact_mut(TILE * width);
-        let mut rows = self.by_row.chunks_mut(PART * width);
-        for (values, tile) in self.values.chunks(TILE * width).zip(tiles) {
-            for (part, values) in values.chunks(PART * width).enumerate() {
-                read_ahead(values);
-                let rows = rows.next().unwrap_or_default();
-                let columns = tile.chunks_exact_mut(PART).skip(part).step_by(TILE / PART);
-                for (f, (table, codes)) in self.tables.iter().zip(columns).enumerate() {
-                    let Some(codes) = codes.first_chunk_mut() else { continue };
-                    table.column(simd, values.chunks_exact(width).filter_map(|row| row.get(f)), codes);
-                    let to = rows.iter_mut().skip(f).step_by(width);
-                    to.zip(codes.iter()).for_each(|(to, &code)| *to = code);
-                }
+        let (width, stride) = (self.tables.len().max(1), self.stride);
+        let mut rows = self.by_row.chunks_mut(TILE * stride.max(1));
+        for (values, tile) in self.values.chunks(TILE * width).zip(self.codes.chunks_exact_mut(width)) {
+            read_ahead(values);
+            let rows = rows.next().unwrap_or_default();
+            for (f, (table, Column(codes))) in self.tables.iter().zip(tile).enumerate() {
+                let values = values.get(f..).unwrap_or_default();
+                let by_row = rows.get_mut(f..).unwrap_or_default();
+                table.column(simd, Feature { values, width, codes, by_row, stride });
             }
         }
     }

@@ -3,7 +3,7 @@
 
 use super::model::Boosting;
 use crate::classification::nodes::LEAF_CUT;
-use crate::classification::quantise::{CodeBlock, TILE};
+use crate::classification::quantise::{CodeBlock, Column, TILE};
 
 /// Largest number of nodes of such a tree.
 pub(super) const NARROW: usize = 256;
@@ -33,12 +33,11 @@ impl pulp::WithSimd for Sweep<'_> {
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let Sweep { model, codes, stride, scores } = self;
         let (groups, trees) = (model.groups().max(1), splits(model));
-        let tiles = codes.by_tile.chunks_exact(TILE * codes.width.max(1));
-        for (tile, columns) in tiles.map(|tile| tile.as_chunks::<TILE>().0).enumerate() {
+        for (tile, columns) in codes.by_tile.chunks_exact(codes.width.max(1)).enumerate() {
             for (tree, (splits, &root)) in trees.iter().zip(&model.roots).enumerate() {
                 let mut at = [0u8; TILE];
                 for split in splits {
-                    if let Some(column) = columns.get(usize::from(split.feature)) {
+                    if let Some(Column(column)) = columns.get(usize::from(split.feature)) {
                         step(&mut at, column, *split);
                     }
                 }

@@ -3,10 +3,10 @@
 //! A node takes 4 bytes. Every index within a piece of a tree fits into 16 bits, and every feature into 8, so that no
 //! bounds check is needed during the descent.
 
-use super::crown::{Crown, ENDS, FindEnds};
+use super::crown::{Crown, FindEnds};
 use super::step::{LEAF, Step};
 use crate::classification::nodes::{LEAF_CUT, Node, Trees};
-use crate::classification::quantise::{CodeBlock, ROW, TILE};
+use crate::classification::quantise::{CodeBlock, IN_STEP, ROW, SPARE, TILE};
 use std::ops::Range;
 
 /// Largest number of nodes of a piece.
@@ -21,14 +21,8 @@ const FEW: usize = 6;
 /// Flag: the number is not a row of probabilities but the piece in which the descent continues.
 const ONWARD: u32 = 1 << 31;
 
-/// Levels that rows descend before those at a leaf leave.
-const LEVELS: usize = 8;
-
-/// Rows that descend in step.
-const AT_ONCE: usize = 8;
-
-/// Rows that descend a tree together; their codes stay in the cache.
-const TOGETHER: usize = 256;
+/// Strides of rows are multiples of this.
+const STRIDE: usize = 32;
 
 /// Nodes in a cache line.
 const LINE: usize = 16;
@@ -52,13 +46,6 @@ struct TreePieces {
     lower: Vec<Range<usize>>,
 }
 
-/// A row that descends, and the node where it is.
-#[derive(Clone, Copy, Debug, Default)]
-struct Place {
-    row: u16,
-    at: u16,
-}
-
 /// The rows of a block that descend; reused from tree to tree.
 #[derive(Clone, Debug, Default)]
 pub(in crate::classification) struct CompactWalk {
@@ -66,14 +53,22 @@ pub(in crate::classification) struct CompactWalk {
     pub(in crate::classification) rows: Vec<u16>,
     /// End of the crown that each row of the block reaches.
     ends: Vec<u8>,
-    /// Where each row begins; those that begin at the same node follow each other.
-    order: Vec<Place>,
-    /// Rows that have not reached a leaf.
-    moving: Vec<Place>,
-    /// Where each row of the block is.
-    at: Vec<u16>,
-    /// Rows that continue in each of the lower pieces.
-    onward: Vec<Vec<u16>>,
+    /// The rows that continue in each of the lower pieces.
+    onward: Vec<Vec<Start>>,
+}
+
+/// A row, its place among those that descend, and the node where it begins.
+#[derive(Clone, Copy, Debug)]
+struct Start {
+    place: usize,
+    row: u16,
+    at: u16,
+}
+
+/// The end of a crown that each row of a block reaches.
+struct Ends<'a> {
+    crown: &'a Crown,
+    numbers: &'a [u8],
 }
 
 /// A tree, and the number of nodes below each node, itself included.
@@ -160,8 +155,13 @@ impl Compact {
         self.trees.len()
     }
 
-    /// Writes for each of `walk.rows` the row of probabilities that it reaches in a tree. `codes` holds tiles and rows;
-    /// the latter end with [`ROW`] spare codes.
+    /// From one row of codes to the next in blocks for [`Compact::walk`].
+    pub(in crate::classification) fn stride(width: usize) -> usize {
+        width.next_multiple_of(STRIDE)
+    }
+
+    /// Writes for each of `walk.rows` the row of probabilities that it reaches in a tree. `codes` holds tiles and rows,
+    /// the latter with [`Compact::stride`].
     pub(in crate::classification) fn walk(
         &self,
         tree: usize,
@@ -171,43 +171,37 @@ impl Compact {
     ) {
         let Some(TreePieces { crown, top, lower }) = self.trees.get(tree) else { return };
         let Some(piece) = self.open(top) else { return };
-        walk.start(crown, codes);
-        leaves.resize(codes.rows, 0);
-        let CompactWalk { order, moving, at, .. } = walk;
-        for own in order.chunks(TOGETHER) {
-            moving.extend_from_slice(own);
-            Rows { codes, at }.finish(piece.steps, moving);
-            own.iter().for_each(|place| piece.read(at, place.row, leaves));
-        }
-        if !lower.is_empty() {
-            self.go_on(lower, codes, walk, leaves);
-        }
-        if walk.rows.len() < codes.rows {
-            // The rows ascend: none is overwritten before it is read.
-            (0..walk.rows.len()).for_each(|i| leaves[i] = leaves[usize::from(walk.rows[i])]);
-            leaves.truncate(walk.rows.len());
-        }
-    }
-
-    /// Continues the descent in the lower pieces, for the rows that have reached the end of the top.
-    fn go_on(&self, lower: &[Range<usize>], codes: &CodeBlock<u8>, walk: &mut CompactWalk, leaves: &mut [u32]) {
-        let CompactWalk { rows, moving, at, onward, .. } = walk;
-        onward.resize_with(lower.len().max(onward.len()), Vec::new);
-        onward.iter_mut().for_each(Vec::clear);
-        for &row in rows.iter() {
-            let leaf = leaves[usize::from(row)];
-            if let Some(rows) = onward.get_mut((leaf & !ONWARD) as usize).filter(|_| leaf & ONWARD != 0) {
-                rows.push(row);
+        let CompactWalk { rows, ends, onward } = walk;
+        leaves.resize(rows.len(), 0);
+        if rows.len() * FEW < codes.rows {
+            let starts = rows.iter().enumerate().map(|(place, &row)| Start { place, row, at: 0 });
+            piece.some(codes, starts, leaves);
+        } else {
+            // Whole tiles, and more for whole groups in step.
+            ends.resize(codes.rows.next_multiple_of(TILE) + IN_STEP, 0);
+            pulp::Arch::new().dispatch(FindEnds { crown, codes, ends });
+            if rows.len() == codes.rows {
+                leaves.resize(ends.len(), 0);
+                piece.all(codes, &Ends { crown, numbers: ends }, leaves);
+                leaves.truncate(codes.rows);
+            } else {
+                let end = |row: u16| ends.get(usize::from(row)).map_or(0, |&end| crown.end(end));
+                let starts = rows.iter().enumerate().map(|(place, &row)| Start { place, row, at: end(row) });
+                piece.some(codes, starts, leaves);
             }
         }
-        for (piece, own) in lower.iter().zip(onward).filter(|(_, own)| !own.is_empty()) {
+        onward.resize_with(lower.len().max(onward.len()), Vec::new);
+        onward.iter_mut().for_each(Vec::clear);
+        for (place, (&row, &leaf)) in rows.iter().zip(&*leaves).enumerate().filter(|_| !lower.is_empty()) {
+            if let Some(starts) = onward.get_mut((leaf & !ONWARD) as usize).filter(|_| leaf & ONWARD != 0) {
+                starts.push(Start { place, row, at: 0 });
+            }
+        }
+        for (piece, starts) in lower.iter().zip(onward).filter(|(_, starts)| !starts.is_empty()) {
             let Some(piece) = self.open(piece) else { continue };
-            moving.extend(own.iter().map(|&row| Place { row, at: 0 }));
-            Rows { codes, at }.finish(piece.steps, moving);
-            own.iter().for_each(|&row| piece.read(at, row, leaves));
+            piece.some(codes, starts.iter().copied(), leaves);
         }
     }
-
     /// The nodes of a piece, including those beyond its end that may be read ahead, and its rows of probabilities.
     fn open(&self, piece: &Range<usize>) -> Option<Piece<'_>> {
         let steps = self.steps.get(piece.start..)?.first_chunk()?;
@@ -225,15 +219,77 @@ struct Piece<'a> {
 }
 
 impl Piece<'_> {
-    /// Writes the row of probabilities that a row of the block has reached, or the piece in which it continues.
-    #[inline(always)]
-    fn read(self, at: &[u16], row: u16, leaves: &mut [u32]) {
-        let row = usize::from(row);
-        let (Some(&at), Some(to)) = (at.get(row), leaves.get_mut(row)) else { return };
-        *to = match self.steps[usize::from(at)].feature() {
-            255 => self.rows.get(usize::from(at)).copied().unwrap_or_default(),
-            row => u32::from(row),
+    /// Moves all rows of a block from the ends of the crown to their leaves.
+    fn all(self, codes: &CodeBlock<u8>, from: &Ends<'_>, leaves: &mut [u32]) {
+        match codes.stride {
+            32 => self.groups::<32>(codes, from, leaves),
+            64 => self.groups::<64>(codes, from, leaves),
+            96 => self.groups::<96>(codes, from, leaves),
+            128 => self.groups::<128>(codes, from, leaves),
+            160 => self.groups::<160>(codes, from, leaves),
+            192 => self.groups::<192>(codes, from, leaves),
+            224 => self.groups::<224>(codes, from, leaves),
+            _ => self.groups::<ROW>(codes, from, leaves),
+        }
+    }
+
+    /// As [`Piece::all`], for one stride: the codes of a group lie at distances that the compiler knows, so that one
+    /// register leads to all of them.
+    fn groups<const STRIDE: usize>(self, codes: &CodeBlock<u8>, from: &Ends<'_>, leaves: &mut [u32]) {
+        let firsts = (0..codes.rows * STRIDE).step_by(IN_STEP * STRIDE);
+        let groups = firsts.filter_map(|first| codes.by_row.get(first..)?.first_chunk::<SPARE>());
+        let ends = from.numbers.as_chunks::<IN_STEP>().0;
+        for ((rows, ends), leaves) in groups.zip(ends).zip(leaves.as_chunks_mut().0) {
+            let starts = ends.map(|end| from.crown.end(end));
+            *leaves = self.descend(starts, |i, feature| rows[i * STRIDE + usize::from(feature)]);
+        }
+    }
+
+    /// Moves rows to their leaves from wherever they begin.
+    fn some(self, codes: &CodeBlock<u8>, mut starts: impl Iterator<Item = Start>, leaves: &mut [u32]) {
+        let codes_of = |row: u16| {
+            let first = usize::from(row).wrapping_mul(codes.stride);
+            codes.by_row.get(first..).and_then(|codes| codes.first_chunk()).unwrap_or(&[0; ROW])
         };
+        while let Some(first) = starts.next() {
+            let mut few = [first; IN_STEP];
+            few.iter_mut().skip(1).zip(&mut starts).for_each(|(to, start)| *to = start);
+            let codes: [&[u8; ROW]; IN_STEP] = few.map(|start| codes_of(start.row));
+            let reached = self.descend(few.map(|start| start.at), |i, feature| codes[i][usize::from(feature)]);
+            for (start, leaf) in few.iter().zip(reached) {
+                if let Some(to) = leaves.get_mut(start.place) {
+                    *to = leaf;
+                }
+            }
+        }
+    }
+
+    /// Moves a few rows to their leaves, all of them a level before any of them the next one, so that the processor
+    /// works on all at once. Returns their rows of probabilities, or the pieces in which they continue.
+    #[inline(always)]
+    fn descend(self, starts: [u16; IN_STEP], code: impl Fn(usize, u8) -> u8) -> [u32; IN_STEP] {
+        let mut at = starts.map(usize::from);
+        loop {
+            let mut last = Step::leaf();
+            for (i, at) in at.iter_mut().enumerate() {
+                let step = self.steps[*at];
+                let right = code(i, step.feature()) > step.cut();
+                *at = usize::from(step.left()).wrapping_add(usize::from(right));
+                last = last.and(step);
+            }
+            if last.is_leaf() {
+                return at.map(|at| self.leaf(at));
+            }
+        }
+    }
+
+    /// The row of probabilities of a leaf, or the piece in which the descent continues.
+    #[inline(always)]
+    fn leaf(self, at: usize) -> u32 {
+        match self.steps[at].feature() {
+            255 => self.rows.get(at).copied().unwrap_or_default(),
+            row => u32::from(row),
+        }
     }
 }
 
@@ -241,109 +297,6 @@ impl Piece<'_> {
 fn warm(steps: &[Step]) {
     let sum = steps.iter().step_by(LINE).fold(0, |sum, step| sum ^ step.bits());
     std::hint::black_box(sum);
-}
-
-impl CompactWalk {
-    /// Places the rows where they leave the first levels; at the root if there are few.
-    fn start(&mut self, crown: &Crown, codes: &CodeBlock<u8>) {
-        self.at.resize(codes.rows, 0);
-        if self.rows.len() * FEW < codes.rows {
-            self.order.clear();
-            self.order.extend(self.rows.iter().map(|&row| Place { row, at: 0 }));
-            return;
-        }
-        self.ends.resize(codes.rows.next_multiple_of(TILE), 0);
-        pulp::Arch::new().dispatch(FindEnds { crown, codes, ends: &mut self.ends });
-        self.sort(crown);
-    }
-
-    /// Orders the rows by their ends, so that those in the same part of the tree follow each other.
-    fn sort(&mut self, crown: &Crown) {
-        let Self { rows, ends, order, .. } = self;
-        let end = |row: u16| ends.get(usize::from(row)).copied().unwrap_or_default() % ENDS as u8;
-        let mut places = [0u16; ENDS];
-        for &row in rows.iter() {
-            let count = &mut places[usize::from(end(row))];
-            *count = count.wrapping_add(1);
-        }
-        let mut next = 0u16;
-        for place in &mut places {
-            (*place, next) = (next, next.wrapping_add(*place));
-        }
-        order.resize(rows.len(), Place::default());
-        for &row in rows.iter() {
-            let end = end(row);
-            let place = &mut places[usize::from(end)];
-            if let Some(to) = order.get_mut(usize::from(*place)) {
-                *to = Place { row, at: crown.end(end) };
-            }
-            *place = place.wrapping_add(1);
-        }
-    }
-}
-
-/// The rows of a block during a descent: their codes, and where they are.
-struct Rows<'a> {
-    codes: &'a CodeBlock<u8>,
-    at: &'a mut [u16],
-}
-
-impl Rows<'_> {
-    /// Moves rows until all have reached a leaf.
-    fn finish(&mut self, steps: &Steps, moving: &mut Vec<Place>) {
-        while !moving.is_empty() {
-            let (mut kept, mut next) = (0usize, 0usize);
-            while let Some(&few) = moving.get(next..).and_then(|rest| rest.first_chunk::<AT_ONCE>()) {
-                next = next.wrapping_add(AT_ONCE);
-                kept = keep(moving, kept, self.descend(steps, few));
-            }
-            while let Some(&one) = moving.get(next) {
-                next = next.wrapping_add(1);
-                kept = keep(moving, kept, self.descend(steps, [one]));
-            }
-            moving.truncate(kept);
-        }
-    }
-
-    /// Moves a few rows some levels down, all of them a level before any of them the next one, so that the processor
-    /// works on all at once. Returns where they are, and whether they are not at a leaf.
-    #[inline(always)]
-    fn descend<const N: usize>(&mut self, steps: &Steps, few: [Place; N]) -> [(Place, bool); N] {
-        let codes = few.map(|place| self.codes_of(place.row));
-        let mut at = few.map(|place| usize::from(place.at));
-        for _ in 0..LEVELS {
-            for (at, codes) in at.iter_mut().zip(codes) {
-                let step = steps[*at];
-                let right = codes[usize::from(step.feature())] > step.cut();
-                *at = usize::from(step.left()).wrapping_add(usize::from(right));
-            }
-        }
-        std::array::from_fn(|i| {
-            let place = Place { row: few[i].row, at: at[i] as u16 };
-            if let Some(to) = self.at.get_mut(usize::from(place.row)) {
-                *to = place.at;
-            }
-            (place, !steps[at[i]].is_leaf())
-        })
-    }
-
-    #[inline(always)]
-    fn codes_of(&self, row: u16) -> &[u8; ROW] {
-        let first = usize::from(row).wrapping_mul(self.codes.width);
-        self.codes.by_row.get(first..).and_then(|codes| codes.first_chunk()).unwrap_or(&[0; ROW])
-    }
-}
-
-/// Appends those rows that go on to the first `kept` of a list; returns how many these then are.
-#[inline(always)]
-fn keep<const N: usize>(moving: &mut [Place], mut kept: usize, few: [(Place, bool); N]) -> usize {
-    for (place, goes_on) in few {
-        if let Some(to) = moving.get_mut(kept) {
-            *to = place;
-        }
-        kept = kept.wrapping_add(usize::from(goes_on));
-    }
-    kept
 }
 
 #[cfg(test)]
@@ -363,7 +316,7 @@ mod tests {
         let wide = Binning::new(vec![Vec::new(); 300]).unwrap();
         let fine = Binning::new(vec![(0..300).map(|cut| cut as f32).collect(); 9]).unwrap();
         let mut codes = CodeBlock::default();
-        forest.binning.bin_both(&data.features, &mut codes);
+        forest.binning.bin_both(&data.features, Compact::stride(9), &mut codes);
         let (mut walk, mut leaves) = (CompactWalk::default(), Vec::new());
         for most in [WINDOW, 1000, 50, 3] {
             let compact = Compact::new(trees, most).unwrap();
@@ -374,7 +327,8 @@ mod tests {
                     compact.walk(tree, &codes, &mut walk, &mut leaves);
                     assert_eq!(leaves.len(), walk.rows.len());
                     for (&row, &leaf) in walk.rows.iter().zip(&leaves) {
-                        let wanted = forest.leaf_of(root, |f| u16::from(codes.by_row[usize::from(row) * 9 + f]));
+                        let wanted =
+                            forest.leaf_of(root, |f| u16::from(codes.by_row[usize::from(row) * codes.stride + f]));
                         assert_eq!(&forest.leaves[leaf as usize * 300..][..300], wanted, "{row}, {most}, {step}");
                     }
                 }
@@ -384,5 +338,30 @@ mod tests {
         }
         assert!(Compact::new(Trees { binning: &wide, ..trees }, WINDOW).is_none());
         assert!(Compact::new(Trees { binning: &fine, ..trees }, WINDOW).is_none());
+    }
+
+    #[test]
+    fn rows_of_any_width_reach_their_leaves() {
+        for width in [1, 32, 33, 65, 97, 129, 161, 193, 225, 256] {
+            let data = blobs(700, width, 5, 0.3);
+            let params = ForestParams { trees: 2, ..ForestParams::default() };
+            let forest = Forest::fit(&data.samples(), &params, &Monitor::default()).unwrap();
+            let trees = Trees { nodes: &forest.nodes, roots: &forest.roots, binning: &forest.binning };
+            let compact = Compact::new(trees, WINDOW).unwrap();
+            let (mut codes, mut walk, mut leaves) = (CodeBlock::default(), CompactWalk::default(), Vec::new());
+            // A larger block before: what is left of it must not matter.
+            for rows in [700, 13, 500] {
+                forest.binning.bin_both(&data.features[..rows * width], Compact::stride(width), &mut codes);
+                walk.rows = (0..rows as u16).collect();
+                for (tree, &root) in forest.roots.iter().enumerate() {
+                    compact.walk(tree, &codes, &mut walk, &mut leaves);
+                    assert_eq!(leaves.len(), rows);
+                    for (row, &leaf) in data.features.chunks_exact(width).zip(&leaves) {
+                        let wanted = forest.leaf_of(root, |f| forest.binning.code(f, row[f]));
+                        assert_eq!(&forest.leaves[leaf as usize * 5..][..5], wanted, "{width} {rows}");
+                    }
+                }
+            }
+        }
     }
 }

@@ -33,7 +33,7 @@ impl Walk {
             for i in 0..self.moving.len() {
                 let Some(&row) = self.moving.get(i) else { break };
                 let Some(at) = self.at.get_mut(usize::from(row)) else { break };
-                let codes = codes.by_row.get(usize::from(row).wrapping_mul(codes.width)..).unwrap_or_default();
+                let codes = codes.by_row.get(usize::from(row).wrapping_mul(codes.stride)..).unwrap_or_default();
                 *at = descend(nodes, *at, codes);
                 if let Some(slot) = self.moving.get_mut(kept) {
                     *slot = row;

@@ -9,8 +9,11 @@ use crate::classification::quantise::CodeBlock;
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
-/// Rows of a block: enough to make up for loading a tree, few enough that codes and tree stay in the cache.
-const BLOCK: usize = 4096;
+/// Rows of a block: enough to make up for loading each tree, few enough that their codes stay in the last cache.
+const BLOCK: usize = 16_384;
+
+/// Fewest rows of a block if there are several threads.
+const LEAST: usize = 4096;
 
 /// Scratch memory of a forest's prediction.
 #[derive(Clone, Debug, Default)]
@@ -81,8 +84,9 @@ impl Predictor for Forest {
 
     fn predict_proba(&self, rows: &[f32], out: &mut [f32]) -> Result<()> {
         check_lengths(self, rows, out)?;
-        rows.par_chunks(BLOCK * self.width())
-            .zip(out.par_chunks_mut(BLOCK * self.classes))
+        let block = block(out.len() / self.classes.max(1));
+        rows.par_chunks(block * self.width())
+            .zip(out.par_chunks_mut(block * self.classes))
             .try_for_each_init(ForestScratch::default, |scratch, (rows, out)| self.predict_block(rows, scratch, out))
     }
 
@@ -96,11 +100,17 @@ impl Predictor for Forest {
             )));
         }
         let mut labels = vec![0; rows.len() / self.width()];
-        rows.par_chunks(BLOCK * self.width())
-            .zip(labels.par_chunks_mut(BLOCK))
+        let block = block(labels.len());
+        rows.par_chunks(block * self.width())
+            .zip(labels.par_chunks_mut(block))
             .try_for_each_init(ForestScratch::default, |scratch, (rows, out)| self.label_rows(rows, scratch, out))?;
         Ok(labels)
     }
+}
+
+/// Rows of a block of so many: a few blocks for each thread. What a row gets does not depend on it.
+fn block(rows: usize) -> usize {
+    (rows / (4 * rayon::current_num_threads())).clamp(LEAST, BLOCK)
 }
 
 impl Forest {
@@ -119,7 +129,7 @@ impl Forest {
     /// Quantises rows; all of them will descend.
     pub(in crate::classification) fn begin(&self, rows: &[f32], scratch: &mut ForestScratch) {
         let ForestScratch { narrow, compact_walk, .. } = scratch;
-        self.binning.bin_both(rows, narrow);
+        self.binning.bin_both(rows, Compact::stride(self.width()), narrow);
         compact_walk.rows.clear();
         compact_walk.rows.extend(0..narrow.rows as u16);
     }

@@ -15,6 +15,11 @@ impl Step {
         Self(((left as u32) << 16) | (feature << 8) | u32::from(cut))
     }
 
+    /// A leaf, whichever.
+    pub(super) fn leaf() -> Self {
+        Self(u32::MAX)
+    }
+
     #[inline(always)]
     pub(super) fn left(self) -> u16 {
         (self.0 >> 16) as u16
@@ -28,6 +33,12 @@ impl Step {
     #[inline(always)]
     pub(super) fn cut(self) -> u8 {
         self.0 as u8
+    }
+
+    /// A leaf only if both are.
+    #[inline(always)]
+    pub(super) fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
     }
 
     /// All of the node, to touch its memory.
