@@ -5,6 +5,7 @@
 
 mod leftovers;
 mod partials;
+mod storage;
 #[cfg(test)]
 mod tests;
 
@@ -14,38 +15,12 @@ use leftovers::{fresh, sweep};
 use partials::Partial;
 pub use partials::abandon_outputs;
 use std::fs::File;
-use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+pub use storage::Storage;
 
 /// Largest number of chained links that are followed.
 const MOST_LINKS: usize = 40;
-/// The file being written. Every operation passes through `step`, where tests can make it fail.
-#[derive(Debug)]
-pub struct Storage(File);
-
-impl Write for Storage {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        if let Err(error) = step() {
-            // A full disk accepts a part before it refuses.
-            let _ = self.0.write(&bytes[..bytes.len() / 2]);
-            return Err(error);
-        }
-        self.0.write(bytes)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        step()?;
-        self.0.flush()
-    }
-}
-
-impl Seek for Storage {
-    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
-        step()?;
-        self.0.seek(to)
-    }
-}
-
 #[cfg(not(test))]
 #[expect(clippy::unnecessary_wraps, reason = "tests let it fail")]
 fn step() -> std::io::Result<()> {
@@ -122,7 +97,7 @@ impl AtomicFile {
             // permissions.
             let _ = file.set_permissions(old.permissions());
         }
-        Ok(Self { target, partial, writer: Some(BufWriter::with_capacity(1 << 20, Storage(file))), refuse })
+        Ok(Self { target, partial, writer: Some(BufWriter::with_capacity(1 << 20, Storage::new(file))), refuse })
     }
 
     /// The temporary name, for checks before [`AtomicFile::finish`].
@@ -158,8 +133,8 @@ impl AtomicFile {
     /// Syncs and renames. After an error the target is unchanged.
     pub fn finish(mut self) -> Result<()> {
         self.flush()?;
-        if let Some(writer) = &self.writer {
-            step().and_then(|()| writer.get_ref().0.sync_all()).map_err(|e| Error::io(&self.target, e))?;
+        if let Some(writer) = &mut self.writer {
+            writer.get_mut().sync().map_err(|e| Error::io(&self.target, e))?;
         }
         self.writer = None;
         let renamed = step().and_then(|()| match self.refuse {
