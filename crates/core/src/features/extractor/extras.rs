@@ -4,6 +4,7 @@ use crate::cloud::{Cloud, MetricCloud, Values, names};
 use crate::error::{Error, Result};
 use crate::features::definition::Feature;
 use crate::features::params::FeatureSet;
+use rayon::prelude::*;
 
 /// One feature of the points themselves, ready for reading.
 #[derive(Clone, Debug)]
@@ -104,21 +105,28 @@ fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<PointSource<'
     }
 }
 
-/// Colours are scaled by the range of their type; 16-bit colours that stay below 256 are 8-bit ones.
+/// One of the three channels, scaled by [`full_colour`].
 fn colour(cloud: &Cloud, channel: usize) -> Result<PointSource<'_>> {
-    let mut largest = 0.0f64;
-    for name in names::COLOUR {
-        let values = column(cloud, name)?;
-        largest = (0..values.len()).map(|i| values.get(i)).fold(largest, f64::max);
+    let form = Form::Times(1.0 / full_colour(cloud)?);
+    Ok(PointSource::One(Own { values: column(cloud, names::COLOUR[channel])?, form }))
+}
+
+/// What full red, green or blue is in a cloud: colours are scaled by the range of their type, and 16-bit colours that
+/// stay below 256 are 8-bit ones. Looks at the values only as far as it must.
+fn full_colour(cloud: &Cloud) -> Result<f64> {
+    let [red, green, blue] = names::COLOUR;
+    let mut full = 1.0;
+    for values in [column(cloud, red)?, column(cloud, green)?, column(cloud, blue)?] {
+        for value in (0..values.len()).map(|i| values.get(i)) {
+            if value >= 256.0 {
+                return Ok(65535.0);
+            }
+            if value > 1.0 {
+                full = 255.0;
+            }
+        }
     }
-    let full = if largest <= 1.0 {
-        1.0
-    } else if largest < 256.0 {
-        255.0
-    } else {
-        65535.0
-    };
-    Ok(PointSource::One(Own { values: column(cloud, names::COLOUR[channel])?, form: Form::Times(1.0 / full) }))
+    Ok(full)
 }
 
 /// Red, green and blue, 0..=1, of the points `at` of a cloud, scaled like the features of these names.
@@ -128,7 +136,7 @@ fn colour(cloud: &Cloud, channel: usize) -> Result<PointSource<'_>> {
 /// If the cloud lacks a colour; the message names it and lists the existing columns.
 pub fn colours(cloud: &Cloud, at: &[u32]) -> Result<Vec<[f32; 3]>> {
     let channels = [colour(cloud, 0)?, colour(cloud, 1)?, colour(cloud, 2)?];
-    Ok(at.iter().map(|&point| [0, 1, 2].map(|c: usize| channels[c].get(point))).collect())
+    Ok(at.par_iter().map(|&point| [0, 1, 2].map(|c: usize| channels[c].get(point))).collect())
 }
 
 fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
