@@ -91,9 +91,7 @@ fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<PointSource<'
         Feature::Elevation => scene.heights.map(PointSource::Given).ok_or_else(|| {
             Error::parameter("features.height", true, "false: this method does not look for the ground")
         }),
-        Feature::Red => colour(cloud, 0),
-        Feature::Green => colour(cloud, 1),
-        Feature::Blue => colour(cloud, 2),
+        Feature::Red | Feature::Green | Feature::Blue => channel(cloud, feature.definition().name, full_colour(cloud)?),
         Feature::RelativeIntensity => {
             let values = column(cloud, names::INTENSITY)?;
             Ok(PointSource::One(Own { values, form: Form::Relative(median(values)) }))
@@ -105,10 +103,9 @@ fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<PointSource<'
     }
 }
 
-/// One of the three channels, scaled by [`full_colour`].
-fn colour(cloud: &Cloud, channel: usize) -> Result<PointSource<'_>> {
-    let form = Form::Times(1.0 / full_colour(cloud)?);
-    Ok(PointSource::One(Own { values: column(cloud, names::COLOUR[channel])?, form }))
+/// One of the three channels, where full colour is `full`.
+fn channel<'a>(cloud: &'a Cloud, name: &str, full: f64) -> Result<PointSource<'a>> {
+    Ok(PointSource::One(Own { values: column(cloud, name)?, form: Form::Times(1.0 / full) }))
 }
 
 /// What full red, green or blue is in a cloud: colours are scaled by the range of their type, and 16-bit colours that
@@ -135,7 +132,9 @@ fn full_colour(cloud: &Cloud) -> Result<f64> {
 /// # Errors
 /// If the cloud lacks a colour; the message names it and lists the existing columns.
 pub fn colours(cloud: &Cloud, at: &[u32]) -> Result<Vec<[f32; 3]>> {
-    let channels = [colour(cloud, 0)?, colour(cloud, 1)?, colour(cloud, 2)?];
+    let full = full_colour(cloud)?;
+    let [red, green, blue] = names::COLOUR;
+    let channels = [channel(cloud, red, full)?, channel(cloud, green, full)?, channel(cloud, blue, full)?];
     Ok(at.par_iter().map(|&point| [0, 1, 2].map(|c: usize| channels[c].get(point))).collect())
 }
 
