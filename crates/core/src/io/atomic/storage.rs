@@ -1,4 +1,4 @@
-//! The file being written, which is brought to the disk while it grows: at the end little is left to wait for.
+//! The file being written, which is brought to the disk while it grows: at the end less is left to wait for.
 
 use super::step;
 use std::fs::File;
