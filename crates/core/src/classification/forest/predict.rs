@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Rows of a block: enough to make up for loading each tree, few enough that their codes stay in the last cache.
 const BLOCK: usize = 16_384;
 
-/// Fewest rows of a block if there are several threads.
+/// Blocks are made smaller, so that every thread has some, but not smaller than this.
 const LEAST: usize = 4096;
 
 /// Scratch memory of a forest's prediction.
@@ -108,7 +108,7 @@ impl Predictor for Forest {
     }
 }
 
-/// Rows of a block of so many: a few blocks for each thread. What a row gets does not depend on it.
+/// Rows of a block when so many are divided among the threads. The results do not depend on it.
 fn block(rows: usize) -> usize {
     (rows / (4 * rayon::current_num_threads())).clamp(LEAST, BLOCK)
 }

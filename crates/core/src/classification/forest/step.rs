@@ -15,7 +15,7 @@ impl Step {
         Self(((left as u32) << 16) | (feature << 8) | u32::from(cut))
     }
 
-    /// A leaf, whichever.
+    /// A leaf with all bits set: [`Step::and`] of it and a node is that node.
     pub(super) fn leaf() -> Self {
         Self(u32::MAX)
     }
@@ -35,7 +35,7 @@ impl Step {
         self.0 as u8
     }
 
-    /// A leaf only if both are.
+    /// The bits that two nodes share: a leaf if both are leaves, and only then.
     #[inline(always)]
     pub(super) fn and(self, other: Self) -> Self {
         Self(self.0 & other.0)
