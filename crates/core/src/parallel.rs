@@ -23,9 +23,20 @@ struct State {
     /// Number of the current file from 1 on, and of all files.
     files: std::sync::Mutex<[usize; 2]>,
     warnings: std::sync::Mutex<Vec<String>>,
+    /// Items after which the work is cancelled, if not 0.
+    #[cfg(test)]
+    most: AtomicU64,
 }
 
 impl Monitor {
+    /// Is cancelled once a stage has reported this number of items, for tests.
+    #[cfg(test)]
+    pub(crate) fn cancelled_after(items: u64) -> Self {
+        let monitor = Self::default();
+        monitor.0.most.store(items, Ordering::Relaxed);
+        monitor
+    }
+
     /// Requests cancellation; the computation returns [`Error::Interrupted`] soon after.
     pub fn cancel(&self) {
         self.0.cancelled.store(true, Ordering::Relaxed);
@@ -79,7 +90,11 @@ impl Monitor {
 
     /// Reports that `items` more are done.
     pub fn advance(&self, items: u64) {
-        self.0.done.fetch_add(items, Ordering::Relaxed);
+        let _before = self.0.done.fetch_add(items, Ordering::Relaxed);
+        #[cfg(test)]
+        if (1..=_before + items).contains(&self.0.most.load(Ordering::Relaxed)) {
+            self.cancel();
+        }
     }
 
     /// Name of the current stage, number of items done, and total number.

@@ -53,7 +53,7 @@ pub(crate) fn cluster_levels<'py>(
     let (labels, central, found) = call(py, n_jobs, |monitor| {
         let points = points(&cloud, metres_per_unit, monitor)?;
         let heights = filtered_heights(&points, &Default::default(), monitor)?;
-        let colour = if colour { Some(colours(&cloud, &points.frame.index)?) } else { None };
+        let colour = if colour { Some(colours(&cloud, &points.frame.index, monitor)?) } else { None };
         let input = ClusterInput { points: &points.positions, heights: Some(&heights), colours: colour.as_deref() };
         let found = segmentation::cluster_levels(&input, &params, monitor)?;
         let mut labels = Vec::with_capacity(4 * found.len());

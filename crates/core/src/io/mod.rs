@@ -179,7 +179,7 @@ pub fn check_dimensions(input: &Path, output: &Path, added: &[Column]) -> Result
 pub fn check_coordinates(input: &Path, output: &Path, cloud: &Cloud, options: &WriteOptions) -> Result<()> {
     check_scale(input, output, cloud, options)?;
     match is_las_name(output) && !las::is_las(input)? {
-        true => las::check_finite(cloud),
+        true => las::check_finite(cloud, &options.monitor),
         false => Ok(()),
     }
 }

@@ -4,7 +4,7 @@ use crate::cloud::{Cloud, MetricCloud, Values, names};
 use crate::error::{Error, Result};
 use crate::features::definition::Feature;
 use crate::features::params::FeatureSet;
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_watched, watched};
 
 /// One feature of the points themselves, ready for reading.
 #[derive(Clone, Debug)]
@@ -63,9 +63,14 @@ impl PointSource<'_> {
 /// The sources of the set's features of the points themselves, with their keys.
 ///
 /// # Errors
-/// If the cloud lacks a column; the message names it and lists the existing ones.
-pub(super) fn sources<'a>(scene: &MetricCloud<'a>, set: &FeatureSet) -> Result<Vec<(Feature, PointSource<'a>)>> {
-    let of = |feature| match source(scene, feature) {
+/// If the cloud lacks a column (the message names it and lists the existing ones), or the work was cancelled.
+pub(super) fn sources<'a>(
+    scene: &MetricCloud<'a>,
+    set: &FeatureSet,
+    monitor: &Monitor,
+) -> Result<Vec<(Feature, PointSource<'a>)>> {
+    let full = if set.colour { full_colour(scene.cloud, monitor)? } else { 1.0 };
+    let of = |feature| match source(scene, feature, full) {
         Err(_) if set.optional && feature != Feature::Elevation => Ok(PointSource::Missing),
         other => other,
     };
@@ -84,14 +89,15 @@ pub(super) fn dimensions<'a>(cloud: &'a Cloud, set: &FeatureSet) -> Result<Vec<P
     set.dimensions.iter().map(of).collect()
 }
 
-fn source<'a>(scene: &MetricCloud<'a>, feature: Feature) -> Result<PointSource<'a>> {
+/// The source of a feature; full colour is `full`.
+fn source<'a>(scene: &MetricCloud<'a>, feature: Feature, full: f64) -> Result<PointSource<'a>> {
     let cloud = scene.cloud;
     let plain = |name| Ok(PointSource::One(Own { values: column(cloud, name)?, form: Form::Times(1.0) }));
     match feature {
         Feature::Elevation => scene.heights.map(PointSource::Given).ok_or_else(|| {
             Error::parameter("features.height", true, "false: this method does not look for the ground")
         }),
-        Feature::Red | Feature::Green | Feature::Blue => channel(cloud, feature.definition().name, full_colour(cloud)?),
+        Feature::Red | Feature::Green | Feature::Blue => channel(cloud, feature.definition().name, full),
         Feature::RelativeIntensity => {
             let values = column(cloud, names::INTENSITY)?;
             Ok(PointSource::One(Own { values, form: Form::Relative(median(values)) }))
@@ -109,16 +115,16 @@ fn channel<'a>(cloud: &'a Cloud, name: &str, full: f64) -> Result<PointSource<'a
 }
 
 /// What full red, green or blue is in a cloud: colours are scaled by the range of their type, and 16-bit colours that
-/// stay below 256 are 8-bit ones. Looks at the values only as far as it must.
-fn full_colour(cloud: &Cloud) -> Result<f64> {
-    let [red, green, blue] = names::COLOUR;
+/// stay below 256 are 8-bit ones. Looks at the values of the channels that are there, and only as far as it must.
+fn full_colour(cloud: &Cloud, monitor: &Monitor) -> Result<f64> {
     let mut full = 1.0;
-    for values in [column(cloud, red)?, column(cloud, green)?, column(cloud, blue)?] {
-        for value in (0..values.len()).map(|i| values.get(i)) {
-            if value >= 256.0 {
+    for values in names::COLOUR.iter().filter_map(|name| cloud.column(name)).map(|column| &column.values) {
+        for piece in watched(values.len(), monitor) {
+            let most = piece?.map(|i| values.get(i)).fold(0.0, f64::max);
+            if most >= 256.0 {
                 return Ok(65535.0);
             }
-            if value > 1.0 {
+            if most > 1.0 {
                 full = 255.0;
             }
         }
@@ -130,12 +136,12 @@ fn full_colour(cloud: &Cloud) -> Result<f64> {
 /// O(n) for n points of the cloud.
 ///
 /// # Errors
-/// If the cloud lacks a colour; the message names it and lists the existing columns.
-pub fn colours(cloud: &Cloud, at: &[u32]) -> Result<Vec<[f32; 3]>> {
-    let full = full_colour(cloud)?;
+/// If the cloud lacks a colour (the message names it and lists the existing columns), or the work was cancelled.
+pub fn colours(cloud: &Cloud, at: &[u32], monitor: &Monitor) -> Result<Vec<[f32; 3]>> {
+    let full = full_colour(cloud, monitor)?;
     let [red, green, blue] = names::COLOUR;
     let channels = [channel(cloud, red, full)?, channel(cloud, green, full)?, channel(cloud, blue, full)?];
-    Ok(at.par_iter().map(|&point| [0, 1, 2].map(|c: usize| channels[c].get(point))).collect())
+    map_watched(at.len(), monitor, |i| [0, 1, 2].map(|c: usize| channels[c].get(at[i])))
 }
 
 fn column<'a>(cloud: &'a Cloud, name: &str) -> Result<&'a Values> {
@@ -166,7 +172,7 @@ mod tests {
         let set = FeatureSet { colour: true, intensity: true, returns: true, ..FeatureSet::default() };
         let features = |cloud: &Cloud, set: &FeatureSet, point: u32| {
             let scene = MetricCloud::new(cloud, None, &Monitor::default())?;
-            let features = sources(&scene, set)?;
+            let features = sources(&scene, set, &Monitor::default())?;
             Ok::<_, Error>(features.iter().map(|(_, source)| source.get(point)).collect::<Vec<f32>>())
         };
         let message = features(&cloud, &set, 0).unwrap_err().to_string();
@@ -183,6 +189,18 @@ mod tests {
         let row = |point| features(&cloud, &set, point).unwrap();
         assert_eq!(row(1), [0.2, 0.2, 0.2, 0.6, 1.0, 2.0, 0.5]);
         assert_eq!(row(2)[6], 0.0, "no returns at all");
+        // One value above 255, far behind in the last channel, shows that all have 16 bits.
+        let mut blue = vec![0; 200_000];
+        blue[190_000] = 51_400;
+        let mut wide = Cloud::from_rows(&vec![[0.0; 3]; blue.len()]).unwrap();
+        for (name, values) in names::COLOUR.into_iter().zip([vec![7; blue.len()], vec![0; blue.len()], blue]) {
+            wide.set_column(Column::new(name, Values::U16(values))).unwrap();
+        }
+        let found = colours(&wide, &[190_000], &Monitor::default()).unwrap();
+        assert_eq!(found, [[7.0 / 65535.0, 0.0, 51_400.0 / 65535.0]]);
+        let cancelled = Monitor::default();
+        cancelled.cancel();
+        assert!(matches!(colours(&wide, &[0], &cancelled), Err(Error::Interrupted)));
         let own = FeatureSet { dimensions: vec!["Intensity".into(), "Amplitude".into()], ..FeatureSet::default() };
         assert!(dimensions(&cloud, &own).err().unwrap().to_string().contains("column Amplitude; the cloud has: Red"));
         let optional = FeatureSet { optional: true, ..own };

@@ -102,11 +102,17 @@ impl<'a> Plan<'a> {
 
 impl<'a> Plan<'a> {
     /// The plan for features of a set; `first_scale` is the edge of the finest voxel, metres.
-    pub(super) fn new(scene: &MetricCloud<'a>, set: &FeatureSet, first_scale: f64, wanted: Wanted<'_>) -> Result<Self> {
+    pub(super) fn new(
+        scene: &MetricCloud<'a>,
+        set: &FeatureSet,
+        first_scale: f64,
+        wanted: Wanted<'_>,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let offers = set.offers(first_scale);
         let all: Vec<String> = offers.iter().map(|offer| offer.name.clone()).collect();
         let names = wanted.names(&all)?;
-        let (sources, dimensions) = (sources(scene, set)?, dimensions(scene.cloud, set)?);
+        let (sources, dimensions) = (sources(scene, set, monitor)?, dimensions(scene.cloud, set)?);
         let (mut slots, mut profile, mut own) =
             (vec![Slots::default(); set.pyramid.count(first_scale)], Vec::new(), Vec::new());
         for (offer, column) in offers.iter().zip(columns(&all, &names)?) {
@@ -145,7 +151,7 @@ impl<'a> Planned<'a> {
             Some(scale) => scale,
             None => scale_of(spacing(&points, monitor)?),
         };
-        let plan = Plan::new(scene, set, first_scale, wanted)?;
+        let plan = Plan::new(scene, set, first_scale, wanted, monitor)?;
         monitor.stage("pyramid", points.len() as u64);
         let grid = Grid::new(&points, first_scale)?;
         if !Columns::fits(&points.positions, set.pyramid.column_radius * first_scale) {

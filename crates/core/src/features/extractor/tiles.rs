@@ -55,7 +55,7 @@ impl<'a> Tiles<'a> {
     pub(crate) fn reselect(self, scene: &MetricCloud<'a>, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
         let Self { plan, sorted, coarse, .. } = self;
         drop(coarse);
-        let plan = Plan::new(scene, &plan.set, plan.first_scale, wanted)?;
+        let plan = Plan::new(scene, &plan.set, plan.first_scale, wanted, monitor)?;
         Self::planned(Planned { plan, sorted }, monitor)
     }
 

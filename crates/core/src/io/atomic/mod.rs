@@ -130,11 +130,15 @@ impl AtomicFile {
         self.writer()?.flush().map_err(|e| Error::io(&target, e))
     }
 
-    /// Syncs and renames. After an error the target is unchanged.
+    /// Syncs and renames. After an error, or if the run is cancelled before the rename, the target is unchanged.
     pub fn finish(mut self) -> Result<()> {
         self.flush()?;
         if let Some(writer) = &mut self.writer {
-            writer.get_mut().sync().map_err(|e| Error::io(&self.target, e))?;
+            let monitor = run::monitor();
+            let synced = writer.get_mut().sync(|| monitor.is_cancelled()).map_err(|e| Error::io(&self.target, e))?;
+            if !synced {
+                return Err(Error::Interrupted);
+            }
         }
         self.writer = None;
         let renamed = step().and_then(|()| match self.refuse {

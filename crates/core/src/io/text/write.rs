@@ -162,4 +162,18 @@ mod tests {
             assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
         }
     }
+
+    #[test]
+    fn a_writer_that_is_cancelled_on_its_way_stops_and_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows: Vec<[f64; 3]> = (0..400_000).map(|i| [f64::from(i), f64::from(i % 7), 0.5]).collect();
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        for name in ["a.las", "a.laz", "a.ply", "a.pcd", "a.xyz"] {
+            let options = WriteOptions { monitor: Monitor::cancelled_after(1), ..WriteOptions::default() };
+            let found = crate::io::write(&folder.path().join(name), &cloud, &options);
+            assert!(matches!(found, Err(Error::Interrupted)), "{name}");
+            assert!(options.monitor.progress().1 < 400_000, "{name}");
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        }
+    }
 }

@@ -65,7 +65,7 @@ pub(super) fn table_of_points(
 ) -> Result<ClusterTable> {
     params.clusters.validate()?;
     params.height.validate()?;
-    let colour = if params.colour { Some(colours(scene.cloud, &points.frame.index)?) } else { None };
+    let colour = if params.colour { Some(colours(scene.cloud, &points.frame.index, monitor)?) } else { None };
     let heights = filtered_heights(points, &params.height, monitor)?;
     let mut found = ClusterTable::default();
     let mut parts: Vec<FeatureTable> = Vec::new();

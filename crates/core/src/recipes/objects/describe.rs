@@ -20,7 +20,7 @@ pub(super) struct Objects {
 /// Segments a cloud and computes the features of its segments.
 pub(super) fn objects(scene: &MetricCloud<'_>, recipe: &ObjectsRecipe, monitor: &Monitor) -> Result<Objects> {
     let points = scene.some_points(monitor)?;
-    let colours = recipe.segments.colours(scene.cloud, &points)?;
+    let colours = recipe.segments.colours(scene.cloud, &points, monitor)?;
     let partition = recipe.segments.partition(&points, colours.as_deref(), monitor)?;
     let heights = match recipe.heights {
         Heights::AboveGround => {

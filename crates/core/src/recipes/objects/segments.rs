@@ -1,6 +1,6 @@
 //! Points to supervoxels, supervoxels to segments (Hasanpour Zaryabi et al. 2022, sections 3.1 to 3.5).
 
-use crate::cloud::{Cloud, Points};
+use crate::cloud::{Cloud, Points, names};
 use crate::error::{Error, Result};
 use crate::features::{colours, normals};
 use crate::graph::Orientation;
@@ -75,12 +75,17 @@ impl ObjectSegments {
     /// Colours of the points, 0..=1, if they are used.
     ///
     /// # Errors
-    /// If they are requested and the cloud has none.
-    pub(in crate::recipes) fn colours(&self, cloud: &Cloud, points: &Points) -> Result<Option<Vec<[f32; 3]>>> {
-        match (self.colour, colours(cloud, &points.frame.index)) {
-            (Some(false), _) => Ok(None),
-            (None, found) => Ok(found.ok()),
-            (Some(true), found) => found.map(Some),
+    /// If they are requested and the cloud has none, or the work was cancelled.
+    pub(in crate::recipes) fn colours(
+        &self,
+        cloud: &Cloud,
+        points: &Points,
+        monitor: &Monitor,
+    ) -> Result<Option<Vec<[f32; 3]>>> {
+        let known = names::COLOUR.iter().all(|name| cloud.column(name).is_some());
+        match self.colour.unwrap_or(known) {
+            true => colours(cloud, &points.frame.index, monitor).map(Some),
+            false => Ok(None),
         }
     }
 

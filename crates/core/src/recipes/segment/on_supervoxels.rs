@@ -14,7 +14,7 @@ pub(super) struct Supervoxels(pub(super) SupervoxelMode);
 
 impl PartitionMethod for LocalGraphs {
     fn part(&self, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
-        let colours = params.objects.colours(scene.cloud, scene.points)?;
+        let colours = params.objects.colours(scene.cloud, scene.points, monitor)?;
         let found = params.objects.supervoxels(scene.points, colours.as_deref(), monitor)?;
         let partition = params.objects.joined(&found, monitor)?;
         Ok(Parted { partition, supervoxels: Some(found.len()), ..Parted::default() })
@@ -33,7 +33,7 @@ impl PartitionMethod for Supervoxels {
     fn part(&self, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
         let mut objects = params.objects.clone();
         objects.supervoxels = self.0;
-        let colours = objects.colours(scene.cloud, scene.points)?;
+        let colours = objects.colours(scene.cloud, scene.points, monitor)?;
         let found = objects.supervoxels(scene.points, colours.as_deref(), monitor)?;
         let partition = found.partition(monitor)?;
         Ok(Parted { partition, supervoxels: Some(found.len()), ..Parted::default() })

@@ -95,7 +95,7 @@ impl OneStage for SpheresRecipe {
         let grid = Grid::new(&points, spheres.first_radius())?;
         let points = sorted(points, &grid, monitor)?;
         let SphereGroups { colour, height, clusters } = self.groups;
-        let colours = if colour { Some(colours(scene.cloud, &points.frame.index)?) } else { None };
+        let colours = if colour { Some(colours(scene.cloud, &points.frame.index, monitor)?) } else { None };
         let heights = match height || clusters {
             true => Some(filtered_heights(&points, &self.ground, monitor)?),
             false => None,

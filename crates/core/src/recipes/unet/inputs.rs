@@ -80,7 +80,7 @@ impl UNetInputs {
             channels.push(index.iter().map(|&i| ((intensity(i as usize) / mean).min(8.0) * 0.5) as f32).collect());
         }
         if self.colour {
-            let found = colours(cloud, index)?;
+            let found = colours(cloud, index, monitor)?;
             channels.extend((0..3).map(|c| found.iter().map(|rgb| rgb[c]).collect()));
         }
         monitor.check()?;

@@ -11,10 +11,14 @@
 use super::Field;
 use crate::cloud::{Column, Values};
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered, watched};
 use std::borrow::Cow;
 
 /// Largest value of fields of 16 bits.
 const FULL: f64 = 65_535.0;
+
+/// Number of values looked at by one thread at a time.
+const PIECE: usize = 1 << 16;
 
 /// The destination of each column.
 #[derive(Debug, Default)]
@@ -26,16 +30,19 @@ pub(in crate::io::las) struct Fit<'a> {
 
 impl<'a> Fit<'a> {
     /// Chooses the destination of each column.
-    pub(in crate::io::las) fn new(columns: &'a [Column], format: u8) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If a code does not fit its field, or the work was cancelled.
+    pub(in crate::io::las) fn new(columns: &'a [Column], format: u8, monitor: &Monitor) -> Result<Self> {
         let mut fit = Self::default();
         for column in columns {
             let Some(field) = Field::named(&column.name, format) else {
                 fit.extras.push(Cow::Borrowed(column));
                 continue;
             };
-            match first_misfit(field, &column.values) {
+            match first_misfit(field, &column.values, monitor)? {
                 None => fit.fields.push((field, column, 1.0)),
-                Some(_) if is_share(field, &column.values) => fit.fields.push((field, column, FULL)),
+                Some(_) if is_share(field, &column.values, monitor)? => fit.fields.push((field, column, FULL)),
                 Some(i) if is_code(field) => {
                     let (value, most) = (column.values.get(i), most(field));
                     return Err(Error::input(format!("{} of point {i} is {value}; LAS holds 0..={most}", column.name)));
@@ -68,7 +75,7 @@ fn most(field: Field) -> f64 {
 }
 
 /// The first value that the field cannot hold.
-fn first_misfit(field: Field, values: &Values) -> Option<usize> {
+fn first_misfit(field: Field, values: &Values, monitor: &Monitor) -> Result<Option<usize>> {
     let fits = |v: f64| match field {
         Field::GpsTime => true,
         // Steps of 0.006 degrees in 16 bits.
@@ -77,17 +84,30 @@ fn first_misfit(field: Field, values: &Values) -> Option<usize> {
     };
     // These types always fit.
     match values {
-        Values::U16(_) | Values::U8(_) if wide(field) => None,
-        Values::U8(_) if most(field) >= 255.0 => None,
-        values => (0..values.len()).find(|&i| !fits(values.get(i))),
+        Values::U16(_) | Values::U8(_) if wide(field) => Ok(None),
+        Values::U8(_) if most(field) >= 255.0 => Ok(None),
+        values => {
+            let piece = |at: usize| at * PIECE..((at + 1) * PIECE).min(values.len());
+            let first = |at| Ok(piece(at).find(|&i| !fits(values.get(i))));
+            let misfits = map_ordered(values.len().div_ceil(PIECE), monitor, first)?;
+            Ok(misfits.into_iter().flatten().next())
+        }
     }
 }
 
 /// Whether the values are fractions: floating-point numbers from 0 to 1.
-fn is_share(field: Field, values: &Values) -> bool {
+fn is_share(field: Field, values: &Values, monitor: &Monitor) -> Result<bool> {
     let float = matches!(values, Values::F32(_) | Values::F64(_));
     let share = |i| (0.0..=1.0).contains(&values.get(i));
-    float && wide(field) && field != Field::PointSourceId && (0..values.len()).all(share)
+    if !(float && wide(field) && field != Field::PointSourceId) {
+        return Ok(false);
+    }
+    for piece in watched(values.len(), monitor) {
+        if !piece?.all(share) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// The column under another name; `f64` becomes `f32` if that is exact.

@@ -32,7 +32,7 @@ pub(in crate::io) fn write(path: &Path, cloud: &Cloud, options: &WriteOptions) -
     } else {
         6
     };
-    let Fit { fields, extras } = Fit::new(cloud.columns(), format)?;
+    let Fit { fields, extras } = Fit::new(cloud.columns(), format, &options.monitor)?;
     let base = usize::from(RECORD_SIZES[usize::from(format)]);
     let length = base + extras.iter().map(|c| extra::size_of(extra::kind_of(&c.values))).sum::<usize>();
     let length16 = u16::try_from(length)
@@ -105,9 +105,12 @@ fn ticks(cloud: &Cloud, i: usize, frame: &LasFrame, rescaled: bool) -> Result<[i
 }
 
 /// Fails if a coordinate is not finite.
-pub(in crate::io) fn check_finite(cloud: &Cloud) -> Result<()> {
-    let wrong = (0..cloud.len()).map(|i| (i, cloud.xyz(i))).find(|(_, p)| !p.iter().all(|v| v.is_finite()));
-    wrong.map_or(Ok(()), |(i, p)| Err(not_finite(i, p)))
+pub(in crate::io) fn check_finite(cloud: &Cloud, monitor: &Monitor) -> Result<()> {
+    for piece in watched(cloud.len(), monitor) {
+        let wrong = piece?.map(|i| (i, cloud.xyz(i))).find(|(_, p)| !p.iter().all(|v| v.is_finite()));
+        wrong.map_or(Ok(()), |(i, p)| Err(not_finite(i, p)))?;
+    }
+    Ok(())
 }
 
 fn not_finite(i: usize, p: [f64; 3]) -> Error {

@@ -88,6 +88,7 @@ impl Writer {
 
     /// Appends records. Chunks are encoded in parallel as soon as there is one for every thread.
     pub(in crate::io::las) fn push(&mut self, records: &[u8], monitor: &Monitor) -> Result<()> {
+        monitor.check()?;
         self.points += (records.len() / self.record) as u64;
         match &self.laz {
             None => self.file.write_all(records),

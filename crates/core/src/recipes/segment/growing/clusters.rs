@@ -17,7 +17,7 @@ impl PartitionMethod for Clusters {
     fn part(&self, scene: &SegmentScene<'_>, params: &SegmentParams, monitor: &Monitor) -> Result<Parted> {
         let points = scene.points;
         let heights = filtered_heights(points, &HeightParams::default(), monitor)?;
-        let colours = params.objects.colours(scene.cloud, points)?;
+        let colours = params.objects.colours(scene.cloud, points, monitor)?;
         let input = ClusterInput { points: &points.positions, heights: Some(&heights), colours: colours.as_deref() };
         let found = cluster_levels(&input, &params.clusters, monitor)?;
         let merged = GrownRegions { labels: found.labels(2, monitor)?, count: found.counts[1] };
