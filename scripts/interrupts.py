@@ -97,7 +97,7 @@ def on_graph(xyz):
         "local smoothing": work(lambda e, w, z, c: regularisation.local_smoothing(np.exp(-c), e, w)),
         "merge regions": work(lambda e, w, z, c: segmentation.merge(z, e, w, strength=1.0)),
         "cut pursuit": work(lambda e, w, z, c: segmentation.cut_pursuit(z, e, w, strength=1.0)),
-        "partition": work(lambda e, w, z, c: segmentation.partition(z, e, w, params=aim, xyz=xyz)),
+        "partition": work(lambda e, w, z, c: segmentation.partition(z, e, aim, weights=w, xyz=xyz)),
     }
 
 

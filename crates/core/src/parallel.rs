@@ -105,13 +105,27 @@ impl Monitor {
 }
 
 /// Number of items of light work (nanoseconds each) between two checks for cancellation.
-const PIECE: usize = 65_536;
+const PIECE: usize = 16_384;
 
 /// The pieces of `0..len` in order, with a check for cancellation before each; the first error is the last item.
 ///
 /// For serial loops over many items of some nanoseconds each.
 pub fn watched(len: usize, monitor: &Monitor) -> impl Iterator<Item = Result<std::ops::Range<usize>>> + '_ {
     (0..len).step_by(PIECE).map(move |at| monitor.check().map(|()| at..at.saturating_add(PIECE).min(len)))
+}
+
+/// Makes a list as long as told, with copies of `value` at its end; memory is slow when it is touched for the first time.
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn resize_watched<T: Clone>(items: &mut Vec<T>, len: usize, value: &T, monitor: &Monitor) -> Result<()> {
+    items.truncate(len);
+    items.reserve_exact(len - items.len());
+    while items.len() < len {
+        monitor.check()?;
+        items.resize(items.len().saturating_add(PIECE).min(len), value.clone());
+    }
+    Ok(())
 }
 
 /// Checks for cancellation at intervals in serial loops that do not run over `0..len` (for those see [`watched`]).
@@ -170,19 +184,6 @@ pub fn sort_watched_by<T: Send>(
     monitor: &Monitor,
 ) -> Result<()> {
     items.par_sort_unstable_by(|a, b| if monitor.is_cancelled() { std::cmp::Ordering::Equal } else { order(a, b) });
-    monitor.check()
-}
-
-/// Like [`sort_watched_by`], but stable: items that compare as equal keep their order.
-///
-/// # Errors
-/// If the work was cancelled.
-pub fn sort_stable_watched<T: Send>(
-    items: &mut [T],
-    order: impl Fn(&T, &T) -> std::cmp::Ordering + Sync,
-    monitor: &Monitor,
-) -> Result<()> {
-    items.par_sort_by(|a, b| if monitor.is_cancelled() { std::cmp::Ordering::Equal } else { order(a, b) });
     monitor.check()
 }
 
@@ -271,9 +272,36 @@ pub fn fold_ordered<T: Send>(
     parts.into_iter().reduce(&mut fold)
 }
 
+/// Like [`fold_ordered`], and can be cancelled.
+///
+/// # Errors
+/// If the work was cancelled.
+pub fn fold_watched<T: Send>(
+    len: usize,
+    chunk: usize,
+    monitor: &Monitor,
+    kernel: impl Fn(std::ops::Range<usize>) -> T + Sync,
+    fold: impl FnMut(T, T) -> T,
+) -> Result<Option<T>> {
+    let chunk = chunk.max(1);
+    let parts = map_ordered(len.div_ceil(chunk), monitor, |c| Ok(kernel(c * chunk..((c + 1) * chunk).min(len))))?;
+    Ok(parts.into_iter().reduce(fold))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_watched_fold_is_the_other_one_unless_the_work_is_cancelled() {
+        let monitor = Monitor::default();
+        let sum = |range: std::ops::Range<usize>| range.map(|i| 1.0 / (1.0 + i as f64)).sum::<f64>();
+        let (len, add) = (10_001, |a: f64, b: f64| a + b);
+        assert_eq!(fold_watched(len, 128, &monitor, sum, add).unwrap(), fold_ordered(len, 128, sum, add));
+        assert_eq!(fold_watched(0, 128, &monitor, sum, add).unwrap(), None);
+        monitor.cancel();
+        assert!(fold_watched(len, 128, &monitor, sum, add).is_err());
+    }
 
     #[test]
     fn fold_gives_the_same_bits_for_any_pool() {
@@ -291,6 +319,18 @@ mod tests {
         }
         let seen = watched(5 * PIECE, &monitor).inspect(|_| monitor.cancel()).take_while(Result::is_ok).count();
         assert_eq!(seen, 1);
+    }
+
+    #[test]
+    fn a_list_gets_its_length_unless_the_work_is_cancelled() {
+        let (monitor, mut items) = (Monitor::default(), vec![1; 5]);
+        for (len, expected) in [(3, vec![1; 3]), (2 * PIECE + 1, [vec![1; 3], vec![7; 2 * PIECE - 2]].concat())] {
+            resize_watched(&mut items, len, &7, &monitor).unwrap();
+            assert_eq!(items, expected);
+        }
+        monitor.cancel();
+        assert!(resize_watched(&mut items, 4 * PIECE, &7, &monitor).is_err());
+        assert!(items.len() < 4 * PIECE);
     }
 
     #[test]

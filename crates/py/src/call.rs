@@ -18,7 +18,7 @@ use std::thread;
 use std::time::Duration;
 
 /// Interval at which signals are checked.
-const POLL: Duration = Duration::from_millis(30);
+const POLL: Duration = Duration::from_millis(10);
 
 /// Runs `work` on `n_jobs` threads while this thread watches for signals.
 pub(crate) fn call<T: Send>(

@@ -7,8 +7,8 @@
 use super::quantise::{CodeBlock, Column, CutTable, QuantiseRows, QuantiseTiles, SPARE, TILE};
 use super::samples::Samples;
 use crate::error::{Error, Result};
+use crate::parallel::{Monitor, map_ordered};
 use crate::random::stream;
-use rayon::prelude::*;
 
 /// Parameters of [`Binning::fit`].
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -58,11 +58,13 @@ impl Binning {
     /// enough bins.
     ///
     /// # Errors
-    /// If samples are inconsistent or a parameter is out of range.
-    pub fn fit(samples: &Samples<'_>, params: &BinningParams) -> Result<Self> {
+    /// If samples are inconsistent, a parameter is out of range, or the work was cancelled.
+    pub fn fit(samples: &Samples<'_>, params: &BinningParams, monitor: &Monitor) -> Result<Self> {
         params.validate()?;
         samples.check()?;
+        monitor.check()?;
         let active = samples.active();
+        monitor.check()?;
         let chosen = match active.len() <= params.sample {
             true => active,
             false => {
@@ -71,8 +73,7 @@ impl Binning {
             }
         };
         let column = |f: usize| chosen.iter().map(|&i| samples.features[i as usize * samples.width + f]).collect();
-        let cuts = (0..samples.width).into_par_iter().map(|f| quantile_cuts(column(f), params.max_bins)).collect();
-        Self::new(cuts)
+        Self::new(map_ordered(samples.width, monitor, |f| Ok(quantile_cuts(column(f), params.max_bins)))?)
     }
 
     /// A quantisation with given cut points of every feature.
@@ -243,7 +244,7 @@ mod tests {
     fn few_distinct_values_get_a_bin_each_and_nan_its_own() {
         let values = [3.0, 1.0, f32::NAN, 2.0, 1.0];
         let samples = Samples { features: &values, width: 1, labels: &[0; 5], weights: None, classes: 1 };
-        let binning = Binning::fit(&samples, &BinningParams::default()).unwrap();
+        let binning = Binning::fit(&samples, &BinningParams::default(), &Monitor::default()).unwrap();
         assert_eq!(binning.cuts(0), [f32::MIN, 1.5, 2.5]);
         let mut codes = [9; 5];
         binning.bin_block(&values, &mut codes).unwrap();
@@ -255,7 +256,7 @@ mod tests {
         let values: Vec<f32> = (0..10_000).map(|i| (i as f32).powi(3)).collect();
         let labels = vec![0; values.len()];
         let samples = Samples { features: &values, width: 1, labels: &labels, weights: None, classes: 1 };
-        let binning = Binning::fit(&samples, &BinningParams::default()).unwrap();
+        let binning = Binning::fit(&samples, &BinningParams::default(), &Monitor::default()).unwrap();
         let mut codes = vec![0; values.len()];
         binning.bin_block(&values, &mut codes).unwrap();
         let mut counts = [0u32; 256];

@@ -3,8 +3,7 @@
 use super::{EdgeWeight, Graph};
 use crate::error::{Error, Result};
 use crate::neighbours::Neighbours;
-use crate::parallel::{Monitor, map_ordered, watched};
-use rayon::prelude::*;
+use crate::parallel::{Monitor, map_ordered, sort_watched_by, watched};
 use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
 use std::ops::Range;
@@ -133,11 +132,7 @@ fn all_edges(near: &Neighbours, multiplicity: Multiplicity, monitor: &Monitor) -
     let block = |b: usize| b * BLOCK..((b + 1) * BLOCK).min(near.len());
     let blocks = near.len().div_ceil(BLOCK);
     let mut one_sided = map_ordered(blocks, monitor, |b| Ok(one_sided(block(b), near)))?.concat();
-    one_sided.par_sort_unstable_by(|a, b| match monitor.is_cancelled() {
-        true => std::cmp::Ordering::Equal,
-        false => (a.0, a.1).cmp(&(b.0, b.1)),
-    });
-    monitor.check()?;
+    sort_watched_by(&mut one_sided, |a, b| (a.0, a.1).cmp(&(b.0, b.1)), monitor)?;
     let larger = |b: usize| block(b).map(|i| near.of(i).iter().filter(|j| **j as usize > i).count()).sum::<usize>();
     let count = map_ordered(blocks, monitor, |b| Ok(larger(b)))?.iter().sum::<usize>() + one_sided.len();
     let (mut edges, mut squared) = (Vec::with_capacity(count), Vec::with_capacity(count));

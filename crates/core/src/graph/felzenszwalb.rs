@@ -2,10 +2,9 @@
 
 use super::{Components, Graph, Parallel, UnionFind};
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, sort_stable_watched, watched};
+use crate::parallel::{Monitor, sort_watched, watched};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
-use std::ops::Range;
 
 /// The meaning of an edge weight.
 #[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
@@ -72,15 +71,18 @@ impl FelzenszwalbParams {
 /// If k is negative or not a number, or the work was cancelled.
 pub fn felzenszwalb(graph: &Graph, params: &FelzenszwalbParams, monitor: &Monitor) -> Result<Components> {
     params.validate()?;
-    let mut merger = FelzenszwalbMerger::default();
-    merger.edges.reserve_exact(graph.edges().len());
+    // Rank and number of each edge.
+    let mut order: Vec<(u32, u32)> = Vec::with_capacity(graph.edges().len());
     for piece in watched(graph.edges().len(), monitor) {
-        merger.edges.extend(piece?.map(|e| (graph.edges()[e], f64::from(graph.weights()[e]))));
+        order.extend(piece?.map(|e| (params.rank(graph.weights()[e]), e as u32)));
     }
-    sort_stable_watched(&mut merger.edges, params.order(), monitor)?;
+    sort_watched(&mut order, monitor)?;
+    let mut merger = FelzenszwalbMerger::default();
     merger.begin(graph.len(), params);
-    for piece in watched(graph.edges().len(), monitor) {
-        merger.join(piece?, params);
+    for piece in watched(order.len(), monitor) {
+        for e in order[piece?].iter().map(|&(_, e)| e as usize) {
+            merger.join((graph.edges()[e], f64::from(graph.weights()[e])), params);
+        }
     }
     Components::numbered(graph.len(), |node| merger.component(node), monitor)
 }
@@ -96,6 +98,16 @@ impl EdgeMeaning {
 }
 
 impl FelzenszwalbParams {
+    /// A number that ascends in the order in which edges are processed; the weight is not negative.
+    fn rank(&self, weight: f32) -> u32 {
+        // The bits of numbers that are not negative ascend like the numbers; the sum makes 0 of -0.
+        let bits = (weight + 0.0).to_bits();
+        match self.meaning {
+            EdgeMeaning::Similarity => !bits,
+            EdgeMeaning::Dissimilarity => bits,
+        }
+    }
+
     /// The order in which edges are processed: ascending dissimilarity.
     fn order(&self) -> fn(&Edge, &Edge) -> Ordering {
         match self.meaning {
@@ -127,7 +139,9 @@ impl FelzenszwalbMerger {
         // Stable sort: ties keep the order of the edges.
         self.edges.sort_by(params.order());
         self.begin(nodes, params);
-        self.join(0..self.edges.len(), params);
+        for at in 0..self.edges.len() {
+            self.join(self.edges[at], params);
+        }
     }
 
     /// Starts with every node as a component.
@@ -140,23 +154,18 @@ impl FelzenszwalbMerger {
         self.internal.resize(nodes, if similar { 1.0 } else { 0.0 });
     }
 
-    /// Processes the next edges, which are sorted.
-    fn join(&mut self, edges: Range<usize>, params: &FelzenszwalbParams) {
-        let similar = params.meaning == EdgeMeaning::Similarity;
-        for at in edges {
-            let ([a, b], weight) = self.edges[at];
-            let (a, b) = (self.component(a), self.component(b));
-            let share = |c: u32| params.k / f64::from(self.size[c as usize]);
-            let within = |c: u32| self.internal[c as usize];
-            let joins = if similar {
-                weight >= (within(a) - share(a)).max(within(b) - share(b))
-            } else {
-                weight <= (within(a) + share(a)).min(within(b) + share(b))
-            };
-            if joins && let Some((kept, gone)) = self.components.unite(a, b) {
-                self.size[kept as usize] += self.size[gone as usize];
-                self.internal[kept as usize] = weight;
-            }
+    /// Processes the next edge in order.
+    fn join(&mut self, ([a, b], weight): Edge, params: &FelzenszwalbParams) {
+        let (a, b) = (self.component(a), self.component(b));
+        let share = |c: u32| params.k / f64::from(self.size[c as usize]);
+        let within = |c: u32| self.internal[c as usize];
+        let joins = match params.meaning {
+            EdgeMeaning::Similarity => weight >= (within(a) - share(a)).max(within(b) - share(b)),
+            EdgeMeaning::Dissimilarity => weight <= (within(a) + share(a)).min(within(b) + share(b)),
+        };
+        if joins && let Some((kept, gone)) = self.components.unite(a, b) {
+            self.size[kept as usize] += self.size[gone as usize];
+            self.internal[kept as usize] = weight;
         }
     }
 

@@ -25,7 +25,7 @@ pub use weight::{EdgeWeight, metric_share};
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::memory;
-use crate::parallel::{Monitor, sort_stable_watched, watched};
+use crate::parallel::{Monitor, sort_watched, watched};
 
 /// An undirected graph: every edge once, as `[smaller node, larger node]`, in ascending order, with a weight.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,7 +53,7 @@ impl Graph {
     ///
     /// # Errors
     /// If a node is not below `nodes`, an edge joins a node with itself, lengths differ, a weight is negative or not
-    /// finite, there are more than 2^32 - 1 nodes or more than memory has room for.
+    /// finite, there are more than 2^32 - 1 nodes or pairs, or more nodes than memory has room for.
     pub fn new(nodes: usize, pairs: &[[u32; 2]], weights: &[f32]) -> Result<Self> {
         Self::new_watched(nodes, pairs, weights, &Monitor::default())
     }
@@ -75,6 +75,9 @@ impl Graph {
         if nodes > u32::MAX as usize {
             return Err(Error::input(format!("{nodes} nodes in one graph; at most {} are possible", u32::MAX)));
         }
+        if pairs.len() > u32::MAX as usize {
+            return Err(Error::input(format!("{} edges in one graph; at most {} are possible", pairs.len(), u32::MAX)));
+        }
         // Components, trees and merging need this much per node.
         memory::require(24 * nodes as u64, &format!("a graph of {nodes} nodes"))?;
         if pairs.len() != weights.len() {
@@ -83,14 +86,15 @@ impl Graph {
         let mut rows: Vec<Row> = Vec::with_capacity(pairs.len());
         for piece in watched(pairs.len(), monitor) {
             for e in piece? {
-                rows.push(row(nodes, pairs[e], weights[e])?);
+                rows.push((checked(nodes, pairs[e], weights[e])?, e as u32));
             }
         }
-        // Stable sort: the weights of parallel edges are summed in the order of the edges.
-        sort_stable_watched(&mut rows, |a, b| a.0.cmp(&b.0), monitor)?;
+        // The weights of parallel edges are summed in the order of the pairs.
+        sort_watched(&mut rows, monitor)?;
         let mut graph = Self { nodes, ..Self::default() };
         for piece in watched(rows.len(), monitor) {
-            for &(edge, weight) in &rows[piece?] {
+            for &(edge, pair) in &rows[piece?] {
+                let weight = weights[pair as usize];
                 match graph.weights.last_mut() {
                     Some(last) if graph.edges.last() == Some(&edge) => *last = parallel.of(*last, weight),
                     _ => {
@@ -263,16 +267,16 @@ pub struct WeightedPairs<'a> {
     pub parallel: Parallel,
 }
 
-/// An edge while a graph is built: `[smaller node, larger node]` and its weight.
-type Row = ([u32; 2], f32);
+/// An edge while a graph is built: `[smaller node, larger node]` and the number of the pair.
+type Row = ([u32; 2], u32);
 
 /// Checks a pair and its weight and puts the smaller node first.
-fn row(nodes: usize, [a, b]: [u32; 2], weight: f32) -> Result<Row> {
+fn checked(nodes: usize, [a, b]: [u32; 2], weight: f32) -> Result<[u32; 2]> {
     if a == b || a as usize >= nodes || b as usize >= nodes {
         return Err(Error::input(format!("edge {a}-{b} does not join two of the {nodes} nodes")));
     }
     match weight >= 0.0 && weight.is_finite() {
-        true => Ok(([a.min(b), a.max(b)], weight)),
+        true => Ok([a.min(b), a.max(b)]),
         false => Err(Error::input(format!("weight {weight} of edge {a}-{b} (allowed: finite, not negative)"))),
     }
 }

@@ -11,7 +11,7 @@ use super::moves::move_making::{MoveMaking, Moves, Outcome};
 use super::{Energy, Labelling, Pairwise};
 use crate::error::{Error, Result};
 use crate::graph::Graph;
-use crate::parallel::{Looks, Monitor, sort_stable_watched};
+use crate::parallel::{Looks, Monitor, sort_watched};
 use serde::{Deserialize, Serialize};
 
 /// Parameters of [`alpha_beta_swap`].
@@ -101,15 +101,17 @@ fn swap_move(search: &mut MoveMaking<'_>, number: usize, since: u32) -> Result<O
     search.components.collect(&search.binary, &problem)?;
     let takers = search.components.minimum_cuts(&search.binary, &problem)?;
     let [alpha, beta] = pair;
-    let mut decided: Vec<(u32, u16)> = search.components.nodes().iter().map(|&node| (node, beta)).collect();
-    decided.extend(search.binary.settled(State::Stays).map(|node| (node, beta)));
-    decided.extend(search.binary.settled(State::Takes).chain(takers).map(|node| (node, alpha)));
+    // Nodes, and whether they take the first label. All nodes of the components are there, and the takers once more.
+    let mut decided: Vec<(u32, bool)> = search.components.nodes().iter().map(|&node| (node, false)).collect();
+    decided.extend(search.binary.settled(State::Stays).map(|node| (node, false)));
+    decided.extend(search.binary.settled(State::Takes).chain(takers).map(|node| (node, true)));
     // The last entry of a node counts; nodes of other labels and nodes that keep their label are not moved.
-    sort_stable_watched(&mut decided, |a, b| a.0.cmp(&b.0), problem.monitor)?;
+    sort_watched(&mut decided, problem.monitor)?;
     let mut looks = Looks::at(problem.monitor);
     let mut moves: Vec<(u32, u16)> = Vec::new();
-    for (node, label) in decided {
+    for (node, takes) in decided {
         looks.step()?;
+        let label = if takes { alpha } else { beta };
         match moves.last_mut().filter(|last| last.0 == node) {
             Some(last) => last.1 = label,
             None => moves.push((node, label)),

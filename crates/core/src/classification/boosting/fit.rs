@@ -1,6 +1,6 @@
 //! The boosting rounds.
 
-use super::growing::data::{BoostingData, CHUNK};
+use super::growing::data::BoostingData;
 use super::growing::grow::HistogramPool;
 use super::growing::tree::GrownTree;
 use super::growing::tree::TreeFit;
@@ -9,7 +9,7 @@ use super::params::BoostingParams;
 use crate::classification::learner::Learner;
 use crate::classification::samples::Samples;
 use crate::error::Result;
-use crate::parallel::Monitor;
+use crate::parallel::{Monitor, map_watched, resize_watched};
 use crate::random::stream;
 use rayon::prelude::*;
 
@@ -47,7 +47,7 @@ impl Boosting {
     ) -> Result<(Self, BoostingReport)> {
         params.validate()?;
         let data = BoostingData::new(samples, validation, params, monitor)?;
-        let (trees, report) = Rounds::new(&data).run()?;
+        let (trees, report) = Rounds::new(&data)?.run()?;
         Ok((Self::assemble(&data, &trees)?, report))
     }
 }
@@ -79,10 +79,13 @@ struct Rounds<'a> {
 }
 
 impl<'a> Rounds<'a> {
-    fn new(data: &'a BoostingData<'a>) -> Self {
-        let scores = data.start.iter().flat_map(|&s| std::iter::repeat_n(s, data.classes.len())).collect();
+    fn new(data: &'a BoostingData<'a>) -> Result<Self> {
+        let mut scores = Vec::with_capacity(data.start.len() * data.classes.len());
+        for (group, start) in (1..).zip(&data.start) {
+            resize_watched(&mut scores, group * data.classes.len(), start, data.monitor)?;
+        }
         let pools = (0..data.loss.groups()).map(|_| HistogramPool::default()).collect();
-        Self { data, scores, trees: Vec::new(), pools }
+        Ok(Self { data, scores, trees: Vec::new(), pools })
     }
 
     /// Runs all rounds; with early stopping, trees after the best round are removed.
@@ -90,14 +93,14 @@ impl<'a> Rounds<'a> {
         let (data, params) = (self.data, self.data.params);
         let mut report = BoostingReport::default();
         data.monitor.stage("boosting", params.rounds as u64);
-        let mut norms = self.evaluate(&mut report);
+        let mut norms = self.evaluate(&mut report)?;
         let (mut bag, mut best) = (data.training.clone(), 0);
         for round in 0..params.rounds {
             if round % params.row_rounds == 0 && params.row_fraction < 1.0 {
                 bag = self.draw(round);
             }
             self.grow(round, &bag, &norms)?;
-            norms = self.evaluate(&mut report);
+            norms = self.evaluate(&mut report)?;
             data.monitor.advance(1);
             let loss = &report.validation_loss;
             let patience = params.early_stopping;
@@ -113,18 +116,16 @@ impl<'a> Rounds<'a> {
     }
 
     /// Computes the log-sum-exp of the scores of every row; appends the mean losses to the report.
-    fn evaluate(&self, report: &mut BoostingReport) -> Vec<f64> {
+    fn evaluate(&self, report: &mut BoostingReport) -> Result<Vec<f64>> {
         let data = self.data;
         let (n, groups) = (data.classes.len(), data.loss.groups());
-        let mut norms = vec![0.0; n];
-        norms.par_iter_mut().with_min_len(CHUNK).enumerate().for_each(|(row, norm)| {
-            *norm = data.loss.norm((0..groups).map(|g| self.scores[g * n + row]));
-        });
-        report.training_loss.push(data.mean_loss(&data.training, &self.scores, &norms));
+        let norm = |row| data.loss.norm((0..groups).map(|g| self.scores[g * n + row]));
+        let norms = map_watched(n, data.monitor, norm)?;
+        report.training_loss.push(data.mean_loss(&data.training, &self.scores, &norms)?);
         if !data.validation.is_empty() {
-            report.validation_loss.push(data.mean_loss(&data.validation, &self.scores, &norms));
+            report.validation_loss.push(data.mean_loss(&data.validation, &self.scores, &norms)?);
         }
-        norms
+        Ok(norms)
     }
 
     /// Grows one tree a group on the rows of the bag, all from the same scores; groups run in parallel.

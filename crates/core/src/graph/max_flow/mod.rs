@@ -13,7 +13,7 @@ mod augment;
 mod grow;
 
 use crate::error::{Error, Result};
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor, resize_watched};
 use std::collections::VecDeque;
 
 const NONE: u32 = u32::MAX;
@@ -128,8 +128,8 @@ impl MaxFlow {
     /// # Errors
     /// If the work was cancelled.
     pub fn solve_watched(&mut self, monitor: &Monitor) -> Result<f64> {
-        self.build();
-        self.plant();
+        self.build(monitor)?;
+        self.plant(monitor)?;
         let mut steps = 0u32;
         while let Some(node) = self.next_active() {
             steps = steps.wrapping_add(1);
@@ -153,10 +153,12 @@ impl MaxFlow {
     }
 
     /// Sorts the arcs by node.
-    fn build(&mut self) {
+    fn build(&mut self, monitor: &Monitor) -> Result<()> {
+        let mut looks = Looks::at(monitor);
         self.offsets.clear();
-        self.offsets.resize(self.nodes.len() + 2, 0);
+        resize_watched(&mut self.offsets, self.nodes.len() + 2, &0, monitor)?;
         for edge in &self.edges {
+            looks.step()?;
             self.offsets[edge.from as usize + 2] += 1;
             self.offsets[edge.to as usize + 2] += 1;
         }
@@ -164,27 +166,32 @@ impl MaxFlow {
             self.offsets[node] += self.offsets[node - 1];
         }
         self.arcs.clear();
-        self.arcs.resize(2 * self.edges.len(), Arc::default());
+        resize_watched(&mut self.arcs, 2 * self.edges.len(), &Arc::default(), monitor)?;
         for edge in &self.edges {
+            looks.step()?;
             let (there, back) = (self.offsets[edge.from as usize + 1], self.offsets[edge.to as usize + 1]);
             self.offsets[edge.from as usize + 1] += 1;
             self.offsets[edge.to as usize + 1] += 1;
             self.arcs[there as usize] = Arc { head: edge.to, sister: back, residual: edge.capacity };
             self.arcs[back as usize] = Arc { head: edge.from, sister: there, residual: edge.reverse };
         }
+        Ok(())
     }
 
     /// Every node with residual capacity at a terminal becomes a root of that terminal's tree.
-    fn plant(&mut self) {
+    fn plant(&mut self, monitor: &Monitor) -> Result<()> {
+        let mut looks = Looks::at(monitor);
         self.queue.clear();
         self.orphans.clear();
         for (i, node) in self.nodes.iter_mut().enumerate() {
+            looks.step()?;
             if node.terminal != 0.0 {
                 (node.parent, node.distance, node.in_sink_tree) = (TERMINAL, 1, node.terminal < 0.0);
                 node.active = true;
                 self.queue.push_back(i as u32);
             }
         }
+        Ok(())
     }
 
     fn activate(&mut self, node: u32) {

@@ -11,8 +11,7 @@
 
 use crate::error::Result;
 use crate::graph::Adjacency;
-use crate::parallel::{Looks, Monitor, watched};
-use crate::regularisation::Energy;
+use crate::parallel::{Looks, Monitor, resize_watched, watched};
 use crate::regularisation::energy::Problem;
 
 /// Decision of a node in a move.
@@ -86,7 +85,7 @@ impl BinaryMove {
             self.theta.extend(piece.clone().map(difference));
             self.state.extend(piece.map(|i| if inside(i) { State::Open } else { State::Stays }));
         }
-        self.clear_edges(energy, labels.len());
+        self.clear_edges(problem, labels.len())?;
         for (e, &[i, j]) in energy.graph.edges().iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             looks.step()?;
@@ -138,17 +137,17 @@ impl BinaryMove {
         Ok(())
     }
 
-    pub(in crate::regularisation) fn clear_edges(&mut self, energy: &Energy<'_>, nodes: usize) {
+    pub(in crate::regularisation) fn clear_edges(&mut self, problem: &Problem<'_>, nodes: usize) -> Result<()> {
         self.slack.clear();
-        self.slack.resize(nodes, 0.0);
+        resize_watched(&mut self.slack, nodes, &0.0, problem.monitor)?;
         self.coupling.clear();
-        self.coupling.resize(energy.graph.edges().len(), 0.0);
+        resize_watched(&mut self.coupling, problem.energy.graph.edges().len(), &0.0, problem.monitor)
     }
 
     fn set_edges(&mut self, problem: &Problem<'_>, labels: &[u16], alpha: u16) -> Result<()> {
         let energy = &problem.energy;
         let mut looks = Looks::at(problem.monitor);
-        self.clear_edges(energy, labels.len());
+        self.clear_edges(problem, labels.len())?;
         for (e, &[i, j]) in energy.graph.edges().iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let (a, b) = (labels[i], labels[j]);

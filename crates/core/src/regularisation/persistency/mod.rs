@@ -84,7 +84,7 @@ impl BinaryMove {
             self.theta.extend(piece.clone().map(|i| energy.cost(i, alpha) - known.least_but(i, alpha)));
             self.state.extend(piece.map(|i| known.labels[i].map_or(State::Open, |_| State::Stays)));
         }
-        self.clear_edges(energy, nodes);
+        self.clear_edges(problem, nodes)?;
         let edges = energy.graph.edges().iter().zip(energy.graph.weights());
         for ((&[i, j], &weight), coupling) in edges.zip(&mut self.coupling) {
             looks.step()?;

@@ -11,7 +11,7 @@ use crate::cloud::Positions;
 use crate::error::Result;
 use crate::graph::{Graph, minimum_spanning_tree};
 use crate::neighbours::{Neighbours, knn};
-use crate::parallel::{Looks, Monitor, concat_watched, map_ordered, sort_stable_watched, sort_watched, watched};
+use crate::parallel::{Looks, Monitor, concat_watched, map_ordered, sort_watched, sort_watched_by, watched};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -128,7 +128,8 @@ fn nearest_on_tree(tree: &Graph, count: usize, monitor: &Monitor) -> Result<Vec<
         Ok(found)
     })?;
     let mut pairs = concat_watched(rows, monitor)?;
-    sort_stable_watched(&mut pairs, |a, b| a.0.cmp(&b.0), monitor)?;
+    // From both ends a path has the same length but for rounding.
+    sort_watched_by(&mut pairs, |a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)), monitor)?;
     pairs.dedup_by_key(|(pair, _)| *pair);
     Ok(pairs)
 }

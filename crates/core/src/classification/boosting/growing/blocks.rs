@@ -3,6 +3,7 @@
 
 use crate::classification::binning::Binning;
 use crate::error::Result;
+use crate::parallel::{Monitor, map_ordered, watched};
 use rayon::prelude::*;
 
 /// Features of a block.
@@ -19,7 +20,14 @@ pub(in crate::classification::boosting) struct Blocks {
 
 impl Blocks {
     /// Quantises several row-major tables, one after the other.
-    pub(in crate::classification::boosting) fn new(tables: &[&[f32]], binning: Binning) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If a table has no whole rows, or the work was cancelled.
+    pub(in crate::classification::boosting) fn new(
+        tables: &[&[f32]],
+        binning: Binning,
+        monitor: &Monitor,
+    ) -> Result<Self> {
         let width = binning.width().max(1);
         let mut codes = vec![0u8; tables.iter().map(|t| t.len()).sum()];
         let mut rest = codes.as_mut_slice();
@@ -27,14 +35,21 @@ impl Blocks {
             let (own, after) = rest.split_at_mut(table.len());
             own.par_chunks_mut(CHUNK * width)
                 .zip(table.par_chunks(CHUNK * width))
-                .try_for_each(|(codes, values)| binning.bin_block(values, codes))?;
+                .try_for_each(|(codes, values)| monitor.check().and_then(|()| binning.bin_block(values, codes)))?;
             rest = after;
         }
-        let block = |b: usize| -> Vec<[u8; LANES]> {
+        let rows = codes.len() / width;
+        let block = |b: usize| -> Result<Vec<[u8; LANES]>> {
             let lanes = b * LANES..((b + 1) * LANES).min(width);
-            codes.chunks_exact(width).map(|row| padded(&row[lanes.clone()])).collect()
+            let mut block = Vec::with_capacity(rows);
+            for piece in watched(rows, monitor) {
+                let piece = piece?;
+                let piece = codes[piece.start * width..piece.end * width].chunks_exact(width);
+                block.extend(piece.map(|row| padded(&row[lanes.clone()])));
+            }
+            Ok(block)
         };
-        let blocks = (0..width.div_ceil(LANES)).into_par_iter().map(block).collect();
+        let blocks = map_ordered(width.div_ceil(LANES), monitor, block)?;
         Ok(Self { binning, blocks })
     }
 

@@ -7,7 +7,7 @@ use crate::classification::boosting::loss::Loss;
 use crate::classification::boosting::params::BoostingParams;
 use crate::classification::samples::Samples;
 use crate::error::Result;
-use crate::parallel::{Monitor, fold_ordered};
+use crate::parallel::{Monitor, fold_watched, map_watched};
 
 /// Number of samples that one task processes.
 pub(in crate::classification::boosting) const CHUNK: usize = 1 << 13;
@@ -41,11 +41,12 @@ impl<'a> BoostingData<'a> {
         params: &'a BoostingParams,
         monitor: &'a Monitor,
     ) -> Result<Self> {
-        let rows = TrainingRows::choose(samples, validation, params)?;
+        let rows = TrainingRows::choose(samples, validation, params, monitor)?;
         let fitted = Samples { weights: Some(&rows.weights[..samples.len()]), ..*samples };
         let binning = BinningParams { max_bins: params.max_bins, seed: params.seed, ..BinningParams::default() };
         let tables = [Some(samples.features), validation.map(|v| v.features)];
-        let blocks = Blocks::new(&tables.into_iter().flatten().collect::<Vec<_>>(), Binning::fit(&fitted, &binning)?)?;
+        let binning = Binning::fit(&fitted, &binning, monitor)?;
+        let blocks = Blocks::new(&tables.into_iter().flatten().collect::<Vec<_>>(), binning, monitor)?;
         let mut shares = vec![0.0f64; samples.classes];
         rows.training.iter().for_each(|&r| shares[rows.label(r)] += f64::from(rows.weights[r as usize]));
         let present: Vec<u16> = (0..samples.classes).filter(|&c| shares[c] > 0.0).map(|c| c as u16).collect();
@@ -60,7 +61,7 @@ impl<'a> BoostingData<'a> {
             all_classes: samples.classes,
             loss,
             start,
-            classes: rows.labels.iter().map(|&l| position(l)).collect(),
+            classes: map_watched(rows.labels.len(), monitor, |i| position(rows.labels[i]))?,
             present,
             validation: rows.validation,
             weights: rows.loss_weights,
@@ -70,7 +71,15 @@ impl<'a> BoostingData<'a> {
 
     /// Weighted mean loss of some rows, from the scores of all rows (one column a group) and the log-sum-exp of each
     /// row's scores.
-    pub(in crate::classification::boosting) fn mean_loss(&self, rows: &[u32], scores: &[f64], norms: &[f64]) -> f64 {
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(in crate::classification::boosting) fn mean_loss(
+        &self,
+        rows: &[u32],
+        scores: &[f64],
+        norms: &[f64],
+    ) -> Result<f64> {
         let n = self.classes.len();
         let part = |range: std::ops::Range<usize>| {
             rows[range].iter().map(|&r| r as usize).fold([0.0; 2], |[loss, weight], row| {
@@ -84,7 +93,8 @@ impl<'a> BoostingData<'a> {
                 [loss + w * own, weight + w]
             })
         };
-        let sums = fold_ordered(rows.len(), CHUNK, part, |a, b| [a[0] + b[0], a[1] + b[1]]).unwrap_or_default();
-        sums[0] / sums[1].max(f64::MIN_POSITIVE)
+        let sums = fold_watched(rows.len(), CHUNK, self.monitor, part, |a, b| [a[0] + b[0], a[1] + b[1]])?;
+        let [loss, weight] = sums.unwrap_or_default();
+        Ok(loss / weight.max(f64::MIN_POSITIVE))
     }
 }

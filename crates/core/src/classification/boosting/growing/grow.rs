@@ -9,7 +9,7 @@ use crate::classification::boosting::growing::split::{Split, SplitRules};
 use crate::classification::boosting::params::BoostingParams;
 use crate::classification::nodes::GrownNode;
 use crate::error::Result;
-use crate::parallel::Monitor;
+use crate::parallel::{Looks, Monitor, watched};
 use rayon::prelude::*;
 
 /// A tree; the samples of each leaf are a range of `rows`.
@@ -93,7 +93,10 @@ impl LeafwiseGrower<'_> {
     /// Grows the tree on these samples.
     pub(in crate::classification::boosting) fn grow(mut self, rows: Vec<u32>) -> Result<LeafwiseTree> {
         let mut tree = LeafwiseTree { nodes: vec![GrownNode::Leaf(0)], leaves: Vec::new(), rows };
-        let total = tree.rows.iter().fold([0; 2], |sum, &r| plus(sum, self.samples[r as usize]));
+        let mut total = [0; 2];
+        for piece in watched(tree.rows.len(), self.monitor) {
+            total = tree.rows[piece?].iter().fold(total, |sum, &r| plus(sum, self.samples[r as usize]));
+        }
         let all = 0..tree.rows.len();
         let mut root = OpenLeaf { node: 0, rows: all, depth: 0, total, histogram: None, split: None };
         if self.worth(&root) {
@@ -131,7 +134,7 @@ impl LeafwiseGrower<'_> {
         tree.nodes[node] = GrownNode::Split(split, first as u32);
         tree.nodes.extend([GrownNode::Leaf(0); 2]);
         let here = &mut tree.rows[rows.clone()];
-        let (middle, left) = self.partition(here, split);
+        let (middle, left) = self.partition(here, split)?;
         let middle = rows.start + middle;
         let mut children = [child(first, rows.start..middle), child(first + 1, middle..rows.end)];
         children[0].total = left;
@@ -145,12 +148,14 @@ impl LeafwiseGrower<'_> {
     }
 
     /// Moves the samples that go left to the front, keeping the order on both sides; returns their number and sum.
-    fn partition(&self, rows: &mut [u32], split: Split) -> (usize, Cell) {
+    fn partition(&self, rows: &mut [u32], split: Split) -> Result<(usize, Cell)> {
         let codes = self.rules.blocks.block(split.feature / LANES);
         let lane = split.feature % LANES;
         let mut spare = Vec::with_capacity(rows.len());
         let (mut left, mut sum) = (0, [0; 2]);
+        let mut looks = Looks::at(self.monitor);
         for i in 0..rows.len() {
+            looks.step()?;
             let row = rows[i];
             if split.goes_right(codes[row as usize][lane]) {
                 spare.push(row);
@@ -161,7 +166,7 @@ impl LeafwiseGrower<'_> {
             }
         }
         rows[left..].copy_from_slice(&spare);
-        (left, sum)
+        Ok((left, sum))
     }
 
     /// Computes histograms and best splits of two siblings.
@@ -193,11 +198,17 @@ impl LeafwiseGrower<'_> {
 
     /// Computes the histograms of these samples; returns their best split.
     fn sum(&self, rows: &[u32], histogram: &mut Histogram, total: Cell) -> Result<Option<Split>> {
-        let samples: Vec<Cell> = rows.iter().map(|&row| self.samples[row as usize]).collect();
+        let mut samples: Vec<Cell> = Vec::with_capacity(rows.len());
+        for piece in watched(rows.len(), self.monitor) {
+            samples.extend(rows[piece?].iter().map(|&row| self.samples[row as usize]));
+        }
         let block = |(b, cells): (usize, &mut Cells)| {
             self.monitor.check()?;
             cells.as_flattened_mut().fill([0; 2]);
-            accumulate(cells, self.rules.blocks.block(b), rows, &samples);
+            for piece in watched(rows.len(), self.monitor) {
+                let piece = piece?;
+                accumulate(cells, self.rules.blocks.block(b), &rows[piece.clone()], &samples[piece]);
+            }
             Ok(self.rules.best(b, cells, total))
         };
         best(histogram.par_iter_mut().enumerate().map(block).collect())

@@ -6,6 +6,7 @@ use crate::classification::forest::growing::weights;
 use crate::classification::params::ClassWeight;
 use crate::classification::samples::Samples;
 use crate::error::{Error, Result};
+use crate::parallel::Monitor;
 use crate::random::stream;
 
 /// First random stream for the choice of held-out samples.
@@ -29,9 +30,12 @@ impl TrainingRows {
         samples: &Samples<'_>,
         validation: Option<&Samples<'_>>,
         params: &BoostingParams,
+        monitor: &Monitor,
     ) -> Result<Self> {
         samples.check()?;
+        monitor.check()?;
         let active = samples.active();
+        monitor.check()?;
         let total = samples.len() + validation.map_or(0, Samples::len);
         if total > MAX_ROWS {
             return Err(Error::input(format!("{total} samples; boosting takes at most {MAX_ROWS}")));
@@ -41,6 +45,7 @@ impl TrainingRows {
             Some(weights) => active.iter().zip(weights).for_each(|(&r, w)| loss_weights[r as usize] = w as f32),
             None => active.iter().for_each(|&r| loss_weights[r as usize] = 1.0),
         }
+        monitor.check()?;
         let mut rows = Self {
             labels: samples.labels.to_vec(),
             weights: loss_weights.clone(),
@@ -53,6 +58,7 @@ impl TrainingRows {
             None if params.early_stopping > 0 => rows.hold_out(params),
             None => {}
         }
+        monitor.check()?;
         Ok(rows)
     }
 

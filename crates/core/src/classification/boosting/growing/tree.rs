@@ -6,6 +6,7 @@ use crate::classification::boosting::growing::histogram::{Cell, Scale};
 use crate::classification::boosting::growing::split::{Split, SplitRules};
 use crate::classification::nodes::GrownNode;
 use crate::error::Result;
+use crate::parallel::{map_each, map_watched};
 use crate::random::stream;
 use rayon::prelude::*;
 
@@ -39,20 +40,20 @@ impl TreeFit<'_> {
         pool: &mut HistogramPool,
     ) -> Result<GrownTree> {
         let data = self.data;
-        let derivatives = self.derivatives(bag, scores);
+        let derivatives = self.derivatives(bag, scores)?;
         let scale = Scale::of(&derivatives);
-        let samples: Vec<Cell> = derivatives.par_iter().with_min_len(CHUNK).map(|&d| scale.cell(d)).collect();
+        let samples: Vec<Cell> = map_watched(derivatives.len(), data.monitor, |i| scale.cell(derivatives[i]))?;
         let allowed = self.columns();
         let rules = SplitRules { blocks: &data.blocks, params: data.params, scale, allowed: &allowed };
         let grower = LeafwiseGrower { rules, samples: &samples, monitor: data.monitor, pool };
         let tree = grower.grow(bag.to_vec())?;
-        let leaf_values = self.leaf_values(&tree, &derivatives);
-        self.add(&tree, &leaf_values, scores);
+        let leaf_values = self.leaf_values(&tree, &derivatives)?;
+        self.add(&tree, &leaf_values, scores)?;
         Ok(GrownTree { nodes: tree.nodes, leaf_values })
     }
 
     /// Weighted first and second derivatives of every row of the table; 0 for rows outside the bag.
-    fn derivatives(&self, bag: &[u32], scores: &[f64]) -> Vec<[f32; 2]> {
+    fn derivatives(&self, bag: &[u32], scores: &[f64]) -> Result<Vec<[f32; 2]>> {
         let data = self.data;
         let of_row = |row: usize| {
             let class = usize::from(data.classes[row]);
@@ -61,16 +62,16 @@ impl TreeFit<'_> {
             [(w * g) as f32, (w * h) as f32]
         };
         if bag.len() == scores.len() {
-            return (0..scores.len()).into_par_iter().with_min_len(CHUNK).map(of_row).collect();
+            return map_watched(scores.len(), data.monitor, of_row);
         }
-        let own: Vec<[f32; 2]> = bag.par_iter().with_min_len(CHUNK).map(|&r| of_row(r as usize)).collect();
+        let own: Vec<[f32; 2]> = map_watched(bag.len(), data.monitor, |i| of_row(bag[i] as usize))?;
         let mut all = vec![[0.0; 2]; scores.len()];
         bag.iter().zip(own).for_each(|(&row, d)| all[row as usize] = d);
-        all
+        Ok(all)
     }
 
     /// Value of every leaf: -G / (H + lambda) times the learning rate, from the exact derivatives.
-    fn leaf_values(&self, tree: &LeafwiseTree, derivatives: &[[f32; 2]]) -> Vec<f32> {
+    fn leaf_values(&self, tree: &LeafwiseTree, derivatives: &[[f32; 2]]) -> Result<Vec<f32>> {
         let params = self.data.params;
         let value = |leaf: &std::ops::Range<usize>| {
             let rows = tree.rows[leaf.clone()].iter();
@@ -81,21 +82,23 @@ impl TreeFit<'_> {
             let step = if h + params.lambda > 1e-30 { -g / (h + params.lambda) } else { 0.0 };
             (params.learning_rate * step) as f32
         };
-        tree.leaves.iter().map(value).collect()
+        map_each(&tree.leaves, self.data.monitor, |leaf| Ok(value(leaf)))
     }
 
-    fn add(&self, tree: &LeafwiseTree, leaf_values: &[f32], scores: &mut [f64]) {
+    fn add(&self, tree: &LeafwiseTree, leaf_values: &[f32], scores: &mut [f64]) -> Result<()> {
         let data = self.data;
         for (leaf, &value) in tree.leaves.iter().zip(leaf_values) {
+            data.monitor.check()?;
             tree.rows[leaf.clone()].iter().for_each(|&row| scores[row as usize] += f64::from(value));
         }
         if tree.rows.len() == scores.len() {
-            return;
+            return Ok(());
         }
         let mut outside = vec![true; scores.len()];
         tree.rows.iter().for_each(|&row| outside[row as usize] = false);
         let others = scores.par_iter_mut().with_min_len(CHUNK).zip(&outside).enumerate().filter(|(_, (_, o))| **o);
         others.for_each(|(row, (score, _))| *score += f64::from(leaf_values[tree.leaf(&data.blocks, row as u32)]));
+        data.monitor.check()
     }
 
     /// The features that the tree may split on.

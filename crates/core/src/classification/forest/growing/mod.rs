@@ -100,7 +100,7 @@ fn learn_with(
         Splitter::Histogram => {
             let binning = match binning {
                 Some(given) => given.clone(),
-                None => quantised(samples, params)?,
+                None => quantised(samples, params, monitor)?,
             };
             let codes = QuantisedSamples::new(samples, binning)?;
             match data.weights.is_none() {
@@ -118,9 +118,9 @@ fn learn_with(
 }
 
 /// The quantisation that a forest learns on.
-fn quantised(samples: &Samples<'_>, params: &ForestParams) -> Result<Binning> {
+fn quantised(samples: &Samples<'_>, params: &ForestParams, monitor: &Monitor) -> Result<Binning> {
     let binning = BinningParams { max_bins: params.max_bins, seed: params.seed, ..BinningParams::default() };
-    Binning::fit(samples, &binning)
+    Binning::fit(samples, &binning, monitor)
 }
 
 /// What one of several forests learns from.
@@ -142,7 +142,7 @@ impl Forest {
         let Some(first) = parts.first() else { return Ok(Vec::new()) };
         first.params.validate()?;
         samples.check()?;
-        let binning = quantised(samples, &first.params)?;
+        let binning = quantised(samples, &first.params, monitor)?;
         let fit = |part: &ForestPart| {
             let samples = Samples { weights: Some(&part.weights), ..*samples };
             learn_with(&samples, &part.params, Some(&binning), monitor).map(|(forest, _)| forest)
