@@ -272,36 +272,9 @@ pub fn fold_ordered<T: Send>(
     parts.into_iter().reduce(&mut fold)
 }
 
-/// Like [`fold_ordered`], and can be cancelled.
-///
-/// # Errors
-/// If the work was cancelled.
-pub fn fold_watched<T: Send>(
-    len: usize,
-    chunk: usize,
-    monitor: &Monitor,
-    kernel: impl Fn(std::ops::Range<usize>) -> T + Sync,
-    fold: impl FnMut(T, T) -> T,
-) -> Result<Option<T>> {
-    let chunk = chunk.max(1);
-    let parts = map_ordered(len.div_ceil(chunk), monitor, |c| Ok(kernel(c * chunk..((c + 1) * chunk).min(len))))?;
-    Ok(parts.into_iter().reduce(fold))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_watched_fold_is_the_other_one_unless_the_work_is_cancelled() {
-        let monitor = Monitor::default();
-        let sum = |range: std::ops::Range<usize>| range.map(|i| 1.0 / (1.0 + i as f64)).sum::<f64>();
-        let (len, add) = (10_001, |a: f64, b: f64| a + b);
-        assert_eq!(fold_watched(len, 128, &monitor, sum, add).unwrap(), fold_ordered(len, 128, sum, add));
-        assert_eq!(fold_watched(0, 128, &monitor, sum, add).unwrap(), None);
-        monitor.cancel();
-        assert!(fold_watched(len, 128, &monitor, sum, add).is_err());
-    }
 
     #[test]
     fn fold_gives_the_same_bits_for_any_pool() {

@@ -81,7 +81,7 @@ pub fn felzenszwalb(graph: &Graph, params: &FelzenszwalbParams, monitor: &Monito
     merger.begin(graph.len(), params);
     for piece in watched(order.len(), monitor) {
         for e in order[piece?].iter().map(|&(_, e)| e as usize) {
-            merger.join((graph.edges()[e], f64::from(graph.weights()[e])), params);
+            merger.join(Edge { ends: graph.edges()[e], weight: f64::from(graph.weights()[e]) }, params);
         }
     }
     Components::numbered(graph.len(), |node| merger.component(node), monitor)
@@ -111,14 +111,18 @@ impl FelzenszwalbParams {
     /// The order in which edges are processed: ascending dissimilarity.
     fn order(&self) -> fn(&Edge, &Edge) -> Ordering {
         match self.meaning {
-            EdgeMeaning::Similarity => |a, b| b.1.total_cmp(&a.1),
-            EdgeMeaning::Dissimilarity => |a, b| a.1.total_cmp(&b.1),
+            EdgeMeaning::Similarity => |a, b| b.weight.total_cmp(&a.weight),
+            EdgeMeaning::Dissimilarity => |a, b| a.weight.total_cmp(&b.weight),
         }
     }
 }
 
-/// Nodes and weight of an edge.
-type Edge = ([u32; 2], f64);
+/// An edge between two nodes.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    ends: [u32; 2],
+    weight: f64,
+}
 
 /// Scratch memory for many small segmentations.
 #[derive(Clone, Debug, Default)]
@@ -135,7 +139,7 @@ impl FelzenszwalbMerger {
     /// Segments nodes `0..nodes` by the edges between them, like [`felzenszwalb`] but without checks of the parameters.
     pub fn merge(&mut self, nodes: usize, edges: impl Iterator<Item = ([u32; 2], f64)>, params: &FelzenszwalbParams) {
         self.edges.clear();
-        self.edges.extend(edges);
+        self.edges.extend(edges.map(|(ends, weight)| Edge { ends, weight }));
         // Stable sort: ties keep the order of the edges.
         self.edges.sort_by(params.order());
         self.begin(nodes, params);
@@ -155,8 +159,8 @@ impl FelzenszwalbMerger {
     }
 
     /// Processes the next edge in order.
-    fn join(&mut self, ([a, b], weight): Edge, params: &FelzenszwalbParams) {
-        let (a, b) = (self.component(a), self.component(b));
+    fn join(&mut self, edge: Edge, params: &FelzenszwalbParams) {
+        let (weight, [a, b]) = (edge.weight, edge.ends.map(|node| self.component(node)));
         let share = |c: u32| params.k / f64::from(self.size[c as usize]);
         let within = |c: u32| self.internal[c as usize];
         let joins = match params.meaning {

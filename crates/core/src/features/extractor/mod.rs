@@ -100,15 +100,18 @@ impl<'a> Plan<'a> {
     }
 }
 
+/// What a plan is made for.
+pub(super) struct Selection<'a> {
+    pub(super) set: &'a FeatureSet,
+    /// Edge of the finest voxel, metres.
+    pub(super) first_scale: f64,
+    pub(super) wanted: Wanted<'a>,
+}
+
 impl<'a> Plan<'a> {
-    /// The plan for features of a set; `first_scale` is the edge of the finest voxel, metres.
-    pub(super) fn new(
-        scene: &MetricCloud<'a>,
-        set: &FeatureSet,
-        first_scale: f64,
-        wanted: Wanted<'_>,
-        monitor: &Monitor,
-    ) -> Result<Self> {
+    /// The plan for the selected features of a set.
+    pub(super) fn new(scene: &MetricCloud<'a>, selection: Selection<'_>, monitor: &Monitor) -> Result<Self> {
+        let Selection { set, first_scale, wanted } = selection;
         let offers = set.offers(first_scale);
         let all: Vec<String> = offers.iter().map(|offer| offer.name.clone()).collect();
         let names = wanted.names(&all)?;
@@ -151,7 +154,7 @@ impl<'a> Planned<'a> {
             Some(scale) => scale,
             None => scale_of(spacing(&points, monitor)?),
         };
-        let plan = Plan::new(scene, set, first_scale, wanted, monitor)?;
+        let plan = Plan::new(scene, Selection { set, first_scale, wanted }, monitor)?;
         monitor.stage("pyramid", points.len() as u64);
         let grid = Grid::new(&points, first_scale)?;
         if !Columns::fits(&points.positions, set.pyramid.column_radius * first_scale) {

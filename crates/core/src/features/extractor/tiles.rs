@@ -5,7 +5,7 @@
 //! outside the margin is reported and computed again with a wider one. The features are therefore the same bytes as
 //! those of [`Extractor::prepare`].
 
-use super::{Extractor, Plan, Planned, Wanted};
+use super::{Extractor, Plan, Planned, Selection, Wanted};
 use crate::cloud::{MetricCloud, Points, Positions};
 use crate::error::Result;
 use crate::features::params::FeatureSet;
@@ -55,7 +55,8 @@ impl<'a> Tiles<'a> {
     pub(crate) fn reselect(self, scene: &MetricCloud<'a>, wanted: Wanted<'_>, monitor: &Monitor) -> Result<Self> {
         let Self { plan, sorted, coarse, .. } = self;
         drop(coarse);
-        let plan = Plan::new(scene, &plan.set, plan.first_scale, wanted, monitor)?;
+        let selection = Selection { set: &plan.set, first_scale: plan.first_scale, wanted };
+        let plan = Plan::new(scene, selection, monitor)?;
         Self::planned(Planned { plan, sorted }, monitor)
     }
 

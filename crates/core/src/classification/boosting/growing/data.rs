@@ -7,7 +7,7 @@ use crate::classification::boosting::loss::Loss;
 use crate::classification::boosting::params::BoostingParams;
 use crate::classification::samples::Samples;
 use crate::error::Result;
-use crate::parallel::{Monitor, fold_watched, map_watched};
+use crate::parallel::{Monitor, map_ordered, map_watched};
 
 /// Number of samples that one task processes.
 pub(in crate::classification::boosting) const CHUNK: usize = 1 << 13;
@@ -93,8 +93,9 @@ impl<'a> BoostingData<'a> {
                 [loss + w * own, weight + w]
             })
         };
-        let sums = fold_watched(rows.len(), CHUNK, self.monitor, part, |a, b| [a[0] + b[0], a[1] + b[1]])?;
-        let [loss, weight] = sums.unwrap_or_default();
+        let chunk = |c: usize| c * CHUNK..((c + 1) * CHUNK).min(rows.len());
+        let sums = map_ordered(rows.len().div_ceil(CHUNK), self.monitor, |c| Ok(part(chunk(c))))?;
+        let [loss, weight] = sums.into_iter().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
         Ok(loss / weight.max(f64::MIN_POSITIVE))
     }
 }
