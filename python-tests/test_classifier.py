@@ -293,6 +293,51 @@ def test_the_recipe_airborne_learns_in_two_stages():
         model.classify(xyz, abstain=2.0)
 
 
+def parked(seed):
+    """Flat ground of 60 x 60 m with cars (64) and bushes (5): coordinates and codes."""
+    rng = np.random.default_rng(seed)
+    xyz = np.column_stack([rng.random((36_000, 2)) * 60, rng.normal(0, 0.02, 36_000)])
+    codes = np.full(len(xyz), 2)
+    for number, (u, v) in enumerate((x, y) for x in range(4, 56, 8) for y in range(4, 56, 8)):
+        along, across = (xyz[:, :2] - (u, v) - rng.random(2)).T
+        if number % 2:
+            inside = (along > 0) & (along < 4.5) & (across > 0) & (across < 1.8)
+            xyz[inside, 2] += np.where((along > 1.2) & (along < 3.8), 1.5, 0.9)[inside]
+        else:
+            inside = np.hypot(along - 2, across - 2) < 1.5
+            xyz[inside, 2] += 1.8 * rng.random(inside.sum())
+        codes[inside] = 64 if number % 2 else 5
+    return xyz, codes
+
+
+def test_the_built_in_model_learns_cars_from_other_scans():
+    xyz, codes = parked(1)
+    model = PointClassifier.default().add_cars(xyz, codes, code=64)
+    assert model.cars_report_["points"] == (codes == 64).sum() and model.cars_report_["cars"] > 100
+    xyz, codes = parked(2)
+    found = model.classify(xyz)
+    taken_for = model.classify(xyz, settings={"classes.cars.points": 0}).codes
+    changed = found.codes != taken_for
+    assert (found.codes[changed] == 1).all() and np.isin(taken_for[changed], (3, 4, 5, 6)).all()
+    cars = (codes == 64) & np.isin(taken_for, (3, 4, 5, 6))
+    assert changed[cars].mean() > 0.5 and (codes[changed] == 64).mean() > 0.9
+    assert not np.isin(1, model.predict(xyz)).any()
+    again = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(again.classify(xyz).codes, found.codes)
+
+
+def test_cars_need_a_fitting_model_and_labels(fitted):
+    xyz, codes = parked(1)
+    with pytest.raises(ValueError, match="pyramid cannot learn cars"):
+        fitted.add_cars(xyz, codes, code=64)
+    with pytest.raises(ValueError, match="0 samples of cars"):
+        PointClassifier.default().add_cars(xyz, codes, code=65)
+    with pytest.raises(ValueError, match="labels: found text"):
+        PointClassifier.default().add_cars(xyz, np.where(codes == 64, "car", "other"), code=64)
+    with pytest.raises(ValueError, match="poinst"):
+        PointClassifier.default().classify(xyz, settings={"classes.cars.poinst": 0})
+
+
 def test_a_list_of_clouds_with_three_columns_is_a_list_of_clouds():
     clouds = []
     for seed in (0, 1):

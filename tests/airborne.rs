@@ -6,8 +6,8 @@ use scansion_core::io;
 use scansion_core::parallel::Monitor;
 use scansion_core::random::stream;
 use scansion_core::recipes::{
-    self, AnyRecipe, ClassRules, Classified, ClassifyParams, LabelParams, LabelledCloud, Labels, Model, TrainOptions,
-    classify, read_labels,
+    self, AnyRecipe, CarTraining, ClassRules, Classified, ClassifyParams, LabelParams, LabelledCloud, Labels, Model,
+    Regularise, TrainOptions, classify, read_labels,
 };
 use scansion_tests::demo_scan;
 use std::path::Path;
@@ -245,4 +245,113 @@ fn settings_out_of_range_are_named() {
     let large = AnyRecipe::from_toml(&format!("{RECIPE}[folds]\nsquare = 1e6\n")).unwrap();
     let message = large.train(&[labelled(village(1))], &TrainOptions::default(), &Monitor::default()).err().unwrap();
     assert!(message.to_string().contains("folds.square"), "{message}");
+}
+
+/// The code of cars in the labels of a test.
+const CAR: u8 = 64;
+
+/// The village with a car in each of its nine yards, in places that depend on the seed.
+fn parked(seed: u64) -> Village {
+    let Village { cloud, mut codes } = village(seed);
+    let mut s = stream(seed, 78);
+    let places: Vec<[f64; 2]> = (0..9).map(|_| [2.0 + 4.0 * s.uniform(), 24.0 + 3.0 * s.uniform()]).collect();
+    let rows: Vec<[f64; 3]> = (0..cloud.len())
+        .map(|i| {
+            let [x, y, z] = cloud.xyz(i);
+            let [u, v] = places[(x / 40.0) as usize * 3 + (y / 40.0) as usize];
+            let (along, across) = (x % 40.0 - u, y % 40.0 - v);
+            if codes[i] != 2 || !(0.0..4.5).contains(&along) || !(0.0..1.8).contains(&across) {
+                return [x, y, z];
+            }
+            codes[i] = CAR;
+            // Bonnet, roof and boot.
+            [x, y, z + if (1.2..3.8).contains(&along) { 1.5 } else { 0.9 }]
+        })
+        .collect();
+    let mut moved = Cloud::from_rows(&rows).unwrap();
+    cloud.columns().iter().for_each(|column| moved.set_column(column.clone()).unwrap());
+    Village { cloud: moved, codes }
+}
+
+/// A model that takes cars for vegetation.
+fn before_cars() -> &'static Model {
+    static MODEL: OnceLock<Model> = OnceLock::new();
+    MODEL.get_or_init(|| {
+        let clouds = [1, 2].map(|seed| {
+            let Village { cloud, codes } = parked(seed);
+            let codes = codes.into_iter().map(|code| if code == CAR { 5 } else { code }).collect();
+            labelled(Village { cloud, codes })
+        });
+        let recipe = AnyRecipe::from_toml(RECIPE).unwrap();
+        recipe.train(&clouds, &TrainOptions::default(), &Monitor::default()).unwrap().0
+    })
+}
+
+fn with_cars() -> &'static Model {
+    static MODEL: OnceLock<Model> = OnceLock::new();
+    MODEL.get_or_init(|| {
+        let clouds = [labelled(parked(1)), labelled(parked(2))];
+        let training = CarTraining { code: CAR, ..CarTraining::default() };
+        let (model, report) = before_cars().with_cars(&clouds, &training, &Monitor::default()).unwrap();
+        assert!(report.points > 400 && report.cars > 100 && report.others > 200, "{report:?}");
+        model
+    })
+}
+
+#[test]
+fn cars_become_unclassified_and_nothing_else_changes() {
+    let Village { cloud, codes } = parked(3);
+    let before = run(&cloud, before_cars(), &ClassifyParams::default());
+    let after = run(&cloud, with_cars(), &ClassifyParams::default());
+    assert!(before.cars.is_empty() && after.cars.len() == cloud.len());
+    assert_eq!((&before.confidence, &before.entropy), (&after.confidence, &after.entropy));
+    let changed: Vec<usize> = (0..cloud.len()).filter(|&i| before.codes[i] != after.codes[i]).collect();
+    assert!(changed.iter().all(|&i| after.codes[i] == 1 && (3..=6).contains(&before.codes[i])));
+    let right = changed.iter().filter(|&&i| codes[i] == CAR).count();
+    let taken = (0..codes.len()).filter(|&i| codes[i] == CAR && (3..=6).contains(&before.codes[i])).count();
+    assert!(right * 5 > taken * 2, "{right} found of {taken} that are taken for vegetation or buildings");
+    assert!(right * 10 > changed.len() * 8, "{right} right of {}", changed.len());
+    // Where there are no cars, and where they are not looked for.
+    let none = village(4).cloud;
+    assert_eq!(
+        run(&none, before_cars(), &ClassifyParams::default()).codes,
+        run(&none, with_cars(), &ClassifyParams::default()).codes
+    );
+    assert_eq!(run(&cloud, with_cars(), &plain()).codes, run(&cloud, before_cars(), &plain()).codes);
+}
+
+#[test]
+fn cars_are_the_same_with_a_regularisation_any_threads_and_after_writing() {
+    let cloud = parked(3).cloud;
+    let params = ClassifyParams { regularise: Some(Regularise::Local), ..ClassifyParams::default() };
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let read = Model::from_bytes(&with_cars().to_bytes().unwrap(), Path::new("cars.model")).unwrap();
+    assert_eq!(&read, with_cars());
+    let [many, single] = [run(&cloud, with_cars(), &params), one.install(|| run(&cloud, &read, &params))];
+    assert_eq!((&many.codes, &many.cars), (&single.codes, &single.cars));
+    assert_eq!(many.cars, run(&cloud, with_cars(), &plain()).cars);
+    let again = {
+        let clouds = [labelled(parked(1)), labelled(parked(2))];
+        let training = CarTraining { code: CAR, ..CarTraining::default() };
+        one.install(|| before_cars().with_cars(&clouds, &training, &Monitor::default()).unwrap().0)
+    };
+    assert_eq!(&again, with_cars());
+}
+
+#[test]
+fn models_that_cannot_learn_cars_say_so() {
+    let training = CarTraining { code: CAR, ..CarTraining::default() };
+    let refused = |model: &Model, clouds: &[LabelledCloud]| {
+        model.with_cars(clouds, &training, &Monitor::default()).unwrap_err().to_string()
+    };
+    let none = refused(model(), &[labelled(village(1))]);
+    assert!(none.contains("0 samples of cars (code 64)"), "{none}");
+    let flat =
+        AnyRecipe::from_toml(&RECIPE.replace("[features.pyramid]", "[features]\nheight = false\n[features.pyramid]"));
+    let without = refused(&trained(&flat.unwrap()), &[labelled(parked(1))]);
+    assert!(without.contains("heights above the ground"), "{without}");
+    let pyramid =
+        AnyRecipe::from_toml("[features.pyramid]\nfirst_scale = 0.5\nlevels = 2\n[forest]\ntrees = 2\n").unwrap();
+    let other = refused(&trained(&pyramid), &[labelled(parked(1))]);
+    assert!(other.contains("pyramid cannot learn cars"), "{other}");
 }

@@ -95,6 +95,24 @@ fn the_demo_and_the_built_in_model_need_nothing_else() {
 }
 
 #[test]
+fn cars_are_learned_beside_a_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    std::fs::copy(demo_scan(), f.join("demo.laz")).unwrap();
+    let shown = done(f, &["model", "show"]);
+    assert!(shown.contains("cars are found, and left unclassified: Gradient-boosted trees"), "{shown}");
+    // Any class may be taken for cars.
+    let learn = ["train", "demo.laz", "--add-cars-to", "built-in", "-o", "cars.model"];
+    let said = done(f, &[&learn[..], &["--cars", "5"]].concat());
+    assert!(said.contains("points of cars; learned from ") && said.contains("model: cars.model"), "{said}");
+    done(f, &["classify", "demo.laz", "-m", "cars.model", "-o", "named.laz", "--set", "classes.cars.points=0"]);
+    let none = fails(f, &[&learn[..5], &["none.model", "--cars", "99"]].concat(), 4);
+    assert!(none.contains("0 samples of cars (code 99)"), "{none}");
+    assert!(fails(f, &["train", "demo.laz", "--cars", "5", "-o", "x.model"], 2).contains("--add-cars-to"));
+    assert!(fails(f, &[&learn[..], &["--cars", "5", "--recipe", "pyramid"]].concat(), 2).contains("--recipe"));
+}
+
+#[test]
 fn features_are_listed_and_written() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();

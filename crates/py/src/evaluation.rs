@@ -45,7 +45,7 @@ pub(crate) fn confusion_matrix<'py>(
     names: Vec<String>,
 ) -> PyResult<(Bound<'py, PyArray2<u64>>, Bound<'py, PyArray1<u8>>)> {
     let confusion = confusion(py, &truth, &predicted, names)?;
-    let codes: Vec<u8> = confusion.classes().classes().iter().map(|c| c.code).collect();
+    let codes = confusion.classes().codes();
     let width = codes.len();
     let counts = (0..width * width).map(|i| confusion.count(i / width, i % width)).collect();
     Ok((to_matrix(py, counts, width)?, PyArray1::from_vec(py, codes)))

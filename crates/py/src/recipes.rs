@@ -16,8 +16,8 @@ use scansion_core::cloud::Cloud as CoreCloud;
 use scansion_core::io::read_ascii_grid;
 use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
-    self, AnyRecipe, ClassRules, ClassifyParams, Grid, GridAxis, LabelParams, LabelledCloud, Model as CoreModel,
-    Regularise, SearchParams, TrainOptions, read_labels,
+    self, AnyRecipe, CarTraining, ClassRules, ClassifyParams, Grid, GridAxis, LabelParams, LabelledCloud,
+    Model as CoreModel, Regularise, SearchParams, TrainOptions, read_labels,
 };
 use scansion_core::terrain::ElevationModel;
 use std::path::{Path, PathBuf};
@@ -179,6 +179,30 @@ impl Model {
         Ok((Self { inner, builtin: false }, report))
     }
 
+    #[pyo3(signature = (clouds, dimension, map, code, unlabelled = None, n_jobs = None))]
+    #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
+    fn with_cars(
+        &self,
+        py: Python<'_>,
+        clouds: Vec<PyRef<'_, Cloud>>,
+        dimension: String,
+        map: &str,
+        code: u8,
+        unlabelled: Option<Vec<u8>>,
+        n_jobs: Option<i64>,
+    ) -> PyResult<(Self, String)> {
+        let clouds: Vec<_> = clouds.iter().map(|c| Arc::clone(&c.inner)).collect();
+        let labels = LabelParams { dimension, map: map.parse().map_err(raise)?, unlabelled, classes: Vec::new() };
+        let training = CarTraining { code, ..CarTraining::default() };
+        let learn = |monitor: &Monitor| {
+            let clouds = labelled(clouds, &labels, monitor)?;
+            let (model, report) = self.inner.with_cars(&clouds, &training, monitor)?;
+            Ok((model, json::text(&report)?))
+        };
+        let (inner, report) = call(py, n_jobs, learn)?;
+        Ok((Self { inner, builtin: self.builtin }, report))
+    }
+
     #[staticmethod]
     fn default(py: Python<'_>) -> PyResult<Self> {
         Self::of(py.detach(recipes::default_model)).map(|model| Self { builtin: true, ..model })
@@ -203,7 +227,7 @@ impl Model {
         py.detach(|| self.inner.save(&path)).map_err(raise)
     }
 
-    #[pyo3(signature = (cloud, probabilities = false, regularize = None, metres_per_unit = None, elevation_model = None, abstain = None, divided = true, n_jobs = None))]
+    #[pyo3(signature = (cloud, probabilities = false, regularize = None, metres_per_unit = None, elevation_model = None, abstain = None, divided = true, settings = vec![], n_jobs = None))]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords are named on its own side")]
     fn classify<'py>(
         &self,
@@ -215,11 +239,14 @@ impl Model {
         elevation_model: Option<PathBuf>,
         abstain: Option<f64>,
         divided: bool,
+        settings: Vec<String>,
         n_jobs: Option<i64>,
     ) -> PyResult<Answer<'py>> {
         let cloud = Arc::clone(&cloud.inner);
         let regularise = method(regularize)?;
-        let own = if divided { self.inner.fitted.rules() } else { ClassRules::default() };
+        let changed = self.changed(&settings).map_err(raise)?;
+        let model = changed.as_ref().unwrap_or(&self.inner);
+        let own = if divided { model.fitted.rules() } else { ClassRules::default() };
         let rules = ClassRules { abstain: abstain.unwrap_or(own.abstain), ..own };
         rules.validate().map_err(raise)?;
         let found = call(py, n_jobs, |monitor| {
@@ -232,7 +259,7 @@ impl Model {
                 statistics: None,
                 rules: Some(rules),
             };
-            recipes::classify(&cloud, &self.inner, &params, monitor)
+            recipes::classify(&cloud, model, &params, monitor)
         })?;
         let misfit = self.builtin.then(|| recipes::builtin_misfit(&found)).flatten();
         let warnings = found.warnings.iter().chain(&misfit).map(|text| in_python(text)).collect();
@@ -272,5 +299,14 @@ impl Model {
 impl Model {
     fn of(model: scansion_core::Result<CoreModel>) -> PyResult<Self> {
         model.map(|inner| Self { inner, builtin: false }).map_err(raise)
+    }
+
+    /// The model with other settings; `None` if there are none.
+    fn changed(&self, settings: &[String]) -> scansion_core::Result<Option<CoreModel>> {
+        if settings.is_empty() {
+            return Ok(None);
+        }
+        let fitted = self.inner.fitted.with_settings(settings.iter().map(String::as_str))?;
+        Ok(Some(CoreModel { fitted, trained: self.inner.trained.clone() }))
     }
 }

@@ -36,6 +36,7 @@ pub(super) const TRAIN: &str = "Examples:
   scansion train a.laz -o my.model --map 3-4=5 --classes 2,5,6 --cross-validate 5
   scansion train street.laz --weak --weak-labels picked.csv -o street.model           a few labels per class
   scansion train a.laz --recipe objects -o objects.model                              classifies segments
+  scansion train streets.laz --add-cars-to built-in --cars 64 -o cars.model           finds cars as well
 
 scansion model show my.model --recipe prints all settings that --set and --recipe know.";
 

@@ -88,6 +88,15 @@ pub(crate) struct Train {
     /// Write this file from time to time, and go on from it if it exists, to the same model (recipes unet, windows)
     #[arg(long, value_name = "FILE")]
     pub(crate) checkpoint: Option<PathBuf>,
+    /// Instead of training a new model, teach this one (recipe airborne) to find cars, whose code in the labels is --cars;
+    /// what it says about other points stays. `classify` leaves cars unclassified
+    #[arg(long, value_name = "MODEL", requires = "cars", conflicts_with_all = ["recipe", "set", "seed", "weak", "weak_labels",
+        "classifier", "per_class", "grid_strength", "elevation_model", "edges", "synthetic", "checkpoint", "cross_validate",
+        "block", "grid", "grid_depth"])]
+    pub(crate) add_cars_to: Option<PathBuf>,
+    /// The code of cars in the labels; all other codes are other things
+    #[arg(long, value_name = "CODE", value_parser = class_code, requires = "add_cars_to")]
+    pub(crate) cars: Option<u8>,
     /// Also evaluate the recipe by k-fold cross-validation on squares of the clouds
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(2..=20))]
     pub(crate) cross_validate: Option<u8>,

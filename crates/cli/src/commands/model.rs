@@ -53,6 +53,10 @@ fn table(model: &ModelFile, ranked: &[(&str, f64)]) -> String {
         let list: Vec<String> = given.classes().iter().map(|class| format!("{} {}", class.code, class.name)).collect();
         let _ = writeln!(text, "\nclassify writes: {}", list.join(", "));
     }
+    if let Some(cars) = &trained.cars {
+        let parts: Vec<String> = cars.parts().iter().map(|p| format!("{} {}", p.count, p.kind)).collect();
+        let _ = writeln!(text, "cars are found, and left unclassified: {}, {}", cars.kind().name(), parts.join(", "));
+    }
     let _ = writeln!(text, "\nmost important features (share of what the splits gained)");
     for (name, importance) in ranked.iter().take(20) {
         let bar = "#".repeat((importance * 400.0).round().clamp(0.0, 60.0) as usize);
@@ -83,6 +87,7 @@ fn json(model: &ModelFile, ranked: &[(&str, f64)]) -> Result<String, Failure> {
         "samples": model.trained.fingerprint.class_counts,
         "density": model.trained.fingerprint.density,
         "regularisation": regularisation(model),
+        "cars": model.trained.cars.is_some(),
         "features": ranked.iter().map(|(name, importance)| serde_json::json!({"name": name, "importance": importance})).collect::<Vec<_>>(),
         "recipe": model.fitted.recipe().to_toml()?,
     });

@@ -8,14 +8,18 @@ use scansion_core::Error;
 use scansion_core::cloud::Cloud;
 use scansion_core::io::{self, Columns, run};
 use scansion_core::recipes::{
-    AnyRecipe, ClassCount, ContoursRecipe, EdgeLines, Grid, LabelFile, LabelledCloud, Labels, Model, PickedCloud,
-    Picking, Report, SearchParams, SearchReport, TrainOptions, edge_labels, labelled_scenes, search,
+    AnyRecipe, CarReport, CarTraining, ClassCount, ContoursRecipe, EdgeLines, Grid, LabelFile, LabelledCloud, Labels,
+    Model, PickedCloud, Picking, Report, SearchParams, SearchReport, TrainOptions, edge_labels, labelled_scenes,
+    search,
 };
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
     Model::check_output(&args.output)?;
+    if let (Some(model), Some(code)) = (&args.add_cars_to, args.cars) {
+        return add_cars(args, &sources::model(Some(model))?, code, context);
+    }
     let mut recipe = recipe(args)?;
     let mut options = TrainOptions {
         folds: args.cross_validate.map(usize::from),
@@ -54,6 +58,23 @@ pub(crate) fn run(args: &Train, context: &Context<'_>) -> Result<(), Failure> {
         Format::Json => json(&*report, searched.as_ref())?,
         Format::Csv => class_csv(report.classes(), report.unit()),
         Format::Table => searched.map(|search| search.text()).unwrap_or_default() + &table(&*report, &args.output),
+    })
+}
+
+/// Writes the model with a classifier of cars, whose code in the labels is `code`.
+fn add_cars(args: &Train, model: &Model, code: u8, context: &Context<'_>) -> Result<(), Failure> {
+    let clouds = read_all(args, &model.fitted.recipe(), context)?;
+    let training = CarTraining { code, ..CarTraining::default() };
+    let (model, report) = model.with_cars(&clouds, &training, &context.monitor)?;
+    model.save(&args.output)?;
+    let CarReport { points, cars, others } = report;
+    context.printer.data(&match context.printer.format {
+        Format::Json => serde_json::to_string_pretty(&report).map_err(|e| Error::input(format!("report: {e}")))?,
+        Format::Csv => format!("points,cars,others\n{points},{cars},{others}\n"),
+        Format::Table => format!(
+            "{points} points of cars; learned from {cars} samples of cars and {others} of other things\nmodel: {}",
+            args.output.display()
+        ),
     })
 }
 

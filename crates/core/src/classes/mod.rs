@@ -75,6 +75,11 @@ impl ClassTable {
         &self.classes
     }
 
+    /// Their codes, ascending.
+    pub fn codes(&self) -> Vec<u8> {
+        self.classes.iter().map(|class| class.code).collect()
+    }
+
     /// Number of classes.
     pub fn len(&self) -> usize {
         self.classes.len()

@@ -78,7 +78,7 @@ impl Confusion {
     /// The same matrix with the class names of a code scheme, and names of their own.
     #[must_use]
     pub fn named(self, scheme: CodeScheme, own: &ClassNames) -> Self {
-        let codes: Vec<u8> = self.classes.classes().iter().map(|c| c.code).collect();
+        let codes = self.classes.codes();
         Self { classes: ClassTable::named(&codes, scheme, own), ..self }
     }
 

@@ -17,6 +17,9 @@ pub struct Trained {
     pub fingerprint: Fingerprint,
     /// The classifier.
     pub classifier: Classifier,
+    /// Says of vegetation and buildings how much they are like cars, from the features of `classifier`; its two classes
+    /// are others and cars.
+    pub cars: Option<Classifier>,
     /// The classifier whose probabilities are features of `classifier`, if there are two stages.
     pub first: Option<FirstStage>,
     /// The parameters, in the order of their names, of the network that gives the features, if one does.
@@ -80,6 +83,13 @@ impl Trained {
             )));
         }
         check_print(print, &self.classifier)?;
+        if let Some([cars_width, cars_classes]) = self.cars.as_ref().map(|cars| [cars.width(), cars.classes()])
+            && [cars_width, cars_classes] != [width, 2]
+        {
+            return Err(Error::input(format!(
+                "a classifier of cars of {cars_width} features and {cars_classes} classes (allowed: {width} and 2)"
+            )));
+        }
         if let Some(FirstStage { feature_names, classifier, fingerprint }) = &self.first {
             let found = [feature_names.len(), classifier.width(), classifier.classes()];
             if found != [classifier.width(), classifier.width(), classes] {

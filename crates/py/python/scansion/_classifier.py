@@ -18,6 +18,7 @@ from scansion._cloud import PointCloud, as_cloud
 from scansion._labels import classes_of, encoded, is_text, listed, signed, texts
 from scansion._model_file import has_text, mark_text
 from scansion._progress import Progress, following
+from scansion._settings import dotted_settings
 from scansion._settings import recipe as read_recipe
 from scansion._settings import seed
 
@@ -109,6 +110,7 @@ class PointClassifier(Classifier):
     recipe_: str
     report_: dict[str, Any]
     regularisation_: dict[str, Any] | None
+    cars_report_: dict[str, Any]
 
     def __init__(
         self,
@@ -239,6 +241,48 @@ class PointClassifier(Classifier):
             warnings.warn(note, stacklevel=2)
         return self
 
+    def add_cars(self: Self, clouds: Any, labels: Any = None, *, code: int, progress: Progress = None) -> Self:
+        """Teaches the fitted model, one of the recipe airborne, to find cars; what it says about other points stays.
+
+        `classify` leaves cars unclassified. Only points that the model takes for vegetation or buildings, 0.2 to 3 m above the
+        ground, are learned from and looked at. As ``scansion train --add-cars-to``.
+
+        Parameters
+        ----------
+        clouds, labels
+            As in `fit`; numbers only.
+        code : int
+            The code of cars, 0..255; all others are other things.
+        progress : bool or callable, optional
+            Show the progress, as `scansion.progress`.
+
+        Raises
+        ------
+        ValueError
+            If the model is of another recipe, or there are no cars, or nothing else, among these points.
+
+        Examples
+        --------
+        >>> from scansion import PointClassifier
+        >>> model = PointClassifier.default()
+        >>> model.add_cars("streets.laz", code=64).classify("other.laz")  # doctest: +SKIP
+        """
+        self._check_is_fitted()
+        clouds, given = _listed_clouds(clouds, labels)
+        if any(y is not None and is_text(y) for y in given):
+            raise ValueError("labels: found text, expected codes")
+        reading = Reading(_core.recipe_columns(self.recipe_, []), self.class_map, listed=self.unlabelled is None)
+        prepared = [_labelled(cloud, y, reading) for cloud, y in zip(clouds, given, strict=True)]
+        unlabelled = None if self.unlabelled is None else listed(list(self.unlabelled))
+        with following(progress):
+            model, report = self._model.with_cars(
+                [cloud._core for cloud in prepared], LABELS, self.class_map, code, unlabelled, self.n_jobs
+            )
+        self._model = model
+        self.recipe_ = model.recipe()
+        self.cars_report_ = json.loads(report)
+        return self
+
     def _known(self, given: list[Any]) -> tuple[list[Any], list[str], bytes | None]:
         """Labels as numbers; the names of the codes if they were text; the codes that mean "unlabelled"."""
         asked = None if self.unlabelled is None else list(self.unlabelled)
@@ -260,6 +304,7 @@ class PointClassifier(Classifier):
         elevation_model: str | os.PathLike[str] | None = None,
         abstain: float | None = None,
         divided: bool = True,
+        settings: Mapping[str, Any] | None = None,
         progress: Progress = None,
     ) -> Classified:
         """Class, confidence and entropy of every point.
@@ -280,6 +325,8 @@ class PointClassifier(Classifier):
         divided : bool
             Apply the rules of the recipe: the built-in model's vegetation becomes low, medium and high
             (3, 4, 5), isolated points noise (7, 18). Otherwise, as in `predict`, only ``codes_`` occur.
+        settings : mapping, optional
+            Settings of the model's recipe to change, e.g. ``{"classes.cars.points": 0}``, which looks for no cars.
         progress : bool or callable, optional
             Show the progress, as `scansion.progress`.
         """
@@ -288,7 +335,15 @@ class PointClassifier(Classifier):
         grid = _path(elevation_model)
         with following(progress):
             found = self._model.classify(
-                points._core, probabilities, regularize, metres_per_unit, grid, abstain, divided, self.n_jobs
+                points._core,
+                probabilities,
+                regularize,
+                metres_per_unit,
+                grid,
+                abstain,
+                divided,
+                dotted_settings(settings or {}),
+                self.n_jobs,
             )
         for note in found[4]:
             warnings.warn(note, stacklevel=2)

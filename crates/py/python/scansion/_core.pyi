@@ -188,6 +188,15 @@ class Model:
         checkpoint: str | None = None,
         n_jobs: int | None = None,
     ) -> tuple[Model, str]: ...
+    def with_cars(
+        self,
+        clouds: list[Cloud],
+        dimension: str,
+        map: str,
+        code: int,
+        unlabelled: bytes | None = None,
+        n_jobs: int | None = None,
+    ) -> tuple[Model, str]: ...
     @staticmethod
     def default() -> Model: ...
     @staticmethod
@@ -205,6 +214,7 @@ class Model:
         elevation_model: str | None = None,
         abstain: float | None = None,
         divided: bool = True,
+        settings: list[str] = ...,
         n_jobs: int | None = None,
     ) -> tuple[
         NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32] | None, list[str]

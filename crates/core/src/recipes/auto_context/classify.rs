@@ -4,10 +4,12 @@ use super::AutoContextRecipe;
 use crate::cloud::{MetricCloud, Points};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
-use crate::recipes::classify::predict::{CloudPredictor, ContextColumns};
+use crate::recipes::classify::candidates::Candidates;
+use crate::recipes::classify::predict::{CloudPredictor, ContextColumns, Group, Rating};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, Regularise, regularise};
 use crate::recipes::system::System;
+use crate::recipes::trained::Trained;
 use crate::terrain::filtered_heights;
 use crate::voxels::planar_density;
 
@@ -28,30 +30,48 @@ pub(super) fn heights(
 
 pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Monitor) -> Result<Classified> {
     let model = job.model;
-    let Some(first) = &model.first else {
-        return Err(Error::ModelMismatch(format!("a model of the recipe {} needs a first classifier", recipe.name())));
-    };
     let points = job.scene.points(monitor)?;
     let heights = heights(job.scene, &points, recipe, monitor)?;
     let density = planar_density(&points.positions, monitor)?;
     drop(points);
     let scene = MetricCloud { heights: Some(&heights), ..job.scene.clone() };
-    let rated = CloudPredictor::new(&scene, &recipe.features, first.stage(), monitor)?.by_voxel(recipe.rated_voxel);
-    let first = rated.of_cloud(scene.cloud.len(), monitor)?;
+    let (first, rated) = first_stage(recipe, model, &scene, monitor)?;
     let fit = first.fit.shares();
-    let codes: Vec<u8> = model.classes.classes().iter().map(|class| class.code).collect();
+    let codes = model.classes.codes();
     let context = ContextColumns { probabilities: &first.probabilities, params: &recipe.context, codes: &codes };
-    let second = rated.second(&scene, model.stage(), context, monitor)?;
+    let second =
+        rated.second(&scene, model.stage(), context, monitor)?.with_candidates(Candidates::to_rate(model, &heights)?);
+    let mut cars = vec![0.0; if model.cars.is_some() { scene.cloud.len() } else { 0 }];
     if job.regularise.method == Regularise::None {
         let mut result = Classified::unknown(scene.cloud.len(), model, job.params.probabilities);
-        let own = second.run(|points, rows| result.place(points, rows, model), monitor)?;
+        let place = |group: &Group| {
+            result.place(&group.points, &group.probabilities, model);
+            group.place_cars(&mut cars, |point| point as usize);
+        };
+        let own = second.run(place, monitor)?;
         result.density = density;
         result.warnings = job.warnings(density, monitor)?;
-        return Ok(result.compared(fit.or(own.shares())));
+        return Ok(Classified { cars, ..result }.compared(fit.or(own.shares())));
     }
     let points = job.scene.points(monitor)?;
-    let values = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?.probabilities;
-    let given = Probabilities { values: &values, classes: codes.len() };
-    let found = regularise(&points.positions, given, job.regularise, monitor)?;
-    Ok(job.decided(&points, &found, monitor)?.compared(fit))
+    let found = second.of_points(&points.frame.rows(scene.cloud.len()), points.len(), monitor)?;
+    points.frame.index.iter().zip(&found.cars).for_each(|(&point, &car)| cars[point as usize] = car);
+    let given = Probabilities { values: &found.probabilities, classes: codes.len() };
+    let labels = regularise(&points.positions, given, job.regularise, monitor)?;
+    Ok(Classified { cars, ..job.decided(&points, &labels, monitor)? }.compared(fit))
+}
+
+/// What the first stage of a model says about each point of a cloud with heights, and the features of the cloud, for the
+/// second stage.
+pub(super) fn first_stage<'a>(
+    recipe: &AutoContextRecipe,
+    model: &'a Trained,
+    scene: &MetricCloud<'a>,
+    monitor: &Monitor,
+) -> Result<(Rating, CloudPredictor<'a>)> {
+    let Some(first) = &model.first else {
+        return Err(Error::ModelMismatch(format!("a model of the recipe {} needs a first classifier", recipe.name())));
+    };
+    let rated = CloudPredictor::new(scene, &recipe.features, first.stage(), monitor)?.by_voxel(recipe.rated_voxel);
+    Ok((rated.of_cloud(scene.cloud.len(), monitor)?, rated))
 }

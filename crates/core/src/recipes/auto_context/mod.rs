@@ -5,14 +5,17 @@
 //! TPAMI 32(10), 2010, doi:10.1109/TPAMI.2009.186. `docs/airborne.md` says what is taken from where, and what each step
 //! gains.
 
+mod cars;
 mod classify;
 mod folds;
 mod report;
 mod train;
 
+pub(in crate::recipes) use cars::CarLessons;
+pub use cars::{CarReport, CarTraining};
 pub use report::AutoContextReport;
 
-use super::classify::rules::{ClassRules, LevelParams, WireParams};
+use super::classify::rules::{CarParams, ClassRules, LevelParams, WireParams};
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams, automatic};
@@ -135,6 +138,7 @@ impl Default for AutoContextRecipe {
                 lowest_building: 0.3,
                 level: LevelParams::default(),
                 wires: WireParams::default(),
+                cars: CarParams::default(),
                 isolated: 5,
                 ..ClassRules::default()
             },

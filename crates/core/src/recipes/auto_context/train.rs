@@ -60,6 +60,7 @@ pub(super) fn train(
     let [a, b] = halves;
     let trained = Trained {
         network: None,
+        cars: None,
         first: Some(FirstStage {
             fingerprint: Some(Fingerprint::of(&first.samples(&sources), density)),
             feature_names: first.names,
@@ -116,10 +117,35 @@ struct StageSamples {
 }
 
 /// A source as it is described: with heights above the ground, and without some of its columns.
-struct Prepared<'a> {
-    scene: MetricCloud<'a>,
+pub(super) struct Prepared<'a> {
+    pub(super) scene: MetricCloud<'a>,
     points: Points,
     squares: Squares<'a>,
+}
+
+/// How a source is prepared.
+pub(super) struct Preparation<'a> {
+    pub(super) recipe: &'a AutoContextRecipe,
+    /// Seed of the choice of squares without optional columns.
+    pub(super) seed: u64,
+}
+
+impl Preparation<'_> {
+    /// Calls `work` with a prepared source.
+    pub(super) fn with<T>(
+        &self,
+        scene: &MetricCloud<'_>,
+        monitor: &Monitor,
+        work: impl FnOnce(&Prepared<'_>) -> Result<T>,
+    ) -> Result<T> {
+        let squares = Squares { params: &self.recipe.folds, metres: scene.metres, seed: self.seed };
+        let changed = squares.with_missing(scene, &self.recipe.columns())?;
+        let cloud = changed.as_ref().unwrap_or(scene.cloud);
+        let points = scene.points(monitor)?;
+        let heights = heights(scene, &points, self.recipe, monitor)?;
+        let scene = MetricCloud { cloud, heights: Some(&heights), ..scene.clone() };
+        work(&Prepared { scene, points, squares })
+    }
 }
 
 impl StageSamples {
@@ -164,17 +190,10 @@ impl StageSamples {
 impl Lessons<'_> {
     /// Calls `work` with each source.
     fn each(&self, monitor: &Monitor, mut work: impl FnMut(&SampleSource, &Prepared<'_>) -> Result<()>) -> Result<()> {
-        let columns = self.recipe.columns();
         for (number, source) in self.sources.list.iter().enumerate() {
+            let preparation = Preparation { recipe: self.recipe, seed: self.recipe.seed.wrapping_add(number as u64) };
             source.with_scene(self.data, monitor, |scene| {
-                let seed = self.recipe.seed.wrapping_add(number as u64);
-                let squares = Squares { params: &self.recipe.folds, metres: scene.metres, seed };
-                let changed = squares.with_missing(scene, &columns)?;
-                let cloud = changed.as_ref().unwrap_or(scene.cloud);
-                let points = scene.points(monitor)?;
-                let heights = heights(scene, &points, self.recipe, monitor)?;
-                let scene = MetricCloud { cloud, heights: Some(&heights), ..scene.clone() };
-                work(source, &Prepared { scene, points, squares })
+                preparation.with(scene, monitor, |prepared| work(source, prepared))
             })?;
         }
         Ok(())
@@ -217,7 +236,7 @@ impl Lessons<'_> {
         halves: &[Forest; 2],
         monitor: &Monitor,
     ) -> Result<(StageSamples, u64)> {
-        let codes: Vec<u8> = self.sources.classes.classes().iter().map(|class| class.code).collect();
+        let codes = self.sources.classes.codes();
         let kept = self.kept(&first.names);
         let own = kept.iter().map(|&column| first.names[column].clone());
         let mut described = StageSamples {

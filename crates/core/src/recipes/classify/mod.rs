@@ -1,5 +1,6 @@
 //! What classification by every recipe has in common: its parameters, its result, the comparison with the training.
 
+pub(in crate::recipes) mod candidates;
 pub(in crate::recipes) mod predict;
 pub(in crate::recipes) mod rules;
 pub(in crate::recipes) mod statistics;
@@ -64,6 +65,9 @@ pub struct Classified {
     pub entropy: Vec<f32>,
     /// Row-major `points x classes`, if requested.
     pub probabilities: Option<Vec<f32>>,
+    /// The probability of each point to be a car, 0..1; 0 for points that the model names ground or that are not 0.2 to
+    /// 3 m above it. Empty if the model does not know cars.
+    pub cars: Vec<f32>,
     /// How the features compare with those of the training, if that was looked at.
     pub fit: Option<FeatureFit>,
     /// Points per square metre of covered ground.
@@ -200,6 +204,7 @@ impl Classified {
             confidence: vec![0.0; points],
             entropy: vec![(classes as f32).ln(); points],
             probabilities: probabilities.then(|| vec![1.0 / classes as f32; points * classes]),
+            cars: Vec::new(),
             fit: None,
             density: 0.0,
             warnings: Vec::new(),

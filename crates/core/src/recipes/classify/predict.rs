@@ -9,6 +9,7 @@ use crate::features::{
 };
 use crate::parallel::{Monitor, map_ordered_with};
 use crate::recipes::classify::FeatureFit;
+use crate::recipes::classify::candidates::{Candidates, Found, Rows};
 use crate::recipes::trained::Stage;
 
 /// Number of blocks that are classified together: the more rows share a path through a tree, the cheaper it is.
@@ -28,6 +29,8 @@ pub(in crate::recipes) struct CloudPredictor<'a> {
     beside: Beside<'a>,
     /// Of each voxel, the only point that is rated; empty if all points are.
     middles: Vec<Middle>,
+    /// Points that may be cars, if cars are looked for.
+    candidates: Option<Candidates<'a>>,
 }
 
 /// Columns beside those of the tiles.
@@ -144,6 +147,8 @@ impl Fit {
 pub(in crate::recipes) struct Rating {
     /// Class probabilities, row-major.
     pub(in crate::recipes) probabilities: Vec<f32>,
+    /// The probability of each point to be a car, 0 for those that are no candidates; empty if cars were not looked for.
+    pub(in crate::recipes) cars: Vec<f32>,
     /// How the features compare with those of the training.
     pub(in crate::recipes) fit: Fit,
 }
@@ -152,12 +157,25 @@ pub(in crate::recipes) struct Rating {
 pub(in crate::recipes) const LOOKED_AT: u32 = 16;
 
 /// Points of a group of blocks and their class probabilities.
-struct Group {
-    points: Vec<u32>,
-    probabilities: Vec<f32>,
+pub(in crate::recipes) struct Group {
+    /// Indices in the cloud.
+    pub(in crate::recipes) points: Vec<u32>,
+    /// Row-major.
+    pub(in crate::recipes) probabilities: Vec<f32>,
+    /// Those that may be cars.
+    pub(in crate::recipes) candidates: Found,
     /// Rows of the extractor that need a wider margin.
     loose: Vec<usize>,
     fit: Fit,
+}
+
+impl Group {
+    /// Puts the probability that it is a car at the place of each candidate.
+    pub(in crate::recipes) fn place_cars(&self, cars: &mut [f32], place: impl Fn(u32) -> usize) {
+        for (&candidate, &car) in self.candidates.places.iter().zip(&self.candidates.cars) {
+            cars[place(self.points[candidate as usize])] = car;
+        }
+    }
 }
 
 /// Points of a part, and what a first classifier says about their surroundings.
@@ -173,6 +191,7 @@ struct Workspace {
     rows: Vec<f32>,
     context: Vec<f32>,
     classifier: ClassifierScratch,
+    cars: ClassifierScratch,
 }
 
 impl<'a> CloudPredictor<'a> {
@@ -201,6 +220,7 @@ impl<'a> CloudPredictor<'a> {
             training: stage.training,
             beside: Beside::Nothing,
             middles: Vec::new(),
+            candidates: None,
         })
     }
 
@@ -215,7 +235,15 @@ impl<'a> CloudPredictor<'a> {
         monitor: &Monitor,
     ) -> Result<Self> {
         let (tiles, classifier) = (Tiles::prepare(scene, set, Wanted::All, monitor)?, first.classifier);
-        Ok(Self { tiles, classifier, names: &[], training: None, beside: Beside::First(first), middles: Vec::new() })
+        Ok(Self {
+            tiles,
+            classifier,
+            names: &[],
+            training: None,
+            beside: Beside::First(first),
+            middles: Vec::new(),
+            candidates: None,
+        })
     }
 
     /// The same points for the second of two classifiers, whose columns are features of the set, then those of the
@@ -240,6 +268,7 @@ impl<'a> CloudPredictor<'a> {
             training: stage.training,
             beside: Beside::Context(context),
             middles: Vec::new(),
+            candidates: None,
         })
     }
 
@@ -248,6 +277,11 @@ impl<'a> CloudPredictor<'a> {
     pub(in crate::recipes) fn by_voxel(self, edge: f64) -> Self {
         let middles = if edge > 0.0 { self.tiles.middles(edge) } else { Vec::new() };
         Self { middles, ..self }
+    }
+
+    /// Looks for points that may be cars as well.
+    pub(in crate::recipes) fn with_candidates(self, candidates: Option<Candidates<'a>>) -> Self {
+        Self { candidates, ..self }
     }
 
     /// Gives each point the probabilities of the point in the middle of its voxel.
@@ -270,14 +304,14 @@ impl<'a> CloudPredictor<'a> {
     pub(in crate::recipes) fn of_cloud(&self, points: usize, monitor: &Monitor) -> Result<Rating> {
         let classes = self.classifier.classes();
         let mut values = vec![0.0; points * classes];
-        let place = |points: &[u32], rows: &[f32]| {
-            for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
+        let place = |group: &Group| {
+            for (&point, row) in group.points.iter().zip(group.probabilities.chunks_exact(classes)) {
                 values[point as usize * classes..][..classes].copy_from_slice(row);
             }
         };
         let fit = self.run(place, monitor)?;
         self.spread(&mut values, |point| point as usize);
-        Ok(Rating { probabilities: values, fit })
+        Ok(Rating { probabilities: values, cars: Vec::new(), fit })
     }
 
     /// Class probabilities of `rows` points, row-major; `row_of` is the row of each point of the cloud.
@@ -287,23 +321,25 @@ impl<'a> CloudPredictor<'a> {
     pub(in crate::recipes) fn of_points(&self, row_of: &[u32], rows: usize, monitor: &Monitor) -> Result<Rating> {
         let classes = self.classifier.classes();
         let mut values = vec![0.0; rows * classes];
-        let place = |points: &[u32], rows: &[f32]| {
-            for (&point, row) in points.iter().zip(rows.chunks_exact(classes)) {
-                values[row_of[point as usize] as usize * classes..][..classes].copy_from_slice(row);
+        let mut cars = vec![0.0; if self.candidates.is_some() { rows } else { 0 }];
+        let row = |point: u32| row_of[point as usize] as usize;
+        let place = |group: &Group| {
+            for (&point, own) in group.points.iter().zip(group.probabilities.chunks_exact(classes)) {
+                values[row(point) * classes..][..classes].copy_from_slice(own);
             }
+            group.place_cars(&mut cars, row);
         };
         let fit = self.run(place, monitor)?;
-        self.spread(&mut values, |point| row_of[point as usize] as usize);
-        Ok(Rating { probabilities: values, fit })
+        self.spread(&mut values, row);
+        Ok(Rating { probabilities: values, cars, fit })
     }
 
-    /// Gives `sink` the points of each group, as indices in the cloud, and their class probabilities, row-major. A point
-    /// may be given more than once; its last probabilities are the valid ones. Returns how the features compare with
+    /// Gives `sink` each group of points. A point may be given more than once; what is given last is valid. Returns how the features compare with
     /// those of the training.
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&[u32], &[f32]), monitor: &Monitor) -> Result<Fit> {
+    pub(in crate::recipes) fn run(&self, mut sink: impl FnMut(&Group), monitor: &Monitor) -> Result<Fit> {
         let rated = self.rated();
         monitor.stage("classify", if rated.is_empty() { self.tiles.len() } else { self.middles.len() } as u64);
         let (mut around, mut fit) = (None, Fit::default());
@@ -322,7 +358,7 @@ impl<'a> CloudPredictor<'a> {
                 let part = Part { extractor, context: around.as_ref().map(|(_, context)| context) };
                 let mut sink = |group: &Group| {
                     fit.add(group.fit);
-                    sink(&group.points, &group.probabilities);
+                    sink(group);
                 };
                 self.all_blocks(&part, &mut sink, monitor)
             },
@@ -395,6 +431,13 @@ impl<'a> CloudPredictor<'a> {
             let looked_at = points.iter().zip(rows).filter(|(point, _)| *point % LOOKED_AT == 0);
             looked_at.for_each(|(_, row)| fit.look(row, training));
         }
-        Ok(Group { points, probabilities, loose, fit })
+        let candidates = match &self.candidates {
+            Some(wanted) => {
+                let rows = Rows { points: &points, features: &work.rows, probabilities: &probabilities };
+                wanted.among(rows, &mut work.cars)?
+            }
+            None => Found::default(),
+        };
+        Ok(Group { points, probabilities, candidates, loose, fit })
     }
 }

@@ -59,6 +59,7 @@ pub(super) fn train(
         feature_names: VALUE_NAMES.iter().map(|&name| name.to_string()).collect(),
         fingerprint: Fingerprint::of(&samples, density(&data, monitor)?),
         classifier,
+        cars: None,
         first: Some(FirstStage {
             feature_names: points.feature_names,
             classifier: points.classifier,

@@ -4,6 +4,7 @@
 //! zeros in the place of the checksum.
 
 pub(in crate::recipes) mod any;
+mod cars;
 mod classify;
 mod contours;
 mod papers;
@@ -15,8 +16,8 @@ use self::any::AnyFitted;
 use super::system::{Fitted, System, TrainingResult};
 use super::trained::{FirstStage, Trained};
 use crate::classes::ClassTable;
-use crate::classification::ClassifierKind;
 use crate::classification::arrays::{Reader, malformed, print_arrays};
+use crate::classification::{Classifier, ClassifierKind};
 use crate::error::{Error, Result};
 use crate::io::{atomic, is_cloud_name, open};
 use crate::nn::parameters::{Parameter, Parameters};
@@ -28,10 +29,12 @@ use std::path::Path;
 
 /// Newest version of the file format that can be read. Version 1 has only forests, version 2 other classifiers too;
 /// version 3 has what was learned besides the classifier, version 4 a first classifier, version 5 a network or a linear
-/// classifier. The lowest possible one is written.
-const VERSION: u64 = 5;
+/// classifier, version 6 a classifier of cars. The lowest possible one is written.
+const VERSION: u64 = 6;
 /// What the names of the arrays of the first classifier begin with.
 const FIRST: &str = "first_";
+/// What the names of the arrays of the classifier of cars begin with.
+const CARS: &str = "cars_";
 /// What the names of the arrays of the network begin with.
 const NETWORK: &str = "network_";
 const FORMAT: &str = "scansion model";
@@ -71,6 +74,9 @@ struct Header {
     features: Vec<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     first: Option<FirstHeader>,
+    /// The kind of the classifier of cars, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cars: Option<ClassifierKind>,
     /// Whether there is a network.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     network: bool,
@@ -114,8 +120,9 @@ impl Model {
         let header = Header {
             format: FORMAT.into(),
             version: match (&self.trained.first, learned.is_empty(), self.trained.classifier.kind()) {
-                _ if self.trained.network.is_some() => VERSION,
-                (.., ClassifierKind::Linear) => VERSION,
+                _ if self.trained.cars.is_some() => VERSION,
+                _ if self.trained.network.is_some() => 5,
+                (.., ClassifierKind::Linear) => 5,
                 (Some(_), ..) => 4,
                 (None, false, _) => 3,
                 (None, true, ClassifierKind::Forest) => 1,
@@ -132,6 +139,7 @@ impl Model {
                 classifier: first.classifier.kind(),
                 features: first.feature_names.clone(),
             }),
+            cars: self.trained.cars.as_ref().map(Classifier::kind),
             network: self.trained.network.is_some(),
         };
         let refused = |e: &dyn std::fmt::Display| Error::input(format!("model cannot be written: {e}"));
@@ -139,7 +147,9 @@ impl Model {
         let mut arrays = self.trained.classifier.arrays();
         arrays.extend(print_arrays(&self.trained.fingerprint));
         let first = self.trained.first.as_ref().map(FirstStage::arrays).unwrap_or_default();
+        let cars = self.trained.cars.as_ref().map(Classifier::arrays).unwrap_or_default();
         let named = arrays.iter().map(|array| ("", array)).chain(first.iter().map(|array| (FIRST, array)));
+        let named = named.chain(cars.iter().map(|array| (CARS, array)));
         let views = named.map(|(prefix, (name, dtype, len, bytes))| {
             let view = TensorView::new(*dtype, vec![*len], bytes).map_err(|e| refused(&e))?;
             Ok((format!("{prefix}{name}"), view))
@@ -176,7 +186,7 @@ impl Model {
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
         let header = read_header(bytes, path)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(|e| malformed(path, "arrays", e, "safetensors"))?;
-        let reader = Reader { path, tensors, prefix: "" };
+        let mut reader = Reader { path, tensors, prefix: "" };
         let (width, classes) = (header.features.len(), header.classes.len());
         if !(1..=65_534).contains(&width) || classes == 0 {
             return Err(malformed(
@@ -189,10 +199,12 @@ impl Model {
         let fingerprint = reader.fingerprint(width, classes)?;
         let classifier = reader.classifier(header.classifier, width, classes)?;
         let network = if header.network { Some(network_of(&reader)?) } else { None };
+        reader.prefix = CARS;
+        let cars = header.cars.map(|kind| reader.classifier(kind, width, 2)).transpose()?;
         let first = header.first.as_ref().map(|first| first_of(first, reader, classes)).transpose()?;
         let fitted = fitted_of(&header, path)?;
         let (classes, feature_names) = (header.classes, header.features);
-        let trained = Trained { classes, feature_names, fingerprint, classifier, first, network };
+        let trained = Trained { classes, feature_names, fingerprint, classifier, cars, first, network };
         trained.check_shape().map_err(|e| malformed(path, "features", e, "names that differ"))?;
         Ok(Self { fitted, trained })
     }
@@ -335,6 +347,7 @@ mod tests {
             feature_names: vec!["height".into(), "roughness \"r\"".into()],
             fingerprint: Fingerprint::of(samples, 7.5),
             classifier: Classifier::Forest(Forest::fit(samples, &params, &Monitor::default()).unwrap()),
+            cars: None,
             first: None,
             network: None,
         };
@@ -428,8 +441,8 @@ mod tests {
         let text = br#"\"version\":1"#;
         let place = find(&bytes, text).unwrap() + text.len() - 1;
         let mut newer = bytes;
-        newer[place] = b'6';
-        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 6")));
+        newer[place] = b'7';
+        assert!(matches!(read(&newer), Err(Error::Unsupported { reason, .. }) if reason.contains("version 7")));
     }
 
     #[test]

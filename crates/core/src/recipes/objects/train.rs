@@ -60,6 +60,7 @@ pub(super) fn train(
     let report = report(&data, &studied, &Answer { classifier: &classifier, classes: &classes })?;
     let density = mean_density(studied.iter().map(|l| l.density));
     let trained = Trained {
+        cars: None,
         first: None,
         network: None,
         fingerprint: Fingerprint::of(&samples, density),

@@ -57,6 +57,7 @@ where
         warnings: sources.warnings,
     };
     let trained = Trained {
+        cars: None,
         first: None,
         network: None,
         fingerprint: Fingerprint::of(&samples, density(&data, monitor)?).select(&used),

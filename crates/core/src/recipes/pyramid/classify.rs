@@ -29,6 +29,6 @@ fn one_by_one(recipe: &PyramidRecipe, job: &Job<'_>, monitor: &Monitor) -> Resul
     result.density = planar_density(&job.scene.points(monitor)?.positions, monitor)?;
     result.warnings = job.warnings(result.density, monitor)?;
     let predictor = CloudPredictor::new(job.scene, &recipe.features, job.model.stage(), monitor)?;
-    let fit = predictor.run(|points, rows| result.place(points, rows, job.model), monitor)?;
+    let fit = predictor.run(|group| result.place(&group.points, &group.probabilities, job.model), monitor)?;
     Ok(result.compared(fit.shares()))
 }

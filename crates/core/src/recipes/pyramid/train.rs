@@ -46,6 +46,7 @@ pub(super) fn train(
         warnings: sources.warnings,
     };
     let trained = Trained {
+        cars: None,
         first: None,
         network: None,
         fingerprint: Fingerprint::of(&described.samples(), density(&data, monitor)?).select(&used),

@@ -91,6 +91,7 @@ impl System for HeightRecipe {
         let samples = Samples { features: &features, width: 1, labels: &labels, weights: None, classes: classes.len() };
         let forest = ForestParams { seed: self.seed, ..self.forest.clone() };
         let trained = Trained {
+            cars: None,
             first: None,
             network: None,
             fingerprint: Fingerprint::of(&samples, mean_density(densities.into_iter())),

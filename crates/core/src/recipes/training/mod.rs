@@ -60,6 +60,11 @@ impl<'a> TrainingData<'a> {
         Ok(Self { scenes, points })
     }
 
+    /// Number of points with this code.
+    pub(in crate::recipes) fn points_with(&self, code: u8) -> u64 {
+        self.points[usize::from(code)]
+    }
+
     /// Number of points without a label.
     pub(in crate::recipes) fn unlabelled(&self) -> u64 {
         self.scenes.iter().map(|scene| scene.labels.unlabelled).sum()

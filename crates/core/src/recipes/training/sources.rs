@@ -7,7 +7,7 @@ use crate::classification::sampling::balance;
 use crate::cloud::MetricCloud;
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
-use crate::random::stream;
+use crate::random::{Stream, stream};
 use crate::recipes::system::report::ClassCount;
 
 /// Samples of one cloud or thinned copy.
@@ -146,32 +146,12 @@ impl Gathering<'_> {
                         candidates(&thinned, &labels.select(kept), params, monitor)?
                     }
                 };
-                let candidates = self.limited(candidates, sources.len() as u64);
+                let random = stream(self.seed, 0x636f_7079 ^ (sources.len() as u64) << 32);
+                let candidates = limited(candidates, params.per_copy, random);
                 sources.push(SampleSource { cloud: c, copy, candidates });
             }
         }
         Ok(sources)
-    }
-
-    /// At most [`TrainingParams::per_copy`] random candidates a class, in their order.
-    fn limited(&self, candidates: Vec<Candidate>, source: u64) -> Vec<Candidate> {
-        let most = self.params.per_copy;
-        if most == 0 {
-            return candidates;
-        }
-        let mut left = [0u64; 256];
-        candidates.iter().for_each(|c| left[usize::from(c.code)] += 1);
-        let mut open = left.map(|count| count.min(most as u64));
-        let mut random = stream(self.seed, 0x636f_7079 ^ source << 32);
-        // Each candidate is chosen with the probability of those still wanted among those still to come.
-        let mut chosen = |c: &Candidate| {
-            let (left, open) = (&mut left[usize::from(c.code)], &mut open[usize::from(c.code)]);
-            let taken = random.uniform() * (*left as f64) < *open as f64;
-            *left -= 1;
-            *open -= u64::from(taken);
-            taken
-        };
-        candidates.into_iter().filter(|c| chosen(c)).collect()
     }
 
     /// The class balance of chapter 4.6.1 over all sources together; returns the sample weight of each code.
@@ -194,6 +174,25 @@ impl Gathering<'_> {
         codes.iter().zip(balance.weights).for_each(|(&code, weight)| weights[usize::from(code)] = weight);
         Ok(weights)
     }
+}
+
+/// At most `most` random candidates a class, in their order; 0: all.
+pub(in crate::recipes) fn limited(candidates: Vec<Candidate>, most: usize, mut random: Stream) -> Vec<Candidate> {
+    if most == 0 {
+        return candidates;
+    }
+    let mut left = [0u64; 256];
+    candidates.iter().for_each(|c| left[usize::from(c.code)] += 1);
+    let mut open = left.map(|count| count.min(most as u64));
+    // Each candidate is chosen with the probability of those still wanted among those still to come.
+    let mut chosen = |c: &Candidate| {
+        let (left, open) = (&mut left[usize::from(c.code)], &mut open[usize::from(c.code)]);
+        let taken = random.uniform() * (*left as f64) < *open as f64;
+        *left -= 1;
+        *open -= u64::from(taken);
+        taken
+    };
+    candidates.into_iter().filter(|c| chosen(c)).collect()
 }
 
 /// Number of samples by code.

@@ -88,6 +88,7 @@ pub(super) fn train(
         feature_names: names(training.net.width()),
         fingerprint: summary,
         classifier: Classifier::Linear(head),
+        cars: None,
         first: None,
         network: Some(parameters.sorted()),
     };

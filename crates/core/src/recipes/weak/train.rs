@@ -83,6 +83,7 @@ pub(super) fn train(
         warnings: warnings(&recipe, road_examples),
     };
     let trained = Trained {
+        cars: None,
         first: None,
         network: None,
         fingerprint: Fingerprint::of(&samples, density),

@@ -105,6 +105,7 @@ pub(super) fn train(
         classes: sources.classes,
         fingerprint: summary,
         classifier: Classifier::Linear(head),
+        cars: None,
         first: None,
         network: Some(parameters.sorted()),
     };

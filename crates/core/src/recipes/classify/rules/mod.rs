@@ -1,9 +1,11 @@
 //! What the classes of a model become in the end: vegetation by its height, buildings without height ground, isolated
-//! points noise, wires wires, and points that the model does not know or the surroundings contradict unclassified.
+//! points noise, wires wires, and cars and points that the model does not know or the surroundings contradict unclassified.
 
+mod cars;
 mod level;
 mod wires;
 
+pub use cars::CarParams;
 pub use level::LevelParams;
 pub use wires::WireParams;
 
@@ -15,6 +17,7 @@ use crate::recipes::classify::Classified;
 use crate::terrain::{HeightParams, heights_above};
 use crate::voxels::cells::Cells;
 use crate::voxels::rows::RowGrid;
+use cars::Named;
 use level::LevelRows;
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +49,8 @@ pub struct ClassRules {
     /// Vegetation, buildings (3 to 6) and unclassified points that are wires become wires (14). Only for models with the ASPRS classes 2 and 5,
     /// but not 14.
     pub wires: WireParams,
+    /// Vegetation and buildings (3 to 6) that are cars become unclassified. Only for models that know cars.
+    pub cars: CarParams,
     /// Points of less confidence become unclassified; 0..1.
     pub abstain: f64,
     /// Points with at most this many others in the 27 voxels around them become noise: low (7) below the ground, else
@@ -63,6 +68,7 @@ impl Default for ClassRules {
             lowest_building: 0.0,
             level: LevelParams::none(),
             wires: WireParams::none(),
+            cars: CarParams::none(),
             abstain: 0.0,
             isolated: 0,
             noise_voxel: 4.0,
@@ -86,6 +92,7 @@ impl ClassRules {
         }
         self.level.validate()?;
         self.wires.validate()?;
+        self.cars.validate()?;
         if !(self.noise_voxel > 0.0 && self.noise_voxel.is_finite()) {
             return Err(Error::parameter("classes.noise_voxel", self.noise_voxel, "metres, above 0"));
         }
@@ -144,7 +151,8 @@ impl ClassRules {
         monitor: &Monitor,
     ) -> Result<()> {
         let by_height = self.divides(classes) || self.finds_noise(classes) || self.lowers(classes);
-        if by_height || self.levels(classes) || self.finds_wires(classes) {
+        let cars = self.cars.points > 0 && !result.cars.is_empty();
+        if by_height || cars || self.levels(classes) || self.finds_wires(classes) {
             let points = scene.points(monitor)?;
             if !points.is_empty() {
                 self.by_surroundings(result, classes, &points, monitor)?;
@@ -188,6 +196,11 @@ impl ClassRules {
             let rows: Vec<u32> = (0..points.len() as u32).filter(high).collect();
             let wires = self.wires.among(&rows, points, monitor)?;
             wires.iter().for_each(|&row| result.codes[index[row as usize] as usize] = WIRE);
+        }
+        if !result.cars.is_empty() {
+            let (codes, cars, density) = (&result.codes, &result.cars, result.density);
+            let found = self.cars.among(&Named { points, codes, cars, heights: &heights, density }, monitor)?;
+            found.iter().for_each(|&row| result.codes[index[row as usize] as usize] = free);
         }
         Ok(())
     }

@@ -1,0 +1,387 @@
+//! Cars: groups of points that are like cars one by one, and have the size of cars and free ground around them.
+
+use super::{BUILDING, GROUND, LOW};
+use crate::cloud::Points;
+use crate::error::{Error, Result};
+use crate::graph::UnionFind;
+use crate::parallel::{Monitor, watched};
+use crate::voxels::cells::index::{CellIndex, Walk};
+use crate::voxels::cells::{Cells, cell_of};
+use serde::{Deserialize, Serialize};
+
+/// Spacings of the points to a cell, at least.
+const SPACINGS: f64 = 1.5;
+/// Directions within a quarter turn in which the smallest rectangle is looked for.
+const DIRECTIONS: u32 = 36;
+/// Share of the points beyond each side of the rectangle.
+const BEYOND: f64 = 0.02;
+
+/// What a group of cars is, standing alone or side by side. Only used by models that know cars.
+///
+/// Points that are like cars are put into cells in plan; occupied cells that touch, 8 neighbours a cell, are a group.
+/// Heights are above the ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CarParams {
+    /// Points of a group, at least. 0: no cars are looked for.
+    pub points: usize,
+    /// Least probability of a point of a group to be a car, 0..=1.
+    pub probability: f64,
+    /// Least mean of these probabilities, 0..=1.
+    pub mean_probability: f64,
+    /// Least edge of a cell, metres, above 0; clouds of less than 2.25 points per cell have cells of 1.5 point spacings.
+    pub cell: f64,
+    /// Least length of the smallest rectangle around the points, metres. Beside a wall or under a tree only a part of a
+    /// car is seen.
+    pub length: f64,
+    /// Its least width, metres.
+    pub width: f64,
+    /// Least and largest area of the cells of a group, square metres.
+    pub area: [f64; 2],
+    /// Least and largest height of the top, the 95th percentile, metres.
+    pub top: [f64; 2],
+    /// Least median of the heights, metres: less is a flower bed or a kerb.
+    pub middle: f64,
+    /// Least share of the cells around a group that hold ground, 0..=1.
+    pub ground_around: f64,
+    /// Largest share of them that hold other things higher than `thing`, 0..=1: cars stand free, bushes beside others.
+    pub things_around: f64,
+    /// Least height of such a thing, metres.
+    pub thing: f64,
+}
+
+impl Default for CarParams {
+    fn default() -> Self {
+        Self {
+            points: 12,
+            probability: 0.7,
+            mean_probability: 0.93,
+            cell: 0.5,
+            length: 2.0,
+            width: 1.0,
+            area: [2.5, 200.0],
+            top: [1.1, 2.9],
+            middle: 0.5,
+            ground_around: 0.4,
+            things_around: 0.35,
+            thing: 0.3,
+        }
+    }
+}
+
+/// Points with their classes so far.
+pub(super) struct Named<'a> {
+    pub(super) points: &'a Points,
+    /// Code of each point of the cloud.
+    pub(super) codes: &'a [u8],
+    /// Probability of each point of the cloud to be a car.
+    pub(super) cars: &'a [f32],
+    /// Height of each row above the ground, metres.
+    pub(super) heights: &'a [f32],
+    /// Points per square metre.
+    pub(super) density: f64,
+}
+
+/// What lies in a cell beside a group.
+#[derive(Clone, Copy, Debug, Default)]
+struct Around {
+    ground: bool,
+    things: bool,
+}
+
+/// Points that are like cars, by cells, and what lies beside them.
+struct Groups {
+    /// The points, as rows.
+    rows: Vec<u32>,
+    /// Places in `rows` by cell.
+    cells: Cells<[i32; 2]>,
+    /// The empty cells that touch them.
+    beside: CellIndex<[i32; 2]>,
+    around: Vec<Around>,
+    /// Edge of a cell, metres.
+    edge: f64,
+}
+
+impl Named<'_> {
+    fn at(&self, row: u32) -> usize {
+        self.points.frame.index[row as usize] as usize
+    }
+
+    /// The cell of a row, of cells with this edge.
+    fn cell(&self, row: u32, edge: f64) -> [i32; 2] {
+        let at = self.points.positions.xyz(row as usize);
+        cell_of([at[0], at[1]].map(|v| f64::from(v) / edge))
+    }
+}
+
+impl CarParams {
+    /// The same, but without effect.
+    pub fn none() -> Self {
+        Self { points: 0, ..Self::default() }
+    }
+
+    pub(super) fn validate(&self) -> Result<()> {
+        let shares = [
+            ("classes.cars.probability", self.probability),
+            ("classes.cars.mean_probability", self.mean_probability),
+            ("classes.cars.ground_around", self.ground_around),
+            ("classes.cars.things_around", self.things_around),
+        ];
+        for (name, share) in shares {
+            if !(0.0..=1.0).contains(&share) {
+                return Err(Error::parameter(name, share, "0 to 1"));
+            }
+        }
+        for (name, [low, high]) in [("classes.cars.area", self.area), ("classes.cars.top", self.top)] {
+            if !(low >= 0.0 && high >= low && high.is_finite()) {
+                return Err(Error::parameter(name, format!("[{low}, {high}]"), "two ascending numbers, 0 or more"));
+            }
+        }
+        let lengths = [
+            ("classes.cars.length", self.length),
+            ("classes.cars.width", self.width),
+            ("classes.cars.middle", self.middle),
+            ("classes.cars.thing", self.thing),
+        ];
+        for (name, value) in lengths {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(Error::parameter(name, value, "metres, 0 or more"));
+            }
+        }
+        match self.cell > 0.0 && self.cell.is_finite() {
+            true => Ok(()),
+            false => Err(Error::parameter("classes.cars.cell", self.cell, "metres, above 0")),
+        }
+    }
+
+    /// The rows of cars, by group. O(n).
+    pub(super) fn among(&self, named: &Named<'_>, monitor: &Monitor) -> Result<Vec<u32>> {
+        let mut found = Vec::new();
+        if self.points == 0 {
+            return Ok(found);
+        }
+        let groups = self.groups(named, monitor)?;
+        let roots = groups.roots(monitor)?;
+        let mut order: Vec<u32> = (0..groups.cells.len() as u32).collect();
+        order.sort_unstable_by_key(|&cell| (roots[cell as usize], cell));
+        for group in order.chunk_by(|&a, &b| roots[a as usize] == roots[b as usize]) {
+            monitor.check()?;
+            let rows: Vec<u32> = group.iter().flat_map(|&cell| groups.of(cell)).collect();
+            if self.are_free(&groups, group) && self.are_cars(named, &rows) {
+                found.extend(rows);
+            }
+        }
+        Ok(found)
+    }
+
+    /// The points that are like cars, and what the cells beside them hold.
+    fn groups(&self, named: &Named<'_>, monitor: &Monitor) -> Result<Groups> {
+        let edge = self.cell.max(SPACINGS / named.density.max(1e-6).sqrt());
+        let like = |row: u32| {
+            let point = named.at(row);
+            (LOW..=BUILDING).contains(&named.codes[point]) && f64::from(named.cars[point]) >= self.probability
+        };
+        let all = named.points.len();
+        let mut rows = Vec::new();
+        for piece in watched(all, monitor) {
+            rows.extend(piece?.map(|row| row as u32).filter(|&row| like(row)));
+        }
+        let cells = Cells::new(rows.len(), |i| named.cell(rows[i], edge), monitor)?;
+        let mut beside: Vec<[i32; 2]> = cells.keys.iter().flat_map(|&key| touching(key)).collect();
+        beside.sort_unstable();
+        beside.dedup();
+        beside.retain(|key| cells.keys.binary_search(key).is_err());
+        let mut groups =
+            Groups { around: vec![Around::default(); beside.len()], beside: CellIndex::new(beside), rows, cells, edge };
+        for piece in watched(if groups.rows.is_empty() { 0 } else { all }, monitor) {
+            for row in piece?.map(|row| row as u32) {
+                let Some(cell) = groups.beside.find(named.cell(row, edge)) else { continue };
+                let around = &mut groups.around[cell];
+                around.ground |= named.codes[named.at(row)] == GROUND;
+                around.things |= f64::from(named.heights[row as usize]) > self.thing;
+            }
+        }
+        Ok(groups)
+    }
+
+    /// Whether a group of cells has the area of cars, ground around it, and few other things.
+    fn are_free(&self, groups: &Groups, group: &[u32]) -> bool {
+        let area = group.len() as f64 * groups.edge * groups.edge;
+        let mut beside: Vec<usize> = group
+            .iter()
+            .flat_map(|&cell| touching(groups.cells.keys[cell as usize]))
+            .filter_map(|key| groups.beside.find(key))
+            .collect();
+        beside.sort_unstable();
+        beside.dedup();
+        let share = |is: fn(&Around) -> bool| {
+            let count = beside.iter().filter(|&&cell| is(&groups.around[cell])).count();
+            count as f64 / beside.len().max(1) as f64
+        };
+        within(area, self.area)
+            && share(|around| around.ground) >= self.ground_around
+            && share(|around| around.things) <= self.things_around
+    }
+
+    /// Whether points are enough, certain enough, and as high, long and wide as cars.
+    fn are_cars(&self, named: &Named<'_>, rows: &[u32]) -> bool {
+        let probability = rows.iter().map(|&row| f64::from(named.cars[named.at(row)])).sum::<f64>();
+        if rows.len() < self.points || probability < self.mean_probability * rows.len() as f64 {
+            return false;
+        }
+        let mut heights: Vec<f64> = rows.iter().map(|&row| f64::from(named.heights[row as usize])).collect();
+        if !within(quantile(&mut heights, 0.95), self.top) || quantile(&mut heights, 0.5) < self.middle {
+            return false;
+        }
+        let plan = rows.iter().map(|&row| named.points.positions.xyz(row as usize));
+        let [length, width] = smallest_rectangle(&plan.map(|[x, y, _]| [x, y].map(f64::from)).collect::<Vec<_>>());
+        length >= self.length && width >= self.width
+    }
+}
+
+impl Groups {
+    /// The rows of a cell.
+    fn of(&self, cell: u32) -> impl Iterator<Item = u32> {
+        self.cells.of(cell as usize).iter().map(|&place| self.rows[place as usize])
+    }
+
+    /// A number for each cell, the same for cells of a group.
+    fn roots(&self, monitor: &Monitor) -> Result<Vec<u32>> {
+        let mut joined = UnionFind::new(self.cells.len());
+        if self.cells.len() > 0 {
+            let mut walk = Walk::<1>::new(&self.cells.keys, 0);
+            for cell in 0..self.cells.len() {
+                walk.around(cell, |near, _| _ = joined.unite(cell as u32, near as u32));
+            }
+        }
+        joined.roots(monitor)
+    }
+}
+
+/// The 8 cells around a cell.
+fn touching([x, y]: [i32; 2]) -> impl Iterator<Item = [i32; 2]> {
+    let all = (-1..=1).flat_map(move |dx| (-1..=1).map(move |dy| [x.saturating_add(dx), y.saturating_add(dy)]));
+    all.filter(move |&key| key != [x, y])
+}
+
+fn within(value: f64, [low, high]: [f64; 2]) -> bool {
+    (low..=high).contains(&value)
+}
+
+/// The value below which this share of the values lies: the nearest of them. Sorts them in part.
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    let place = (share * (values.len() - 1) as f64).round() as usize;
+    *values.select_nth_unstable_by(place, f64::total_cmp).1
+}
+
+/// Length and width, metres, of the smallest rectangle around points in plan, without the outermost points of each side.
+fn smallest_rectangle(points: &[[f64; 2]]) -> [f64; 2] {
+    let mut along = vec![0.0; points.len()];
+    let mut extent = |[x, y]: [f64; 2]| {
+        along.iter_mut().zip(points).for_each(|(value, at)| *value = x * at[0] + y * at[1]);
+        quantile(&mut along, 1.0 - BEYOND) - quantile(&mut along, BEYOND)
+    };
+    let mut smallest = [f64::INFINITY; 2];
+    for step in 0..DIRECTIONS {
+        let (sin, cos) = (f64::from(step) * std::f64::consts::FRAC_PI_2 / f64::from(DIRECTIONS)).sin_cos();
+        let sides = [extent([cos, sin]), extent([-sin, cos])];
+        if sides[0] * sides[1] < smallest[0] * smallest[1] {
+            smallest = sides;
+        }
+    }
+    [smallest[0].max(smallest[1]), smallest[0].min(smallest[1])]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::Cloud;
+
+    /// Flat ground of 40 x 40 m with a point each 25 cm, and blocks on it: x, y, length, width, height, whether the
+    /// points are like a car.
+    struct Scene {
+        points: Points,
+        codes: Vec<u8>,
+        cars: Vec<f32>,
+        heights: Vec<f32>,
+    }
+
+    type Block = ([f64; 2], [f64; 3], bool);
+
+    fn scene(blocks: &[Block]) -> Scene {
+        let mut rows = Vec::new();
+        let mut scene = Scene { points: Points::default(), codes: Vec::new(), cars: Vec::new(), heights: Vec::new() };
+        for i in 0..160 * 160 {
+            let [x, y] = [f64::from(i % 160), f64::from(i / 160)].map(|v| 0.25 * v + 0.1);
+            let on = |([u, v], [length, width, _], _): &&Block| x >= *u && x < u + length && y >= *v && y < v + width;
+            let (height, like, code) = match blocks.iter().find(on) {
+                Some((_, [_, _, height], like)) => (*height, *like, 5),
+                None => (0.0, false, 2),
+            };
+            rows.push([x, y, height]);
+            scene.codes.push(code);
+            scene.cars.push(if like { 0.95 } else { 0.1 });
+            scene.heights.push(height as f32);
+        }
+        scene.points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        scene
+    }
+
+    /// For each block, the share of its points that are found.
+    fn found(blocks: &[Block]) -> Vec<f64> {
+        let Scene { points, codes, cars, heights } = &scene(blocks);
+        let named = Named { points, codes, cars, heights, density: 16.0 };
+        let rows = CarParams::default().among(&named, &Monitor::default()).unwrap();
+        let share = |([u, v], [length, width, _], _): &Block| {
+            let inside = |row: &u32| {
+                let [x, y, _] = points.positions.xyz(*row as usize).map(f64::from);
+                let [x, y] = [x + points.frame.origin[0], y + points.frame.origin[1]];
+                x >= *u && x < u + length && y >= *v && y < v + width
+            };
+            let all = (0..points.len() as u32).filter(inside).count();
+            rows.iter().filter(|row| inside(row)).count() as f64 / all as f64
+        };
+        blocks.iter().map(share).collect()
+    }
+
+    #[test]
+    fn cars_stand_free_and_have_the_size_of_cars() {
+        let car = [4.5, 1.8, 1.5];
+        assert_eq!(found(&[([5.0, 5.0], car, true), ([20.0, 5.0], [1.8, 4.5, 1.5], true)]), [1.0, 1.0]);
+        // Three side by side, closer than a cell.
+        let row: Vec<Block> = (0..3).map(|i| ([10.0, 10.0 + 2.1 * f64::from(i)], car, true)).collect();
+        assert_eq!(found(&row), [1.0; 3]);
+        // Too low, too high, too small, not like cars.
+        assert_eq!(found(&[([5.0, 5.0], [4.5, 1.8, 0.4], true)]), [0.0]);
+        assert_eq!(found(&[([5.0, 5.0], [4.5, 1.8, 3.5], true)]), [0.0]);
+        assert_eq!(found(&[([5.0, 5.0], [1.4, 1.4, 1.5], true)]), [0.0]);
+        assert_eq!(found(&[([5.0, 5.0], car, false)]), [0.0]);
+        // A hedge of the same height around most of it.
+        let hedge = [([4.5, 4.0], [5.5, 1.0, 1.5], false), ([4.5, 6.8], [5.5, 1.0, 1.5], false)];
+        assert_eq!(found(&[vec![([5.0, 5.0], car, true)], hedge.to_vec()].concat()), [0.0; 3]);
+        // A wall on one side does no harm.
+        assert_eq!(found(&[([5.0, 5.0], car, true), ([4.0, 6.8], [8.0, 0.3, 2.0], false)])[0], 1.0);
+    }
+
+    #[test]
+    fn the_smallest_rectangle_of_a_turned_one_is_itself() {
+        let (sin, cos) = 0.61_f64.sin_cos();
+        let grid = (0..40).flat_map(|i| (0..16).map(move |j| [0.1 * f64::from(i), 0.1 * f64::from(j)]));
+        let turned: Vec<[f64; 2]> = grid.map(|[x, y]| [cos * x - sin * y, sin * x + cos * y]).collect();
+        let [length, width] = smallest_rectangle(&turned);
+        assert!((length - 3.9).abs() < 0.25 && (width - 1.5).abs() < 0.25, "{length} {width}");
+    }
+
+    #[test]
+    fn nothing_is_found_without_points_or_rule() {
+        let empty = Named { points: &Points::default(), codes: &[], cars: &[], heights: &[], density: 0.0 };
+        assert!(CarParams::default().among(&empty, &Monitor::default()).unwrap().is_empty());
+        let Scene { points, codes, cars, heights } = &scene(&[([5.0, 5.0], [4.5, 1.8, 1.5], true)]);
+        let named = Named { points, codes, cars, heights, density: 16.0 };
+        assert!(CarParams::none().among(&named, &Monitor::default()).unwrap().is_empty());
+        assert!(CarParams { top: [2.0, 1.0], ..CarParams::default() }.validate().is_err());
+        assert!(CarParams { probability: 1.5, ..CarParams::default() }.validate().is_err());
+        assert!(CarParams { cell: 0.0, ..CarParams::default() }.validate().is_err());
+        assert!(CarParams::none().validate().is_ok());
+    }
+}
