@@ -98,17 +98,25 @@ fn the_demo_and_the_built_in_model_need_nothing_else() {
 fn cars_are_learned_beside_a_model() {
     let folder = tempfile::tempdir().unwrap();
     let f = folder.path();
-    std::fs::copy(demo_scan(), f.join("demo.laz")).unwrap();
+    // The built-in model does not learn from the place of the demo.
+    let demo = scansion_core::io::read(&demo_scan()).unwrap();
+    let rows: Vec<[f64; 3]> = (0..demo.len()).map(|i| demo.xyz(i)).map(|[x, y, z]| [x + 1000.0, y, z]).collect();
+    let mut moved = scansion_core::cloud::Cloud::from_rows(&rows).unwrap();
+    moved.set_column(demo.column("Classification").unwrap().clone()).unwrap();
+    scansion_core::io::write(&f.join("moved.laz"), &moved, &Default::default()).unwrap();
     let shown = done(f, &["model", "show"]);
-    assert!(shown.contains("cars are found, and left unclassified: Gradient-boosted trees"), "{shown}");
-    // Any class may be taken for cars.
-    let learn = ["train", "demo.laz", "--add-cars-to", "built-in", "-o", "cars.model"];
+    assert!(shown.contains("cars are found, and left unclassified: gbt, 150 trees"), "{shown}");
+    // Vegetation in the place of cars.
+    let learn = ["train", "moved.laz", "--add-cars-to", "built-in", "-o", "cars.model"];
     let said = done(f, &[&learn[..], &["--cars", "5"]].concat());
     assert!(said.contains("points of cars; learned from ") && said.contains("model: cars.model"), "{said}");
-    done(f, &["classify", "demo.laz", "-m", "cars.model", "-o", "named.laz", "--set", "classes.cars.points=0"]);
+    done(
+        f,
+        &["classify", "moved.laz", "-m", "cars.model", "-o", "named.laz", "--set", "classes.cars.points=0", "--force"],
+    );
     let none = fails(f, &[&learn[..5], &["none.model", "--cars", "99"]].concat(), 4);
     assert!(none.contains("0 samples of cars (code 99)"), "{none}");
-    assert!(fails(f, &["train", "demo.laz", "--cars", "5", "-o", "x.model"], 2).contains("--add-cars-to"));
+    assert!(fails(f, &["train", "moved.laz", "--cars", "5", "-o", "x.model"], 2).contains("--add-cars-to"));
     assert!(fails(f, &[&learn[..], &["--cars", "5", "--recipe", "pyramid"]].concat(), 2).contains("--recipe"));
 }
 
@@ -160,7 +168,12 @@ fn only_unclassified_and_skipped_points_are_respected() {
     let codes =
         |name: &str| scansion_core::io::read(&f.join(name)).unwrap().column("Classification").unwrap().values.to_f64();
     let (before, after) = (codes("scan.laz"), codes("u.laz"));
-    assert!(before.iter().zip(&after).all(|(b, a)| if *b > 1.0 { a == b } else { *a > 1.0 }));
+    assert!(before.iter().zip(&after).all(|(b, a)| *b <= 1.0 || a == b));
+    // What is left are cars.
+    let unclassified = |codes: &[f64]| codes.iter().filter(|&&code| code <= 1.0).count();
+    assert!(unclassified(&after) * 2 < unclassified(&before), "{}", unclassified(&after));
+    done(f, &["classify", "scan.laz", "-o", "all.laz", "-u", "-q", "--set", "classes.cars.points=0"]);
+    assert_eq!(unclassified(&codes("all.laz")), 0);
     done(f, &["classify", "scan.laz", "-o", "s.laz", "--skip", "6", "-q"]);
     assert!(before.iter().zip(&codes("s.laz")).all(|(b, a)| *b != 6.0 || *a == 6.0));
 }
