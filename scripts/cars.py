@@ -118,7 +118,8 @@ def main():
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     prices = ("OA before", "OA after", "mIoU before", "mIoU after")
-    rated = [Rated.by(with_cars(without(name, given.data), name, given.data), name, given.data) for name in (HOUSING, AHN3)]
+    taught = {name: with_cars(without(name, given.data), name, given.data) for name in (HOUSING, AHN3)}
+    rated = [Rated.by(model, name, given.data) for name, model in taught.items()]
     header("scan", "car points found, %", "cars more than half found", "precision, %", *prices)
     for scan in rated:
         scan.print_found()
