@@ -3,8 +3,8 @@
     python scripts/car_clouds.py DATA FOLDER        # needs: pip install numpy laspy lazrs
 
 DATA/airborne holds the scans. Writes copies of two of them to FOLDER, in which cars have the code 30; same inputs, same
-bytes. Real cars are those of `car_boxes.txt`, which were marked by hand; `made_up_cars.py` adds others, and bushes. Other
-points of class 1 of the housing estate are not learned from.
+bytes. Real cars are those of `car_boxes.txt`, which were marked by hand; `made_up_cars.py` adds others, and bushes.
+Other points of class 1 of the housing estate are not learned from.
 """
 
 import argparse

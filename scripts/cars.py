@@ -2,9 +2,9 @@
 
     python scripts/cars.py DATA [--out FOLDER]        # needs: pip install '.[las,viz]' lazrs
 
-DATA/airborne holds the scans. Prints how many of the marked cars of two scans are found by a model that learned from the
-other scans (see car_clouds.py), and what the built-in model takes for cars elsewhere. FOLDER (default: cars) gets a picture
-of the housing estate. Same inputs, same figures.
+DATA/airborne holds the scans. Prints how many of the marked cars of two scans are found by a model that learned from
+the other scans (see car_clouds.py), and what the built-in model takes for cars elsewhere. FOLDER (default: cars) gets a
+picture of the housing estate. Same inputs, same figures.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Made-up cars and bushes on the open ground of a labelled airborne scan; training data for `scripts/cars.py`.
+"""Made-up cars and bushes on the open ground of a labelled airborne scan; training data for `scripts/car_clouds.py`.
 
 Needs numpy. The same scene and the same generator of random numbers give the same result.
 

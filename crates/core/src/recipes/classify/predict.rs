@@ -170,8 +170,13 @@ pub(in crate::recipes) struct Group {
 }
 
 impl Group {
-    /// Puts the probability that it is a car at the place of each candidate.
+    /// Puts the probability that it is a car at the place of each point, 0 for those that are no candidates; nothing if
+    /// `cars` is empty.
     pub(in crate::recipes) fn place_cars(&self, cars: &mut [f32], place: impl Fn(u32) -> usize) {
+        if cars.is_empty() {
+            return;
+        }
+        self.points.iter().for_each(|&point| cars[place(point)] = 0.0);
         for (&candidate, &car) in self.candidates.places.iter().zip(&self.candidates.cars) {
             cars[place(self.points[candidate as usize])] = car;
         }
@@ -334,8 +339,8 @@ impl<'a> CloudPredictor<'a> {
         Ok(Rating { probabilities: values, cars, fit })
     }
 
-    /// Gives `sink` each group of points. A point may be given more than once; what is given last is valid. Returns how the features compare with
-    /// those of the training.
+    /// Gives `sink` each group of points. A point may be given more than once; what is given last is valid. Returns how
+    /// the features compare with those of the training.
     ///
     /// # Errors
     /// If the work was cancelled.
