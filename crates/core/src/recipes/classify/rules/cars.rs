@@ -1,6 +1,6 @@
 //! Cars: groups of points that are like cars one by one, and have the size of cars and free ground around them.
 
-use super::{BUILDING, GROUND, LOW};
+use super::{BUILDING, GROUND, LOW, cell_edge};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
@@ -9,8 +9,6 @@ use crate::voxels::cells::index::{CellIndex, Walk};
 use crate::voxels::cells::{Cells, cell_of};
 use serde::{Deserialize, Serialize};
 
-/// Spacings of the points to a cell, at least.
-const SPACINGS: f64 = 1.5;
 /// Directions within a quarter turn in which the smallest rectangle is looked for.
 const DIRECTIONS: u32 = 36;
 /// Share of the points beyond each side of the rectangle.
@@ -176,7 +174,7 @@ impl CarParams {
 
     /// The points that are like cars, and what the cells beside them hold.
     fn groups(&self, named: &Named<'_>, monitor: &Monitor) -> Result<Groups> {
-        let edge = self.cell.max(SPACINGS / named.density.max(1e-6).sqrt());
+        let edge = cell_edge(self.cell, named.density);
         let like = |row: u32| {
             let point = named.at(row);
             (LOW..=BUILDING).contains(&named.codes[point]) && f64::from(named.cars[point]) >= self.probability

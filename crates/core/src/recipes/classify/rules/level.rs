@@ -1,7 +1,7 @@
 //! Buildings that do not stand above the ground around them: hilltops, terraces and decks of bridges, which the trees
 //! take for roofs because they are flat and high.
 
-use super::{BUILDING, GROUND};
+use super::{BUILDING, GROUND, cell_edge};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
@@ -9,9 +9,6 @@ use crate::parallel::{Monitor, watched};
 use crate::voxels::cells::index::Walk;
 use crate::voxels::cells::{Cells, cell_of};
 use serde::{Deserialize, Serialize};
-
-/// Spacings of the points to a cell, at least.
-const SPACINGS: f64 = 1.5;
 
 /// When a building is level with the ground around it.
 ///
@@ -94,7 +91,7 @@ impl LevelParams {
         let code = |row: usize| codes[points.frame.index[row] as usize];
         let used: Vec<u32> =
             (0..points.len() as u32).filter(|&row| matches!(code(row as usize), BUILDING | GROUND)).collect();
-        let edge = self.cell.max(SPACINGS / density.max(1e-6).sqrt());
+        let edge = cell_edge(self.cell, density);
         let place = |i: usize| {
             let at = points.positions.xyz(used[i] as usize);
             cell_of([at[0], at[1]].map(|v| f64::from(v) / edge))

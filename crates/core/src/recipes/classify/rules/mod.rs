@@ -33,6 +33,15 @@ const HIGH_NOISE: u8 = 18;
 /// Isolated points are noise if there is at most one of them in so many points.
 const NOISE_SHARE: usize = 100;
 
+/// Spacings of the points to a cell in plan, at least.
+const SPACINGS: f64 = 1.5;
+
+/// Edge of cells in plan, metres: at least `least`, and wider where the points are far apart; `density` is in points per
+/// square metre.
+fn cell_edge(least: f64, density: f64) -> f64 {
+    least.max(SPACINGS / density.max(1e-6).sqrt())
+}
+
 /// Rules for the final codes of a model with ASPRS classes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
