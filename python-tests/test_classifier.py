@@ -334,6 +334,8 @@ def test_cars_need_a_fitting_model_and_labels(fitted):
         PointClassifier.default().add_cars(xyz, codes, code=65)
     with pytest.raises(ValueError, match="labels: found text"):
         PointClassifier.default().add_cars(xyz, np.where(codes == 64, "car", "other"), code=64)
+    with pytest.raises(ValueError, match="code: found 300"):
+        PointClassifier.default().add_cars(xyz, codes, code=300)
     with pytest.raises(ValueError, match="poinst"):
         PointClassifier.default().classify(xyz, settings={"classes.cars.poinst": 0})
 

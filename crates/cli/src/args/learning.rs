@@ -94,7 +94,7 @@ pub(crate) struct Train {
         "classifier", "per_class", "grid_strength", "elevation_model", "edges", "synthetic", "checkpoint", "cross_validate",
         "block", "grid", "grid_depth"])]
     pub(crate) add_cars_to: Option<PathBuf>,
-    /// The code of cars in the labels; all other codes are other things
+    /// The code of cars in the labels; all other labelled points are other things
     #[arg(long, value_name = "CODE", value_parser = class_code, requires = "add_cars_to")]
     pub(crate) cars: Option<u8>,
     /// Also evaluate the recipe by k-fold cross-validation on squares of the clouds

@@ -85,6 +85,8 @@ class PointClassifier(Classifier):
     regularisation_ : dict or None
         How the regularisation of the labels was chosen: ``method``, ``strength``, and ``candidates`` with the scores of
         each; None if the recipe names a method. Only after ``fit``.
+    cars_report_ : dict
+        Points of cars, and samples of cars and of other things, that `add_cars` has learned from; only after it.
 
     Examples
     --------
@@ -244,15 +246,15 @@ class PointClassifier(Classifier):
     def add_cars(self: Self, clouds: Any, labels: Any = None, *, code: int, progress: Progress = None) -> Self:
         """Teaches the fitted model, one of the recipe airborne, to find cars; what it says about other points stays.
 
-        `classify` leaves cars unclassified. Only points that the model takes for vegetation or buildings, 0.2 to 3 m above the
-        ground, are learned from and looked at. As ``scansion train --add-cars-to``.
+        The model is changed and returned. `classify` leaves cars unclassified. Only points that the model takes for vegetation
+        or buildings, 0.2 to 3 m above the ground, are learned from and looked at. As ``scansion train --add-cars-to``.
 
         Parameters
         ----------
         clouds, labels
             As in `fit`; numbers only.
         code : int
-            The code of cars, 0..255; all others are other things.
+            The code of cars, 0..255; all other labelled points are other things.
         progress : bool or callable, optional
             Show the progress, as `scansion.progress`.
 
@@ -268,6 +270,10 @@ class PointClassifier(Classifier):
         >>> model.add_cars("streets.laz", code=64).classify("other.laz")  # doctest: +SKIP
         """
         self._check_is_fitted()
+        if not 0 <= code <= 255:
+            raise ValueError(f"code: found {code}, expected 0 to 255")
+        if self.classes_.dtype.kind == "U":
+            raise ValueError("cars: found classes that are text, expected a model with the codes of ASPRS")
         clouds, given = _listed_clouds(clouds, labels)
         if any(y is not None and is_text(y) for y in given):
             raise ValueError("labels: found text, expected codes")
@@ -324,9 +330,10 @@ class PointClassifier(Classifier):
             Points of less confidence, 0..1, get the code of unclassified points; None uses the recipe's.
         divided : bool
             Apply the rules of the recipe: the built-in model's vegetation becomes low, medium and high
-            (3, 4, 5), isolated points noise (7, 18). Otherwise, as in `predict`, only ``codes_`` occur.
+            (3, 4, 5), isolated points noise (7, 18), wires 14, and cars unclassified (1). Otherwise, as in `predict`, only ``codes_`` occur.
         settings : mapping, optional
-            Settings of the model's recipe to change, e.g. ``{"classes.cars.points": 0}``, which looks for no cars.
+            Settings of the model's recipe to change, e.g. ``{"classes.cars.points": 0}``, which looks for no cars. Those of
+            training only are an error; the rules, ``classes``, only count with ``divided``.
         progress : bool or callable, optional
             Show the progress, as `scansion.progress`.
         """
@@ -434,6 +441,7 @@ class PointClassifier(Classifier):
         return []
 
     def _take(self: Self, model: _core.Model) -> Self:
+        self.__dict__.pop("cars_report_", None)
         self._model = model
         self.codes_ = np.array(model.codes(), dtype=np.uint8)
         self.classes_ = self.codes_

@@ -22,9 +22,9 @@ use serde::Serialize;
 /// Training of the classifier of cars.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CarTraining {
-    /// Code of cars in the labels; all other codes are other things.
+    /// Code of cars in the labels; all other labelled points are other things.
     pub code: u8,
-    /// At most this many samples of cars, and of other things, from each cloud and each of its thinned copies.
+    /// At most this many samples of cars, and of other things, from each cloud and each of its thinned copies; 0: all.
     pub per_copy: usize,
     /// The classifier.
     pub boosting: BoostingParams,
@@ -56,12 +56,18 @@ struct CarSamples {
     labels: Vec<u16>,
 }
 
-/// A point of a source that may be a car.
+/// The labelled points of a source that may be cars.
+#[derive(Default)]
 struct Seen {
-    point: u32,
-    car: bool,
+    /// The row of each point of the source; `NONE` for those that are no candidates.
+    row_of: Vec<u32>,
+    /// Whether each row is a car.
+    cars: Vec<bool>,
+    /// Row-major.
     features: Vec<f32>,
 }
+
+const NONE: u32 = u32::MAX;
 
 /// A trained model that learns cars.
 pub(in crate::recipes) struct CarLessons<'a> {
@@ -83,12 +89,6 @@ impl CarLessons<'_> {
     ) -> Result<(Classifier, CarReport)> {
         let Self { recipe, trained, training } = self;
         training.boosting.validate()?;
-        Candidates::to_learn(trained, &[])?;
-        if !recipe.features.height {
-            return Err(Error::ModelMismatch(
-                "cars are looked for by heights above the ground, which it does not use".into(),
-            ));
-        }
         let data = TrainingData::new(clouds, recipe.features.metres_per_unit, monitor)?;
         let (mut samples, mut sources) = (CarSamples::default(), 0);
         for (c, scene) in data.scenes.iter().enumerate() {
@@ -98,7 +98,7 @@ impl CarLessons<'_> {
                     source.codes(&data, &ClassTable::from_codes(&(0..=255).collect::<Vec<u8>>()), &recipe.training);
                 source.with_scene(&data, monitor, |scene| {
                     let seen = self.seen(scene, &codes, sources, monitor)?;
-                    self.choose(seen, sources, &mut samples);
+                    self.choose(&seen, sources, &mut samples);
                     Ok(())
                 })?;
                 sources += 1;
@@ -122,10 +122,10 @@ impl CarLessons<'_> {
     }
 
     /// The labelled points of a cloud or copy, number `number`, that may be cars; `codes` are its labels.
-    fn seen(&self, scene: &MetricCloud<'_>, codes: &[Option<u8>], number: u64, monitor: &Monitor) -> Result<Vec<Seen>> {
+    fn seen(&self, scene: &MetricCloud<'_>, codes: &[Option<u8>], number: u64, monitor: &Monitor) -> Result<Seen> {
         let Self { recipe, trained, training } = self;
         let preparation = Preparation { recipe, seed: recipe.seed.wrapping_add(number) };
-        let mut seen = Vec::new();
+        let mut seen = Seen { row_of: vec![NONE; scene.cloud.len()], ..Seen::default() };
         preparation.with(scene, monitor, |prepared| {
             let scene = &prepared.scene;
             let (first, rated) = first_stage(recipe, trained, scene, monitor)?;
@@ -134,11 +134,16 @@ impl CarLessons<'_> {
                 ContextColumns { probabilities: &first.probabilities, params: &recipe.context, codes: &classes };
             let second = rated.second(scene, trained.stage(), context, monitor)?;
             let keep = |group: &Group| {
+                // Of a point that is given more than once the last features are valid.
+                group.points.iter().for_each(|&point| seen.row_of[point as usize] = NONE);
                 let rows = group.candidates.features.chunks_exact(trained.feature_names.len());
                 for (&place, row) in group.candidates.places.iter().zip(rows) {
-                    let point = group.points[place as usize];
-                    let known = |code| Seen { point, car: code == training.code, features: row.to_vec() };
-                    seen.extend(codes[point as usize].map(known));
+                    let point = group.points[place as usize] as usize;
+                    if let Some(code) = codes[point] {
+                        seen.row_of[point] = seen.cars.len() as u32;
+                        seen.cars.push(code == training.code);
+                        seen.features.extend_from_slice(row);
+                    }
                 }
             };
             let wanted = Candidates::to_learn(trained, scene.heights.unwrap_or_default())?;
@@ -148,16 +153,15 @@ impl CarLessons<'_> {
         Ok(seen)
     }
 
-    /// Adds some of the points of source number `number` to the samples; of a point that was seen twice the last.
-    fn choose(&self, mut seen: Vec<Seen>, number: u64, samples: &mut CarSamples) {
-        seen.reverse();
-        seen.sort_by_key(|own| own.point);
-        seen.dedup_by_key(|own| own.point);
-        let candidate = |(place, own): (u32, &Seen)| Candidate { point: place, code: own.car.into(), weight: 1.0 };
-        let candidates = (0..).zip(&seen).map(candidate).collect();
+    /// Adds some of the points of source number `number` to the samples.
+    fn choose(&self, seen: &Seen, number: u64, samples: &mut CarSamples) {
+        let rows = seen.row_of.iter().filter(|&&row| row != NONE);
+        let candidate = |&row: &u32| Candidate { point: row, code: seen.cars[row as usize].into(), weight: 1.0 };
+        let candidates = rows.map(candidate).collect();
         let random = stream(self.recipe.seed, 0x6361_7273 ^ number << 32);
-        for Candidate { point, code, .. } in limited(candidates, self.training.per_copy, random) {
-            samples.features.extend_from_slice(&seen[point as usize].features);
+        let width = self.trained.feature_names.len();
+        for Candidate { point: row, code, .. } in limited(candidates, self.training.per_copy, random) {
+            samples.features.extend_from_slice(&seen.features[row as usize * width..][..width]);
             samples.labels.push(code.into());
         }
     }

@@ -39,9 +39,9 @@ pub(super) fn classify(recipe: &AutoContextRecipe, job: &Job<'_>, monitor: &Moni
     let fit = first.fit.shares();
     let codes = model.classes.codes();
     let context = ContextColumns { probabilities: &first.probabilities, params: &recipe.context, codes: &codes };
-    let second =
-        rated.second(&scene, model.stage(), context, monitor)?.with_candidates(Candidates::to_rate(model, &heights)?);
-    let mut cars = vec![0.0; if model.cars.is_some() { scene.cloud.len() } else { 0 }];
+    let candidates = if recipe.classes.cars.points > 0 { Candidates::to_rate(model, &heights)? } else { None };
+    let mut cars = vec![0.0; if candidates.is_some() { scene.cloud.len() } else { 0 }];
+    let second = rated.second(&scene, model.stage(), context, monitor)?.with_candidates(candidates);
     if job.regularise.method == Regularise::None {
         let mut result = Classified::unknown(scene.cloud.len(), model, job.params.probabilities);
         let place = |group: &Group| {

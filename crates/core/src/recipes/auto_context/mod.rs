@@ -250,7 +250,7 @@ impl System for AutoContextRecipe {
     }
 
     fn bytes_a_point(&self, method: Regularise) -> u64 {
-        if method == Regularise::None { 70 } else { 220 }
+        if method == Regularise::None { 74 } else { 228 }
     }
 
     fn train(

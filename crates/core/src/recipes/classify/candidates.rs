@@ -2,13 +2,11 @@
 
 use crate::classification::{Classifier, ClassifierScratch, Predictor, argmax};
 use crate::error::{Error, Result};
+use crate::recipes::classify::rules::{BUILDING, GROUND, LOW};
 use crate::recipes::trained::Trained;
 
 /// Lowest and highest height above the ground, metres, of points that may be cars.
 const HEIGHTS: [f32; 2] = [0.2, 3.0];
-/// ASPRS codes of what cars are taken for: vegetation and buildings.
-const TAKEN_FOR: std::ops::RangeInclusive<u8> = 3..=6;
-
 /// Which points may be cars, and what is done with them.
 pub(in crate::recipes) struct Candidates<'a> {
     /// Whether points of each class may be.
@@ -52,19 +50,22 @@ impl<'a> Candidates<'a> {
     /// Candidates whose features are asked for.
     ///
     /// # Errors
-    /// If the model has no class of vegetation or buildings.
+    /// If the model has no class of ground, or none of vegetation or buildings.
     pub(in crate::recipes) fn to_learn(model: &Trained, heights: &'a [f32]) -> Result<Self> {
-        let classes: Vec<bool> = model.classes.classes().iter().map(|class| TAKEN_FOR.contains(&class.code)).collect();
-        match classes.contains(&true) {
+        let taken_for = |code: u8| (LOW..=BUILDING).contains(&code);
+        let classes: Vec<bool> = model.classes.codes().into_iter().map(taken_for).collect();
+        match classes.contains(&true) && model.classes.position(GROUND).is_some() {
             true => Ok(Self { classes, heights, classifier: None }),
-            false => Err(Error::ModelMismatch("cars are looked for in classes 3 to 6, which it does not have".into())),
+            false => Err(Error::ModelMismatch(
+                "cars are looked for beside ground (2) and in classes 3 to 6, which it does not have".into(),
+            )),
         }
     }
 
     /// The candidates among some rows.
     ///
     /// # Errors
-    /// Never.
+    /// If the classifier is one of other features.
     pub(in crate::recipes) fn among(&self, rows: Rows<'_>, scratch: &mut ClassifierScratch) -> Result<Found> {
         let width = rows.features.len() / rows.points.len().max(1);
         let mut found = Found::default();
@@ -80,5 +81,26 @@ impl<'a> Candidates<'a> {
         classifier.predict_block(&found.features, scratch, &mut rated)?;
         let cars = rated.chunks_exact(2).map(|pair| pair[1]).collect();
         Ok(Found { cars, features: Vec::new(), ..found })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn low_vegetation_and_buildings_are_candidates() {
+        let heights = [0.1, 1.0, 1.0, 5.0, f32::NAN, 2.9];
+        let candidates = Candidates { classes: vec![false, true, true], heights: &heights, classifier: None };
+        let (ground, tree, roof) = ([0.9, 0.1, 0.0], [0.2, 0.8, 0.0], [0.1, 0.2, 0.7]);
+        let rows = Rows {
+            points: &[5, 0, 1, 2, 3, 4],
+            features: &[5.0, 5.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5],
+            probabilities: &[roof, tree, tree, ground, tree, tree].concat(),
+        };
+        let found = candidates.among(rows, &mut ClassifierScratch::default()).unwrap();
+        assert_eq!(found, Found { places: vec![0, 2], cars: Vec::new(), features: vec![5.0, 5.5, 1.0, 1.5] });
+        let none = Rows { points: &[], features: &[], probabilities: &[] };
+        assert_eq!(candidates.among(none, &mut ClassifierScratch::default()).unwrap(), Found::default());
     }
 }

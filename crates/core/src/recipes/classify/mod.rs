@@ -65,8 +65,8 @@ pub struct Classified {
     pub entropy: Vec<f32>,
     /// Row-major `points x classes`, if requested.
     pub probabilities: Option<Vec<f32>>,
-    /// The probability of each point to be a car, 0..1; 0 for points that the model names ground or that are not 0.2 to
-    /// 3 m above it. Empty if the model does not know cars.
+    /// The probability of each point to be a car, 0..1; 0 for points that are not vegetation or building (3 to 6) before
+    /// regularisation, or not 0.2 to 3 m above the ground of the ground filter. Empty if no cars are looked for.
     pub cars: Vec<f32>,
     /// How the features compare with those of the training, if that was looked at.
     pub fit: Option<FeatureFit>,

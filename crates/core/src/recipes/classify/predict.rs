@@ -446,3 +446,25 @@ impl<'a> CloudPredictor<'a> {
         Ok(Group { points, probabilities, candidates, loose, fit })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_given_last_is_valid() {
+        let group = |points: &[u32], places: &[u32], cars: &[f32]| Group {
+            points: points.to_vec(),
+            probabilities: Vec::new(),
+            candidates: Found { places: places.to_vec(), cars: cars.to_vec(), features: Vec::new() },
+            loose: Vec::new(),
+            fit: Fit::default(),
+        };
+        let mut cars = vec![0.0; 4];
+        group(&[3, 1, 0], &[0, 1], &[0.9, 0.8]).place_cars(&mut cars, |point| point as usize);
+        assert_eq!(cars, [0.0, 0.8, 0.0, 0.9]);
+        group(&[2, 1], &[0], &[0.7]).place_cars(&mut cars, |point| point as usize);
+        assert_eq!(cars, [0.0, 0.0, 0.7, 0.9]);
+        group(&[2, 1], &[0], &[0.7]).place_cars(&mut [], |point| point as usize);
+    }
+}

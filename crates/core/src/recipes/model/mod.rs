@@ -13,6 +13,7 @@ pub use self::classify::{classify, statistics};
 pub use self::contours::{contour_stages, contours};
 
 use self::any::AnyFitted;
+use self::cars::knows_cars;
 use super::system::{Fitted, System, TrainingResult};
 use super::trained::{FirstStage, Trained};
 use crate::classes::ClassTable;
@@ -206,6 +207,9 @@ impl Model {
         let (classes, feature_names) = (header.classes, header.features);
         let trained = Trained { classes, feature_names, fingerprint, classifier, cars, first, network };
         trained.check_shape().map_err(|e| malformed(path, "features", e, "names that differ"))?;
+        if trained.cars.is_some() {
+            knows_cars(&fitted, &trained).map_err(|e| malformed(path, "cars", e, "none"))?;
+        }
         Ok(Self { fitted, trained })
     }
 

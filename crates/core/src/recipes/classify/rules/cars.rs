@@ -1,12 +1,12 @@
 //! Cars: groups of points that are like cars one by one, and have the size of cars and free ground around them.
 
-use super::{BUILDING, GROUND, LOW, cell_edge};
+use super::{BUILDING, GROUND, LOW, cell_edge, plan_cell};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
 use crate::parallel::{Monitor, watched};
+use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::{CellIndex, Walk};
-use crate::voxels::cells::{Cells, cell_of};
 use serde::{Deserialize, Serialize};
 
 /// Directions within a quarter turn in which the smallest rectangle is looked for.
@@ -14,7 +14,7 @@ const DIRECTIONS: u32 = 36;
 /// Share of the points beyond each side of the rectangle.
 const BEYOND: f64 = 0.02;
 
-/// What a group of cars is, standing alone or side by side. Only used by models that know cars.
+/// Which groups of points are cars: one car, or several side by side. Only used by models that know cars.
 ///
 /// Points that are like cars are put into cells in plan; occupied cells that touch, 8 neighbours a cell, are a group.
 /// Heights are above the ground.
@@ -104,12 +104,6 @@ impl Named<'_> {
     fn at(&self, row: u32) -> usize {
         self.points.frame.index[row as usize] as usize
     }
-
-    /// The cell of a row, of cells with this edge.
-    fn cell(&self, row: u32, edge: f64) -> [i32; 2] {
-        let at = self.points.positions.xyz(row as usize);
-        cell_of([at[0], at[1]].map(|v| f64::from(v) / edge))
-    }
 }
 
 impl CarParams {
@@ -152,7 +146,7 @@ impl CarParams {
         }
     }
 
-    /// The rows of cars, by group. O(n).
+    /// The rows of cars, by group. O(n) for n points, and O(m log m) for the m that are like cars.
     pub(super) fn among(&self, named: &Named<'_>, monitor: &Monitor) -> Result<Vec<u32>> {
         let mut found = Vec::new();
         if self.points == 0 {
@@ -184,7 +178,7 @@ impl CarParams {
         for piece in watched(all, monitor) {
             rows.extend(piece?.map(|row| row as u32).filter(|&row| like(row)));
         }
-        let cells = Cells::new(rows.len(), |i| named.cell(rows[i], edge), monitor)?;
+        let cells = Cells::new(rows.len(), |i| plan_cell(named.points, rows[i], edge), monitor)?;
         let mut beside: Vec<[i32; 2]> = cells.keys.iter().flat_map(|&key| touching(key)).collect();
         beside.sort_unstable();
         beside.dedup();
@@ -193,7 +187,7 @@ impl CarParams {
             Groups { around: vec![Around::default(); beside.len()], beside: CellIndex::new(beside), rows, cells, edge };
         for piece in watched(if groups.rows.is_empty() { 0 } else { all }, monitor) {
             for row in piece?.map(|row| row as u32) {
-                let Some(cell) = groups.beside.find(named.cell(row, edge)) else { continue };
+                let Some(cell) = groups.beside.find(plan_cell(named.points, row, edge)) else { continue };
                 let around = &mut groups.around[cell];
                 around.ground |= named.codes[named.at(row)] == GROUND;
                 around.things |= f64::from(named.heights[row as usize]) > self.thing;
@@ -304,16 +298,36 @@ mod tests {
         heights: Vec<f32>,
     }
 
-    type Block = ([f64; 2], [f64; 3], bool);
+    #[derive(Clone, Copy)]
+    struct Block {
+        at: [f64; 2],
+        /// Length, width, height.
+        size: [f64; 3],
+        like_car: bool,
+    }
+
+    impl Block {
+        fn holds(&self, [x, y]: [f64; 2]) -> bool {
+            let ([u, v], [length, width, _]) = (self.at, self.size);
+            x >= u && x < u + length && y >= v && y < v + width
+        }
+    }
+
+    fn car(at: [f64; 2], size: [f64; 3]) -> Block {
+        Block { at, size, like_car: true }
+    }
+
+    fn thing(at: [f64; 2], size: [f64; 3]) -> Block {
+        Block { at, size, like_car: false }
+    }
 
     fn scene(blocks: &[Block]) -> Scene {
         let mut rows = Vec::new();
         let mut scene = Scene { points: Points::default(), codes: Vec::new(), cars: Vec::new(), heights: Vec::new() };
         for i in 0..160 * 160 {
             let [x, y] = [f64::from(i % 160), f64::from(i / 160)].map(|v| 0.25 * v + 0.1);
-            let on = |([u, v], [length, width, _], _): &&Block| x >= *u && x < u + length && y >= *v && y < v + width;
-            let (height, like, code) = match blocks.iter().find(on) {
-                Some((_, [_, _, height], like)) => (*height, *like, 5),
+            let (height, like, code) = match blocks.iter().find(|block| block.holds([x, y])) {
+                Some(block) => (block.size[2], block.like_car, 5),
                 None => (0.0, false, 2),
             };
             rows.push([x, y, height]);
@@ -330,11 +344,10 @@ mod tests {
         let Scene { points, codes, cars, heights } = &scene(blocks);
         let named = Named { points, codes, cars, heights, density: 16.0 };
         let rows = CarParams::default().among(&named, &Monitor::default()).unwrap();
-        let share = |([u, v], [length, width, _], _): &Block| {
+        let share = |block: &Block| {
             let inside = |row: &u32| {
                 let [x, y, _] = points.positions.xyz(*row as usize).map(f64::from);
-                let [x, y] = [x + points.frame.origin[0], y + points.frame.origin[1]];
-                x >= *u && x < u + length && y >= *v && y < v + width
+                block.holds([x + points.frame.origin[0], y + points.frame.origin[1]])
             };
             let all = (0..points.len() as u32).filter(inside).count();
             rows.iter().filter(|row| inside(row)).count() as f64 / all as f64
@@ -344,21 +357,21 @@ mod tests {
 
     #[test]
     fn cars_stand_free_and_have_the_size_of_cars() {
-        let car = [4.5, 1.8, 1.5];
-        assert_eq!(found(&[([5.0, 5.0], car, true), ([20.0, 5.0], [1.8, 4.5, 1.5], true)]), [1.0, 1.0]);
+        let size = [4.5, 1.8, 1.5];
+        assert_eq!(found(&[car([5.0, 5.0], size), car([20.0, 5.0], [1.8, 4.5, 1.5])]), [1.0, 1.0]);
         // Three side by side, closer than a cell.
-        let row: Vec<Block> = (0..3).map(|i| ([10.0, 10.0 + 2.1 * f64::from(i)], car, true)).collect();
+        let row: Vec<Block> = (0..3).map(|i| car([10.0, 10.0 + 2.1 * f64::from(i)], size)).collect();
         assert_eq!(found(&row), [1.0; 3]);
         // Too low, too high, too small, not like cars.
-        assert_eq!(found(&[([5.0, 5.0], [4.5, 1.8, 0.4], true)]), [0.0]);
-        assert_eq!(found(&[([5.0, 5.0], [4.5, 1.8, 3.5], true)]), [0.0]);
-        assert_eq!(found(&[([5.0, 5.0], [1.4, 1.4, 1.5], true)]), [0.0]);
-        assert_eq!(found(&[([5.0, 5.0], car, false)]), [0.0]);
-        // A hedge of the same height around most of it.
-        let hedge = [([4.5, 4.0], [5.5, 1.0, 1.5], false), ([4.5, 6.8], [5.5, 1.0, 1.5], false)];
-        assert_eq!(found(&[vec![([5.0, 5.0], car, true)], hedge.to_vec()].concat()), [0.0; 3]);
+        assert_eq!(found(&[car([5.0, 5.0], [4.5, 1.8, 0.4])]), [0.0]);
+        assert_eq!(found(&[car([5.0, 5.0], [4.5, 1.8, 3.5])]), [0.0]);
+        assert_eq!(found(&[car([5.0, 5.0], [1.4, 1.4, 1.5])]), [0.0]);
+        assert_eq!(found(&[thing([5.0, 5.0], size)]), [0.0]);
+        // Hedges of the same height on both sides.
+        let hedges = [thing([4.5, 4.0], [5.5, 1.0, 1.5]), thing([4.5, 6.8], [5.5, 1.0, 1.5])];
+        assert_eq!(found(&[car([5.0, 5.0], size), hedges[0], hedges[1]]), [0.0; 3]);
         // A wall on one side does no harm.
-        assert_eq!(found(&[([5.0, 5.0], car, true), ([4.0, 6.8], [8.0, 0.3, 2.0], false)])[0], 1.0);
+        assert_eq!(found(&[car([5.0, 5.0], size), thing([4.0, 6.8], [8.0, 0.3, 2.0])])[0], 1.0);
     }
 
     #[test]
@@ -374,7 +387,7 @@ mod tests {
     fn nothing_is_found_without_points_or_rule() {
         let empty = Named { points: &Points::default(), codes: &[], cars: &[], heights: &[], density: 0.0 };
         assert!(CarParams::default().among(&empty, &Monitor::default()).unwrap().is_empty());
-        let Scene { points, codes, cars, heights } = &scene(&[([5.0, 5.0], [4.5, 1.8, 1.5], true)]);
+        let Scene { points, codes, cars, heights } = &scene(&[car([5.0, 5.0], [4.5, 1.8, 1.5])]);
         let named = Named { points, codes, cars, heights, density: 16.0 };
         assert!(CarParams::none().among(&named, &Monitor::default()).unwrap().is_empty());
         assert!(CarParams { top: [2.0, 1.0], ..CarParams::default() }.validate().is_err());

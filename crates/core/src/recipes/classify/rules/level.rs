@@ -1,13 +1,13 @@
 //! Buildings that do not stand above the ground around them: hilltops, terraces and decks of bridges, which the trees
 //! take for roofs because they are flat and high.
 
-use super::{BUILDING, GROUND, cell_edge};
+use super::{BUILDING, GROUND, cell_edge, plan_cell};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
 use crate::parallel::{Monitor, watched};
+use crate::voxels::cells::Cells;
 use crate::voxels::cells::index::Walk;
-use crate::voxels::cells::{Cells, cell_of};
 use serde::{Deserialize, Serialize};
 
 /// When a building is level with the ground around it.
@@ -92,11 +92,7 @@ impl LevelParams {
         let used: Vec<u32> =
             (0..points.len() as u32).filter(|&row| matches!(code(row as usize), BUILDING | GROUND)).collect();
         let edge = cell_edge(self.cell, density);
-        let place = |i: usize| {
-            let at = points.positions.xyz(used[i] as usize);
-            cell_of([at[0], at[1]].map(|v| f64::from(v) / edge))
-        };
-        let cells = Cells::new(used.len(), place, monitor)?;
+        let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
         let rows = |cell: usize| cells.of(cell).iter().map(|&i| used[i as usize]);
         let top = |cell: usize| {
             let building = rows(cell).any(|row| code(row as usize) == BUILDING);

@@ -1,5 +1,6 @@
 //! What the classes of a model become in the end: vegetation by its height, buildings without height ground, isolated
-//! points noise, wires wires, and cars and points that the model does not know or the surroundings contradict unclassified.
+//! points noise, wires wires. Cars, points that the model does not know and those that the surroundings contradict become
+//! unclassified.
 
 mod cars;
 mod level;
@@ -15,18 +16,18 @@ use crate::error::{Error, Result};
 use crate::parallel::{Looks, Monitor};
 use crate::recipes::classify::Classified;
 use crate::terrain::{HeightParams, heights_above};
-use crate::voxels::cells::Cells;
+use crate::voxels::cells::{Cells, cell_of};
 use crate::voxels::rows::RowGrid;
 use cars::Named;
 use level::LevelRows;
 use serde::{Deserialize, Serialize};
 
 /// ASPRS codes.
-const GROUND: u8 = 2;
-const LOW: u8 = 3;
+pub(in crate::recipes) const GROUND: u8 = 2;
+pub(in crate::recipes) const LOW: u8 = 3;
 const MEDIUM: u8 = 4;
 const HIGH: u8 = 5;
-const BUILDING: u8 = 6;
+pub(in crate::recipes) const BUILDING: u8 = 6;
 const LOW_NOISE: u8 = 7;
 const WIRE: u8 = 14;
 const HIGH_NOISE: u8 = 18;
@@ -40,6 +41,12 @@ const SPACINGS: f64 = 1.5;
 /// square metre.
 fn cell_edge(least: f64, density: f64) -> f64 {
     least.max(SPACINGS / density.max(1e-6).sqrt())
+}
+
+/// The cell in plan of a row, of cells with this edge.
+fn plan_cell(points: &Points, row: u32, edge: f64) -> [i32; 2] {
+    let [x, y, _] = points.positions.xyz(row as usize);
+    cell_of([x, y].map(|v| f64::from(v) / edge))
 }
 
 /// Rules for the final codes of a model with ASPRS classes.
