@@ -197,6 +197,8 @@ pub fn map_watched<T: Default + Send>(
     monitor: &Monitor,
     kernel: impl Fn(usize) -> T + Sync,
 ) -> Result<Vec<T>> {
+    // Without this look, cancelled work would still touch the memory of all items.
+    monitor.check()?;
     let item = |i: usize| if monitor.is_cancelled() { T::default() } else { kernel(i) };
     let all = (0..count).into_par_iter().map(item).collect();
     monitor.check().map(|()| all)
