@@ -46,6 +46,7 @@ def ground_points(
     slope: float = 0.12,
     relief: float = 0.2,
     window: float = 27.0,
+    wall: float = 2.0,
     threshold: float = 0.45,
     scaling: float = 1.0,
     metres_per_unit: float | None = None,
@@ -67,7 +68,10 @@ def ground_points(
     relief : float
         Additional slope per unit of the slope of the terrain around, for the refined filter.
     window : float
-        Half the width of the widest object, metres.
+        Half the width of the widest object that is found by its width, metres.
+    wall : float
+        Least height of the walls around a wider object, a large roof, metres; for the refined filter. 0: such roofs are
+        ground.
     threshold : float
         Largest distance of ground points from the height of the ground, metres.
     scaling : float
@@ -98,6 +102,7 @@ def ground_points(
         "slope": slope,
         "relief": relief,
         "window": window,
+        "wall": wall,
         "threshold": threshold,
         "scaling": scaling,
     }

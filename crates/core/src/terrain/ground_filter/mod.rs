@@ -5,6 +5,7 @@ mod membrane;
 mod morphological;
 mod params;
 mod refined;
+mod roofs;
 #[cfg(test)]
 mod tests;
 mod window;
@@ -29,8 +30,8 @@ const BLOCK: usize = 16_384;
 /// points.
 ///
 /// [`GroundMethod::Refined`] fills holes by a membrane, adds `relief` · slope of the terrain found so far to the slope
-/// that is allowed, removes cells that stand out from the averaged ground, and takes back all cells that lie on the
-/// ground that remains, always by the same distance as for points. Returns true for each ground point.
+/// that is allowed, removes roofs wider than the window and cells that stand out from the averaged ground, and takes back
+/// all cells that lie on the ground that remains, always by the same distance as for points. Returns true for each ground point.
 /// O(n + cells · log²(window)).
 ///
 /// # Errors

@@ -11,7 +11,7 @@ pub enum GroundMethod {
     /// height. Its published parameters are [`GroundParams::published`].
     Morphological,
     /// The same with octagonal windows, smooth filling of holes, a slope that follows the terrain, removal of what
-    /// stands out from the ground that was found, and return of what lies on it.
+    /// stands out from the ground that was found and of roofs wider than the window, and return of what lies on it.
     #[default]
     Refined,
 }
@@ -29,8 +29,11 @@ pub struct GroundParams {
     /// Additional slope per unit of the slope of the terrain around, at most a slope of 1; 0 or more. Only for the
     /// refined method.
     pub relief: f64,
-    /// Half the width of the widest object, metres; at least a cell.
+    /// Half the width of the widest object that openings find, metres; at least a cell.
     pub window: f64,
+    /// Least height of the walls around an object wider than that, metres: a large roof. 0: such roofs are ground. Only for
+    /// the refined method.
+    pub wall: f64,
     /// Largest distance of ground points from the height of the ground where it is level, metres; above 0.
     pub threshold: f64,
     /// Additional distance per unit of slope, metres; 0 or more.
@@ -40,7 +43,7 @@ pub struct GroundParams {
 impl Default for GroundParams {
     fn default() -> Self {
         let method = GroundMethod::Refined;
-        Self { method, cell: 1.0, slope: 0.12, relief: 0.2, window: 27.0, threshold: 0.45, scaling: 1.0 }
+        Self { method, cell: 1.0, slope: 0.12, relief: 0.2, window: 27.0, wall: 2.0, threshold: 0.45, scaling: 1.0 }
     }
 }
 
@@ -49,7 +52,7 @@ impl GroundParams {
     #[must_use]
     pub fn published() -> Self {
         let method = GroundMethod::Morphological;
-        Self { method, cell: 1.0, slope: 0.15, relief: 0.0, window: 18.0, threshold: 0.5, scaling: 1.25 }
+        Self { method, cell: 1.0, slope: 0.15, relief: 0.0, window: 18.0, wall: 0.0, threshold: 0.5, scaling: 1.25 }
     }
 
     /// Largest distance of the ground's points from its height where it has this slope, metres.
@@ -70,6 +73,7 @@ impl GroundParams {
             Self { window, cell, .. } if !(window >= cell && *window <= 1000.0 * cell) => {
                 wrong("window", *window, "1 to 1000 cells")
             }
+            Self { wall, .. } if !(*wall >= 0.0 && wall.is_finite()) => wrong("wall", *wall, "metres, 0 or more"),
             Self { threshold, .. } if !(*threshold > 0.0 && threshold.is_finite()) => {
                 wrong("threshold", *threshold, "metres, above 0")
             }

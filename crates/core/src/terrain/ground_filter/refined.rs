@@ -4,6 +4,7 @@ use super::GroundParams;
 use super::blur::blurred;
 use super::membrane::membrane;
 use super::morphological::prominence;
+use super::roofs::without_roofs;
 use super::steepness;
 use crate::cloud::Raster;
 use crate::error::Result;
@@ -23,6 +24,7 @@ pub(super) fn surface(lowest: &Raster, params: &GroundParams, monitor: &Monitor)
     let around = steepness(&blurred(terrain, AROUND, monitor)?, monitor)?;
     let ground = kept(lowest, &most, |i| params.slope + params.relief * around[i].min(STEEPEST));
     drop((most, around));
+    let ground = without_roofs(ground, params, monitor)?;
     let ground = membrane(without_bumps(ground, params, monitor)?, monitor)?;
     membrane(on_ground(lowest, &ground, params, monitor)?, monitor)
 }

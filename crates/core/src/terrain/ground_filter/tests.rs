@@ -101,6 +101,72 @@ fn a_roof_as_wide_as_the_window_is_not_ground() {
     assert!(rows.iter().zip(&published).any(|(p, &g)| g && roof(p[0], p[1])));
 }
 
+/// Whether no point of the places is ground, and every other one is.
+fn are_the_objects(rows: &[[f64; 3]], object: impl Fn(f64, f64) -> bool) -> bool {
+    ground(rows).iter().zip(rows).all(|(&g, p)| g != object(p[0], p[1]))
+}
+
+#[test]
+fn a_roof_wider_than_the_window_is_not_ground() {
+    let inside = |v: f64, [low, high]: [f64; 2]| (low..high).contains(&v);
+    let hall = move |x: f64, y: f64| inside(x, [20.0, 120.0]) && inside(y, [30.0, 100.0]);
+    let slope = |x: f64| 0.05 * x;
+    let on_slope = scene(140, |x, y| slope(x) + if hall(x, y) { 9.0 } else { 0.0 });
+    assert!(are_the_objects(&on_slope, hall));
+    // Without walls to look for it is ground, as before.
+    let plain = GroundParams { wall: 0.0, ..GroundParams::default() };
+    let found = ground_points(&points(&on_slope), &plain, &Monitor::default()).unwrap();
+    assert!(found.iter().zip(&on_slope).any(|(&g, p)| g && hall(p[0], p[1])));
+    // Stairs of 3 m lead up to it; they may be either.
+    let stairs = |x: f64, y: f64| inside(x, [10.0, 20.0]) && inside(y, [60.0, 63.0]);
+    let height = |x: f64, y: f64| {
+        if hall(x, y) {
+            3.0
+        } else if stairs(x, y) {
+            0.3 * (x - 10.0)
+        } else {
+            0.0
+        }
+    };
+    let with_stairs: Vec<[f64; 3]> = scene(140, height);
+    let found = ground(&with_stairs);
+    assert!(found.iter().zip(&with_stairs).all(|(&g, p)| stairs(p[0], p[1]) || g != hall(p[0], p[1])));
+    // A wide hall on a wider podium.
+    let podium = move |x: f64, y: f64| inside(x, [10.0, 132.0]) && inside(y, [10.0, 130.0]);
+    let height = |x: f64, y: f64| 5.0 * f64::from(u8::from(podium(x, y)) + u8::from(hall(x, y)));
+    assert!(are_the_objects(&scene(190, height), podium));
+}
+
+#[test]
+fn a_wide_roof_in_a_thin_cloud_is_not_ground() {
+    let hall = |x: f64, y: f64| (30.0..110.0).contains(&x) && (30.0..110.0).contains(&y);
+    let mut random = stream(11, 3);
+    let dense = scene(140, |x, y| 0.02 * y + 0.1 * (0.1 * x).sin() + if hall(x, y) { 8.0 } else { 0.0 });
+    // 0.3 points per square metre.
+    let rows: Vec<[f64; 3]> = dense.into_iter().filter(|_| random.uniform() < 0.075).collect();
+    assert!(are_the_objects(&rows, hall));
+}
+
+#[test]
+fn plateaus_and_terraces_stay_ground() {
+    // A wall from border to border, with 60 m of ground above it.
+    let terrace = scene(130, |_, y| if y < 60.0 { 4.0 } else { 0.0 });
+    assert!(ground(&terrace).iter().all(|&g| g));
+    // A plateau of 90 m between slopes of 0.4.
+    let away = |v: f64| ((v - 80.0).abs() - 45.0).max(0.0);
+    let plateau = scene(160, |x, y| 20.0 - (0.4 * away(x).max(away(y))).min(12.0));
+    let lost = ground(&plateau).iter().filter(|&&g| !g).count();
+    assert!(lost * 200 < plateau.len(), "{lost}");
+    // A quarry: walls rise around its floor.
+    let pit = |v: f64| (35.0..125.0).contains(&v);
+    let quarry = scene(160, |x, y| if pit(x) && pit(y) { -10.0 } else { 0.0 });
+    let lost = ground(&quarry).iter().filter(|&&g| !g).count();
+    assert!(lost * 200 < quarry.len(), "{lost}");
+    // Ground on three sides of a wide hall that the border of the scan cuts.
+    let cut = |x: f64, y: f64| x < 80.0 && (30.0..110.0).contains(&y);
+    assert!(are_the_objects(&scene(140, |x, y| if cut(x, y) { 8.0 } else { 0.0 }), cut));
+}
+
 #[test]
 fn the_ground_does_not_depend_on_threads() {
     let mut random = stream(9, 4);
@@ -121,4 +187,6 @@ fn parameters_of_older_recipes_load_and_ranges_are_checked() {
     assert!(serde_json::to_string(&GroundParams::published()).unwrap().contains(r#""method":"morphological""#));
     assert!(GroundParams::published().validate().is_ok());
     assert!(GroundParams { relief: -0.1, ..GroundParams::default() }.validate().is_err());
+    assert!(GroundParams { wall: f64::NAN, ..GroundParams::default() }.validate().is_err());
+    assert_eq!((read.wall, GroundParams::published().wall), (2.0, 0.0));
 }
