@@ -16,7 +16,7 @@ use std::time::Instant;
 const DOUBTFUL: f64 = 0.55;
 
 /// What the built-in model has no class for.
-const LIMITS: &str = "built-in model: masts, long bridges, water and some cars have no class of their own and become vegetation, \
+const LIMITS: &str = "built-in model: masts, some bridges, water and some cars have no class of their own and become vegetation, \
                       building or ground; cars that are found stay unclassified; `scansion train` makes models with other classes";
 
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {

@@ -15,7 +15,7 @@ pub(in crate::recipes) use cars::CarLessons;
 pub use cars::{CarReport, CarTraining};
 pub use report::AutoContextReport;
 
-use super::classify::rules::{CarParams, ClassRules, LevelParams, WireParams};
+use super::classify::rules::{CarParams, ClassRules, DeckParams, LevelParams, WireParams};
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams, automatic};
@@ -137,6 +137,7 @@ impl Default for AutoContextRecipe {
                 vegetation: vec![0.5, 1.5],
                 lowest_building: 0.3,
                 level: LevelParams::default(),
+                decks: DeckParams::default(),
                 wires: WireParams::default(),
                 cars: CarParams::default(),
                 isolated: 5,

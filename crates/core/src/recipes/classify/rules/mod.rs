@@ -3,10 +3,12 @@
 //! unclassified.
 
 mod cars;
+mod decks;
 mod level;
 mod wires;
 
 pub use cars::CarParams;
+pub use decks::DeckParams;
 pub use level::LevelParams;
 pub use wires::WireParams;
 
@@ -62,6 +64,8 @@ pub struct ClassRules {
     /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of bridges,
     /// terraces). Only for models with the ASPRS classes 2 and 6.
     pub level: LevelParams,
+    /// Buildings (6) that are the deck of a long bridge become unclassified. Only for models with the ASPRS classes 2 and 6.
+    pub decks: DeckParams,
     /// Vegetation, buildings (3 to 6) and unclassified points that are wires become wires (14). Only for models with the ASPRS classes 2 and 5,
     /// but not 14.
     pub wires: WireParams,
@@ -83,6 +87,7 @@ impl Default for ClassRules {
             vegetation: Vec::new(),
             lowest_building: 0.0,
             level: LevelParams::none(),
+            decks: DeckParams::none(),
             wires: WireParams::none(),
             cars: CarParams::none(),
             abstain: 0.0,
@@ -107,6 +112,7 @@ impl ClassRules {
             return Err(Error::parameter("classes.lowest_building", self.lowest_building, "metres, 0 or more"));
         }
         self.level.validate()?;
+        self.decks.validate()?;
         self.wires.validate()?;
         self.cars.validate()?;
         if !(self.noise_voxel > 0.0 && self.noise_voxel.is_finite()) {
@@ -142,6 +148,12 @@ impl ClassRules {
         self.level.share < 1.0 && has(GROUND) && has(BUILDING)
     }
 
+    /// Whether these rules look for decks of bridges in the result of a model with these classes.
+    fn finds_decks(&self, classes: &ClassTable) -> bool {
+        let has = |code| classes.position(code).is_some();
+        self.decks.length > 0.0 && has(GROUND) && has(BUILDING)
+    }
+
     /// Whether these rules find wires in the result of a model with these classes.
     pub fn finds_wires(&self, classes: &ClassTable) -> bool {
         let has = |code| classes.position(code).is_some();
@@ -168,7 +180,7 @@ impl ClassRules {
     ) -> Result<()> {
         let by_height = self.divides(classes) || self.finds_noise(classes) || self.lowers(classes);
         let cars = self.cars.points > 0 && !result.cars.is_empty();
-        if by_height || cars || self.levels(classes) || self.finds_wires(classes) {
+        if by_height || cars || self.levels(classes) || self.finds_decks(classes) || self.finds_wires(classes) {
             let points = scene.points(monitor)?;
             if !points.is_empty() {
                 self.by_surroundings(result, classes, &points, monitor)?;
@@ -198,8 +210,13 @@ impl ClassRules {
         };
         level.ground.iter().for_each(|&row| result.codes[index[row as usize] as usize] = GROUND);
         let heights = self.by_height(result, classes, points, monitor)?;
+        // Looked for afterwards, for at its ends a deck reaches the ground.
+        let decks = match self.finds_decks(classes) {
+            true => self.decks.rows(points, &result.codes, result.density, monitor)?,
+            false => Vec::new(),
+        };
         let free = classes.free_code();
-        for row in level.unknown {
+        for row in level.unknown.into_iter().chain(decks) {
             let code = &mut result.codes[index[row as usize] as usize];
             *code = if *code == BUILDING { free } else { *code };
         }
