@@ -17,7 +17,8 @@ pub(crate) struct GroundArgs {
     /// Find the ground by the ground filter, whatever the classes are
     #[arg(long)]
     pub(crate) ground_filter: bool,
-    /// Half the width of the widest building, metres, for the ground filter [default: 27]
+    /// Half the width, metres, up to which the ground filter finds buildings by their width; wider ones are found by their
+    /// walls [default: 27]
     #[arg(long, value_name = "METRES")]
     pub(crate) window: Option<f64>,
     /// Slope, rise over run, above which the ground filter sees an object on level terrain [default: 0.12]

@@ -31,8 +31,8 @@ pub struct GroundParams {
     pub relief: f64,
     /// Half the width of the widest object that openings find, metres; at least a cell.
     pub window: f64,
-    /// Least height of the walls around an object wider than that, metres: a large roof. 0: such roofs are ground. Only for
-    /// the refined method.
+    /// Least height of the walls around a roof of at least the area window · window, metres; 0 or more, 0: none is looked
+    /// for. Walls lower than a cell edge are not seen. Only for the refined method.
     pub wall: f64,
     /// Largest distance of ground points from the height of the ground where it is level, metres; above 0.
     pub threshold: f64,

@@ -12,7 +12,7 @@ use crate::parallel::{Monitor, map_watched, watched};
 use crate::terrain::holes::nearest_filled;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Two heights farther apart than this say nothing of each other, metres.
+/// Two heights farther apart than this say nothing of each other, metres; trenches are at most as wide.
 const FAR: f64 = 15.0;
 /// Slope of a wall, rise over run, at least.
 const STEEPEST: f64 = 1.0;
@@ -81,6 +81,7 @@ struct Border {
     /// Walls that go down from the part, and walls that rise from it.
     down: usize,
     up: usize,
+    /// Level ground, beside the part or beyond a trench.
     level: usize,
     /// Neither wall nor level.
     other: usize,
@@ -191,7 +192,9 @@ impl Heights<'_> {
     /// The parts of at least `least` cells that are roofs.
     fn roofs(&self, part: &[u32], least: f64, monitor: &Monitor) -> Result<BTreeSet<u32>> {
         let mut area = vec![0u32; part.len()];
-        self.nearest.iter().for_each(|&height| area[part[height as usize] as usize] += 1);
+        for piece in watched(part.len(), monitor) {
+            self.nearest[piece?].iter().for_each(|&height| area[part[height as usize] as usize] += 1);
+        }
         let largest = (0..).zip(&area).max_by_key(|(_, area)| **area).map(|(part, _): (u32, _)| part);
         let wide = |part: u32| f64::from(area[part as usize]) >= least && Some(part) != largest;
         let mut roofs = BTreeSet::new();
@@ -206,7 +209,12 @@ impl Heights<'_> {
                     let border = borders.entry(own).or_default();
                     match pair.step {
                         Step::Level => border.level += 1,
-                        Step::Wall if own == high => border.down += 1,
+                        Step::Wall if own == high => {
+                            match self.is_trench(&pair, |at| part[at] != own && !roofs.contains(&part[at])) {
+                                true => border.level += 1,
+                                false => border.down += 1,
+                            }
+                        }
                         Step::Wall => border.up += usize::from(!roofs.contains(&other)),
                         Step::Between => border.other += 1,
                     }
@@ -219,6 +227,25 @@ impl Heights<'_> {
             }
         }
         Ok(roofs)
+    }
+
+    /// Whether the wall is that of a trench, a canal or a cutting: beyond its foot, in the direction away from it, there is
+    /// ground of another part that is at most half of the least wall lower than its top. `other` tells the heights of such
+    /// parts.
+    fn is_trench(&self, wall: &Pair, other: impl Fn(usize) -> bool) -> bool {
+        let (columns, rows, z) = (self.ground.columns(), self.ground.rows(), self.ground.values());
+        let at = |cell: usize| [cell % columns, cell / columns].map(|v| v as f64);
+        let (foot, top) = (at(wall.low), at(wall.high));
+        let away = [foot[0] - top[0], foot[1] - top[1]];
+        let length = away[0].hypot(away[1]);
+        (1..=(FAR / self.ground.cell()) as usize).any(|steps| {
+            let [x, y] = [0, 1].map(|axis| (foot[axis] + away[axis] / length * steps as f64).round());
+            if x < 0.0 || y < 0.0 || x >= columns as f64 || y >= rows as f64 {
+                return false;
+            }
+            let beyond = self.nearest[y as usize * columns + x as usize] as usize;
+            other(beyond) && z[wall.high] - z[beyond] <= 0.5 * self.wall
+        })
     }
 
     /// The edges of the raster that belong to wide parts.

@@ -162,6 +162,14 @@ fn plateaus_and_terraces_stay_ground() {
     let quarry = scene(160, |x, y| if pit(x) && pit(y) { -10.0 } else { 0.0 });
     let lost = ground(&quarry).iter().filter(|&&g| !g).count();
     assert!(lost * 200 < quarry.len(), "{lost}");
+    // Land between two canals, and a block inside a sunken ring road.
+    let canal = |y: f64| (90.0..100.0).contains(&y) || (160.0..170.0).contains(&y);
+    let canals = scene(260, |_, y| if canal(y) { -3.0 } else { 0.0 });
+    assert!(ground(&canals).iter().all(|&g| g));
+    let from_middle = |x: f64, y: f64| (x - 130.0).abs().max((y - 130.0).abs());
+    let ring = scene(260, |x, y| if (38.0..50.0).contains(&from_middle(x, y)) { -4.0 } else { 0.0 });
+    let lost = ground(&ring).iter().filter(|&&g| !g).count();
+    assert!(lost * 30 < ring.len(), "{lost}");
     // Ground on three sides of a wide hall that the border of the scan cuts.
     let cut = |x: f64, y: f64| x < 80.0 && (30.0..110.0).contains(&y);
     assert!(are_the_objects(&scene(140, |x, y| if cut(x, y) { 8.0 } else { 0.0 }), cut));

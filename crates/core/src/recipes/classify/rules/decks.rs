@@ -21,13 +21,14 @@ use std::collections::BTreeSet;
 pub struct DeckParams {
     /// Least length of a deck, metres; it is also at least 1.5 times as long as wide. 0: decks are not looked for.
     pub length: f64,
-    /// Greatest width of a strip, metres; above 0.
+    /// Greatest width of a strip, from the ground on one side to that on the other, metres; above 0.
     pub width: f64,
-    /// Least height above the ground on both sides, metres; 0 or more.
+    /// Least height above the ground on both sides, metres; 0 or more. Building cells beside the deck that are at most as much
+    /// higher or lower belong to it: railings.
     pub drop: f64,
     /// Largest step from cell to cell, and to the ground at both ends, metres; 0 or more.
     pub step: f64,
-    /// Distance of the strip's ends from that ground, at most, metres; 0 or more.
+    /// Distance from the strip to that ground, at most about, metres; 0 or more.
     pub reach: f64,
     /// Least edge of a cell, metres, above 0; clouds of less than 2.25 points per cell have cells of 1.5 point spacings.
     pub cell: f64,
@@ -219,7 +220,11 @@ impl Scene<'_> {
         }
         let mut deck: BTreeSet<usize> = strip.iter().copied().collect();
         for _ in 0..(self.params.reach / self.edge).ceil() as usize {
+            let before = deck.len();
             self.grow(&mut deck, self.params.step);
+            if deck.len() == before {
+                break;
+            }
         }
         let level = |cell: usize| {
             let ground = |near: usize| !self.surfaces[near].building && self.step(cell, near) < self.params.step;

@@ -61,8 +61,8 @@ pub struct ClassRules {
     /// Building points (6) less than this above the ground, metres, become ground: no building is as low. 0: none. Only
     /// for models with the ASPRS classes 2 and 6.
     pub lowest_building: f64,
-    /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of bridges,
-    /// terraces). Only for models with the ASPRS classes 2 and 6.
+    /// Buildings (6) that are level with the ground around them become ground (hilltops) or unclassified (decks of short
+    /// bridges, terraces). Only for models with the ASPRS classes 2 and 6.
     pub level: LevelParams,
     /// Buildings (6) that are the deck of a long bridge become unclassified. Only for models with the ASPRS classes 2 and 6.
     pub decks: DeckParams,
