@@ -70,8 +70,8 @@ def ground_points(
     window : float
         Half the width of the widest object that is found by its width, metres.
     wall : float
-        Least height of the walls around a wider object, a large roof, metres; for the refined filter. 0: such roofs are
-        ground.
+        Least height of the walls around a wider roof, of at least the area window * window, metres; for the refined filter.
+        0: such roofs are ground. Walls lower than a cell edge are not seen.
     threshold : float
         Largest distance of ground points from the height of the ground, metres.
     scaling : float
