@@ -194,6 +194,19 @@ def test_products_take_the_defaults_of_the_ground_filter():
     assert np.median(found[hall]) > 5
 
 
+def test_roofs_wider_than_the_window_are_found_by_their_walls():
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(120.0), np.arange(120.0)))
+    hall = (abs(x - 60) < 36) & (abs(y - 60) < 36)
+    xyz = np.column_stack([x, y, 6.0 * hall])
+    assert np.median(terrain.height_above_ground(xyz, ground="filter")[hall]) > 5
+    # Neither without the search for walls, nor for walls that are higher.
+    for wall in (0.0, 7.0):
+        assert np.median(terrain.height_above_ground(xyz, ground="filter", wall=wall)[hall]) == 0
+        assert np.median(terrain.dtm(xyz, ground="filter", wall=wall).values[55:65, 55:65]) == 6
+    with pytest.raises(ValueError, match="wall"):
+        terrain.dtm(xyz, ground="filter", wall=-1.0)
+
+
 def read_geopackage(path):
     """Rows of the only layer, after the checks of SQLite and of the keys between the tables."""
     with sqlite3.connect(path) as base:

@@ -205,7 +205,8 @@ fn the_ground_filter_of_the_commands_has_its_own_defaults() {
         .collect();
     io::write(&f.join("a.laz"), &Cloud::from_rows(&rows).unwrap(), &Default::default()).unwrap();
     let own = scansion_core::terrain::GroundParams::default();
-    let given = ["--window", &own.window.to_string(), "--slope", &own.slope.to_string()];
+    let numbers = [own.window, own.slope, own.wall].map(|value| value.to_string());
+    let given = ["--window", &numbers[0], "--slope", &numbers[1], "--wall", &numbers[2]];
     let grid = |name: &str, more: &[&str]| {
         done(f, &[&["terrain", "a.laz", "-o", name, "--ground-filter"], more].concat());
         std::fs::read(f.join(name)).unwrap()
@@ -213,6 +214,13 @@ fn the_ground_filter_of_the_commands_has_its_own_defaults() {
     let default = grid("a.asc", &[]);
     assert!(default == grid("b.asc", &given));
     assert!(default != grid("c.asc", &["--window", "18"]), "the heap is wider than twice 18 m");
+    // A hall wider than the window is found by its walls.
+    let hall = |x: f64, y: f64| if (x - 52.0).abs().max((y - 52.0).abs()) < 36.0 { 6.0 } else { 0.0 };
+    let rows: Vec<[f64; 3]> =
+        (0..10_816).map(|i| (f64::from(i % 104), f64::from(i / 104))).map(|(x, y)| [x, y, hall(x, y)]).collect();
+    io::write(&f.join("a.laz"), &Cloud::from_rows(&rows).unwrap(), &Default::default()).unwrap();
+    let heights = |name: &str, more: &[&str]| String::from_utf8(grid(name, more)).unwrap();
+    assert!(!heights("d.asc", &[]).contains(" 6 ") && heights("e.asc", &["--wall", "0"]).contains(" 6 "));
 }
 
 /// The paper reports an F-score above 99.5 % on its data, from many more labels.

@@ -24,6 +24,9 @@ pub(crate) struct GroundArgs {
     /// Slope, rise over run, above which the ground filter sees an object on level terrain [default: 0.12]
     #[arg(long, value_name = "SLOPE")]
     pub(crate) slope: Option<f64>,
+    /// Least height of the walls around roofs wider than the window, metres; 0: these are not looked for [default: 2]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) wall: Option<f64>,
     /// Classes that are left out, or none [default: 7 and 18, noise, in LAS and LAZ]
     #[arg(long, value_name = "CODES|none")]
     pub(crate) noise_classes: Option<String>,

@@ -74,8 +74,12 @@ pub(crate) fn product_params(args: &GroundArgs) -> Result<ProductParams> {
         Some(codes) => Some(codes.split(',').map(code).collect::<Result<_>>()?),
     };
     let own = GroundParams::default();
-    let (window, slope) = (args.window.unwrap_or(own.window), args.slope.unwrap_or(own.slope));
-    let filter = GroundParams { window, slope, ..own };
+    let filter = GroundParams {
+        window: args.window.unwrap_or(own.window),
+        slope: args.slope.unwrap_or(own.slope),
+        wall: args.wall.unwrap_or(own.wall),
+        ..own
+    };
     Ok(ProductParams { cell: args.cell, ground, filter, noise, ..ProductParams::default() })
 }
 

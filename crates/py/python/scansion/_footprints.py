@@ -26,6 +26,7 @@ def footprints(
     noise: Sequence[int] | None = None,
     slope: float | None = None,
     window: float | None = None,
+    wall: float | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> dict[str, Any]:
@@ -53,7 +54,7 @@ def footprints(
         cloud has such points, else the ground filter.
     noise : list of int, optional
         Classes that are left out. None: 7 and 18 in LAS and LAZ, else none.
-    slope, window : float, optional
+    slope, window, wall : float, optional
         Parameters of the ground filter, as in `ground_points`.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
@@ -88,7 +89,7 @@ def footprints(
         "min_area": min_area,
         "tolerance": tolerance,
     }
-    settings = to_json(ground_settings(cell, ground, noise, slope, window))
+    settings = to_json(ground_settings(cell, ground, noise, slope, window, wall))
     found: dict[str, Any] = json.loads(
         _core.footprints(cloud._core, settings, to_json(shape), metres_per_unit, n_jobs)
     )

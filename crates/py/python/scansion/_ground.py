@@ -17,6 +17,7 @@ def settings(
     noise: Sequence[int] | None,
     slope: float | None = None,
     window: float | None = None,
+    wall: float | None = None,
     reach: float = 100.0,
 ) -> dict[str, Any]:
     """The core's parameters of terrain products."""
@@ -24,9 +25,15 @@ def settings(
         "cell": cell,
         "ground": "auto" if is_marks(ground) else choice(ground),
         "noise": None if noise is None else code_list(noise, "noise"),
-        "filter": {name: value for name, value in (("slope", slope), ("window", window)) if value is not None},
+        "filter": filter_settings(slope, window, wall),
         "reach": reach,
     }
+
+
+def filter_settings(slope: float | None, window: float | None, wall: float | None) -> dict[str, float]:
+    """The core's parameters of the ground filter, of those that are given."""
+    named = {"slope": slope, "window": window, "wall": wall}
+    return {name: value for name, value in named.items() if value is not None}
 
 
 def choice(ground: Any) -> Any:

@@ -61,6 +61,7 @@ def dtm(
     reach: float = 100.0,
     slope: float | None = None,
     window: float | None = None,
+    wall: float | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Raster:
@@ -82,7 +83,7 @@ def dtm(
         Classes that are left out. None: 7 and 18 in LAS and LAZ, else none.
     reach : float
         Cells farther than this from all ground points are NaN, metres.
-    slope, window : float, optional
+    slope, window, wall : float, optional
         Parameters of the ground filter, as in `ground_points`.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
@@ -105,7 +106,7 @@ def dtm(
     >>> dtm.values.shape, dtm.corner, bool(np.allclose(dtm.values[:, 10], 5 + 0.1 * 10.5))
     ((10, 20), (0.0, 10.0), True)
     """
-    settings = ground_settings(cell, ground, noise, slope, window, reach)
+    settings = ground_settings(cell, ground, noise, slope, window, wall, reach)
     return _raster("dtm", xyz, ground, settings, (metres_per_unit, n_jobs))
 
 
@@ -159,6 +160,7 @@ def chm(
     reach: float = 100.0,
     slope: float | None = None,
     window: float | None = None,
+    wall: float | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> Raster:
@@ -179,7 +181,7 @@ def chm(
         Classes that are left out. None: 7 and 18 in LAS and LAZ, else none.
     reach : float
         Cells farther than this from all ground points are NaN, metres.
-    slope, window : float, optional
+    slope, window, wall : float, optional
         Parameters of the ground filter, as in `ground_points`.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
@@ -200,7 +202,7 @@ def chm(
     >>> float(terrain.chm(np.column_stack([x, y, np.where(house, 30.0, 5.0)]), ground=~house).values[4, 10])
     25.0
     """
-    settings = ground_settings(cell, ground, noise, slope, window, reach)
+    settings = ground_settings(cell, ground, noise, slope, window, wall, reach)
     return _raster("chm", xyz, ground, settings, (metres_per_unit, n_jobs))
 
 
@@ -212,6 +214,7 @@ def height_above_ground(
     noise: Sequence[int] | None = None,
     slope: float | None = None,
     window: float | None = None,
+    wall: float | None = None,
     metres_per_unit: float | None = None,
     n_jobs: int | None = None,
 ) -> NDArray[np.float32]:
@@ -228,7 +231,7 @@ def height_above_ground(
         cloud has such points, else the ground filter.
     noise : list of int, optional
         Classes that are left out. None: 7 and 18 in LAS and LAZ, else none.
-    slope, window : float, optional
+    slope, window, wall : float, optional
         Parameters of the ground filter, as in `ground_points`.
     metres_per_unit : float, optional
         Metres per unit of the coordinates; None uses the cloud's own unit, else 1.
@@ -247,7 +250,7 @@ def height_above_ground(
     [0.0, 0.0, 3.0]
     """
     cloud, ground = marked(xyz, ground)
-    settings = to_json(ground_settings(cell, ground, noise, slope, window))
+    settings = to_json(ground_settings(cell, ground, noise, slope, window, wall))
     found, _ = _core.height_above_ground(cloud._core, settings, metres_per_unit, n_jobs)
     return found
 

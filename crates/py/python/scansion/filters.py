@@ -14,7 +14,7 @@ from scansion import _core
 from scansion._arrays import to_json
 from scansion._cloud import as_cloud
 from scansion._files import _box, _steps
-from scansion._ground import choice, code_list
+from scansion._ground import choice, code_list, filter_settings
 
 __all__ = ["filter_file", "inside_polygon", "radius_outliers", "statistical_outliers"]
 
@@ -153,6 +153,7 @@ def filter_file(
     noise: Sequence[int] | None = None,
     slope: float | None = None,
     window: float | None = None,
+    wall: float | None = None,
     bounds: ArrayLike | None = None,
     polygon: Any = None,
     outside: bool = False,
@@ -189,7 +190,7 @@ def filter_file(
         Edge of a cell of the terrain model, metres.
     noise : list of int, optional
         Classes that are left out of the ground. None: 7 and 18 in LAS and LAZ, else none.
-    slope, window : float, optional
+    slope, window, wall : float, optional
         Parameters of the ground filter, as in `terrain.ground_points`.
     bounds : array_like of shape (2, 3) or (2, 2), optional
         Keep only points in this box, lowest and highest corner, both included.
@@ -229,7 +230,7 @@ def filter_file(
             "cell": cell,
             "ground": choice(ground),
             "noise": None if noise is None else code_list(noise, "noise"),
-            "filter": {name: value for name, value in (("slope", slope), ("window", window)) if value is not None},
+            "filter": filter_settings(slope, window, wall),
         },
         "polygon": None if polygon is None else _text(polygon),
         "outside": outside,

@@ -117,6 +117,12 @@ fn a_roof_wider_than_the_window_is_not_ground() {
     let plain = GroundParams { wall: 0.0, ..GroundParams::default() };
     let found = ground_points(&points(&on_slope), &plain, &Monitor::default()).unwrap();
     assert!(found.iter().zip(&on_slope).any(|(&g, p)| g && hall(p[0], p[1])));
+    // In other cells as well.
+    for cell in [0.5, 2.0] {
+        let params = GroundParams { cell, ..GroundParams::default() };
+        let found = ground_points(&points(&on_slope), &params, &Monitor::default()).unwrap();
+        assert!(found.iter().zip(&on_slope).all(|(&g, p)| !(g && hall(p[0], p[1]))), "{cell}");
+    }
     // Stairs of 3 m lead up to it; they may be either.
     let stairs = |x: f64, y: f64| inside(x, [10.0, 20.0]) && inside(y, [60.0, 63.0]);
     let height = |x: f64, y: f64| {
