@@ -25,7 +25,7 @@ mod windows;
 
 pub use auto_context::{AutoContextKind, AutoContextRecipe, AutoContextReport, CarReport, CarTraining, FoldParams};
 pub use builtin::{BUILTIN_MAP, builtin_misfit, default_contour_model, default_model};
-pub use classify::rules::{CarParams, ClassRules, DeckParams, LevelParams, WireParams};
+pub use classify::rules::{CarParams, ClassRules, DeckParams, LevelParams, WaterParams, WireParams};
 pub use classify::statistics::CloudStatistics;
 pub use classify::{Classified, ClassifyParams, FeatureFit, Job};
 pub use clusters::{ClusterSet, ClusterTable, ClusterTableParams, ClustersKind, ClustersRecipe, cluster_table};

@@ -15,7 +15,7 @@ pub(in crate::recipes) use cars::CarLessons;
 pub use cars::{CarReport, CarTraining};
 pub use report::AutoContextReport;
 
-use super::classify::rules::{CarParams, ClassRules, DeckParams, LevelParams, WireParams};
+use super::classify::rules::{CarParams, ClassRules, DeckParams, LevelParams, WaterParams, WireParams};
 use super::classify::{Classified, Job};
 use super::labels::LabelledCloud;
 use super::regularise::{Regularise, RegulariseParams, automatic};
@@ -138,6 +138,7 @@ impl Default for AutoContextRecipe {
                 lowest_building: 0.3,
                 level: LevelParams::default(),
                 decks: DeckParams::default(),
+                water: WaterParams::default(),
                 wires: WireParams::default(),
                 cars: CarParams::default(),
                 isolated: 5,

@@ -1,6 +1,6 @@
 //! Cars: groups of points that are like cars one by one, and have the size of cars and free ground around them.
 
-use super::{BUILDING, GROUND, LOW, cell_edge, plan_cell};
+use super::{BUILDING, GROUND, LOW, SPACINGS, block, cell_edge, plan_cell, quantile};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
@@ -168,7 +168,7 @@ impl CarParams {
 
     /// The points that are like cars, and what the cells beside them hold.
     fn groups(&self, named: &Named<'_>, monitor: &Monitor) -> Result<Groups> {
-        let edge = cell_edge(self.cell, named.density);
+        let edge = cell_edge(self.cell, SPACINGS, named.density);
         let like = |row: u32| {
             let point = named.at(row);
             (LOW..=BUILDING).contains(&named.codes[point]) && f64::from(named.cars[point]) >= self.probability
@@ -251,19 +251,12 @@ impl Groups {
 }
 
 /// The 8 cells around a cell.
-fn touching([x, y]: [i32; 2]) -> impl Iterator<Item = [i32; 2]> {
-    let all = (-1..=1).flat_map(move |dx| (-1..=1).map(move |dy| [x.saturating_add(dx), y.saturating_add(dy)]));
-    all.filter(move |&key| key != [x, y])
+fn touching(own: [i32; 2]) -> impl Iterator<Item = [i32; 2]> {
+    block(own, 1).filter(move |&key| key != own)
 }
 
 fn within(value: f64, [low, high]: [f64; 2]) -> bool {
     (low..=high).contains(&value)
-}
-
-/// The value below which this share of the values lies: the nearest of them. Sorts them in part.
-fn quantile(values: &mut [f64], share: f64) -> f64 {
-    let place = (share * (values.len() - 1) as f64).round() as usize;
-    *values.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
 /// Length and width, metres, of the smallest rectangle around points in plan, without the outermost points of each side.

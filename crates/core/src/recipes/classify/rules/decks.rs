@@ -1,7 +1,7 @@
 //! Decks of long bridges, which the trees take for roofs: long, narrow and smooth, level with the ground at both ends and
 //! high above it on both sides.
 
-use super::{BUILDING, GROUND, cell_edge, plan_cell};
+use super::{BUILDING, GROUND, SPACINGS, block, cell_edge, plan_cell};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
@@ -84,7 +84,7 @@ impl DeckParams {
         let code = |row: usize| codes[points.frame.index[row] as usize];
         let used: Vec<u32> =
             (0..points.len() as u32).filter(|&row| matches!(code(row as usize), BUILDING | GROUND)).collect();
-        let edge = cell_edge(self.cell, density);
+        let edge = cell_edge(self.cell, SPACINGS, density);
         let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
         let rows = |cell: usize| cells.of(cell).iter().map(|&i| used[i as usize]);
         let buildings = |cell: usize| rows(cell).filter(|&row| code(row as usize) == BUILDING);
@@ -256,9 +256,7 @@ impl Scene<'_> {
 
     /// Occupied cells around a cell, itself included.
     fn around(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
-        let [x, y] = self.index.keys()[cell];
-        let keys = (-1..=1).flat_map(move |dx| (-1..=1).map(move |dy| [x.saturating_add(dx), y.saturating_add(dy)]));
-        keys.filter_map(|key| self.index.find(key))
+        block(self.index.keys()[cell], 1).filter_map(|key| self.index.find(key))
     }
 
     fn step(&self, a: usize, b: usize) -> f64 {
@@ -286,7 +284,11 @@ mod tests {
     }
 
     fn found(scene: &(Points, Vec<u8>)) -> usize {
-        DeckParams::default().rows(&scene.0, &scene.1, 4.0, &Monitor::default()).unwrap().len()
+        found_by(&DeckParams::default(), scene)
+    }
+
+    fn found_by(params: &DeckParams, scene: &(Points, Vec<u8>)) -> usize {
+        params.rows(&scene.0, &scene.1, 4.0, &Monitor::default()).unwrap().len()
     }
 
     fn named(scene: &(Points, Vec<u8>)) -> usize {
@@ -318,6 +320,20 @@ mod tests {
         assert_eq!(found(&scene(|x, y| wide(x, y).then_some(0.1))), 0);
         assert_eq!(found(&scene(|_, _| None)), 0);
         assert_eq!(found(&(Points::default(), Vec::new())), 0);
+    }
+
+    #[test]
+    fn a_deck_is_long_and_narrow() {
+        let flat = |half: f64| {
+            let on = move |x: f64, y: f64| (x - 60.0).abs() < 42.0 && (y - 30.0).abs() < half;
+            scene(move |x, y| on(x, y).then_some(0.1))
+        };
+        let broad = DeckParams { width: 100.0, ..DeckParams::default() };
+        assert!(found_by(&broad, &flat(15.0)) > 0);
+        // 84 m long and 58 m wide.
+        assert_eq!(found_by(&broad, &flat(29.0)), 0);
+        assert_eq!(found_by(&DeckParams { length: 90.0, ..DeckParams::default() }, &flat(3.0)), 0);
+        assert!(found_by(&DeckParams { length: 70.0, ..DeckParams::default() }, &flat(3.0)) > 0);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Buildings that do not stand above the ground around them: hilltops, terraces and decks of bridges, which the trees
 //! take for roofs because they are flat and high.
 
-use super::{BUILDING, GROUND, cell_edge, plan_cell};
+use super::{BUILDING, GROUND, SPACINGS, cell_edge, plan_cell};
 use crate::cloud::Points;
 use crate::error::{Error, Result};
 use crate::graph::UnionFind;
@@ -91,7 +91,7 @@ impl LevelParams {
         let code = |row: usize| codes[points.frame.index[row] as usize];
         let used: Vec<u32> =
             (0..points.len() as u32).filter(|&row| matches!(code(row as usize), BUILDING | GROUND)).collect();
-        let edge = cell_edge(self.cell, density);
+        let edge = cell_edge(self.cell, SPACINGS, density);
         let cells = Cells::new(used.len(), |i| plan_cell(points, used[i], edge), monitor)?;
         let rows = |cell: usize| cells.of(cell).iter().map(|&i| used[i as usize]);
         let top = |cell: usize| {

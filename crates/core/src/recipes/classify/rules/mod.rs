@@ -1,15 +1,17 @@
 //! What the classes of a model become in the end: vegetation by its height, buildings without height ground, isolated
-//! points noise, wires wires. Cars, points that the model does not know and those that the surroundings contradict become
-//! unclassified.
+//! points noise, wires wires. Cars, water, points that the model does not know and those that the surroundings contradict
+//! become unclassified.
 
 mod cars;
 mod decks;
 mod level;
+mod water;
 mod wires;
 
 pub use cars::CarParams;
 pub use decks::DeckParams;
 pub use level::LevelParams;
+pub use water::WaterParams;
 pub use wires::WireParams;
 
 use crate::classes::ClassTable;
@@ -32,6 +34,7 @@ const HIGH: u8 = 5;
 pub(in crate::recipes) const BUILDING: u8 = 6;
 const LOW_NOISE: u8 = 7;
 const WIRE: u8 = 14;
+const WATER: u8 = 9;
 const HIGH_NOISE: u8 = 18;
 /// Isolated points are noise if there is at most one of them in so many points.
 const NOISE_SHARE: usize = 100;
@@ -39,16 +42,26 @@ const NOISE_SHARE: usize = 100;
 /// Spacings of the points to a cell in plan, at least.
 const SPACINGS: f64 = 1.5;
 
-/// Edge of cells in plan, metres: at least `least`, and wider where the points are far apart; `density` is in points per
-/// square metre.
-fn cell_edge(least: f64, density: f64) -> f64 {
-    least.max(SPACINGS / density.max(1e-6).sqrt())
+/// Edge of cells in plan, metres: at least `least` and this many point spacings; `density` is in points per square metre.
+fn cell_edge(least: f64, spacings: f64, density: f64) -> f64 {
+    least.max(spacings / density.max(1e-6).sqrt())
 }
 
 /// The cell in plan of a row, of cells with this edge.
 fn plan_cell(points: &Points, row: u32, edge: f64) -> [i32; 2] {
     let [x, y, _] = points.positions.xyz(row as usize);
     cell_of([x, y].map(|v| f64::from(v) / edge))
+}
+
+/// The cells in plan at most `reach` cells away along each axis, the own one included.
+fn block([x, y]: [i32; 2], reach: i32) -> impl Iterator<Item = [i32; 2]> {
+    (-reach..=reach).flat_map(move |dx| (-reach..=reach).map(move |dy| [x.saturating_add(dx), y.saturating_add(dy)]))
+}
+
+/// The value below which this share of the values lies: the nearest of them. Sorts them in part.
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    let place = (share * (values.len() - 1) as f64).round() as usize;
+    *values.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
 /// Rules for the final codes of a model with ASPRS classes.
@@ -66,6 +79,8 @@ pub struct ClassRules {
     pub level: LevelParams,
     /// Buildings (6) that are the deck of a long bridge become unclassified. Only for models with the ASPRS classes 2 and 6.
     pub decks: DeckParams,
+    /// Ground (2) that is water becomes unclassified, or water (9), where it is found. Only for models with the ASPRS class 2, but not 9.
+    pub water: WaterParams,
     /// Vegetation, buildings (3 to 6) and unclassified points that are wires become wires (14). Only for models with the ASPRS classes 2 and 5,
     /// but not 14.
     pub wires: WireParams,
@@ -88,6 +103,7 @@ impl Default for ClassRules {
             lowest_building: 0.0,
             level: LevelParams::none(),
             decks: DeckParams::none(),
+            water: WaterParams::none(),
             wires: WireParams::none(),
             cars: CarParams::none(),
             abstain: 0.0,
@@ -113,6 +129,7 @@ impl ClassRules {
         }
         self.level.validate()?;
         self.decks.validate()?;
+        self.water.validate()?;
         self.wires.validate()?;
         self.cars.validate()?;
         if !(self.noise_voxel > 0.0 && self.noise_voxel.is_finite()) {
@@ -154,6 +171,12 @@ impl ClassRules {
         self.decks.length > 0.0 && has(GROUND) && has(BUILDING)
     }
 
+    /// Whether these rules look for water in the ground of the result of a model with these classes.
+    fn finds_water(&self, classes: &ClassTable) -> bool {
+        let has = |code| classes.position(code).is_some();
+        self.water.area > 0.0 && has(GROUND) && !has(WATER)
+    }
+
     /// Whether these rules find wires in the result of a model with these classes.
     pub fn finds_wires(&self, classes: &ClassTable) -> bool {
         let has = |code| classes.position(code).is_some();
@@ -165,7 +188,8 @@ impl ClassRules {
         let vegetation = if self.divides(classes) { vec![LOW, MEDIUM] } else { Vec::new() };
         let noise = if self.finds_noise(classes) { vec![LOW_NOISE, HIGH_NOISE] } else { Vec::new() };
         let wires = if self.finds_wires(classes) { vec![WIRE] } else { Vec::new() };
-        let more = ClassTable::from_codes(&[vegetation, noise, wires].concat());
+        let water = if self.water.named && self.finds_water(classes) { vec![WATER] } else { Vec::new() };
+        let more = ClassTable::from_codes(&[vegetation, noise, wires, water].concat());
         let all = classes.classes().iter().chain(more.classes()).cloned().collect();
         ClassTable::new(all).unwrap_or_else(|_| classes.clone())
     }
@@ -180,7 +204,8 @@ impl ClassRules {
     ) -> Result<()> {
         let by_height = self.divides(classes) || self.finds_noise(classes) || self.lowers(classes);
         let cars = self.cars.points > 0 && !result.cars.is_empty();
-        if by_height || cars || self.levels(classes) || self.finds_decks(classes) || self.finds_wires(classes) {
+        let by_shape = self.levels(classes) || self.finds_decks(classes) || self.finds_wires(classes);
+        if by_height || by_shape || cars || self.finds_water(classes) {
             let points = scene.points(monitor)?;
             if !points.is_empty() {
                 self.by_surroundings(result, classes, &points, monitor)?;
@@ -234,6 +259,11 @@ impl ClassRules {
             let (codes, cars, density) = (&result.codes, &result.cars, result.density);
             let found = self.cars.among(&Named { points, codes, cars, heights: &heights, density }, monitor)?;
             found.iter().for_each(|&row| result.codes[index[row as usize] as usize] = free);
+        }
+        if self.finds_water(classes) {
+            let water = if self.water.named { WATER } else { free };
+            let found = self.water.rows(points, &result.codes, result.density, monitor)?;
+            found.iter().for_each(|&row| result.codes[index[row as usize] as usize] = water);
         }
         Ok(())
     }
@@ -334,5 +364,53 @@ mod tests {
         assert!(!rules.divides(&ClassTable::from_codes(&[2, 3, 5])));
         assert!(ClassRules { vegetation: vec![1.0], ..rules.clone() }.validate().is_err());
         assert!(ClassRules { abstain: 1.5, ..rules }.validate().is_err());
+    }
+
+    /// Codes of 120 x 60 m, 4 points a square metre, by the rules: a bridge, named building, over a ditch, and a pond with few
+    /// returns in the ground.
+    fn bridge_and_pond(rules: &ClassRules) -> [Vec<u8>; 3] {
+        let bridge = |x: f64, y: f64| x < 60.0 && (y - 30.0).abs() < 3.0 && (x - 30.0).abs() < 14.0;
+        let pond = |x: f64, y: f64| (x - 90.0).hypot(y - 30.0) < 15.0;
+        let rows: Vec<[f64; 3]> = (0..28_800)
+            .map(|i| (i % 240, i / 240))
+            .filter(|(x, y)| !pond(f64::from(*x) / 2.0, f64::from(*y) / 2.0) || x % 3 == 0 && y % 3 == 0)
+            .map(|(x, y)| [f64::from(x) / 2.0, f64::from(y) / 2.0])
+            .map(|[x, y]| match () {
+                () if bridge(x, y) => [x, y, 0.0],
+                () if pond(x, y) => [x, y, -0.5],
+                () => [x, y, ((x - 30.0).abs() - 12.0).clamp(-4.0, 0.0)],
+            })
+            .collect();
+        let cloud = Cloud::from_rows(&rows).unwrap();
+        let code = |&[x, y, _]: &[f64; 3]| if bridge(x, y) { BUILDING } else { GROUND };
+        let mut result = Classified {
+            codes: rows.iter().map(code).collect(),
+            confidence: vec![0.9; rows.len()],
+            density: 4.0,
+            ..Classified::default()
+        };
+        let scene = MetricCloud::new(&cloud, None, &Monitor::default()).unwrap();
+        rules.apply(&mut result, &ClassTable::from_codes(&[2, 5, 6]), &scene, &Monitor::default()).unwrap();
+        let of = |part: &dyn Fn(f64, f64) -> bool| {
+            rows.iter().zip(&result.codes).filter(|([x, y, _], _)| part(*x, *y)).map(|(_, &code)| code).collect()
+        };
+        [of(&bridge), of(&pond), of(&|x, y| !bridge(x, y) && !pond(x, y))]
+    }
+
+    #[test]
+    fn decks_and_water_become_unclassified_unless_the_rules_are_off() {
+        let share =
+            |codes: &[u8], code: u8| codes.iter().filter(|&&own| own == code).count() as f64 / codes.len() as f64;
+        let rules = ClassRules { decks: DeckParams::default(), water: WaterParams::default(), ..ClassRules::default() };
+        let [bridge, pond, land] = bridge_and_pond(&rules);
+        // Cells that are half land are not water.
+        assert!(share(&bridge, 1) > 0.95 && share(&pond, 1) > 0.75, "{} {}", share(&bridge, 1), share(&pond, 1));
+        assert!(land.iter().all(|&code| code == GROUND));
+        let named = ClassRules { water: WaterParams { named: true, ..WaterParams::default() }, ..rules };
+        assert!(named.given(&ClassTable::from_codes(&[2, 6])).position(WATER).is_some());
+        let [bridge, pond, _] = bridge_and_pond(&named);
+        assert!(share(&bridge, 1) > 0.95 && share(&pond, WATER) > 0.75);
+        let [bridge, pond, _] = bridge_and_pond(&ClassRules::default());
+        assert!(share(&bridge, BUILDING) == 1.0 && share(&pond, GROUND) == 1.0);
     }
 }
