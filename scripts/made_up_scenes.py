@@ -28,6 +28,20 @@ def water(x, y):
     return 0.4 * np.sin(x / 3 + 2 * np.sin(y / 11)) + 0.2 * np.sin(y / 2)
 
 
+def pond(x, y):
+    """Inside a disc of 60 m."""
+    return np.hypot(x - 75, y - 75) < 30
+
+
+def spot(x, y):
+    """A square of 14 m."""
+    return (np.abs(x - 75) < 7) & (np.abs(y - 75) < 7)
+
+
+def kerb(x, y):
+    return (np.abs(x - 83) < 1) & (np.abs(y - 75) < 9)
+
+
 SCENES = {
     "flat field": lambda x, y: 0 * x,
     "hills of 16 m, slopes up to 40 degrees": lambda x, y: 8 * np.sin(x / 12) * np.sin(y / 9),
@@ -36,6 +50,13 @@ SCENES = {
     "rough water": water,
     "village": village,
     "village upside down": lambda x, y: -village(x, y),
+    "calm pond, 0.5 m below a field": lambda x, y: -0.5 * pond(x, y),
+    "car park with a wet spot beside a kerb": lambda x, y: 0.15 * kerb(x, y),
+}
+#: Where water mirrors eight of nine pulses away.
+MIRRORS = {
+    "calm pond, 0.5 m below a field": pond,
+    "car park with a wet spot beside a kerb": spot,
 }
 
 
@@ -46,6 +67,8 @@ def main():
     for name, height in SCENES.items():
         x, y = rng.uniform(0, EDGE, (2, POINTS))
         cloud = np.column_stack([x, y, 100 + height(x, y) + 0.03 * rng.standard_normal(POINTS)])
+        if name in MIRRORS:
+            cloud = cloud[~MIRRORS[name](x, y) | (rng.uniform(size=POINTS) < 1 / 9)]
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             result = model.classify(cloud, abstain=0.0)

@@ -17,7 +17,8 @@ const DOUBTFUL: f64 = 0.55;
 
 /// What the built-in model has no class for.
 const LIMITS: &str = "built-in model: masts, some bridges, some water and some cars have no class of their own and become \
-                      vegetation, building or ground; cars and water that are found stay unclassified; `scansion train` makes models with other classes";
+                      vegetation, building or ground; cars, water and decks that are found become unclassified; \
+                      `scansion train` makes models with other classes";
 
 pub(crate) fn run(args: &Classify, context: &Context<'_>) -> Result<(), Failure> {
     let mut model = sources::model(args.model.as_deref())?;

@@ -330,7 +330,8 @@ class PointClassifier(Classifier):
             Points of less confidence, 0..1, get the code of unclassified points; None uses the recipe's.
         divided : bool
             Apply the rules of the recipe: the built-in model's vegetation becomes low, medium and high
-            (3, 4, 5), isolated points noise (7, 18), wires 14, and cars unclassified (1). Otherwise, as in `predict`, only ``codes_`` occur.
+            (3, 4, 5), isolated points noise (7, 18), wires 14, and cars, water and decks unclassified (1). Otherwise,
+            as in `predict`, only ``codes_`` occur.
         settings : mapping, optional
             Settings of the model's recipe to change, e.g. ``{"classes.cars.points": 0}``, which looks for no cars. Those of
             training only are an error; the rules, ``classes``, only count with ``divided``.

@@ -79,7 +79,8 @@ pub struct ClassRules {
     pub level: LevelParams,
     /// Buildings (6) that are the deck of a long bridge become unclassified. Only for models with the ASPRS classes 2 and 6.
     pub decks: DeckParams,
-    /// Ground (2) that is water becomes unclassified, or water (9), where it is found. Only for models with the ASPRS class 2, but not 9.
+    /// Ground (2) that is water becomes unclassified, or water (9), where it is found. Only for models with
+    /// the ASPRS class 2 and 5 or 6, but not 9.
     pub water: WaterParams,
     /// Vegetation, buildings (3 to 6) and unclassified points that are wires become wires (14). Only for models with the ASPRS classes 2 and 5,
     /// but not 14.
@@ -174,7 +175,7 @@ impl ClassRules {
     /// Whether these rules look for water in the ground of the result of a model with these classes.
     fn finds_water(&self, classes: &ClassTable) -> bool {
         let has = |code| classes.position(code).is_some();
-        self.water.area > 0.0 && has(GROUND) && !has(WATER)
+        self.water.area > 0.0 && has(GROUND) && (has(HIGH) || has(BUILDING)) && !has(WATER)
     }
 
     /// Whether these rules find wires in the result of a model with these classes.

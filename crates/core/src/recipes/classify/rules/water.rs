@@ -60,21 +60,26 @@ impl Default for WaterParams {
 
 /// Point spacings to an edge of a cell, at least: 9 points a cell tell few returns from chance.
 const SPACINGS: f64 = 3.0;
-/// Water is not looked for in wider cells, metres: around them the number of points changes with the vegetation.
+/// Water is not looked for in wider cells, metres, unless they were asked for: few of them hold ground alone.
 const WIDEST: f64 = 3.0;
-/// Share of the points of a dark cell, and of a cell of water, that are ground.
+/// Share of the points of a cell of ground that are ground.
 const GROUND_SHARE: f64 = 0.8;
-/// The usual number of points is the median of the cells in 3 by 3 blocks of as many cells a side.
+/// The usual number of points is the median of the ground cells in a block of 10 by 10 cells and in the eight blocks around it.
 const BLOCK: i32 = 10;
-/// It is at least this share of the median of all cells: in the middle of a lake all cells are dark.
+/// It is at least this share of the median of all ground cells: in the middle of a wide lake blocks hold water only.
 const LEAST: f64 = 0.5;
-/// The shore: cells at most this far from those around a patch.
+/// The shore of a patch: cells at most this far from those around it.
 const SHORE: i32 = 2;
-/// A shore is lower if it lies more than this many steps below the level, and higher if it lies more than a step above.
+/// A cell of the shore counts as lower if it lies more than this many steps below the level.
 const BELOW: f64 = 1.5;
-/// Water has land or other water on both sides along two of four axes, this far away at most, metres. The edge of a scan, where
-/// cells are filled in part, has not.
+/// Water lies in a basin: around it there are at least this many times as many higher cells as lower ones and edges of the scan.
+const BASIN: usize = 2;
+/// A cell beside the water is outside if at most this many of the eight around it are water; others are gaps in it.
+const OUTSIDE: usize = 4;
+/// Water has land on both sides along two of four axes, this far away at most, metres; the edge of a scan has not.
 const ACROSS: f64 = 100.0;
+/// Looking around a cell takes as long as about so many steps of nanoseconds.
+const STEPS: usize = 64;
 const AXES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 
 impl WaterParams {
@@ -94,14 +99,13 @@ impl WaterParams {
         if !(self.area >= 0.0 && self.area.is_finite()) {
             return Err(Error::parameter("classes.water.area", self.area, "square metres, 0 or more"));
         }
-        for (name, length) in [
-            ("classes.water.reach", self.reach),
-            ("classes.water.step", self.step),
-            ("classes.water.spread", self.spread),
-        ] {
+        for (name, length) in [("classes.water.step", self.step), ("classes.water.spread", self.spread)] {
             if !(length >= 0.0 && length.is_finite()) {
                 return Err(Error::parameter(name, length, "metres, 0 or more"));
             }
+        }
+        if !(0.0..=ACROSS).contains(&self.reach) {
+            return Err(Error::parameter("classes.water.reach", self.reach, "metres, 0 to 100"));
         }
         match self.cell > 0.0 && self.cell.is_finite() {
             true => Ok(()),
@@ -125,9 +129,13 @@ impl WaterParams {
             Surface { points: cells.of(cell).len(), ground: ground.len(), height }
         };
         let surfaces = map_watched(cells.len(), monitor, surface)?;
-        let scene = Scene { params: self, index: CellIndex::new(cells.keys.clone()), surfaces, edge };
+        let index = CellIndex::new(cells.keys.clone());
+        let usual = usual(&surfaces, &index, monitor)?;
+        let levels = Scene { params: self, index, surfaces, usual, edge }.levels(monitor)?;
         let mut rows = Vec::new();
-        for Water { cell, level } in scene.water(monitor)? {
+        let mut looks = Looks::at(monitor);
+        for (cell, level) in levels.into_iter().enumerate().filter(|(_, level)| !level.is_nan()) {
+            looks.steps(cells.of(cell).len())?;
             let ground = cells.of(cell).iter().filter(is_ground).copied();
             rows.extend(ground.filter(|&row| (z(row) - level).abs() <= 2.0 * self.step));
         }
@@ -145,93 +153,94 @@ struct Surface {
 
 impl Surface {
     fn is_ground(&self) -> bool {
-        self.ground as f64 >= GROUND_SHARE * self.points as f64
+        self.ground > 0 && self.ground as f64 >= GROUND_SHARE * self.points as f64
     }
 }
 
-/// A cell of water and the water's level, metres.
-#[derive(Clone, Copy, Debug)]
-struct Water {
-    cell: usize,
-    level: f64,
+/// The number of points that a cell of ground usually holds, for each cell. Cells of vegetation, with several points a pulse,
+/// do not count.
+fn usual(surfaces: &[Surface], index: &CellIndex<[i32; 2]>, monitor: &Monitor) -> Result<Vec<f64>> {
+    let keys = index.keys();
+    let blocks = Cells::new(keys.len(), |cell| keys[cell].map(|v| v.div_euclid(BLOCK)), monitor)?;
+    let block_index = CellIndex::new(blocks.keys.clone());
+    let median = |cells: &mut dyn Iterator<Item = usize>| {
+        let ground = cells.map(|cell| surfaces[cell]).filter(Surface::is_ground);
+        let mut counts: Vec<f64> = ground.map(|surface| surface.points as f64).collect();
+        if counts.is_empty() { 0.0 } else { quantile(&mut counts, 0.5) }
+    };
+    let least = LEAST * median(&mut (0..keys.len()));
+    let of_block = |own: usize| {
+        let near = block(blocks.keys[own], 1).filter_map(|key| block_index.find(key));
+        median(&mut near.flat_map(|near| blocks.of(near)).map(|&cell| cell as usize)).max(least)
+    };
+    let of_blocks = map_watched(blocks.len(), monitor, of_block)?;
+    let mut usual = vec![0.0; keys.len()];
+    for (own, &count) in of_blocks.iter().enumerate() {
+        blocks.of(own).iter().for_each(|&cell| usual[cell as usize] = count);
+    }
+    Ok(usual)
 }
 
-/// The cells of a cloud.
+/// The cells of a cloud: where they are, what they hold, and how many points are usual there.
 struct Scene<'a> {
     params: &'a WaterParams,
     index: CellIndex<[i32; 2]>,
     surfaces: Vec<Surface>,
+    usual: Vec<f64>,
     /// Edge of a cell, metres.
     edge: f64,
 }
 
 impl Scene<'_> {
-    /// All cells of water, ascending.
-    fn water(&self, monitor: &Monitor) -> Result<Vec<Water>> {
-        let usual = self.usual(monitor)?;
-        let dark = map_watched(self.surfaces.len(), monitor, |cell| self.is_dark(cell, usual[cell]))?;
-        let shore = |cell: usize| {
-            let Surface { points, ground, .. } = self.surfaces[cell];
-            let few = (points as f64) < self.params.few * usual[cell];
-            ground > 0 && !(few && self.surfaces[cell].is_ground())
-        };
-        let mut level = vec![f64::NAN; self.surfaces.len()];
+    /// The level of the water of each cell, metres; not a number where there is none.
+    fn levels(&self, monitor: &Monitor) -> Result<Vec<f64>> {
+        let dark = map_watched(self.surfaces.len(), monitor, |cell| self.is_dark(cell))?;
+        let mut levels = vec![f64::NAN; self.surfaces.len()];
+        let mut filled = vec![false; self.surfaces.len()];
         for patch in self.patches(&dark, monitor)? {
-            let known = |&cell: &usize| !level[cell].is_nan();
-            if patch.iter().all(known) {
+            // Mostly part of what was filled from a larger patch, whether that was water or not.
+            if 2 * patch.iter().filter(|&&cell| filled[cell]).count() > patch.len() {
                 continue;
             }
-            if let Some(found) = self.level(&patch, shore) {
-                for cell in self.fill(&patch, found, monitor)? {
-                    level[cell] = found;
+            let Some(level) = self.level_of(&patch, monitor)? else { continue };
+            let body = self.fill(&patch, level, monitor)?;
+            let basin = self.is_basin(&body, level, monitor)?;
+            for &cell in &body.cells {
+                filled[cell] = true;
+                if basin && levels[cell].is_nan() {
+                    levels[cell] = level;
                 }
             }
         }
-        let water = |(cell, level): (usize, f64)| (!level.is_nan()).then_some(Water { cell, level });
-        Ok(level.into_iter().enumerate().filter_map(water).collect())
+        Ok(levels)
     }
 
-    /// The usual number of points of each cell.
-    fn usual(&self, monitor: &Monitor) -> Result<Vec<f64>> {
-        let keys = self.index.keys();
-        let blocks = Cells::new(keys.len(), |cell| keys[cell].map(|v| v.div_euclid(BLOCK)), monitor)?;
-        let index = CellIndex::new(blocks.keys.clone());
-        let median = |cells: &mut dyn Iterator<Item = usize>| {
-            let mut counts: Vec<f64> = cells.map(|cell| self.surfaces[cell].points as f64).collect();
-            if counts.is_empty() { 0.0 } else { quantile(&mut counts, 0.5) }
-        };
-        let least = LEAST * median(&mut (0..keys.len()));
-        let of_block = |own: usize| {
-            let near = block(blocks.keys[own], 1).filter_map(|key| index.find(key));
-            median(&mut near.flat_map(|near| blocks.of(near)).map(|&cell| cell as usize)).max(least)
-        };
-        let of_blocks = map_watched(blocks.len(), monitor, of_block)?;
-        let mut usual = vec![0.0; keys.len()];
-        for (own, &count) in of_blocks.iter().enumerate() {
-            blocks.of(own).iter().for_each(|&cell| usual[cell as usize] = count);
-        }
-        Ok(usual)
+    /// Whether a cell holds few points.
+    fn is_thin(&self, cell: usize) -> bool {
+        (self.surfaces[cell].points as f64) < self.params.few * self.usual[cell]
     }
 
     /// Whether a cell of ground and the eight around it hold few points, of which nearly all are ground.
-    fn is_dark(&self, cell: usize, usual: f64) -> bool {
+    fn is_dark(&self, cell: usize) -> bool {
+        let most = self.params.few * 9.0 * self.usual[cell];
+        // Most cells are no ground or hold too many themselves.
+        if !self.surfaces[cell].is_ground() || self.surfaces[cell].points as f64 >= most {
+            return false;
+        }
         let mut all = Surface::default();
         for near in self.around(cell) {
             all.points += self.surfaces[near].points;
             all.ground += self.surfaces[near].ground;
         }
-        let few = (all.points as f64) < self.params.few * 9.0 * usual;
-        let own = self.surfaces[cell];
-        few && all.is_ground() && own.ground > 0 && own.is_ground() && self.is_inside(cell)
+        (all.points as f64) < most && all.is_ground() && self.is_between(self.index.keys()[cell])
     }
 
-    /// Whether there are points on both sides of a cell, along two axes at least.
-    fn is_inside(&self, cell: usize) -> bool {
-        let [x, y] = self.index.keys()[cell];
+    /// Whether there is land on both sides of a place, along two axes at least.
+    fn is_between(&self, [x, y]: [i32; 2]) -> bool {
         let seen = |[dx, dy]: [i32; 2]| {
             let run = self.edge * f64::from(dx).hypot(f64::from(dy));
             let key = |step: i32| [x.saturating_add(step * dx), y.saturating_add(step * dy)];
-            (1..=(ACROSS / run) as i32).any(|step| self.index.find(key(step)).is_some())
+            (1..=(ACROSS / run) as i32).filter_map(|step| self.index.find(key(step))).any(|cell| !self.is_thin(cell))
         };
         AXES.into_iter().filter(|&[dx, dy]| seen([dx, dy]) && seen([-dx, -dy])).count() >= 2
     }
@@ -244,11 +253,14 @@ impl Scene<'_> {
         let mut looks = Looks::at(monitor);
         let mut cells: Vec<usize> = (0..dark.len()).filter(|&cell| dark[cell]).collect();
         for &cell in &cells {
-            looks.step()?;
-            let [x, y] = self.index.keys()[cell];
-            let near =
-                |key: &[i32; 2]| f64::from(key[0].wrapping_sub(x)).hypot(f64::from(key[1].wrapping_sub(y))) <= reach;
-            for near in block([x, y], reach as i32).filter(near).filter_map(|key| self.index.find(key)) {
+            looks.steps((reach * reach) as usize)?;
+            let own = self.index.keys()[cell];
+            // Each pair once.
+            let is_next = |&key: &[i32; 2]| {
+                let [dx, dy] = [0, 1].map(|axis| f64::from(key[axis]) - f64::from(own[axis]));
+                key > own && dx.hypot(dy) <= reach
+            };
+            for near in block(own, reach as i32).filter(is_next).filter_map(|key| self.index.find(key)) {
                 if dark[near] && (self.surfaces[cell].height - self.surfaces[near].height).abs() <= self.params.step {
                     patches.unite(cell as u32, near as u32);
                 }
@@ -262,68 +274,122 @@ impl Scene<'_> {
         Ok(patches)
     }
 
-    /// The level of the water whose dark cells these are, metres, if they are water.
-    fn level(&self, patch: &[usize], shore: impl Fn(usize) -> bool) -> Option<f64> {
-        let within = |reach: i32| -> BTreeSet<[i32; 2]> {
-            patch.iter().flat_map(|&cell| block(self.index.keys()[cell], reach)).collect()
-        };
-        // Most patches are a cell or two.
-        let most = 9.0 * patch.len() as f64 * self.edge.powi(2);
-        if most < self.params.area || (within(1).len() as f64) * self.edge.powi(2) < self.params.area {
-            return None;
+    /// The level of the water whose dark cells these are, metres, if they may be water.
+    fn level_of(&self, patch: &[usize], monitor: &Monitor) -> Result<Option<f64>> {
+        if !self.covers(patch) {
+            return Ok(None);
         }
         let mut heights: Vec<f64> = patch.iter().map(|&cell| self.surfaces[cell].height).collect();
         let level = quantile(&mut heights, 0.5);
         if quantile(&mut heights, 0.9) - quantile(&mut heights, 0.1) > self.params.spread {
-            return None;
+            return Ok(None);
         }
-        let around = within(1 + SHORE);
-        let shore: Vec<usize> =
-            around.into_iter().filter_map(|key| self.index.find(key)).filter(|&cell| shore(cell)).collect();
+        let mut shore = BTreeSet::new();
+        let mut looks = Looks::at(monitor);
+        for &cell in patch {
+            looks.step()?;
+            let near = block(self.index.keys()[cell], 1 + SHORE).filter_map(|key| self.index.find(key));
+            let is_land = |&near: &usize| {
+                self.surfaces[near].ground > 0 && !(self.is_thin(near) && self.surfaces[near].is_ground())
+            };
+            shore.extend(near.filter(is_land));
+        }
         let share = |part: &dyn Fn(f64) -> bool| {
             let part = shore.iter().filter(|&&cell| part(self.surfaces[cell].height)).count();
             part as f64 / shore.len().max(1) as f64
         };
         let lower = share(&|height| height < level - BELOW * self.params.step);
         let bank = share(&|height| height > level + self.params.step);
-        (lower <= self.params.lower && bank >= self.params.bank).then_some(level)
+        Ok((lower <= self.params.lower && bank >= self.params.bank).then_some(level))
     }
 
-    /// The cells of water that begin with this patch.
-    fn fill(&self, patch: &[usize], level: f64, monitor: &Monitor) -> Result<BTreeSet<usize>> {
-        let is_level = |cell: usize| {
-            let surface = self.surfaces[cell];
-            surface.is_ground() && (surface.height - level).abs() <= self.params.step
-        };
+    /// Whether these cells and those around them are large enough for water.
+    fn covers(&self, patch: &[usize]) -> bool {
+        let least = self.params.area / self.edge.powi(2);
+        let mut covered = BTreeSet::new();
+        patch.iter().any(|&cell| {
+            covered.extend(block(self.index.keys()[cell], 1));
+            covered.len() as f64 >= least
+        })
+    }
+
+    /// The level cells that begin with this patch.
+    fn fill(&self, patch: &[usize], level: f64, monitor: &Monitor) -> Result<Body> {
+        let is_at_level = |cell: usize| (self.surfaces[cell].height - level).abs() <= self.params.step;
+        let is_bank = |cell: usize| self.surfaces[cell].ground > 0 && !is_at_level(cell);
+        let is_level = |cell: usize| self.surfaces[cell].is_ground() && is_at_level(cell);
         // Away from banks.
-        let is_open = |cell: usize| {
-            let bank = |near: usize| {
-                self.surfaces[near].ground > 0 && !((self.surfaces[near].height - level).abs() <= self.params.step)
-            };
-            is_level(cell) && !self.around(cell).any(bank)
-        };
+        let is_open = |cell: usize| is_level(cell) && !self.around(cell).any(is_bank);
         let mut looks = Looks::at(monitor);
-        let mut found: BTreeSet<usize> = patch.iter().flat_map(|&cell| self.around(cell)).collect();
-        let mut open: Vec<usize> = found.iter().copied().collect();
-        while let Some(cell) = open.pop() {
-            looks.step()?;
-            for near in self.around(cell) {
-                if !found.contains(&near) && is_open(near) {
-                    found.insert(near);
-                    open.push(near);
+        let mut body = Body { cells: Vec::new(), has: vec![false; self.surfaces.len()] };
+        for &cell in patch {
+            looks.steps(STEPS)?;
+            self.around(cell).filter(|&near| is_level(near)).for_each(|near| body.add(near));
+        }
+        let mut at = 0;
+        while at < body.cells.len() {
+            looks.steps(STEPS)?;
+            self.around(body.cells[at]).filter(|&near| is_open(near)).for_each(|near| body.add(near));
+            at += 1;
+        }
+        // The cells beside a bank.
+        for at in 0..body.cells.len() {
+            looks.steps(STEPS)?;
+            self.around(body.cells[at]).filter(|&near| is_level(near)).for_each(|near| body.add(near));
+        }
+        Ok(body)
+    }
+
+    /// Whether what surrounds these cells is higher for the most part.
+    fn is_basin(&self, body: &Body, level: f64, monitor: &Monitor) -> Result<bool> {
+        let is_water = |key: [i32; 2]| self.index.find(key).is_some_and(|cell| body.has[cell]);
+        let mut looks = Looks::at(monitor);
+        let mut seen = BTreeSet::new();
+        let mut shore = Shore::default();
+        for &cell in &body.cells {
+            looks.steps(STEPS)?;
+            for key in block(self.index.keys()[cell], 1).filter(|&key| !is_water(key)) {
+                if !seen.insert(key) || block(key, 1).filter(|&near| is_water(near)).count() > OUTSIDE {
+                    continue;
+                }
+                match self.index.find(key).map(|near| self.surfaces[near].height - level) {
+                    Some(step) if step > self.params.step => shore.higher += 1,
+                    Some(step) if step < -self.params.step => shore.lower += 1,
+                    // Level with the water, or without ground.
+                    Some(_) => {}
+                    None => shore.ends += usize::from(!self.is_between(key)),
                 }
             }
         }
-        let beside: Vec<usize> = found.iter().flat_map(|&cell| self.around(cell)).collect();
-        found.extend(beside);
-        found.retain(|&cell| is_level(cell));
-        Ok(found)
+        Ok(shore.higher > 0 && shore.higher >= BASIN * (shore.lower + shore.ends))
     }
 
     /// Occupied cells around a cell, itself included.
     fn around(&self, cell: usize) -> impl Iterator<Item = usize> + '_ {
         block(self.index.keys()[cell], 1).filter_map(|key| self.index.find(key))
     }
+}
+
+/// What may be a body of water: its cells, and whether each cell is one of them.
+struct Body {
+    cells: Vec<usize>,
+    has: Vec<bool>,
+}
+
+impl Body {
+    fn add(&mut self, cell: usize) {
+        if !std::mem::replace(&mut self.has[cell], true) {
+            self.cells.push(cell);
+        }
+    }
+}
+
+/// Cells around a body of water: higher and lower ones, and those beyond the edge of the scan.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shore {
+    higher: usize,
+    lower: usize,
+    ends: usize,
 }
 
 #[cfg(test)]
@@ -346,7 +412,7 @@ mod tests {
 
     /// Whether the pulse at this place comes back from water: one in nine.
     fn returns(x: f64, y: f64) -> bool {
-        (2.0 * x) as u32 % 3 == 0 && (2.0 * y) as u32 % 3 == 0
+        ((2.0 * x) as u32).is_multiple_of(3) && ((2.0 * y) as u32).is_multiple_of(3)
     }
 
     fn found(points: &Points) -> Vec<u32> {
@@ -398,14 +464,68 @@ mod tests {
 
     #[test]
     fn the_edge_of_a_scan_is_no_water() {
-        // A level field whose outermost 2 m have few points.
-        let inside = |v: f64| (22.0..98.0).contains(&v);
-        let within = |v: f64| (20.0..100.0).contains(&v);
+        // A level field whose outermost 6 m have few points, with a bump along a part of them.
+        let within = |v: f64, margin: f64| (20.0 + margin..100.0 - margin).contains(&v);
         let field = |x: f64, y: f64| {
-            let few = inside(x) && inside(y) || returns(x, y);
-            (within(x) && within(y) && few).then_some(0.0)
+            let bump = (26.0..29.0).contains(&x) && (40.0..80.0).contains(&y);
+            let few = within(x, 6.0) && within(y, 6.0) || returns(x, y);
+            (within(x, 0.0) && within(y, 0.0) && few).then_some(if bump { 0.3 } else { 0.0 })
         };
         assert_eq!(found(&scene(field)).len(), 0);
+    }
+
+    #[test]
+    fn level_land_with_a_thin_spot_is_no_water() {
+        // A car park with a wet spot beside a kerb; also what clouds with heights above the ground look like.
+        let spot = |x: f64, y: f64| (50.0..64.0).contains(&x) && (50.0..64.0).contains(&y);
+        let kerb = |x: f64, y: f64| (64.0..66.0).contains(&x) && (48.0..66.0).contains(&y);
+        let park = |x: f64, y: f64| (!spot(x, y) || returns(x, y)).then_some(if kerb(x, y) { 0.15 } else { 0.0 });
+        assert_eq!(found(&scene(park)).len(), 0);
+    }
+
+    #[test]
+    fn a_ride_through_a_forest_is_no_water() {
+        // Three points of vegetation to one of the ground, but for a ride of 12 m between verges.
+        let ride = |x: f64| (54.0..66.0).contains(&x);
+        let verge = |x: f64| (52.0..68.0).contains(&x) && !ride(x);
+        let ground = scene(|x, _| Some(if verge(x) { 0.25 } else { 0.0 }));
+        let rows: Vec<[f64; 3]> = (0..ground.len()).map(|row| ground.world(row)).collect();
+        let crowns = rows
+            .iter()
+            .filter(|[x, ..]| !ride(*x))
+            .flat_map(|[x, y, z]| (1..=3).map(move |i| [x + 0.1 * f64::from(i), *y, z + 3.0 * f64::from(i)]));
+        let crowns: Vec<[f64; 3]> = crowns.collect();
+        let codes = [vec![GROUND; rows.len()], vec![5; crowns.len()]].concat();
+        let points = Points::from_cloud(&Cloud::from_rows(&[rows, crowns].concat()).unwrap(), 1.0);
+        assert_eq!(WaterParams::default().rows(&points, &codes, 13.0, &Monitor::default()).unwrap().len(), 0);
+    }
+
+    #[test]
+    fn two_ponds_have_two_levels_and_the_dam_between_them_is_land() {
+        let pond = |x: f64, y: f64, middle: f64| (x - middle).hypot(y - 60.0) < 24.0;
+        let height = |x: f64, y: f64| match () {
+            () if pond(x, y, 35.0) => -1.0,
+            () if pond(x, y, 85.0) => -1.5,
+            () => 0.0,
+        };
+        let dark = |x: f64, y: f64| pond(x, y, 35.0) || pond(x, y, 85.0);
+        let points = scene(|x, y| (!dark(x, y) || returns(x, y)).then(|| height(x, y)));
+        let in_pond = |&row: &u32| {
+            let [x, y, _] = points.world(row as usize);
+            dark(x, y)
+        };
+        let rows = found(&points);
+        let all = (0..points.len() as u32).filter(in_pond).count();
+        assert!(rows.iter().all(in_pond) && rows.len() as f64 > 0.7 * all as f64, "{} of {all}", rows.len());
+    }
+
+    #[test]
+    fn a_cancelled_search_ends_in_an_error() {
+        let points =
+            scene(|x, y| (far(x, y) > 30.0 || returns(x, y)).then(|| if far(x, y) > 30.0 { 1.0 } else { 0.0 }));
+        let monitor = Monitor::default();
+        monitor.cancel();
+        assert!(WaterParams::default().rows(&points, &vec![GROUND; points.len()], 4.0, &monitor).is_err());
     }
 
     #[test]
