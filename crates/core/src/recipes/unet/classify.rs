@@ -3,7 +3,8 @@
 
 use super::UNetRecipe;
 use super::cells::{Cells, Gathered};
-use super::inputs::OWN;
+use super::inputs::{OWN, squeezed};
+use crate::classes::ClassTable;
 use crate::classification::Predictor;
 use crate::cloud::Points;
 use crate::error::{Error, Result};
@@ -14,6 +15,7 @@ use crate::nn::tape::Tape;
 use crate::nn::workspace::Workspace;
 use crate::parallel::{Monitor, sort_watched};
 use crate::recipes::classify::predict::{Fit, LOOKED_AT};
+use crate::recipes::classify::rules::{BUILDING, GROUND};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, regularise};
 use crate::recipes::system::System;
@@ -136,6 +138,30 @@ struct CellFeatures {
     touching: usize,
 }
 
+/// Which points are too low for a building, and the classes that this is about.
+struct LowBuildings {
+    ground: usize,
+    building: usize,
+    /// Least height, as the input channel has it.
+    least: f32,
+}
+
+impl LowBuildings {
+    /// If the recipe has a least height and the model what it takes.
+    fn of(recipe: &UNetRecipe, classes: &ClassTable) -> Option<Self> {
+        let (ground, building) = (classes.position(GROUND)?, classes.position(BUILDING)?);
+        let least = squeezed(recipe.lowest_building as f32);
+        (recipe.inputs.height && recipe.lowest_building > 0.0).then_some(Self { ground, building, least })
+    }
+
+    /// Gives the ground what a building has of the probabilities of a point with this input.
+    fn correct(&self, height: f32, probabilities: &mut [f32]) {
+        if height < self.least {
+            probabilities[self.ground] += std::mem::take(&mut probabilities[self.building]);
+        }
+    }
+}
+
 /// Probabilities of points, and how the features compare with those of the training.
 #[derive(Default)]
 struct Rated {
@@ -156,6 +182,7 @@ impl TrainedNet<'_> {
         let what = format!("probabilities of {} points", points.len());
         let values = memory::filled(0.0f32, points.len() * classes, &what)?;
         let mut rated = Rated { values, ..Rated::default() };
+        let low = LowBuildings::of(self.recipe, &model.classes);
         monitor.stage("classify", points.len() as u64);
         for square in squares.members.chunk_by(|a, b| a.0 == b.0) {
             let all = squares.with_margin(square[0].0, self.recipe.network.reach() as i64);
@@ -168,7 +195,11 @@ impl TrainedNet<'_> {
             looked_at.for_each(|row| rated.fit.look(row, &model.fingerprint));
             for (&point, &cell) in all.iter().zip(&of_point).take(square.len()) {
                 let row = &found[cell as usize * classes..][..classes];
-                rated.values[point as usize * classes..][..classes].copy_from_slice(row);
+                let own = &mut rated.values[point as usize * classes..][..classes];
+                own.copy_from_slice(row);
+                if let Some(low) = &low {
+                    low.correct(numbers[point as usize * self.recipe.inputs.width()], own);
+                }
             }
             self.workspace.recycle(features);
             monitor.advance(square.len() as u64);
@@ -196,7 +227,7 @@ mod tests {
     use crate::random::stream;
     use crate::recipes::classify::ClassifyParams;
     use crate::recipes::labels::{LabelledCloud, Labels};
-    use crate::recipes::unet::{Augmentation, LearningParams};
+    use crate::recipes::unet::{Augmentation, LearningParams, UNetInputs};
     use crate::recipes::{Fitted, Model, Nothing, TrainOptions, Trained};
     use std::path::Path;
 
@@ -251,6 +282,37 @@ mod tests {
         let none = Model { trained: Trained { network: None, ..model.trained }, ..model };
         let message = crate::recipes::classify(&cloud, &none, &ClassifyParams::default(), &monitor).unwrap_err();
         assert!(message.to_string().contains("needs a network"), "{message}");
+    }
+
+    #[test]
+    fn what_lies_on_the_ground_is_no_building() {
+        let classes = ClassTable::from_codes(&[2, 5, 6]);
+        let given = [0.2, 0.1, 0.7];
+        let corrected = |recipe: &UNetRecipe, height: f32| {
+            let mut own = given;
+            LowBuildings::of(recipe, &classes).unwrap().correct(squeezed(height), &mut own);
+            own
+        };
+        assert_eq!(corrected(&recipe(), 0.29), [0.9, 0.1, 0.0]);
+        assert_eq!(corrected(&recipe(), -5.0), [0.9, 0.1, 0.0]);
+        assert_eq!(corrected(&recipe(), 0.31), given);
+        assert_eq!(corrected(&UNetRecipe { lowest_building: 2.0, ..recipe() }, 1.9), [0.9, 0.1, 0.0]);
+        let inputs = UNetInputs { height: false, ..UNetInputs::default() };
+        for other in [UNetRecipe { lowest_building: 0.0, ..recipe() }, UNetRecipe { inputs, ..recipe() }] {
+            assert!(LowBuildings::of(&other, &classes).is_none());
+        }
+        assert!(LowBuildings::of(&recipe(), &ClassTable::from_codes(&[2, 5])).is_none());
+        // The roofs of the village are 4 m high.
+        let (model, cloud) = (trained(), village(2).cloud);
+        let buildings = |recipe: UNetRecipe| {
+            let model = Model { fitted: Fitted { recipe, learned: Nothing {} }.into(), ..model.clone() };
+            let found =
+                crate::recipes::classify(&cloud, &model, &ClassifyParams::default(), &Monitor::default()).unwrap();
+            found.codes.iter().filter(|&&code| code == BUILDING).count()
+        };
+        assert!(buildings(recipe()) > 1000);
+        assert_eq!(buildings(UNetRecipe { lowest_building: 10.0, ..recipe() }), 0);
+        assert!(UNetRecipe { lowest_building: f64::NAN, ..recipe() }.validate().is_err());
     }
 
     #[test]

@@ -89,7 +89,7 @@ impl UNetInputs {
 }
 
 /// A height of metres as a number of the order of 1 that tells 0.2 m from 1 m and 10 m from 20 m.
-fn squeezed(height: f32) -> f32 {
+pub(super) fn squeezed(height: f32) -> f32 {
     0.5 * height.asinh()
 }
 

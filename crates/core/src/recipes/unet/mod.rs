@@ -88,7 +88,7 @@ impl LearningParams {
 }
 
 /// The parameters of the recipe `unet`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UNetRecipe {
     /// Always `unet`.
@@ -104,6 +104,9 @@ pub struct UNetRecipe {
     pub inputs: UNetInputs,
     /// The ground, for heights above it.
     pub ground: HeightParams,
+    /// Points less than this above it, metres, are no building (6), but ground (2): no building is as low. 0: not so. Only for
+    /// models with these ASPRS classes and the input `height`.
+    pub lowest_building: f64,
     /// How it is trained.
     pub learning: LearningParams,
     /// How parts are changed before they are learned from.
@@ -112,6 +115,24 @@ pub struct UNetRecipe {
     pub training: TrainingParams,
     /// Regularisation of the labels.
     pub regularise: RegulariseParams,
+}
+
+impl Default for UNetRecipe {
+    fn default() -> Self {
+        Self {
+            recipe: UNetKind::default(),
+            seed: 0,
+            voxel: None,
+            network: UNetParams::default(),
+            inputs: UNetInputs::default(),
+            ground: HeightParams::default(),
+            lowest_building: 0.3,
+            learning: LearningParams::default(),
+            augment: Augmentation::default(),
+            training: TrainingParams::default(),
+            regularise: RegulariseParams::default(),
+        }
+    }
 }
 
 impl System for UNetRecipe {
@@ -124,6 +145,9 @@ impl System for UNetRecipe {
     fn validate(&self) -> Result<()> {
         if let Some(voxel) = self.voxel.filter(|voxel| !(1e-3..=1e3).contains(voxel)) {
             return Err(Error::parameter("voxel", voxel, "0.001 to 1000 metres"));
+        }
+        if !(self.lowest_building >= 0.0 && self.lowest_building.is_finite()) {
+            return Err(Error::parameter("lowest_building", self.lowest_building, "metres, 0 or more"));
         }
         self.network.validate()?;
         self.ground.validate()?;
