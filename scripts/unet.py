@@ -1,6 +1,8 @@
 """The recipe `unet` beside the forests at equal training data; writes the table of docs/unet.md.
 
-    python scripts/unet.py DATA [PROGRAM] [SEEDS]      # needs: pip install . ; PROGRAM defaults to scansion, SEEDS to 3
+    python scripts/unet.py DATA [PROGRAM] [SEEDS] [SCENE]      # needs: pip install .
+
+PROGRAM defaults to scansion, SEEDS to 3; SCENE is streets or airborne, both by default.
 
 Scenes as in ladder.py. Each recipe is trained with seeds 0, 1, ...; scores are means over the seeds, with the lowest and the
 highest mean IoU. Seconds are those of the processor: for training, and for classifying all test scenes on one thread.
@@ -11,6 +13,7 @@ import sys
 import tempfile
 
 SEEDS = int(sys.argv[3]) if len(sys.argv) > 3 else 3
+ONLY = sys.argv[4:]
 sys.argv[3:] = []
 from ladder import AIRBORNE, STREETS, run, scores  # noqa: E402
 
@@ -41,6 +44,8 @@ def main():
     print("| | OA | mean F1 | mean IoU | lowest to highest | training, s | classify, s | memory, MB | file, MB |")
     print("|---|---|---|---|---|---|---|---|---|", flush=True)
     for number, (title, scene) in enumerate((("streets", STREETS), ("airborne", AIRBORNE))):
+        if ONLY and title not in ONLY:
+            continue
         for name, recipe, *settings in RECIPES:
             own = settings[number]
             if recipe == "spheres":
