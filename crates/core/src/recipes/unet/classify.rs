@@ -13,13 +13,14 @@ use crate::nn::networks::{SceneLevels, UNet};
 use crate::nn::parameters::Parameters;
 use crate::nn::tape::Tape;
 use crate::nn::workspace::Workspace;
-use crate::parallel::{Monitor, sort_watched};
+use crate::parallel::{Looks, Monitor, sort_watched};
 use crate::recipes::classify::predict::{Fit, LOOKED_AT};
 use crate::recipes::classify::rules::{BUILDING, GROUND};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, regularise};
 use crate::recipes::system::System;
 use crate::recipes::training::networks::{check_values, restore};
+use crate::voxels::cells::cell_of;
 
 /// Edge of a square, in cells.
 const SQUARE: i64 = 768;
@@ -138,10 +139,22 @@ struct CellFeatures {
     touching: usize,
 }
 
+/// Points by their cells in plan.
+type Columns = crate::voxels::cells::Cells<[i32; 2]>;
+
+fn columns(points: &Points, edge: f64, monitor: &Monitor) -> Result<Columns> {
+    let key = |point: usize| {
+        let [x, y, _] = points.positions.xyz(point);
+        cell_of([x, y].map(|v| f64::from(v) / edge))
+    };
+    Columns::new(points.len(), key, monitor)
+}
+
 /// Which points are too low for a building, and the classes that this is about.
 struct LowBuildings {
     ground: usize,
     building: usize,
+    classes: usize,
     /// Least height, as the input channel has it.
     least: f32,
 }
@@ -151,14 +164,35 @@ impl LowBuildings {
     fn of(recipe: &UNetRecipe, classes: &ClassTable) -> Option<Self> {
         let (ground, building) = (classes.position(GROUND)?, classes.position(BUILDING)?);
         let least = squeezed(recipe.lowest_building as f32);
-        (recipe.inputs.height && recipe.lowest_building > 0.0).then_some(Self { ground, building, least })
+        (recipe.inputs.height && recipe.lowest_building > 0.0).then_some(Self {
+            ground,
+            building,
+            classes: classes.len(),
+            least,
+        })
     }
 
-    /// Gives the ground what a building has of the probabilities of a point with this input.
-    fn correct(&self, height: f32, probabilities: &mut [f32]) {
-        if height < self.least {
-            probabilities[self.ground] += std::mem::take(&mut probabilities[self.building]);
+    /// Gives the ground what a building has of the probabilities of low points, but not where a wall stands: in columns with a
+    /// higher point that is most likely of a building. `heights` are those of the input channel.
+    fn correct(&self, columns: &Columns, heights: &[f32], values: &mut [f32], monitor: &Monitor) -> Result<()> {
+        let is_low = |point: u32| heights[point as usize] < self.least;
+        let mut looks = Looks::at(monitor);
+        for column in 0..columns.len() {
+            let points = columns.of(column);
+            looks.steps(points.len())?;
+            let is_wall = |&point: &u32| {
+                let row = &values[point as usize * self.classes..][..self.classes];
+                !is_low(point) && row.iter().all(|&value| value <= row[self.building])
+            };
+            if points.iter().any(is_wall) {
+                continue;
+            }
+            for &point in points.iter().filter(|&&point| is_low(point)) {
+                let row = &mut values[point as usize * self.classes..][..self.classes];
+                row[self.ground] += std::mem::take(&mut row[self.building]);
+            }
         }
+        Ok(())
     }
 }
 
@@ -182,7 +216,6 @@ impl TrainedNet<'_> {
         let what = format!("probabilities of {} points", points.len());
         let values = memory::filled(0.0f32, points.len() * classes, &what)?;
         let mut rated = Rated { values, ..Rated::default() };
-        let low = LowBuildings::of(self.recipe, &model.classes);
         monitor.stage("classify", points.len() as u64);
         for square in squares.members.chunk_by(|a, b| a.0 == b.0) {
             let all = squares.with_margin(square[0].0, self.recipe.network.reach() as i64);
@@ -195,14 +228,15 @@ impl TrainedNet<'_> {
             looked_at.for_each(|row| rated.fit.look(row, &model.fingerprint));
             for (&point, &cell) in all.iter().zip(&of_point).take(square.len()) {
                 let row = &found[cell as usize * classes..][..classes];
-                let own = &mut rated.values[point as usize * classes..][..classes];
-                own.copy_from_slice(row);
-                if let Some(low) = &low {
-                    low.correct(numbers[point as usize * self.recipe.inputs.width()], own);
-                }
+                rated.values[point as usize * classes..][..classes].copy_from_slice(row);
             }
             self.workspace.recycle(features);
             monitor.advance(square.len() as u64);
+        }
+        if let Some(low) = LowBuildings::of(self.recipe, &model.classes) {
+            let heights: Vec<f32> = numbers.iter().step_by(self.recipe.inputs.width()).copied().collect();
+            let columns = columns(points, self.voxel, monitor)?;
+            low.correct(&columns, &heights, &mut rated.values, monitor)?;
         }
         Ok(rated)
     }
@@ -287,16 +321,29 @@ mod tests {
     #[test]
     fn what_lies_on_the_ground_is_no_building() {
         let classes = ClassTable::from_codes(&[2, 5, 6]);
-        let given = [0.2, 0.1, 0.7];
-        let corrected = |recipe: &UNetRecipe, height: f32| {
-            let mut own = given;
-            LowBuildings::of(recipe, &classes).unwrap().correct(squeezed(height), &mut own);
-            own
+        // Two points of a roof on the ground, a wall, grass: heights and probabilities of ground, vegetation and building.
+        let rows =
+            [[0.5, 0.5, 0.0], [0.6, 0.5, 0.29], [5.5, 0.5, 0.1], [5.5, 0.6, 1.5], [9.5, 0.5, 0.1], [9.5, 0.5, 2.0]];
+        let roof = [0.2, 0.1, 0.7];
+        let tree = [0.1, 0.8, 0.1];
+        let given = [roof, roof, roof, roof, roof, tree].concat();
+        let points = Points::from_cloud(&Cloud::from_rows(&rows).unwrap(), 1.0);
+        let order: Vec<usize> = points.frame.index.iter().map(|&row| row as usize).collect();
+        let corrected = |recipe: &UNetRecipe| {
+            let heights: Vec<f32> = order.iter().map(|&row| squeezed(rows[row][2] as f32)).collect();
+            let mut values: Vec<f32> = order.iter().flat_map(|&row| given[3 * row..][..3].to_vec()).collect();
+            let monitor = Monitor::default();
+            let low = LowBuildings::of(recipe, &classes).unwrap();
+            low.correct(&columns(&points, 1.0, &monitor).unwrap(), &heights, &mut values, &monitor).unwrap();
+            let own = |row: usize| values[3 * order.iter().position(|&own| own == row).unwrap()..][..3].to_vec();
+            (0..rows.len()).map(own).collect::<Vec<_>>()
         };
-        assert_eq!(corrected(&recipe(), 0.29), [0.9, 0.1, 0.0]);
-        assert_eq!(corrected(&recipe(), -5.0), [0.9, 0.1, 0.0]);
-        assert_eq!(corrected(&recipe(), 0.31), given);
-        assert_eq!(corrected(&UNetRecipe { lowest_building: 2.0, ..recipe() }, 1.9), [0.9, 0.1, 0.0]);
+        let ground = vec![0.9, 0.1, 0.0];
+        let expected = [&ground, &ground, &roof.to_vec(), &roof.to_vec(), &ground, &tree.to_vec()];
+        assert!(corrected(&recipe()).iter().eq(expected));
+        // With 10 m nothing is left of the wall.
+        let all = corrected(&UNetRecipe { lowest_building: 10.0, ..recipe() });
+        assert!(all[..5].iter().all(|row| *row == ground) && all[5] == [0.1 + 0.1, 0.8, 0.0]);
         let inputs = UNetInputs { height: false, ..UNetInputs::default() };
         for other in [UNetRecipe { lowest_building: 0.0, ..recipe() }, UNetRecipe { inputs, ..recipe() }] {
             assert!(LowBuildings::of(&other, &classes).is_none());

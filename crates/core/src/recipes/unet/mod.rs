@@ -104,8 +104,8 @@ pub struct UNetRecipe {
     pub inputs: UNetInputs,
     /// The ground, for heights above it.
     pub ground: HeightParams,
-    /// Points less than this above it, metres, are no building (6), but ground (2): no building is as low. 0: not so. Only for
-    /// models with these ASPRS classes and the input `height`.
+    /// Points less than this above it, metres, are no building (6), but ground (2), unless a wall stands on them: no building
+    /// is as low. 0: not so. Only for models with these ASPRS classes and the input `height`.
     pub lowest_building: f64,
     /// How it is trained.
     pub learning: LearningParams,
