@@ -15,12 +15,11 @@ use crate::nn::tape::Tape;
 use crate::nn::workspace::Workspace;
 use crate::parallel::{Looks, Monitor, sort_watched};
 use crate::recipes::classify::predict::{Fit, LOOKED_AT};
-use crate::recipes::classify::rules::{BUILDING, GROUND};
+use crate::recipes::classify::rules::{BUILDING, GROUND, plan_cell};
 use crate::recipes::classify::{Classified, Job};
 use crate::recipes::regularise::{Probabilities, regularise};
 use crate::recipes::system::System;
 use crate::recipes::training::networks::{check_values, restore};
-use crate::voxels::cells::cell_of;
 
 /// Edge of a square, in cells.
 const SQUARE: i64 = 768;
@@ -143,11 +142,7 @@ struct CellFeatures {
 type Columns = crate::voxels::cells::Cells<[i32; 2]>;
 
 fn columns(points: &Points, edge: f64, monitor: &Monitor) -> Result<Columns> {
-    let key = |point: usize| {
-        let [x, y, _] = points.positions.xyz(point);
-        cell_of([x, y].map(|v| f64::from(v) / edge))
-    };
-    Columns::new(points.len(), key, monitor)
+    Columns::new(points.len(), |point| plan_cell(points, point as u32, edge), monitor)
 }
 
 /// Which points are too low for a building, and the classes that this is about.

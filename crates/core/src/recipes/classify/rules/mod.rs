@@ -48,7 +48,7 @@ fn cell_edge(least: f64, spacings: f64, density: f64) -> f64 {
 }
 
 /// The cell in plan of a row, of cells with this edge.
-fn plan_cell(points: &Points, row: u32, edge: f64) -> [i32; 2] {
+pub(in crate::recipes) fn plan_cell(points: &Points, row: u32, edge: f64) -> [i32; 2] {
     let [x, y, _] = points.positions.xyz(row as usize);
     cell_of([x, y].map(|v| f64::from(v) / edge))
 }
@@ -79,8 +79,8 @@ pub struct ClassRules {
     pub level: LevelParams,
     /// Buildings (6) that are the deck of a long bridge become unclassified. Only for models with the ASPRS classes 2 and 6.
     pub decks: DeckParams,
-    /// Ground (2) that is water becomes unclassified, or water (9), where it is found. Only for models with
-    /// the ASPRS class 2 and 5 or 6, but not 9.
+    /// Ground (2) that is water becomes unclassified, or water (9), where it is found. Only for models with the ASPRS class 2
+    /// and 5 or 6, but not 9.
     pub water: WaterParams,
     /// Vegetation, buildings (3 to 6) and unclassified points that are wires become wires (14). Only for models with the ASPRS classes 2 and 5,
     /// but not 14.

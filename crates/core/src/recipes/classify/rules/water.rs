@@ -78,9 +78,9 @@ const BASIN: usize = 2;
 const OUTSIDE: usize = 4;
 /// Water has land on both sides along two of four axes, this far away at most, metres; the edge of a scan has not.
 const ACROSS: f64 = 100.0;
+const AXES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 /// Looking around a cell takes as long as about so many steps of nanoseconds.
 const STEPS: usize = 64;
-const AXES: [[i32; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 
 impl WaterParams {
     /// The same, but without effect.
