@@ -29,6 +29,16 @@ pub enum Divisor {
     NMinusOne,
 }
 
+impl Divisor {
+    /// What is taken from the number of points.
+    pub(crate) fn constraints(self) -> f64 {
+        match self {
+            Self::N => 0.0,
+            Self::NMinusOne => 1.0,
+        }
+    }
+}
+
 /// Shape of the vertical column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -5,6 +5,7 @@ mod knn;
 mod nearest;
 mod optimal;
 pub(crate) mod stacks;
+pub(crate) mod sums;
 mod within;
 
 pub use distances::map_distances;
@@ -12,4 +13,5 @@ pub use knn::{knn, nearest_of};
 pub use nearest::Neighbours;
 pub use optimal::params::{Eigenvalues, OptimalParams};
 pub use optimal::{Optimal, map_optimal, optimal};
+pub use sums::Shape;
 pub use within::{Within, within};

@@ -7,7 +7,7 @@
 use super::knn::tree::check;
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
-use crate::parallel::{Monitor, map_ordered, map_watched};
+use crate::parallel::{Monitor, map_ordered, map_watched, watched};
 use crate::voxels::cells::index::CellIndex;
 use crate::voxels::cells::{Cells, cell_of};
 use crate::voxels::planar_density;
@@ -105,6 +105,25 @@ impl Stacks {
     /// Number of points.
     pub(crate) fn len(&self) -> usize {
         self.index.len()
+    }
+
+    /// Values of the points in the order of the cloud, from those in the order of the columns.
+    ///
+    /// # Errors
+    /// If the work was cancelled.
+    pub(crate) fn restored<T: Copy + Default>(
+        &self,
+        sorted: impl IntoIterator<Item = T>,
+        monitor: &Monitor,
+    ) -> Result<Vec<T>> {
+        let mut values = vec![T::default(); self.len()];
+        let mut sorted = sorted.into_iter();
+        for piece in watched(self.len(), monitor) {
+            for (&point, value) in self.index[piece?].iter().zip(&mut sorted) {
+                values[point as usize] = value;
+            }
+        }
+        Ok(values)
     }
 
     /// Replaces `runs` by the runs of points that hold every point within the radius of any place of the block, and some

@@ -2,8 +2,8 @@
 
 mod quantity;
 mod spheres;
-mod sums;
 
+pub use crate::neighbours::Shape;
 pub use quantity::Quantity;
 pub use spheres::{SphereParams, Spheres};
 
@@ -13,28 +13,17 @@ use crate::error::{Error, Result};
 use crate::linalg::arithmetic::{Division, Exact};
 use crate::linalg::shape::{self, Shape as Shares};
 use crate::memory;
-use crate::neighbours::stacks::{Block, Stacks};
+use crate::neighbours::stacks::Stacks;
+use crate::neighbours::sums::{Alike, Around, Batch, Scratch, Surroundings};
 use crate::parallel::{Monitor, map_ordered_with};
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-use sums::{Candidates, LANES, Places, Sums, Surroundings};
 
 /// Points that one task describes.
 const BLOCK: usize = 2048;
 /// Blocks per thread that are held until their rows have been stored.
 const AT_ONCE: usize = 16;
-
-/// The points that count as neighbours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Shape {
-    /// Those within the radius.
-    #[default]
-    Sphere,
-    /// Those within the radius in plan, at any height.
-    Cylinder,
-}
 
 /// Parameters of [`radius_features`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -163,13 +152,6 @@ impl StackedFeatures<'_> {
     }
 }
 
-/// Scratch memory of one thread.
-#[derive(Default)]
-struct Scratch {
-    runs: Vec<Range<u32>>,
-    sums: Sums,
-}
-
 /// Describes the points of a block, compiled for each instruction set.
 struct Describe<'a> {
     stacks: &'a Stacks,
@@ -189,12 +171,13 @@ impl WithSimd for Describe<'_> {
         let width = quantities.len() * params.radii.len();
         let mut rows = vec![0.0; range.len() * width];
         for (number, &radius) in params.radii.iter().enumerate() {
+            let around = Around { stacks, radius, shape: params.shape, weighing: Alike };
             let mut first = range.start;
             while first < range.end {
                 monitor.check()?;
-                let batch = Batch::of(stacks, &stacks.positions, first..range.end, radius);
-                batch.sum(simd, params.shape, scratch);
-                let found = scratch.sums.solve(params.divisor);
+                let batch = Batch::of(&around, &stacks.positions, first..range.end);
+                batch.sum(simd, scratch);
+                let found = scratch.sums.solve(params.divisor.constraints());
                 for lane in 0..batch.points.len() {
                     let described = SphereShape::of(&found, lane, params.normalise);
                     let row = &mut rows[(first - range.start + lane) * width + number * quantities.len()..];
@@ -204,59 +187,6 @@ impl WithSimd for Describe<'_> {
             }
         }
         Ok(rows)
-    }
-}
-
-/// Up to 16 consecutive places whose neighbours are searched together.
-struct Batch<'a> {
-    stacks: &'a Stacks,
-    places: &'a Positions,
-    points: Range<usize>,
-    /// The box that holds them.
-    block: Block,
-    radius: f64,
-}
-
-impl<'a> Batch<'a> {
-    /// The first of these places that lie within a cube of the radius; neighbours are points of the stacks.
-    fn of(stacks: &'a Stacks, places: &'a Positions, range: Range<usize>, radius: f64) -> Self {
-        let mut block = Block::at(places.xyz(range.start));
-        let mut end = range.start + 1;
-        while end < range.end.min(range.start + LANES) {
-            let wider = block.with(places.xyz(end));
-            if !wider.is_within(radius) {
-                break;
-            }
-            (block, end) = (wider, end + 1);
-        }
-        Self { stacks, places, points: range.start..end, block, radius }
-    }
-
-    /// The box whose surroundings are searched: for cylinders, of any height.
-    fn reach(&self, shape: Shape) -> Block {
-        let mut reach = self.block;
-        if shape == Shape::Cylinder {
-            (reach.low[2], reach.high[2]) = (f64::NEG_INFINITY, f64::INFINITY);
-        }
-        reach
-    }
-
-    /// Sums over the points around each place; lanes without a place repeat the first.
-    #[inline(always)]
-    fn sum<S: Simd>(&self, simd: S, shape: Shape, scratch: &mut Scratch) {
-        let Self { stacks, ref points, radius, .. } = *self;
-        let mut places = Places { at: [[0.0; LANES]; 3], limit: (radius * radius) as f32 };
-        for lane in 0..LANES {
-            let point = if lane < points.len() { points.start + lane } else { points.start };
-            let at = self.places.xyz(point);
-            (0..3).for_each(|a| places.at[a][lane] = at[a]);
-        }
-        stacks.runs(&self.reach(shape), radius, &mut scratch.runs);
-        scratch.sums.clear();
-        for run in &scratch.runs {
-            let run = run.start as usize..run.end as usize;
-            scratch.sums.add(simd, shape, &places, Candidates { points: &stacks.positions, run });
-        }
     }
 }
 

@@ -5,8 +5,7 @@
 //! a sphere count, so that the same shape gives the same features wherever it was scanned, and a sphere of any radius
 //! holds about as many points.
 
-use super::sums::{LANES, Surroundings};
-use super::{BLOCK, Batch, Scratch, Shape};
+use super::{BLOCK, Shape};
 use crate::cloud::{Points, Positions};
 use crate::error::{Error, Result};
 use crate::features::definition::{Feature, Group, scaled_name};
@@ -15,6 +14,7 @@ use crate::features::params::Divisor;
 use crate::linalg::arithmetic::Exact;
 use crate::linalg::shape::{self, Shape as Shares};
 use crate::neighbours::stacks::Stacks;
+use crate::neighbours::sums::{Alike, Around, Batch, LANES, Scratch, Surroundings};
 use crate::parallel::{Monitor, map_ordered_with};
 use crate::voxels::{Grid, Level, build_levels, sorted};
 use pulp::{Arch, Simd, WithSimd};
@@ -161,12 +161,13 @@ impl WithSimd for Describe<'_> {
         let width = Spheres::WIDTH * spheres.scales.len();
         let mut rows = vec![0.0; range.len() * width];
         for (number, Scale { radius, thinned }) in spheres.scales.iter().enumerate() {
+            let around = Around { stacks: thinned, radius: *radius, shape: Shape::Sphere, weighing: Alike };
             let mut first = range.start;
             while first < range.end {
                 monitor.check()?;
-                let batch = Batch::of(thinned, places, first..range.end, *radius);
-                batch.sum(simd, Shape::Sphere, scratch);
-                let found = scratch.sums.solve(Divisor::N);
+                let batch = Batch::of(&around, places, first..range.end);
+                batch.sum(simd, scratch);
+                let found = scratch.sums.solve(Divisor::N.constraints());
                 for lane in 0..batch.points.len() {
                     let row = &mut rows[(first - range.start + lane) * width + number * Spheres::WIDTH..];
                     let sphere = Sphere::of(&found, lane);
