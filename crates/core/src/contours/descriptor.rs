@@ -5,9 +5,11 @@
 use super::likely::Likely;
 use super::linking::Candidate;
 use super::params::DescriptorParams;
+use crate::cloud::Positions;
 use crate::error::{Error, Result};
-use crate::linalg::Sym3;
-use crate::neighbours::within;
+use crate::neighbours::Shape;
+use crate::neighbours::stacks::Stacks;
+use crate::neighbours::sums::{Around, Weighted};
 use crate::parallel::{Monitor, map_ordered, map_watched};
 
 /// Number of values of a candidate.
@@ -54,9 +56,6 @@ pub const VALUE_NAMES: [&str; VALUES] = [
 
 /// Radius of the surroundings of a node, metres.
 const AROUND: f64 = 0.25;
-
-/// Nodes whose surroundings are in memory at a time.
-const QUERIES: usize = 1 << 17;
 
 /// Sum of the likelihoods of a straight row of sure nodes within the surroundings of one, 0.025 m apart.
 const ROW: f64 = 20.0;
@@ -109,36 +108,51 @@ pub fn describe(
 
 /// What is near each node: eigenvalues 2 and 3 by 1, and the likelihood.
 fn surroundings(nodes: &Likely, monitor: &Monitor) -> Result<Vec<[f32; 3]>> {
-    let rows: Vec<u32> = (0..nodes.len() as u32).collect();
-    let mut found = Vec::with_capacity(nodes.len());
-    for part in rows.chunks(QUERIES) {
-        let near = within(&nodes.positions, &nodes.positions.select(part, monitor)?, AROUND, monitor)?;
-        found.extend(map_watched(part.len(), monitor, |at| {
-            let weight = |row: &u32| f64::from(nodes.likelihoods[*row as usize]);
-            let place = |row: &u32| nodes.positions.xyz(*row as usize).map(f64::from);
-            let total: f64 = near.of(at).iter().map(weight).sum();
-            let mut centre = [0.0; 3];
-            for row in near.of(at) {
-                centre.iter_mut().zip(place(row)).for_each(|(sum, v)| *sum += weight(row) * v / total);
-            }
-            let rooted = |row: &u32| {
-                let (at, root) = (place(row), weight(row).sqrt());
-                [0, 1, 2].map(|axis| root * (at[axis] - centre[axis]))
-            };
-            let apart: Vec<[f64; 3]> = near.of(at).iter().map(rooted).collect();
-            let [first, second, third] = Sym3::scatter(&apart, [0.0; 3], 1.0).eigen().values;
-            let share = |value: f64| if first > 0.0 { (value / first) as f32 } else { 0.0 };
-            [share(second), share(third), (total / ROW) as f32]
-        })?);
-    }
-    Ok(found)
+    let stacks = Stacks::new(&nodes.positions, AROUND, monitor)?;
+    let weights = map_watched(nodes.len(), monitor, |at| nodes.likelihoods[stacks.index[at] as usize])?;
+    let weighing = Weighted { weights: &weights };
+    let around = Around { stacks: &stacks, radius: AROUND, shape: Shape::Sphere, weighing };
+    let found = around.map(&stacks.positions, monitor, |_, near| {
+        let [first, second, third] = near.values;
+        let share = |value: f64| if first > 0.0 { (value / first) as f32 } else { 0.0 };
+        [share(second), share(third), (near.weight / ROW) as f32]
+    })?;
+    stacks.restored(found, monitor)
 }
 
 struct Path {
-    places: Vec<[f32; 3]>,
+    places: Positions,
     /// Unit tangents, or zeros.
-    tangents: Vec<[f32; 3]>,
+    tangents: Positions,
     likelihoods: Vec<f32>,
+}
+
+/// How many of some cosines there are, and how many are at least each border of two bins.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    all: u32,
+    least: [u32; BINS - 1],
+}
+
+impl Tally {
+    /// Squares of the borders of the bins.
+    const BORDERS: [f32; BINS - 1] = [0.04, 0.16, 0.36, 0.64];
+
+    /// Adds the angle of a unit vector with a vector, given their dot product and the latter's squared length.
+    #[inline(always)]
+    fn add(&mut self, dot: f32, squared: f32, counts: bool) {
+        let counts = counts & (squared > 0.0);
+        self.all += u32::from(counts);
+        for (least, border) in self.least.iter_mut().zip(Self::BORDERS) {
+            *least += u32::from(counts & (dot * dot >= border * squared));
+        }
+    }
+
+    /// The numbers in the bins.
+    fn histogram(&self) -> [u32; BINS] {
+        let [a, b, c, d] = self.least;
+        [self.all - a, a - b, b - c, c - d, d]
+    }
 }
 
 impl Path {
@@ -154,26 +168,34 @@ impl Path {
         })
     }
 
-    fn values(&self, params: &DescriptorParams) -> [f32; VALUES] {
-        let n = self.places.len();
-        let chord = unit(apart(self.places[0], self.places[n - 1]));
-        let mut histograms = [[0u32; BINS]; 3];
+    /// Histograms of the angles between the directions from node to node and the chord, and the tangents.
+    fn angles(&self) -> [[u32; BINS]; 2] {
+        let (n, Positions { x, y, z }, tangents) = (self.likelihoods.len(), &self.places, &self.tangents);
+        let chord = unit(apart(self.places.xyz(0), self.places.xyz(n - 1)));
+        let [mut with_chord, mut with_tangents] = [Tally::default(); 2];
         for i in 0..n {
-            for j in i + 1..n {
-                let direction = unit(apart(self.places[i], self.places[j]));
-                if dot(direction, direction) <= 0.0 {
-                    continue;
-                }
-                // Both directions of the pair have the same angle with the chord.
-                histograms[0][bin(dot(chord, direction))] += 2;
-                for tangent in [self.tangents[i], self.tangents[j]] {
-                    if dot(tangent, tangent) > 0.0 {
-                        histograms[1][bin(dot(tangent, direction))] += 1;
-                    }
-                }
+            let ([px, py, pz], own) = (self.places.xyz(i), tangents.xyz(i));
+            let has_own = dot(own, own) > 0.0;
+            let rest = i + 1..n;
+            let places = x[rest.clone()].iter().zip(&y[rest.clone()]).zip(&z[rest.clone()]);
+            let others = tangents.x[rest.clone()].iter().zip(&tangents.y[rest.clone()]).zip(&tangents.z[rest]);
+            for (((x, y), z), ((tx, ty), tz)) in places.zip(others) {
+                let (way, other) = ([x - px, y - py, z - pz], [*tx, *ty, *tz]);
+                let squared = dot(way, way);
+                with_chord.add(dot(chord, way), squared, true);
+                with_tangents.add(dot(own, way), squared, has_own);
+                with_tangents.add(dot(other, way), squared, dot(other, other) > 0.0);
             }
-            histograms[2][bin(self.likelihoods[i])] += 1;
         }
+        // Both directions of a pair have the same angle with the chord.
+        [with_chord.histogram().map(|count| 2 * count), with_tangents.histogram()]
+    }
+
+    fn values(&self, params: &DescriptorParams) -> [f32; VALUES] {
+        let n = self.likelihoods.len();
+        let [chord, tangents] = self.angles();
+        let mut histograms = [chord, tangents, [0; BINS]];
+        self.likelihoods.iter().for_each(|&p| histograms[2][bin(p)] += 1);
         let mut values = [0.0; VALUES];
         for (histogram, out) in histograms.iter().zip(values.chunks_exact_mut(BINS)) {
             let sum: u32 = histogram.iter().sum();
@@ -197,15 +219,15 @@ impl Path {
 
     /// The values that are not histograms or sections.
     fn whole(&self, candidate: &Candidate, around: &[[f32; 3]]) -> [f32; VALUES - 4 * BINS] {
-        let n = self.places.len();
+        let n = self.likelihoods.len();
         let (mut length, mut longest, mut along) = (0.0f32, 0.0f32, 0.0f32);
         for i in 1..n {
-            let way = apart(self.places[i - 1], self.places[i]);
+            let way = apart(self.places.xyz(i - 1), self.places.xyz(i));
             let step = dot(way, way).sqrt();
             (length, longest) = (length + step, longest.max(step));
-            along += dot(way, self.tangents[i - 1]).abs();
+            along += dot(way, self.tangents.xyz(i - 1)).abs();
         }
-        let chord = apart(self.places[0], self.places[n - 1]);
+        let chord = apart(self.places.xyz(0), self.places.xyz(n - 1));
         let by_length = |value: f32| if length > 0.0 { value / length } else { 0.0 };
         let least = self.likelihoods.iter().copied().fold(1.0, f32::min);
         let mean = |k: usize| candidate.path.iter().map(|&node| around[node as usize][k]).sum::<f32>() / n as f32;
@@ -229,15 +251,14 @@ fn unit(v: [f32; 3]) -> [f32; 3] {
     if length > 0.0 { v.map(|c| c / length) } else { [0.0; 3] }
 }
 
-/// The bin of a cosine of any sign, or of a likelihood.
+/// The bin of a likelihood.
 fn bin(value: f32) -> usize {
-    ((value.abs() * BINS as f32) as usize).min(BINS - 1)
+    ((value * BINS as f32) as usize).min(BINS - 1)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::Positions;
     use crate::random::stream;
 
     fn values(rows: &[[f64; 3]], tangents: &[[f64; 3]], likelihoods: &[f32]) -> Vec<f32> {

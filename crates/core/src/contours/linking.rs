@@ -7,12 +7,11 @@
 use super::params::LinkParams;
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
-use crate::graph::{Adjacency, Graph};
+use crate::graph::Graph;
 use crate::neighbours::knn;
-use crate::parallel::{Monitor, concat_watched, map_ordered_with, sort_watched, watched};
+use crate::parallel::{Monitor, concat_watched, map_ordered_with, map_watched, sort_watched, watched};
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
-use std::hash::{BuildHasherDefault, Hasher};
+use std::collections::BinaryHeap;
 
 /// Seeds that one task links.
 const SEEDS: usize = 64;
@@ -48,8 +47,8 @@ pub struct Neighbourhood<'a> {
 ///
 /// Each seed is linked with at most `count` seeds within `radius`, each pair once, from the smaller node on. Its path
 /// is a shortest one among the nodes within `2 · radius` of the start; pairs without such a path give no candidate. O(s
-/// (b log b)) for s seeds and b nodes in a ball; memory O(b) a thread beside the result, which holds 4 bytes for each
-/// node of each path and 80 for each candidate: with the default parameters about 200 bytes a candidate, of which a seed has
+/// (b log b)) for s seeds and b nodes in a ball; memory 4 bytes a node and O(b) for each thread, 16 bytes an edge, and the result,
+/// which holds 4 bytes for each node of each path and 80 for each candidate: with the default parameters about 200 bytes a candidate, of which a seed has
 /// about eight.
 ///
 /// # Errors
@@ -66,8 +65,7 @@ pub fn link(of: &Neighbourhood<'_>, seeds: &[u32], params: &LinkParams, monitor:
     }
     let pairs = pairs(of.positions, seeds, params, monitor)?;
     let starts: Vec<&[[u32; 2]]> = pairs.chunk_by(|a, b| a[0] == b[0]).collect();
-    let adjacency = of.graph.adjacency_watched(monitor)?;
-    let search = Search { of, adjacency: &adjacency, limit: 4.0 * params.radius * params.radius };
+    let search = Search { of, steps: &Steps::new(of.graph, monitor)?, limit: 4.0 * params.radius * params.radius };
     monitor.stage("links", starts.len() as u64);
     let count = starts.len().div_ceil(SEEDS);
     let parts = map_ordered_with(0..count, monitor, Scratch::default, |scratch, block| {
@@ -99,42 +97,73 @@ fn pairs(positions: &Positions, seeds: &[u32], params: &LinkParams, monitor: &Mo
     Ok(pairs)
 }
 
-/// A hash of one multiplication: node numbers need no more.
-#[derive(Clone, Debug, Default)]
-struct Multiply(u64);
+/// The edges of each node with their costs, side by side in memory.
+#[derive(Debug, Default)]
+struct Steps {
+    /// Where the edges of each node begin; one more than there are nodes.
+    offsets: Vec<usize>,
+    /// Node at the other end, and the cost.
+    steps: Vec<(u32, f32)>,
+}
 
-impl Hasher for Multiply {
-    fn finish(&self) -> u64 {
-        self.0
+impl Steps {
+    fn new(graph: &Graph, monitor: &Monitor) -> Result<Self> {
+        let adjacency = graph.adjacency_watched(monitor)?;
+        let step = |at: usize| (adjacency.neighbours[at], graph.weights()[adjacency.edges[at] as usize]);
+        Ok(Self { steps: map_watched(adjacency.neighbours.len(), monitor, step)?, offsets: adjacency.offsets })
     }
 
-    fn write(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|&byte| self.write_u32(u32::from(byte)));
-    }
-
-    fn write_u32(&mut self, value: u32) {
-        self.0 = (self.0.rotate_left(5) ^ u64::from(value)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    fn of(&self, node: u32) -> &[(u32, f32)] {
+        &self.steps[self.offsets[node as usize]..self.offsets[node as usize + 1]]
     }
 }
 
-/// What is known of a node that a search has reached.
+/// A node that a search has not reached.
+const UNKNOWN: u32 = u32::MAX;
+
+/// What is known of a node that a search has reached, or looks for.
 #[derive(Clone, Copy, Debug)]
 struct Reached {
     cost: f64,
+    node: u32,
+    /// Number of the reached node before it; that of the start is its own.
     before: u32,
     settled: bool,
+    /// Whether a path to it is wanted.
+    end: bool,
 }
 
 #[derive(Debug, Default)]
 struct Scratch {
-    reached: HashMap<u32, Reached, BuildHasherDefault<Multiply>>,
+    /// Number of each node among those reached, or [`UNKNOWN`].
+    number: Vec<u32>,
+    reached: Vec<Reached>,
     /// Bits of the cost, which sort like the costs because these are not negative, and the node.
     queue: BinaryHeap<Reverse<(u64, u32)>>,
 }
 
+impl Scratch {
+    /// Forgets the last search.
+    fn clear(&mut self, nodes: usize) {
+        self.number.resize(nodes, UNKNOWN);
+        for at in self.reached.drain(..) {
+            self.number[at.node as usize] = UNKNOWN;
+        }
+        self.queue.clear();
+    }
+
+    /// Adds a node that no path is known to; returns its number.
+    fn add(&mut self, node: u32, end: bool) -> u32 {
+        let number = self.reached.len() as u32;
+        self.number[node as usize] = number;
+        self.reached.push(Reached { node, before: number, cost: f64::INFINITY, settled: false, end });
+        number
+    }
+}
+
 struct Search<'a> {
     of: &'a Neighbourhood<'a>,
-    adjacency: &'a Adjacency,
+    steps: &'a Steps,
     /// Square of the ball's radius.
     limit: f64,
 }
@@ -145,47 +174,52 @@ impl Search<'_> {
         let Some(&[start, _]) = links.first() else { return };
         self.run(scratch, links, start);
         for &[_, end] in links {
-            let Some(at) = scratch.reached.get(&end).filter(|at| at.settled) else { continue };
-            let mut path = vec![end];
-            let mut node = end;
-            while node != start {
-                node = scratch.reached.get(&node).map_or(start, |at| at.before);
-                path.push(node);
+            let mut at = scratch.reached[scratch.number[end as usize] as usize];
+            if !at.settled {
+                continue;
+            }
+            let (mut path, cost) = (vec![end], at.cost);
+            while at.node != start {
+                at = scratch.reached[at.before as usize];
+                path.push(at.node);
             }
             path.reverse();
             let leaves = self.leaves(&path);
-            found.push(Candidate { start, end, path, cost: at.cost, leaves });
+            found.push(Candidate { start, end, path, cost, leaves });
         }
     }
 
     /// Settles nodes in the order of their costs until all ends are settled or the ball is.
     fn run(&self, scratch: &mut Scratch, links: &[[u32; 2]], start: u32) {
-        scratch.reached.clear();
-        scratch.queue.clear();
+        scratch.clear(self.of.graph.len());
         let centre = self.of.positions.xyz(start as usize);
-        scratch.reached.insert(start, Reached { cost: 0.0, before: start, settled: false });
+        let first = scratch.add(start, false);
+        links.iter().for_each(|&[_, end]| _ = scratch.add(end, true));
+        scratch.reached[first as usize].cost = 0.0;
         scratch.queue.push(Reverse((0, start)));
         let mut missing = links.len();
         while let Some(Reverse((bits, node))) = scratch.queue.pop() {
-            match scratch.reached.get_mut(&node) {
-                Some(at) if !at.settled && at.cost.to_bits() == bits => at.settled = true,
-                _ => continue,
-            }
-            if links.binary_search(&[start, node]).is_ok() {
-                missing -= 1;
-                if missing == 0 {
-                    return;
+            let number = scratch.number[node as usize];
+            match &mut scratch.reached[number as usize] {
+                at if at.settled || at.cost.to_bits() != bits => continue,
+                at => {
+                    at.settled = true;
+                    missing -= usize::from(at.end);
                 }
             }
-            for (other, edge) in self.adjacency.of(node as usize) {
-                if self.apart(centre, other) > self.limit {
-                    continue;
-                }
-                let cost = f64::from_bits(bits) + f64::from(self.of.graph.weights()[edge as usize]);
-                let new = Reached { cost, before: node, settled: false };
-                let at = scratch.reached.entry(other).or_insert(Reached { cost: f64::INFINITY, ..new });
+            if missing == 0 {
+                return;
+            }
+            for &(other, step) in self.steps.of(node) {
+                let known = match scratch.number[other as usize] {
+                    UNKNOWN if self.apart(centre, other) > self.limit => continue,
+                    UNKNOWN => scratch.add(other, false),
+                    known => known,
+                };
+                let cost = f64::from_bits(bits) + f64::from(step);
+                let at = &mut scratch.reached[known as usize];
                 if cost < at.cost {
-                    *at = new;
+                    (at.cost, at.before) = (cost, number);
                     scratch.queue.push(Reverse((cost.to_bits(), other)));
                 }
             }

@@ -11,20 +11,15 @@ use super::nodes::Nodes;
 use super::params::RidgeParams;
 use crate::cloud::Positions;
 use crate::error::Result;
-use crate::linalg::{Eigen3, Sym3};
-use crate::neighbours::within;
+use crate::neighbours::Shape;
+use crate::neighbours::stacks::Stacks;
+use crate::neighbours::sums::{Alike, Around, Gaussian, Surrounding};
 use crate::parallel::{Monitor, map_watched};
 
-/// Points whose neighbours are in memory at a time.
-const QUERIES: usize = 1 << 17;
-
-/// Standard deviations of a neighbourhood at which it is cut off.
-const CUT: f64 = 2.5;
-
-/// The likeliest point of each voxel, moved to the edge, with the direction of the edge there; all likely points if there are no
-/// passes.
+/// The likeliest point of each voxel, moved to the edge, with the direction of the edge there, those that are near each other one
+/// after the other; all likely points in their order if there are no passes.
 ///
-/// O(n + m k) for m likely voxels with k others in their neighbourhoods; memory O(m), and O(k) for each of 131,072 of them.
+/// O(n + m k) for m likely voxels with k others in their neighbourhoods; memory O(m).
 ///
 /// # Errors
 /// If lengths do not fit, a value is not finite or not a likelihood, a parameter is outside its range, the voxels are too small
@@ -42,16 +37,43 @@ pub fn ridge(likely: &Likely, params: &RidgeParams, monitor: &Monitor) -> Result
         Ok(rows)
     };
     let points = rows(params.least)?;
-    let band = likely.select(&points, monitor)?;
-    let all = likely.positions.select(&rows(0.0)?, monitor)?;
-    let mut places = band.positions.clone();
+    let given = likely.select(&points, monitor)?;
+    let band = Band::new(&given, params.reach, monitor)?;
+    let surface = Stacks::new(&likely.positions.select(&rows(0.0)?, monitor)?, params.around, monitor)?;
+    let mut places = band.stacks.positions.clone();
     for pass in 1..=params.passes {
-        let surroundings = (pass == params.passes && params.end > 0.0).then_some(&all);
-        places = moved(&band, &places, surroundings, &Pass { params, monitor })?;
+        let surface = (pass == params.passes && params.end > 0.0).then_some(&surface);
+        places = moved(&band, &places, surface, &Pass { params, monitor })?;
     }
-    let mut found = Likely { positions: places, ..band };
+    let mut found = Likely { positions: places, ..given.select(&band.stacks.index, monitor)? };
     found.tangents = directions(&found, 2.0 * params.reach, monitor)?;
+    let points = map_watched(found.len(), monitor, |node| points[band.stacks.index[node] as usize])?;
     Ok(Nodes { likely: found, points })
+}
+
+/// Likely points sorted for sums over those around a place, which count by the squares of their likelihoods.
+struct Band {
+    stacks: Stacks,
+    weights: Vec<f32>,
+    /// Standard deviation of a neighbourhood, metres.
+    reach: f64,
+}
+
+impl Band {
+    fn new(likely: &Likely, reach: f64, monitor: &Monitor) -> Result<Self> {
+        let stacks = Stacks::new(&likely.positions, Gaussian::CUT * reach, monitor)?;
+        let weight = |at: usize| likely.likelihoods[stacks.index[at] as usize].powi(2);
+        Ok(Self { weights: map_watched(stacks.len(), monitor, weight)?, stacks, reach })
+    }
+
+    fn around(&self) -> Around<'_, Gaussian<'_>> {
+        Around {
+            stacks: &self.stacks,
+            radius: Gaussian::CUT * self.reach,
+            shape: Shape::Sphere,
+            weighing: Gaussian::new(&self.weights, self.reach),
+        }
+    }
 }
 
 struct Pass<'a> {
@@ -59,105 +81,51 @@ struct Pass<'a> {
     monitor: &'a Monitor,
 }
 
-/// Places moved to the mean of the band around them; with the points all around, to where the band ends.
-fn moved(band: &Likely, places: &Positions, all: Option<&Positions>, pass: &Pass<'_>) -> Result<Positions> {
+/// Places moved to the mean of the band around them; with the points of the surface, to where the band ends.
+fn moved(band: &Band, places: &Positions, surface: Option<&Stacks>, pass: &Pass<'_>) -> Result<Positions> {
     let (params, monitor) = (pass.params, pass.monitor);
-    let rows: Vec<u32> = (0..places.len() as u32).collect();
-    let mut found = Positions::default();
-    for part in rows.chunks(QUERIES) {
-        let queries = places.select(part, monitor)?;
-        let near = within(&band.positions, &queries, CUT * params.reach, monitor)?;
-        let around = all.map(|all| within(all, &queries, params.around, monitor)).transpose()?;
-        let new = map_watched(part.len(), monitor, |at| {
-            let from = queries.xyz(at).map(f64::from);
-            let Some(local) = Local::new(band, near.of(at), from, params.reach) else { return queries.xyz(at) };
-            let centre = all.zip(around.as_ref()).map(|(all, around)| mean(all, around.of(at)));
-            local.edge(from, centre, params.end).map(|v| v as f32)
-        })?;
-        new.into_iter().for_each(|place| found.push(place));
-    }
-    Ok(found)
+    let centres = surface.map(|stacks| {
+        let around = Around { stacks, radius: params.around, shape: Shape::Sphere, weighing: Alike };
+        around.map(places, monitor, |_, surface| surface.mean)
+    });
+    let centres = centres.transpose()?;
+    let new = band.around().map(places, monitor, |at, band| {
+        let from = places.xyz(at);
+        let shift = if band.weight > 0.0 { shift(band, centres.as_ref().map(|c| c[at]), params.end) } else { [0.0; 3] };
+        [0, 1, 2].map(|axis| (f64::from(from[axis]) + shift[axis]) as f32)
+    })?;
+    Ok(new.into_iter().collect())
 }
 
 /// The direction of a band at each of its points.
-fn directions(band: &Likely, reach: f64, monitor: &Monitor) -> Result<Vec<[f32; 3]>> {
-    let rows: Vec<u32> = (0..band.len() as u32).collect();
-    let mut found = Vec::with_capacity(band.len());
-    for part in rows.chunks(QUERIES) {
-        let queries = band.positions.select(part, monitor)?;
-        let near = within(&band.positions, &queries, CUT * reach, monitor)?;
-        found.extend(map_watched(part.len(), monitor, |at| {
-            let local = Local::new(band, near.of(at), queries.xyz(at).map(f64::from), reach);
-            let along = local.filter(|local| local.spread.values[0] > 0.0).map(|local| local.spread.vectors[0]);
-            along.unwrap_or_default().map(|v| v as f32)
-        })?);
-    }
-    Ok(found)
+fn directions(likely: &Likely, reach: f64, monitor: &Monitor) -> Result<Vec<[f32; 3]>> {
+    let band = Band::new(likely, reach, monitor)?;
+    let found = band.around().map(&band.stacks.positions, monitor, |_, band| {
+        if band.values[0] > 0.0 { band.axis.map(|v| v as f32) } else { [0.0; 3] }
+    })?;
+    band.stacks.restored(found, monitor)
 }
 
-/// Mean of some positions.
-fn mean(positions: &Positions, rows: &[u32]) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for &row in rows {
-        sum.iter_mut().zip(positions.xyz(row as usize)).for_each(|(sum, v)| *sum += f64::from(v));
+/// From a place to the middle of the band beside it, or to its end away from the centre of the surface; all are relative to the
+/// place.
+fn shift(band: &Surrounding, centre: Option<[f64; 3]>, end: f64) -> [f64; 3] {
+    let along = band.axis;
+    let across = |way: [f64; 3]| {
+        let ahead = dot(way, along);
+        [0, 1, 2].map(|axis| way[axis] - ahead * along[axis])
+    };
+    let middle = across(band.mean);
+    let Some(centre) = centre else { return middle };
+    let outward = across([0, 1, 2].map(|axis| middle[axis] - centre[axis]));
+    let length = dot(outward, outward).sqrt();
+    if length <= 0.0 {
+        return middle;
     }
-    sum.map(|v| v / rows.len().max(1) as f64)
-}
-
-/// The band around a place.
-struct Local {
-    mean: [f64; 3],
-    covariance: Sym3,
-    spread: Eigen3,
-}
-
-impl Local {
-    /// From some points, weighted by the squares of their likelihoods and less with their distance; none if they have no weight.
-    fn new(band: &Likely, rows: &[u32], from: [f64; 3], reach: f64) -> Option<Self> {
-        let place = |row: u32| band.positions.xyz(row as usize).map(f64::from);
-        let weight = |row: u32| {
-            let squared: f64 = place(row).iter().zip(from).map(|(a, b)| (a - b).powi(2)).sum();
-            f64::from(band.likelihoods[row as usize]).powi(2) * (-squared / (2.0 * reach * reach)).exp()
-        };
-        let weights: Vec<f64> = rows.iter().map(|&row| weight(row)).collect();
-        let total: f64 = weights.iter().sum();
-        if total <= 0.0 {
-            return None;
-        }
-        let mut mean = [0.0; 3];
-        for (&row, weight) in rows.iter().zip(&weights) {
-            mean.iter_mut().zip(place(row)).for_each(|(sum, v)| *sum += weight * v / total);
-        }
-        let rooted = |(&row, weight): (&u32, &f64)| {
-            let (at, root) = (place(row), weight.sqrt());
-            [0, 1, 2].map(|axis| root * (at[axis] - mean[axis]))
-        };
-        let apart: Vec<[f64; 3]> = rows.iter().zip(&weights).map(rooted).collect();
-        let covariance = Sym3::scatter(&apart, [0.0; 3], total);
-        Some(Self { mean, covariance, spread: covariance.eigen() })
-    }
-
-    /// The place beside this one at the middle of the band, or at its end away from the centre of the surroundings.
-    fn edge(&self, from: [f64; 3], centre: Option<[f64; 3]>, end: f64) -> [f64; 3] {
-        let along = self.spread.vectors[0];
-        let across = |way: [f64; 3]| {
-            let ahead = dot(way, along);
-            [0, 1, 2].map(|axis| way[axis] - ahead * along[axis])
-        };
-        let shift = across([0, 1, 2].map(|axis| self.mean[axis] - from[axis]));
-        let middle = [0, 1, 2].map(|axis| from[axis] + shift[axis]);
-        let Some(centre) = centre else { return middle };
-        let outward = across([0, 1, 2].map(|axis| middle[axis] - centre[axis]));
-        let length = dot(outward, outward).sqrt();
-        if length <= 0.0 {
-            return middle;
-        }
-        let outward = outward.map(|v| v / length);
-        let ([xx, yy, zz], [xy, xz, yz], [x, y, z]) = (self.covariance.diagonal, self.covariance.off, outward);
-        let variance = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z);
-        let reach = end * variance.max(0.0).sqrt();
-        [0, 1, 2].map(|axis| middle[axis] + reach * outward[axis])
-    }
+    let outward = outward.map(|v| v / length);
+    let ([xx, yy, zz], [xy, xz, yz], [x, y, z]) = (band.covariance.diagonal, band.covariance.off, outward);
+    let variance = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z);
+    let reach = end * variance.max(0.0).sqrt();
+    [0, 1, 2].map(|axis| middle[axis] + reach * outward[axis])
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

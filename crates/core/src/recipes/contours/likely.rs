@@ -3,7 +3,7 @@
 use super::ContoursRecipe;
 use super::scaled::Scale;
 use crate::cloud::{MetricCloud, Points};
-use crate::contours::{Likely, TangentParams, tangents};
+use crate::contours::{Likely, tangents};
 use crate::error::{Error, Result};
 use crate::parallel::Monitor;
 use crate::recipes::classify::predict::{CloudPredictor, Fit};
@@ -56,16 +56,23 @@ impl RatedPoints {
         }
     }
 
-    /// The points with their likelihoods, and the directions of contours there. O(n log n).
+    /// The points with their likelihoods, and the directions of contours there: none if the points are moved to the edge, which
+    /// finds the directions anew. O(n log n).
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(super) fn likely(&self, params: &TangentParams, monitor: &Monitor) -> Result<Likely> {
+    pub(super) fn likely(&self, recipe: &ContoursRecipe, monitor: &Monitor) -> Result<Likely> {
         let likelihoods: Vec<f32> =
             self.probabilities.chunks_exact(2).map(|row| row[CONTOUR].clamp(0.0, 1.0)).collect();
         let positions = self.points.positions.clone();
-        monitor.stage("tangents", positions.len() as u64);
-        Ok(Likely { tangents: tangents(&positions, &likelihoods, params, monitor)?, positions, likelihoods })
+        let tangents = match recipe.candidates.ridge.passes {
+            0 => {
+                monitor.stage("tangents", positions.len() as u64);
+                tangents(&positions, &likelihoods, &recipe.tangents, monitor)?
+            }
+            _ => vec![[0.0; 3]; positions.len()],
+        };
+        Ok(Likely { tangents, positions, likelihoods })
     }
 }
 

@@ -77,7 +77,7 @@ pub(in crate::recipes) fn stages_of(
         None if params.without.is_empty() => {}
         None => return Err(Error::input("there are no classes of points to leave out (classify the cloud first)")),
     }
-    let likely = rated.likely(&recipe.tangents, monitor)?;
+    let likely = rated.likely(recipe, monitor)?;
     let candidates = candidates(&likely, &recipe.candidates, monitor)?;
     let warnings = [original.oddities(), warnings(rated.fit.shares())].concat();
     let probabilities = probabilities(trained, &candidates, monitor)?;

@@ -132,7 +132,7 @@ fn found_candidates(
 ) -> Result<Found> {
     let scene = MetricCloud::new(&cloud.cloud, None, monitor)?;
     let rated: RatedPoints = rate(recipe, &scene, model.stage(), monitor)?;
-    let likely = rated.likely(&recipe.tangents, monitor)?;
+    let likely = rated.likely(recipe, monitor)?;
     let found = candidates(&likely, &recipe.candidates, monitor)?;
     let EdgeLines { lines, unsure } = &cloud.labels.edges;
     let local = LocalLines { metres: scene.metres, origin: rated.points.frame.origin };
