@@ -5,8 +5,8 @@
 
 use crate::error::{Error, Result};
 use rayon::prelude::*;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Connects a long computation with its caller, who can cancel it and follow its progress.
 ///
@@ -243,21 +243,28 @@ pub fn map_each<I: Sync, T: Send>(
     map_ordered(items.len(), monitor, |i| kernel(&items[i]))
 }
 
-/// Like [`map_ordered`], with a scratch value that a thread reuses from item to item; results must not depend on it.
+/// Like [`map_ordered`], with a scratch value that is reused from item to item: about as many are made as there are threads.
+/// Results must not depend on it.
 ///
 /// # Errors
 /// As [`map_ordered`].
-pub fn map_ordered_with<S, T: Send>(
+pub fn map_ordered_with<S: Send, T: Send>(
     items: std::ops::Range<usize>,
     monitor: &Monitor,
     scratch: impl Fn() -> S + Sync + Send,
     kernel: impl Fn(&mut S, usize) -> Result<T> + Sync + Send,
 ) -> Result<Vec<T>> {
-    let results: Vec<Result<T>> = items
-        .into_par_iter()
-        .with_max_len(4)
-        .map_init(scratch, |s, i| monitor.check().and_then(|()| kernel(s, i)))
-        .collect();
+    let unused = Mutex::new(Vec::new());
+    let pool = || unused.lock().unwrap_or_else(PoisonError::into_inner);
+    let one = |i: usize| {
+        monitor.check()?;
+        let waiting = pool().pop();
+        let mut own = waiting.unwrap_or_else(&scratch);
+        let found = kernel(&mut own, i);
+        pool().push(own);
+        found
+    };
+    let results: Vec<Result<T>> = items.into_par_iter().with_max_len(4).map(one).collect();
     results.into_iter().collect()
 }
 
@@ -318,6 +325,16 @@ mod tests {
         monitor.cancel();
         assert!(map_watched::<usize>(9, &monitor, |_| panic!("not called")).is_err());
         assert!(concat_watched(parts, &monitor).is_err());
+    }
+
+    #[test]
+    fn scratch_values_are_made_once_a_thread() {
+        let made = std::sync::atomic::AtomicUsize::new(0);
+        let scratch = || made.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let run = || map_ordered_with(0..1000, &Monitor::default(), scratch, |_, i| Ok(2 * i)).unwrap();
+        let found = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap().install(run);
+        assert!(found.into_iter().eq((0..1000).map(|i| 2 * i)));
+        assert!((1..=3).contains(&made.into_inner()));
     }
 
     #[test]

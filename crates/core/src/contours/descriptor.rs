@@ -117,7 +117,7 @@ fn surroundings(nodes: &Likely, monitor: &Monitor) -> Result<Vec<[f32; 3]>> {
         let share = |value: f64| if first > 0.0 { (value / first) as f32 } else { 0.0 };
         [share(second), share(third), (near.weight / ROW) as f32]
     })?;
-    stacks.restored(found, monitor)
+    stacks.restored(&found, monitor)
 }
 
 struct Path {
@@ -300,6 +300,37 @@ mod tests {
         for histogram in before.chunks(5).take(3) {
             assert!((histogram.iter().sum::<f32>() - 1.0).abs() < 1e-6);
         }
+    }
+
+    #[test]
+    fn angles_and_surroundings_are_those_by_definition() {
+        let mut random = stream(5, 1);
+        let mut draw = |n: usize, by: f32| -> Vec<[f32; 3]> {
+            (0..n).map(|_| [0.0; 3].map(|_: f32| (random.uniform() as f32 - 0.5) * by)).collect()
+        };
+        let (rows, tangents) = (draw(40, 0.6), draw(40, 1.0));
+        let likelihoods: Vec<f32> = (0..40).map(|i| (i % 7) as f32 / 7.0).collect();
+        let positions = Positions::from_rows(&rows);
+        let nodes = Likely { positions, likelihoods: likelihoods.clone(), tangents: tangents.clone() };
+        let path: Vec<u32> = (0..40).collect();
+        let mut expected = [[0u32; BINS]; 2];
+        let chord = unit(apart(rows[0], rows[39]));
+        for (i, j) in (0..40).flat_map(|i| (0..40).map(move |j| (i, j))).filter(|(i, j)| i != j) {
+            let way = unit(apart(rows[i], rows[j]));
+            expected[0][bin(dot(chord, way).abs())] += 1;
+            expected[1][bin(dot(unit(tangents[i]), way).abs())] += 1;
+        }
+        assert_eq!(Path::new(&nodes, &path).unwrap().angles(), expected);
+        let found = surroundings(&nodes, &Monitor::default()).unwrap();
+        for (i, found) in found.iter().enumerate() {
+            let near = |j: &usize| dot(apart(rows[i], rows[*j]), apart(rows[i], rows[*j])) <= (AROUND * AROUND) as f32;
+            let near: Vec<usize> = (0..40).filter(near).collect();
+            let total: f32 = near.iter().map(|&j| likelihoods[j]).sum();
+            assert!((f64::from(found[2]) - f64::from(total) / ROW).abs() < 1e-6);
+            assert!(found[0] >= found[1] && found[0] <= 1.0);
+        }
+        let none = Likely { likelihoods: vec![0.0; 40], ..nodes };
+        assert!(surroundings(&none, &Monitor::default()).unwrap().iter().all(|values| *values == [0.0; 3]));
     }
 
     #[test]

@@ -47,9 +47,9 @@ pub struct Neighbourhood<'a> {
 ///
 /// Each seed is linked with at most `count` seeds within `radius`, each pair once, from the smaller node on. Its path
 /// is a shortest one among the nodes within `2 · radius` of the start; pairs without such a path give no candidate. O(s
-/// (b log b)) for s seeds and b nodes in a ball; memory 4 bytes a node and O(b) for each thread, 16 bytes an edge, and the result,
-/// which holds 4 bytes for each node of each path and 80 for each candidate: with the default parameters about 200 bytes a candidate, of which a seed has
-/// about eight.
+/// (b log b)) for s seeds and b nodes in a ball. Memory 4 bytes a node and O(b) for each thread, 32 bytes an edge, and the
+/// result, which holds 4 bytes for each node of each path and 80 for each candidate: with the default parameters about 200
+/// bytes a candidate, of which a seed has about eight.
 ///
 /// # Errors
 /// If seeds are not ascending nodes, there is not one position a node, a parameter is outside its range, or the work
@@ -145,6 +145,7 @@ struct Scratch {
 impl Scratch {
     /// Forgets the last search.
     fn clear(&mut self, nodes: usize) {
+        // Once a thread.
         self.number.resize(nodes, UNKNOWN);
         for at in self.reached.drain(..) {
             self.number[at.node as usize] = UNKNOWN;
@@ -335,6 +336,22 @@ mod tests {
             count += found.len();
         }
         assert!(count > 500);
+    }
+
+    #[test]
+    fn links_of_many_seeds_are_the_same_for_any_number_of_threads() {
+        let mut random = stream(3, 4);
+        let mut aside = || random.uniform() as f32 * 0.05;
+        let rows: Vec<[f32; 3]> = (0..3000).map(|i| [i as f32 * 0.02, aside(), aside()]).collect();
+        let pairs: Vec<[u32; 2]> =
+            (0..3000).flat_map(|i| [1, 2, 7].map(|step| [i, i + step])).filter(|pair| pair[1] < 3000).collect();
+        let weights: Vec<f32> = pairs.iter().map(|_| random.uniform() as f32).collect();
+        let case = Case { positions: Positions::from_rows(&rows), graph: Graph::new(3000, &pairs, &weights).unwrap() };
+        let seeds: Vec<u32> = (0..3000).step_by(2).collect();
+        let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        let with = |n| pool(n).install(|| case.links(&seeds, &LinkParams::default()));
+        let one = with(1);
+        assert!(one.len() > 5000 && one == with(3), "{}", one.len());
     }
 
     #[test]

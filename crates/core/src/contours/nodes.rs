@@ -10,7 +10,7 @@ use crate::parallel::Monitor;
 pub struct Nodes {
     /// Position, likelihood and tangent of each node.
     pub likely: Likely,
-    /// The point of the cloud that each node is, ascending.
+    /// The point of the cloud that each node is; ascending, but not of points that were [moved to the edge](super::ridge()).
     pub points: Vec<u32>,
 }
 

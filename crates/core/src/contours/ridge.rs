@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::neighbours::Shape;
 use crate::neighbours::stacks::Stacks;
 use crate::neighbours::sums::{Alike, Around, Gaussian, Surrounding};
-use crate::parallel::{Monitor, map_watched};
+use crate::parallel::{Monitor, map_watched, watched};
 
 /// The likeliest point of each voxel, moved to the edge, with the direction of the edge there, those that are near each other one
 /// after the other; all likely points in their order if there are no passes.
@@ -39,14 +39,19 @@ pub fn ridge(likely: &Likely, params: &RidgeParams, monitor: &Monitor) -> Result
     let points = rows(params.least)?;
     let given = likely.select(&points, monitor)?;
     let band = Band::new(&given, params.reach, monitor)?;
-    let surface = Stacks::new(&likely.positions.select(&rows(0.0)?, monitor)?, params.around, monitor)?;
+    monitor.stage("edge", params.passes as u64 + 1);
+    let surface = || Stacks::new(&likely.positions.select(&rows(0.0)?, monitor)?, params.around, monitor);
+    let surface = (params.end > 0.0).then(surface).transpose()?;
     let mut places = band.stacks.positions.clone();
     for pass in 1..=params.passes {
-        let surface = (pass == params.passes && params.end > 0.0).then_some(&surface);
+        let surface = surface.as_ref().filter(|_| pass == params.passes);
         places = moved(&band, &places, surface, &Pass { params, monitor })?;
+        monitor.advance(1);
     }
+    drop(surface);
     let mut found = Likely { positions: places, ..given.select(&band.stacks.index, monitor)? };
     found.tangents = directions(&found, 2.0 * params.reach, monitor)?;
+    monitor.advance(1);
     let points = map_watched(found.len(), monitor, |node| points[band.stacks.index[node] as usize])?;
     Ok(Nodes { likely: found, points })
 }
@@ -61,7 +66,7 @@ struct Band {
 
 impl Band {
     fn new(likely: &Likely, reach: f64, monitor: &Monitor) -> Result<Self> {
-        let stacks = Stacks::new(&likely.positions, Gaussian::CUT * reach, monitor)?;
+        let stacks = Stacks::new(&likely.positions, Gaussian::radius(reach), monitor)?;
         let weight = |at: usize| likely.likelihoods[stacks.index[at] as usize].powi(2);
         Ok(Self { weights: map_watched(stacks.len(), monitor, weight)?, stacks, reach })
     }
@@ -69,7 +74,7 @@ impl Band {
     fn around(&self) -> Around<'_, Gaussian<'_>> {
         Around {
             stacks: &self.stacks,
-            radius: Gaussian::CUT * self.reach,
+            radius: Gaussian::radius(self.reach),
             shape: Shape::Sphere,
             weighing: Gaussian::new(&self.weights, self.reach),
         }
@@ -86,24 +91,28 @@ fn moved(band: &Band, places: &Positions, surface: Option<&Stacks>, pass: &Pass<
     let (params, monitor) = (pass.params, pass.monitor);
     let centres = surface.map(|stacks| {
         let around = Around { stacks, radius: params.around, shape: Shape::Sphere, weighing: Alike };
-        around.map(places, monitor, |_, surface| surface.mean)
+        around.map(places, monitor, |_, near| (near.weight > 0.0).then_some(near.mean))
     });
     let centres = centres.transpose()?;
-    let new = band.around().map(places, monitor, |at, band| {
-        let from = places.xyz(at);
-        let shift = if band.weight > 0.0 { shift(band, centres.as_ref().map(|c| c[at]), params.end) } else { [0.0; 3] };
-        [0, 1, 2].map(|axis| (f64::from(from[axis]) + shift[axis]) as f32)
+    let new = band.around().map(places, monitor, |at, near| {
+        let (from, centre) = (places.xyz(at), centres.as_ref().and_then(|centres| centres[at]));
+        let by = if near.weight > 0.0 { shift(near, centre, params.end) } else { [0.0; 3] };
+        [0, 1, 2].map(|axis| (f64::from(from[axis]) + by[axis]) as f32)
     })?;
-    Ok(new.into_iter().collect())
+    let mut found = Positions::default();
+    for piece in watched(new.len(), monitor) {
+        new[piece?].iter().for_each(|&place| found.push(place));
+    }
+    Ok(found)
 }
 
 /// The direction of a band at each of its points.
 fn directions(likely: &Likely, reach: f64, monitor: &Monitor) -> Result<Vec<[f32; 3]>> {
     let band = Band::new(likely, reach, monitor)?;
-    let found = band.around().map(&band.stacks.positions, monitor, |_, band| {
-        if band.values[0] > 0.0 { band.axis.map(|v| v as f32) } else { [0.0; 3] }
+    let found = band.around().map(&band.stacks.positions, monitor, |_, near| {
+        if near.values[0] > 0.0 { near.axis.map(|v| v as f32) } else { [0.0; 3] }
     })?;
-    band.stacks.restored(found, monitor)
+    band.stacks.restored(&found, monitor)
 }
 
 /// From a place to the middle of the band beside it, or to its end away from the centre of the surface; all are relative to the

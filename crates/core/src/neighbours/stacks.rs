@@ -111,17 +111,11 @@ impl Stacks {
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub(crate) fn restored<T: Copy + Default>(
-        &self,
-        sorted: impl IntoIterator<Item = T>,
-        monitor: &Monitor,
-    ) -> Result<Vec<T>> {
+    pub(crate) fn restored<T: Copy + Default>(&self, sorted: &[T], monitor: &Monitor) -> Result<Vec<T>> {
+        debug_assert_eq!(sorted.len(), self.len());
         let mut values = vec![T::default(); self.len()];
-        let mut sorted = sorted.into_iter();
         for piece in watched(self.len(), monitor) {
-            for (&point, value) in self.index[piece?].iter().zip(&mut sorted) {
-                values[point as usize] = value;
-            }
+            piece?.for_each(|at| values[self.index[at] as usize] = sorted[at]);
         }
         Ok(values)
     }

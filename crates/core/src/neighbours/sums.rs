@@ -8,7 +8,7 @@ use crate::cloud::Positions;
 use crate::error::Result;
 use crate::linalg::Sym3;
 use crate::linalg::jacobi::{LaneEigen, jacobi};
-use crate::parallel::{Monitor, map_ordered_with};
+use crate::parallel::{Monitor, concat_watched, map_ordered_with};
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -75,8 +75,13 @@ pub(crate) struct Gaussian<'a> {
 }
 
 impl<'a> Gaussian<'a> {
-    /// Standard deviations at which the neighbourhood is cut off.
-    pub(crate) const CUT: f64 = 2.5;
+    /// Standard deviations at which the neighbourhood is cut off: as far as the series of the exponential function goes.
+    const CUT: f64 = 2.5;
+
+    /// Radius of the neighbourhood for the standard deviation σ, metres.
+    pub(crate) fn radius(sigma: f64) -> f64 {
+        Self::CUT * sigma
+    }
 
     /// With the standard deviation σ, metres.
     pub(crate) fn new(weights: &'a [f32], sigma: f64) -> Self {
@@ -130,7 +135,7 @@ impl<W: Weighing> Around<'_, W> {
     /// What a function makes of the points around each place, in the order of the places. Places that follow each other should be
     /// close: up to 16 share a search.
     ///
-    /// O(m) for m points around all places together; memory for the results only. The same for any number of threads.
+    /// O(m) for m points around all places together; memory for the results twice. The same for any number of threads.
     ///
     /// # Errors
     /// If the work was cancelled.
@@ -143,7 +148,7 @@ impl<W: Weighing> Around<'_, W> {
             let range = block * BLOCK..((block + 1) * BLOCK).min(places.len());
             Arch::new().dispatch(MapBlock { around: self, places, range, each: &each, monitor, scratch })
         })?;
-        Ok(parts.into_iter().flatten().collect())
+        concat_watched(parts, monitor)
     }
 }
 
@@ -303,7 +308,7 @@ impl Sums {
     }
 
     /// Covariance of the points of each place, its eigenvalues and eigenvectors. The divisor is the sum of the weights, less
-    /// `constraints` (0 or 1) where the sum is above 1.
+    /// `constraints` (0 or 1) where the sum is above 1; 1 has a meaning only if all points count alike.
     #[inline(always)]
     pub(crate) fn solve(&mut self, constraints: f64) -> Surroundings {
         self.flush();

@@ -163,6 +163,11 @@ impl Field {
 }
 
 impl Prior {
+    /// The most that a contour gains by going on at one more side.
+    fn most_gain(&self) -> f64 {
+        self.one_sided.max(self.isolated - self.one_sided)
+    }
+
     /// Equation 4.7 for a contour that goes on, or not, at its start and its end.
     fn of(&self, goes_on: [bool; 2]) -> f64 {
         match goes_on {

@@ -51,7 +51,7 @@ impl<'a> State<'a> {
             true => off - on - prior.isolated,
             false => {
                 let contours: u32 = self.field.ends[i].iter().map(|&seed| self.at_seed[seed as usize]).sum();
-                on - off - f64::from(contours) * prior.one_sided.max(prior.isolated - prior.one_sided)
+                on - off - f64::from(contours) * prior.most_gain()
             }
         }
     }

@@ -110,7 +110,7 @@ pub struct ContoursRecipe {
     pub training: TrainingParams,
     /// The forest that rates points.
     pub forest: ForestParams,
-    /// Directions of contours at rated points.
+    /// Directions of contours at rated points, if these are not moved to the edge (`candidates.ridge.passes = 0`).
     pub tangents: TangentParams,
     /// From rated points to candidates.
     pub candidates: CandidateParams,

@@ -32,7 +32,7 @@ pub struct ContourParams {
 /// voxels of 0.1 m.
 #[derive(Clone, Debug)]
 pub struct ContourStages {
-    /// The points with their likelihoods of lying on a contour.
+    /// The points with their likelihoods of lying on a contour; with tangents only if they were not moved to the edge.
     pub likely: Likely,
     /// The candidates.
     pub candidates: Candidates,
