@@ -102,18 +102,25 @@ fn pairs(positions: &Positions, seeds: &[u32], params: &LinkParams, monitor: &Mo
 struct Steps {
     /// Where the edges of each node begin; one more than there are nodes.
     offsets: Vec<usize>,
-    /// Node at the other end, and the cost.
-    steps: Vec<(u32, f32)>,
+    steps: Vec<Step>,
+}
+
+/// An edge from a node to another.
+#[derive(Clone, Copy, Debug, Default)]
+struct Step {
+    to: u32,
+    cost: f32,
 }
 
 impl Steps {
     fn new(graph: &Graph, monitor: &Monitor) -> Result<Self> {
         let adjacency = graph.adjacency_watched(monitor)?;
-        let step = |at: usize| (adjacency.neighbours[at], graph.weights()[adjacency.edges[at] as usize]);
+        let step =
+            |at: usize| Step { to: adjacency.neighbours[at], cost: graph.weights()[adjacency.edges[at] as usize] };
         Ok(Self { steps: map_watched(adjacency.neighbours.len(), monitor, step)?, offsets: adjacency.offsets })
     }
 
-    fn of(&self, node: u32) -> &[(u32, f32)] {
+    fn of(&self, node: u32) -> &[Step] {
         &self.steps[self.offsets[node as usize]..self.offsets[node as usize + 1]]
     }
 }
@@ -211,17 +218,17 @@ impl Search<'_> {
             if missing == 0 {
                 return;
             }
-            for &(other, step) in self.steps.of(node) {
-                let known = match scratch.number[other as usize] {
-                    UNKNOWN if self.apart(centre, other) > self.limit => continue,
-                    UNKNOWN => scratch.add(other, false),
+            for &Step { to, cost } in self.steps.of(node) {
+                let known = match scratch.number[to as usize] {
+                    UNKNOWN if self.apart(centre, to) > self.limit => continue,
+                    UNKNOWN => scratch.add(to, false),
                     known => known,
                 };
-                let cost = f64::from_bits(bits) + f64::from(step);
+                let cost = f64::from_bits(bits) + f64::from(cost);
                 let at = &mut scratch.reached[known as usize];
                 if cost < at.cost {
                     (at.cost, at.before) = (cost, number);
-                    scratch.queue.push(Reverse((cost.to_bits(), other)));
+                    scratch.queue.push(Reverse((cost.to_bits(), to)));
                 }
             }
         }
