@@ -5,8 +5,10 @@
 
 use crate::error::{Error, Result};
 use rayon::prelude::*;
+use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::{mem, thread};
 
 /// Connects a long computation with its caller, who can cancel it and follow its progress.
 ///
@@ -166,6 +168,50 @@ impl<'a> Looks<'a> {
     }
 }
 
+/// Something large that a cancelled computation does not wait for: the system takes a tenth of a second or more to take back
+/// a gigabyte, so after cancellation a thread of its own frees it.
+#[derive(Debug, Default)]
+pub struct Held<T: Default + Send + 'static> {
+    value: T,
+    monitor: Monitor,
+}
+
+impl<T: Default + Send + 'static> Held<T> {
+    /// Holds a value during the work that the monitor watches.
+    pub fn new(value: T, monitor: &Monitor) -> Self {
+        Self { value, monitor: monitor.clone() }
+    }
+
+    /// The value, no longer held.
+    pub fn into_inner(mut self) -> T {
+        mem::take(&mut self.value)
+    }
+}
+
+impl<T: Default + Send + 'static> Deref for Held<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T: Default + Send + 'static> DerefMut for Held<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        &mut self.value
+    }
+}
+
+impl<T: Default + Send + 'static> Drop for Held<T> {
+    fn drop(&mut self) {
+        if self.monitor.is_cancelled() {
+            let value = mem::take(&mut self.value);
+            // Without a thread the value is freed here.
+            let _ = thread::Builder::new().spawn(move || drop(value));
+        }
+    }
+}
+
 /// Sorts in parallel, unstably. After cancellation all items compare as equal, so that the sort ends at once.
 ///
 /// # Errors
@@ -284,6 +330,7 @@ pub fn fold_ordered<T: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::mpsc;
 
     #[test]
     fn fold_gives_the_same_bits_for_any_pool() {
@@ -335,6 +382,28 @@ mod tests {
         let found = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap().install(run);
         assert!(found.into_iter().eq((0..1000).map(|i| 2 * i)));
         assert!((1..=3).contains(&made.into_inner()));
+    }
+
+    #[test]
+    fn what_is_held_is_freed_by_another_thread_once_the_work_is_cancelled() {
+        /// Sends the thread that frees it.
+        #[derive(Default)]
+        struct Large(Option<mpsc::Sender<thread::ThreadId>>);
+        impl Drop for Large {
+            fn drop(&mut self) {
+                let _ = self.0.take().map(|sender| sender.send(thread::current().id()));
+            }
+        }
+        let (monitor, (sender, freed)) = (Monitor::default(), mpsc::channel());
+        let held = || Held::new(Large(Some(sender.clone())), &monitor);
+        drop(held());
+        assert_eq!(freed.recv().unwrap(), thread::current().id());
+        let (late, taken) = (held(), held().into_inner());
+        monitor.cancel();
+        drop(late);
+        assert_ne!(freed.recv().unwrap(), thread::current().id());
+        drop(taken);
+        assert_eq!(freed.recv().unwrap(), thread::current().id());
     }
 
     #[test]

@@ -9,7 +9,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use scansion_core::graph::{self, FelzenszwalbParams, Graph, KnnGraphParams, Parallel, WeightedPairs};
 use scansion_core::neighbours::knn;
-use scansion_core::parallel::{Monitor, watched};
+use scansion_core::parallel::{Held, Monitor, watched};
 use scansion_core::{Error, Result};
 use std::sync::Arc;
 
@@ -25,16 +25,16 @@ fn pairs_of(edges: &[u32]) -> Result<&[[u32; 2]]> {
 }
 
 /// A graph from pairs of nodes; without weights every edge has weight 1.
-pub(crate) fn graph_of(nodes: usize, edges: &[u32], weights: Option<&[f32]>, monitor: &Monitor) -> Result<Graph> {
+pub(crate) fn graph_of(nodes: usize, edges: &[u32], weights: Option<&[f32]>, monitor: &Monitor) -> Result<Held<Graph>> {
     let pairs = pairs_of(edges)?;
     if let Some(weights) = weights {
-        return Graph::new_watched(nodes, pairs, weights, monitor);
+        return Ok(Held::new(Graph::new_watched(nodes, pairs, weights, monitor)?, monitor));
     }
     let mut ones = Vec::with_capacity(pairs.len());
     for piece in watched(pairs.len(), monitor) {
         ones.resize(piece?.end, 1.0);
     }
-    Graph::new_watched(nodes, pairs, &ones, monitor)
+    Ok(Held::new(Graph::new_watched(nodes, pairs, &ones, monitor)?, monitor))
 }
 
 /// The elements of the weights, if there are any.
@@ -75,8 +75,10 @@ pub(crate) fn connected_components<'py>(
     edges: PyReadonlyArray2<'py, u32>,
 ) -> PyResult<(Bound<'py, PyArray1<u32>>, usize)> {
     let edges = matrix(&edges, "edges")?;
-    let found =
-        call(py, Some(1), |monitor| graph::connected_components(&graph_of(nodes, edges, None, monitor)?, monitor))?;
+    let found = call(py, Some(1), |monitor| {
+        let graph = graph_of(nodes, edges, None, monitor)?;
+        graph::connected_components(&graph, monitor)
+    })?;
     Ok((PyArray1::from_vec(py, found.of), found.count))
 }
 
@@ -94,7 +96,7 @@ pub(crate) fn minimum_spanning_tree<'py>(
         let graph = match weights {
             Some(weights) => {
                 let given = WeightedPairs { pairs: pairs_of(edges)?, weights, parallel: Parallel::Least };
-                Graph::from_pairs(nodes, &given, monitor)?
+                Held::new(Graph::from_pairs(nodes, &given, monitor)?, monitor)
             }
             None => graph_of(nodes, edges, None, monitor)?,
         };

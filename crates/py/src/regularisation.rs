@@ -35,7 +35,10 @@ fn solve<'py>(
     let nodes = problem.0.shape()[0];
     let (unary, edges) = (matrix(&problem.0, "unary")?, matrix(&problem.1, "edges")?);
     let weights = optional(problem.2.as_ref(), "weights")?;
-    let found = call(py, n_jobs, |monitor| search(unary, &graph_of(nodes, edges, weights, monitor)?, monitor))?;
+    let found = call(py, n_jobs, |monitor| {
+        let graph = graph_of(nodes, edges, weights, monitor)?;
+        search(unary, &graph, monitor)
+    })?;
     Ok((PyArray1::from_vec(py, found.labels), found.energy, found.converged))
 }
 

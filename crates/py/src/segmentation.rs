@@ -51,7 +51,8 @@ fn solve<'py, T: Send>(
             Some(weights) => signal.with_weights(weights)?,
             None => signal,
         };
-        search(&signal, &graph_of(nodes, edges, weights, monitor)?, monitor)
+        let graph = graph_of(nodes, edges, weights, monitor)?;
+        search(&signal, &graph, monitor)
     })
 }
 

@@ -117,7 +117,8 @@ impl Steps {
         let adjacency = graph.adjacency_watched(monitor)?;
         let step =
             |at: usize| Step { to: adjacency.neighbours[at], cost: graph.weights()[adjacency.edges[at] as usize] };
-        Ok(Self { steps: map_watched(adjacency.neighbours.len(), monitor, step)?, offsets: adjacency.offsets })
+        let steps = map_watched(adjacency.neighbours.len(), monitor, step)?;
+        Ok(Self { steps, offsets: adjacency.into_inner().offsets })
     }
 
     fn of(&self, node: u32) -> &[Step] {

@@ -25,7 +25,7 @@ pub use weight::{EdgeWeight, metric_share};
 use crate::cloud::Positions;
 use crate::error::{Error, Result};
 use crate::memory;
-use crate::parallel::{Monitor, sort_watched, watched};
+use crate::parallel::{Held, Monitor, sort_watched, watched};
 
 /// An undirected graph: every edge once, as `[smaller node, larger node]`, in ascending order, with a weight.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -83,7 +83,7 @@ impl Graph {
         if pairs.len() != weights.len() {
             return Err(Error::input(format!("{} edges but {} weights", pairs.len(), weights.len())));
         }
-        let mut rows: Vec<Row> = Vec::with_capacity(pairs.len());
+        let mut rows: Held<Vec<Row>> = Held::new(Vec::with_capacity(pairs.len()), monitor);
         for piece in watched(pairs.len(), monitor) {
             for e in piece? {
                 rows.push((checked(nodes, pairs[e], weights[e])?, e as u32));
@@ -91,20 +91,21 @@ impl Graph {
         }
         // The weights of parallel edges are summed in the order of the pairs.
         sort_watched(&mut rows, monitor)?;
-        let mut graph = Self { nodes, ..Self::default() };
+        let mut graph = Held::new(Self { nodes, ..Self::default() }, monitor);
+        let Self { edges, weights: sums, .. } = &mut *graph;
         for piece in watched(rows.len(), monitor) {
             for &(edge, pair) in &rows[piece?] {
                 let weight = weights[pair as usize];
-                match graph.weights.last_mut() {
-                    Some(last) if graph.edges.last() == Some(&edge) => *last = parallel.of(*last, weight),
+                match sums.last_mut() {
+                    Some(last) if edges.last() == Some(&edge) => *last = parallel.of(*last, weight),
                     _ => {
-                        graph.edges.push(edge);
-                        graph.weights.push(weight);
+                        edges.push(edge);
+                        sums.push(weight);
                     }
                 }
             }
         }
-        Ok(graph)
+        Ok(graph.into_inner())
     }
 
     /// Number of nodes.
@@ -200,15 +201,15 @@ impl Graph {
         for piece in watched(self.edges.len(), monitor) {
             count += self.edges[piece?].iter().filter(|ends| there(**ends)).count();
         }
-        let mut graph =
-            Self { nodes: nodes.len(), edges: Vec::with_capacity(count), weights: Vec::with_capacity(count) };
+        let graph = Self { nodes: nodes.len(), edges: Vec::with_capacity(count), weights: Vec::with_capacity(count) };
+        let mut graph = Held::new(graph, monitor);
         for piece in watched(self.edges.len(), monitor) {
             for e in piece?.filter(|&e| there(self.edges[e])) {
                 graph.edges.push(self.edges[e].map(|end| place[end as usize]));
                 graph.weights.push(self.weights[e]);
             }
         }
-        Ok(graph)
+        Ok(graph.into_inner())
     }
 
     /// The edges at each node, in less memory than [`Graph::adjacency`]. O(n + m).
@@ -222,14 +223,14 @@ impl Graph {
     /// The edges at each node. O(nodes + edges).
     pub fn adjacency(&self) -> Adjacency {
         // A new monitor cannot have been cancelled.
-        self.adjacency_watched(&Monitor::default()).unwrap_or_default()
+        self.adjacency_watched(&Monitor::default()).unwrap_or_default().into_inner()
     }
 
     /// Like [`Graph::adjacency`], and can be cancelled.
     ///
     /// # Errors
     /// If the work was cancelled.
-    pub fn adjacency_watched(&self, monitor: &Monitor) -> Result<Adjacency> {
+    pub fn adjacency_watched(&self, monitor: &Monitor) -> Result<Held<Adjacency>> {
         Adjacency::new(self.nodes, &self.edges, monitor)
     }
 }
@@ -283,8 +284,10 @@ fn checked(nodes: usize, [a, b]: [u32; 2], weight: f32) -> Result<[u32; 2]> {
 
 impl Adjacency {
     /// From ascending edges `[smaller node, larger node]` between nodes below `nodes`.
-    fn new(nodes: usize, pairs: &[[u32; 2]], monitor: &Monitor) -> Result<Self> {
-        let mut offsets = vec![0usize; nodes + 1];
+    fn new(nodes: usize, pairs: &[[u32; 2]], monitor: &Monitor) -> Result<Held<Self>> {
+        let ends = || vec![0; 2 * pairs.len()];
+        let mut found = Held::new(Self { offsets: vec![0; nodes + 1], neighbours: ends(), edges: ends() }, monitor);
+        let Self { offsets, neighbours, edges } = &mut *found;
         for piece in watched(pairs.len(), monitor) {
             pairs[piece?].iter().flatten().for_each(|&node| offsets[node as usize + 1] += 1);
         }
@@ -292,7 +295,6 @@ impl Adjacency {
             offsets[node + 1] += offsets[node];
         }
         let mut next = offsets.clone();
-        let (mut neighbours, mut edges) = (vec![0u32; 2 * pairs.len()], vec![0u32; 2 * pairs.len()]);
         let mut put = |from: u32, to: u32, edge: usize| {
             let slot = &mut next[from as usize];
             (neighbours[*slot], edges[*slot]) = (to, edge as u32);
@@ -305,7 +307,7 @@ impl Adjacency {
         for piece in watched(pairs.len(), monitor) {
             piece?.for_each(|e| put(pairs[e][0], pairs[e][1], e));
         }
-        Ok(Self { offsets, neighbours, edges })
+        Ok(found)
     }
 
     /// Neighbours of a node and the edges that lead to them, ascending by neighbour.

@@ -93,7 +93,8 @@ fn propagate(
     let pairs: Vec<[u32; 2]> = map_watched(tree.len(), monitor, |i| graph.edges()[tree[i] as usize])?;
     drop((tree, graph));
     let roots = highest(&pairs, points, monitor)?;
-    spread(&Adjacency::new(points.len(), &pairs, monitor)?, &roots, directions, monitor)
+    let adjacency = Adjacency::new(points.len(), &pairs, monitor)?;
+    spread(&adjacency, &roots, directions, monitor)
 }
 
 /// The highest point of each component of a forest, the first of equal ones.

@@ -3,7 +3,7 @@
 use super::binary_move::{BinaryMove, State};
 use crate::error::Result;
 use crate::graph::MaxFlow;
-use crate::parallel::{Looks, map_ordered_with};
+use crate::parallel::{Held, Looks, map_ordered_with};
 use crate::regularisation::energy::Problem;
 
 /// Connected components of open nodes, in the order of their smallest node.
@@ -72,7 +72,8 @@ impl Components {
     ) -> Result<Vec<u32>> {
         /// Components that one task solves.
         const BATCH: usize = 64;
-        let work = |network: &mut MaxFlow, task: usize| {
+        let network = || Held::new(MaxFlow::default(), problem.monitor);
+        let work = |network: &mut Held<MaxFlow>, task: usize| {
             let mut taken = Vec::new();
             for c in task * BATCH..((task + 1) * BATCH).min(self.starts.len()) {
                 self.build(network, self.component(c), binary, problem)?;
@@ -85,8 +86,8 @@ impl Components {
         match self.starts.len().div_ceil(BATCH) {
             // Starting another thread takes longer than a few small cuts.
             0 => Ok(Vec::new()),
-            1 => work(&mut MaxFlow::default(), 0),
-            tasks => Ok(map_ordered_with(0..tasks, problem.monitor, MaxFlow::default, work)?.concat()),
+            1 => work(&mut network(), 0),
+            tasks => Ok(map_ordered_with(0..tasks, problem.monitor, network, work)?.concat()),
         }
     }
 

@@ -4,7 +4,7 @@
 use super::binary_move::BinaryMove;
 use super::cuts::Components;
 use crate::error::Result;
-use crate::parallel::Looks;
+use crate::parallel::{Held, Looks};
 use crate::regularisation::Labelling;
 use crate::regularisation::energy::Problem;
 
@@ -40,8 +40,8 @@ pub(super) type Attempt<'o, 'a> = dyn FnMut(&mut MoveMaking<'a>, usize, u32) -> 
 pub(in crate::regularisation) struct MoveMaking<'a> {
     pub(in crate::regularisation) problem: Problem<'a>,
     pub(in crate::regularisation) labels: Vec<u16>,
-    pub(in crate::regularisation) binary: BinaryMove,
-    pub(in crate::regularisation) components: Components,
+    pub(in crate::regularisation) binary: Held<BinaryMove>,
+    pub(in crate::regularisation) components: Held<Components>,
     /// Number of nodes with each label.
     users: Vec<usize>,
     /// Number of moves so far, and that number when each node or a neighbour of it last changed.
@@ -60,8 +60,8 @@ impl<'a> MoveMaking<'a> {
         Ok(Self {
             users: problem.energy.users(&initial),
             changed: vec![0; initial.len()],
-            binary: BinaryMove::default(),
-            components: Components::default(),
+            binary: Held::new(BinaryMove::default(), problem.monitor),
+            components: Held::new(Components::default(), problem.monitor),
             now: 0,
             trace: vec![problem.energy.of_watched(&initial, problem.monitor)?],
             problem,

@@ -11,10 +11,10 @@ use super::energy::Problem;
 use super::moves::binary_move::{BinaryMove, State};
 use super::moves::cuts::Components;
 use crate::error::Result;
-use crate::parallel::{Looks, watched};
+use crate::parallel::{Held, Looks, watched};
 
 /// The persistent labels, and the two least costs of each node.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct PartialLabelling {
     /// The optimal label of each node where it is proved.
     pub(super) labels: Vec<Option<u16>>,
@@ -41,14 +41,15 @@ impl TwoLeast {
 
 impl PartialLabelling {
     /// Solves the two-label problem of every label, for 2 labels or more. O(labels · (nodes + edges)) and the cuts.
-    pub(super) fn find(problem: &Problem<'_>) -> Result<Self> {
+    pub(super) fn find(problem: &Problem<'_>) -> Result<Held<Self>> {
         let (energy, monitor) = (&problem.energy, problem.monitor);
         let mut least = Vec::with_capacity(energy.graph.len());
         for piece in watched(energy.graph.len(), monitor) {
             least.extend(piece?.map(|node| TwoLeast::of(&energy.unary[node * energy.labels..][..energy.labels])));
         }
-        let mut partial = Self { labels: vec![None; energy.graph.len()], least };
-        let (mut binary, mut components) = (BinaryMove::default(), Components::default());
+        let mut partial = Held::new(Self { labels: vec![None; energy.graph.len()], least }, monitor);
+        let mut binary = Held::new(BinaryMove::default(), monitor);
+        let mut components = Held::new(Components::default(), monitor);
         monitor.stage("known labels", energy.labels as u64);
         for alpha in 0..energy.labels as u16 {
             binary.set_one_against_the_rest(problem, &partial, alpha)?;

@@ -6,12 +6,12 @@
 use super::PartialLabelling;
 use crate::error::Result;
 use crate::graph::Graph;
-use crate::parallel::{Looks, Monitor, watched};
+use crate::parallel::{Held, Looks};
 use crate::regularisation::energy::Problem;
 use crate::regularisation::{Energy, Pairwise};
 
 /// The remaining nodes as a problem of their own, and the labels of the fixed ones.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(in crate::regularisation) struct ReducedProblem {
     /// The remaining nodes, in the numbering of the whole problem.
     nodes: Vec<u32>,
@@ -27,18 +27,18 @@ pub(in crate::regularisation) struct ReducedProblem {
 impl ReducedProblem {
     /// The reduced problem after all rounds that fix enough nodes to save time; `None` for problems without Potts
     /// distances, to which the theory does not apply.
-    pub(in crate::regularisation) fn of(problem: &Problem<'_>) -> Result<Option<Self>> {
+    pub(in crate::regularisation) fn of(problem: &Problem<'_>) -> Result<Option<Held<Self>>> {
         let (energy, monitor) = (&problem.energy, problem.monitor);
         let potts = *energy.pairwise == Pairwise::Potts && energy.label_costs.iter().all(|cost| *cost == 0.0);
         if !potts || energy.labels < 2 {
             return Ok(None);
         }
-        let mut reduced = Self::once(problem)?;
+        let mut reduced = Held::new(Self::once(problem)?, monitor);
         loop {
             let before = reduced.nodes.len();
             let adjacency = reduced.graph.adjacency_watched(monitor)?;
             let inner = Self::once(&Problem { energy: reduced.energy(), adjacency: &adjacency, monitor })?;
-            reduced = reduced.replaced(inner);
+            reduced = Held::new(reduced.into_inner().replaced(inner), monitor);
             // A round that fixes few nodes costs more than it saves.
             if reduced.nodes.len() * 10 >= before * 9 {
                 return Ok(Some(reduced));
@@ -74,11 +74,11 @@ impl ReducedProblem {
     /// One round: fixes the persistent labels.
     fn once(problem: &Problem<'_>) -> Result<Self> {
         let energy = &problem.energy;
-        let known = PartialLabelling::find(problem)?.labels;
+        let known = PartialLabelling::find(problem)?.into_inner().labels;
         let nodes: Vec<u32> = (0..).zip(&known).filter(|(_, label)| label.is_none()).map(|(node, _)| node).collect();
         let labels = known.iter().map(|label| label.unwrap_or(0)).collect();
         let unary = costs(problem, &known, &nodes)?;
-        let graph = inner_graph(energy.graph, &known, problem.monitor)?;
+        let graph = energy.graph.induced(&nodes, |_| true, problem.monitor)?;
         Ok(Self { nodes, labels, graph, unary, count: energy.labels, strength: energy.strength })
     }
 }
@@ -104,34 +104,14 @@ fn costs(problem: &Problem<'_>, known: &[Option<u16>], open: &[u32]) -> Result<V
     Ok(unary)
 }
 
-/// The edges between remaining nodes, in their own numbering.
-fn inner_graph(graph: &Graph, known: &[Option<u16>], monitor: &Monitor) -> Result<Graph> {
-    let mut nodes = 0u32;
-    let mut position = Vec::with_capacity(known.len());
-    for label in known {
-        position.push(nodes);
-        nodes += u32::from(label.is_none());
-    }
-    let (mut pairs, mut weights) = (Vec::new(), Vec::new());
-    for piece in watched(graph.edges().len(), monitor) {
-        for e in piece? {
-            let ends = graph.edges()[e];
-            if ends.iter().all(|&node| known[node as usize].is_none()) {
-                pairs.push(ends.map(|node| position[node as usize]));
-                weights.push(graph.weights()[e]);
-            }
-        }
-    }
-    Graph::new_watched(nodes as usize, &pairs, &weights, monitor)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parallel::Monitor;
     use crate::regularisation::ExpansionParams;
     use crate::regularisation::instance::{mixed, random};
 
-    fn reduced(energy: &Energy<'_>) -> Option<ReducedProblem> {
+    fn reduced(energy: &Energy<'_>) -> Option<Held<ReducedProblem>> {
         let adjacency = energy.graph.adjacency();
         ReducedProblem::of(&Problem { energy: *energy, adjacency: &adjacency, monitor: &Monitor::default() }).unwrap()
     }

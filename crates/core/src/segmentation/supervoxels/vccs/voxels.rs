@@ -5,7 +5,7 @@ use super::mean::{Sum, Voxel, means};
 use crate::cloud::Positions;
 use crate::csr::Csr;
 use crate::error::{Error, Result};
-use crate::parallel::Monitor;
+use crate::parallel::{Held, Monitor, resize_watched};
 use crate::voxels::cells::Cells;
 use crate::voxels::rows::{RowGrid, adjacency};
 use rayon::prelude::*;
@@ -14,6 +14,7 @@ use rayon::prelude::*;
 const BLOCK: usize = 4096;
 
 /// All occupied voxels.
+#[derive(Default)]
 pub(super) struct Voxels {
     /// Points by voxel.
     pub(super) points: Csr,
@@ -28,12 +29,13 @@ impl Voxels {
         attributes: &PointAttributes<'_>,
         size: f64,
         monitor: &Monitor,
-    ) -> Result<Self> {
+    ) -> Result<Held<Self>> {
         let grid = RowGrid::new(points.iter(), size, "voxel")?;
         let cells = Cells::new(points.len(), |i| grid.key(points.xyz(i)), monitor)?;
-        let near = adjacency(&cells.keys, monitor)?;
-        let points_of = cells.into_groups(points.len())?;
-        let mut voxels = vec![Voxel::default(); points_of.len()];
+        let mut found = Held::new(Self { near: adjacency(&cells.keys, monitor)?, ..Self::default() }, monitor);
+        found.points = cells.into_groups(points.len())?;
+        let Self { points: points_of, voxels, .. } = &mut *found;
+        resize_watched(voxels, points_of.len(), &Voxel::default(), monitor)?;
         voxels.par_chunks_mut(BLOCK).enumerate().try_for_each(|(b, block)| {
             monitor.check()?;
             let members = (b * BLOCK..).take(block.len()).map(|v| points_of.group(v));
@@ -41,7 +43,7 @@ impl Voxels {
             means(&sums, block);
             Ok::<(), Error>(())
         })?;
-        Ok(Self { points: points_of, voxels, near })
+        Ok(found)
     }
 
     /// Number of voxels.
