@@ -1,7 +1,7 @@
 """Strength of the density regulariser, with pruning, on objects; for docs/sparse-convolution.md.
 
-    python scripts/objects.py DATA [--network NAME] [--epochs N] [--batch N] [--rate R] [--most N]
-                                   [--strengths S ...] [--plot FILE]
+    python scripts/objects.py DATA [--sets modelnet dales] [--network NAME] [--epochs N] [--batch N]
+                                   [--rate R] [--most N] [--strengths S ...] [--plot FILE]
 
 Needs: pip install . ; with --plot matplotlib.
 
@@ -107,6 +107,8 @@ def main(given):
     print("| objects | | weights left | loss | seconds an epoch | accuracy, % |\n" + "|---" * 6 + "|", flush=True)
     curves = {}
     for title, load in (("ModelNet, 2 classes", modelnet), ("DALES, 5 classes", dales)):
+        if load.__name__ not in given.sets:
+            continue
         objects, points, names = load(given.data)
         train, test = halves(names)
         if given.most:
@@ -121,8 +123,8 @@ def main(given):
     if given.plot:
         import matplotlib.pyplot as plt
 
-        figure, plots = plt.subplots(1, len(curves), figsize=(8, 3), layout="constrained")
-        for axes, (title, lines) in zip(plots, curves.items()):
+        figure, plots = plt.subplots(1, len(curves), figsize=(8, 3), layout="constrained", squeeze=False)
+        for axes, (title, lines) in zip(plots[0], curves.items()):
             for name, weights in lines.items():
                 if name != "dense twin":
                     axes.plot(range(1, len(weights) + 1), weights, label=name)
@@ -134,6 +136,7 @@ def main(given):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("data", type=pathlib.Path)
+    parser.add_argument("--sets", nargs="+", choices=("modelnet", "dales"), default=("modelnet", "dales"))
     parser.add_argument("--network", default="modelnet")
     parser.add_argument("--strengths", nargs="*", type=float, default=STRENGTHS)
     parser.add_argument("--epochs", type=int)

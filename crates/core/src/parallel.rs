@@ -1,4 +1,4 @@
-//! The only module with threads: ordered parallel map and fold, cancellation, progress, warnings.
+//! The only module with threads: ordered parallel map and fold, cancellation, freeing after it, progress, warnings.
 //!
 //! Core uses rayon's current thread pool; only the command line and the Python package create one. Results are
 //! collected in the order of the items, so that they are the same bytes for any number of threads.
@@ -168,8 +168,8 @@ impl<'a> Looks<'a> {
     }
 }
 
-/// Something large that a cancelled computation does not wait for: the system takes a tenth of a second or more to take back
-/// a gigabyte, so after cancellation a thread of its own frees it.
+/// A large value whose memory a cancelled computation does not wait to free: the system takes a tenth of a second or more to
+/// take back a gigabyte, so after cancellation a separate thread frees it. No result depends on that thread.
 #[derive(Debug, Default)]
 pub struct Held<T: Default + Send + 'static> {
     value: T,
@@ -184,6 +184,8 @@ impl<T: Default + Send + 'static> Held<T> {
 
     /// The value, no longer held.
     pub fn into_inner(mut self) -> T {
+        // Nothing is left to free.
+        self.monitor = Monitor::default();
         mem::take(&mut self.value)
     }
 }

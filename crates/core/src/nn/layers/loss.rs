@@ -1,4 +1,4 @@
-//! Soft-max and cross-entropy.
+//! Soft-max, cross-entropy, and the difference of two views of the same thing.
 
 use super::BLOCK;
 use crate::nn::scalar::Scalar;
@@ -61,6 +61,32 @@ pub fn cross_entropy<T: Scalar>(scores: &[T], targets: &[T], classes: usize) -> 
     Loss { value: if weight > 0.0 { loss / weight } else { 0.0 }, gradient }
 }
 
+/// Mean over pairs of rows of Σ (p − q)², where p and q are the probabilities that the two rows of scores stand for.
+///
+/// It asks two views of the same thing for the same answer, whatever it is, so that rows without label are learned from too:
+/// the Π-model of S. Laine, T. Aila, *Temporal ensembling for semi-supervised learning*, ICLR 2017.
+pub fn disagreement<T: Scalar>(scores: &[T], pairs: &[[u32; 2]], classes: usize) -> Loss<T> {
+    let mut probabilities = scores.to_vec();
+    softmax(&mut probabilities, classes);
+    let mut slopes = vec![0.0; scores.len()];
+    let (mut value, share) = (0.0, if pairs.is_empty() { 0.0 } else { 1.0 / pairs.len() as f64 });
+    for [a, b] in pairs.iter().map(|pair| pair.map(|row| row as usize * classes)) {
+        for class in 0..classes {
+            let difference = (probabilities[a + class] - probabilities[b + class]).wide();
+            value += share * difference * difference;
+            slopes[a + class] += 2.0 * share * difference;
+            slopes[b + class] -= 2.0 * share * difference;
+        }
+    }
+    // From the probabilities back to the scores.
+    let mut gradient = Vec::with_capacity(scores.len());
+    for (slopes, row) in slopes.chunks_exact(classes.max(1)).zip(probabilities.chunks_exact(classes.max(1))) {
+        let mean: f64 = slopes.iter().zip(row).map(|(slope, p)| slope * p.wide()).sum();
+        gradient.extend(slopes.iter().zip(row).map(|(slope, p)| T::of(p.wide() * (slope - mean))));
+    }
+    Loss { value, gradient }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -79,6 +105,21 @@ mod tests {
         assert!(relative_error(&found.gradient, &differences(&scores, 160, of)) < 1e-6);
         assert_eq!(found.gradient[..4], [0.0; 4]);
         assert_eq!(cross_entropy(&scores, &[0.0; 160], 4).value, 0.0);
+    }
+
+    #[test]
+    fn the_disagreement_of_known_scores_and_its_gradient() {
+        // Certain of different classes: (1, 0) and (0, 1).
+        let apart = disagreement(&[30.0, -30.0, -30.0, 30.0], &[[0, 1]], 2);
+        assert!((apart.value - 2.0).abs() < 1e-12);
+        let same = disagreement(&[1.0, 2.0, 6.0, 7.0], &[[0, 1], [1, 1]], 2);
+        assert!(same.value < 1e-24 && same.gradient.iter().all(|g: &f64| g.abs() < 1e-12));
+        // A row may be in several pairs.
+        let (scores, pairs) = (numbers(2, 9 * 4), [[0, 1], [2, 0], [5, 5], [7, 3], [3, 0]]);
+        let found = disagreement(&scores, &pairs, 4);
+        let of = |scores: &[f64]| disagreement(scores, &pairs, 4).value;
+        assert!(relative_error(&found.gradient, &differences(&scores, 36, of)) < 1e-6);
+        assert_eq!(disagreement::<f64>(&scores, &[], 4), Loss { value: 0.0, gradient: vec![0.0; 36] });
     }
 
     #[test]

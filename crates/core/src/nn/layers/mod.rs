@@ -8,7 +8,7 @@ mod rectify;
 
 pub use dropout::Dropped;
 pub use linear::{Linear, LinearGradient};
-pub use loss::{Loss, cross_entropy, softmax};
+pub use loss::{Loss, cross_entropy, disagreement, softmax};
 pub use norm::{BatchNorm, Moments, NormGradient};
 pub use rectify::{rectify, stop_below};
 

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::random::Stream;
 use crate::recipes::training::networks::NONE;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// How parts are changed before they are learned from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,6 +106,7 @@ impl Crop<'_> {
             change.hide(&mut numbers);
             batch.points.push(batch.sample, at, &numbers)?;
             batch.labels.push(scene.labelled.labels[i]);
+            batch.origins.push(i as u32);
         }
         Ok(())
     }
@@ -116,11 +118,33 @@ pub(super) struct Batch {
     pub(super) points: Gathered,
     /// Class of each point, [`NONE`] without one.
     pub(super) labels: Vec<u16>,
+    /// Number of each point in its scene; ascending in each part.
+    origins: Vec<u32>,
     /// Number of the sample to which points are added.
     pub(super) sample: u32,
 }
 
 impl Batch {
+    /// Number of points so far.
+    pub(super) fn len(&self) -> usize {
+        self.labels.len()
+    }
+
+    /// The points of a scene that two views of a part have in common, but those that may not be used; a view is its points in
+    /// the batch.
+    pub(super) fn common<'a>(
+        &'a self,
+        [first, second]: [Range<usize>; 2],
+        used: &'a [bool],
+    ) -> impl Iterator<Item = [usize; 2]> + 'a {
+        let mut second = second.peekable();
+        let same = move |at: usize| {
+            while second.next_if(|&other| self.origins[other] < self.origins[at]).is_some() {}
+            second.peek().filter(|&&other| self.origins[other] == self.origins[at]).map(|&other| [at, other])
+        };
+        first.filter(|&at| used[self.origins[at] as usize]).filter_map(same)
+    }
+
     /// The weight of each class in each cell, row-major: the share of its labelled points times the class's weight.
     pub(super) fn targets(&self, of_point: &[u32], cells: usize, weights: &[f32]) -> Vec<f32> {
         let classes = weights.len();
@@ -176,5 +200,24 @@ impl Change {
         if let Some(hidden) = self.hidden {
             numbers[hidden] = 0.0;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn common_points_of_two_views_are_those_of_both_that_may_be_used() {
+        // A view, something laid over it, another view.
+        let batch = Batch { origins: vec![1, 2, 5, 7, 2, 3, 0, 2, 5, 6, 7], ..Batch::default() };
+        let common = |views, unused: usize| {
+            let used: Vec<bool> = (0..8).map(|i| i != unused).collect();
+            batch.common(views, &used).collect::<Vec<_>>()
+        };
+        assert_eq!(common([0..4, 6..11], 0), [[1, 7], [2, 8], [3, 10]]);
+        assert_eq!(common([0..4, 6..11], 5), [[1, 7], [3, 10]]);
+        assert_eq!(common([0..1, 6..11], 0), [[0; 2]; 0]);
+        assert_eq!(common([0..4, 6..6], 0), [[0; 2]; 0]);
     }
 }

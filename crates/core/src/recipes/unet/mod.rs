@@ -37,13 +37,16 @@ pub enum UNetKind {
     UNet,
 }
 
+/// Parts, or views of parts, that a step can take.
+const MOST_SAMPLES: usize = 4096;
+
 /// How the network is trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LearningParams {
     /// Number of steps, 1 or more.
     pub steps: usize,
-    /// Parts of clouds in a step, 1 to 4096.
+    /// Parts of clouds in a step, 1 to 4096; with two views of each at most 2048.
     pub parts: usize,
     /// Radius of a part, in cells, 8 to 1024: a vertical cylinder around a labelled point.
     pub radius: f64,
@@ -54,6 +57,11 @@ pub struct LearningParams {
     /// Weight of a class: its share of the samples to the power of minus this; 0: all the same, 1: rare classes count as
     /// much as frequent ones.
     pub balance: f64,
+    /// Weight of the loss that asks two views of a part, changed differently, for the same probabilities, 0 or more: points
+    /// without a label are learned from too. It rises over the first third of the steps. 0: one view of each part. `None`
+    /// (`"none"` in a recipe): training chooses, 10 if fewer than one point in a hundred has a label, otherwise 0.
+    #[serde(with = "crate::settings::optional")]
+    pub consistency: Option<f64>,
     /// The optimiser.
     pub optimiser: Optimiser,
 }
@@ -67,6 +75,7 @@ impl Default for LearningParams {
             rate: 0.01,
             schedule: Schedule::default(),
             balance: 0.5,
+            consistency: None,
             optimiser: Optimiser::default(),
         }
     }
@@ -79,10 +88,14 @@ impl LearningParams {
             false => Err(Error::parameter(name, value, expected)),
         };
         check("learning.steps", self.steps as f64, self.steps > 0, "1 or more")?;
-        check("learning.parts", self.parts as f64, (1..=4096).contains(&self.parts), "1 to 4096")?;
+        check("learning.parts", self.parts as f64, (1..=MOST_SAMPLES).contains(&self.parts), "1 to 4096")?;
         check("learning.radius", self.radius, (8.0..=1024.0).contains(&self.radius), "8 to 1024 cells")?;
         check("learning.rate", self.rate, self.rate > 0.0 && self.rate.is_finite(), "above 0")?;
         check("learning.balance", self.balance, (0.0..=1.0).contains(&self.balance), "0 to 1")?;
+        let consistency = self.consistency.unwrap_or(0.0);
+        check("learning.consistency", consistency, (0.0..=1e6).contains(&consistency), "0 to 1,000,000")?;
+        let fits = consistency == 0.0 || self.parts <= MOST_SAMPLES / 2;
+        check("learning.parts", self.parts as f64, fits, "at most 2048 with two views of each part")?;
         self.optimiser.validate()
     }
 }

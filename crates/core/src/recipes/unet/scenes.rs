@@ -15,6 +15,8 @@ pub(super) struct TrainingScene {
     /// Count of further numbers of a point.
     pub(super) width: usize,
     numbers: Vec<f32>,
+    /// Whether each point may be learned from without a label too: it is not excluded from training.
+    pub(super) used: Vec<bool>,
     /// Class of each point, and those that may be centres of parts.
     pub(super) labelled: Labelled,
 }
@@ -37,7 +39,12 @@ impl TrainingScene {
                 let points = scene.some_points(monitor)?;
                 let numbers = recipe.inputs.of_points(scene.cloud, &points, &recipe.ground, monitor)?;
                 let labelled = Labelled::new(&points, &codes, source, classes);
-                Ok(Self { points: points.positions, width: recipe.inputs.width(), numbers, labelled })
+                let used = |&i: &u32| {
+                    let [x, y, _] = scene.cloud.xyz(i as usize);
+                    !recipe.training.excludes(x, y)
+                };
+                let used = points.frame.index.iter().map(used).collect();
+                Ok(Self { points: points.positions, width: recipe.inputs.width(), numbers, used, labelled })
             })
         };
         sources.list.iter().map(of).collect()

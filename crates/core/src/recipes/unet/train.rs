@@ -1,13 +1,13 @@
 //! Training: steps on parts of the clouds, then the summary of what the network has learned.
 
-use super::UNetRecipe;
 use super::cells::Cells;
 use super::crop::{Batch, Crop};
 use super::inputs::OWN;
 use super::scenes::TrainingScene;
+use super::{LearningParams, MOST_SAMPLES, UNetRecipe};
 use crate::classification::{Classifier, Fingerprint, Samples};
 use crate::error::Result;
-use crate::nn::layers::cross_entropy;
+use crate::nn::layers::{Loss, cross_entropy, disagreement};
 use crate::nn::networks::{SceneLevels, UNet};
 use crate::nn::parameters::Parameters;
 use crate::nn::tape::Tape;
@@ -20,6 +20,7 @@ use crate::recipes::training::networks::{
 use crate::recipes::training::sources::SampleSources;
 use crate::recipes::training::{TrainingData, density};
 use crate::recipes::{Fitted, LabelledCloud, Nothing, TrainOptions, Trained, TrainingResult};
+use std::ops::Range;
 
 /// Steps whose parts are looked at for the summary.
 const LOOKED_AT: u64 = 8;
@@ -30,6 +31,8 @@ const SAMPLES: usize = 50_000;
 struct Training<'a> {
     recipe: &'a UNetRecipe,
     voxel: f64,
+    /// Weight of the disagreement of two views; 0: one view.
+    consistency: f64,
     scenes: Vec<TrainingScene>,
     /// Weight of each class in the loss.
     weights: Vec<f32>,
@@ -41,6 +44,8 @@ struct Prepared {
     cells: Cells,
     scene: SceneLevels,
     targets: Vec<f32>,
+    /// Cells of the same point in two views of a part.
+    pairs: Vec<[u32; 2]>,
 }
 
 pub(super) fn train(
@@ -64,8 +69,10 @@ pub(super) fn train(
     let inputs = OWN + recipe.inputs.width();
     let (net, parameters) = UNet::new::<f32>(&recipe.network, inputs, classes, recipe.seed)?;
     let weights = class_weights(&scenes, classes, recipe.learning.balance);
-    let training = Training { recipe, voxel, scenes, weights, net };
-    let recipe = UNetRecipe { voxel: Some(voxel), ..recipe.clone() };
+    let consistency = recipe.learning.consistency.unwrap_or_else(|| automatic_consistency(&recipe.learning, &data));
+    let learning = LearningParams { consistency: Some(consistency), ..recipe.learning.clone() };
+    let recipe = UNetRecipe { voxel: Some(voxel), learning, ..recipe.clone() };
+    let training = Training { recipe: &recipe, voxel, consistency, scenes, weights, net };
     let feed = |sum: &mut _| training.scenes.iter().for_each(|scene| scene.feed(sum));
     let file = options.checkpoint.as_deref().map(|path| Checkpoint::new(path, &recipe, feed)).transpose()?;
     let mut progress = Progress::new(parameters);
@@ -74,10 +81,12 @@ pub(super) fn train(
     let Progress { parameters, losses, cells, .. } = progress;
     let summary = training.summary(&parameters, density(&data, monitor)?, monitor)?;
     let head = linear_of(training.net.head(&parameters).into(), &summary)?;
+    let feature_names = names(training.net.width());
     let report = NetworkReport {
         classes: sources.counts,
         unlabelled: data.unlabelled(),
         voxel,
+        consistency,
         parameters: parameters.trained(),
         cells: cells as f64 / losses.len() as f64,
         losses,
@@ -85,7 +94,7 @@ pub(super) fn train(
     };
     let trained = Trained {
         classes: sources.classes,
-        feature_names: names(training.net.width()),
+        feature_names,
         fingerprint: summary,
         classifier: Classifier::Linear(head),
         cars: None,
@@ -93,6 +102,20 @@ pub(super) fn train(
         network: Some(parameters.sorted()),
     };
     Ok(TrainingResult { fitted: Fitted { recipe, learned: Nothing {} }, trained, report })
+}
+
+/// The weight of the disagreement of views where it is not given: views are worth their time if hardly any point has a label.
+fn automatic_consistency(learning: &LearningParams, data: &TrainingData<'_>) -> f64 {
+    let points: u64 = data.scenes.iter().map(|scene| scene.metric.cloud.len() as u64).sum();
+    let few = (points - data.unlabelled()) * 100 < points;
+    if few && learning.parts <= MOST_SAMPLES / 2 { 10.0 } else { 0.0 }
+}
+
+/// Share of the weight of the disagreement of views: exp(−5 (1 − t)²) over the first third of the steps (Laine and Aila 2017),
+/// for at first the answers are random.
+fn rise(step: u64, steps: u64) -> f64 {
+    let t = (3.0 * step as f64 / steps as f64).min(1.0);
+    (-5.0 * (1.0 - t).powi(2)).exp()
 }
 
 /// The share of each class in the samples to the power of minus `balance`, with mean 1.
@@ -109,22 +132,35 @@ fn class_weights(scenes: &[TrainingScene], classes: usize, balance: f64) -> Vec<
 impl Training<'_> {
     /// The parts of a step, in cells.
     fn prepared(&self, step: u64, monitor: &Monitor) -> Result<Prepared> {
-        let UNetRecipe { learning, augment, inputs, seed, .. } = self.recipe;
+        let UNetRecipe { learning, inputs, seed, .. } = self.recipe;
         let mut draws = stream(*seed, 1 + step);
-        let mut batch = Batch::default();
-        for sample in 0..learning.parts {
-            batch.sample = sample as u32;
-            let first = self.drawn(None, &mut draws)?;
-            self.crop(first).gather(augment, &mut batch, &mut draws)?;
-            if augment.mixes(&mut draws) {
-                let second = self.drawn(Some(first.scene), &mut draws)?;
-                self.crop(second).gather(augment, &mut batch, &mut draws)?;
+        let (mut batch, mut common) = (Batch::default(), Vec::new());
+        for _ in 0..learning.parts {
+            let part = self.drawn(None, &mut draws)?;
+            let first = self.view(part, &mut batch, &mut draws)?;
+            if self.consistency > 0.0 {
+                let second = self.view(part, &mut batch, &mut draws)?;
+                common.extend(batch.common([first, second], &self.scenes[part.scene].used));
             }
         }
         let cells = Cells::new(&batch.points, inputs.width(), monitor)?;
         let targets = batch.targets(&cells.of_point, cells.len(), &self.weights);
         let scene = SceneLevels::new(cells.sites.clone(), self.net.levels(), monitor)?;
-        Ok(Prepared { cells, scene, targets })
+        let pairs = common.into_iter().map(|pair| pair.map(|point| cells.of_point[point])).collect();
+        Ok(Prepared { cells, scene, targets, pairs })
+    }
+
+    /// Adds a view of a part to a batch, as a sample of its own, and returns the points of the part.
+    fn view(&self, part: Drawn, batch: &mut Batch, draws: &mut Stream) -> Result<Range<usize>> {
+        let (augment, begin) = (&self.recipe.augment, batch.len());
+        self.crop(part).gather(augment, batch, draws)?;
+        let end = batch.len();
+        if augment.mixes(draws) {
+            let other = self.drawn(Some(part.scene), draws)?;
+            self.crop(other).gather(augment, batch, draws)?;
+        }
+        batch.sample += 1;
+        Ok(begin..end)
     }
 
     /// A labelled point, of each class equally often; of another cloud than `not`, if another has any.
@@ -167,7 +203,7 @@ impl Training<'_> {
             let mut tape = Tape::training(&progress.parameters, workspace, monitor);
             let inputs = tape.input(batch.cells.inputs.clone(), OWN + self.recipe.inputs.width());
             let scores = self.net.scores(&mut tape, &batch.scene, inputs)?;
-            let loss = cross_entropy(tape.values(scores), &batch.targets, self.weights.len());
+            let loss = self.loss(tape.values(scores), &batch, step);
             (loss.value, tape.backward(loss.gradient)?, tape.followed())
         };
         let rate = learning.rate * learning.schedule.factor(step, learning.steps as u64);
@@ -176,6 +212,20 @@ impl Training<'_> {
         progress.losses.push(loss);
         progress.cells = progress.cells.saturating_add(batch.cells.len() as u64);
         Ok(())
+    }
+
+    /// The cross-entropy of the scores of a batch, and the gradient of all that is minimised: of the cross-entropy and of the
+    /// disagreement of views.
+    fn loss(&self, scores: &[f32], batch: &Prepared, step: u64) -> Loss<f32> {
+        let classes = self.weights.len();
+        let known = cross_entropy(scores, &batch.targets, classes);
+        if batch.pairs.is_empty() {
+            return known;
+        }
+        let weight = (self.consistency * rise(step, self.recipe.learning.steps as u64)) as f32;
+        let views = disagreement(scores, &batch.pairs, classes).gradient;
+        let both = known.gradient.iter().zip(&views).map(|(known, views)| known + weight * views);
+        Loss { value: known.value, gradient: both.collect() }
     }
 
     /// Summary of the features of labelled cells.
@@ -207,7 +257,7 @@ mod tests {
     use crate::nn::networks::UNetParams;
     use crate::recipes::System;
     use crate::recipes::labels::Labels;
-    use crate::recipes::unet::{Augmentation, LearningParams, UNetInputs};
+    use crate::recipes::unet::{Augmentation, UNetInputs};
 
     /// A plane at a height, all of a class, and a roof (class 6) 9.5 m above its middle.
     fn plane(height: f64, code: u8, corner: [f64; 2]) -> LabelledCloud {
@@ -239,7 +289,8 @@ mod tests {
         let scenes = TrainingScene::all(recipe, &data, &sources, &monitor).unwrap();
         let classes = sources.classes.len();
         let (net, _) = UNet::new::<f32>(&recipe.network, OWN, classes, 0).unwrap();
-        let training = Training { recipe, voxel: 1.0, scenes, weights: vec![1.0; classes], net };
+        let consistency = recipe.learning.consistency.unwrap_or(0.0);
+        let training = Training { recipe, voxel: 1.0, consistency, scenes, weights: vec![1.0; classes], net };
         (0..4).map(|step| training.prepared(step, &monitor).unwrap()).collect()
     }
 
@@ -293,6 +344,65 @@ mod tests {
     }
 
     #[test]
+    fn two_views_of_a_part_share_the_cells_of_its_points() {
+        let clouds = [plane(0.0, 2, [0.0, 0.0])];
+        let views = |augment: Augmentation| {
+            let mut recipe = UNetRecipe { augment, ..recipe(0.0) };
+            recipe.learning.consistency = Some(1.0);
+            batches(&recipe, &clouds)
+        };
+        let still = Augmentation { turn: false, scale: 0.0, noise: 0.0, thin: 1.0, hide: 0.0, mix: 0.0 };
+        for batch in views(still) {
+            let samples: Vec<u32> = (0..batch.cells.len()).map(|cell| batch.cells.sites.position(cell).0).collect();
+            assert_eq!(samples.iter().copied().collect::<std::collections::BTreeSet<_>>().len(), 4, "two parts, twice");
+            assert!(!batch.pairs.is_empty());
+            for pair in &batch.pairs {
+                let [a, b] = pair.map(|cell| batch.cells.sites.position(cell as usize));
+                // Without any other change the views differ by a shift of less than a cell.
+                assert!(a.0 + 1 == b.0 && a.0 % 2 == 0 && (0..3).all(|k| (a.1[k] - b.1[k]).abs() <= 1), "{a:?} {b:?}");
+            }
+            assert_eq!(batch.pairs.len() * 2, batch.cells.of_point.len(), "no point is left out");
+        }
+        // Thinned views share some of their points.
+        let count = |batches: Vec<Prepared>| {
+            let points: usize = batches.iter().map(|batch| batch.cells.of_point.len()).sum();
+            (2 * batches.iter().map(|batch| batch.pairs.len()).sum::<usize>(), points)
+        };
+        let (shared, all) = count(views(Augmentation { thin: 0.1, ..still }));
+        assert!(0 < shared && shared < all, "{shared} of {all}");
+        // What is laid over a view is in no pair.
+        let (shared, all) = count(views(Augmentation { mix: 1.0, ..still }));
+        assert!(shared < all * 3 / 4, "{shared} of {all}");
+        // Nor is what is excluded from training.
+        let mut half = UNetRecipe { augment: still, ..recipe(0.0) };
+        half.learning.consistency = Some(1.0);
+        half.training.exclude = vec![[-1.0, -1.0, 10.0, 31.0]];
+        let (shared, all) = count(batches(&half, &clouds));
+        assert!(0 < shared && shared < all, "{shared} of {all}");
+    }
+
+    #[test]
+    fn the_weight_of_views_rises_over_the_first_third_of_the_steps() {
+        let e = |x: f64| (-5.0 * x).exp();
+        for (step, expected) in [(0, e(1.0)), (50, e(0.25)), (100, 1.0), (299, 1.0)] {
+            assert!((rise(step, 300) - expected).abs() < 1e-12, "{step}");
+        }
+        assert_eq!(rise(0, 1), e(1.0));
+    }
+
+    #[test]
+    fn views_are_compared_by_default_if_hardly_any_point_has_a_label() {
+        let train = |kept: usize| {
+            let mut cloud = plane(0.0, 2, [0.0, 0.0]);
+            let codes = (0..936).map(|i| (i % kept == 3).then_some(if i < 900 { 2 } else { 6 })).collect();
+            cloud.labels = Labels::new(codes, CodeScheme::Asprs);
+            recipe(0.0).train(&[cloud], &TrainOptions::default(), &Monitor::default()).unwrap()
+        };
+        let weight = |kept| train(kept).fitted.recipe.learning.consistency;
+        assert_eq!((weight(30), weight(150)), (Some(0.0), Some(10.0)));
+    }
+
+    #[test]
     fn mixed_parts_give_the_same_model_on_any_number_of_threads() {
         let clouds = [plane(0.0, 2, [0.0, 0.0]), plane(40.0, 5, [5000.0, 300.0])];
         let train = |mix, threads: usize| {
@@ -301,6 +411,19 @@ mod tests {
         };
         let model = train(0.5, 1);
         assert!(train(0.5, 3) == model && train(0.0, 1) != model);
+        let views = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut recipe = recipe(0.5);
+            recipe.learning.consistency = Some(5.0);
+            pool.install(|| recipe.train(&clouds, &TrainOptions::default(), &Monitor::default()).unwrap())
+        };
+        let model = views(1);
+        assert!(views(3) == model && model.trained != train(0.5, 1).trained);
+        let mut many = recipe(0.0);
+        many.learning.parts = 2049;
+        assert!(many.validate().is_ok());
+        many.learning.consistency = Some(1.0);
+        assert!(many.validate().unwrap_err().to_string().contains("2048"));
         for mix in [-0.1, 1.5, f64::NAN] {
             let recipe = recipe(mix);
             assert!(recipe.validate().unwrap_err().to_string().contains("augment.mix"));

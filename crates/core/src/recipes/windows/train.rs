@@ -95,6 +95,7 @@ pub(super) fn train(
         classes: sources.counts,
         unlabelled: data.unlabelled(),
         voxel,
+        consistency: 0.0,
         parameters: parameters.trained(),
         cells: cells as f64 / windows as f64,
         losses,

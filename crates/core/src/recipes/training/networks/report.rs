@@ -14,6 +14,8 @@ pub struct NetworkReport {
     pub unlabelled: u64,
     /// Edge of a finest cell, metres.
     pub voxel: f64,
+    /// Weight of the loss that compares two views of each part; 0: one view.
+    pub consistency: f64,
     /// Number of values that were learned.
     pub parameters: usize,
     /// Mean number of occupied cells of what the network looks at in one go: a step's scenes, or a window.
@@ -46,6 +48,13 @@ impl Report for NetworkReport {
         let mut text = format!("{:>5}  {:<20} {:>12}\n\n", "", "unlabelled, skipped", self.unlabelled);
         let steps = losses.len();
         let _ = writeln!(text, "cells of {voxel:.3} m, {cells:.0} at a time; {parameters} parameters; {steps} steps");
+        if self.consistency > 0.0 {
+            let _ = writeln!(
+                text,
+                "two views of each part are compared, with weight {} (learning.consistency)",
+                self.consistency
+            );
+        }
         let curve: Vec<String> = self.curve().iter().map(|loss| format!("{loss:.3}")).collect();
         let _ = writeln!(text, "loss in each tenth of the steps: {}", curve.join(" "));
         text
