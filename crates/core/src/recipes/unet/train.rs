@@ -107,7 +107,7 @@ pub(super) fn train(
 /// The weight of the disagreement of views where it is not given: views are worth their time if hardly any point has a label.
 fn automatic_consistency(learning: &LearningParams, data: &TrainingData<'_>) -> f64 {
     let points: u64 = data.scenes.iter().map(|scene| scene.metric.cloud.len() as u64).sum();
-    let few = (points - data.unlabelled()) * 100 < points;
+    let few = points.saturating_sub(data.unlabelled()) * 100 < points;
     if few && learning.parts <= MOST_SAMPLES / 2 { 10.0 } else { 0.0 }
 }
 
