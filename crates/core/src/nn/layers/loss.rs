@@ -63,7 +63,7 @@ pub fn cross_entropy<T: Scalar>(scores: &[T], targets: &[T], classes: usize) -> 
 
 /// Mean over pairs of rows of Σ (p − q)², where p and q are the probabilities that the two rows of scores stand for.
 ///
-/// It asks two views of the same thing for the same answer, whatever it is, so that rows without label are learned from too:
+/// It asks two views of the same thing for the same answer, whatever it is, so that rows without a label are learned from too:
 /// the Π-model of S. Laine, T. Aila, *Temporal ensembling for semi-supervised learning*, ICLR 2017.
 pub fn disagreement<T: Scalar>(scores: &[T], pairs: &[[u32; 2]], classes: usize) -> Loss<T> {
     let mut probabilities = scores.to_vec();
