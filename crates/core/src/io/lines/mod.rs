@@ -5,6 +5,7 @@ pub(super) mod words;
 
 use crate::error::{Error, Result};
 use crate::io::open;
+use crate::memory;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -37,7 +38,8 @@ impl Pieces {
         if self.done {
             return Ok(None);
         }
-        let mut piece = Vec::with_capacity(PIECE + self.rest.len());
+        let mut piece = Vec::new();
+        memory::reserve(&mut piece, PIECE + self.rest.len(), "a piece of a text file")?;
         piece.append(&mut self.rest);
         let wanted = PIECE as u64;
         let read = (&mut self.file).take(wanted).read_to_end(&mut piece).map_err(|e| Error::io(&self.path, e))?;

@@ -7,6 +7,7 @@ use crate::io::format;
 use crate::io::lines::words::Words;
 use crate::io::lines::{Pieces, count, lines};
 use crate::io::table::known;
+use crate::memory;
 use std::path::Path;
 
 /// The meaning of the numbers in a line.
@@ -53,7 +54,9 @@ pub(super) fn find(path: &Path, pieces: &mut Pieces, given: &[String]) -> Result
                         let from = if header { next } else { at };
                         let above = if header { number } else { number - 1 };
                         let guessed = layout.guessed.filter(|_| declared.is_none());
-                        let rest = piece[from..].to_vec();
+                        let mut rest = Vec::new();
+                        memory::reserve(&mut rest, piece.len() - from, "a piece of a text file")?;
+                        rest.extend_from_slice(&piece[from..]);
                         let decimal_commas = lines(&rest).find(|line| super::holds(line)).is_some_and(decimal_commas);
                         return Ok((Layout { declared, guessed, decimal_commas, ..layout }, Some(rest), above));
                     }

@@ -89,7 +89,10 @@ impl Reader {
         }
         let parts = cut(&piece, PARTS);
         let width = self.columns.len();
-        let read = map_ordered(parts.len(), &self.monitor, |i| Ok(rows::read(parts[i], &self.targets, width)))?;
+        let read = map_ordered(parts.len(), &self.monitor, |i| {
+            let room = rows::room(parts[i], self.targets.len(), width)?;
+            Ok(rows::read(parts[i], &self.targets, room))
+        })?;
         for (part, rows) in parts.iter().zip(read) {
             let rows = rows.map_err(|fault| self.fault(fault))?;
             append(&mut self.columns, rows)?;

@@ -3,6 +3,7 @@
 use super::holds;
 use crate::io::lines::words::{Word, Words, separator};
 use crate::io::lines::{count, lines};
+use crate::memory;
 
 /// An error in a line: its number within the part, from 1, and the column.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,11 +15,17 @@ pub(super) struct Fault {
     pub(super) allowed: String,
 }
 
-/// Reads the rows of a part. `targets` gives for each number of a row its index in `columns`, if it is needed.
-pub(super) fn read(part: &[u8], targets: &[Option<usize>], columns: usize) -> Result<Vec<Vec<f64>>, Fault> {
+/// Room for so many columns of a part whose rows have `width` numbers.
+pub(super) fn room(part: &[u8], width: usize, columns: usize) -> crate::Result<Vec<Vec<f64>>> {
     // Each number takes at least a digit and a separator; lines may be empty.
-    let guess = (count(part) + 1).min(part.len() / (2 * targets.len()).max(1) + 1);
-    let mut out: Vec<Vec<f64>> = (0..columns).map(|_| Vec::with_capacity(guess)).collect();
+    let rows = (count(part) + 1).min(part.len() / (2 * width).max(1) + 1);
+    let mut out = vec![Vec::new(); columns];
+    out.iter_mut().try_for_each(|column| memory::reserve(column, rows, "the numbers of a text file"))?;
+    Ok(out)
+}
+
+/// Reads the rows of a part into columns. `targets` gives for each number of a row its column, if it is needed.
+pub(super) fn read(part: &[u8], targets: &[Option<usize>], mut out: Vec<Vec<f64>>) -> Result<Vec<Vec<f64>>, Fault> {
     for (number, line) in (1..).zip(lines(part)) {
         if holds(line) {
             row(line, targets, &mut out).map_err(|fault| Fault { line: number, ..fault })?;
@@ -67,6 +74,9 @@ mod tests {
 
     #[test]
     fn rows_go_to_the_wanted_columns() {
+        let read = |part: &[u8], targets: &[Option<usize>], columns| {
+            read(part, targets, room(part, targets.len(), columns).unwrap())
+        };
         let rows = read(b"1 2 3\r\n# 9\n\n 4,5;6\n// 7\n7 8 9", &[Some(1), None, Some(0)], 2).unwrap();
         assert_eq!(rows, [[3.0, 6.0, 9.0], [1.0, 4.0, 7.0]]);
         let fault = read(b"1 2 3\n\n1 2\n", &[None, None, Some(0)], 1).unwrap_err();

@@ -3,12 +3,12 @@
 //! The arithmetic decoding is done by the `laz` crate. Sizes that it would allocate are checked here first, and its
 //! panics become errors.
 
-use super::deep::{WatchedBytes, on_a_large_stack};
 use crate::error::{Error, Mismatch, Result};
 use crate::io::las::header::{bad, u32_at};
 use laz::laszip::LazItemType;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LazItem, LazVlr};
+use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ pub(in crate::io::las) struct Decoder<'a, B> {
     /// Bytes of the chunk.
     bytes: u64,
     whole: bool,
-    inner: Box<dyn RecordDecompressor<WatchedBytes<B>> + Send + Sync + 'a>,
+    inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a>,
 }
 
 impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
@@ -53,8 +53,8 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
         let place = format!("chunk {index}");
         let length = bytes.as_ref().len() as u64;
         let inner = guarded(path, &place, || {
-            let source = WatchedBytes::new(bytes);
-            let mut inner: Box<dyn RecordDecompressor<WatchedBytes<B>> + Send + Sync + 'a> = match layered(vlr) {
+            let source = Cursor::new(bytes);
+            let mut inner: Box<dyn RecordDecompressor<Cursor<B>> + Send + Sync + 'a> = match layered(vlr) {
                 true => Box::new(LayeredPointRecordDecompressor::new(source)),
                 false => Box::new(SequentialPointRecordDecompressor::new(source)),
             };
@@ -68,12 +68,7 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
     /// Fills `out`, a whole number of records, with the next ones.
     pub(in crate::io::las) fn next(&mut self, out: &mut [u8]) -> Result<()> {
         let Self { path, place, inner, .. } = self;
-        guarded(path, place, || {
-            on_a_large_stack(|| {
-                inner.get_mut().begin();
-                inner.decompress_many(out)
-            })
-        })
+        guarded(path, place, || inner.decompress_many(out))
     }
 
     /// Fills `out`, records of this length, as far as they can be decoded; how many were.
@@ -82,14 +77,11 @@ impl<'a, B: AsRef<[u8]> + Send + Sync + 'a> Decoder<'a, B> {
         let mut good = 0;
         // The error says no more than the number of records does.
         let _ = guarded(path, place, || {
-            on_a_large_stack(|| {
-                inner.get_mut().begin();
-                for record in out.chunks_exact_mut(length) {
-                    inner.decompress_next(record)?;
-                    good += 1;
-                }
-                Ok(())
-            })
+            for record in out.chunks_exact_mut(length) {
+                inner.decompress_next(record)?;
+                good += 1;
+            }
+            Ok(())
         });
         good
     }

@@ -1,7 +1,6 @@
 //! LAZ: the LAZ record and the chunk table, checked before anything is allocated, and encoding of chunks in memory.
 
 pub(super) mod decoder;
-mod deep;
 pub(super) mod unpack;
 
 use super::header::vlr::{Vlr, read_at};
