@@ -1,5 +1,5 @@
 //! Times sparse convolutions on random tensors and on a surface, and beside them products of dense matrices, ours and faer's:
-//! the least of some runs, on all threads (`RAYON_NUM_THREADS`).
+//! the least of some runs, on all threads (`RAYON_NUM_THREADS`). With R, channels and a number: only the direct one, so often.
 //!
 //! Sub-manifold: 65,536 random sites in 256³ cells, kernel map included, as spconv's benchmark. Direct: density 1/r in r³
 //! cells, filters of density 0.1, 0.3, 0.5 and 1, at most 1/r of the cells of a channel kept, as Hackel 2018, section 6.4.1.
@@ -20,6 +20,10 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error + Send + Sync>>;
 
 fn main() -> Outcome<()> {
     let monitor = Monitor::default();
+    let chosen: Vec<usize> = std::env::args().skip(1).map(|word| word.parse()).collect::<Result<_, _>>()?;
+    if let [side, channels, times] = chosen[..] {
+        return (0..times).try_for_each(|_| direct(side, channels, 1.0, &monitor));
+    }
     dense_product(&monitor)?;
     let mut draws = stream(1, 0);
     let keys: Result<Vec<u64>, _> =
