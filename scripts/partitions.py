@@ -1,4 +1,4 @@
-"""All segmentation methods at equal numbers of segments, on four sensors; writes docs/partitions.md.
+"""Eight segmentation methods at equal numbers of segments, on four sensors; writes docs/partitions.md.
 
     python scripts/partitions.py DATA    # needs: pip install .
 

@@ -36,8 +36,8 @@ fn heading(scope: Scope) -> &'static str {
     match scope {
         Scope::Level => {
             "## Features of a level\n\nFor each point on each level of the [pyramid](pyramid.md); the column has the \
-             edge of the level's\nvoxels appended, as in `Planarity_r0p4` for 0.4 m. Used by the recipes `pyramid` and \
-             `weak`.\n"
+             edge of the level's\nvoxels appended, as in `Planarity_r0p4` for 0.4 m. Used by the recipes `pyramid`, \
+             `airborne`,\n`mobile`, `indoor`, `weak` and `contours`.\n"
         }
         Scope::Cell => {
             "## Profiles\n\nFor each point in its cell of a grid in plan; the column has the edge of the cell appended, as in \
@@ -54,9 +54,9 @@ fn heading(scope: Scope) -> &'static str {
              appended, as in `Voxel_6_r0p5`. Used by the\nrecipes `airborne`, `mobile` and `indoor`.\n"
         }
         Scope::Point => {
-            "## Features of points\n\nOnce for each point: its own columns (recipe `airborne`; recipe `pyramid` on request), its\n\
-             [optimal neighbourhood](optimal-neighbourhood.md) and the [terrain](terrain.md) (recipe `weak`; the height above the\n\
-             ground, `Elevation`, recipe `airborne`).\n"
+            "## Features of points\n\nOnce for each point: its own columns (return numbers in the recipe `airborne`; others on \
+             request), its\n[optimal neighbourhood](optimal-neighbourhood.md) and the [terrain](terrain.md) (recipe `weak`; the \
+             height above the\nground, `Elevation`, also in `airborne`, `mobile`, `indoor`, `clusters` and `spheres`).\n"
         }
         Scope::Segment => {
             "## Features of segments\n\nFor each segment (recipe [`objects`](objects.md)); colours and heights if \

@@ -122,7 +122,7 @@ impl Group {
             Self::Covariance => "the k nearest points of the level",
             Self::Contour => "the k nearest points of the level, and their k nearest",
             Self::Height => "the points of the level in a vertical column",
-            Self::Profile => "the points of 7 x 7 cells in plan",
+            Self::Profile => "the points of 5 x 5 cells in plan",
             Self::Sphere => "the points within the radius, of a cloud thinned to voxels of a share of it",
             Self::Context => "the probabilities of a first classifier in 3 x 3 x 3 voxels or 3 x 3 cells in plan",
             Self::Colour | Self::Returns => "the point",

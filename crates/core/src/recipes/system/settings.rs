@@ -5,7 +5,7 @@ use crate::recipes::RegulariseParams;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-/// Largest number of parts of a key; those of recipes have up to four.
+/// Largest number of parts of a key; those of recipes have up to five.
 const DEEPEST: usize = 16;
 
 /// Sets one `a.b.c=value` in a TOML table.
