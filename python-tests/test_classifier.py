@@ -457,3 +457,15 @@ def test_codes_that_the_class_list_leaves_out_are_warned_of():
     own[: len(own) // 4] = 3
     with pytest.warns(UserWarning, match=r"points of code 1 count as unlabelled.*'asprs'.*unlabelled=\[\]"):
         assert PointClassifier(RECIPE).fit(cloud, own).classes_.tolist() == [2, 3]
+
+
+def test_pictures_refuse_options_that_would_change_nothing(labelled):
+    truth = np.asarray(labelled["Classification"])
+    for options, name in [
+        ({"classes": [5]}, "classes"),
+        ({"changes": True}, "changes"),
+        ({"truth": truth, "by": "height"}, "by"),
+    ]:
+        with pytest.raises(ValueError, match=f"^{name}: found"):
+            scansion.render(labelled, width=300, **options)
+    scansion.render(labelled, by="class", truth=truth, width=300)

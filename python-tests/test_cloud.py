@@ -223,3 +223,11 @@ def test_a_table_keeps_what_a_cloud_has_besides_its_points(cloud, tmp_path):
     assert scansion.info(tmp_path / "a.laz")["metres_per_unit"] == 0.3048
     frame.attrs = {}
     assert scansion.concatenate([frame]).crs is None
+
+
+def test_clouds_that_become_one_keep_the_names_of_their_classes(cloud):
+    first, second = cloud.copy(), cloud.copy()
+    first.class_names = {15: "pole"}
+    second.class_names = {15: "mast", 16: "wire"}
+    assert scansion.concatenate([first, second]).class_names == {15: "pole", 16: "wire"}
+    assert scansion.concatenate([second, first]).class_names == {15: "mast", 16: "wire"}

@@ -168,3 +168,10 @@ def test_a_model_learns_from_lines(room):
     model = scansion.PointClassifier(recipe).fit(room.cloud, labels)
     assert len(contours.extract(room.cloud, model)) > 10
     assert (model.predict(room.cloud)[labels >= 0] == labels[labels >= 0]).mean() > 0.8
+
+
+def test_marks_are_not_made_of_numbers():
+    points = np.eye(3)
+    for marks in (([2, 0, 0], [True] * 3), ([True] * 3, [np.nan] * 3)):
+        with pytest.raises(TypeError, match="(found|reference): expected an array of bool"):
+            contours.score_points(points, *marks)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scansion import evaluation
+from scansion import evaluation, segment_colours, segmentation
 from sklearn import metrics
 
 RANDOM = np.random.default_rng(0)
@@ -97,3 +97,25 @@ def test_each_side_has_a_map_of_its_own():
         evaluation.scores(truth, PREDICTED, map_truth="car=2")
     with pytest.raises(ValueError, match="map_truth"):
         evaluation.scores(["a"], ["a"], map_truth="1=2")
+
+
+@pytest.mark.parametrize("wrong", [2**32 + 1, -1, 0.2, np.nan, np.inf, 2**64 - 1])
+def test_numbers_of_segments_are_not_cut(wrong):
+    labels, truth, xyz = np.array([1, wrong]), [2, 6], np.eye(2, 3)
+    calls = {
+        "segmentation_error": lambda: evaluation.segmentation_error(xyz, labels, truth),
+        "purities": lambda: evaluation.purities(labels, truth),
+        "boundary_scores": lambda: evaluation.boundary_scores([[0, 1]], labels, truth),
+        "segment_shapes": lambda: segmentation.segment_shapes(xyz, labels),
+        "segment_graph": lambda: segmentation.segment_graph([[0, 1]], labels),
+        "object_features": lambda: segmentation.object_features(xyz, labels),
+        "segment_colours": lambda: segment_colours(labels),
+    }
+    for call in calls.values():
+        with pytest.raises(ValueError, match=r"expected whole numbers in 0\.\.4294967295, found .* at index 1"):
+            call()
+
+
+def test_whole_floats_and_the_largest_number_are_segments():
+    for labels in ([1.0, 4294967295.0], np.array([1, 2**32 - 1], dtype=np.uint64), [True, False]):
+        assert evaluation.purities(labels, [2, 6]).tolist() == [1, 1]

@@ -184,3 +184,13 @@ def test_points_are_selected_with_their_exact_coordinates(tmp_path):
             cloud.select(wrong)
     with pytest.raises(ValueError, match="marks"):
         scansion.rewrite(tmp_path / "a.las", tmp_path / "b.las", keep=[True])
+
+
+def test_only_the_open_ends_of_a_range_of_heights_are_infinite(tmp_path):
+    write_las(tmp_path / "a.las", noisy())
+    for open_end, none in [((2, np.inf), (2, None)), ((-np.inf, 0.5), (None, 0.5))]:
+        found = [filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", height=h) for h in (open_end, none)]
+        assert found[0] == found[1]
+    for wrong in ((np.nan, 5), (2, np.nan), (np.inf, 5), (2, -np.inf)):
+        with pytest.raises(ValueError, match="height: found"):
+            filters.filter_file(tmp_path / "a.las", tmp_path / "b.las", height=wrong)

@@ -8,6 +8,7 @@ from scansion import BaggingClassifier, RandomForestClassifier
 from sklearn.base import clone, is_classifier
 from sklearn.datasets import load_digits, load_iris, load_wine
 from sklearn.ensemble import RandomForestClassifier as Peer
+from sklearn.exceptions import DataConversionWarning
 from sklearn.model_selection import GridSearchCV, cross_val_score, train_test_split
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -136,3 +137,15 @@ def test_permutation_importance_agrees_with_scikit_learn(kind):
     np.testing.assert_allclose(ours.importances_std, theirs.importances_std, atol=0.01)
     with pytest.raises(ValueError, match="no class"):
         forest.permutation_importance(X, np.full(1500, "other"))
+
+
+def test_scores_compare_each_row_with_its_own_label():
+    X, y = load_iris(return_X_y=True)
+    forest = RandomForestClassifier(10).fit(X[:100], y[:100])
+    accuracy = np.mean(forest.predict(X) == y)
+    assert forest.score(X, y) == pytest.approx(accuracy) and accuracy < 0.7
+    with pytest.warns(DataConversionWarning):
+        assert forest.score(X, y[:, None]) == pytest.approx(accuracy)
+    for wrong in ([1], y[:-1], None, y[None]):
+        with pytest.raises(ValueError, match="y|samples"):
+            forest.score(X, wrong)

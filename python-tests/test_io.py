@@ -241,3 +241,32 @@ def test_what_files_say_cannot_act_on_the_terminal(tmp_path):
     path.write_text("ply\nformat ascii 1.0\nbad\x1b[31m\nend_header\n")
     with pytest.raises(scansion.FileFormatError, match=r"\\u001b\[31m"):
         scansion.read(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("Classification", 300, "0..255"),
+        ("Classification", -1, "0..255"),
+        ("Classification", np.nan, "0..255"),
+        ("UserData", 0.5, "0..255"),
+        ("Intensity", 70_000, "0..65535"),
+        ("Red", 0.5, "0..65535"),
+        ("ReturnNumber", 16, "0..15"),
+        ("Withheld", 2, "0..1"),
+        ("ScanAngle", 500.0, "-196.6..196.6"),
+        ("ScanAngle", np.nan, "-196.6..196.6"),
+        ("GpsTime", 2**60 + 1, "exact"),
+    ],
+)
+def test_what_las_cannot_hold_does_not_go_to_laspy(name, value, allowed):
+    cloud = scansion.PointCloud(np.eye(2, 3), **{name: np.array([0, value])})
+    with pytest.raises(ValueError, match=f"{name}: expected .*{allowed}.*, found {cloud[name][1]} at index 1"):
+        cloud.to_laspy()
+
+
+def test_floats_that_las_holds_go_to_laspy():
+    columns = {"Classification": 255.0, "Intensity": 65_535.0, "ReturnNumber": 15.0, "Withheld": 1.0, "GpsTime": np.nan}
+    las = scansion.PointCloud(np.eye(1, 3), **{name: [value] for name, value in columns.items()}).to_laspy()
+    found = [las.classification[0], las.intensity[0], las.return_number[0], las.withheld[0]]
+    assert found == [255, 65_535, 15, 1] and np.isnan(las.gps_time[0])

@@ -479,3 +479,11 @@ def test_a_layer_has_the_gradients_of_its_function():
     assert layer.weight_gradient.shape == layer.weight.shape and layer.bias_gradient.tolist() == [3, 3, 3]
     with pytest.raises(ValueError, match="call"):
         nn.SparseConv3d(1, 1).backward([[1.0]])
+
+
+def test_scores_of_objects_need_a_label_for_each():
+    X, y = bars(20, 1)
+    network = small().fit(X, y)
+    for wrong in (y[:1], y[:, None], None):
+        with pytest.raises(ValueError, match="y: found"):
+            network.score(X, wrong)

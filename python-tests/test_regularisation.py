@@ -232,3 +232,13 @@ def test_neighbours_agree_as_by_alpha_expansion_on_the_graph():
         regularisation.regularize(xyz, votes, strength=1, settings={"strength": 1})
     with pytest.raises(ValueError, match="probabilities"):
         regularisation.regularize(xyz, votes[1:])
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_probabilities_are_finite(wrong):
+    votes, message = [[0.5, 0.5], [wrong, 1]], f"probabilities: expected finite numbers, found {wrong} at index 1, 0"
+    with pytest.raises(ValueError, match=message):
+        regularisation.local_smoothing(votes, EDGES)
+    for method in regularisation.METHODS:
+        with pytest.raises(ValueError, match=message):
+            regularisation.regularize(np.eye(2, 3), votes, method=method)

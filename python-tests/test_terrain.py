@@ -301,3 +301,22 @@ def test_the_road_and_the_position_with_respect_to_it(data):
         terrain.road_points(features, np.where(labels > 0, 1, -1))
     with pytest.raises(ValueError, match="alpha"):
         terrain.road_position(cloud, road, alpha=0.0)
+
+
+def test_a_mask_is_not_made_of_codes_or_nan():
+    xyz = np.random.default_rng(0).uniform(0, 10, (200, 3))
+    for wrong in (np.full(200, 2), np.full(200, np.nan)):
+        with pytest.raises(TypeError, match="ground: expected an array of bool"):
+            terrain.heights(xyz, wrong)
+        with pytest.raises(TypeError, match="road: expected an array of bool"):
+            terrain.road_position(xyz, wrong)
+    with pytest.raises(ValueError, match=r"road: expected shape \(200,\)"):
+        terrain.road_position(xyz, [True])
+
+
+def test_descriptors_of_the_road_are_finite():
+    features, labels = np.random.default_rng(0).random((200, 4)), np.arange(200) % 2
+    for wrong in (np.nan, np.inf):
+        features[5, 2] = wrong
+        with pytest.raises(ValueError, match=f"features: expected finite numbers, found {wrong} at index 5, 2"):
+            terrain.road_points(features, labels)

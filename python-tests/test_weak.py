@@ -139,3 +139,11 @@ def test_bad_labels_are_refused():
         WeakClassifier().fit(xyz, np.full(len(xyz), -1))
     with pytest.raises(ValueError, match="strength"):
         WeakClassifier({"regularise.strength": -1}).fit(xyz, few(labels))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_uncertainties_are_finite(labelled, wrong):
+    doubt = np.full(len(labelled), 0.5)
+    doubt[3] = wrong
+    with pytest.raises(ValueError, match=f"uncertainty: expected finite numbers, found {wrong} at index 3"):
+        scansion.suggest(labelled.xyz, 3, uncertainty=doubt)

@@ -81,7 +81,7 @@ fn look(path: &Path, i: u64) {
         learn(path);
     }
     if i.is_multiple_of(16) {
-        let _ = io::diff(path, path, &Monitor::default());
+        let _ = io::diff(path, path, &Default::default());
         let target = path.with_file_name("out.laz");
         let _ = io::convert(path, &target, &Default::default(), &WriteOptions::default());
         let _ = io::merge(&[path.to_path_buf(), path.to_path_buf()], &target, &WriteOptions::default());

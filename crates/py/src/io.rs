@@ -146,7 +146,7 @@ pub(crate) fn inspect(py: Python<'_>, path: PathBuf) -> PyResult<String> {
 #[pyo3(signature = (a, b, n_jobs = None))]
 pub(crate) fn diff(py: Python<'_>, a: PathBuf, b: PathBuf, n_jobs: Option<i64>) -> PyResult<String> {
     call(py, n_jobs, |monitor| {
-        let found = io::diff(&a, &b, monitor)?;
+        let found = io::diff(&a, &b, &ReadOptions { monitor: monitor.clone(), ..ReadOptions::default() })?;
         crate::json::text(&(found.is_empty(), found.summary(), found))
     })
 }

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use scansion_core::classes::ClassTable;
 use scansion_core::cloud::{Cloud as CoreCloud, names};
 use scansion_core::io::atomic;
+use scansion_core::parallel::Monitor;
 use scansion_core::recipes::{
     self, Doubt, KnownPoints, LabelParams, Labels, SegmentParams, SuggestParams, read_labels,
 };
@@ -58,7 +59,7 @@ pub(crate) fn segment<'py>(
     let params = params(recipe, &settings, (aim, size))?;
     let cloud = Arc::clone(&cloud.inner);
     let (clusters, levels, report) = call(py, n_jobs, |monitor| {
-        let found = recipes::segment(&cloud, labels(&cloud)?.as_ref(), &params, monitor)?;
+        let found = recipes::segment(&cloud, labels(&cloud, false, monitor)?.as_ref(), &params, monitor)?;
         Ok((found.clusters, found.levels, json::text(&found.report)?))
     })?;
     let levels = levels.into_iter().map(|level| PyArray1::from_vec(py, level)).collect();
@@ -94,7 +95,7 @@ pub(crate) fn suggest<'py>(
     let cloud = Arc::clone(&cloud.inner);
     let (clusters, found) = call(py, n_jobs, |monitor| {
         page.as_ref().map_or(Ok(()), |(path, _)| atomic::check_output(path))?;
-        let labels = labels(&cloud)?;
+        let labels = labels(&cloud, labelled, monitor)?;
         let mut parted = recipes::segment(&cloud, labels.as_ref(), &params, monitor)?;
         parted.describe(&params.neighbourhood, monitor)?;
         let labels = labels.as_ref().filter(|_| labelled);
@@ -113,10 +114,17 @@ pub(crate) fn suggest<'py>(
     Ok((PyArray1::from_vec(py, clusters), found))
 }
 
-/// The labels of a cloud, if it has any; codes 0, 1 and negative ones are unlabelled.
-fn labels(cloud: &CoreCloud) -> scansion_core::Result<Option<Labels>> {
-    match cloud.column(names::CLASSIFICATION) {
-        Some(_) => Ok(Some(read_labels(cloud, &LabelParams::default())?).filter(|l| l.unlabelled < cloud.len() as u64)),
-        None => Ok(None),
+/// The labels of a cloud, if it has any; codes 0, 1 and negative ones are unlabelled. Without need for them, those that are no
+/// codes from 0 to 255 are left out with a warning.
+fn labels(cloud: &CoreCloud, needed: bool, monitor: &Monitor) -> scansion_core::Result<Option<Labels>> {
+    if cloud.column(names::CLASSIFICATION).is_none() {
+        return Ok(None);
+    }
+    match read_labels(cloud, &LabelParams::default()) {
+        Err(error) if !needed => {
+            monitor.warn(format!("segments are not compared with the classes: {error}"));
+            Ok(None)
+        }
+        found => Ok(Some(found?).filter(|l| l.unlabelled < cloud.len() as u64)),
     }
 }

@@ -15,10 +15,7 @@ impl<'a, T> ChunksIrregular<'a, T> {
         P: IntoIterator<IntoIter = T, Item = usize>,
         T: Iterator<Item = usize>,
     {
-        Self {
-            remainder: slc,
-            size_provider: size_provider.into_iter(),
-        }
+        Self { remainder: slc, size_provider: size_provider.into_iter() }
     }
 }
 
@@ -54,10 +51,7 @@ impl<'a, T> ChunksIrregularMut<'a, T> {
         P: IntoIterator<IntoIter = T, Item = usize>,
         T: Iterator<Item = usize>,
     {
-        Self {
-            remainder: slc,
-            size_provider: size_provider.into_iter(),
-        }
+        Self { remainder: slc, size_provider: size_provider.into_iter() }
     }
 }
 

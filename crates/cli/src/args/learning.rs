@@ -80,7 +80,7 @@ pub(crate) struct Train {
     pub(crate) elevation_model: Option<PathBuf>,
     /// Lines along the edges of an input, as GeoJSON or OBJ: points near them are learned as contours, whatever their labels;
     /// once for each input, in their order (recipe contours)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["weak_labels", "spread_over", "map", "map_of", "classes"])]
     pub(crate) edges: Vec<PathBuf>,
     /// Also learn from this many synthetic scenes: streets and rooms (recipe contours)
     #[arg(long, value_name = "N")]
@@ -179,12 +179,12 @@ pub(crate) struct Regularize {
     /// Output: the input with other classes
     #[arg(short, long)]
     pub(crate) output: PathBuf,
-    /// Method
-    #[arg(long, value_parser = regularisations(), default_value = "segment-crf")]
-    pub(crate) method: Regularise,
-    /// Cost of an edge between different classes: larger gives fewer changes of class between neighbours
-    #[arg(long, value_name = "STRENGTH", default_value_t = 1.0)]
-    pub(crate) strength: f64,
+    /// Method [default: segment-crf]
+    #[arg(long, value_parser = regularisations())]
+    pub(crate) method: Option<Regularise>,
+    /// Cost of an edge between different classes: larger gives fewer changes of class between neighbours [default: 1]
+    #[arg(long, value_name = "STRENGTH")]
+    pub(crate) strength: Option<f64>,
     /// The dimensions with the probabilities, and the codes of their classes, e.g. P_roof=6,P_road=2; percentages and
     /// counts of votes will do [default: all P_..., by the name or code of a class]
     #[arg(long, value_name = "NAME=CODE,...", value_delimiter = ',')]
@@ -219,7 +219,7 @@ pub(crate) struct Evaluate {
     #[arg(long, value_name = "OLD=NEW,...", conflicts_with = "map")]
     pub(crate) map_predicted: Vec<String>,
     /// Dimension with the prediction [default: Classification of a second file, else PredictedClassification]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", conflicts_with = "model")]
     pub(crate) prediction_dimension: Option<String>,
     /// Classify the first cloud with this model and compare
     #[arg(short, long, conflicts_with = "prediction")]

@@ -116,7 +116,7 @@ fn one(
         context.printer.warning(&text);
     }
     let points = cloud.len();
-    let codes = merge(&cloud, &result, map, args);
+    let codes = merge(&cloud, &result, map, args)?;
     let given = given(model, args, context)?;
     let replaced = if args.to.is_none() { replaced(&cloud, &codes, &mapped(&given, map)) } else { Vec::new() };
     let summary = Summary::new(output, &codes, &result, &given).replacing(replaced);
@@ -171,17 +171,21 @@ fn provenance(model: &Model, args: &Classify) -> Result<String, Failure> {
 }
 
 /// The codes to write: the model's, except where the user wants the old ones kept.
-fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Vec<u8> {
+///
+/// # Errors
+/// If a code that is kept is not 0 to 255.
+fn merge(cloud: &Cloud, result: &Classified, map: &LabelMap, args: &Classify) -> Result<Vec<u8>, Error> {
     let old = cloud.column(names::CLASSIFICATION).map(|c| &c.values);
     let open = unclassified(cloud);
     let keep = |code: u8| args.keep.contains(&code) || (args.only_unclassified && !open.contains(&code));
-    let codes = result.codes.iter().enumerate();
-    codes
-        .map(|(i, &new)| match old.map(|v| v.get(i) as u8) {
-            Some(code) if keep(code) => code,
-            _ => map.apply(new),
-        })
-        .collect()
+    let code = |(i, &new): (usize, &u8)| match old.map(|v| v.get(i)) {
+        Some(code) if code > 255.0 && args.only_unclassified => Err(Error::input(format!(
+            "point {i} has class {code}, which cannot be kept (allowed: 0 to 255); leave out --only-unclassified"
+        ))),
+        Some(code) if keep(code as u8) && code <= 255.0 => Ok(code as u8),
+        _ => Ok(map.apply(new)),
+    };
+    result.codes.iter().enumerate().map(code).collect()
 }
 
 /// The codes of points without a class.

@@ -17,7 +17,7 @@ struct Answer<'a> {
 }
 
 pub(crate) fn run(args: &Diff, context: &Context<'_>) -> Result<(), Failure> {
-    let found = io::diff(&args.a, &args.b, &context.monitor)?;
+    let found = io::diff(&args.a, &args.b, &context.read_options())?;
     let answer = Answer { same: found.is_empty(), summary: found.summary(), difference: &found };
     context.printer.data(&match context.printer.format {
         Format::Json => serde_json::to_string_pretty(&answer).unwrap_or_default(),

@@ -5,7 +5,7 @@ use super::{Context, sources};
 use crate::args::{Evaluate, Format};
 use crate::exit_code::Failure;
 use scansion_core::classes::LabelMap;
-use scansion_core::cloud::{Cloud, MetricCloud, names};
+use scansion_core::cloud::{Cloud, Coordinates, MetricCloud, names};
 use scansion_core::evaluation::{
     ClassEdges, Confusion, LabelledPartition, SegmentationErrorParams, report, segmentation_error,
 };
@@ -161,9 +161,15 @@ fn predicted(args: &Evaluate, cloud: &Cloud, context: &Context<'_>) -> Result<Ve
 
 /// Two files of equal length with points at different positions are not the same scan, or not in the same order.
 pub(super) fn same_places(a: &Cloud, b: &Cloud) -> Result<(), Error> {
+    // A centimetre; less where the steps of both are finer, as in degrees.
+    let step = |cloud: &Cloud, axis: usize| match cloud.coordinates() {
+        Coordinates::Scaled { scale, .. } => scale[axis],
+        Coordinates::Float(_) => 0.01,
+    };
+    let most = [0, 1, 2].map(|axis| (20.0 * step(a, axis).max(step(b, axis))).min(0.01));
     let apart = |i: &usize| {
         let (p, q) = (a.xyz(*i), b.xyz(*i));
-        p.iter().zip(q).any(|(u, v)| (u - v).abs() > 0.01)
+        (0..3).any(|axis| (p[axis] - q[axis]).abs() > most[axis])
     };
     match (0..a.len().min(b.len())).find(apart) {
         Some(i) => Err(Error::input(format!(

@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Info, context: &Context<'_>) -> Result<(), Failure> {
         return salvaged(&inputs, format, context);
     }
     let (described, failed) = each(&inputs, context, |path| {
-        let mut info = io::inspect(path)?;
+        let mut info = io::inspect_with(path, context.columns)?;
         let stats = if args.stats { Some(stats(path, &mut info, context)?) } else { None };
         Ok(Described { info, stats })
     })?;

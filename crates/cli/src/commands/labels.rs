@@ -74,7 +74,8 @@ impl<'a> LabelSource<'a> {
     fn read_as(&self, (input, cloud): (&Path, &Cloud), params: &LabelParams, context: &Context<'_>) -> Result<Labels> {
         if cloud.column(&params.dimension).is_none() {
             // Only some columns were read; the file has the complete list.
-            let known = io::inspect(input).map(|info| info.dimensions.join(", ")).unwrap_or_default();
+            let known =
+                io::inspect_with(input, context.columns).map(|info| info.dimensions.join(", ")).unwrap_or_default();
             let (path, wanted) = (input.display(), &params.dimension);
             return Err(Error::input(format!(
                 "{path}: no dimension {wanted} to take labels from; it has: {known} (--label-dimension takes another)"
@@ -91,7 +92,7 @@ impl<'a> LabelSource<'a> {
     pub(crate) fn picked(&self, path: &Path, context: &Context<'_>) -> Result<LabelFile> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         if ["csv", "txt", "tsv", "geojson", "json"].contains(&extension.as_str()) {
-            return LabelFile::read(path);
+            return Ok(LabelFile::read(path)?.changed(&self.params(path)?));
         }
         let cloud = io::read_with(path, &context.read_options())?;
         let labels = self.read(path, &cloud, context)?;

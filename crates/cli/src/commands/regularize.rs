@@ -6,7 +6,7 @@ use crate::exit_code::Failure;
 use scansion_core::classes::ClassTable;
 use scansion_core::cloud::{Column, MetricCloud, Values, names};
 use scansion_core::io::{self, Columns, Edit};
-use scansion_core::recipes::{ClassDimension, RegulariseParams, regularise_cloud};
+use scansion_core::recipes::{ClassDimension, Regularise, RegulariseParams, regularise_cloud};
 use serde::Serialize;
 
 /// What is said about the result.
@@ -24,7 +24,10 @@ pub(crate) fn run(args: &Regularize, context: &Context<'_>) -> Result<(), Failur
     io::check_dimensions(&args.input, &args.output, &added(args, (Vec::new(), Vec::new())))?;
     let params = params(args)?;
     let classes = match args.probabilities.is_empty() {
-        true => ClassDimension::among(&io::inspect(&args.input)?.dimensions, &ClassTable::default())?,
+        true => {
+            let known = io::inspect_with(&args.input, context.columns)?.dimensions;
+            ClassDimension::among(&known, &ClassTable::default())?
+        }
         false => args.probabilities.clone(),
     };
     let mut options = context.read_options();
@@ -47,9 +50,10 @@ pub(crate) fn run(args: &Regularize, context: &Context<'_>) -> Result<(), Failur
 }
 
 fn params(args: &Regularize) -> Result<RegulariseParams, Failure> {
-    let base = RegulariseParams { strength: args.strength, ..RegulariseParams::default() };
-    let set = base.with_settings(args.set.iter().map(String::as_str))?;
-    let params = RegulariseParams { method: args.method, ..set };
+    let base = RegulariseParams { method: Regularise::SegmentCrf, ..RegulariseParams::default() };
+    let mut params = base.with_settings(args.set.iter().map(String::as_str))?;
+    params.method = args.method.unwrap_or(params.method);
+    params.strength = args.strength.unwrap_or(params.strength);
     params.validate()?;
     Ok(params)
 }

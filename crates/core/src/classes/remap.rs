@@ -59,6 +59,9 @@ impl FromStr for LabelMap {
             let (low, high) = from.split_once('-').unwrap_or((from, from));
             let code = |s: &str| s.trim().parse::<u32>().map_err(|_| bad(part));
             let (low, high, to) = (code(low)?, code(high)?, to.trim().parse::<u8>().map_err(|_| bad(part))?);
+            if low > high {
+                return Err(bad(part));
+            }
             (low..=high.min(255)).for_each(|from| map.set(from as u8, to));
             if high > 255 {
                 map.large.push([low.max(256), high, to.into()]);
@@ -76,7 +79,7 @@ mod tests {
     fn pairs_and_ranges_are_read() {
         let map: LabelMap = "3-4=5, 1=0".parse().unwrap();
         assert_eq!([0, 1, 2, 3, 4, 5].map(|c| map.apply(c)), [0, 0, 2, 5, 5, 5]);
-        assert!("3=256".parse::<LabelMap>().is_err());
+        assert!("3=256".parse::<LabelMap>().is_err() && "9-3=2".parse::<LabelMap>().is_err());
         let large: LabelMap = "250-259=20,1004=6,258=18".parse().unwrap();
         let of = |value: f64| large.of_value(value);
         assert_eq!([249.0, 250.0, 255.0, 257.0, 258.0, 1004.0].map(of), [249, 20, 20, 20, 18, 6].map(Some));

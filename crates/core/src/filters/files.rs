@@ -38,12 +38,7 @@ pub fn filter_file(input: &Path, output: &Path, params: &FilterParams, options: 
     let monitor = &options.monitor;
     let wanted = [names::CLASSIFICATION, names::HEIGHT_ABOVE_GROUND].map(String::from).to_vec();
     let metres_per_unit = params.metres_per_unit;
-    let read = ReadOptions {
-        columns: Columns::Only(wanted),
-        metres_per_unit,
-        monitor: monitor.clone(),
-        ..ReadOptions::default()
-    };
+    let read = ReadOptions { columns: Columns::Only(wanted), metres_per_unit, ..options.reading() };
     let cloud = io::read_with(input, &read)?;
     io::check_scale(input, output, &cloud, options)?;
     let Filtered { kept, noise, steps, mut notes } = filter(&cloud, params, monitor)?;

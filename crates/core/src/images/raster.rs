@@ -90,6 +90,10 @@ impl Raster {
     }
 
     fn put(&mut self, [u, v]: [f64; 2], half: i64, depth: f32, point: u32) {
+        let near = |place: f64, size: usize| (-MOST..size as f64 + MOST).contains(&place);
+        if !near(u, self.width) || !near(v, self.height) {
+            return;
+        }
         let (u, v) = (u.floor() as i64, v.floor() as i64);
         for y in (v - half).max(0)..=(v + half).min(self.height as i64 - 1) {
             for x in (u - half).max(0)..=(u + half).min(self.width as i64 - 1) {

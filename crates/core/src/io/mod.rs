@@ -45,7 +45,7 @@ pub use operations::{salvage, statistics};
 use crate::cloud::crs::{Unit, unit_of};
 use crate::cloud::{Cloud, Column};
 use crate::error::{Error, Result};
-use format::{Format, check_target, extension, format_of, is_las_name};
+use format::{Format, check_target, extension, format_of, is_label_name, is_las_name};
 use std::path::Path;
 
 /// One change made by [`rewrite`] or [`select`]; values in the order of the file.
@@ -208,6 +208,14 @@ fn provenance_beside(path: &Path) -> Option<String> {
 /// # Errors
 /// If the file cannot be opened, its header is malformed, or its kind is not supported.
 pub fn inspect(path: &Path) -> Result<FileInfo> {
+    inspect_with(path, &[])
+}
+
+/// As [`inspect()`], with names for the columns of text ([`ReadOptions::text_columns`]).
+///
+/// # Errors
+/// As [`inspect()`].
+pub fn inspect_with(path: &Path, text_columns: &[String]) -> Result<FileInfo> {
     let mut info = match format_of(path)? {
         Format::Las => las::inspect(path),
         Format::Pcd => pcd::inspect(path),
@@ -215,7 +223,7 @@ pub fn inspect(path: &Path) -> Result<FileInfo> {
         Format::Npz => npz::inspect(path),
         Format::Ptx => ptx::inspect(path),
         Format::Kitti => kitti::inspect(path),
-        Format::Text => text::inspect(path),
+        Format::Text => text::inspect(path, text_columns),
         Format::Ply => ply::inspect(path),
     }?;
     info.provenance = info.provenance.or_else(|| provenance_beside(path));

@@ -103,6 +103,12 @@ impl WriteOptions {
         }
     }
 
+    /// The options for reading the input.
+    pub(crate) fn reading(&self) -> ReadOptions {
+        let (monitor, text_columns) = (self.monitor.clone(), self.text_columns.clone());
+        ReadOptions { monitor, text_columns, ..ReadOptions::default() }
+    }
+
     /// Fails if a scale is requested for a copy from LAS to LAS, which keeps its own.
     pub(super) fn keeps_steps(&self) -> Result<()> {
         match self.scale {

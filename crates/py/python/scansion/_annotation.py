@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scansion import _core
+from scansion import _arrays, _core
 from scansion._cloud import PointCloud, as_cloud
 from scansion._labels import signed
 
@@ -96,7 +96,7 @@ def segment_colours(segments: ArrayLike) -> NDArray[np.uint8]:
     Parameters
     ----------
     segments : array_like of shape (n,)
-        Numbers of segments, 0 or more.
+        Numbers of segments, 0..4294967295.
 
     Returns
     -------
@@ -109,4 +109,4 @@ def segment_colours(segments: ArrayLike) -> NDArray[np.uint8]:
     >>> scansion.segment_colours([0, 1, 1]).tolist()[0]
     [190, 190, 190]
     """
-    return _core.segment_colours(np.ascontiguousarray(segments, dtype=np.uint32))
+    return _core.segment_colours(_arrays.segments(segments, "segments"))

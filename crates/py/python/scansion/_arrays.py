@@ -69,17 +69,42 @@ def codes(values: Any, name: str, length: int | None = None) -> NDArray[np.uint8
     array = column(values, name, length)
     if array.dtype == np.uint8:
         return array
-    wrong = ~((array >= 0) & (array <= 255) & (array == np.floor(array)))
-    if wrong.any():
-        first = int(np.flatnonzero(wrong)[0])
-        raise ValueError(f"{name}: expected whole numbers in 0..255, found {array[first]} at index {first}")
+    check_whole(array, name, 255)
     return array.astype(np.uint8)
+
+
+def segments(values: Any, name: str, length: int | None = None) -> NDArray[np.uint32]:
+    """``values`` as numbers of segments 0..4294967295, one a point."""
+    array = column(values, name, length)
+    check_whole(array, name, 0xFFFFFFFF)
+    return native(array, np.uint32)
+
+
+def check_whole(array: NDArray[Any], name: str, high: int) -> None:
+    """Refuses numbers that are not whole, negative, above ``high`` or NaN."""
+    wrong = (array < 0) | (array > high)
+    if array.dtype.kind == "f":
+        wrong |= array != np.floor(array)
+    refuse(wrong, array, f"{name}: expected whole numbers in 0..{high}")
+
+
+def finite(array: NDArray[Any], name: str) -> NDArray[Any]:
+    """The array, if it has neither NaN nor infinity."""
+    refuse(~np.isfinite(array), array, f"{name}: expected finite numbers")
+    return array
+
+
+def refuse(wrong: NDArray[np.bool_], array: NDArray[Any], message: str) -> None:
+    """Refuses an array with ``wrong`` numbers; the first of them is added to the message."""
+    if wrong.any():
+        at = np.unravel_index(int(wrong.argmax()), wrong.shape)
+        raise ValueError(f"{message}, found {array[at]} at index {', '.join(str(i) for i in at)}")
 
 
 def mask(values: Any, name: str, length: int | None = None) -> NDArray[np.bool_]:
     """``values`` as one truth value a point."""
     array = np.asarray(values)
-    if array.dtype != np.bool_:
+    if array.dtype != np.bool_ and array.size:
         raise TypeError(f"{name}: expected an array of bool, found dtype {array.dtype}")
     if array.ndim != 1 or (length is not None and len(array) != length):
         expected = "(n,)" if length is None else f"({length},)"

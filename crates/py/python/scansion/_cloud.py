@@ -304,7 +304,16 @@ class PointCloud:
         return from_laspy(cls, las)
 
     def to_laspy(self) -> Any:
-        """The cloud as ``laspy.LasData`` of LAS 1.4; needs the extra ``scansion[las]``."""
+        """The cloud as ``laspy.LasData`` of LAS 1.4; needs the extra ``scansion[las]``.
+
+        Scan angles are rounded to steps of 0.006 degrees.
+
+        Raises
+        ------
+        ValueError
+            A value does not fit its dimension of LAS, such as a class code above 255, an intensity above 65,535, a
+            fraction or NaN. `scansion.write` scales such intensities or keeps them in an extra dimension.
+        """
         return to_laspy(self)
 
 

@@ -16,7 +16,8 @@ from scansion._cloud import PointCloud, as_cloud
 def concatenate(clouds: Iterable[Any], *, columns: str = "same") -> PointCloud:
     """The points of several clouds, one after the other.
 
-    Coordinates of LAS files keep their integers if all have one scale and offset.
+    Coordinates of LAS files keep their integers if all have one scale and offset. Of several names of a class code
+    that of the first cloud is kept.
 
     Parameters
     ----------
@@ -57,6 +58,7 @@ def concatenate(clouds: Iterable[Any], *, columns: str = "same") -> PointCloud:
     for name in _names(parts, columns):
         whole._put(name, _joined(parts, name))
     whole.scheme = first.scheme if all(part.scheme == first.scheme for part in parts) else "own"
+    whole.class_names = {code: name for part in reversed(parts) for code, name in part.class_names.items()}
     return whole
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scansion import _core
+from scansion._arrays import check_whole, refuse
 from scansion._names import LASPY
 from scansion._units import METRES
 
@@ -16,6 +18,11 @@ if TYPE_CHECKING:
 _SCAN_ANGLE = "ScanAngle"
 _SCAN_ANGLE_UNIT = 0.006
 """Degrees in one unit of the scan angle of point formats 6 to 10 (LAS 1.4 R15)."""
+
+_LARGEST_ANGLE = 196.6
+"""Degrees that 16 bits hold in this unit."""
+_TIME = "GpsTime"
+"""The only dimension of floats."""
 
 _LINEAR_UNIT = 3076
 """The GeoTIFF key ProjLinearUnitsGeoKey."""
@@ -44,7 +51,7 @@ def from_laspy(kind: type[PointCloud], las: Any) -> PointCloud:
 
 
 def to_laspy(cloud: PointCloud) -> Any:
-    """The cloud as ``laspy.LasData`` of LAS 1.4."""
+    """The cloud as ``laspy.LasData`` of LAS 1.4; a value that its LAS dimension cannot hold is a ValueError."""
     import laspy
 
     core = cloud._core
@@ -67,13 +74,34 @@ def to_laspy(cloud: PointCloud) -> Any:
     for name in cloud.columns:
         values = cloud[name]
         if name == _SCAN_ANGLE:
-            las.scan_angle = np.round(values / _SCAN_ANGLE_UNIT).astype(np.int16)
+            las.scan_angle = _angle_steps(values)
         elif known.get(name) in set(header.point_format.dimension_names):
-            las[known[name]] = values
+            las[known[name]] = _held(values, name, header.point_format.dimension_by_name(known[name]).max)
         else:
             las.add_extra_dim(laspy.ExtraBytesParams(name=name, type=values.dtype))
             las[name] = values
     return las
+
+
+def _angle_steps(degrees: NDArray[Any]) -> NDArray[np.int16]:
+    """Scan angles in the unit of LAS, rounded."""
+    wrong = ~((degrees >= -_LARGEST_ANGLE) & (degrees <= _LARGEST_ANGLE))
+    refuse(wrong, degrees, f"{_SCAN_ANGLE}: expected degrees in -{_LARGEST_ANGLE}..{_LARGEST_ANGLE}")
+    return np.round(degrees / _SCAN_ANGLE_UNIT).astype(np.int16)
+
+
+def _held(values: NDArray[Any], name: str, high: float) -> NDArray[Any]:
+    """The values of a LAS dimension of numbers up to ``high``, if it can hold them."""
+    if name != _TIME:
+        check_whole(values, name, int(high))
+        return values.astype(np.uint16, copy=False)
+    if values.dtype.kind == "f":
+        return values
+    found = values.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        wrong = found.astype(values.dtype) != values
+    refuse(wrong, values, f"{name}: expected numbers that are exact as 64-bit floats")
+    return found
 
 
 def _laspy_crs(header: Any) -> str | None:

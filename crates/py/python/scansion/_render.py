@@ -45,7 +45,8 @@ def render(
     path : path, optional
         Also write the picture there, as ``.png``; a map gets a world file ``.pgw`` beside it.
     by : str
-        Quantity shown by colour: "class", "height", "rgb" (the points' own colour) or the name of a column.
+        Quantity shown by colour: "class", "height", "rgb" (the points' own colour) or the name of a column; with
+        ``truth`` only "class".
     view : {"map", "oblique"}
     azimuth, elevation : float
         Viewing direction of the oblique view, degrees clockwise from north, and the elevation of the viewpoint above the
@@ -63,7 +64,7 @@ def render(
         True class codes 0..255 of the cloud's class list (negative, and of LAS 0 and 1: unlabelled); the colours then show where
         the cloud's classes differ from them.
     classes : iterable of int
-        Compare only points whose true class is one of these; all by default.
+        With ``truth``: compare only points whose true class is one of these; all by default.
     changes : bool
         With ``truth``: a colour for each pair of a true class and another.
     clip : (float, float), optional
@@ -79,6 +80,11 @@ def render(
         sRGB.
     """
     choice(view, "view", ("map", "oblique"))
+    picked = [whole(code, "classes", 0) for code in classes]
+    if truth is not None and str(by).lower() != "class":
+        raise ValueError(f"by: found {by!r} with truth, expected 'class'")
+    if truth is None and (picked or changes):
+        raise ValueError(f"{'classes' if picked else 'changes'}: found without truth, expected with it")
     settings = {
         "by": by,
         "angles": (azimuth, elevation) if view == "oblique" else None,
@@ -91,7 +97,7 @@ def render(
         "changes": changes,
         "clip": None if clip is None else tuple(float(np.clip(end, -1e300, 1e300)) for end in clip),
         "lines": [_line(line) for line in contours],
-        "classes": [whole(code, "classes", 0) for code in classes],
+        "classes": picked,
     }
     target = None if path is None else os.fspath(path)
     if target is not None and isinstance(cloud, (str, os.PathLike)):

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import native, to_json
+from scansion._arrays import finite, mask, to_json
 from scansion._cloud import as_cloud
+from scansion._graph import as_rows
 from scansion._labels import signed
 from scansion._settings import seed, whole
 
@@ -38,7 +39,7 @@ def road_points(
     Parameters
     ----------
     features : array_like of shape (n, 4)
-        Linearity, planarity, scattering and verticality of each point, as from `scansion.neighbours.optimal`.
+        Linearity, planarity, scattering and verticality of each point, as from `scansion.neighbours.optimal`; finite.
     labels : array_like of shape (n,)
         1 for labelled points of the road, 0 for labelled points of other things, negative for all others.
     n_estimators : int
@@ -59,8 +60,8 @@ def road_points(
     >>> bool((found == (features[:, 3] < 0.3)).mean() > 0.8)
     True
     """
-    table = native(np.asarray(features), np.float32)
-    if table.ndim != 2 or table.shape[1] != 4:
+    table = finite(as_rows(features, "features"), "features")
+    if table.shape[1] != 4:
         raise ValueError(f"features: found shape {table.shape}, expected (n, 4)")
     known = signed(labels, "labels", len(table))
     if known.max(initial=-1) > 1:
@@ -109,6 +110,7 @@ def road_position(
     >>> found.area
     741.0
     """
-    mask = native(np.asarray(road), np.bool_)
+    cloud = as_cloud(xyz, columns=[])
+    marks = mask(road, "road", len(cloud))
     settings = to_json({"alpha": alpha, "thinning": thinning, "rim": rim})
-    return RoadPosition(*_core.road_position(as_cloud(xyz, columns=[])._core, mask, settings, metres_per_unit, n_jobs))
+    return RoadPosition(*_core.road_position(cloud._core, marks, settings, metres_per_unit, n_jobs))

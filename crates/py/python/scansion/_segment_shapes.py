@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import choice, column, native
+from scansion._arrays import choice, segments
 from scansion._cloud import as_cloud
 from scansion._graph import as_edges, as_weights
 
@@ -40,7 +40,7 @@ def segment_shapes(xyz: Any, labels: ArrayLike) -> SegmentShapes:
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     labels : array_like of shape (n,)
-        Segment of each point.
+        Segment of each point, 0..4294967295.
 
     Returns
     -------
@@ -57,8 +57,8 @@ def segment_shapes(xyz: Any, labels: ArrayLike) -> SegmentShapes:
     ([15, 15], [52.0, 51.0, 50.0], [4.0, 2.0, 0.0])
     """
     cloud = as_cloud(xyz, columns=[])
-    segments = native(column(labels, "labels", len(cloud)), np.uint32)
-    points, rows = _core.segment_shapes(cloud._core, segments)
+    of = segments(labels, "labels", len(cloud))
+    points, rows = _core.segment_shapes(cloud._core, of)
     centroid, low, high, centre, sides = (rows[:, first : first + 3] for first in range(0, 15, 3))
     return SegmentShapes(points, centroid, low, high, centre, sides, rows[:, 15:].reshape(-1, 3, 3))
 
@@ -73,7 +73,7 @@ def segment_graph(
     edges : array_like of shape (m, 2)
         Pairs of points.
     labels : array_like of shape (n,)
-        Segment of each point.
+        Segment of each point, 0..4294967295.
     weights : array_like of shape (m,), optional
         Weights of the edges; 1 by default.
     interface : {"count", "weight"}
@@ -93,6 +93,5 @@ def segment_graph(
     ([[0, 1]], [2.0])
     """
     choice(interface, "interface", ("count", "weight"))
-    pairs = as_edges(edges)
-    segments = native(column(labels, "labels"), np.uint32)
-    return _core.segment_graph(pairs, segments, as_weights(weights, len(pairs)), interface == "weight")
+    pairs, of = as_edges(edges), segments(labels, "labels")
+    return _core.segment_graph(pairs, of, as_weights(weights, len(pairs)), interface == "weight")

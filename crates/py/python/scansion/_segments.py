@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import column, native, to_json
+from scansion._arrays import column, finite, native, to_json
 from scansion._classifier import PointClassifier
 from scansion._cloud import measured
 from scansion._labels import signed
@@ -158,7 +158,7 @@ def suggest(
     model : PointClassifier, WeakClassifier or path, optional
         The model to improve: segments that it is unsure of come first.
     uncertainty : array_like of shape (n,), optional
-        Uncertainty of each point, 0..1, in place of the model's; all are 1 without either.
+        Uncertainty of each point, 0..1 (finite), in place of the model's; all are 1 without either.
     labels : array_like of shape (n,), optional
         Labels of earlier rounds, codes 0..255 (negative, and 0 and 1 of a cloud from LAS: unlabelled): segments that contain
         one are left out.
@@ -208,7 +208,8 @@ def suggest(
         doubt = said.probabilities
         offer = dict(zip(model.codes_.tolist(), model.class_names_, strict=True)) if offer is None else offer
     elif uncertainty is not None:
-        doubt = native(column(uncertainty, "uncertainty", len(points)), np.float32).reshape(-1, 1)
+        given = finite(column(uncertainty, "uncertainty", len(points)), "uncertainty")
+        doubt = native(given, np.float32).reshape(-1, 1)
     html = None if page is None else (os.fspath(page), _offered(offer))
     known = labelled or labels is not None
     clusters, found = _core.suggest(points._core, text, settings, aim, wishes, size, doubt, known, html, n_jobs)

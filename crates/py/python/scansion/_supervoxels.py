@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import choice, column, native, to_json
+from scansion._arrays import choice, column, native, segments, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import as_rows
 
@@ -85,7 +85,7 @@ def object_features(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     labels : array_like of shape (n,)
-        Segment of each point, 0 or more.
+        Segment of each point, 0..4294967295.
     colours : array_like of shape (n, 3), optional
         Red, green and blue, 0..1.
     heights : array_like of shape (n,), optional
@@ -107,7 +107,7 @@ def object_features(
     ((2, 9), 1.0)
     """
     cloud = as_cloud(xyz, columns=[])
-    of = native(column(labels, "labels", len(cloud)), np.uint32)
+    of = segments(labels, "labels", len(cloud))
     above = None if heights is None else native(column(heights, "heights", len(cloud)), np.float32)
     return _core.object_features(cloud._core, of, _triples(colours, "colours", len(cloud)), above, n_jobs)
 

@@ -122,9 +122,11 @@ class TableClassifier(Classifier):
         ----------
         X : array_like of shape (n_samples, n_features)
         y : array_like of shape (n_samples,)
+            Class labels as for `fit`.
         sample_weight : array_like of shape (n_samples,), optional
         """
-        right = self.predict(X) == np.asarray(y)
+        found = self.predict(X)
+        right = found == _validation.labels(y, len(found), type(self).__name__)
         return float(np.average(right, weights=None if sample_weight is None else np.asarray(sample_weight)))
 
     @property

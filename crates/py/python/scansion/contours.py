@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import choice, codes, to_json
+from scansion._arrays import choice, codes, mask, to_json
 from scansion._classifier import PointClassifier
 from scansion._cloud import PointCloud, as_cloud
 from scansion._settings import dotted_settings, seed
@@ -429,7 +429,7 @@ def score_points(
     0.5
     """
     rows = np.ascontiguousarray(points, np.float64).reshape(-1, 3)
-    marked, true = (np.ascontiguousarray(mark, bool).reshape(-1) for mark in (found, reference))
+    marked, true = mask(found, "found"), mask(reference, "reference")
     params = to_json({"forgiven": forgiven})
     scores: dict[str, float | None] = json.loads(_core.score_points(rows, marked, true, params))
     return scores

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scansion import _core
-from scansion._arrays import choice, column, native, to_json
+from scansion._arrays import choice, segments, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import as_edges
 from scansion._labels import classes_of, encoded, is_text, signed, texts
@@ -199,7 +199,7 @@ def segmentation_error(
     xyz : PointCloud, path, laspy.LasData, structured array or array_like of shape (n, 3)
         The cloud; all coordinates finite.
     labels : array_like of shape (n,)
-        Segment of each point.
+        Segment of each point, 0..4294967295.
     truth : array_like of shape (n,)
         Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
     cell : float
@@ -225,12 +225,12 @@ def segmentation_error(
     """
     choice(empty, "empty", ("ignored", "background"))
     cloud = as_cloud(xyz, columns=[])
-    segments = native(column(labels, "labels", len(cloud)), np.uint32)
+    of = segments(labels, "labels", len(cloud))
     settings = to_json({"cell": cell, "empty": empty})
     codes_of = _pair(truth, truth, unlabelled).truth
     if len(codes_of) != len(cloud):
         raise ValueError(f"truth: expected shape ({len(cloud)},), found ({len(codes_of)},)")
-    found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, segments, codes_of, settings))
+    found: dict[str, Any] = json.loads(_core.segmentation_error(cloud._core, of, codes_of, settings))
     return found
 
 
@@ -276,7 +276,7 @@ def purities(labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any] = ()
     Parameters
     ----------
     labels : array_like of shape (n,)
-        Segment of each point.
+        Segment of each point, 0..4294967295.
     truth : array_like of shape (n,)
         Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
     unlabelled : iterable of int or str
@@ -293,8 +293,8 @@ def purities(labels: ArrayLike, truth: ArrayLike, unlabelled: Iterable[Any] = ()
     >>> purities([5, 5, 3, 3], [2, 2, 6, 2]).tolist()
     [1.0, 0.5]
     """
-    segments, codes_of = _segments(labels, truth, unlabelled)
-    return _core.purities(segments, codes_of)
+    of, codes_of = _segments(labels, truth, unlabelled)
+    return _core.purities(of, codes_of)
 
 
 def boundary_scores(
@@ -307,7 +307,7 @@ def boundary_scores(
     edges : array_like of shape (m, 2)
         Pairs of points, e.g. of `scansion.graph.knn_graph`.
     labels : array_like of shape (n,)
-        Segment of each point.
+        Segment of each point, 0..4294967295.
     truth : array_like of shape (n,)
         Class codes 0..255 (negative: unlabelled), or text (None: unlabelled).
     hops : int
@@ -327,8 +327,8 @@ def boundary_scores(
     >>> found["recall"], found["true_edges"]
     (0.0, 1)
     """
-    segments, codes_of = _segments(labels, truth, unlabelled)
-    found: dict[str, Any] = json.loads(_core.boundary_scores(as_edges(edges), segments, codes_of, hops))
+    of, codes_of = _segments(labels, truth, unlabelled)
+    found: dict[str, Any] = json.loads(_core.boundary_scores(as_edges(edges), of, codes_of, hops))
     return found
 
 
@@ -337,4 +337,4 @@ def _segments(
 ) -> tuple[NDArray[np.uint32], NDArray[np.int16]]:
     """Segments and codes of the same points."""
     codes_of = _pair(truth, truth, unlabelled).truth
-    return native(column(labels, "labels", len(codes_of)), np.uint32), codes_of
+    return segments(labels, "labels", len(codes_of)), codes_of

@@ -181,8 +181,8 @@ def filter_file(
     mark : bool
         Keep outliers, with class 7 (noise).
     height : tuple of two floats, optional
-        Lowest and greatest height above ground, metres; None at one end has no limit. Heights are those of the dimension
-        HeightAboveGround if the file has it.
+        Lowest and greatest height above ground, metres; None at one end, or infinity, has no limit. Heights are those
+        of the dimension HeightAboveGround if the file has it.
     ground : "filter" or list of int, optional
         Find the ground by the ground filter, or take the points of these classes. None takes class 2 if the file has such
         points, else the ground filter.
@@ -251,9 +251,12 @@ def _method(setting: bool | Mapping[str, Any]) -> Any:
 
 
 def _range(height: tuple[float | None, float | None]) -> dict[str, float]:
-    """The ends of a range that has them."""
+    """The ends of a range that are limits."""
     low, high = height
-    return {name: float(end) for name, end in (("low", low), ("high", high)) if end is not None and np.isfinite(end)}
+    ends = {"low": -np.inf if low is None else float(low), "high": np.inf if high is None else float(high)}
+    if not (ends["low"] < np.inf and ends["high"] > -np.inf):
+        raise ValueError(f"height: found {height}, expected two numbers; None, -inf and inf have no limit")
+    return {name: end for name, end in ends.items() if np.isfinite(end)}
 
 
 def _text(polygon: Any) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import as_array, choice, to_json
+from scansion._arrays import as_array, choice, finite, to_json
 from scansion._cloud import as_cloud
 from scansion._graph import as_edges, as_rows, as_weights
 from scansion._settings import dotted_settings, together
@@ -108,7 +108,7 @@ def regularize(
     """
     choice(method, "method", METHODS)
     given = together(settings, method=method, strength=strength)
-    rows = as_rows(probabilities, "probabilities")
+    rows = finite(as_rows(probabilities, "probabilities"), "probabilities")
     cloud = as_cloud(xyz, columns=[])._core
     return Regularized(*_core.regularize(cloud, rows, dotted_settings(given, "regularise."), metres_per_unit, n_jobs))
 
@@ -346,7 +346,7 @@ def local_smoothing(
     [0, 0, 0]
     """
     pairs = as_edges(edges)
-    problem = (as_rows(probabilities, "probabilities"), pairs, as_weights(weights, len(pairs)))
+    problem = (finite(as_rows(probabilities, "probabilities"), "probabilities"), pairs, as_weights(weights, len(pairs)))
     return _core.local_smoothing(problem, n_jobs)
 
 
@@ -376,6 +376,4 @@ def _label_costs(costs: Any) -> list[float]:
 
 
 def _finite(values: Any, name: str) -> list[float]:
-    if not np.isfinite(values).all():
-        raise ValueError(f"{name}: expected finite numbers, found NaN or infinity")
-    return [float(value) for value in values]
+    return [float(value) for value in finite(values, name)]

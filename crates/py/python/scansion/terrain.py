@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scansion import _core
-from scansion._arrays import native, to_json
+from scansion._arrays import mask, to_json
 from scansion._cloud import as_cloud
 from scansion._footprints import footprints, write_footprints
 from scansion._height_contours import HeightContours, contours
@@ -151,8 +151,6 @@ def heights(
     cloud = as_cloud(xyz, columns=[])
     if ground is None:
         ground = ground_points(cloud, metres_per_unit=metres_per_unit, n_jobs=n_jobs)
-    mask = native(np.asarray(ground), np.bool_)
-    if mask.shape != (len(cloud),):
-        raise ValueError(f"ground: expected shape ({len(cloud)},), found {mask.shape}")
+    marks = mask(ground, "ground", len(cloud))
     settings = to_json({"cell": cell, "percentile": percentile, "median": median})
-    return _core.heights(cloud._core, mask, settings, metres_per_unit, n_jobs)
+    return _core.heights(cloud._core, marks, settings, metres_per_unit, n_jobs)

@@ -5,7 +5,8 @@ use crate::cloud::crs;
 use crate::error::{Error, Result};
 use crate::io::atomic::check_place;
 use crate::io::{
-    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, inspect, is_las_name, las, read_with, run, write,
+    Bounds, ReadOptions, RewriteReport, WriteOptions, check_target, inspect, is_label_name, is_las_name, las,
+    read_with, run, write,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -39,7 +40,7 @@ impl ConvertParams {
     /// The options for reading the input.
     fn part(&self, options: &WriteOptions) -> ReadOptions {
         let (bounds, resolution) = (self.bounds, self.resolution);
-        ReadOptions { bounds, resolution, monitor: options.monitor.clone(), ..ReadOptions::default() }
+        ReadOptions { bounds, resolution, ..options.reading() }
     }
 }
 
@@ -76,7 +77,11 @@ fn convert_any(input: &Path, output: &Path, params: &ConvertParams, options: &Wr
     let records = if from_las { lost_records(input)? } else { Vec::new() };
     write(output, &cloud, options)?;
     options.monitor.stage("check", cloud.len() as u64);
-    let back = read_with(output, &ReadOptions { bounds: None, resolution: None, ..part });
+    if is_label_name(output) {
+        let notes = vec!["not kept: all but the classes".into()];
+        return Ok(RewriteReport { points: cloud.len() as u64, notes });
+    }
+    let back = read_with(output, &ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() });
     let mut notes = match back.and_then(|back| losses(&cloud, &back, options)) {
         // The output is complete; only the comparison needs the cloud in memory twice.
         Err(e @ Error::Memory { .. }) => vec![format!("not compared with the input: {e}")],
@@ -126,7 +131,6 @@ mod tests {
     use super::*;
     use crate::cloud::{Cloud, Column, Values};
     use crate::io::{self, diff};
-    use crate::parallel::Monitor;
     use std::path::PathBuf;
 
     fn file(folder: &Path, name: &str) -> PathBuf {
@@ -150,7 +154,7 @@ mod tests {
         let (las, ply) = (folder.path().join("b.las"), folder.path().join("b.ply"));
         let (params, options) = (ConvertParams::default(), WriteOptions::default());
         assert!(convert(&source, &las, &params, &options).unwrap().notes.is_empty());
-        assert!(diff(&source, &las, &Monitor::default()).unwrap().is_empty());
+        assert!(diff(&source, &las, &ReadOptions::default()).unwrap().is_empty());
         let notes = convert(&source, &ply, &params, &options).unwrap().notes.join("; ");
         assert!(notes.contains("Id: rounded in") && notes.contains("reference system"), "{notes}");
         assert!(!notes.contains("Classification") && !notes.contains("GpsTime"), "{notes}");
@@ -164,7 +168,7 @@ mod tests {
         let to = |format| ConvertParams { point_format: Some(format), ..Default::default() };
         convert(&source, &target, &to(8), &WriteOptions::default()).unwrap();
         assert_eq!(inspect(&target).unwrap().point_format, Some(8));
-        let found = diff(&source, &target, &Monitor::default()).unwrap();
+        let found = diff(&source, &target, &ReadOptions::default()).unwrap();
         assert!(found.fields.is_empty(), "{found:?}");
         assert_eq!(found.only_in, [vec![], ["Red", "Green", "Blue", "Infrared"].map(String::from).to_vec()]);
         let message = convert(&target, &source, &to(1), &WriteOptions::default()).unwrap_err().to_string();

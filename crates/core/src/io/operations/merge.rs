@@ -1,5 +1,6 @@
 //! Merges several files into one.
 
+use super::select::lost_system;
 use crate::cloud::crs::same_length;
 use crate::cloud::{Cloud, CodeScheme, Column, Coordinates, Values};
 use crate::error::{Error, Result};
@@ -37,9 +38,9 @@ fn merge_any(inputs: &[PathBuf], output: &Path, options: &WriteOptions) -> Resul
         return las::merge(inputs, output, options);
     }
     check_place(output)?;
-    let read = ReadOptions { monitor: options.monitor.clone(), ..ReadOptions::default() };
-    let (cloud, notes) = read_together(inputs, &read)?;
+    let (cloud, mut notes) = read_together(inputs, &options.reading())?;
     write(output, &cloud, options)?;
+    notes.extend(lost_system(&cloud, output));
     Ok(RewriteReport { points: cloud.len() as u64, notes })
 }
 

@@ -3,8 +3,8 @@
 use crate::cloud::{Cloud, Column, OwnClass, Values, names};
 use crate::error::Result;
 use crate::io::{
-    Edit, ReadOptions, RewriteReport, Selection, WriteOptions, atomic, check_target, is_las_name, las, read_with, run,
-    write,
+    Edit, RewriteReport, Selection, WriteOptions, atomic, check_target, extension, is_label_name, is_las_name, las,
+    read_with, run, write,
 };
 use std::path::{Path, PathBuf};
 
@@ -34,8 +34,7 @@ fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &
         options.keeps_steps()?;
         return las::select(input, output, selection, options);
     }
-    let (monitor, text_columns) = (options.monitor.clone(), options.text_columns.clone());
-    let mut cloud = read_with(input, &ReadOptions { monitor, text_columns, ..ReadOptions::default() })?;
+    let mut cloud = read_with(input, &options.reading())?;
     apply(&mut cloud, selection.edits)?;
     selection.check(cloud.len() as u64)?;
     if let Some(kept) = selection.kept {
@@ -49,7 +48,19 @@ fn select_any(input: &Path, output: &Path, selection: &Selection<'_>, options: &
             run::run(rules, || atomic::write_bytes(&beside(output), text.as_bytes()))?;
         }
     }
-    Ok(RewriteReport { points: cloud.len() as u64, notes: Vec::new() })
+    Ok(RewriteReport { points: cloud.len() as u64, notes: lost_system(&cloud, output) })
+}
+
+/// That the output has no room for the reference system or the unit of a cloud.
+pub(super) fn lost_system(cloud: &Cloud, output: &Path) -> Vec<String> {
+    if is_las_name(output) || is_label_name(output) || extension(output) == "npz" {
+        return Vec::new();
+    }
+    match (&cloud.crs, cloud.metres_per_unit) {
+        (Some(_), _) => vec!["not kept: the coordinate reference system".into()],
+        (None, Some(metres)) => vec![format!("not kept: the unit of {metres} m")],
+        (None, None) => Vec::new(),
+    }
 }
 
 /// The file beside a cloud that tells how its classes were made, for formats without a record for that: `NAME.EXT.json`.
@@ -94,8 +105,8 @@ pub(super) fn apply(cloud: &mut Cloud, edits: &[Edit]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::ReadOptions;
     use crate::io::{diff, inspect, read};
-    use crate::parallel::Monitor;
 
     fn cloud() -> Cloud {
         let rows: Vec<[f64; 3]> =
@@ -125,7 +136,7 @@ mod tests {
             let codes = indices.iter().map(|i| (i % 31) as u8).collect();
             expected.set_column(Column::new(names::CLASSIFICATION, Values::U8(codes))).unwrap();
             write(&path("c.las"), &expected, &WriteOptions::default()).unwrap();
-            assert_eq!(diff(&path("c.las"), &path(to), &Monitor::default()).unwrap().fields, [], "{from} {to}");
+            assert_eq!(diff(&path("c.las"), &path(to), &ReadOptions::default()).unwrap().fields, [], "{from} {to}");
             let (expected, found) = (inspect(&path("c.las")).unwrap(), inspect(&path(to)).unwrap());
             assert_eq!((found.points, found.bounds.is_none()), (12_000, to.ends_with("ply") || to.ends_with("npz")));
             if to.contains(".la") {

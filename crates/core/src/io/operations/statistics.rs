@@ -121,7 +121,8 @@ fn classes(cloud: &Cloud, monitor: &Monitor) -> Result<Vec<(u8, u64)>> {
     let mut counts = [0u64; 256];
     if let Some(column) = cloud.column(names::CLASSIFICATION) {
         for piece in watched(cloud.len(), monitor) {
-            piece?.for_each(|i| counts[usize::from(column.values.get(i) as u8)] += 1);
+            let codes = piece?.map(|i| column.values.get(i)).filter(|&code| code <= 255.0);
+            codes.for_each(|code| counts[usize::from(code as u8)] += 1);
         }
     }
     Ok((0..=255u8).map(|c| (c, counts[usize::from(c)])).filter(|(_, n)| *n > 0).collect())
@@ -134,6 +135,12 @@ fn warnings(statistics: &Statistics, cloud: &Cloud, info: &FileInfo, monitor: &M
             warnings.push(format!("{count} {what}"));
         }
     };
+    let codes = statistics.classes.iter().map(|(_, points)| points).sum::<u64>();
+    let classed = cloud.column(names::CLASSIFICATION).map_or(0, |_| cloud.len() as u64);
+    say(
+        classed - codes,
+        "points have classes above 255, which are not counted (convert and --map give them other codes)",
+    );
     say(statistics.not_finite, "points have coordinates that are not finite; they are left unclassified");
     say(statistics.duplicates, "points lie exactly where another one lies");
     say(statistics.outside_bounds, "points lie outside the bounds in the header");

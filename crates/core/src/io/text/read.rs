@@ -191,8 +191,8 @@ fn typed(name: &str, numbers: &[f64]) -> Option<Values> {
 }
 
 /// Names from the first lines, number of points from the number of lines; no number is parsed.
-pub(in crate::io) fn inspect(path: &Path) -> Result<FileInfo> {
-    let reader = Reader::open(path, &ReadOptions::default())?;
+pub(in crate::io) fn inspect(path: &Path, text_columns: &[String]) -> Result<FileInfo> {
+    let reader = Reader::open(path, &ReadOptions { text_columns: text_columns.to_vec(), ..ReadOptions::default() })?;
     let mut pieces = reader.pieces;
     let holding = |piece: &[u8]| crate::io::lines::lines(piece).filter(|line| super::holds(line)).count() as u64;
     let mut points = reader.first.as_deref().map_or(0, holding);

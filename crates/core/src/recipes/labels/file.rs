@@ -6,7 +6,7 @@ use crate::filters::ClassArea;
 use crate::io::{LabelRow, LabelTable, LabelledSegment};
 use crate::neighbours::nearest_of;
 use crate::parallel::Monitor;
-use crate::recipes::Labels;
+use crate::recipes::{LabelParams, Labels};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -87,6 +87,20 @@ impl LabelFile {
             }
             false => Ok(Self { table: LabelTable::read(path)?, areas: Vec::new() }),
         }
+    }
+
+    /// The same with the classes that the map of `params` gives them, without those that are unlabelled or not among its classes.
+    #[must_use]
+    pub fn changed(mut self, params: &LabelParams) -> Self {
+        let change = |code: &mut u8| {
+            *code = params.map.apply(*code);
+            let known = params.classes.is_empty() || params.classes.contains(code);
+            known && !params.unlabelled.iter().flatten().any(|none| none == code)
+        };
+        self.table.positions.retain_mut(|row| change(&mut row.code));
+        self.table.segments.retain_mut(|row| change(&mut row.code));
+        self.areas.retain_mut(|area| change(&mut area.code));
+        self
     }
 
     /// Labels at the points of a cloud whose class is in `labels`.

@@ -136,10 +136,7 @@ class VoxelClassifier(Classifier):
         progress : bool or callable, optional
             As `scansion.progress`.
         """
-        labels = np.asarray(y)
-        if labels.ndim != 1:
-            raise ValueError(f"y: found shape {labels.shape}, expected (n,)")
-        labels, kind = _kind(labels)
+        labels, kind = _kind(y)
         self.classes_, codes = np.unique(labels, return_inverse=True)
         objects, self.shape_ = samples(X, codes, whole(self.resolution, "resolution", 2))
         self.settings_ = self._settings()
@@ -210,7 +207,10 @@ class VoxelClassifier(Classifier):
         y : array of shape (n,)
             Their labels.
         """
-        return float((self.predict(X) == np.asarray(y)).mean())
+        found, (labels, _) = self.predict(X), _kind(y)
+        if len(labels) != len(found):
+            raise ValueError(f"y: found {len(labels)} labels, expected {len(found)}")
+        return float((found == labels).mean())
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the network to a file, which :func:`scansion.nn.load_weights` reads too.
@@ -245,8 +245,11 @@ class VoxelClassifier(Classifier):
         return self._model.weights()
 
 
-def _kind(labels: NDArray[Any]) -> tuple[NDArray[Any], str]:
+def _kind(y: Any) -> tuple[NDArray[Any], str]:
     """The labels as numbers or texts, and which of them they are, by the core's name."""
+    labels = np.asarray(y)
+    if labels.ndim != 1:
+        raise ValueError(f"y: found shape {labels.shape}, expected (n,)")
     if labels.dtype.kind == "O":
         if all(isinstance(label, str) for label in labels):
             labels = labels.astype(np.str_)

@@ -115,7 +115,9 @@ mod tests {
                 told(&|m| drop(io::convert(file, &out.with_extension("ply"), &Default::default(), &write(m)).unwrap()));
                 told(&|m| drop(io::rewrite(file, &out, &[], &write(m)).unwrap()));
                 told(&|m| drop(io::merge(&[file.clone(), sound.clone()], &out, &write(m)).unwrap()));
-                told(&|m| drop(io::diff(file, &sound, m).unwrap()));
+                told(&|m| {
+                    drop(io::diff(file, &sound, &ReadOptions { monitor: m.clone(), ..ReadOptions::default() }).unwrap())
+                });
             }
         }
     }

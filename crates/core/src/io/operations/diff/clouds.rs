@@ -9,9 +9,9 @@ use crate::io::{ReadOptions, read_with};
 use crate::parallel::Monitor;
 use std::path::Path;
 
-pub(super) fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> {
-    let read = |path| read_with(path, &ReadOptions { monitor: monitor.clone(), ..ReadOptions::default() });
-    compare(&read(a)?, &read(b)?, monitor)
+pub(super) fn diff(a: &Path, b: &Path, options: &ReadOptions) -> Result<Difference> {
+    let read = |path| read_with(path, options);
+    compare(&read(a)?, &read(b)?, &options.monitor)
 }
 
 /// Compares two clouds column by column.

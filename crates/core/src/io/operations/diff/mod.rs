@@ -8,8 +8,7 @@ mod tally;
 pub(super) use clouds::compare;
 
 use crate::error::Result;
-use crate::io::las;
-use crate::parallel::Monitor;
+use crate::io::{ReadOptions, las};
 use serde::Serialize;
 use std::path::Path;
 
@@ -117,12 +116,14 @@ impl Difference {
 /// with a tolerance of a thousandth of the finer tick; scan angles in the two units of LAS with a tolerance of half a
 /// unit.
 ///
+/// All columns are compared; of the options the unit, the names of the columns of text and the monitor count.
+///
 /// # Errors
 /// If a file cannot be read or the work was cancelled.
-pub fn diff(a: &Path, b: &Path, monitor: &Monitor) -> Result<Difference> {
-    crate::io::run::joined(monitor, || match las::is_las(a)? && las::is_las(b)? {
-        true => points::diff(a, b, monitor),
-        false => clouds::diff(a, b, monitor),
+pub fn diff(a: &Path, b: &Path, options: &ReadOptions) -> Result<Difference> {
+    crate::io::run::joined(&options.monitor, || match las::is_las(a)? && las::is_las(b)? {
+        true => points::diff(a, b, &options.monitor),
+        false => clouds::diff(a, b, options),
     })
 }
 
@@ -145,7 +146,7 @@ mod tests {
     }
 
     fn compare(a: &Path, b: &Path) -> Difference {
-        diff(a, b, &Monitor::default()).unwrap()
+        diff(a, b, &ReadOptions::default()).unwrap()
     }
 
     #[test]

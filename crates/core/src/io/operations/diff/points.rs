@@ -107,11 +107,13 @@ fn types(tallies: &[Tally], layouts: &[Layout; 2]) -> Vec<Changed> {
     both.filter(|(_, a, b)| a != b).map(|(name, a, b)| Changed::new(name, a, b)).collect()
 }
 
-/// Adds the pairs of codes to a table of 256 x 256 counts.
+/// Adds the pairs of codes to a table of 256 x 256 counts; those with another code are left out.
 pub(super) fn count_classes(counts: &mut [u64], a: &Values, b: &Values) {
     for i in 0..a.len().min(b.len()) {
-        let (from, to) = (a.get(i) as u8, b.get(i) as u8);
-        counts[usize::from(from) << 8 | usize::from(to)] += 1;
+        let (from, to) = (a.get(i), b.get(i));
+        if from <= 255.0 && to <= 255.0 {
+            counts[usize::from(from as u8) << 8 | usize::from(to as u8)] += 1;
+        }
     }
 }
 

@@ -1,0 +1,186 @@
+//! Options have an effect in every command that takes them, and values that do not fit are not changed in silence.
+
+use scansion_core::cloud::{Cloud, Column, Values, names};
+use scansion_core::io::{self, WriteOptions};
+use scansion_tests::street;
+use std::path::Path;
+
+scansion_tests::program!(done, ends, fails);
+
+fn save(folder: &Path, name: &str, cloud: &Cloud) {
+    io::write(&folder.join(name), cloud, &WriteOptions::default()).unwrap();
+}
+
+/// Ten rows without names: class, x, y, z; x is 0 to 9, y ten times and z a hundred times that.
+fn without_names(folder: &Path, name: &str) {
+    let rows = (0..10).map(|i| format!("{} {}.0 {}.5 {}.25\n", 2 + 4 * (i % 2), i, 10 * i, 100 * i));
+    std::fs::write(folder.join(name), rows.collect::<String>()).unwrap();
+}
+
+#[test]
+fn names_of_columns_count_in_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    without_names(f, "a.txt");
+    without_names(f, "b.txt");
+    let with = |rest: &[&str]| done(f, &[rest, &["--columns", "class,x,y,z"]].concat());
+    let check = |name: &str, count: usize| {
+        let cloud = io::read(&f.join(name)).unwrap();
+        assert_eq!(cloud.len(), count, "{name}");
+        let last = cloud.xyz(count - 1);
+        assert!((last[1] - 10.0 * last[0] - 0.5).abs() < 1e-9 && last[2] == 100.0 * last[0] + 0.25, "{name}: {last:?}");
+        let class = cloud.column(names::CLASSIFICATION).unwrap().values.get(count - 1);
+        assert_eq!(class, if last[0] as usize % 2 == 0 { 2.0 } else { 6.0 }, "{name}");
+    };
+    with(&["convert", "a.txt", "convert.las"]);
+    check("convert.las", 10);
+    with(&["convert", "a.txt", "convert.csv"]);
+    assert_eq!(io::read(&f.join("convert.csv")).unwrap().xyz(3), [3.0, 30.5, 300.25]);
+    with(&["merge", "a.txt", "b.txt", "-o", "merge.las"]);
+    check("merge.las", 20);
+    with(&["filter", "a.txt", "-o", "bounds.las", "--bounds", "0,0,4.5,100"]);
+    check("bounds.las", 5);
+    with(&["filter", "a.txt", "-o", "classes.las", "--classes", "6"]);
+    check("classes.las", 5);
+    // LAS has columns of its own; coordinates and classes are equal.
+    let (told, _) = ends(f, &["diff", "a.txt", "convert.las", "--columns", "class,x,y,z"], 1);
+    assert!(told.contains("only new") && !told.contains("Classification differ"), "{told}");
+    let told = with(&["info", "a.txt"]);
+    assert!(told.contains("Classification"), "{told}");
+}
+
+#[test]
+fn a_file_of_labels_alone_is_a_complete_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    save(f, "a.las", &street(10.0, 1));
+    for output in ["a.labels", "a.label"] {
+        done(f, &["convert", "a.las", output]);
+        assert!(f.join(output).is_file());
+    }
+}
+
+#[test]
+fn classes_above_255_are_never_taken_for_255() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = street(10.0, 2);
+    let count = cloud.len();
+    let codes = (0..count).map(|i| if i < 600 { 259 } else { 1 }).collect();
+    cloud.set_column(Column::new(names::CLASSIFICATION, Values::U16(codes))).unwrap();
+    save(f, "a.ply", &cloud);
+    let text = fails(f, &["classify", "a.ply", "-o", "b.ply", "--force", "--only-unclassified"], 4);
+    assert!(text.contains("class 259") && !f.join("b.ply").exists(), "{text}");
+    let told = done(f, &["info", "--stats", "a.ply"]);
+    assert!(told.contains("600 points have classes above 255") && !told.contains("class 255"), "{told}");
+    let less = Values::U16((0..count).map(|i| if i < 600 { 255 } else { 1 }).collect());
+    cloud.set_column(Column::new(names::CLASSIFICATION, less)).unwrap();
+    save(f, "c.ply", &cloud);
+    let (told, _) = ends(f, &["diff", "a.ply", "c.ply"], 1);
+    assert!(!told.contains("255"), "{told}");
+}
+
+#[test]
+fn maps_and_lists_of_classes_count_for_picked_labels() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let cloud = street(20.0, 3);
+    save(f, "a.las", &cloud);
+    let codes = cloud.column(names::CLASSIFICATION).unwrap();
+    let mut table = "x,y,z,class\n".to_string();
+    for i in (0..cloud.len()).step_by(20) {
+        let [x, y, z] = cloud.xyz(i);
+        table += &format!("{x},{y},{z},{}\n", codes.values.get(i));
+    }
+    std::fs::write(f.join("l.csv"), table).unwrap();
+    let train = |rest: &[&str]| {
+        let first = ["train", "a.las", "--weak-labels", "l.csv", "-o", "o.model", "--overwrite"];
+        done(f, &[&first[..], rest, &["--set", "forest.trees=2", "--set", "features.pyramid.levels=2"]].concat());
+        done(f, &["model", "show", "o.model"])
+    };
+    let all = train(&[]);
+    assert!(all.contains("building") && !all.contains("64"), "{all}");
+    let mapped = train(&["--map", "6=64"]);
+    assert!(mapped.contains("64"), "{mapped}");
+    let some = train(&["--classes", "2,6"]);
+    assert!(some.contains("building") && !some.contains("egetation"), "{some}");
+}
+
+#[test]
+fn settings_of_regularize_count_and_flags_count_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = street(10.0, 4);
+    let share: Vec<f32> = (0..cloud.len()).map(|i| if i % 3 == 0 { 0.4 } else { 0.7 }).collect();
+    let rest = share.iter().map(|p| 1.0 - p).collect();
+    cloud.set_column(Column::new("P_ground", Values::F32(share))).unwrap();
+    cloud.set_column(Column::new("P_building", Values::F32(rest))).unwrap();
+    save(f, "a.ply", &cloud);
+    let energy = |rest: &[&str]| {
+        let first = ["regularize", "a.ply", "-o", "b.ply", "--overwrite", "--format", "json"];
+        let told = done(f, &[&first[..], rest].concat());
+        told.split("\"energy\":").nth(1).unwrap().split('}').next().unwrap().to_string()
+    };
+    assert_eq!(energy(&["--set", "regularise.method=none"]), "null");
+    assert_ne!(energy(&[]), "null");
+    assert_ne!(energy(&["--set", "regularise.method=none", "--method", "point-crf"]), "null");
+    let weak = ["--method", "point-crf", "--set", "regularise.strength=0.001"];
+    assert_ne!(energy(&weak), energy(&[&weak[..], &["--strength", "5"]].concat()));
+}
+
+#[test]
+fn a_point_far_away_is_not_drawn_and_stops_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let rows = (0..500).map(|i| format!("{},{},{}\n", i % 25, i / 25, i % 3)).collect::<String>();
+    std::fs::write(f.join("a.csv"), format!("x,y,z\n{rows}1e300,5,0\n3.4e38,-1e290,0\n")).unwrap();
+    done(f, &["render", "a.csv", "-o", "a.png", "--by", "height"]);
+    assert!(f.join("a.png").is_file());
+}
+
+#[test]
+fn a_lost_reference_system_is_told_by_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let mut cloud = street(10.0, 5);
+    cloud.crs = Some("EPSG:2056".into());
+    save(f, "a.laz", &cloud);
+    save(f, "b.laz", &cloud);
+    for command in
+        [&["merge", "a.laz", "b.laz", "-o", "c.ply"][..], &["filter", "a.laz", "-o", "d.ply", "--classes", "2"]]
+    {
+        let output = PROGRAM.run(f, command);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && text.contains("not kept: the coordinate reference system"), "{text}");
+    }
+}
+
+#[test]
+fn options_that_would_have_no_effect_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    save(f, "a.laz", &street(10.0, 6));
+    fails(f, &["evaluate", "a.laz", "-m", "a.model", "--prediction-dimension", "Other"], 2);
+    let edges = ["train", "a.laz", "--recipe", "contours", "--edges", "e.geojson", "-o", "o.model"];
+    fails(f, &[&edges[..], &["--weak-labels", "l.csv"]].concat(), 2);
+    fails(f, &[&edges[..], &["--map", "1=2"]].concat(), 2);
+    let text = fails(f, &["classify", "a.laz", "-o", "b.laz", "--map", "9-3=2"], 2);
+    assert!(text.contains("9-3=2"), "{text}");
+}
+
+#[test]
+fn points_in_degrees_are_compared_in_their_own_order_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let f = folder.path();
+    let row =
+        |i: usize| format!("{:.7},{:.7},400,{}\n", 7.0 + 1e-5 * i as f64, 47.0 - 2e-5 * i as f64, 2 + 4 * (i % 2));
+    let table = |rows: &mut dyn Iterator<Item = usize>| format!("x,y,z,class\n{}", rows.map(row).collect::<String>());
+    std::fs::write(f.join("a.csv"), table(&mut (0..100))).unwrap();
+    std::fs::write(f.join("b.csv"), table(&mut (0..100).rev())).unwrap();
+    for name in ["a", "b"] {
+        done(f, &["convert", &format!("{name}.csv"), &format!("{name}.las"), "--scale", "1e-7,1e-7,0.001"]);
+    }
+    done(f, &["evaluate", "a.las", "a.las"]);
+    let text = fails(f, &["evaluate", "a.las", "b.las"], 4);
+    assert!(text.contains("the same points in the same order"), "{text}");
+}
